@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The front door of the renderer: validate, dispatch to a backend, time the stages.
+ *
+ *   volume + view ─► classify ─► splat ─► tile ─► frame
+ *
+ * A renderer belongs to one thread at a time. It keeps what it derived from the volumes that it has
+ * seen (gradients, visible voxels) until sp_renderer_forget().
+ */
+#ifndef SP_RENDERER_H
+#define SP_RENDERER_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+
+#include "sp/frame.h"
+#include "sp/status.h"
+#include "sp/view.h"
+#include "sp/volume.h"
+
+struct sp_renderer;
+
+struct sp_renderer_options {
+    const char *backend; /* "auto" (default, NULL), "cpu", "null", …: a name of sp_backend_at() */
+    const char *isa;  /* "auto" (default, NULL), "scalar": the most that the CPU backend may use */
+    unsigned threads; /* [1, 256]; 0 = one a core */
+};
+
+/* NULL with *err set when no backend starts; every refusal is logged with its reason. `options` may
+ * be NULL. */
+struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options,
+                                       struct sp_error *err);
+void sp_renderer_destroy(struct sp_renderer **renderer);
+
+struct sp_renderer_info {
+    const char *backend, *device, *isa;
+    unsigned threads;
+};
+void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
+
+/* One compiled backend a call in the order in which "auto" tries them, i from 0; NULL past the end.
+ */
+struct sp_backend_entry {
+    const char *name, *doc;
+};
+const struct sp_backend_entry *sp_backend_at(unsigned i);
+
+struct sp_render_options {
+    enum sp_pixel_format format; /* default (0) SP_RGBA8 */
+    const atomic_bool *cancel; /* NULL = never; polled a few hundred times a frame; true = stop with
+                                  SP_ERR_CANCELLED */
+};
+
+/* Renders one frame of view->size. Returns one reference from `pool`, or NULL with *err set:
+ * SP_ERR_INVALID (view), SP_ERR_UNSUPPORTED (view, with the pointer), SP_ERR_MEMORY,
+ * SP_ERR_CANCELLED, SP_ERR_BACKEND. After an error the renderer is ready for the next call.
+ * `options` may be NULL. */
+struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                    const struct sp_view *view, struct sp_frame_pool *pool,
+                                    const struct sp_render_options *options, struct sp_error *err);
+
+/* Checks whether this renderer could draw the view, without drawing: validity and support. */
+bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
+                          struct sp_error *err);
+
+/* Drops everything derived from the volume. Harmless if there is nothing. */
+void sp_renderer_forget(struct sp_renderer *renderer, const struct sp_volume *volume);
+
+/* Bytes of derived data kept for the volume (gradients, lists). */
+uint64_t sp_renderer_memory(const struct sp_renderer *renderer, const struct sp_volume *volume);
+
+#endif

@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdatomic.h>
+#include <string.h>
+
+#include "base/arena.h"
+#include "base/parallel_for.h"
+#include "base/vec.h"
+#include "sp/log.h"
+
+static void arena_reuses_memory(void **state) {
+    (void)state;
+    struct sp_arena arena;
+    sp_arena_init(&arena);
+    uint64_t after_two = 0;
+    for (int frame = 0; frame < 5; frame++) {
+        sp_arena_reset(&arena);
+        for (size_t i = 1; i <= 40; i++) {
+            unsigned char *p = sp_arena_alloc(&arena, "rows", i * 1000, 3);
+            assert_non_null(p);
+            assert_int_equal((uintptr_t)p % 64, 0);
+            memset(p, (int)i, i * 3000);
+        }
+        if (frame == 1)
+            after_two = arena.system_allocations;
+    }
+    assert_int_equal(arena.system_allocations, after_two);
+    assert_null(sp_arena_alloc(&arena, "huge", SIZE_MAX / 2, 4));
+    assert_string_equal(arena.failed, "huge");
+    sp_arena_finish(&arena);
+}
+
+enum { COUNT = 100003, GRAIN = 64 };
+struct visit {
+    atomic_uchar seen[COUNT];
+    atomic_uint bad;
+    unsigned threads;
+};
+
+static void visit_block(void *user, size_t begin, size_t end, unsigned worker) {
+    struct visit *v = user;
+    if (worker >= v->threads || begin % GRAIN || end - begin > GRAIN)
+        atomic_fetch_add(&v->bad, 1);
+    for (size_t i = begin; i < end; i++)
+        atomic_fetch_add(&v->seen[i], 1);
+}
+
+static void parallel_for_visits_each_index_once(void **state) {
+    (void)state;
+    static struct visit v;
+    for (unsigned threads = 1; threads <= 8; threads++) {
+        struct sp_error err;
+        struct sp_pool *pool = sp_pool_create(threads, &err);
+        assert_non_null(pool);
+        v.threads = sp_pool_threads(pool);
+        assert_int_equal(v.threads, threads);
+        for (int loop = 0; loop < 20; loop++) {
+            memset(v.seen, 0, sizeof v.seen);
+            sp_parallel_for(pool, COUNT, GRAIN, visit_block, &v);
+            for (size_t i = 0; i < COUNT; i++)
+                assert_int_equal(v.seen[i], 1);
+        }
+        sp_parallel_for(pool, 0, GRAIN, visit_block, &v);
+        sp_pool_destroy(&pool);
+        assert_null(pool);
+    }
+    assert_int_equal(v.bad, 0);
+}
+
+static void inverse_times_matrix_is_identity(void **state) {
+    (void)state;
+    struct sp_mat3 a = { { { 2, -1, 0.5 }, { 0.25, 3, 1 }, { -1, 0.5, 4 } } };
+    double det;
+    struct sp_mat3 inv = sp_mat3_inverse(&a, &det), one = sp_mat3_multiply(&a, &inv);
+    assert_true(fabs(det - sp_mat3_determinant(&a)) < 1e-12 && det > 1);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            assert_true(fabs(one.m[i][j] - (i == j)) < 1e-12);
+}
+
+static void error_texts_are_cut_not_overrun(void **state) {
+    (void)state;
+    char longer[1000];
+    memset(longer, 'x', sizeof longer - 1);
+    longer[sizeof longer - 1] = 0;
+    struct sp_error err;
+    assert_false(sp_fail(&err, SP_ERR_FORMAT, longer, "%s", longer));
+    assert_int_equal(strlen(err.place), SP_ERROR_PLACE - 1);
+    assert_int_equal(strlen(err.text), SP_ERROR_TEXT - 1);
+    assert_false(sp_fail(NULL, SP_ERR_FORMAT, NULL, "nobody listens"));
+    assert_string_equal(sp_code_name(SP_ERR_FORMAT), "format");
+}
+
+static void keep_line(void *user, enum sp_log_level level, const char *line) {
+    (void)level;
+    strncpy(user, line, 63);
+}
+
+static void log_lines_cannot_be_forged(void **state) {
+    (void)state;
+    char kept[64] = "";
+    sp_log_init(keep_line, kept, SP_LOG_INFO);
+    sp_log(SP_LOG_DEBUG, "too detailed");
+    assert_string_equal(kept, "");
+    sp_log(SP_LOG_INFO, "peer %s", "a\nERROR b");
+    assert_string_equal(kept, "peer a?ERROR b");
+    sp_log_init(NULL, NULL, SP_LOG_INFO);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(arena_reuses_memory),
+        cmocka_unit_test(parallel_for_visits_each_index_once),
+        cmocka_unit_test(inverse_times_matrix_is_identity),
+        cmocka_unit_test(error_texts_are_cut_not_overrun),
+        cmocka_unit_test(log_lines_cannot_be_forged),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
