@@ -1,0 +1,414 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "protocol/json.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/limits.h"
+#include "protocol/scan.h"
+
+/* parsing */
+
+static void line_and_column(const char *bytes, size_t end, unsigned *line, unsigned *column) {
+    *line = *column = 1;
+    for (size_t i = 0; i < end; i++)
+        if (bytes[i] == '\n') {
+            ++*line;
+            *column = 1;
+        } else if (((unsigned char)bytes[i] & 0xc0) != 0x80) {
+            ++*column;
+        }
+}
+
+static proto_json *refuse_at(const char *bytes, size_t at, const char *text, struct sp_error *err) {
+    char pointer[SP_ERROR_PLACE];
+    unsigned line, column;
+    proto_scan(bytes, &at, pointer, sizeof pointer);
+    line_and_column(bytes, at, &line, &column);
+    sp_fail(err, SP_ERR_FORMAT, pointer, "not valid JSON at line %u, column %u: %s", line, column,
+            text);
+    return NULL;
+}
+
+proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *err) {
+    if (size > PROTO_BODY_MAX) {
+        sp_fail(err, SP_ERR_FORMAT, "", "%zu bytes of JSON; the limit is %d", size, PROTO_BODY_MAX);
+        return NULL;
+    }
+    size_t end = size;
+    char pointer[SP_ERROR_PLACE];
+    if (!proto_scan(bytes, &end, pointer, sizeof pointer)) {
+        unsigned line, column;
+        line_and_column(bytes, end, &line, &column);
+        sp_fail(err, SP_ERR_FORMAT, pointer,
+                "nested deeper than %d at line %u, column %u; flatten the document",
+                PROTO_DEPTH_MAX, line, column);
+        return NULL;
+    }
+    json_error_t error;
+    const size_t flags = JSON_REJECT_DUPLICATES | JSON_DECODE_ANY;
+    json_t *json = json_loadb(bytes, size, flags, &error);
+    /* Only integers beyond 64 bits fail here and pass there: they are numbers like any other. */
+    if (!json && json_error_code(&error) == json_error_numeric_overflow)
+        json = json_loadb(bytes, size, flags | JSON_DECODE_INT_AS_REAL, &error);
+    if (json)
+        return json;
+    if (json_error_code(&error) == json_error_out_of_memory) {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %zu bytes of JSON", size);
+        return NULL;
+    }
+    size_t at = error.position > 0 ? (size_t)error.position : 0;
+    return refuse_at(bytes, at < size ? at : size, error.text, err);
+}
+
+proto_json *proto_json_ref(proto_json *json) {
+    return json_incref(json);
+}
+
+void proto_json_free(proto_json **json) {
+    json_decref(*json);
+    *json = NULL;
+}
+
+/* reading */
+
+enum proto_json_type proto_json_type(const proto_json *json) {
+    if (!json)
+        return PROTO_JSON_NONE;
+    switch (json_typeof(json)) {
+    case JSON_OBJECT:
+        return PROTO_JSON_OBJECT;
+    case JSON_ARRAY:
+        return PROTO_JSON_ARRAY;
+    case JSON_STRING:
+        return PROTO_JSON_STRING;
+    case JSON_INTEGER:
+    case JSON_REAL:
+        return PROTO_JSON_NUMBER;
+    case JSON_TRUE:
+    case JSON_FALSE:
+        return PROTO_JSON_BOOL;
+    case JSON_NULL:
+        return PROTO_JSON_NULL;
+    }
+    return PROTO_JSON_NONE;
+}
+
+const char *proto_json_type_name(enum proto_json_type type) {
+    static const char *const names[] = { "nothing",  "null",     "true or false", "a number",
+                                         "a string", "an array", "an object" };
+    return names[type];
+}
+
+const proto_json *proto_json_get(const proto_json *object, const char *key) {
+    return json_object_get(object, key);
+}
+
+size_t proto_json_size(const proto_json *json) {
+    return json_is_array(json) ? json_array_size(json) : json_object_size(json);
+}
+
+const proto_json *proto_json_at(const proto_json *array, size_t i) {
+    return json_array_get(array, i);
+}
+
+bool proto_json_next(const proto_json *object, void **at, const char **key,
+                     const proto_json **value) {
+    json_t *o = (json_t *)object; /* the library's iterators are not const, and change nothing */
+    *at = *at ? json_object_iter_next(o, *at) : json_object_iter(o);
+    if (!*at)
+        return false;
+    *key = json_object_iter_key(*at);
+    *value = json_object_iter_value(*at);
+    return true;
+}
+
+const char *proto_json_string(const proto_json *json) {
+    return json_string_value(json);
+}
+
+bool proto_json_number(const proto_json *json, double *out) {
+    if (!json_is_number(json))
+        return false;
+    *out = json_number_value(json);
+    return true;
+}
+
+bool proto_json_integer(const proto_json *json, int64_t *out) {
+    const int64_t most = INT64_C(1) << 53;
+    if (json_is_integer(json)) {
+        json_int_t i = json_integer_value(json);
+        if (i < -most || i > most)
+            return false;
+        *out = i;
+        return true;
+    }
+    double d = json_real_value(json);
+    if (!json_is_real(json) || !(fabs(d) <= (double)most) || d != floor(d))
+        return false;
+    *out = (int64_t)d;
+    return true;
+}
+
+bool proto_json_bool(const proto_json *json, bool *out) {
+    if (!json_is_boolean(json))
+        return false;
+    *out = json_is_true(json);
+    return true;
+}
+
+/* building */
+
+proto_json *proto_json_object(void) {
+    return json_object();
+}
+
+proto_json *proto_json_array(void) {
+    return json_array();
+}
+
+/* Length of the UTF-8 character at s (RFC 3629), 0 if there is none. */
+static size_t utf8_length(const unsigned char *s) {
+    if (s[0] < 0x80)
+        return 1;
+    size_t n = s[0] >= 0xc2 && s[0] < 0xe0 ? 2 : s[0] >= 0xe0 && s[0] < 0xf0 ? 3 : 4;
+    if (s[0] < 0xc2 || s[0] > 0xf4)
+        return 0;
+    unsigned char low = s[0] == 0xe0 ? 0xa0 : s[0] == 0xf0 ? 0x90 : 0x80;
+    unsigned char high = s[0] == 0xed ? 0x9f : s[0] == 0xf4 ? 0x8f : 0xbf;
+    if (s[1] < low || s[1] > high)
+        return 0;
+    for (size_t i = 2; i < n; i++)
+        if ((s[i] & 0xc0) != 0x80)
+            return 0;
+    return n;
+}
+
+proto_json *proto_json_new_string(const char *text) {
+    json_t *string = json_string(text);
+    if (string)
+        return string;
+    char *copy = strdup(text);
+    if (!copy)
+        return NULL;
+    for (unsigned char *s = (unsigned char *)copy; *s;) {
+        size_t n = utf8_length(s);
+        if (n == 0)
+            *s = '?';
+        s += n ? n : 1;
+    }
+    string = json_string(copy);
+    free(copy);
+    return string;
+}
+
+proto_json *proto_json_new_number(double value) {
+    return json_real(value);
+}
+
+proto_json *proto_json_new_float(float value) {
+    char text[32];
+    double shortest = (double)value;
+    for (int digits = 6; digits <= 9; digits++) {
+        snprintf(text, sizeof text, "%.*g", digits, (double)value);
+        shortest = strtod(text, NULL);
+        if ((float)shortest == value)
+            break;
+    }
+    return json_real(shortest);
+}
+
+proto_json *proto_json_new_integer(int64_t value) {
+    return json_integer(value);
+}
+
+bool proto_json_set(proto_json *object, const char *key, proto_json *value) {
+    return json_object_set_new(object, key, value) == 0;
+}
+
+bool proto_json_set_string(proto_json *object, const char *key, const char *text) {
+    return proto_json_set(object, key, proto_json_new_string(text));
+}
+
+bool proto_json_set_number(proto_json *object, const char *key, double value) {
+    return proto_json_set(object, key, json_real(value));
+}
+
+bool proto_json_set_integer(proto_json *object, const char *key, int64_t value) {
+    return proto_json_set(object, key, json_integer(value));
+}
+
+bool proto_json_set_bool(proto_json *object, const char *key, bool value) {
+    return proto_json_set(object, key, json_boolean(value));
+}
+
+bool proto_json_set_null(proto_json *object, const char *key) {
+    return proto_json_set(object, key, json_null());
+}
+
+bool proto_json_append(proto_json *array, proto_json *value) {
+    return json_array_append_new(array, value) == 0;
+}
+
+bool proto_json_append_string(proto_json *array, const char *text) {
+    return proto_json_append(array, proto_json_new_string(text));
+}
+
+bool proto_json_append_number(proto_json *array, double value) {
+    return proto_json_append(array, json_real(value));
+}
+
+bool proto_json_append_integer(proto_json *array, int64_t value) {
+    return proto_json_append(array, json_integer(value));
+}
+
+/* writing */
+
+struct text {
+    char *bytes;
+    size_t size, capacity;
+    bool failed, sorted;
+};
+
+static void put(struct text *out, const char *bytes, size_t size) {
+    if (out->failed)
+        return;
+    if (out->capacity - out->size <= size) {
+        size_t capacity = (out->size + size + 1) * 2;
+        char *grown = realloc(out->bytes, capacity);
+        if (!grown) {
+            out->failed = true;
+            return;
+        }
+        out->bytes = grown;
+        out->capacity = capacity;
+    }
+    memcpy(out->bytes + out->size, bytes, size);
+    out->size += size;
+    out->bytes[out->size] = 0;
+}
+
+static void put_string(struct text *out, const char *s) {
+    put(out, "\"", 1);
+    for (; *s; s++) {
+        size_t plain = strcspn(s, "\"\\\x01\x02\x03\x04\x05\x06\x07\b\t\n\x0b\f\r\x0e\x0f\x10\x11"
+                                  "\x12\x13\x14\x15\x16\x17\x18\x19\x1a\x1b\x1c\x1d\x1e\x1f");
+        put(out, s, plain);
+        s += plain;
+        if (!*s)
+            break;
+        char escape[8];
+        int n = *s == '"' || *s == '\\' ? snprintf(escape, sizeof escape, "\\%c", *s)
+                                        : snprintf(escape, sizeof escape, "\\u%04x", *s);
+        put(out, escape, (size_t)n);
+    }
+    put(out, "\"", 1);
+}
+
+static void put_number(struct text *out, const json_t *json) {
+    char text[32];
+    int n = 0;
+    if (json_is_integer(json)) {
+        n = snprintf(text, sizeof text, "%lld", (long long)json_integer_value(json));
+    } else {
+        double d = json_real_value(json);
+        d = d == 0 ? 0 : d; /* no -0 */
+        if (fabs(d) < 1e15 && d == floor(d))
+            n = snprintf(text, sizeof text, "%.0f", d);
+        else
+            for (int digits = 15; digits <= 17; digits++) {
+                n = snprintf(text, sizeof text, "%.*g", digits, d);
+                if (strtod(text, NULL) == d)
+                    break;
+            }
+    }
+    put(out, text, (size_t)n);
+}
+
+static void put_value(struct text *out, json_t *json);
+
+static int compare_keys(const void *a, const void *b) {
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+static void put_object(struct text *out, json_t *json) {
+    size_t count = json_object_size(json), i = 0;
+    const char **keys = malloc((count ? count : 1) * sizeof *keys);
+    if (!keys) {
+        out->failed = true;
+        return;
+    }
+    for (void *at = json_object_iter(json); at; at = json_object_iter_next(json, at))
+        keys[i++] = json_object_iter_key(at);
+    if (out->sorted)
+        qsort(keys, count, sizeof *keys, compare_keys);
+    put(out, "{", 1);
+    for (i = 0; i < count; i++) {
+        if (i)
+            put(out, ",", 1);
+        put_string(out, keys[i]);
+        put(out, ":", 1);
+        put_value(out, json_object_get(json, keys[i]));
+    }
+    put(out, "}", 1);
+    free(keys);
+}
+
+/* Recursion ends: parsing limits the depth, and builders cannot make a cycle. */
+static void put_value(struct text *out, json_t *json) {
+    switch (json_typeof(json)) {
+    case JSON_OBJECT:
+        put_object(out, json);
+        break;
+    case JSON_ARRAY:
+        put(out, "[", 1);
+        for (size_t i = 0; i < json_array_size(json); i++) {
+            if (i)
+                put(out, ",", 1);
+            put_value(out, json_array_get(json, i));
+        }
+        put(out, "]", 1);
+        break;
+    case JSON_STRING:
+        put_string(out, json_string_value(json));
+        break;
+    case JSON_INTEGER:
+    case JSON_REAL:
+        put_number(out, json);
+        break;
+    case JSON_TRUE:
+        put(out, "true", 4);
+        break;
+    case JSON_FALSE:
+        put(out, "false", 5);
+        break;
+    case JSON_NULL:
+        put(out, "null", 4);
+        break;
+    }
+}
+
+static char *to_text(const proto_json *json, bool sorted, size_t *size) {
+    if (!json)
+        return NULL;
+    struct text out = { .sorted = sorted };
+    put_value(&out, (json_t *)json); /* reads only */
+    if (out.failed) {
+        free(out.bytes);
+        return NULL;
+    }
+    if (size)
+        *size = out.size;
+    return out.bytes;
+}
+
+char *proto_json_to_text(const proto_json *json, size_t *size) {
+    return to_text(json, false, size);
+}
+
+char *proto_json_to_canonical(const proto_json *json, size_t *size) {
+    return to_text(json, true, size);
+}

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "protocol/rpc.h"
+
+#include <string.h>
+
+#include "protocol/limits.h"
+
+static bool refuse(enum proto_rpc_code value, enum proto_rpc_code *code, struct sp_error *err,
+                   const char *place, const char *text) {
+    *code = value;
+    return sp_fail(err, SP_ERR_INVALID, place, "%s", text);
+}
+
+static bool decode_id(struct proto_rpc_message *message, const proto_json *id) {
+    enum proto_json_type type = proto_json_type(id);
+    if (type != PROTO_JSON_NUMBER && type != PROTO_JSON_STRING)
+        return type == PROTO_JSON_NONE;
+    if (type == PROTO_JSON_STRING && strlen(proto_json_string(id)) > PROTO_RPC_ID_MAX)
+        return false;
+    message->id = (proto_json *)id; /* const only because the document was read, which we own */
+    return true;
+}
+
+bool proto_rpc_decode(const char *bytes, size_t size, struct proto_rpc_message *message,
+                      enum proto_rpc_code *code, struct sp_error *err) {
+    *message = (struct proto_rpc_message){ 0 };
+    struct sp_error why;
+    proto_json *document = message->document = proto_json_parse(bytes, size, &why);
+    if (!document) {
+        *code = why.code == SP_ERR_MEMORY ? PROTO_RPC_INTERNAL : PROTO_RPC_PARSE;
+        if (err)
+            *err = why;
+        return false;
+    }
+    if (proto_json_type(document) == PROTO_JSON_ARRAY)
+        return refuse(PROTO_RPC_REQUEST, code, err, "",
+                      "a message is one object; send the parts of a batch one by one");
+    if (proto_json_type(document) != PROTO_JSON_OBJECT)
+        return refuse(PROTO_RPC_REQUEST, code, err, "", "a message is an object");
+    const proto_json *id = proto_json_get(document, "id");
+    message->has_id = id != NULL;
+    if (!decode_id(message, id))
+        return refuse(PROTO_RPC_REQUEST, code, err, "/id",
+                      "an id is a number or a string of at most 256 bytes");
+    const char *version = proto_json_string(proto_json_get(document, "jsonrpc"));
+    if (!version || strcmp(version, "2.0") != 0)
+        return refuse(PROTO_RPC_REQUEST, code, err, "/jsonrpc", "\"jsonrpc\" must be \"2.0\"");
+    const char *method = proto_json_string(proto_json_get(document, "method"));
+    if (!method || !*method || strlen(method) > PROTO_RPC_METHOD_MAX)
+        return refuse(PROTO_RPC_REQUEST, code, err, "/method",
+                      "\"method\" must be a string of 1 to 64 bytes");
+    const proto_json *params = proto_json_get(document, "params");
+    if (params && proto_json_type(params) != PROTO_JSON_OBJECT)
+        return refuse(PROTO_RPC_PARAMS, code, err, "/params", "\"params\" must be an object");
+    message->method = method;
+    message->params = params;
+    return true;
+}
+
+void proto_rpc_finish(struct proto_rpc_message *message) {
+    proto_json_free(&message->document);
+    *message = (struct proto_rpc_message){ 0 };
+}
+
+/* Steals `value`. */
+static char *write_message(const char *key, proto_json *value, bool with_id, proto_json *id,
+                           const char *method, size_t *size) {
+    proto_json *message = proto_json_object();
+    bool ok = proto_json_set_string(message, "jsonrpc", "2.0");
+    if (with_id)
+        ok = (id ? proto_json_set(message, "id", proto_json_ref(id))
+                 : proto_json_set_null(message, "id")) &&
+             ok;
+    if (method)
+        ok = proto_json_set_string(message, "method", method) && ok;
+    ok = proto_json_set(message, key, value) && ok;
+    char *text = ok ? proto_json_to_text(message, size) : NULL;
+    proto_json_free(&message);
+    return text;
+}
+
+char *proto_rpc_result(proto_json *id, proto_json *result, size_t *size) {
+    return write_message("result", result, true, id, NULL, size);
+}
+
+char *proto_rpc_notification(const char *method, proto_json *params, size_t *size) {
+    return write_message("params", params, false, NULL, method, size);
+}
+
+char *proto_rpc_error(proto_json *id, enum proto_rpc_code code, const struct sp_error *err,
+                      size_t *size) {
+    proto_json *error = proto_json_object();
+    bool ok = proto_json_set_integer(error, "code", code) &&
+              proto_json_set_string(error, "message", err->text);
+    if (ok && err->place[0]) {
+        proto_json *data = proto_json_object();
+        ok = proto_json_set_string(data, "pointer", err->place);
+        ok = proto_json_set(error, "data", data) && ok;
+    }
+    if (!ok)
+        proto_json_free(&error);
+    return write_message("error", error, true, id, NULL, size);
+}
+
+enum proto_rpc_code proto_rpc_code_from(enum sp_code code) {
+    switch (code) {
+    case SP_ERR_INVALID:
+        return PROTO_RPC_VIEW;
+    case SP_ERR_UNSUPPORTED:
+        return PROTO_RPC_UNSUPPORTED;
+    case SP_ERR_NOT_FOUND:
+        return PROTO_RPC_NOT_FOUND;
+    case SP_ERR_FORMAT:
+        return PROTO_RPC_PARSE;
+    case SP_ERR_DENIED:
+        return PROTO_RPC_DENIED;
+    case SP_ERR_BUDGET:
+        return PROTO_RPC_LIMIT;
+    case SP_ERR_MEMORY:
+        return PROTO_RPC_INTERNAL;
+    case SP_OK:
+    case SP_ERR_IO:
+    case SP_ERR_TIMEOUT:
+    case SP_ERR_CRASHED:
+    case SP_ERR_CANCELLED:
+    case SP_ERR_BACKEND:
+        break;
+    }
+    return PROTO_RPC_RENDER;
+}

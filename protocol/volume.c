@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "protocol/volume.h"
+
+static proto_json *numbers(const double *values, size_t count) {
+    proto_json *array = proto_json_array();
+    for (size_t i = 0; i < count; i++)
+        if (!proto_json_append_number(array, values[i])) {
+            proto_json_free(&array);
+            return NULL;
+        }
+    return array;
+}
+
+static proto_json *dims(const struct sp_grid *grid) {
+    proto_json *array = proto_json_array();
+    for (int i = 0; i < 3; i++)
+        if (!proto_json_append_integer(array, grid->dims[i])) {
+            proto_json_free(&array);
+            return NULL;
+        }
+    return array;
+}
+
+static proto_json *direction(const struct sp_grid *grid) {
+    proto_json *rows = proto_json_array();
+    for (int i = 0; i < 3; i++)
+        if (!proto_json_append(rows, numbers(grid->direction[i], 3))) {
+            proto_json_free(&rows);
+            return NULL;
+        }
+    return rows;
+}
+
+static proto_json *histogram(const struct sp_volume_info *info) {
+    proto_json *object = proto_json_object(), *counts = proto_json_array();
+    bool ok = proto_json_set(object, "range", numbers(info->range, 2));
+    for (int i = 0; i < SP_HISTOGRAM_BINS && ok; i++)
+        ok = proto_json_append_integer(counts, (int64_t)info->histogram[i]);
+    if (!proto_json_set(object, "counts", counts) || !ok)
+        proto_json_free(&object);
+    return object;
+}
+
+proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
+                                bool with_histogram) {
+    const struct sp_grid *grid = &info->grid;
+    proto_json *volume = proto_json_object();
+    bool ok = proto_json_set_string(volume, "id", id) &&
+              proto_json_set_string(volume, "name", info->name) &&
+              proto_json_set_string(volume, "source", info->source) &&
+              proto_json_set(volume, "dims", dims(grid)) &&
+              proto_json_set(volume, "spacing", numbers(grid->spacing, 3)) &&
+              proto_json_set(volume, "origin", numbers(grid->origin, 3)) &&
+              proto_json_set(volume, "direction", direction(grid)) &&
+              proto_json_set_string(volume, "unit", info->unit) &&
+              proto_json_set_string(volume, "type", sp_type_name(info->type)) &&
+              proto_json_set_integer(volume, "components", info->components) &&
+              proto_json_set(volume, "range", numbers(info->range, 2)) &&
+              proto_json_set_integer(volume, "nonfinite", (int64_t)info->nonfinite) &&
+              proto_json_set_integer(volume, "bytes", (int64_t)info->voxel_bytes) &&
+              (!with_histogram || proto_json_set(volume, "histogram", histogram(info)));
+    if (!ok)
+        proto_json_free(&volume);
+    return volume;
+}
