@@ -1,0 +1,155 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "volume/procedural.h"
+
+#include <inttypes.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/parallel_for.h"
+
+static const struct sp_demo_maker *const makers[] = {
+    &sp_demo_phantom,        &sp_demo_engine,       &sp_demo_vessels,
+    &sp_demo_marschner_lobb, &sp_demo_checkerboard, &sp_demo_hydrogen,
+};
+enum { MAKERS = sizeof makers / sizeof makers[0] };
+
+static const char prefix[] = "demo:";
+
+const struct sp_demo *sp_demo_at(size_t i) {
+    return i < MAKERS ? &makers[i]->demo : NULL;
+}
+
+bool sp_source_is_demo(const char *source) {
+    return strncmp(source, prefix, sizeof prefix - 1) == 0;
+}
+
+static const struct sp_demo_maker *find_maker(const char *name, size_t length) {
+    for (int i = 0; i < MAKERS; i++)
+        if (strlen(makers[i]->demo.name) == length &&
+            memcmp(makers[i]->demo.name, name, length) == 0)
+            return makers[i];
+    return NULL;
+}
+
+/* Decimal digits alone, no leading zero, within the limits. */
+static bool parse_size(const char *text, uint32_t *size) {
+    size_t digits = strspn(text, "0123456789");
+    if (digits < 1 || digits > 4 || text[digits] || text[0] == '0')
+        return false;
+    *size = (uint32_t)strtoul(text, NULL, 10);
+    return *size >= SP_DEMO_SIZE_MIN && *size <= SP_DEMO_SIZE_MAX;
+}
+
+static const struct sp_demo_maker *parse_source(const char *source, uint32_t *size,
+                                                struct sp_error *err) {
+    const char *name = source + sizeof prefix - 1;
+    size_t length = strcspn(name, "?");
+    const struct sp_demo_maker *maker = find_maker(name, length);
+    if (!maker) {
+        char names[SP_ERROR_TEXT] = "";
+        size_t at = 0;
+        for (int i = 0; i < MAKERS; i++)
+            at += (size_t)snprintf(names + at, sizeof names - at, "%s%s", i ? ", " : "",
+                                   makers[i]->demo.name);
+        sp_fail(err, SP_ERR_NOT_FOUND, source, "no such built-in volume; there are %s", names);
+        return NULL;
+    }
+    *size = maker->demo.default_size;
+    if (!name[length])
+        return maker;
+    static const char key[] = "?size=";
+    if (strncmp(name + length, key, sizeof key - 1) != 0 ||
+        !parse_size(name + length + sizeof key - 1, size)) {
+        sp_fail(err, SP_ERR_INVALID, source,
+                "after the name only ?size=N is understood, N a whole number in [%d, %d]",
+                SP_DEMO_SIZE_MIN, SP_DEMO_SIZE_MAX);
+        return NULL;
+    }
+    return maker;
+}
+
+struct making {
+    const struct sp_demo_maker *maker;
+    const void *prepared;
+    const uint32_t *dims;
+    void *voxels;
+    const struct sp_load_options *options;
+    atomic_size_t done; /* slices */
+    atomic_bool cancelled;
+};
+
+static void make_slices(void *user, size_t begin, size_t end, unsigned worker) {
+    struct making *m = user;
+    if (atomic_load_explicit(&m->cancelled, memory_order_relaxed))
+        return;
+    m->maker->fill(m->prepared, m->dims, begin, end, m->voxels);
+    size_t done = atomic_fetch_add_explicit(&m->done, end - begin, memory_order_relaxed);
+    /* Worker 0 is the loading thread, the only one that may call back. */
+    if (worker == 0 && m->options && m->options->progress &&
+        !m->options->progress(m->options->user, (double)done / m->dims[2]))
+        atomic_store_explicit(&m->cancelled, true, memory_order_relaxed);
+}
+
+static bool make_voxels(struct making *m, struct sp_error *err) {
+    void *prepared = NULL;
+    if (m->maker->prepare && !(prepared = m->maker->prepare(m->dims)))
+        return sp_fail(err, SP_ERR_MEMORY, m->maker->demo.name, "no memory for its tables");
+    m->prepared = prepared;
+    struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
+    if (pool)
+        sp_parallel_for(pool, m->dims[2], 1, make_slices, m);
+    bool made = pool != NULL;
+    sp_pool_destroy(&pool);
+    free(prepared);
+    if (made && atomic_load(&m->cancelled))
+        return sp_fail(err, SP_ERR_CANCELLED, m->maker->demo.name, "loading was cancelled");
+    return made;
+}
+
+static void release_heap(void *voxels, size_t bytes) {
+    (void)bytes;
+    free(voxels);
+}
+
+struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
+                               struct sp_error *err) {
+    uint32_t size;
+    const struct sp_demo_maker *maker = parse_source(source, &size, err);
+    if (!maker)
+        return NULL;
+    struct sp_volume_info info = { .type = maker->type };
+    struct sp_grid *grid = &info.grid;
+    for (int axis = 0; axis < 3; axis++) {
+        grid->dims[axis] = size;
+        grid->spacing[axis] = 1;
+        grid->direction[axis][axis] = 1;
+    }
+    if (maker->shape)
+        maker->shape(size, grid->dims);
+    snprintf(info.name, sizeof info.name, "%s", maker->demo.name);
+    snprintf(info.source, sizeof info.source, "%s", source);
+
+    uint64_t bytes;
+    if (!sp_grid_check(grid, maker->type, source, &bytes, err))
+        return NULL;
+    if (options && options->reserve && !options->reserve(options->user, bytes, err))
+        return NULL;
+    size_t room = (bytes + 63) & ~(uint64_t)63;
+    struct making making = {
+        .maker = maker, .dims = grid->dims, .options = options, .voxels = aligned_alloc(64, room)
+    };
+    if (!making.voxels) {
+        sp_fail(err, SP_ERR_MEMORY, source, "no memory for %" PRIu64 " bytes of samples", bytes);
+        return NULL;
+    }
+    if (!make_voxels(&making, err)) {
+        free(making.voxels);
+        return NULL;
+    }
+    struct sp_volume *volume = sp_volume_adopt(&info, making.voxels, room, release_heap, err);
+    if (volume && options && options->progress)
+        options->progress(options->user, 1);
+    return volume;
+}

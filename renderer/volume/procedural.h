@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The built-in volumes. Each is a pure function of the size: the same bytes for any number of
+ * threads. Boundaries between materials are anti-aliased over one voxel.
+ */
+#ifndef SP_VOLUME_PROCEDURAL_H
+#define SP_VOLUME_PROCEDURAL_H
+
+#include "volume/volume.h"
+
+enum { SP_DEMO_SIZE_MIN = 8, SP_DEMO_SIZE_MAX = 1024 }; /* voxels along the longest axis */
+
+/* Whether `source` starts with "demo:". */
+bool sp_source_is_demo(const char *source);
+
+/* Makes "demo:NAME[?size=N]". Uses options->reserve, progress and user; `options` may be NULL.
+ * SP_ERR_NOT_FOUND (name; the text lists those there are), SP_ERR_INVALID (the rest of the source),
+ * SP_ERR_MEMORY, SP_ERR_CANCELLED, or what reserve said. */
+struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
+                               struct sp_error *err);
+
+/* Slices [begin, end) of the volume into `voxels`, the start of the whole array. `prepared` is what
+ * the demo's prepare returned. */
+typedef void sp_demo_fill(const void *prepared, const uint32_t dims[3], size_t begin, size_t end,
+                          void *voxels);
+
+struct sp_demo_maker {
+    struct sp_demo demo;
+    enum sp_type type;
+    void (*shape)(uint32_t size, uint32_t dims[3]); /* NULL = a cube */
+    void *(*prepare)(const uint32_t dims[3]); /* malloc'ed table shared by all slices, NULL when out
+                                                 of memory; the slot is NULL when there is none */
+    sp_demo_fill *fill;
+};
+
+/* procedural_formulas.c: phantom, marschner-lobb, checkerboard, hydrogen */
+extern const struct sp_demo_maker sp_demo_phantom, sp_demo_marschner_lobb, sp_demo_checkerboard,
+    sp_demo_hydrogen;
+/* procedural_engine.c and procedural_vessels.c */
+extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels;
+
+/* Share of a voxel that lies inside a surface `distance` voxels away (negative = its centre is
+ * inside). */
+static inline float sp_demo_coverage(float distance) {
+    float c = 0.5f - distance;
+    return c < 0 ? 0 : c > 1 ? 1 : c;
+}
+
+#endif

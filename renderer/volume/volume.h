@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Volumes in memory, private to the renderer: how one comes to be. The room holds the grid, the
+ * samples, their statistics and the built-in volumes; files are the business of import/.
+ *
+ *   procedural.c ─► samples ─┐
+ *   import/      ─► mapping ─┴► sp_volume_adopt() ─► range, histogram ─► struct sp_volume
+ */
+#ifndef SP_VOLUME_VOLUME_H
+#define SP_VOLUME_VOLUME_H
+
+#include "sp/volume.h"
+
+/* Gives the samples back when the last reference goes. Called once, from any thread. */
+typedef void sp_voxels_release(void *voxels, size_t bytes);
+
+/* Makes a volume of samples that exist already, without copying. `info` gives grid, type, unit,
+ * name and source; range, histogram, nonfinite, components and voxel_bytes are filled in. The grid
+ * must have passed sp_grid_check(). `voxels` is 64-byte aligned and `bytes` long; the volume owns
+ * it from now on, also when the call fails (then it is released at once). One reference, or NULL
+ * with *err set. */
+struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
+                                  sp_voxels_release *release, struct sp_error *err);
+
+/* Checks what a header says, whoever wrote it: dims, their product, spacing in [1e-12, 1e12],
+ * origin within 1e15, direction columns of unit length (to 1e-6) and not singular. On success
+ * *bytes is the size of the samples. SP_ERR_FORMAT otherwise, with `place` as err->place and the
+ * field in the text. */
+bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
+                   uint64_t *bytes, struct sp_error *err);
+
+/* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
+ * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False
+ * with *err set when threads cannot be started. */
+bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
+                       struct sp_error *err);
+
+/* The number of threads for work on a whole volume: one a core that this process may use, at most
+ * 16. */
+unsigned sp_volume_threads(void);
+
+#endif
