@@ -225,6 +225,10 @@ proto_json *proto_json_new_integer(int64_t value) {
     return json_integer(value);
 }
 
+proto_json *proto_json_new_null(void) {
+    return json_null();
+}
+
 bool proto_json_set(proto_json *object, const char *key, proto_json *value) {
     return json_object_set_new(object, key, value) == 0;
 }

@@ -67,6 +67,7 @@ proto_json *proto_json_new_string(const char *text); /* bytes that are not UTF-8
 proto_json *proto_json_new_number(double value);     /* finite */
 proto_json *proto_json_new_float(float value); /* finite; the shortest decimal that gives it back */
 proto_json *proto_json_new_integer(int64_t value);
+proto_json *proto_json_new_null(void);
 bool proto_json_set(proto_json *object, const char *key, proto_json *value); /* steals value */
 bool proto_json_set_string(proto_json *object, const char *key, const char *text);
 bool proto_json_set_number(proto_json *object, const char *key, double value);

@@ -1,0 +1,245 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "protocol/nearest.h"
+#include "protocol/pointer.h"
+#include "protocol/view.h"
+#include "protocol/view_fields.h"
+
+struct decoder {
+    struct proto_pointer at; /* the value that is being read */
+    struct sp_error *err;
+};
+
+__attribute__((format(printf, 2, 3))) static bool refuse(struct decoder *decoder,
+                                                         const char *format, ...) {
+    char text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    return sp_fail(decoder->err, SP_ERR_INVALID, decoder->at.text, "%s", text);
+}
+
+static bool refuse_type(struct decoder *decoder, const char *expected, const proto_json *json) {
+    return refuse(decoder, "must be %s, not %s", expected,
+                  proto_json_type_name(proto_json_type(json)));
+}
+
+/* The nearest float; of magnitude 1 only if the number is, since opacities end before 1. */
+static float to_float(double number) {
+    float nearest = (float)number;
+    return fabsf(nearest) == 1 && fabs(number) < 1 ? nextafterf(nearest, 0) : nearest;
+}
+
+static bool decode_number(struct decoder *decoder, enum proto_field_kind kind,
+                          const proto_json *json, void *out) {
+    double number;
+    if (!proto_json_number(json, &number))
+        return refuse_type(decoder,
+                           kind == PROTO_FIELD_COUNT  ? "a whole number"
+                           : kind == PROTO_FIELD_AUTO ? "a number or null"
+                                                      : "a number",
+                           json);
+    if (kind == PROTO_FIELD_COUNT) {
+        int64_t whole;
+        if (!proto_json_integer(json, &whole) || whole < 0 || whole > UINT32_MAX)
+            return refuse(decoder, "%.17g is not a whole number in [0, 4294967295]", number);
+        *(uint32_t *)out = (uint32_t)whole;
+    } else if (kind == PROTO_FIELD_FLOAT) {
+        if (fabs(number) > FLT_MAX)
+            return refuse(decoder, "%g is too large", number);
+        *(float *)out = to_float(number);
+    } else {
+        *(double *)out = number + 0.0; /* no -0: equal views are equal bytes */
+    }
+    return true;
+}
+
+/* `columns` numbers at `out`, or rows of them if `rows` > 0. */
+static bool decode_array(struct decoder *decoder, const struct proto_field *field, unsigned rows,
+                         const proto_json *json, void *out) {
+    size_t count = rows ? rows : field->columns;
+    if (proto_json_type(json) != PROTO_JSON_ARRAY || proto_json_size(json) != count) {
+        char expected[64];
+        if (rows)
+            snprintf(expected, sizeof expected, "an array of %u arrays of %u numbers", rows,
+                     (unsigned)field->columns);
+        else
+            snprintf(expected, sizeof expected, "an array of %zu numbers", count);
+        if (proto_json_type(json) != PROTO_JSON_ARRAY)
+            return refuse_type(decoder, expected, json);
+        return refuse(decoder, "must be %s, not of %zu", expected, proto_json_size(json));
+    }
+    size_t step = proto_field_bytes(field) / (field->rows ? field->rows : 1u);
+    if (!rows)
+        step /= field->columns;
+    for (size_t i = 0; i < count; i++) {
+        size_t length = decoder->at.length;
+        proto_pointer_push_index(&decoder->at, i);
+        const proto_json *item = proto_json_at(json, i);
+        char *to = (char *)out + i * step;
+        if (!(rows ? decode_array(decoder, field, 0, item, to)
+                   : decode_number(decoder, field->kind, item, to)))
+            return false;
+        proto_pointer_pop(&decoder->at, length);
+    }
+    return true;
+}
+
+static bool decode_enum(struct decoder *decoder, const struct proto_field *field,
+                        const proto_json *json, int *out) {
+    const char *name = proto_json_string(json);
+    char known[160];
+    size_t n = 0;
+    for (int i = 0; field->names[i]; i++) {
+        if (name && strcmp(name, field->names[i]) == 0) {
+            *out = i;
+            return true;
+        }
+        n += (size_t)snprintf(known + n, sizeof known - n, "%s\"%s\"",
+                              i == 0                ? ""
+                              : field->names[i + 1] ? ", "
+                                                    : " or ",
+                              field->names[i]);
+    }
+    if (!name)
+        return refuse_type(decoder, known, json);
+    return refuse(decoder, "must be %s, not \"%.64s\"", known, name);
+}
+
+static bool decode_name(struct decoder *decoder, const proto_json *json, char *out) {
+    const char *name = proto_json_string(json);
+    if (!name)
+        return refuse_type(decoder, "a string", json);
+    size_t size = strlen(name);
+    if (size < 1 || size >= SP_NAME_BYTES)
+        return refuse(decoder, "must have 1 to %d bytes, not %zu", SP_NAME_BYTES - 1, size);
+    memset(out, 0, SP_NAME_BYTES); /* equal views are equal bytes */
+    memcpy(out, name, size);
+    return true;
+}
+
+static bool decode_field(struct decoder *decoder, const struct proto_field *field,
+                         const proto_json *json, const void *defaults, void *out);
+
+/* The members of an object into a view or a list's item at `out`. */
+static bool decode_members(struct decoder *decoder, const struct proto_group *group,
+                           const proto_json *json, const void *defaults, void *out) {
+    if (proto_json_type(json) != PROTO_JSON_OBJECT)
+        return refuse_type(decoder, "an object", json);
+    void *at = NULL;
+    const char *key;
+    const proto_json *value;
+    while (proto_json_next(json, &at, &key, &value)) {
+        const struct proto_field *field = NULL;
+        for (size_t i = 0; i < group->count && !field; i++)
+            if (strcmp(group->fields[i].name, key) == 0)
+                field = &group->fields[i];
+        size_t length = decoder->at.length;
+        proto_pointer_push(&decoder->at, key, strlen(key));
+        if (!field) {
+            const char *meant = proto_nearest_name(key, group);
+            return meant ? refuse(decoder, "unknown field; did you mean \"%s\"?", meant)
+                         : refuse(decoder, "unknown field");
+        }
+        if (!decode_field(decoder, field, value, defaults, out))
+            return false;
+        proto_pointer_pop(&decoder->at, length);
+    }
+    return true;
+}
+
+static bool decode_list(struct decoder *decoder, const struct proto_field *field,
+                        const proto_json *json, void *out) {
+    if (proto_json_type(json) != PROTO_JSON_ARRAY)
+        return refuse_type(decoder, "an array", json);
+    size_t count = proto_json_size(json);
+    if (count > field->item_max)
+        return refuse(decoder, "%zu items; at most %zu are possible", count, field->item_max);
+    char *items = (char *)out + field->offset;
+    memset(items, 0, field->item_max * field->item_bytes);
+    for (size_t i = 0; i < count; i++) {
+        size_t length = decoder->at.length;
+        proto_pointer_push_index(&decoder->at, i);
+        const proto_json *item = proto_json_at(json, i);
+        char *to = items + i * field->item_bytes;
+        if (field->group->item)
+            memcpy(to, field->group->item, field->item_bytes);
+        /* An item has no defaults to go back to: null is a wrong type there. */
+        if (!decode_members(decoder, field->group, item, NULL, to))
+            return false;
+        for (size_t m = 0; m < field->group->count; m++) {
+            const struct proto_field *member = &field->group->fields[m];
+            if (!member->optional && !proto_json_get(item, member->name))
+                return refuse(decoder, "\"%s\" is missing", member->name);
+        }
+        proto_pointer_pop(&decoder->at, length);
+    }
+    *(uint32_t *)((char *)out + field->count_offset) = (uint32_t)count;
+    return true;
+}
+
+static void copy_default(const struct proto_field *field, const void *defaults, void *out) {
+    const char *from = defaults;
+    char *to = out;
+    if (field->kind == PROTO_FIELD_OBJECT) {
+        for (size_t i = 0; i < field->group->count; i++)
+            copy_default(&field->group->fields[i], defaults, out);
+    } else if (field->kind == PROTO_FIELD_LIST) {
+        memmove(to + field->offset, from + field->offset, field->item_max * field->item_bytes);
+        memmove(to + field->count_offset, from + field->count_offset, sizeof(uint32_t));
+    } else {
+        memmove(to + field->offset, from + field->offset, proto_field_bytes(field));
+    }
+}
+
+static bool decode_field(struct decoder *decoder, const struct proto_field *field,
+                         const proto_json *json, const void *defaults, void *out) {
+    void *to = (char *)out + field->offset;
+    if (proto_json_type(json) == PROTO_JSON_NULL && field->kind == PROTO_FIELD_AUTO) {
+        *(double *)to = NAN;
+        return true;
+    }
+    if (proto_json_type(json) == PROTO_JSON_NULL && defaults) {
+        copy_default(field, defaults, out);
+        return true;
+    }
+    switch (field->kind) {
+    case PROTO_FIELD_OBJECT:
+        return decode_members(decoder, field->group, json, defaults, out);
+    case PROTO_FIELD_LIST:
+        return decode_list(decoder, field, json, out);
+    case PROTO_FIELD_ENUM:
+        return decode_enum(decoder, field, json, to);
+    case PROTO_FIELD_NAME:
+        return decode_name(decoder, json, to);
+    case PROTO_FIELD_DOUBLE:
+    case PROTO_FIELD_AUTO:
+    case PROTO_FIELD_FLOAT:
+    case PROTO_FIELD_COUNT:
+        break;
+    }
+    return field->columns ? decode_array(decoder, field, field->rows, json, to)
+                          : decode_number(decoder, field->kind, json, to);
+}
+
+bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
+                      struct sp_error *err) {
+    struct decoder decoder = { .err = err };
+    struct sp_view merged;
+    memcpy(&merged, view, sizeof merged); /* with its padding, so that equal views stay equal */
+    if (!decode_members(&decoder, &proto_view_group, patch, defaults, &merged) ||
+        !sp_view_validate(&merged, err))
+        return false;
+    memcpy(view, &merged, sizeof merged);
+    return true;
+}
+
+const char *proto_view_volume(const proto_json *patch) {
+    return proto_json_string(proto_json_get(patch, "volume"));
+}

@@ -1,0 +1,159 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "protocol/view_fields.h"
+
+#include <assert.h>
+
+#include "sp/view.h"
+
+static_assert(sizeof(enum sp_projection) == sizeof(int),
+              "enumerations are read and written as int");
+
+#define COUNT_OF(array) (sizeof(array) / sizeof *(array))
+#define GROUP(array)                                                                               \
+    { array, COUNT_OF(array), NULL }
+#define AT(member) .offset = offsetof(struct sp_view, member)
+#define NAMES(...)                                                                                 \
+    .names = (const char *const[]) {                                                               \
+        __VA_ARGS__, NULL                                                                          \
+    }
+
+static const struct proto_field camera_fields[] = {
+    { "projection", PROTO_FIELD_ENUM, AT(camera.projection), NAMES("perspective", "orthographic") },
+    { "position", PROTO_FIELD_DOUBLE, .columns = 3, AT(camera.position) },
+    { "target", PROTO_FIELD_DOUBLE, .columns = 3, AT(camera.target) },
+    { "up", PROTO_FIELD_DOUBLE, .columns = 3, AT(camera.up) },
+    { "fov_y", PROTO_FIELD_DOUBLE, AT(camera.fov_y) },
+    { "height", PROTO_FIELD_DOUBLE, AT(camera.height) },
+    { "near", PROTO_FIELD_DOUBLE, AT(camera.near) },
+};
+static const struct proto_group camera = GROUP(camera_fields);
+
+static const struct proto_field point_fields[] = {
+    { "value", PROTO_FIELD_DOUBLE, .offset = offsetof(struct sp_tf_point, value) },
+    { "color", PROTO_FIELD_FLOAT, .columns = 3, .offset = offsetof(struct sp_tf_point, color) },
+    { "opacity", PROTO_FIELD_FLOAT, .offset = offsetof(struct sp_tf_point, opacity) },
+};
+static const struct proto_group point = GROUP(point_fields);
+
+static const struct proto_field gradient_fields[] = {
+    { "magnitude", PROTO_FIELD_DOUBLE, .offset = offsetof(struct sp_gradient_point, magnitude) },
+    { "scale", PROTO_FIELD_FLOAT, .offset = offsetof(struct sp_gradient_point, scale) },
+};
+static const struct proto_group gradient = GROUP(gradient_fields);
+
+static const struct proto_field transfer_fields[] = {
+    { "reference_length", PROTO_FIELD_DOUBLE, AT(transfer_function.reference_length) },
+    { "order", PROTO_FIELD_ENUM, AT(transfer_function.order), NAMES("pre", "post") },
+    { "points", PROTO_FIELD_LIST, AT(transfer_function.points), .group = &point,
+      .count_offset = offsetof(struct sp_view, transfer_function.point_count),
+      .item_bytes = sizeof(struct sp_tf_point), .item_max = SP_TF_POINTS_MAX },
+    { "gradient", PROTO_FIELD_LIST, AT(transfer_function.gradient), .group = &gradient,
+      .count_offset = offsetof(struct sp_view, transfer_function.gradient_count),
+      .item_bytes = sizeof(struct sp_gradient_point), .item_max = SP_GRADIENT_POINTS_MAX },
+};
+static const struct proto_group transfer_function = GROUP(transfer_fields);
+
+static const struct proto_field filter_fields[] = {
+    { "mode", PROTO_FIELD_ENUM, AT(filter.mode),
+      NAMES("adaptive", "ewa", "reconstruction", "lowpass", "swan", "none") },
+    { "kernel", PROTO_FIELD_ENUM, AT(filter.kernel), NAMES("gaussian", "cubic") },
+    { "sigma", PROTO_FIELD_DOUBLE, AT(filter.sigma) },
+    { "cutoff", PROTO_FIELD_DOUBLE, AT(filter.cutoff) },
+    { "lowpass", PROTO_FIELD_DOUBLE, AT(filter.lowpass) },
+    { "c_min", PROTO_FIELD_DOUBLE, AT(filter.c_min) },
+    { "c_max", PROTO_FIELD_AUTO, AT(filter.c_max) },
+};
+static const struct proto_group filter = GROUP(filter_fields);
+
+static const struct proto_field compositing_fields[] = {
+    { "mode", PROTO_FIELD_ENUM, AT(compositing.mode), NAMES("splat", "sheet", "slab") },
+    { "attenuation", PROTO_FIELD_ENUM, AT(compositing.attenuation),
+      NAMES("exponential", "linear") },
+    { "slab", PROTO_FIELD_DOUBLE, AT(compositing.slab) },
+};
+static const struct proto_group compositing = GROUP(compositing_fields);
+
+static const struct proto_field light_fields[] = {
+    { "direction", PROTO_FIELD_DOUBLE, .columns = 3,
+      .offset = offsetof(struct sp_light, direction) },
+    { "space", PROTO_FIELD_ENUM, .optional = true, .offset = offsetof(struct sp_light, space),
+      NAMES("camera", "world") },
+    { "color", PROTO_FIELD_FLOAT, .optional = true, .columns = 3,
+      .offset = offsetof(struct sp_light, color) },
+};
+static const struct sp_light light_default = { .space = SP_LIGHT_CAMERA, .color = { 1, 1, 1 } };
+static const struct proto_group light = { light_fields, COUNT_OF(light_fields), &light_default };
+
+static const struct proto_field shading_fields[] = {
+    { "mode", PROTO_FIELD_ENUM, AT(shading.mode), NAMES("none", "phong") },
+    { "ambient", PROTO_FIELD_DOUBLE, AT(shading.ambient) },
+    { "diffuse", PROTO_FIELD_DOUBLE, AT(shading.diffuse) },
+    { "specular", PROTO_FIELD_DOUBLE, AT(shading.specular) },
+    { "exponent", PROTO_FIELD_DOUBLE, AT(shading.exponent) },
+    { "lights", PROTO_FIELD_LIST, AT(shading.lights), .group = &light,
+      .count_offset = offsetof(struct sp_view, shading.light_count),
+      .item_bytes = sizeof(struct sp_light), .item_max = SP_LIGHTS_MAX },
+};
+static const struct proto_group shading = GROUP(shading_fields);
+
+static const struct proto_field primitive_fields[] = {
+    { "type", PROTO_FIELD_ENUM, AT(primitive), NAMES("volume", "surface", "shell", "vector") },
+};
+static const struct proto_group primitive = GROUP(primitive_fields);
+
+static const struct proto_field plane_fields[] = {
+    { "normal", PROTO_FIELD_DOUBLE, .columns = 3,
+      .offset = offsetof(struct sp_clip_plane, normal) },
+    { "offset", PROTO_FIELD_DOUBLE, .offset = offsetof(struct sp_clip_plane, offset) },
+};
+static const struct proto_group plane = GROUP(plane_fields);
+
+static const struct proto_field clip_fields[] = {
+    { "box", PROTO_FIELD_DOUBLE, .rows = 2, .columns = 3, AT(clip.box) },
+    { "planes", PROTO_FIELD_LIST, AT(clip.planes), .group = &plane,
+      .count_offset = offsetof(struct sp_view, clip.plane_count),
+      .item_bytes = sizeof(struct sp_clip_plane), .item_max = SP_CLIP_PLANES_MAX },
+};
+static const struct proto_group clip = GROUP(clip_fields);
+
+static const struct proto_field quality_fields[] = {
+    { "level_of_detail", PROTO_FIELD_ENUM, AT(level_of_detail), NAMES("auto", "off") },
+};
+static const struct proto_group quality = GROUP(quality_fields);
+
+static const struct proto_field view_fields[] = {
+    { "volume", PROTO_FIELD_NAME, AT(volume) },
+    { "size", PROTO_FIELD_COUNT, .columns = 2, AT(size) },
+    { "background", PROTO_FIELD_FLOAT, .columns = 4, AT(background) },
+    { "camera", PROTO_FIELD_OBJECT, .group = &camera },
+    { "transfer_function", PROTO_FIELD_OBJECT, .group = &transfer_function },
+    { "filter", PROTO_FIELD_OBJECT, .group = &filter },
+    { "compositing", PROTO_FIELD_OBJECT, .group = &compositing },
+    { "shading", PROTO_FIELD_OBJECT, .group = &shading },
+    { "primitive", PROTO_FIELD_OBJECT, .group = &primitive },
+    { "clip", PROTO_FIELD_OBJECT, .group = &clip },
+    { "quality", PROTO_FIELD_OBJECT, .group = &quality },
+};
+const struct proto_group proto_view_group = GROUP(view_fields);
+
+size_t proto_field_bytes(const struct proto_field *field) {
+    size_t count = (field->rows ? field->rows : 1u) * (field->columns ? field->columns : 1u);
+    switch (field->kind) {
+    case PROTO_FIELD_DOUBLE:
+    case PROTO_FIELD_AUTO:
+        return count * sizeof(double);
+    case PROTO_FIELD_FLOAT:
+        return count * sizeof(float);
+    case PROTO_FIELD_COUNT:
+        return count * sizeof(uint32_t);
+    case PROTO_FIELD_ENUM:
+        return sizeof(int);
+    case PROTO_FIELD_NAME:
+        return SP_NAME_BYTES;
+    case PROTO_FIELD_OBJECT:
+    case PROTO_FIELD_LIST:
+        break;
+    }
+    assert(!"a group has no bytes of its own");
+    return 0;
+}
