@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A backend turns a validated, supported view of a volume into pixels. It is one `static const`
+ * vtable at the end of one file, listed in registry.c.
+ *
+ *   renderer.c ── validate, check capabilities, time ──► backend ── stages ──► frame
+ *
+ * The front door does the checking and the backend trusts it: a view that reaches render() is valid
+ * and asks for nothing outside the capabilities. Calls for one state come from one thread at a
+ * time, not always the same one. Backends never include each other.
+ */
+#ifndef SP_BACKEND_BACKEND_H
+#define SP_BACKEND_BACKEND_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+
+#include "sp/frame.h"
+#include "sp/renderer.h"
+#include "sp/view.h"
+#include "sp/volume.h"
+
+/* What a backend can do, as data: bit n of a mask stands for value n of the enum in sp/view.h;
+ * 0 = nothing of it. */
+struct sp_capabilities {
+    uint32_t projections, filters, kernels, compositings, attenuations;
+    uint32_t orders, shadings, primitives, levels_of_detail;
+    bool gradient_axis; /* transfer_function.gradient */
+    bool clip_box, clip_planes;
+};
+#define SP_CAN(value) (UINT32_C(1) << (value))
+#define SP_CAN_ALL UINT32_MAX
+
+struct sp_backend_options {
+    unsigned threads; /* [1, 256] */
+    const char *isa;  /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
+};
+
+/* One frame to make. */
+struct sp_backend_job {
+    struct sp_volume *volume; /* the caller's reference, for the length of the call */
+    const struct sp_view *view;
+    struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
+    const atomic_bool *cancel; /* NULL = never */
+};
+
+static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
+    return job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed);
+}
+
+struct sp_backend {
+    struct sp_backend_entry entry; /* as sp_backend_at() shows it */
+    bool by_name_only;             /* "auto" passes it over */
+    struct sp_capabilities capabilities;
+
+    /* Mandatory. Returns the backend's state, or NULL with *err set: the reason is logged and
+     * "auto" tries the next one. */
+    void *(*create)(const struct sp_backend_options *options, struct sp_error *err);
+    void (*destroy)(void *state);                                   /* never NULL */
+    void (*info)(const void *state, struct sp_renderer_info *info); /* all fields; constant */
+
+    /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
+     * stages. False with *err set leaves the frame's pixels undefined and the state usable.
+     * SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+    bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
+
+    /* Optional; NULL = nothing is derived from volumes. */
+    void (*forget)(void *state, const struct sp_volume *volume);
+    uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
+};
+
+/* The compiled backends in the order in which "auto" tries them; NULL past the end. */
+const struct sp_backend *sp_registry_at(unsigned i);
+
+/* Starts the backend called `name`, or with "auto" the first that starts; *state is its state.
+ * NULL with *err set when none does; each refusal is logged. */
+const struct sp_backend *sp_registry_start(const char *name,
+                                           const struct sp_backend_options *options, void **state,
+                                           struct sp_error *err);
+
+#endif

@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The test card: no volume is read and no work is done. It serves server tests and measures
+ * overhead. What it draws depends on the view and on nothing else, so that a test can tell views
+ * apart: a gradient in the background's colour, and three bars at the bottom whose lengths show the
+ * azimuth, the elevation and the distance of the eye as seen from the target.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "backend/backend.h"
+#include "base/vec.h"
+
+struct null_state {
+    int unused;
+};
+
+static void *null_create(const struct sp_backend_options *options, struct sp_error *err) {
+    (void)options;
+    struct null_state *state = calloc(1, sizeof *state);
+    if (!state)
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the null backend");
+    return state;
+}
+
+static void null_destroy(void *state) {
+    free(state);
+}
+
+static void null_info(const void *state, struct sp_renderer_info *info) {
+    (void)state;
+    *info = (struct sp_renderer_info){
+        .backend = "null", .device = "test card", .isa = "", .threads = 1
+    };
+}
+
+/* Lengths of the bars in [0,1]. */
+static void read_camera(const struct sp_camera *camera, float bars[3]) {
+    double e[3], largest = 0;
+    for (int i = 0; i < 3; i++) {
+        e[i] = camera->position[i] / 4 - camera->target[i] / 4;
+        largest = fmax(largest, fabs(e[i]));
+    }
+    for (int i = 0; i < 3; i++)
+        e[i] /= largest;
+    double length = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+    bars[0] = (float)(0.5 + atan2(e[1], e[0]) / (2 * M_PI));
+    bars[1] = (float)(0.5 + asin(fmax(-1, fmin(1, e[2] / length))) / M_PI);
+    bars[2] = (float)(0.5 + atan(log10(length * largest * 4)) / M_PI);
+}
+
+static void card_pixel(const struct sp_view *view, const float bars[3], uint32_t x, uint32_t y,
+                       float rgb[3]) {
+    static const float colors[3][3] = { { 0.9f, 0.3f, 0.2f },
+                                        { 0.3f, 0.8f, 0.3f },
+                                        { 0.3f, 0.5f, 1.0f } };
+    float u = ((float)x + 0.5f) / (float)view->size[0],
+          v = ((float)y + 0.5f) / (float)view->size[1];
+    for (int c = 0; c < 3; c++)
+        rgb[c] = 0.5f * (c == 0 ? u : c == 1 ? v : 1 - u) + 0.5f * view->background[c];
+    int bar = (int)((v - 0.7f) * 10);
+    if (v >= 0.7f && bar < 3 && u < bars[bar])
+        memcpy(rgb, colors[bar], sizeof colors[bar]);
+}
+
+static bool null_render(void *state, const struct sp_backend_job *job, struct sp_error *err) {
+    (void)state;
+    const struct sp_view *view = job->view;
+    struct sp_frame *frame = job->frame;
+    float bars[3], rgb[3];
+    read_camera(&view->camera, bars);
+    for (uint32_t y = 0; y < frame->height; y++) {
+        if (y % 16 == 0 && sp_job_is_cancelled(job))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        unsigned char *row = (unsigned char *)frame->pixels + y * frame->stride_bytes;
+        for (uint32_t x = 0; x < frame->width; x++) {
+            card_pixel(view, bars, x, y, rgb);
+            if (frame->format == SP_RGBAF32) {
+                float *p = (float *)(void *)row + 4 * (size_t)x;
+                memcpy(p, rgb, sizeof rgb);
+                p[3] = 1;
+            } else {
+                unsigned char *p = row + 4 * (size_t)x;
+                for (int c = 0; c < 3; c++)
+                    p[c] = (unsigned char)(rgb[c] * 255 + 0.5f);
+                p[3] = 255;
+            }
+        }
+    }
+    frame->stats.stages[0] = (struct sp_stage_time){ .name = "resolve" };
+    frame->stats.stage_count = 1;
+    return true;
+}
+
+extern const struct sp_backend null_backend;
+const struct sp_backend null_backend = {
+    .entry = { "null", "a test card instead of the volume; no work" },
+    .by_name_only = true,
+    .capabilities = { .projections = SP_CAN_ALL,
+                      .filters = SP_CAN_ALL,
+                      .kernels = SP_CAN_ALL,
+                      .compositings = SP_CAN_ALL,
+                      .attenuations = SP_CAN_ALL,
+                      .orders = SP_CAN_ALL,
+                      .shadings = SP_CAN_ALL,
+                      .primitives = SP_CAN_ALL,
+                      .levels_of_detail = SP_CAN_ALL,
+                      .gradient_axis = true,
+                      .clip_box = true,
+                      .clip_planes = true },
+    .create = null_create,
+    .destroy = null_destroy,
+    .info = null_info,
+    .render = null_render,
+};

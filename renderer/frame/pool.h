@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Image memory. A pool hands out reference-counted frames and keeps what they leave behind, up to a
+ * cap, so that a stream of frames of one size allocates once. A frame and its pixels are one block:
+ *
+ *   | struct block (the frame inside) | padding to 64 | height rows of stride_bytes |
+ */
+#ifndef SP_FRAME_POOL_H
+#define SP_FRAME_POOL_H
+
+#include "sp/frame.h"
+
+/* Calls to the system's allocator since the pool was created; constant in the steady state.
+ * Thread-safe. */
+uint64_t sp_frame_pool_allocations(struct sp_frame_pool *pool);
+
+/* Bytes kept idle for reuse, at most the cap. Thread-safe. */
+size_t sp_frame_pool_idle(struct sp_frame_pool *pool);
+
+#endif
