@@ -45,8 +45,7 @@ static bool load_bridge(struct sp_encoder *encoder, struct sp_error *err) {
         return true;
     }
     return sp_fail(err, SP_ERR_IO, first,
-                   "the image library is not installed: no such file; every format but JPEG needs "
-                   "it");
+                   "the image library is not there; every format but JPEG needs it");
 }
 
 static int keep(void *user, const void *bytes, size_t size) {

@@ -1,0 +1,353 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <limits.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "read_image.h"
+#include "sp/encode.h"
+
+/* A frame of our own, odd-sized so that rows have padding, which is filled with rubbish. */
+static struct sp_frame make_frame(uint32_t width, uint32_t height, enum sp_pixel_format format) {
+    size_t pixel = format == SP_RGBA8 ? 4 : 16;
+    struct sp_frame frame = { .width = width, .height = height, .format = format };
+    frame.stride_bytes = (width * pixel + 64 + 63) / 64 * 64;
+    frame.pixels = aligned_alloc(64, frame.stride_bytes * height);
+    assert_non_null(frame.pixels);
+    memset(frame.pixels, 0xa5, frame.stride_bytes * height);
+    return frame;
+}
+
+static uint8_t *pixel8(const struct sp_frame *frame, uint32_t x, uint32_t y) {
+    return (uint8_t *)frame->pixels + y * frame->stride_bytes + 4 * x;
+}
+
+static float *pixel32(const struct sp_frame *frame, uint32_t x, uint32_t y) {
+    return (float *)(void *)((uint8_t *)frame->pixels + y * frame->stride_bytes + 16 * x);
+}
+
+/* A smooth picture, with noise in the lowest bits, alpha rising to the right if not opaque. */
+static struct sp_frame picture8(uint32_t width, uint32_t height, bool opaque) {
+    struct sp_frame frame = make_frame(width, height, SP_RGBA8);
+    for (uint32_t y = 0; y < height; y++)
+        for (uint32_t x = 0; x < width; x++) {
+            uint8_t *p = pixel8(&frame, x, y);
+            p[0] = (uint8_t)(x * 255 / width);
+            p[1] = (uint8_t)(y * 255 / height);
+            p[2] = (uint8_t)(128 + (x * 7 + y * 13) % 5);
+            p[3] = opaque ? 255 : (uint8_t)(x * 255 / (width - 1));
+        }
+    return frame;
+}
+
+static struct decoded_image encode_and_read(const struct sp_frame *frame,
+                                            enum sp_image_format format, int quality) {
+    struct sp_error err = { 0 };
+    struct sp_encoder *encoder = sp_encoder_create(&err);
+    const uint8_t *bytes;
+    size_t size;
+    struct decoded_image image;
+    if (!sp_encode(encoder, frame, format, quality, &bytes, &size, &err))
+        fail_msg("%s: %s", err.place, err.text);
+    assert_true(read_image(sp_image_format_info(format)->extension, bytes, size, &image));
+    assert_int_equal(image.width, frame->width);
+    assert_int_equal(image.height, frame->height);
+    sp_encoder_destroy(&encoder);
+    assert_null(encoder);
+    return image;
+}
+
+static float read_at(const struct decoded_image *image, uint32_t x, uint32_t y, int c) {
+    return image
+        ->pixels[((size_t)y * (size_t)image->width + x) * (size_t)image->channels + (size_t)c];
+}
+
+static void formats_are_found_by_name_type_and_extension(void **state) {
+    (void)state;
+    assert_int_equal(sp_image_format_find("jpeg"), SP_IMAGE_JPEG);
+    assert_int_equal(sp_image_format_find("jpg"), SP_IMAGE_JPEG);
+    assert_int_equal(sp_image_format_find(".JPEG"), SP_IMAGE_JPEG);
+    assert_int_equal(sp_image_format_find("image/png"), SP_IMAGE_PNG);
+    assert_int_equal(sp_image_format_find(".webp"), SP_IMAGE_WEBP);
+    assert_int_equal(sp_image_format_find("image/x-exr"), SP_IMAGE_EXR);
+    assert_int_equal(sp_image_format_find("tiff"), SP_IMAGE_FORMAT_COUNT);
+    assert_int_equal(sp_image_format_find(""), SP_IMAGE_FORMAT_COUNT);
+    for (int i = 0; i < SP_IMAGE_FORMAT_COUNT; i++)
+        assert_int_equal(sp_image_format_find(sp_image_format_info((enum sp_image_format)i)->name),
+                         i);
+}
+
+static void png_is_exact(void **state) {
+    (void)state;
+    for (int opaque = 0; opaque < 2; opaque++) {
+        struct sp_frame frame = picture8(61, 37, opaque);
+        struct decoded_image image = encode_and_read(&frame, SP_IMAGE_PNG, 80);
+        assert_int_equal(image.channels, opaque ? 3 : 4);
+        for (uint32_t y = 0; y < frame.height; y++)
+            for (uint32_t x = 0; x < frame.width; x++)
+                for (int c = 0; c < image.channels; c++)
+                    assert_int_equal(lroundf(read_at(&image, x, y, c) * 255),
+                                     pixel8(&frame, x, y)[c]);
+        free(image.pixels);
+        free(frame.pixels);
+    }
+}
+
+static double mean_difference(const struct sp_frame *frame, const struct decoded_image *image,
+                              bool over_black) {
+    double sum = 0;
+    for (uint32_t y = 0; y < frame->height; y++)
+        for (uint32_t x = 0; x < frame->width; x++)
+            for (int c = 0; c < 3; c++) {
+                const uint8_t *p = pixel8(frame, x, y);
+                double want = p[c] * (over_black ? p[3] / 255.0 : 1.0);
+                sum += fabs(read_at(image, x, y, c) * 255 - want);
+            }
+    return sum / (3.0 * frame->width * frame->height);
+}
+
+static void jpeg_is_close_and_shows_alpha_over_black(void **state) {
+    (void)state;
+    for (int opaque = 0; opaque < 2; opaque++) {
+        struct sp_frame frame = picture8(203, 117, opaque);
+        struct decoded_image good = encode_and_read(&frame, SP_IMAGE_JPEG, 95),
+                             poor = encode_and_read(&frame, SP_IMAGE_JPEG, 30);
+        assert_int_equal(good.channels, 3);
+        double g = mean_difference(&frame, &good, true), p = mean_difference(&frame, &poor, true);
+        if (!(g < 1.5 && p < 6 && g < p))
+            fail_msg("mean difference: %.3f at quality 95, %.3f at 30", g, p);
+        free(good.pixels);
+        free(poor.pixels);
+        free(frame.pixels);
+    }
+}
+
+/* Of the first frame header in a JPEG: sampling factors of its first component. */
+static int jpeg_sampling(const uint8_t *bytes, size_t size) {
+    for (size_t i = 2; i + 12 < size; i += 2 + (size_t)(bytes[i + 2] << 8 | bytes[i + 3]))
+        if (bytes[i] == 0xff && (bytes[i + 1] == 0xc0 || bytes[i + 1] == 0xc2))
+            return bytes[i + 11];
+    return -1;
+}
+
+static void jpeg_subsamples_colour_below_90(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(64, 64, true);
+    struct sp_encoder *encoder = sp_encoder_create(NULL);
+    const uint8_t *bytes;
+    size_t size;
+    assert_true(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 89, &bytes, &size, NULL));
+    assert_int_equal(jpeg_sampling(bytes, size), 0x22);
+    assert_true(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 90, &bytes, &size, NULL));
+    assert_int_equal(jpeg_sampling(bytes, size), 0x11);
+    sp_encoder_destroy(&encoder);
+    free(frame.pixels);
+}
+
+static void webp_is_close_and_keeps_alpha(void **state) {
+    (void)state;
+    for (int opaque = 0; opaque < 2; opaque++) {
+        struct sp_frame frame = picture8(61, 37, opaque);
+        struct decoded_image image = encode_and_read(&frame, SP_IMAGE_WEBP, 95);
+        assert_true(image.channels == 4 || opaque);
+        double difference = mean_difference(&frame, &image, false);
+        for (uint32_t y = 0; y < frame.height && !opaque; y++)
+            for (uint32_t x = 0; x < frame.width; x++)
+                assert_int_equal(lroundf(read_at(&image, x, y, 3) * 255), pixel8(&frame, x, y)[3]);
+        /* Colour is lost where nothing is seen; the opaque picture has no such place. */
+        if (opaque && difference > 3)
+            fail_msg("mean difference %.3f", difference);
+        free(image.pixels);
+        free(frame.pixels);
+    }
+}
+
+static void webp_quality_matters(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(256, 256, true);
+    struct sp_encoder *encoder = sp_encoder_create(NULL);
+    const uint8_t *bytes;
+    size_t low, high;
+    assert_true(sp_encode(encoder, &frame, SP_IMAGE_WEBP, 20, &bytes, &low, NULL));
+    assert_true(sp_encode(encoder, &frame, SP_IMAGE_WEBP, 95, &bytes, &high, NULL));
+    if (low >= high)
+        fail_msg("%zu bytes at quality 20, %zu at 95", low, high);
+    sp_encoder_destroy(&encoder);
+    free(frame.pixels);
+}
+
+static void exr_keeps_floats_bit_for_bit(void **state) {
+    (void)state;
+    struct sp_frame frame = make_frame(33, 21, SP_RGBAF32);
+    for (uint32_t y = 0; y < frame.height; y++)
+        for (uint32_t x = 0; x < frame.width; x++)
+            for (uint32_t c = 0; c < 4; c++)
+                pixel32(&frame, x, y)[c] = (float)(x * 100 + y * 10 + c) / 7919.0f;
+    struct decoded_image image = encode_and_read(&frame, SP_IMAGE_EXR, 80);
+    assert_int_equal(image.channels, 4);
+    assert_true(image.is_float);
+    for (uint32_t y = 0; y < frame.height; y++)
+        for (uint32_t x = 0; x < frame.width; x++)
+            for (int c = 0; c < 4; c++)
+                assert_true(read_at(&image, x, y, c) == pixel32(&frame, x, y)[c]);
+    free(image.pixels);
+    free(frame.pixels);
+}
+
+static void exr_of_bytes_is_associated(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(33, 21, false);
+    struct decoded_image image = encode_and_read(&frame, SP_IMAGE_EXR, 80);
+    assert_int_equal(image.channels, 4);
+    for (uint32_t y = 0; y < frame.height; y++)
+        for (uint32_t x = 0; x < frame.width; x++) {
+            const uint8_t *p = pixel8(&frame, x, y);
+            for (int c = 0; c < 4; c++) {
+                double want = p[c] / 255.0 * (c < 3 ? p[3] / 255.0 : 1);
+                assert_true(fabs(read_at(&image, x, y, c) - want) < 1e-6);
+            }
+        }
+    free(image.pixels);
+    free(frame.pixels);
+}
+
+static void floats_become_bytes_without_association(void **state) {
+    (void)state;
+    struct sp_frame frame = make_frame(8, 1, SP_RGBAF32);
+    const float in[8][4] = {
+        { 0, 0, 0, 0 },           { 0.25f, 0.125f, 0, 0.5f }, { 1, 0.5f, 0.25f, 1 },
+        { 2, -1, 0.5f, 1 },       { NAN, 0.5f, 0.5f, 1 },     { 0.5f, 0.5f, 0.5f, NAN },
+        { INFINITY, 0, 0, 0.5f }, { 1e-3f, 0, 0, 1e-3f },
+    };
+    const uint8_t out[8][4] = {
+        { 0, 0, 0, 0 },       { 128, 64, 0, 128 }, { 255, 128, 64, 255 }, { 255, 0, 128, 255 },
+        { 0, 128, 128, 255 }, { 0, 0, 0, 0 },      { 255, 0, 0, 128 },    { 255, 0, 0, 0 },
+    };
+    for (uint32_t x = 0; x < 8; x++)
+        memcpy(pixel32(&frame, x, 0), in[x], sizeof in[x]);
+    struct decoded_image image = encode_and_read(&frame, SP_IMAGE_PNG, 80);
+    assert_int_equal(image.channels, 4);
+    for (uint32_t x = 0; x < 8; x++)
+        for (int c = 0; c < 4; c++)
+            assert_int_equal(lroundf(read_at(&image, x, 0, c) * 255), out[x][c]);
+    free(image.pixels);
+    free(frame.pixels);
+}
+
+static void one_encoder_serves_all_sizes_and_formats(void **state) {
+    (void)state;
+    static const uint32_t sizes[][2] = { { 1, 1 }, { 300, 200 }, { 7, 500 }, { 2, 1 }, { 640, 1 } };
+    struct sp_encoder *encoder = sp_encoder_create(NULL);
+    for (size_t s = 0; s < 5; s++)
+        for (int f = 0; f < SP_IMAGE_FORMAT_COUNT; f++)
+            for (int opaque = 0; opaque < 2; opaque++) {
+                struct sp_frame frame = make_frame(sizes[s][0], sizes[s][1], SP_RGBA8);
+                memset(frame.pixels, opaque ? 255 : 77, frame.stride_bytes * frame.height);
+                const uint8_t *bytes;
+                size_t size;
+                struct decoded_image image;
+                struct sp_error err;
+                if (!sp_encode(encoder, &frame, (enum sp_image_format)f, 75, &bytes, &size, &err))
+                    fail_msg("%s", err.text);
+                assert_true(read_image(sp_image_format_info((enum sp_image_format)f)->extension,
+                                       bytes, size, &image));
+                assert_int_equal(image.width, frame.width);
+                assert_int_equal(image.height, frame.height);
+                free(image.pixels);
+                free(frame.pixels);
+            }
+    sp_encoder_destroy(&encoder);
+}
+
+enum { THREADS = 4, ROUNDS = 4 };
+
+static void *encode_in_thread(void *user) {
+    const struct sp_frame *frame = user;
+    for (int round = 0; round < ROUNDS; round++) {
+        struct sp_encoder *encoder = sp_encoder_create(NULL);
+        const uint8_t *bytes;
+        size_t size;
+        for (int f = 0; encoder && f < SP_IMAGE_FORMAT_COUNT; f++)
+            if (!sp_encode(encoder, frame, (enum sp_image_format)f, 80, &bytes, &size, NULL))
+                return user;
+        sp_encoder_destroy(&encoder);
+    }
+    return NULL;
+}
+
+static void threads_load_and_encode_at_once(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(61, 37, false);
+    pthread_t threads[THREADS];
+    for (int i = 0; i < THREADS; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, encode_in_thread, &frame), 0);
+    for (int i = 0; i < THREADS; i++) {
+        void *failed;
+        pthread_join(threads[i], &failed);
+        assert_null(failed);
+    }
+    free(frame.pixels);
+}
+
+/* Run as a copy of this program in a folder without the bridge. */
+static int report_missing_bridge(void) {
+    static uint32_t pixels[16] = { 0 };
+    const struct sp_frame frame = {
+        .width = 1, .height = 1, .format = SP_RGBA8, .stride_bytes = 64, .pixels = pixels
+    };
+    struct sp_encoder *encoder = sp_encoder_create(NULL);
+    const uint8_t *bytes;
+    size_t size;
+    struct sp_error err = { 0 };
+    bool jpeg = sp_encode(encoder, &frame, SP_IMAGE_JPEG, 80, &bytes, &size, &err);
+    bool png = sp_encode(encoder, &frame, SP_IMAGE_PNG, 80, &bytes, &size, &err);
+    sp_encoder_destroy(&encoder);
+    printf("%s: %s\n", err.place, err.text);
+    return jpeg && !png && err.code == SP_ERR_IO && strstr(err.place, "/splat-oiio.so") ? 0 : 1;
+}
+
+static void a_missing_bridge_is_named(void **state) {
+    (void)state;
+    char folder[] = "/tmp/splat-encode-XXXXXX", command[256], copy[64];
+    assert_non_null(mkdtemp(folder));
+    snprintf(copy, sizeof copy, "%s/program", folder);
+    snprintf(command, sizeof command, "cp /proc/%d/exe %s && %s --missing-bridge", (int)getpid(),
+             copy, copy);
+    int status = system(command);
+    unlink(copy);
+    rmdir(folder);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+}
+
+int main(int argc, char **argv) {
+    if (argc == 2 && strcmp(argv[1], "--missing-bridge") == 0)
+        return report_missing_bridge();
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(formats_are_found_by_name_type_and_extension),
+        cmocka_unit_test(png_is_exact),
+        cmocka_unit_test(jpeg_is_close_and_shows_alpha_over_black),
+        cmocka_unit_test(jpeg_subsamples_colour_below_90),
+        cmocka_unit_test(webp_is_close_and_keeps_alpha),
+        cmocka_unit_test(webp_quality_matters),
+        cmocka_unit_test(exr_keeps_floats_bit_for_bit),
+        cmocka_unit_test(exr_of_bytes_is_associated),
+        cmocka_unit_test(floats_become_bytes_without_association),
+        cmocka_unit_test(one_encoder_serves_all_sizes_and_formats),
+        cmocka_unit_test(threads_load_and_encode_at_once),
+        cmocka_unit_test(a_missing_bridge_is_named),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
