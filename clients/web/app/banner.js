@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is wrong, or awaited, in a sentence: the banner for what keeps the picture away, the notice for the rest.
+
+const NOTICE_MS = 9000;
+
+export class Banner {
+  #root; #title; #text; #progress; #retry; #form;
+  #countdown = null;
+
+  /** retry() and useToken(token) are what the user can do about it. */
+  constructor(root, { retry, useToken }) {
+    this.#root = root;
+    this.#title = root.querySelector('#banner-title');
+    this.#text = root.querySelector('#banner-text');
+    this.#progress = root.querySelector('#banner-progress');
+    this.#retry = root.querySelector('#banner-retry');
+    this.#form = root.querySelector('#token-form');
+    this.#retry.addEventListener('click', retry);
+    this.#form.addEventListener('submit', (event) => {
+      event.preventDefault();
+      const input = this.#form.elements.token;
+      // The whole printed address serves as well as its token.
+      const token = /[?#&]token=([^&#\s]+)/.exec(input.value)?.[1] ?? input.value.trim();
+      if (token) useToken(token);
+    });
+  }
+
+  hide() {
+    this.#stop();
+    this.#root.hidden = true;
+  }
+
+  /** kind: busy | wait | error */
+  show({ kind, title, text = '', progress = null, canRetry = false, asksToken = false }) {
+    this.#stop();
+    this.#root.hidden = false;
+    this.#root.dataset.kind = kind;
+    this.#set(this.#title, title);
+    this.#set(this.#text, text);
+    this.#progress.hidden = progress === null;
+    if (progress !== null) this.#progress.value = progress;
+    this.#retry.hidden = !canRetry;
+    this.#form.hidden = !asksToken;
+  }
+
+  /** The connection is lost and will be tried again in `retryMs`. */
+  showLost(reason, retryMs) {
+    const until = performance.now() + retryMs;
+    const title = () => {
+      const seconds = Math.max(0, Math.ceil((until - performance.now()) / 1000));
+      return seconds > 0 ? `Connection lost — trying again in ${seconds} s` : 'Connection lost — trying again …';
+    };
+    this.show({
+      kind: 'error', title: title(), canRetry: true,
+      text: reason ? `${reason[0].toUpperCase()}${reason.slice(1)}.`.replace(/\.\.$/, '.') : 'The daemon is gone.',
+    });
+    this.#countdown = setInterval(() => this.#set(this.#title, title()), 250);
+  }
+
+  #set(element, text) {
+    element.hidden = !text;
+    if (element.textContent !== text) element.textContent = text;
+  }
+
+  #stop() {
+    clearInterval(this.#countdown);
+    this.#countdown = null;
+  }
+}
+
+export class Notice {
+  #root; #text;
+  #timer = null;
+  #kind = '';
+
+  constructor(root) {
+    this.#root = root;
+    this.#text = root.querySelector('#notice-text');
+    root.querySelector('#notice-close').addEventListener('click', () => this.hide());
+  }
+
+  show(text, kind = 'message') {
+    clearTimeout(this.#timer);
+    this.#kind = kind;
+    this.#text.textContent = text;
+    this.#root.hidden = false;
+    this.#timer = setTimeout(() => this.hide(), NOTICE_MS);
+  }
+
+  /** Hides it; with a kind, only if it is of that kind. */
+  hide(kind = this.#kind) {
+    if (kind !== this.#kind) return;
+    clearTimeout(this.#timer);
+    this.#root.hidden = true;
+  }
+}

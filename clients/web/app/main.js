@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wires the page together: address → connection → frames → canvas, and input → view → connection.
+import { Connection } from '../core/connection.js';
+import { FrameOrder } from '../core/order.js';
+import { Banner, Notice } from './banner.js';
+import { attachInput } from './input.js';
+import { Panels } from './panels.js';
+import { Screen, decodePicture } from './screen.js';
+import { StatusLine } from './status.js';
+import { Viewer } from './viewer.js';
+
+const RESIZE_MS = 120;
+const LIST_MS = 500;
+const MAX_FPS = 60;
+
+const base = new URL('.', location.href).href;
+const place = `splatd:${new URL(base).pathname}`;
+
+/** {token, session, volume} of the address and of what this tab remembers; the token leaves the address. */
+function readAddress() {
+  const query = new URLSearchParams(location.search);
+  const hash = new URLSearchParams(location.hash.slice(1));
+  const get = (name) => query.get(name) ?? hash.get(name);
+  const id = get('session');
+  const given = get('token');
+  if (given) {
+    remember(id ? `join:${id}` : 'token', given);
+    query.delete('token');
+    hash.delete('token');
+    const tail = (mark, params) => (String(params) ? mark + params : '');
+    history.replaceState(null, '', location.pathname + tail('?', query) + tail('#', hash));
+  }
+  const token = recall('token') ?? '';
+  if (id) return { token, volume: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
+  let session = null;
+  try {
+    session = JSON.parse(recall('session') ?? 'null');
+  } catch { /* what cannot be read is not there */ }
+  const volume = get('volume');
+  const isStale = volume || (given && given !== session?.daemon);
+  return { token, volume, session: isStale ? null : session };
+}
+
+// Storage may be forbidden; then the page works without remembering.
+function remember(key, value) {
+  try {
+    sessionStorage.setItem(`${place}${key}`, value);
+  } catch { /* see above */ }
+}
+
+function recall(key) {
+  try {
+    return sessionStorage.getItem(`${place}${key}`);
+  } catch {
+    return null;
+  }
+}
+
+const address = readAddress();
+const element = (id) => document.getElementById(id);
+const notice = new Notice(element('notice'));
+const errors = [];
+const drawn = { frame: 0, seq: 0, count: 0, width: 0, height: 0, isFinal: false };
+let hasPicture = false;
+
+function report(error) {
+  errors.push(String(error?.message ?? error));
+  if (errors.length > 20) errors.shift();
+  notice.show(errors.at(-1), 'fault');
+}
+window.addEventListener('error', ({ error, message }) => report(error ?? message));
+window.addEventListener('unhandledrejection', ({ reason }) => report(reason));
+
+let configure = () => {};
+const screen = new Screen(element('screen'), () => configure());
+
+const connection = new Connection({
+  base, ...address,
+  lastView: () => viewer.lastView,
+  size: () => screen.size,
+  env: {
+    fetch: (...args) => window.fetch(...args), WebSocket: window.WebSocket,
+    setTimeout: (...args) => window.setTimeout(...args), clearTimeout: (id) => window.clearTimeout(id),
+    now: () => performance.now(),
+  },
+});
+const viewer = new Viewer({ connection, viewport: () => screen.viewport });
+const status = new StatusLine(element('status'), () => viewer.pace.sent);
+const help = () => (element('help').open ? element('help').close() : element('help').showModal());
+const panels = new Panels(viewer, { help });
+const banner = new Banner(element('banner'), {
+  retry: () => connection.retryNow(),
+  useToken: (token) => {
+    remember('token', token);
+    connection.useToken(token);
+  },
+});
+attachInput(element('screen'), viewer, { help, panel: () => panels.toggle() });
+
+// ---- frames ----
+
+const order = new FrameOrder({
+  decode: decodePicture,
+  draw: (picture, frame) => {
+    screen.draw(picture);
+    Object.assign(drawn, { frame: frame.frame, seq: frame.seq, width: frame.width, height: frame.height,
+      isFinal: frame.isFinal, count: drawn.count + 1 });
+    status.drew(frame, viewer.pace.show(frame.seq));
+    notice.hide('render');
+    if (!hasPicture) {
+      hasPicture = true;
+      showState();
+    }
+  },
+  ack: ({ frame }) => connection.notify('stream.ack', { frame }),
+  fail: (error, { frame }) => report(new Error(`picture ${frame} could not be decoded: ${error.message}`)),
+});
+connection.on('frame', (frame) => order.put(frame));
+
+// The picture's size follows the window, at most every RESIZE_MS, the last one always.
+let configured = '';
+let resizeTimer = null;
+configure = () => {
+  if (resizeTimer || !connection.isLive) return;
+  resizeTimer = setTimeout(() => {
+    resizeTimer = null;
+    sendConfigure();
+  }, RESIZE_MS);
+};
+async function sendConfigure() {
+  const { size } = screen;
+  if (!connection.isLive || String(size) === configured) return;
+  configured = String(size);
+  try {
+    await connection.call('stream.configure', { size, max_fps: MAX_FPS });
+  } catch (error) {
+    if (connection.isLive) report(new Error(`the daemon refused the picture's size: ${error.message}`));
+  }
+  if (String(screen.size) !== configured) configure();
+}
+
+// ---- connection ----
+
+let last = { state: 'idle', reason: '', retryMs: 0, error: null };
+
+function showState() {
+  const { state, reason, retryMs, error } = last;
+  status.setState(state);
+  switch (state) {
+    case 'live':
+      if (hasPicture) banner.hide();
+      else banner.show({ kind: 'busy', title: 'Waiting for the first picture …' });
+      break;
+    case 'waiting':
+      showWaiting();
+      break;
+    case 'draining':
+      banner.show({ kind: 'error', title: 'The daemon is shutting down', text: reason });
+      break;
+    case 'lost':
+      banner.showLost(reason, retryMs);
+      break;
+    case 'refused':
+      showRefused(error);
+      break;
+    default: // After a loss the banner stays as it is until the picture is back.
+      if (!hasPicture) banner.show({ kind: 'busy', title: 'Connecting …' });
+  }
+}
+
+function showWaiting() {
+  const { volumes } = connection;
+  const loading = volumes.find((v) => v.state === 'loading');
+  const failed = volumes.find((v) => v.state === 'failed');
+  if (loading) {
+    banner.show({ kind: 'wait', title: `Loading ${loading.name || loading.id} …`, progress: loading.progress ?? 0 });
+  } else if (failed) {
+    banner.show({
+      kind: 'error', title: `${failed.name || failed.id} could not be loaded`,
+      text: String(failed.reason ?? failed.error?.detail ?? failed.error ?? 'The daemon gave no reason.'),
+    });
+  } else {
+    banner.show({
+      kind: 'wait', title: 'No volume is loaded',
+      text: 'Start splatd with --volume PATH or --volume demo:phantom, or load one with splatctl.',
+    });
+  }
+}
+
+function showRefused(error) {
+  if (error?.status === 401 && !connection.session?.isJoined) {
+    banner.show({
+      kind: 'error', title: connection.api.token ? 'The token is not valid any more' : 'A token is needed',
+      text: 'splatd prints an address with a token when it starts; each start makes a new one unless --token-file '
+        + 'is given. Open that address, or paste it here.',
+      asksToken: true,
+    });
+  } else {
+    banner.show({
+      kind: 'error', title: 'The daemon refused', text: error?.message ?? '', canRetry: true,
+      asksToken: error?.status === 403,
+    });
+  }
+}
+
+connection.on('state', (change) => {
+  last = change;
+  if (change.state === 'live') {
+    order.reset();
+    configured = '';
+    sendConfigure();
+    viewer.resume();
+  } else if (change.state === 'lost' || change.state === 'refused') {
+    viewer.suspend();
+  }
+  showState();
+});
+connection.on('session', (session) => {
+  if (session.isNew) {
+    remember('session', JSON.stringify({
+      id: session.id, token: session.tokens?.control ?? session.token, daemon: connection.api.token,
+    }));
+  }
+  viewer.adopt(session);
+});
+connection.on('fault', report);
+
+connection.on('notification', ({ method, params }) => {
+  switch (method) {
+    case 'stream.stats':
+      status.setStats(params);
+      break;
+    case 'view.changed':
+      if (params.view) viewer.takeShared(params.view);
+      break;
+    case 'volume.progress':
+      refreshList();
+      break;
+    case 'render.error':
+      notice.show(`The picture could not be drawn: ${params.message ?? 'no reason given'}`
+        + `${params.pointer ? ` (${params.pointer})` : ''}`, 'render');
+      break;
+    default: // of a later version
+  }
+});
+
+// ---- the panel follows ----
+
+viewer.on('view', (view) => {
+  panels.showView(view);
+  panels.showVolumes(connection.volumes, view.volume);
+});
+viewer.on('refused', (error) => notice.show(error.pointer
+  ? `The daemon refused this change: ${error.message} (${error.pointer})`
+  : `The daemon refused this change: ${error.message}`));
+connection.on('volumes', (volumes) => {
+  panels.showVolumes(volumes, viewer.view?.volume);
+  if (connection.state === 'waiting') showWaiting();
+  if (connection.isLive && volumes.some((v) => v.state === 'loading')) refreshList();
+});
+
+let listTimer = null;
+function refreshList() {
+  if (listTimer || connection.session?.isJoined) return;
+  listTimer = setTimeout(async () => {
+    listTimer = null;
+    try {
+      if (connection.isLive) await connection.refresh();
+    } catch { /* the stream tells when the daemon is gone */ }
+  }, LIST_MS);
+}
+
+window.addEventListener('online', () => connection.retryNow());
+document.addEventListener('visibilitychange', () => {
+  if (document.hidden) return;
+  if (last.state === 'lost') connection.retryNow();
+  refreshList();
+});
+
+/**
+ * For tests and for looking at the page in the console; read-only, and no part of any interface.
+ * frame, seq: of the last drawn frame; count: frames drawn since the page opened; sent: seq of the newest update.
+ */
+Object.defineProperty(window, 'splatd', {
+  value: Object.freeze({
+    get state() { return connection.state; },
+    get frame() { return drawn.frame; },
+    get seq() { return drawn.seq; },
+    get count() { return drawn.count; },
+    get size() { return [drawn.width, drawn.height]; },
+    get wanted() { return screen.size; },
+    get isFinal() { return drawn.isFinal; },
+    get sent() { return viewer.pace.sent; },
+    get isIdle() { return viewer.pace.isIdle; },
+    get camera() { return structuredClone(viewer.camera); },
+    get volume() { return viewer.view?.volume ?? null; },
+    get background() { return structuredClone(viewer.view?.background ?? null); },
+    get session() { return connection.session?.id ?? null; },
+    get latencyMs() { return status.latencyMs; },
+    get stats() { return structuredClone(status.stats); },
+    get errors() { return [...errors]; },
+  }),
+});
+
+showState();
+connection.start();

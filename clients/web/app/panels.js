@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panel: volumes, background, shading, filter.
+
+const byId = (id) => document.getElementById(id);
+
+const hex = (part) => Math.round(Math.min(1, Math.max(0, part)) * 255).toString(16).padStart(2, '0');
+/** [r, g, b, a] in [0,1] → "#rrggbb" */
+export const colorToHex = (color) => `#${color.slice(0, 3).map(hex).join('')}`;
+/** "#rrggbb" → [r, g, b, 1] */
+export const hexToColor = (text) => [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16) / 255).concat(1);
+
+function describe(volume) {
+  if (volume.state === 'failed') return `failed: ${volume.reason ?? volume.error?.detail ?? volume.error ?? 'no reason given'}`;
+  if (volume.state === 'loading') return `loading … ${Math.round((volume.progress ?? 0) * 100)} %`;
+  return [volume.dims?.join(' × '), volume.type].filter(Boolean).join(' · ');
+}
+
+export class Panels {
+  #viewer; #panel; #list;
+  #key = '';
+
+  constructor(viewer, { help }) {
+    this.#viewer = viewer;
+    this.#panel = byId('panel');
+    this.#list = byId('volumes');
+    byId('panel-toggle').addEventListener('click', () => this.toggle());
+    byId('help-open').addEventListener('click', help);
+    byId('fit').addEventListener('click', (event) => viewer.fit(event.timeStamp));
+    byId('reset').addEventListener('click', (event) => viewer.reset(event.timeStamp));
+    byId('background').addEventListener('input', (event) => this.#setBackground(event.target.value, event.timeStamp));
+    for (const swatch of document.querySelectorAll('.swatches button')) {
+      swatch.style.backgroundColor = swatch.dataset.color;
+      swatch.addEventListener('click', (event) => this.#setBackground(swatch.dataset.color, event.timeStamp));
+    }
+    byId('shading').addEventListener('change', (event) => {
+      viewer.change({ shading: { mode: event.target.checked ? 'phong' : 'none' } }, event.timeStamp);
+    });
+    byId('filter').addEventListener('change', (event) => {
+      viewer.change({ filter: { mode: event.target.value } }, event.timeStamp);
+    });
+    this.toggle(!window.matchMedia('(max-width: 640px), (max-height: 480px)').matches);
+  }
+
+  toggle(isOpen = this.#panel.dataset.open !== 'true') {
+    this.#panel.dataset.open = String(isOpen);
+    const button = byId('panel-toggle');
+    button.setAttribute('aria-expanded', String(isOpen));
+    button.setAttribute('aria-label', isOpen ? 'Hide the panel' : 'Show the panel');
+    byId('panel-body').hidden = !isOpen;
+  }
+
+  #setBackground(text, time) {
+    this.#viewer.change({ background: hexToColor(text) }, time);
+  }
+
+  showView(view) {
+    const color = colorToHex(view.background ?? [0, 0, 0, 1]);
+    byId('background').value = color;
+    for (const swatch of document.querySelectorAll('.swatches button')) {
+      swatch.setAttribute('aria-pressed', String(swatch.dataset.color === color));
+    }
+    document.body.style.backgroundColor = color;
+    byId('shading').checked = view.shading?.mode === 'phong';
+    const filter = byId('filter');
+    const mode = view.filter?.mode ?? 'adaptive';
+    if (![...filter.options].some((option) => option.value === mode)) filter.add(new Option(mode, mode));
+    filter.value = mode;
+    document.title = view.volume ? `${view.volume} — splatd` : 'splatd';
+  }
+
+  /** Draws the list; `current` is the id of the volume that is shown. */
+  showVolumes(volumes, current) {
+    byId('volumes-section').hidden = volumes.length === 0;
+    const key = JSON.stringify([current, volumes.map((v) => [v.id, v.name, describe(v), v.progress])]);
+    if (key === this.#key) return;
+    this.#key = key;
+    const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
+    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, current)));
+    if (focused) [...this.#list.querySelectorAll('button')].find((b) => b.dataset.id === focused)?.focus();
+  }
+
+  #entry(volume, current) {
+    const item = document.createElement('li');
+    const button = document.createElement('button');
+    button.type = 'button';
+    button.dataset.id = volume.id;
+    button.dataset.state = volume.state;
+    button.disabled = volume.state !== 'ready';
+    if (volume.id === current) button.setAttribute('aria-current', 'true');
+    const name = document.createElement('span');
+    name.className = 'name';
+    name.textContent = volume.name || volume.id;
+    const about = document.createElement('span');
+    about.className = 'about';
+    about.textContent = describe(volume);
+    button.append(name, about);
+    if (volume.state === 'loading') {
+      const progress = document.createElement('progress');
+      progress.max = 1;
+      progress.value = volume.progress ?? 0;
+      progress.setAttribute('aria-label', `Loading ${volume.name || volume.id}`);
+      button.append(progress);
+    }
+    button.addEventListener('click', () => this.#viewer.selectVolume(volume.id));
+    item.append(button);
+    return item;
+  }
+}

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// The canvas: as many px as the window has (up to a limit), on which pictures of any size are drawn.
+
+/** Longest side that is asked for, px: beyond it a picture costs more than the eye gets. */
+const SIDE_MAX = 2048;
+/** Pictures whose shape differs less than this from the canvas's are stretched to fill it exactly. */
+const SHAPE_TOLERANCE = 0.02;
+
+export class Screen {
+  #canvas; #context; #resized;
+  #css = { width: 1, height: 1 };
+
+  /** resized() is called when the wanted size has changed. */
+  constructor(canvas, resized) {
+    this.#canvas = canvas;
+    this.#context = canvas.getContext('2d', { alpha: false });
+    this.#resized = resized;
+    const observer = new ResizeObserver(([entry]) => this.#measure(entry));
+    observer.observe(canvas);
+    this.#measure(null);
+  }
+
+  /** The canvas in CSS px, for the geometry of the input. */
+  get viewport() { return this.#css; }
+
+  /** [width, height] px of the picture that fits. */
+  get size() { return [this.#canvas.width, this.#canvas.height]; }
+
+  #measure(entry) {
+    const box = this.#canvas.getBoundingClientRect();
+    this.#css = { width: Math.max(1, box.width), height: Math.max(1, box.height) };
+    const device = entry?.devicePixelContentBoxSize?.[0];
+    const ratio = window.devicePixelRatio || 1;
+    const full = [device?.inlineSize ?? box.width * ratio, device?.blockSize ?? box.height * ratio];
+    const shrink = Math.min(1, SIDE_MAX / Math.max(...full));
+    const [width, height] = full.map((n) => Math.max(1, Math.round(n * shrink)));
+    if (width === this.#canvas.width && height === this.#canvas.height) return;
+    const old = this.#copy();
+    this.#canvas.width = width;
+    this.#canvas.height = height;
+    if (old) this.#paint(old);
+    this.#resized();
+  }
+
+  // Resizing a canvas clears it; what it showed stays until the next picture.
+  #copy() {
+    const { width, height } = this.#canvas;
+    if (width < 2 || height < 2) return null;
+    const copy = new OffscreenCanvas(width, height);
+    copy.getContext('2d', { alpha: false }).drawImage(this.#canvas, 0, 0);
+    return copy;
+  }
+
+  draw(picture) {
+    this.#paint(picture);
+  }
+
+  #paint(picture) {
+    const { width, height } = this.#canvas;
+    const shape = (picture.width / picture.height) / (width / height);
+    this.#context.imageSmoothingQuality = 'high';
+    if (Math.abs(shape - 1) < SHAPE_TOLERANCE) {
+      this.#context.drawImage(picture, 0, 0, width, height);
+      return;
+    }
+    // A picture of before the window changed: fov_y is vertical, so its height is what stays.
+    const wide = height * picture.width / picture.height;
+    this.#context.fillRect(0, 0, width, height);
+    this.#context.drawImage(picture, (width - wide) / 2, 0, wide, height);
+  }
+}
+
+/** Decodes the payload of a frame off the main thread; Promise of an ImageBitmap. */
+export function decodePicture({ payload, type }) {
+  return createImageBitmap(new Blob([payload], { type }));
+}

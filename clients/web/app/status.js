@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// The status line: what the last second was like.
+
+const WINDOW_MS = 1000;
+const REFRESH_MS = 250;
+const WORDS = {
+  idle: 'connecting', seeking: 'connecting', waiting: 'loading', joining: 'connecting', live: 'live',
+  draining: 'shutting down', lost: 'not connected', refused: 'refused', stopped: 'stopped',
+};
+
+/** 1234567 → "1.23 M" */
+export function shortNumber(n) {
+  if (!Number.isFinite(n)) return '';
+  if (n >= 1e6) return `${(n / 1e6).toFixed(2)} M`;
+  if (n >= 1e3) return `${(n / 1e3).toFixed(n >= 1e5 ? 0 : 1)} k`;
+  return String(Math.round(n));
+}
+
+const kilobytes = (n) => `${(n / 1000).toFixed(n < 1e5 ? 1 : 0)} kB`;
+
+export class StatusLine {
+  #root; #fields = new Map();
+  #frames = [];
+  #stats = {};
+  #latency = null;
+  #newest = null;
+  #sent = () => 0;
+
+  /** sent(): seq of the newest update. */
+  constructor(root, sent) {
+    this.#root = root;
+    this.#sent = sent;
+    for (const item of root.querySelectorAll('[data-key]')) {
+      this.#fields.set(item.dataset.key, item.querySelector('dd'));
+    }
+    setInterval(() => this.#refresh(), REFRESH_MS);
+  }
+
+  get latencyMs() { return this.#latency; }
+  get stats() { return this.#stats; }
+
+  setState(state) {
+    const field = this.#root.querySelector('#status-state');
+    field.dataset.state = state;
+    field.textContent = WORDS[state] ?? state;
+    if (state !== 'live') this.#frames = [];
+  }
+
+  setStats(stats) {
+    this.#stats = { ...this.#stats, ...stats };
+  }
+
+  /** A frame was drawn; latency in ms, or null. */
+  drew(frame, latency) {
+    this.#frames.push(performance.now());
+    if (latency !== null) this.#latency = latency;
+    this.#newest = frame;
+  }
+
+  #refresh() {
+    const now = performance.now();
+    this.#frames = this.#frames.filter((time) => now - time <= WINDOW_MS);
+    const frame = this.#newest;
+    const set = (key, text) => {
+      const field = this.#fields.get(key);
+      if (field.textContent !== text) field.textContent = text;
+    };
+    const isResting = this.#frames.length === 0 && frame?.isFinal;
+    set('fps', isResting ? 'at rest' : frame ? String(this.#frames.length) : '');
+    set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
+    set('size', frame ? `${frame.width} × ${frame.height}` : '');
+    set('bytes', frame ? kilobytes(frame.payload.byteLength) : '');
+    set('render', frame ? `${((frame.renderUs + frame.encodeUs) / 1000).toFixed(0)} ms` : '');
+    set('backend', this.#stats.backend ?? '');
+    set('splats', shortNumber(this.#stats.splats));
+    set('seq', frame ? `${frame.seq}${frame.seq < this.#sent() ? ` < ${this.#sent()}` : ''} / ${frame.frame}` : '');
+  }
+}

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the user looks at: the view, the camera as a rig, and what may be done with them. Every change goes out as
+// a patch through the pace. Events: view (the view changed), refused Error.
+import {
+  cameraFromRig, fit, orbit, pan, rigFromCamera, volumeSphere, zoom, zoomLimits,
+} from '../core/camera.js';
+import { Emitter } from '../core/emitter.js';
+import { applyPatch } from '../core/merge.js';
+import { Pace } from '../core/pace.js';
+import { drag } from '../core/trackball.js';
+
+/** At the next animation frame, or soon in a hidden tab, which has none. */
+function schedule(then) {
+  let isDone = false;
+  const once = () => {
+    if (isDone) return;
+    isDone = true;
+    then();
+  };
+  requestAnimationFrame(once);
+  setTimeout(once, 100);
+}
+
+export class Viewer extends Emitter {
+  #connection; #viewport;
+  #view = null;
+  #rig = null;
+  #sphere = null;
+  #home = null;
+  #isSwitching = false;
+  #canControl = true;
+
+  constructor({ connection, viewport }) {
+    super();
+    this.#connection = connection;
+    this.#viewport = viewport;
+    this.pace = new Pace({
+      send: (params) => connection.call('view.update', params),
+      schedule,
+      now: () => performance.now(),
+      done: (patch) => patch.volume && this.#reload(),
+      fail: (error, patch) => this.#refused(error, patch),
+    });
+  }
+
+  get view() { return this.#view; }
+  get camera() { return this.#view?.camera ?? null; }
+  /** May the camera be moved? */
+  get isReady() { return Boolean(this.#rig) && !this.#isSwitching && this.#canControl; }
+  /** What a new session begins with after a loss: all of the view, unless its volume was just being changed. */
+  get lastView() {
+    if (!this.#view || !this.#isSwitching) return this.#view;
+    return { volume: this.#view.volume, background: this.#view.background };
+  }
+  get orientation() { return this.#rig?.orientation ?? null; }
+  /** The canvas in CSS px: what the points given to the functions below refer to. */
+  get viewport() { return this.#viewport(); }
+  get canControl() { return this.#canControl; }
+
+  /** Takes a whole view from the daemon. */
+  take(view) {
+    this.#view = view;
+    this.#isSwitching = false;
+    try {
+      this.#rig = rigFromCamera(view.camera);
+    } catch {
+      this.#rig = null;
+    }
+    this.#measure();
+    this.emit('view', view);
+  }
+
+  /** The list of volumes was read (again): the extent of the current one may be known now. */
+  #measure() {
+    const volume = this.#connection.volumes.find((v) => v.id === this.#view?.volume);
+    try {
+      this.#sphere = volume?.dims ? volumeSphere(volume) : null;
+    } catch {
+      this.#sphere = null;
+    }
+    // In a session that was joined by its token alone there is no list: the camera says how large things are.
+    if (!this.#sphere && this.#rig) {
+      this.#sphere = { center: this.#rig.target, radius: this.#rig.distance * Math.sin(this.#rig.fovY * Math.PI / 360) };
+    }
+  }
+
+  /** Somebody else changed the shared view. While we change it ourselves, ours is newer. */
+  takeShared(view) {
+    if (!this.pace.isIdle || this.#isSwitching) return;
+    this.take(view);
+  }
+
+  /** A session was found, with its view: of a new one all counts; of an old one, what we could not tell it stays. */
+  adopt({ view, isNew }) {
+    if (isNew) {
+      this.pace.drop();
+      this.#canControl = true;
+    }
+    if (view && (isNew || this.pace.isIdle || !this.#view)) this.take(view);
+  }
+
+  /** The stream is open. */
+  resume() {
+    this.pace.open();
+  }
+
+  /** The stream is gone. */
+  suspend() {
+    this.pace.close();
+  }
+
+  async #reload() {
+    try {
+      const answer = await this.#connection.call('view.get');
+      const view = answer.view ?? answer;
+      if (this.pace.isIdle) this.take(view);
+    } catch (error) {
+      if (this.#connection.isLive) this.emit('refused', error);
+    }
+  }
+
+  #refused(error, patch) {
+    if (error.code === -32004) this.#canControl = false;
+    this.#isSwitching = false;
+    this.emit('refused', error);
+    // What the daemon refused is not what it shows: go back to its view.
+    if (this.#connection.isLive && patch) this.#reload();
+  }
+
+  /** Changes anything of the view but the camera. */
+  change(patch, time) {
+    if (!this.#view) return;
+    this.#view = applyPatch(this.#view, patch);
+    this.pace.put(patch, { time });
+    this.emit('view', this.#view);
+  }
+
+  selectVolume(id) {
+    if (!this.#view || id === this.#view.volume) return;
+    this.#isSwitching = true;
+    this.#home = null;
+    this.#view = { ...this.#view, volume: id };
+    this.pace.put({ volume: id }, { alone: true });
+    this.emit('view', this.#view);
+  }
+
+  #move(rig, time) {
+    this.#rig = rig;
+    const camera = cameraFromRig(rig);
+    this.#view = { ...this.#view, camera: { ...this.#view.camera, ...camera } };
+    this.pace.put({ camera }, { time });
+  }
+
+  /** Orbit: a drag that began with orientation `start`, between two points of the viewport. */
+  turn(start, from, to, time) {
+    if (!this.isReady) return;
+    this.#move({ ...this.#rig, orientation: drag(start, from, to, this.#viewport()) }, time);
+  }
+
+  orbit(yaw, pitch, roll, time) {
+    if (this.isReady) this.#move(orbit(this.#rig, yaw, pitch, roll), time);
+  }
+
+  pan(delta, time) {
+    if (this.isReady) this.#move(pan(this.#rig, delta, this.#viewport()), time);
+  }
+
+  zoom(factor, at, time) {
+    if (!this.isReady) return;
+    this.#move(zoom(this.#rig, factor, at, this.#viewport(), zoomLimits(this.#sphere)), time);
+  }
+
+  /** The same direction, with the whole volume in the window. */
+  fit(time) {
+    if (this.isReady) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
+  }
+
+  /** The camera of the volume's default view. */
+  async reset(time) {
+    if (!this.isReady) return;
+    const id = this.#view.volume;
+    if (!this.#home) {
+      try {
+        this.#home = (await this.#connection.api.volumeView(id)).camera;
+      } catch {
+        // Joined by a session's own token: fit is the best that can be done.
+        this.fit(time);
+        return;
+      }
+    }
+    if (!this.isReady || this.#view.volume !== id) return;
+    this.#rig = rigFromCamera(this.#home);
+    this.#view = { ...this.#view, camera: this.#home };
+    this.pace.put({ camera: this.#home }, { time });
+  }
+}

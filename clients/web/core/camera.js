@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// The camera as the client moves it, and its form in the view (protocol: "camera").
+//
+// A rig is {projection, target, distance, orientation, fovY, height}: one unit quaternion says how the
+// camera is turned (its columns are right, up and back in world space), so that position and up are
+// always derived, never accumulated, and up stays at right angles to the line of sight.
+// A viewport is {width, height} in CSS px; screen points are px from its upper left corner, y down.
+import {
+  add, subtract, scale, dot, cross, length, normalize, rotate, multiply, axisAngle, fromAxes,
+  normalizeQuaternion,
+} from './vector.js';
+
+const DEGREE = Math.PI / 180;
+
+/** Rig of a view's camera {projection, position, target, up, fov_y, height}. Throws RangeError when degenerate. */
+export function rigFromCamera(camera) {
+  const sight = subtract(camera.target, camera.position);
+  const forward = normalize(sight);
+  const right = normalize(cross(forward, camera.up));
+  const up = cross(right, forward);
+  return {
+    projection: camera.projection ?? 'perspective',
+    target: [...camera.target],
+    distance: length(sight),
+    orientation: fromAxes(right, up, scale(forward, -1)),
+    fovY: camera.fov_y ?? 30,
+    height: camera.height ?? 1,
+  };
+}
+
+/** The fields of the view's camera that moving it changes. */
+export function cameraFromRig(rig) {
+  const camera = {
+    position: add(rig.target, rotate(rig.orientation, [0, 0, rig.distance])),
+    target: [...rig.target],
+    up: rotate(rig.orientation, [0, 1, 0]),
+  };
+  if (rig.projection === 'orthographic') camera.height = rig.height;
+  return camera;
+}
+
+/** World units a px in the plane through the target that is parallel to the image. */
+export function worldPerPixel(rig, viewport) {
+  const seen = rig.projection === 'orthographic'
+    ? rig.height : 2 * rig.distance * Math.tan(rig.fovY * DEGREE / 2);
+  return seen / viewport.height;
+}
+
+/** The point of the target's plane that is seen at the screen point (x, y). */
+export function pointOnPlane(rig, [x, y], viewport) {
+  const unit = worldPerPixel(rig, viewport);
+  const offset = [(x - viewport.width / 2) * unit, (viewport.height / 2 - y) * unit, 0];
+  return add(rig.target, rotate(rig.orientation, offset));
+}
+
+/** Screen point of a world point, or null when it is not in front of the camera. */
+export function project(rig, point, viewport) {
+  const { position } = cameraFromRig(rig);
+  const from = subtract(point, position);
+  const depth = -dot(from, rotate(rig.orientation, [0, 0, 1]));
+  let unit;
+  if (rig.projection === 'orthographic') {
+    unit = rig.height / viewport.height;
+  } else {
+    if (!(depth > 0)) return null;
+    unit = 2 * depth * Math.tan(rig.fovY * DEGREE / 2) / viewport.height;
+  }
+  return [
+    viewport.width / 2 + dot(from, rotate(rig.orientation, [1, 0, 0])) / unit,
+    viewport.height / 2 - dot(from, rotate(rig.orientation, [0, 1, 0])) / unit,
+  ];
+}
+
+/** Moves the camera in the image plane so that what is seen at the target's depth follows (dx, dy) px. */
+export function pan(rig, [dx, dy], viewport) {
+  const unit = worldPerPixel(rig, viewport);
+  return { ...rig, target: subtract(rig.target, rotate(rig.orientation, [dx * unit, -dy * unit, 0])) };
+}
+
+/**
+ * Brings the target nearer (factor < 1) or away, keeping the point of its plane under `at` where it is.
+ * `limits` is {nearest, farthest}: of the distance (perspective) or the height (orthographic), world units.
+ */
+export function zoom(rig, factor, at, viewport, limits) {
+  const key = rig.projection === 'orthographic' ? 'height' : 'distance';
+  const value = Math.min(Math.max(rig[key] * factor, limits.nearest), limits.farthest);
+  const anchor = pointOnPlane(rig, at, viewport);
+  const real = value / rig[key];
+  return { ...rig, [key]: value, target: add(anchor, scale(subtract(rig.target, anchor), real)) };
+}
+
+/** Turns the camera about the target by angles [rad] about its own up (yaw), right (pitch) and sight (roll) axes. */
+export function orbit(rig, yaw, pitch, roll = 0) {
+  let q = rig.orientation;
+  if (yaw) q = multiply(q, axisAngle([0, 1, 0], yaw));
+  if (pitch) q = multiply(q, axisAngle([1, 0, 0], pitch));
+  if (roll) q = multiply(q, axisAngle([0, 0, 1], roll));
+  return { ...rig, orientation: normalizeQuaternion(q) };
+}
+
+/** Sphere {center, radius} around a volume as the protocol describes it (dims, spacing, origin, direction). */
+export function volumeSphere({ dims, spacing, origin = [0, 0, 0], direction }) {
+  const rows = direction ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const world = (axes) => rows.map((row) => dot(row, axes));
+  const full = dims.map((n, axis) => n * spacing[axis]);
+  const middle = dims.map((n, axis) => (n - 1) * spacing[axis] / 2);
+  const corners = [[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]];
+  const radius = Math.max(...corners.map((c) => length(world(full.map((f, i) => f * c[i] / 2)))));
+  return { center: add(origin, world(middle)), radius };
+}
+
+/** How near and how far zooming may go around a sphere. */
+export const zoomLimits = ({ radius }) => ({ nearest: radius * 0.02, farthest: radius * 40 });
+
+/** The same orientation, with the whole sphere in the viewport. */
+export function fit(rig, { center, radius }, viewport) {
+  const aspect = viewport.width / viewport.height;
+  const half = rig.fovY * DEGREE / 2;
+  const narrow = aspect < 1 ? Math.atan(Math.tan(half) * aspect) : half;
+  return {
+    ...rig, target: [...center], distance: radius / Math.sin(narrow), height: 2 * radius / Math.min(1, aspect),
+  };
+}

@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: Apache-2.0
+// From an address to a live stream, and back to one after every failure.
+//
+//   GET volumes ─► a ready one ─► POST sessions ─► stream (WebSocket) ─► frames
+//
+// A session outlives its connections: after a loss the same one is joined again if the daemon still has it, else
+// a new one is made from the last view. Events: state {state, reason, retryMs, error}, volumes [list],
+// session {id, token, tokens, view, isNew}, frame {header and payload}, notification {method, params},
+// fault Error (something that the daemon sent was wrong, or an unexpected failure; the stream goes on).
+import { Api, ApiError } from './api.js';
+import { Emitter } from './emitter.js';
+import { FrameError, decodeFrame } from './frame.js';
+import { Machine } from './machine.js';
+import { Rpc } from './rpc.js';
+
+export const SUBPROTOCOL = 'splatd.v1';
+const RETRY_FIRST_MS = 250;
+const RETRY_MAX_MS = 5000;
+const POLL_LOADING_MS = 300;
+const POLL_MS = 2000;
+const PING_MS = 5000;
+const OPEN_TIMEOUT_MS = 10000;
+const OPEN = 1;
+
+export class Connection extends Emitter {
+  #env; #api; #machine;
+  #socket = null;
+  #rpc = null;
+  #session = null;
+  #volumes = [];
+  #wanted;
+  #epoch = 0;
+  #failures = 0;
+  #timer = null;
+  #ping = null;
+  #heard = 0;
+  #rtt = 0;
+  #lastView = () => null;
+  #size = () => [512, 512];
+
+  /**
+   * base: address of the page's folder; token: of the daemon; session: {id, token, isJoined} to join, or null;
+   * volume: id to begin with, or null; lastView(): the view to restore, or null; size(): [width, height] px.
+   * env: {fetch, WebSocket, setTimeout, clearTimeout, now}.
+   */
+  constructor({ base, token, session = null, volume = null, lastView, size, env }) {
+    super();
+    this.#env = env;
+    this.#api = new Api({ base, token, fetch: env.fetch });
+    this.#session = session;
+    this.#wanted = volume;
+    this.#lastView = lastView;
+    this.#size = size;
+    this.#machine = new Machine();
+  }
+
+  get state() { return this.#machine.state; }
+  get volumes() { return this.#volumes; }
+  get session() { return this.#session; }
+  /** Round trip of the newest ping, ms; 0 = not measured yet. */
+  get rttMs() { return this.#rtt; }
+  get api() { return this.#api; }
+  get isLive() { return this.state === 'live' || this.state === 'draining'; }
+
+  start() {
+    this.#step('start');
+    this.#seek();
+  }
+
+  /** Tries again at once, if it waits to. */
+  retryNow() {
+    if (!this.#machine.can('retry')) return;
+    this.#clearTimer();
+    this.#step('retry');
+    this.#seek();
+  }
+
+  /** Another token, given by the user: joins nothing of before. */
+  useToken(token) {
+    this.#api.token = token;
+    this.#session = null;
+    this.#failures = 0;
+    this.retryNow();
+  }
+
+  stop() {
+    this.#step('stop');
+    this.#hangUp(new Error('the page stopped'));
+  }
+
+  /** Promise of a call's result; rejects at once when there is no stream. */
+  call(method, params) {
+    if (!this.#rpc) return Promise.reject(new Error('there is no stream'));
+    return this.#rpc.call(method, params);
+  }
+
+  notify(method, params) {
+    this.#rpc?.notify(method, params);
+  }
+
+  /** Reads the list of volumes again; resolves to it. */
+  async refresh() {
+    const volumes = await this.#api.volumes();
+    this.#setVolumes(volumes);
+    return volumes;
+  }
+
+  #setVolumes(volumes) {
+    this.#volumes = volumes;
+    this.emit('volumes', volumes);
+  }
+
+  #step(step, detail = {}) {
+    this.#machine.step(step);
+    this.emit('state', { state: this.state, reason: '', retryMs: 0, error: null, ...detail });
+  }
+
+  // Each attempt and each stream is an epoch: what belongs to an older one and comes late is ignored.
+  async #seek() {
+    const epoch = ++this.#epoch;
+    try {
+      const session = await this.#findSession(epoch);
+      if (epoch !== this.#epoch || !session) return;
+      this.#session = session;
+      this.emit('session', session);
+      this.#step('found');
+      this.#join(epoch);
+    } catch (error) {
+      if (epoch === this.#epoch) this.#failed(error);
+    }
+  }
+
+  /** The session to join, joined or new; null when there is nothing to show yet (state: waiting). */
+  async #findSession(epoch) {
+    const known = this.#session;
+    if (!known?.isJoined) await this.#readVolumes(epoch);
+    if (epoch !== this.#epoch) return null;
+    if (known) {
+      try {
+        const { view } = await this.#api.session(known.id, known.token);
+        return { ...known, view, isNew: false };
+      } catch (error) {
+        if (![401, 403, 404, 410].includes(error.status)) throw error;
+        if (known.isJoined) {
+          throw new ApiError(error.status, error.status === 404 || error.status === 410
+            ? 'This shared session has ended. Ask for a new link, or open the daemon\'s own address.'
+            : 'The link to this shared session is not valid.');
+        }
+        this.#session = null;
+      }
+    }
+    const last = this.#lastView();
+    const volume = this.#pick(last);
+    if (epoch !== this.#epoch) return null;
+    if (!volume) {
+      this.#wait();
+      return null;
+    }
+    return this.#create(volume, last);
+  }
+
+  async #readVolumes(epoch) {
+    const volumes = await this.#api.volumes();
+    if (epoch === this.#epoch) this.#setVolumes(volumes);
+  }
+
+  /** The volume of the last view, the wanted one, else the first that is ready. */
+  #pick(last) {
+    const ready = this.#volumes.filter((v) => v.state === 'ready');
+    const byId = (id) => this.#volumes.find((v) => v.id === id);
+    for (const id of [last?.volume, this.#wanted]) {
+      const volume = id && byId(id);
+      if (volume?.state === 'ready') return volume;
+      if (volume?.state === 'loading') return null;
+    }
+    return ready[0] ?? null;
+  }
+
+  async #create(volume, last) {
+    const size = this.#size();
+    if (last && last.volume === volume.id) {
+      try {
+        return { ...await this.#api.createSession({ ...last, size }), isNew: true };
+      } catch (error) {
+        // The daemon may have another version or backend: then its own default view is better than nothing.
+        if (error.status !== 422) throw error;
+        this.emit('fault', new Error(`the last view could not be restored: ${error.message}`));
+      }
+    }
+    const view = { volume: volume.id, size };
+    if (last?.background) view.background = last.background;
+    return { ...await this.#api.createSession(view), isNew: true };
+  }
+
+  #wait() {
+    this.#failures = 0;
+    const isLoading = this.#volumes.some((v) => v.state === 'loading');
+    this.#step('empty');
+    this.#arm(isLoading ? POLL_LOADING_MS : POLL_MS, () => {
+      this.#step('again');
+      this.#seek();
+    });
+  }
+
+  #join(epoch) {
+    const { id } = this.#session;
+    const token = this.#session.tokens?.control ?? this.#session.token;
+    const socket = new this.#env.WebSocket(this.#api.streamUrl(id, token), [SUBPROTOCOL]);
+    socket.binaryType = 'arraybuffer';
+    this.#socket = socket;
+    this.#arm(OPEN_TIMEOUT_MS, () => this.#lose(epoch, 'the stream did not open in time'));
+    socket.onopen = () => epoch === this.#epoch && this.#opened(epoch, socket);
+    socket.onmessage = ({ data }) => epoch === this.#epoch && this.#message(data);
+    socket.onclose = ({ code, reason }) => this.#closed(epoch, code, reason);
+    socket.onerror = () => {};
+  }
+
+  #opened(epoch, socket) {
+    this.#clearTimer();
+    this.#rpc = new Rpc({
+      write: (text) => { if (socket.readyState === OPEN) socket.send(text); },
+      notified: (method, params) => {
+        if (method === 'server.draining' && this.#machine.can('drain')) {
+          this.#step('drain', { reason: params.reason ?? '' });
+        }
+        this.emit('notification', { method, params });
+      },
+    });
+    this.#heard = this.#env.now();
+    this.#keepAlive(epoch);
+    this.#step('opened');
+  }
+
+  #keepAlive(epoch) {
+    const sent = this.#env.now();
+    this.#rpc.call('ping').then(() => {
+      if (epoch === this.#epoch) this.#rtt = this.#env.now() - sent;
+    }, () => {});
+    this.#ping = this.#env.setTimeout(() => {
+      if (epoch !== this.#epoch) return;
+      if (this.#heard < sent) this.#lose(epoch, 'the daemon has stopped answering');
+      else this.#keepAlive(epoch);
+    }, PING_MS);
+  }
+
+  #message(data) {
+    this.#heard = this.#env.now();
+    try {
+      if (typeof data === 'string') {
+        this.#rpc.take(data);
+      } else {
+        const frame = decodeFrame(data);
+        this.#failures = 0; // only now it works: a daemon that opens and closes is left in peace
+        this.emit('frame', frame);
+      }
+    } catch (error) {
+      this.emit('fault', error instanceof FrameError
+        ? new Error(`a frame was not understood: ${error.message}`) : error);
+    }
+  }
+
+  #closed(epoch, code, reason) {
+    if (epoch !== this.#epoch) return;
+    const what = reason || (code === 1006 ? '' : `the stream was closed with code ${code}`);
+    if (this.state === 'joining') this.#explain(epoch, what);
+    else this.#lose(epoch, what);
+  }
+
+  // A browser does not tell why a stream was refused: ask for the session by HTTP, which does.
+  async #explain(epoch, what) {
+    this.#clearTimer();
+    try {
+      await this.#api.session(this.#session.id, this.#session.tokens?.control ?? this.#session.token);
+      this.#lose(epoch, what || 'the stream was refused');
+    } catch (error) {
+      if (epoch !== this.#epoch) return;
+      if ((error.status === 404 || error.status === 410) && !this.#session.isJoined) {
+        this.#session = null;
+        this.#step('gone');
+        this.#seek();
+      } else {
+        this.#failed(error);
+      }
+    }
+  }
+
+  #failed(error) {
+    if (error instanceof ApiError && [401, 403, 404].includes(error.status)) {
+      this.#hangUp(error);
+      this.#step('refuse', { reason: error.message, error });
+      return;
+    }
+    this.#lose(this.#epoch, error.message, error);
+  }
+
+  #lose(epoch, reason, error = null) {
+    if (epoch !== this.#epoch || !this.#machine.can('lose')) return;
+    this.#hangUp(new Error(reason || 'the connection was lost'));
+    const backoff = Math.min(RETRY_MAX_MS, RETRY_FIRST_MS * 2 ** this.#failures);
+    const retryMs = Math.min(RETRY_MAX_MS, Math.max(backoff, (error?.retryAfter ?? 0) * 1000));
+    this.#failures += 1;
+    this.#step('lose', { reason, retryMs, error });
+    this.#arm(retryMs, () => this.retryNow());
+  }
+
+  #hangUp(reason) {
+    this.#epoch += 1;
+    this.#clearTimer();
+    this.#env.clearTimeout(this.#ping);
+    this.#rpc?.close(reason);
+    this.#rpc = null;
+    if (this.#socket) {
+      this.#socket.onopen = this.#socket.onmessage = this.#socket.onclose = null;
+      this.#socket.close();
+      this.#socket = null;
+    }
+  }
+
+  #arm(ms, then) {
+    this.#clearTimer();
+    this.#timer = this.#env.setTimeout(() => {
+      this.#timer = null;
+      then();
+    }, ms);
+  }
+
+  #clearTimer() {
+    this.#env.clearTimeout(this.#timer);
+    this.#timer = null;
+  }
+}

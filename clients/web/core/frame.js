@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// The binary frame of the stream: a 32-byte little-endian header, then the encoded picture (protocol.md).
+
+export const HEADER_BYTES = 32;
+export const FLAG_KEY = 1;
+export const FLAG_FINAL = 2;
+export const FLAG_LOSSLESS = 4;
+
+/** MIME types of the codecs that a browser decodes as a picture; others need a video decoder. */
+const CODECS = new Map([[1, 'image/jpeg'], [2, 'image/png'], [3, 'image/webp']]);
+const SIDE_MAX = 8192;
+
+export class FrameError extends Error {
+  name = 'FrameError';
+}
+
+/**
+ * Decodes one binary message (ArrayBuffer). Returns {codec, type, flags, isKey, isFinal, isLossless, frame, seq,
+ * width, height, renderUs, encodeUs, payload}; `payload` is a view into the message. Throws FrameError.
+ */
+export function decodeFrame(buffer) {
+  if (buffer.byteLength < HEADER_BYTES) {
+    throw new FrameError(`a frame of ${buffer.byteLength} bytes, shorter than its header of ${HEADER_BYTES}`);
+  }
+  const view = new DataView(buffer);
+  if (view.getUint32(0, false) !== 0x53504631) throw new FrameError('byte 0: not "SPF1"');
+  const codec = view.getUint8(4);
+  const type = CODECS.get(codec);
+  if (!type) throw new FrameError(`byte 4: codec ${codec} is not a picture that this client decodes`);
+  const flags = view.getUint8(5);
+  const headerBytes = view.getUint16(6, true);
+  if (headerBytes < HEADER_BYTES || headerBytes > buffer.byteLength) {
+    throw new FrameError(`byte 6: a header of ${headerBytes} bytes in a message of ${buffer.byteLength}`);
+  }
+  const width = view.getUint16(16, true);
+  const height = view.getUint16(18, true);
+  if (width < 1 || width > SIDE_MAX || height < 1 || height > SIDE_MAX) {
+    throw new FrameError(`byte 16: a picture of ${width} × ${height} px`);
+  }
+  const payloadBytes = view.getUint32(28, true);
+  if (payloadBytes < 1 || payloadBytes !== buffer.byteLength - headerBytes) {
+    throw new FrameError(`byte 28: ${payloadBytes} bytes announced, ${buffer.byteLength - headerBytes} sent`);
+  }
+  return {
+    codec, type, flags,
+    isKey: (flags & FLAG_KEY) !== 0,
+    isFinal: (flags & FLAG_FINAL) !== 0,
+    isLossless: (flags & FLAG_LOSSLESS) !== 0,
+    frame: view.getUint32(8, true),
+    seq: view.getUint32(12, true),
+    width, height,
+    renderUs: view.getUint32(20, true),
+    encodeUs: view.getUint32(24, true),
+    payload: new Uint8Array(buffer, headerBytes, payloadBytes),
+  };
+}
