@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Small scenes: voxels made by a formula, and a view. Sizes are chosen so that the integrator
+ * finishes in about a second; every sample type is used by one of them.
+ */
+#ifndef TESTS_SUPPORT_SCENE_H
+#define TESTS_SUPPORT_SCENE_H
+
+#include <stdbool.h>
+
+#include "sp/view.h"
+#include "sp/volume.h"
+
+struct test_scene {
+    struct sp_volume_info info; /* grid, type and name; range and histogram are not filled */
+    void *voxels;               /* owned */
+    struct sp_view view;
+};
+
+/* A view with every field at its documented default, except: 64×64 px, transparent background,
+ * filter.mode ewa, shading none, camera at (0,0,-100) looking along +z with -y up, a transfer
+ * function of two white points (0 → opacity 0, 1 → opacity 0.1). */
+void test_view_init(struct sp_view *view);
+
+/* Value at (x,y,z), index coordinates, in the data's own unit. */
+typedef double test_value_fn(const void *user, double x, double y, double z);
+
+/* Fills scene->info and scene->voxels on a grid with identity direction, centred on the world's
+ * origin; values are rounded and cut to the type's range. False when out of memory. Call
+ * test_view_init() for the view apart. */
+bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_t dims[3],
+                       const double spacing[3], enum sp_type type, test_value_fn *value,
+                       const void *user);
+void test_scene_finish(struct test_scene *scene);
+
+/* Sets the grid's direction to rotation·diag(1, 1, mirror) (angles in degrees about the world's x,
+ * y, z axes, applied in that order; mirror is 1 or -1), the third axis sheared by `shear` times the
+ * first, and moves the origin so that the middle of the volume stays at the world's origin. */
+void test_scene_direction(struct test_scene *scene, const double degrees[3], double mirror,
+                          double shear);
+
+/* The eye at distance `distance` from `target` (NULL = world's origin), turned by azimuth (about
+ * the world's y axis) and elevation, in degrees; the world's y axis points up. */
+void test_scene_orbit(struct test_scene *scene, const double *target, double azimuth,
+                      double elevation, double distance);
+
+/* Points of the transfer function: value, r, g, b, opacity in rows of five. */
+void test_scene_points(struct test_scene *scene, const double (*points)[5], unsigned count);
+
+/* The scene as a volume of the renderer: one reference, or NULL with *err set. */
+struct sp_volume *test_scene_volume(const struct test_scene *scene, struct sp_error *err);
+
+/* The scenes. Each returns false when out of memory. */
+typedef bool test_scene_fn(struct test_scene *scene);
+bool test_scene_constant_cube(struct test_scene *scene); /* 24³, one value, seen over an edge */
+bool test_scene_thin_shells(struct test_scene *scene);   /* concentric shells of three colours */
+bool test_scene_anisotropic(struct test_scene *scene);   /* 1×1×4, thin layers */
+bool test_scene_checkerboard(struct test_scene *scene);  /* minified: a voxel is half a pixel */
+bool test_scene_phantom(struct test_scene *scene);       /* magnified: a voxel is four pixels */
+bool test_scene_oblique(struct test_scene *scene);       /* wide angle, grazing, close */
+bool test_scene_blobs(struct test_scene *scene);         /* smooth, 40³ */
+bool test_scene_orthographic(struct test_scene *scene);  /* blobs, parallel rays */
+bool test_scene_rotated(struct test_scene *scene);       /* blobs, rotated direction, 1×1.5×2 */
+bool test_scene_left_handed(struct test_scene *scene);   /* the same, mirrored */
+bool test_scene_sheared(struct test_scene *scene);       /* a direction matrix not orthogonal */
+bool test_scene_inside(struct test_scene *scene);        /* the eye in the middle of a shell */
+bool test_scene_wide_kernel(struct test_scene *scene);   /* σ 1, cutoff 4, coloured background */
+bool test_scene_lit_shell(struct test_scene *scene);     /* Phong, two lights */
+
+#endif
