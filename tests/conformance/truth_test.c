@@ -234,9 +234,9 @@ static void the_nearer_layer_hides_the_farther(void **state) {
     test_scene_finish(&s);
 }
 
-/* A quarter of the step, twice the rays, a wider kernel: nothing above CONVERGED dB changes. Only
+/* Half the step, nearly twice the rays, a wider kernel: nothing above CONVERGED dB changes. Only
  * the middle of the picture is compared, which keeps this under some seconds. */
-enum { CONVERGED = 75, CROP = 24 };
+enum { CONVERGED = 75, CROP = 16 };
 
 static void finer_changes_nothing(void **state) {
     (void)state;
@@ -247,7 +247,7 @@ static void finer_changes_nothing(void **state) {
         { test_scene_thin_shells, 0 }, { test_scene_thin_shells, 1 },
         { test_scene_anisotropic, 1 }, { test_scene_checkerboard, 1 },
         { test_scene_oblique, 0 },     { test_scene_phantom, 0 },
-        { test_scene_sheared, 1 },     { test_scene_wide_kernel, 1 },
+        { test_scene_sheared, 1 },     { test_scene_wide_kernel, 0 },
     };
     unsigned failed = 0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -258,9 +258,7 @@ static void finer_changes_nothing(void **state) {
         s.view.size[0] = s.view.size[1] = CROP;
         unsigned n = cases[i].lowpass > 0 ? 3 : 1;
         struct test_truth_options usual = { .samples = n };
-        struct test_truth_options finer = { .samples = 2 * n + 1, .step = 0.1, .radius = 6 };
-        if (n == 1)
-            finer.samples = 1;
+        struct test_truth_options finer = { .samples = 2 * n - 1, .step = 0.2, .radius = 6 };
         struct test_image a = integrate(&s, &usual, cases[i].lowpass);
         struct test_image b = integrate(&s, &finer, cases[i].lowpass);
         double psnr = test_image_psnr(&a, &b);
