@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Every file of protocol/examples through the decoder: valid ones are accepted and survive encoding
+ * bit for bit, invalid ones give the error that they name.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/fixture.h"
+#include "protocol/limits.h"
+#include "protocol/view.h"
+
+static char *read_file(const char *path, size_t *size) {
+    FILE *file = fopen(path, "rb");
+    char *bytes = malloc(PROTO_BODY_MAX);
+    assert_non_null(file);
+    assert_non_null(bytes);
+    *size = fread(bytes, 1, PROTO_BODY_MAX, file);
+    fclose(file);
+    return bytes;
+}
+
+static proto_json *parse_file(const char *path) {
+    size_t size;
+    char *bytes = read_file(path, &size);
+    struct sp_error err = { 0 };
+    proto_json *json = proto_json_parse(bytes, size, &err);
+    if (!json)
+        print_error("%s: %s: %s\n", path, err.place, err.text);
+    free(bytes);
+    return json;
+}
+
+/* Calls `check` for each .json file of a folder; the number of files, and of failures in *failed.
+ */
+static int each_file(const char *kind, bool (*check)(const char *path), int *failed) {
+    char folder[512], path[1024];
+    snprintf(folder, sizeof folder, "%s/protocol/examples/%s", SPLATD_SOURCE_DIR, kind);
+    DIR *dir = opendir(folder);
+    assert_non_null(dir);
+    int count = 0;
+    *failed = 0;
+    for (const struct dirent *entry; (entry = readdir(dir));) {
+        if (!strstr(entry->d_name, ".json"))
+            continue;
+        snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
+        *failed += !check(path);
+        count++;
+    }
+    closedir(dir);
+    return count;
+}
+
+static bool check_valid(const char *path) {
+    struct sp_error err = { 0 };
+    struct sp_view defaults = fixture_view(), view = defaults, again;
+    proto_json *patch = parse_file(path);
+    bool ok = patch && proto_view_apply(patch, &defaults, &view, &err);
+    if (!ok)
+        print_error("%s: %s: %s\n", path, err.place, err.text);
+    proto_json *encoded = proto_view_encode(&view);
+    again = fixture_view();
+    again.camera.fov_y = 77;
+    ok = ok && proto_view_apply(encoded, &defaults, &again, &err);
+    if (ok && memcmp(&again, &view, sizeof view) != 0) {
+        print_error("%s: changed by encoding and decoding\n", path);
+        ok = false;
+    }
+    proto_json_free(&encoded);
+    proto_json_free(&patch);
+    return ok;
+}
+
+static void valid_examples_are_accepted(void **state) {
+    (void)state;
+    int failed;
+    assert_true(each_file("valid", check_valid, &failed) >= 10);
+    assert_int_equal(failed, 0);
+}
+
+/* The bytes that an invalid example stands for: its view, its text, or its bytes in hexadecimal. */
+static char *example_bytes(const proto_json *example, size_t *size) {
+    const proto_json *view = proto_json_get(example, "view");
+    const char *text = proto_json_string(proto_json_get(example, "text"));
+    const char *hex = proto_json_string(proto_json_get(example, "hex"));
+    if (view)
+        return proto_json_to_text(view, size);
+    if (text) {
+        *size = strlen(text);
+        return strdup(text);
+    }
+    *size = hex ? strlen(hex) / 2 : 0;
+    char *bytes = malloc(*size + 1);
+    for (size_t i = 0; i < *size && bytes; i++) {
+        unsigned value;
+        if (sscanf(hex + 2 * i, "%2x", &value) != 1)
+            fail_msg("bad hexadecimal %s", hex);
+        bytes[i] = (char)value;
+    }
+    return bytes;
+}
+
+static bool check_invalid(const char *path) {
+    proto_json *example = parse_file(path);
+    if (!example)
+        return false;
+    const proto_json *error = proto_json_get(example, "error");
+    const char *code = proto_json_string(proto_json_get(error, "code"));
+    const char *pointer = proto_json_string(proto_json_get(error, "pointer"));
+    if (!code || !pointer) {
+        print_error("%s does not name its error\n", path);
+        proto_json_free(&example);
+        return false;
+    }
+    size_t size;
+    char *bytes = example_bytes(example, &size);
+    struct sp_error err = { 0 };
+    struct sp_view defaults = fixture_view(), view = defaults;
+    proto_json *patch = proto_json_parse(bytes, size, &err);
+    bool accepted = patch && proto_view_apply(patch, &defaults, &view, &err);
+    bool ok = !accepted && strcmp(sp_code_name(err.code), code) == 0 &&
+              strcmp(err.place, pointer) == 0 && err.text[0] &&
+              memcmp(&view, &defaults, sizeof view) == 0;
+    if (!ok)
+        print_error("%s: %s %s \"%s\" instead of %s %s\n", path,
+                    accepted ? "accepted" : sp_code_name(err.code), err.place, err.text, code,
+                    pointer);
+    proto_json_free(&patch);
+    proto_json_free(&example);
+    free(bytes);
+    return ok;
+}
+
+static void invalid_examples_give_their_error(void **state) {
+    (void)state;
+    int failed;
+    assert_true(each_file("invalid", check_invalid, &failed) >= 40);
+    assert_int_equal(failed, 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(valid_examples_are_accepted),
+        cmocka_unit_test(invalid_examples_give_their_error),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,201 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/frame_header.h"
+#include "protocol/rpc.h"
+#include "protocol/volume.h"
+
+#include "protocol/fixture.h"
+
+static void requests_are_decoded(void **state) {
+    (void)state;
+    const char *text = "{\"jsonrpc\":\"2.0\",\"id\":7,\"method\":\"view.update\",\"params\":{"
+                       "\"seq\":3,\"patch\":{}}}";
+    struct proto_rpc_message message;
+    enum proto_rpc_code code;
+    assert_true(proto_rpc_decode(text, strlen(text), &message, &code, NULL));
+    assert_string_equal(message.method, "view.update");
+    assert_true(message.has_id);
+    int64_t seq = 0;
+    assert_true(proto_json_integer(proto_json_get(message.params, "seq"), &seq) && seq == 3);
+    size_t size;
+    proto_json *result = proto_json_object();
+    proto_json_set_integer(result, "seq", 3);
+    char *answer = proto_rpc_result(message.id, result, &size);
+    assert_string_equal(answer, "{\"jsonrpc\":\"2.0\",\"id\":7,\"result\":{\"seq\":3}}");
+    assert_int_equal(size, strlen(answer));
+    free(answer);
+    proto_rpc_finish(&message);
+    proto_rpc_finish(&message);
+}
+
+static void notifications_have_no_id(void **state) {
+    (void)state;
+    const char *text = "{\"jsonrpc\":\"2.0\",\"method\":\"ping\"}";
+    struct proto_rpc_message message;
+    enum proto_rpc_code code;
+    assert_true(proto_rpc_decode(text, strlen(text), &message, &code, NULL));
+    assert_false(message.has_id);
+    assert_null(message.id);
+    assert_null(message.params);
+    proto_rpc_finish(&message);
+    char *sent = proto_rpc_notification("server.draining", proto_json_object(), NULL);
+    assert_string_equal(sent, "{\"jsonrpc\":\"2.0\",\"method\":\"server.draining\",\"params\":{}}");
+    free(sent);
+    assert_null(proto_rpc_notification("x", NULL, NULL));
+    assert_null(proto_rpc_result(NULL, NULL, NULL));
+}
+
+static void bad_messages_get_their_code_and_id(void **state) {
+    (void)state;
+    static const struct {
+        const char *text;
+        int code;
+        const char *place, *id;
+    } cases[] = {
+        { "", -32700, "", "null" },
+        { "{", -32700, "", "null" },
+        { "{\"jsonrpc\":\"2.0\",\"method\":\"a\",\"method\":\"b\"}", -32700, "/method", "null" },
+        { "[]", -32600, "", "null" },
+        { "[{\"jsonrpc\":\"2.0\",\"method\":\"a\"}]", -32600, "", "null" },
+        { "7", -32600, "", "null" },
+        { "{\"id\":1,\"method\":\"a\"}", -32600, "/jsonrpc", "1" },
+        { "{\"jsonrpc\":2.0,\"id\":1,\"method\":\"a\"}", -32600, "/jsonrpc", "1" },
+        { "{\"jsonrpc\":\"1.0\",\"id\":\"q\",\"method\":\"a\"}", -32600, "/jsonrpc", "\"q\"" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":1}", -32600, "/method", "1" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":1.5,\"result\":{}}", -32600, "/method", "1.5" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"\"}", -32600, "/method", "1" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":5}", -32600, "/method", "1" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":null,\"method\":\"a\"}", -32600, "/id", "null" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":[1],\"method\":\"a\"}", -32600, "/id", "null" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"a\",\"params\":[1]}", -32602, "/params",
+          "1" },
+        { "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"a\",\"params\":null}", -32602, "/params",
+          "1" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct proto_rpc_message message;
+        enum proto_rpc_code code = PROTO_RPC_INTERNAL;
+        struct sp_error err = { 0 };
+        char id[64], number[32];
+        if (proto_rpc_decode(cases[i].text, strlen(cases[i].text), &message, &code, &err))
+            fail_msg("accepted %s", cases[i].text);
+        char *answer = proto_rpc_error(message.id, code, &err, NULL);
+        snprintf(id, sizeof id, "\"id\":%s,", cases[i].id);
+        snprintf(number, sizeof number, "\"code\":%d,", cases[i].code);
+        if (!strstr(answer, id) || !strstr(answer, number) || strcmp(err.place, cases[i].place))
+            fail_msg("%s is answered with %s (%s)", cases[i].text, answer, err.place);
+        free(answer);
+        proto_rpc_finish(&message);
+    }
+    char text[512];
+    struct proto_rpc_message message;
+    enum proto_rpc_code code;
+    snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":\"%0257d\",\"method\":\"a\"}", 0);
+    assert_false(proto_rpc_decode(text, strlen(text), &message, &code, NULL));
+    assert_int_equal(code, PROTO_RPC_REQUEST);
+    proto_rpc_finish(&message);
+    snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"%065d\"}", 0);
+    assert_false(proto_rpc_decode(text, strlen(text), &message, &code, NULL));
+    proto_rpc_finish(&message);
+}
+
+static void errors_carry_the_pointer(void **state) {
+    (void)state;
+    struct sp_error err;
+    sp_fail(&err, SP_ERR_INVALID, "/camera/up", "up is zero");
+    char *text = proto_rpc_error(NULL, proto_rpc_code_from(err.code), &err, NULL);
+    assert_string_equal(text, "{\"jsonrpc\":\"2.0\",\"id\":null,\"error\":{\"code\":-32000,"
+                              "\"message\":\"up is zero\",\"data\":{\"pointer\":\"/camera/up\"}}}");
+    free(text);
+}
+
+static void frame_headers_lie_as_documented(void **state) {
+    (void)state;
+    const struct proto_frame_header header = { .codec = PROTO_CODEC_PNG,
+                                               .flags = PROTO_FRAME_KEY | PROTO_FRAME_LOSSLESS,
+                                               .frame = 0x01020304,
+                                               .seq = 0x05060708,
+                                               .width = 0x1112,
+                                               .height = 0x2122,
+                                               .render_us = 0x31323334,
+                                               .encode_us = 0x41424344,
+                                               .payload_bytes = 3 };
+    static const uint8_t expected[35] = { 'S',  'P',  'F',  '1',  2,    5,    32,   0,    4,
+                                          3,    2,    1,    8,    7,    6,    5,    0x12, 0x11,
+                                          0x22, 0x21, 0x34, 0x33, 0x32, 0x31, 0x44, 0x43, 0x42,
+                                          0x41, 3,    0,    0,    0,    9,    9,    9 };
+    uint8_t message[36] = { 0 };
+    memset(message + 32, 9, 3);
+    proto_frame_header_encode(&header, message);
+    assert_memory_equal(message, expected, sizeof expected);
+    struct proto_frame_header back = { 0 };
+    assert_true(proto_frame_header_decode(message, 35, &back));
+    assert_int_equal(back.codec, header.codec);
+    assert_int_equal(back.flags, header.flags);
+    assert_int_equal(back.frame, header.frame);
+    assert_int_equal(back.seq, header.seq);
+    assert_int_equal(back.width, header.width);
+    assert_int_equal(back.height, header.height);
+    assert_int_equal(back.render_us, header.render_us);
+    assert_int_equal(back.encode_us, header.encode_us);
+    assert_int_equal(back.payload_bytes, header.payload_bytes);
+    for (size_t size = 0; size <= 36; size++)
+        if (size != 35)
+            assert_false(proto_frame_header_decode(message, size, &back));
+    static const struct {
+        int at;
+        uint8_t value;
+    } broken[] = { { 0, 's' }, { 3, '2' }, { 4, 0 },  { 6, 31 },
+                   { 6, 33 },  { 7, 1 },   { 28, 2 }, { 31, 0xff } };
+    for (size_t i = 0; i < sizeof broken / sizeof *broken; i++) {
+        uint8_t copy[35];
+        memcpy(copy, message, sizeof copy);
+        copy[broken[i].at] = broken[i].value;
+        assert_false(proto_frame_header_decode(copy, sizeof copy, &back));
+    }
+    uint8_t later[39]; /* a later version with four bytes more in its header */
+    memcpy(later, message, 32);
+    memset(later + 32, 9, 7);
+    later[6] = 36;
+    assert_true(proto_frame_header_decode(later, sizeof later, &back));
+}
+
+static void volumes_are_described(void **state) {
+    (void)state;
+    struct sp_volume_info info = fixture_info();
+    proto_json *volume = proto_volume_encode(&info, "an id", true);
+    const proto_json *counts = proto_json_get(proto_json_get(volume, "histogram"), "counts");
+    assert_int_equal(proto_json_size(counts), 256);
+    proto_json_free(&volume);
+    volume = proto_volume_encode(&info, "an id", false);
+    char *text = proto_json_to_text(volume, NULL);
+    assert_string_equal(
+        text, "{\"id\":\"an id\",\"name\":\"fixture\",\"source\":\"\",\"dims\":[64,64,32],"
+              "\"spacing\":[1,1,2.5],\"origin\":[-10,0,0.125],\"direction\":[[1,0,0],[0,1,0],"
+              "[0,0,1]],\"unit\":\"mm\",\"type\":\"uint8\",\"components\":1,\"range\":[0,255],"
+              "\"nonfinite\":0,\"bytes\":131072}");
+    free(text);
+    proto_json_free(&volume);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(requests_are_decoded),
+        cmocka_unit_test(notifications_have_no_id),
+        cmocka_unit_test(bad_messages_get_their_code_and_id),
+        cmocka_unit_test(errors_carry_the_pointer),
+        cmocka_unit_test(frame_headers_lie_as_documented),
+        cmocka_unit_test(volumes_are_described),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,245 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/fixture.h"
+#include "protocol/view.h"
+
+static bool apply(const char *text, struct sp_view *view, struct sp_error *err) {
+    const struct sp_view defaults = fixture_view();
+    proto_json *patch = proto_json_parse(text, strlen(text), err);
+    bool ok = patch && proto_view_apply(patch, &defaults, view, err);
+    proto_json_free(&patch);
+    return ok;
+}
+
+static void must_apply(const char *text, struct sp_view *view) {
+    struct sp_error err;
+    if (!apply(text, view, &err))
+        fail_msg("%s: %s: %s", text, err.place, err.text);
+}
+
+static void patches_merge_and_arrays_are_whole(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view(), before = view;
+    must_apply("{\"camera\":{\"fov_y\":45},\"size\":[640,480]}", &view);
+    assert_true(view.camera.fov_y == 45);
+    assert_int_equal(view.size[0], 640);
+    assert_true(view.camera.near == before.camera.near);
+    must_apply("{\"transfer_function\":{\"points\":[{\"value\":3,\"color\":[0,0.5,1],\"opacity\":"
+               "0.25}]}}",
+               &view);
+    assert_int_equal(view.transfer_function.point_count, 1);
+    assert_true(view.transfer_function.points[0].opacity == 0.25f);
+    assert_true(view.transfer_function.points[1].value == 0);
+    assert_true(view.camera.fov_y == 45);
+    must_apply("{\"shading\":{\"lights\":[]}}", &view);
+    assert_int_equal(view.shading.light_count, 0);
+}
+
+static void null_goes_back_to_the_default(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view(), defaults = view;
+    must_apply(
+        "{\"volume\":\"other\",\"size\":[10,10],\"camera\":{\"fov_y\":45,\"up\":[0,1,0]},"
+        "\"filter\":{\"sigma\":1,\"c_max\":3},\"shading\":{\"lights\":[],\"mode\":\"none\"},"
+        "\"primitive\":{\"type\":\"shell\"},\"clip\":{\"box\":[[0,0,0],[1,1,0.5]]},"
+        "\"transfer_function\":{\"points\":[{\"value\":3,\"color\":[0,0,0],\"opacity\":0}]}}",
+        &view);
+    assert_string_equal(view.volume, "other");
+    must_apply("{\"camera\":{\"fov_y\":null},\"filter\":{\"c_max\":null}}", &view);
+    assert_true(view.camera.fov_y == defaults.camera.fov_y);
+    assert_true(view.camera.up[1] == 1);
+    assert_true(isnan(view.filter.c_max));
+    must_apply("{\"volume\":null,\"size\":null,\"camera\":null,\"filter\":null,\"shading\":null,"
+               "\"primitive\":null,\"clip\":null,\"transfer_function\":{\"points\":null}}",
+               &view);
+    assert_memory_equal(&view, &defaults, sizeof view);
+}
+
+static void defaults_may_be_the_view_itself(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view();
+    must_apply("{\"camera\":{\"fov_y\":45}}", &view);
+    struct sp_view before = view;
+    struct sp_error err;
+    proto_json *patch = proto_json_parse("{\"camera\":null,\"filter\":null}", 29, &err);
+    assert_true(proto_view_apply(patch, &view, &view, &err));
+    assert_memory_equal(&view, &before, sizeof view);
+    proto_json_free(&patch);
+}
+
+static void a_refused_patch_changes_nothing(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view(), before = view;
+    struct sp_error err;
+    assert_false(apply("{\"size\":[1,1],\"camera\":{\"fov_y\":45,\"near\":\"x\"}}", &view, &err));
+    assert_false(apply("{\"size\":[1,1],\"camera\":{\"fov_y\":999}}", &view, &err));
+    assert_false(apply("{\"size\":[1,1]", &view, &err));
+    assert_memory_equal(&view, &before, sizeof view);
+}
+
+static void messages_help(void **state) {
+    (void)state;
+    static const struct {
+        const char *patch, *place, *text;
+    } cases[] = {
+        { "{\"camra\":{}}", "/camra", "unknown field; did you mean \"camera\"?" },
+        { "{\"camera\":{\"fov\":1}}", "/camera/fov", "unknown field; did you mean \"fov_y\"?" },
+        { "{\"filter\":{\"Kernal\":1}}", "/filter/Kernal",
+          "unknown field; did you mean \"kernel\"?" },
+        { "{\"filter\":{\"zzz\":1}}", "/filter/zzz", "unknown field" },
+        { "{\"filter\":{\"kernel\":\"box\"}}", "/filter/kernel",
+          "must be \"gaussian\" or \"cubic\", not \"box\"" },
+        { "{\"compositing\":{\"mode\":7}}", "/compositing/mode",
+          "must be \"splat\", \"sheet\" or \"slab\", not a number" },
+        { "{\"camera\":{\"up\":[0,1]}}", "/camera/up", "must be an array of 3 numbers, not of 2" },
+        { "{\"camera\":{\"up\":\"y\"}}", "/camera/up",
+          "must be an array of 3 numbers, not a string" },
+        { "{\"clip\":{\"box\":7}}", "/clip/box",
+          "must be an array of 2 arrays of 3 numbers, not a number" },
+        { "{\"size\":[1.5,1]}", "/size/0", "1.5 is not a whole number in [0, 4294967295]" },
+        { "{\"size\":[\"a\",1]}", "/size/0", "must be a whole number, not a string" },
+        { "{\"filter\":{\"c_max\":\"a\"}}", "/filter/c_max",
+          "must be a number or null, not a string" },
+        { "{\"shading\":{\"lights\":[{}]}}", "/shading/lights/0", "\"direction\" is missing" },
+        { "{\"volume\":\"\"}", "/volume", "must have 1 to 127 bytes, not 0" },
+        { "[]", "", "must be an object, not an array" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct sp_view view = fixture_view();
+        struct sp_error err = { 0 };
+        assert_false(apply(cases[i].patch, &view, &err));
+        assert_int_equal(err.code, SP_ERR_INVALID);
+        assert_string_equal(err.place, cases[i].place);
+        assert_string_equal(err.text, cases[i].text);
+    }
+}
+
+static void opacity_is_never_rounded_up_to_one(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view();
+    must_apply("{\"transfer_function\":{\"points\":[{\"value\":0,\"color\":[0.9999999999,0,1],"
+               "\"opacity\":0.9999999999999999}]}}",
+               &view);
+    assert_true(view.transfer_function.points[0].opacity == nextafterf(1, 0));
+    assert_true(view.transfer_function.points[0].color[2] == 1);
+}
+
+/* xorshift, Marsaglia 2003 */
+static double uniform(uint64_t *seed, double low, double high) {
+    *seed ^= *seed << 13, *seed ^= *seed >> 7, *seed ^= *seed << 17;
+    return low + (high - low) * ((double)(*seed >> 11) / 9007199254740992.0);
+}
+
+static struct sp_view random_view(uint64_t *seed) {
+    struct sp_view v = fixture_view();
+    struct sp_camera *c = &v.camera;
+    v.size[0] = (uint32_t)uniform(seed, 1, 8192.9);
+    c->projection = uniform(seed, 0, 1) < 0.5 ? SP_PERSPECTIVE : SP_ORTHOGRAPHIC;
+    for (int i = 0; i < 3; i++) {
+        c->position[i] = uniform(seed, -1e3, 1e3);
+        c->target[i] = uniform(seed, -1e-3, 1e-3);
+        c->up[i] = uniform(seed, -1, 1);
+        v.background[i] = (float)uniform(seed, 0, 1);
+    }
+    c->fov_y = uniform(seed, 1, 170);
+    c->near = exp(uniform(seed, -600, 600));
+    struct sp_transfer_function *tf = &v.transfer_function;
+    tf->point_count = 1 + (uint32_t)uniform(seed, 0, 255.9);
+    memset(tf->points, 0, sizeof tf->points);
+    double value = uniform(seed, -1e6, 0);
+    for (uint32_t i = 0; i < tf->point_count; i++) {
+        tf->points[i].value = value += exp(uniform(seed, -6, 6));
+        tf->points[i].opacity = (float)uniform(seed, 0, 0.999);
+        for (int k = 0; k < 3; k++)
+            tf->points[i].color[k] = (float)uniform(seed, 0, 1);
+    }
+    tf->gradient_count = 2;
+    tf->gradient[1] = (struct sp_gradient_point){ uniform(seed, 1e-9, 1e9), 0.1f };
+    v.filter.mode = (enum sp_filter_mode)uniform(seed, 0, 5.9);
+    v.filter.c_max = uniform(seed, 0, 1) < 0.5 ? NAN : uniform(seed, 1, 5);
+    v.shading.light_count = (uint32_t)uniform(seed, 0, 8.9);
+    for (uint32_t i = 0; i < v.shading.light_count; i++)
+        v.shading.lights[i] = (struct sp_light){ { uniform(seed, 0.1, 1), -1, 0 },
+                                                 SP_LIGHT_WORLD,
+                                                 { (float)uniform(seed, 0, 4), 0, 1 } };
+    if (v.shading.light_count == 0)
+        memset(v.shading.lights, 0, sizeof v.shading.lights);
+    v.clip.plane_count = 1;
+    v.clip.planes[0] = (struct sp_clip_plane){ { 0, uniform(seed, 1, 2), 0 }, 0.1 };
+    return v;
+}
+
+static char *canonical(const struct sp_view *view) {
+    proto_json *json = proto_view_encode(view);
+    char *text = proto_json_to_canonical(json, NULL);
+    assert_non_null(text);
+    proto_json_free(&json);
+    return text;
+}
+
+static void random_views_survive_bit_for_bit(void **state) {
+    (void)state;
+    uint64_t seed = 0x9e3779b97f4a7c15;
+    for (int round = 0; round < 300; round++) {
+        struct sp_view view = random_view(&seed), back = fixture_view();
+        char *text = canonical(&view);
+        must_apply(text, &back);
+        if (!isnan(view.filter.c_max))
+            assert_true(back.filter.c_max == view.filter.c_max);
+        back.filter.c_max = view.filter.c_max;
+        assert_memory_equal(&back, &view, sizeof view);
+        char *again = canonical(&back);
+        assert_string_equal(again, text);
+        free(again);
+        free(text);
+    }
+}
+
+static void the_default_view_survives(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view(), back = view;
+    back.camera.fov_y = 99;
+    char *text = canonical(&view);
+    must_apply(text, &back);
+    char *again = canonical(&back);
+    assert_string_equal(again, text);
+    free(again);
+    free(text);
+}
+
+static void the_volume_of_a_patch(void **state) {
+    (void)state;
+    proto_json *patch = proto_json_parse("{\"volume\":\"engine\"}", 19, NULL);
+    assert_string_equal(proto_view_volume(patch), "engine");
+    proto_json_free(&patch);
+    patch = proto_json_parse("{\"volume\":7}", 12, NULL);
+    assert_null(proto_view_volume(patch));
+    proto_json_free(&patch);
+    assert_null(proto_view_volume(NULL));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(patches_merge_and_arrays_are_whole),
+        cmocka_unit_test(null_goes_back_to_the_default),
+        cmocka_unit_test(defaults_may_be_the_view_itself),
+        cmocka_unit_test(a_refused_patch_changes_nothing),
+        cmocka_unit_test(messages_help),
+        cmocka_unit_test(opacity_is_never_rounded_up_to_one),
+        cmocka_unit_test(random_views_survive_bit_for_bit),
+        cmocka_unit_test(the_default_view_survives),
+        cmocka_unit_test(the_volume_of_a_patch),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
