@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "backend/cpu/draw.h"
+
+/* The processor's name as the system gives it. */
+static void read_device(char *text, size_t size) {
+    snprintf(text, size, "CPU");
+    FILE *file = fopen("/proc/cpuinfo", "r");
+    if (!file)
+        return;
+    char line[256];
+    while (fgets(line, sizeof line, file)) {
+        char *colon = strchr(line, ':');
+        if (strncmp(line, "model name", 10) == 0 && colon) {
+            colon += 1 + strspn(colon + 1, " \t");
+            colon[strcspn(colon, "\n")] = 0;
+            snprintf(text, size, "%.90s", colon);
+            break;
+        }
+    }
+    fclose(file);
+}
+
+static void cpu_destroy(void *pointer) {
+    struct cpu_state *state = pointer;
+    cpu_cache_forget(&state->cache, NULL);
+    sp_pool_destroy(&state->pool);
+    sp_arena_finish(&state->arena);
+    free(state);
+}
+
+static void *cpu_create(const struct sp_backend_options *options, struct sp_error *err) {
+    struct cpu_state *state = calloc(1, sizeof *state);
+    if (!state) {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the cpu backend");
+        return NULL;
+    }
+    sp_arena_init(&state->arena);
+    if (cpu_kernels_init(&state->kernels, options->isa, err))
+        state->pool = sp_pool_create(options->threads, err);
+    if (!state->pool) {
+        cpu_destroy(state);
+        return NULL;
+    }
+    read_device(state->device, sizeof state->device);
+    return state;
+}
+
+static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
+    const struct cpu_state *state = pointer;
+    *info = (struct sp_renderer_info){ .backend = "cpu",
+                                       .device = state->device,
+                                       .isa = state->kernels.isa,
+                                       .threads = sp_pool_threads(state->pool) };
+}
+
+static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+    return cpu_draw(pointer, job, err);
+}
+
+static void cpu_forget(void *pointer, const struct sp_volume *volume) {
+    struct cpu_state *state = pointer;
+    cpu_cache_forget(&state->cache, volume);
+}
+
+static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
+    const struct cpu_state *state = pointer;
+    return cpu_cache_bytes(&state->cache, volume);
+}
+
+extern const struct sp_backend cpu_backend;
+const struct sp_backend cpu_backend = {
+    .entry = { "cpu", "EWA splatting on the processor, the reference of all backends" },
+    .capabilities = { .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC),
+                      .filters = SP_CAN(SP_FILTER_ADAPTIVE) | SP_CAN(SP_FILTER_EWA) |
+                                 SP_CAN(SP_FILTER_RECONSTRUCTION) | SP_CAN(SP_FILTER_LOWPASS),
+                      .kernels = SP_CAN(SP_KERNEL_GAUSSIAN),
+                      .compositings = SP_CAN(SP_COMPOSITE_SHEET),
+                      .attenuations = SP_CAN(SP_ATTENUATION_EXPONENTIAL),
+                      .orders = SP_CAN(SP_TF_PRE),
+                      .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),
+                      .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),
+                      .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF) },
+    .create = cpu_create,
+    .destroy = cpu_destroy,
+    .info = cpu_info,
+    .render = cpu_render,
+    .forget = cpu_forget,
+    .memory = cpu_memory,
+};

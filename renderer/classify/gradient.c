@@ -1,0 +1,99 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "classify/gradient.h"
+
+#include "base/vec.h"
+
+static double sample(const struct sp_gradient_grid *grid, uint64_t at) {
+    switch (grid->type) {
+    case SP_UINT8:
+        return ((const uint8_t *)grid->voxels)[at];
+    case SP_INT8:
+        return ((const int8_t *)grid->voxels)[at];
+    case SP_UINT16:
+        return ((const uint16_t *)grid->voxels)[at];
+    case SP_INT16:
+        return ((const int16_t *)grid->voxels)[at];
+    case SP_INT32:
+        return ((const int32_t *)grid->voxels)[at];
+    case SP_FLOAT32:
+        return (double)((const float *)grid->voxels)[at];
+    case SP_FLOAT64:
+        return ((const double *)grid->voxels)[at];
+    case SP_TYPE_COUNT:
+        break;
+    }
+    return 0;
+}
+
+void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    *grid = (struct sp_gradient_grid){ .voxels = sp_volume_voxels(volume), .type = info->type };
+    struct sp_mat3 step;
+    for (int a = 0; a < 3; a++) {
+        grid->dims[a] = info->grid.dims[a];
+        for (int r = 0; r < 3; r++)
+            step.m[r][a] = info->grid.direction[r][a] * info->grid.spacing[a];
+    }
+    double det;
+    struct sp_mat3 inverse = sp_mat3_inverse(&step, &det);
+    double largest = fmax(fabs(info->range[0]), fabs(info->range[1])), norm2 = 0;
+    grid->scale = largest > 1e-300 ? 1 / largest : 1e300;
+    double span = info->range[1] * grid->scale - info->range[0] * grid->scale;
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++) {
+            grid->to_world[r][a] = inverse.m[a][r];
+            norm2 += inverse.m[a][r] * inverse.m[a][r];
+        }
+    /* Each difference is at most the span, so their vector at most √3 spans long. */
+    grid->bound = span * sqrt(3 * norm2);
+    if (!(grid->bound > 0))
+        grid->bound = 1;
+    grid->unit = grid->bound / grid->scale;
+}
+
+void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], double gradient[3]) {
+    uint64_t stride[3] = { 1, grid->dims[0], (uint64_t)grid->dims[0] * grid->dims[1] };
+    uint64_t at = i[0] + stride[1] * i[1] + stride[2] * i[2];
+    double middle = sample(grid, at) * grid->scale, difference[3];
+    for (int a = 0; a < 3; a++) {
+        double low = middle, high = middle;
+        int steps = 0;
+        if (i[a] > 0) {
+            double s = sample(grid, at - stride[a]) * grid->scale;
+            if (isfinite(s)) {
+                low = s;
+                steps++;
+            }
+        }
+        if (i[a] + 1 < grid->dims[a]) {
+            double s = sample(grid, at + stride[a]) * grid->scale;
+            if (isfinite(s)) {
+                high = s;
+                steps++;
+            }
+        }
+        difference[a] = steps ? (high - low) / steps : 0;
+    }
+    for (int r = 0; r < 3; r++)
+        gradient[r] = grid->to_world[r][0] * difference[0] + grid->to_world[r][1] * difference[1] +
+                      grid->to_world[r][2] * difference[2];
+}
+
+uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double gradient[3]) {
+    double x = gradient[0] / grid->bound, y = gradient[1] / grid->bound,
+           z = gradient[2] / grid->bound;
+    double length = sqrt(x * x + y * y + z * z), sum = fabs(x) + fabs(y) + fabs(z);
+    if (!(length > 1e-150) || !isfinite(length))
+        return 0;
+    double u = x / sum, v = y / sum;
+    if (z < 0) {
+        double folded = (1 - fabs(v)) * (u < 0 ? -1 : 1);
+        v = (1 - fabs(u)) * (v < 0 ? -1 : 1);
+        u = folded;
+    }
+    /* A gradient that is not zero keeps its direction, however short it is. */
+    double magnitude = fmax(1, round(sqrt(fmin(length, 1)) * SP_GRADIENT_MAGNITUDES));
+    uint32_t qu = (uint32_t)(lround(u * SP_GRADIENT_STEPS) + SP_GRADIENT_STEPS);
+    uint32_t qv = (uint32_t)(lround(v * SP_GRADIENT_STEPS) + SP_GRADIENT_STEPS);
+    return (uint32_t)magnitude << 22 | qv << 11 | qu;
+}

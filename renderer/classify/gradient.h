@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Gradients of the scalar field in world space, by central differences (one-sided at the borders
+ * and beside samples that are not finite), quantised to 32 bits:
+ *
+ *   | 10 bits magnitude | 11 bits v | 11 bits u |
+ *
+ * The direction is an octahedral map of the unit sphere (Cigolle et al. 2014) with an odd number of
+ * steps, so that the axes are exact; it is off by at most 0.1 degree. The magnitude is stored as
+ * the square root of its share of the grid's bound; 0 means a gradient of zero length and no
+ * direction.
+ */
+#ifndef SP_CLASSIFY_GRADIENT_H
+#define SP_CLASSIFY_GRADIENT_H
+
+#include <math.h>
+#include <stdint.h>
+
+#include "sp/volume.h"
+
+enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023 };
+
+/* What all voxels of a volume share. */
+struct sp_gradient_grid {
+    const void *voxels;
+    enum sp_type type;
+    uint32_t dims[3];
+    double to_world[3][3]; /* (direction · spacing)⁻ᵀ: index differences to a world gradient */
+    double scale;          /* brings samples to order 1 before they are subtracted */
+    double bound;          /* largest magnitude possible, scaled; > 0 */
+    double unit;           /* magnitude in data units a world unit = unit · stored fraction² */
+};
+
+/* Borrows the volume's samples. */
+void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume);
+
+/* World gradient at voxel i, not quantised, times grid->scale. */
+void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], double gradient[3]);
+
+/* gradient times grid->scale → packed. */
+uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double gradient[3]);
+
+/* Unit direction; (0,0,0) for a packed gradient of zero length. */
+static inline void sp_gradient_unpack(uint32_t packed, float direction[3]) {
+    const float step = 1.0f / SP_GRADIENT_STEPS;
+    float u = (float)((int)(packed & 2047) - SP_GRADIENT_STEPS) * step;
+    float v = (float)((int)(packed >> 11 & 2047) - SP_GRADIENT_STEPS) * step;
+    float w = 1 - fabsf(u) - fabsf(v);
+    float fold = w < 0 ? -w : 0;
+    u += u < 0 ? fold : -fold;
+    v += v < 0 ? fold : -fold;
+    float scale = packed >> 22 ? 1 / sqrtf(u * u + v * v + w * w) : 0;
+    direction[0] = u * scale;
+    direction[1] = v * scale;
+    direction[2] = w * scale;
+}
+
+/* Magnitude in data units a world unit. */
+static inline double sp_gradient_magnitude(const struct sp_gradient_grid *grid, uint32_t packed) {
+    double f = (double)(packed >> 22) / SP_GRADIENT_MAGNITUDES;
+    return grid->unit * f * f;
+}
+
+#endif

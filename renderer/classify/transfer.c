@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "classify/transfer.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool sp_transfer_function_equal(const struct sp_transfer_function *a,
+                                const struct sp_transfer_function *b) {
+    if (a->reference_length != b->reference_length || a->order != b->order ||
+        a->point_count != b->point_count || a->gradient_count != b->gradient_count)
+        return false;
+    for (uint32_t i = 0; i < a->point_count; i++) {
+        const struct sp_tf_point *p = &a->points[i], *q = &b->points[i];
+        if (p->value != q->value || p->opacity != q->opacity || p->color[0] != q->color[0] ||
+            p->color[1] != q->color[1] || p->color[2] != q->color[2])
+            return false;
+    }
+    for (uint32_t i = 0; i < a->gradient_count; i++)
+        if (a->gradient[i].magnitude != b->gradient[i].magnitude ||
+            a->gradient[i].scale != b->gradient[i].scale)
+            return false;
+    return true;
+}
+
+/* The last point whose value is <= value, given that point 0 is. */
+static uint32_t find_point(const struct sp_transfer_function *tf, double value) {
+    uint32_t low = 0, high = tf->point_count;
+    while (high - low > 1) {
+        uint32_t middle = (low + high) / 2;
+        if (tf->points[middle].value <= value)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+void sp_transfer_function_eval(const struct sp_transfer_function *tf, double value,
+                               struct sp_class *out) {
+    const struct sp_tf_point *p = tf->points, *q = p;
+    double f = 0;
+    if (!isfinite(value)) {
+        *out = (struct sp_class){ { 0 }, 0 };
+        return;
+    }
+    if (value > p->value) {
+        uint32_t i = find_point(tf, value);
+        p = q = &tf->points[i];
+        if (i + 1 < tf->point_count) {
+            q++;
+            /* Halved, because the difference of two finite numbers need not be finite. */
+            f = (0.5 * value - 0.5 * p->value) / (0.5 * q->value - 0.5 * p->value);
+        }
+    }
+    for (int c = 0; c < 3; c++)
+        out->color[c] = (float)(p->color[c] + f * ((double)q->color[c] - (double)p->color[c]));
+    out->depth = (float)-log1p(-(p->opacity + f * ((double)q->opacity - (double)p->opacity)));
+}
+
+static bool has_table(enum sp_type type) {
+    return type == SP_UINT8 || type == SP_INT8 || type == SP_UINT16 || type == SP_INT16;
+}
+
+bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
+                      const struct sp_volume_info *info, struct sp_error *err) {
+    *transfer = (struct sp_transfer){ .tf = *tf, .type = info->type, .base = tf->points[0].value };
+    if (!has_table(info->type))
+        return true;
+    transfer->first = (int32_t)info->range[0];
+    transfer->count = (uint32_t)((int32_t)info->range[1] - transfer->first) + 1;
+    transfer->table = malloc(transfer->count * sizeof *transfer->table);
+    transfer->is_visible = malloc(transfer->count);
+    if (!transfer->table || !transfer->is_visible) {
+        sp_transfer_finish(transfer);
+        return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "no memory for its table");
+    }
+    for (uint32_t i = 0; i < transfer->count; i++) {
+        sp_transfer_function_eval(tf, (double)transfer->first + i, &transfer->table[i]);
+        transfer->is_visible[i] = transfer->table[i].depth > 0;
+    }
+    return true;
+}
+
+void sp_transfer_finish(struct sp_transfer *transfer) {
+    free(transfer->table);
+    free(transfer->is_visible);
+    *transfer = (struct sp_transfer){ 0 };
+}
+
+bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b) {
+    if (a->type != b->type || a->first != b->first || a->count != b->count)
+        return false;
+    if (a->table)
+        return b->table && memcmp(a->is_visible, b->is_visible, a->count) == 0;
+    const struct sp_transfer_function *p = &a->tf, *q = &b->tf;
+    if (p->point_count != q->point_count)
+        return false;
+    for (uint32_t i = 0; i < p->point_count; i++)
+        if (p->points[i].value != q->points[i].value ||
+            (p->points[i].opacity > 0) != (q->points[i].opacity > 0))
+            return false;
+    return true;
+}
+
+static void key_of_real(const struct sp_transfer *t, double value, uint32_t *key,
+                        uint8_t *visible) {
+    struct sp_class c;
+    union {
+        float value;
+        uint32_t bits;
+    } u = { .value = (float)(value - t->base) };
+    sp_transfer_function_eval(&t->tf, value, &c);
+    *key = u.bits;
+    *visible = c.depth > 0 && isfinite(u.value);
+}
+
+void sp_transfer_keys(const struct sp_transfer *t, const void *voxels, size_t begin, size_t count,
+                      uint32_t *keys, uint8_t *visible) {
+    switch (t->type) {
+    case SP_UINT8:
+        for (size_t i = 0; i < count; i++)
+            keys[i] = (uint32_t)(((const uint8_t *)voxels)[begin + i] - t->first);
+        break;
+    case SP_INT8:
+        for (size_t i = 0; i < count; i++)
+            keys[i] = (uint32_t)(((const int8_t *)voxels)[begin + i] - t->first);
+        break;
+    case SP_UINT16:
+        for (size_t i = 0; i < count; i++)
+            keys[i] = (uint32_t)(((const uint16_t *)voxels)[begin + i] - t->first);
+        break;
+    case SP_INT16:
+        for (size_t i = 0; i < count; i++)
+            keys[i] = (uint32_t)(((const int16_t *)voxels)[begin + i] - t->first);
+        break;
+    case SP_INT32:
+        for (size_t i = 0; i < count; i++)
+            key_of_real(t, ((const int32_t *)voxels)[begin + i], &keys[i], &visible[i]);
+        return;
+    case SP_FLOAT32:
+        for (size_t i = 0; i < count; i++)
+            key_of_real(t, (double)((const float *)voxels)[begin + i], &keys[i], &visible[i]);
+        return;
+    case SP_FLOAT64:
+        for (size_t i = 0; i < count; i++)
+            key_of_real(t, ((const double *)voxels)[begin + i], &keys[i], &visible[i]);
+        return;
+    case SP_TYPE_COUNT:
+        assert(!"not a type");
+        return;
+    }
+    for (size_t i = 0; i < count; i++)
+        visible[i] = t->is_visible[keys[i]];
+}

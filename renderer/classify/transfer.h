@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Classification: which voxels of a volume are visible under a transfer function, their colour,
+ * extinction and gradient. What was derived is kept and rerun only for what changed.
+ *
+ *   volume ─┬► transfer (value → colour, optical depth) ─► visible (lists slice by slice) ─► splat/
+ *           └► gradient (quantised, of visible voxels, when shading asks) ───────┘
+ *
+ * This header is the transfer function made fast. A voxel's *key* is what a list keeps of its
+ * value: for 8- and 16-bit types an index into an exact table by value, for the others the bits of
+ * the float (value − base), evaluated exactly when a splat is set up.
+ */
+#ifndef SP_CLASSIFY_TRANSFER_H
+#define SP_CLASSIFY_TRANSFER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "sp/status.h"
+#include "sp/view.h"
+#include "sp/volume.h"
+
+/* One classified value. depth = −ln(1 − opacity) is the optical depth over one reference length, so
+ * that the extinction is depth / reference_length [1/world unit]; 0 = transparent. */
+struct sp_class {
+    float color[3], depth;
+};
+
+struct sp_transfer {
+    struct sp_transfer_function tf; /* what it was made from */
+    enum sp_type type;
+    struct sp_class *table; /* by value − first; NULL for types without a table */
+    uint8_t *is_visible;    /* beside the table: depth > 0 */
+    int32_t first;          /* value of table[0]: the volume's smallest */
+    uint32_t count;         /* entries */
+    double base;            /* value of key 0.0f; types without a table */
+};
+
+/* Makes the table for the values that the volume has. False with *err set when out of memory;
+ * *transfer is then all zero. */
+bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
+                      const struct sp_volume_info *info, struct sp_error *err);
+void sp_transfer_finish(struct sp_transfer *transfer);
+
+/* Whether two transfer functions classify every value alike (field by field). */
+bool sp_transfer_function_equal(const struct sp_transfer_function *a,
+                                const struct sp_transfer_function *b);
+
+/* Whether both give the same voxels of one volume the same keys and the same visibility, so that a
+ * list made for one serves the other. */
+bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b);
+
+/* The transfer function itself, linear between points, the end values held outside; a value that is
+ * not finite is transparent. */
+void sp_transfer_function_eval(const struct sp_transfer_function *tf, double value,
+                               struct sp_class *out);
+
+/* Keys of samples [begin, begin + count) of the array, and whether each is visible (0 or 1). */
+void sp_transfer_keys(const struct sp_transfer *transfer, const void *voxels, size_t begin,
+                      size_t count, uint32_t *keys, uint8_t *visible);
+
+/* Class of a key. */
+static inline struct sp_class sp_transfer_class(const struct sp_transfer *transfer, uint32_t key) {
+    struct sp_class c;
+    if (transfer->table)
+        return transfer->table[key];
+    union {
+        uint32_t bits;
+        float value;
+    } u = { .bits = key };
+    sp_transfer_function_eval(&transfer->tf, transfer->base + (double)u.value, &c);
+    return c;
+}
+
+#endif

@@ -1,0 +1,99 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "splat/adaptive.h"
+
+/* Smallest and largest singular value of `a` times sigma: the semi-axes of the kernel. Jacobi
+ * rotations of aᵀa, which converge quadratically. */
+static void find_radii(const struct sp_mat3 *a, double sigma, double radius[2]) {
+    struct sp_mat3 t = sp_mat3_transpose(a), s = sp_mat3_multiply(&t, a);
+    for (int sweep = 0; sweep < 12; sweep++)
+        for (int p = 0; p < 2; p++)
+            for (int q = p + 1; q < 3; q++) {
+                if (s.m[p][q] == 0)
+                    continue;
+                double theta = 0.5 * atan2(2 * s.m[p][q], s.m[q][q] - s.m[p][p]);
+                struct sp_mat3 r = { { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+                r.m[p][p] = r.m[q][q] = cos(theta);
+                r.m[p][q] = sin(theta);
+                r.m[q][p] = -sin(theta);
+                struct sp_mat3 rt = sp_mat3_transpose(&r), half = sp_mat3_multiply(&rt, &s);
+                s = sp_mat3_multiply(&half, &r);
+            }
+    radius[0] = sigma * sqrt(fmax(0, fmin(s.m[0][0], fmin(s.m[1][1], s.m[2][2]))));
+    radius[1] = sigma * sqrt(fmax(s.m[0][0], fmax(s.m[1][1], s.m[2][2])));
+}
+
+void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame *camera,
+                      const struct sp_grid *grid, const struct sp_view *view) {
+    const struct sp_filter *filter = &view->filter;
+    double tangent = tan(view->camera.fov_y * (M_PI / 360));
+    *adaptive = (struct sp_adaptive){ .projection = camera->projection,
+                                      .scale = camera->scale,
+                                      .lowpass = filter->lowpass,
+                                      .c_min = filter->c_min,
+                                      .c_max = filter->c_max };
+    if (isnan(filter->c_max))
+        adaptive->c_max =
+            camera->projection == SP_PERSPECTIVE ? 2 * (1 + 2 * tangent * tangent) : 2;
+    struct sp_mat3 step;
+    for (int r = 0; r < 3; r++) {
+        for (int a = 0; a < 3; a++) {
+            step.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+            adaptive->depth[a] += camera->w.m[2][r] * step.m[r][a];
+        }
+        adaptive->base += camera->w.m[2][r] * (grid->origin[r] - camera->eye.v[r]);
+    }
+    for (int a = 0; a < 3; a++) {
+        adaptive->dims[a] = grid->dims[a];
+        adaptive->blocks[a] = (grid->dims[a] + SP_BLOCK - 1) / SP_BLOCK;
+    }
+    find_radii(&step, filter->sigma, adaptive->radius);
+}
+
+enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *a, double nearest, double farthest) {
+    double low, high; /* R of the smallest radius at its farthest, of the largest at its nearest */
+    if (a->projection == SP_ORTHOGRAPHIC) {
+        low = a->scale * a->radius[0];
+        high = a->scale * a->radius[1];
+    } else {
+        low = farthest > 0 ? a->scale * a->radius[0] / farthest : INFINITY;
+        high = nearest > 0 ? a->scale * a->radius[1] / nearest : INFINITY;
+    }
+    if (low * a->c_min > a->lowpass)
+        return SP_FILTER_RECONSTRUCTION;
+    if (high * a->c_max < a->lowpass)
+        return SP_FILTER_LOWPASS;
+    return SP_FILTER_EWA;
+}
+
+enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *a, const uint32_t block[3]) {
+    double nearest = a->base, farthest = a->base;
+    for (int i = 0; i < 3; i++) {
+        uint32_t first = block[i] * SP_BLOCK, last = first + SP_BLOCK - 1;
+        if (last >= a->dims[i])
+            last = a->dims[i] - 1;
+        double p = a->depth[i] * first, q = a->depth[i] * last;
+        nearest += fmin(p, q);
+        farthest += fmax(p, q);
+    }
+    return sp_adaptive_mode(a, nearest, farthest);
+}
+
+uint64_t sp_adaptive_count(const struct sp_grid *grid) {
+    uint64_t count = 1;
+    for (int a = 0; a < 3; a++)
+        count *= (grid->dims[a] + SP_BLOCK - 1) / SP_BLOCK;
+    return count;
+}
+
+enum sp_filter_mode sp_adaptive_fill(const struct sp_adaptive *a, uint8_t *modes) {
+    enum sp_filter_mode shared = SP_FILTER_ADAPTIVE;
+    uint64_t n = 0;
+    for (uint32_t b2 = 0; b2 < a->blocks[2]; b2++)
+        for (uint32_t b1 = 0; b1 < a->blocks[1]; b1++)
+            for (uint32_t b0 = 0; b0 < a->blocks[0]; b0++) {
+                enum sp_filter_mode mode = sp_adaptive_block(a, (uint32_t[3]){ b0, b1, b2 });
+                modes[n] = (uint8_t)mode;
+                shared = n++ == 0 || shared == mode ? mode : SP_FILTER_ADAPTIVE;
+            }
+    return shared;
+}

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The adaptive filter (Chen et al. 2004, eq. 7): which of the two filters dominates a footprint is
+ * decided for blocks of SP_BLOCK³ voxels at a time. With R = f·r_k/u2 the kernel's radius on the
+ * screen and r_h the low-pass filter's, both as standard deviations in px:
+ *
+ *   R·c_min > r_h for the smallest kernel radius and the farthest corner   → reconstruction
+ *   R·c_max < r_h for the largest kernel radius and the nearest corner     → lowpass
+ *   else                                                                   → ewa
+ *
+ * so that a block takes a cheaper filter only when all of it may.
+ */
+#ifndef SP_SPLAT_ADAPTIVE_H
+#define SP_SPLAT_ADAPTIVE_H
+
+#include <stdint.h>
+
+#include "sp/view.h"
+#include "splat/camera.h"
+
+enum { SP_BLOCK = 16, SP_BLOCK_SHIFT = 4 };
+
+struct sp_adaptive {
+    enum sp_projection projection;
+    double scale;     /* f [px] or s [px per world unit] */
+    double radius[2]; /* smallest and largest standard deviation of the kernel, world units */
+    double lowpass;   /* r_h, px */
+    double c_min, c_max;
+    double depth[3], base; /* u2 of voxel i = base + depth·i */
+    uint32_t dims[3];      /* voxels */
+    uint32_t blocks[3];
+};
+
+void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame *camera,
+                      const struct sp_grid *grid, const struct sp_view *view);
+
+/* The filter of a kernel whose u2 lies in [nearest, farthest] [world units]. */
+enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *adaptive, double nearest,
+                                     double farthest);
+
+/* The filter of one block. */
+enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *adaptive, const uint32_t block[3]);
+
+/* Number of blocks of a grid. */
+uint64_t sp_adaptive_count(const struct sp_grid *grid);
+
+/* Fills modes[blocks], axis 0 fastest. Returns the mode that all of them share, or
+ * SP_FILTER_ADAPTIVE. */
+enum sp_filter_mode sp_adaptive_fill(const struct sp_adaptive *adaptive, uint8_t *modes);
+
+#endif
