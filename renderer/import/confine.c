@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/confine.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/openat2.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+bool sp_is_below(const char *root, const char *real) {
+    size_t n = strlen(root);
+    if (n == 1) /* "/" */
+        return real[0] == '/' && real[1];
+    return strncmp(root, real, n) == 0 && real[n] == '/' && real[n + 1];
+}
+
+static bool fail_errno(struct sp_error *err, int error, const char *shown, const char *what) {
+    if (error == ENOENT || error == ENOTDIR)
+        return sp_fail(err, SP_ERR_NOT_FOUND, shown, "there is no such file");
+    return sp_fail(err, SP_ERR_IO, shown, "cannot %s: %s", what, strerror(error));
+}
+
+/* `real` has no links left, so a link met now was put there meanwhile: refuse it. */
+static int open_path(const char *root, const char *real) {
+    int folder = open(root, O_PATH | O_DIRECTORY | O_CLOEXEC);
+    if (folder < 0)
+        return -1;
+    const char *below = real + strlen(root);
+    while (*below == '/')
+        below++;
+    struct open_how how = { .flags = O_PATH | O_CLOEXEC,
+                            .resolve =
+                                RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS | RESOLVE_NO_MAGICLINKS };
+    int fd = (int)syscall(SYS_openat2, folder, below, &how, sizeof how);
+    if (fd < 0 && (errno == ENOSYS || errno == EPERM)) /* an old kernel, or a container's filter */
+        fd = openat(folder, below, O_PATH | O_NOFOLLOW | O_CLOEXEC);
+    int error = errno;
+    close(folder);
+    errno = error;
+    return fd;
+}
+
+static const char *kind_name(mode_t mode) {
+    return S_ISDIR(mode)    ? "a folder"
+           : S_ISFIFO(mode) ? "a pipe"
+           : S_ISSOCK(mode) ? "a socket"
+           : S_ISCHR(mode)  ? "a character device"
+           : S_ISBLK(mode)  ? "a block device"
+                            : "no regular file";
+}
+
+int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+                     uint64_t *size, struct sp_error *err) {
+    if (!realpath(path, real)) {
+        fail_errno(err, errno, shown, "resolve the path");
+        return -1;
+    }
+    if (!sp_is_below(root, real)) {
+        sp_fail(err, SP_ERR_DENIED, shown, "lies outside the folder %s that files are read from",
+                root);
+        return -1;
+    }
+    int path_fd = open_path(root, real);
+    if (path_fd < 0) {
+        if (errno == ELOOP || errno == EXDEV)
+            sp_fail(err, SP_ERR_DENIED, shown, "became a symbolic link while it was opened");
+        else
+            fail_errno(err, errno, shown, "open");
+        return -1;
+    }
+    struct stat st;
+    int fd = -1;
+    if (fstat(path_fd, &st) != 0) {
+        fail_errno(err, errno, shown, "look at the file");
+    } else if (!S_ISREG(st.st_mode)) {
+        sp_fail(err, SP_ERR_INVALID, shown, "is %s, not a regular file", kind_name(st.st_mode));
+    } else {
+        char self[40];
+        snprintf(self, sizeof self, "/proc/self/fd/%d", path_fd);
+        fd = open(self, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+        if (fd < 0)
+            sp_fail(err, SP_ERR_IO, shown, "cannot open: %s", strerror(errno));
+        *size = (uint64_t)st.st_size;
+    }
+    close(path_fd);
+    return fd;
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Opening files below one folder and nowhere else. Used by the parent for the file that it was
+ * asked for, and by the readers for the files that a header names.
+ */
+#ifndef SP_IMPORT_CONFINE_H
+#define SP_IMPORT_CONFINE_H
+
+#include <limits.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "sp/status.h"
+
+/* Opens the regular file `path` for reading when, with every symbolic link resolved, it lies below
+ * `root` (itself resolved, absolute). Never blocks on a FIFO and never opens a device. Returns a
+ * descriptor that closes on exec, or -1 with *err set: SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside the
+ * root), SP_ERR_INVALID (not a regular file), SP_ERR_IO. err->place is `shown`. `real` receives the
+ * resolved path, *size the file's size in bytes. */
+int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
+                     uint64_t *size, struct sp_error *err);
+
+/* Whether `real` lies below `root`; both resolved. */
+bool sp_is_below(const char *root, const char *real);
+
+#endif

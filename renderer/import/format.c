@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/format.h"
+
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+
+bool import_fail(struct sp_error *err, enum sp_code code, const char *shown, uint64_t byte,
+                 const char *field, const char *format, ...) {
+    char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    snprintf(place, sizeof place, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
+             field ? field : "");
+    return sp_fail(err, code, place, "%s", text);
+}
+
+void import_grid_init(struct sp_grid *grid) {
+    for (int axis = 0; axis < 3; axis++) {
+        grid->spacing[axis] = 1;
+        grid->origin[axis] = 0;
+        for (int row = 0; row < 3; row++)
+            grid->direction[row][axis] = row == axis;
+    }
+}

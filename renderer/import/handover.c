@@ -1,0 +1,108 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/handover.h"
+
+#include <inttypes.h>
+#include <string.h>
+
+#include "volume/volume.h"
+
+size_t sp_handover_size(enum sp_handover_kind kind) {
+    size_t head = offsetof(struct sp_handover, header);
+    switch (kind) {
+    case SP_HANDOVER_HEADER:
+        return head + sizeof(struct sp_handover_header);
+    case SP_HANDOVER_PROGRESS:
+    case SP_HANDOVER_GO:
+        return head + sizeof(uint64_t);
+    case SP_HANDOVER_DONE:
+        return head;
+    case SP_HANDOVER_ERROR:
+        return head + sizeof(struct sp_handover_error);
+    }
+    return 0;
+}
+
+void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind) {
+    memset(message, 0, sizeof *message);
+    message->magic = SP_HANDOVER_MAGIC;
+    message->version = SP_HANDOVER_VERSION;
+    message->kind = (uint16_t)kind;
+}
+
+/* Ends with 0 inside its room; control characters are made harmless. */
+static bool clean_text(char *text, size_t room) {
+    if (!memchr(text, 0, room))
+        return false;
+    for (char *c = text; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7f)
+            *c = '?';
+    return true;
+}
+
+static bool check_header(struct sp_handover_header *header, const char *place,
+                         struct sp_error *err) {
+    if (header->type >= SP_TYPE_COUNT)
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over sample type %" PRIu32,
+                       header->type);
+    struct sp_grid grid;
+    memcpy(grid.dims, header->dims, sizeof grid.dims);
+    memcpy(grid.spacing, header->spacing, sizeof grid.spacing);
+    memcpy(grid.origin, header->origin, sizeof grid.origin);
+    memcpy(grid.direction, header->direction, sizeof grid.direction);
+    uint64_t bytes;
+    struct sp_error why;
+    if (!sp_grid_check(&grid, (enum sp_type)header->type, place, &bytes, &why))
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over a bad grid: %s",
+                       why.text);
+    if (header->bytes != bytes)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the reader handed over %" PRIu64 " bytes for a grid of %" PRIu64,
+                       header->bytes, bytes);
+    if (!clean_text(header->unit, sizeof header->unit))
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over a unit without end");
+    return true;
+}
+
+static bool check_error(struct sp_handover_error *error, const char *place, struct sp_error *err) {
+    switch (error->code) {
+    case SP_ERR_INVALID:
+    case SP_ERR_UNSUPPORTED:
+    case SP_ERR_NOT_FOUND:
+    case SP_ERR_FORMAT:
+    case SP_ERR_IO:
+    case SP_ERR_DENIED:
+    case SP_ERR_MEMORY:
+        break;
+    default:
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader failed with code %" PRIu32,
+                       error->code);
+    }
+    if (!clean_text(error->place, sizeof error->place) ||
+        !clean_text(error->text, sizeof error->text))
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader's error message has no end");
+    return true;
+}
+
+bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
+                        const char *place, struct sp_error *err) {
+    memset(message, 0, sizeof *message);
+    if (size < offsetof(struct sp_handover, header) || size > sizeof *message)
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent a message of %zu bytes", size);
+    memcpy(message, bytes, size);
+    if (message->magic != SP_HANDOVER_MAGIC)
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader's message starts with %08" PRIx32,
+                       message->magic);
+    if (message->version != SP_HANDOVER_VERSION)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "splat-import speaks version %u of the hand-over and this program %u: "
+                       "install both from one build",
+                       message->version, SP_HANDOVER_VERSION);
+    if (sp_handover_size((enum sp_handover_kind)message->kind) != size)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the reader sent a message of kind %u with %zu bytes", message->kind, size);
+    if (message->kind == SP_HANDOVER_HEADER)
+        return check_header(&message->header, place, err);
+    if (message->kind == SP_HANDOVER_ERROR)
+        return check_error(&message->error, place, err);
+    return true;
+}

@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the child process `splat-import` and its parent say to each other, over a socket that keeps
+ * message boundaries. The samples themselves go through a memfd that the parent sizes and seals, so
+ * that the child cannot lie about memory:
+ *
+ *   parent                                child
+ *     socket, empty memfd, file ───────────►  reads the file's header
+ *     checks every field, reserve()   ◄────  HEADER   (or ERROR)
+ *     sizes and seals the memfd      GO ───►  maps it, reads, swaps bytes
+ *     progress()                      ◄────  PROGRESS …
+ *     waits for its end, maps         ◄────  DONE     (or ERROR)
+ *
+ * A parent that says nothing but closes the socket means: stop. The parent trusts nothing here: a
+ * reader of a hostile file may have been taken over by it.
+ */
+#ifndef SP_IMPORT_HANDOVER_H
+#define SP_IMPORT_HANDOVER_H
+
+#include "sp/volume.h"
+
+enum {
+    SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
+    SP_HANDOVER_VERSION = 1,
+};
+
+enum sp_handover_kind {
+    SP_HANDOVER_HEADER = 1,
+    SP_HANDOVER_PROGRESS,
+    SP_HANDOVER_DONE,
+    SP_HANDOVER_ERROR,
+    SP_HANDOVER_GO,
+};
+
+struct sp_handover_header {
+    uint32_t type; /* enum sp_type */
+    uint32_t dims[3];
+    double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
+    uint64_t bytes;                                /* product(dims) · size of the type */
+    char unit[SP_UNIT_BYTES];                      /* printable, ends with 0 */
+};
+
+struct sp_handover_error {
+    uint32_t code; /* enum sp_code, one that a reader may give */
+    char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
+};
+
+/* Both ends run on one machine and come from one build: native byte order, no padding that carries
+ * anything. */
+struct sp_handover {
+    uint32_t magic;
+    uint16_t version, kind;
+    union {
+        struct sp_handover_header header;
+        uint64_t bytes; /* PROGRESS: read so far; GO: size of the memfd's samples */
+        struct sp_handover_error error;
+    };
+};
+
+/* Size of a whole message of a kind; 0 for an unknown kind. */
+size_t sp_handover_size(enum sp_handover_kind kind);
+
+/* A message of that kind, everything else zero. */
+void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind);
+
+/* Copies `size` bytes received into *message and checks every field, ERROR's strings and HEADER's
+ * grid included. SP_ERR_CRASHED with `place` otherwise, for a reader that sends such a thing is not
+ * to be believed. Control characters in texts become '?'. */
+bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
+                        const char *place, struct sp_error *err);
+
+#endif

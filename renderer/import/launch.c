@@ -1,0 +1,418 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/launch.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "import/confine.h"
+#include "import/handover.h"
+#include "volume/volume.h"
+
+enum { TIMEOUT_DEFAULT_MS = 300000, POLL_MS = 50 };
+
+struct import {
+    const char *path; /* as the caller gave it; errors call the file so */
+    const struct sp_load_options *options;
+    char root[PATH_MAX], real[PATH_MAX], importer[PATH_MAX];
+    int file, memory, socket; /* -1 = not open */
+    pid_t child;              /* 0 = none */
+    int timeout_ms;
+    double deadline_ms;
+    struct sp_handover_header header;
+    uint64_t done; /* bytes read, as the child says */
+};
+
+/* ---- before the child ---------------------------------------------------------------------------
+ */
+
+static bool find_root(struct import *im, struct sp_error *err) {
+    const char *root = im->options->root;
+    if (root) {
+        if (realpath(root, im->root))
+            return true;
+        return sp_fail(err, SP_ERR_IO, root, "cannot use this folder: %s", strerror(errno));
+    }
+    /* The folder of the file itself, where a link leads. */
+    if (!realpath(im->path, im->root)) {
+        if (errno == ENOENT || errno == ENOTDIR)
+            return sp_fail(err, SP_ERR_NOT_FOUND, im->path, "there is no such file");
+        return sp_fail(err, SP_ERR_IO, im->path, "cannot resolve the path: %s", strerror(errno));
+    }
+    char *slash = strrchr(im->root, '/');
+    slash[slash == im->root] = 0;
+    return true;
+}
+
+/* Beside the running program, or in bin/ beside its folder. */
+static bool find_importer(struct import *im, struct sp_error *err) {
+    if (im->options->importer) {
+        snprintf(im->importer, sizeof im->importer, "%s", im->options->importer);
+    } else {
+        char self[PATH_MAX];
+        ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
+        if (n < 0)
+            return sp_fail(err, SP_ERR_IO, "/proc/self/exe", "cannot find splat-import: %s",
+                           strerror(errno));
+        self[n] = 0;
+        char *slash = strrchr(self, '/');
+        *slash = 0;
+        static const char *const places[] = { "splat-import", "../bin/splat-import" };
+        for (size_t i = 0; i < 2; i++) {
+            int length = snprintf(im->importer, sizeof im->importer, "%s/%s", self, places[i]);
+            if (length < (int)sizeof im->importer && access(im->importer, X_OK) == 0)
+                return true;
+        }
+        snprintf(im->importer, sizeof im->importer, "%.4000s/splat-import", self);
+    }
+    if (access(im->importer, X_OK) != 0)
+        return sp_fail(err, SP_ERR_IO, im->importer,
+                       "the program that reads files cannot be run: %s", strerror(errno));
+    return true;
+}
+
+/* Above the descriptors that the child wants, so that placing one does not overwrite another. */
+static int raise_fd(int fd) {
+    int high = fcntl(fd, F_DUPFD_CLOEXEC, 10);
+    int error = errno;
+    close(fd);
+    errno = error;
+    return high;
+}
+
+static bool open_channels(struct import *im, int *child_socket, struct sp_error *err) {
+    int pair[2];
+    im->memory = memfd_create("splat-voxels", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    if (im->memory >= 0)
+        im->memory = raise_fd(im->memory);
+    if (im->memory < 0)
+        return sp_fail(err, SP_ERR_IO, im->path, "cannot make shared memory: %s", strerror(errno));
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
+        return sp_fail(err, SP_ERR_IO, im->path, "cannot make a socket: %s", strerror(errno));
+    im->socket = raise_fd(pair[0]);
+    *child_socket = raise_fd(pair[1]);
+    im->file = raise_fd(im->file);
+    if (im->socket >= 0 && *child_socket >= 0 && im->file >= 0)
+        return true;
+    int error = errno;
+    if (*child_socket >= 0)
+        close(*child_socket);
+    return sp_fail(err, SP_ERR_IO, im->path, "cannot pass descriptors: %s", strerror(error));
+}
+
+/* What a loader and the sanitizers need, and nothing that a format library would listen to. */
+static void child_environment(char *out[8]) {
+    static const char *const kept[] = { "LD_LIBRARY_PATH", "ASAN_OPTIONS", "UBSAN_OPTIONS",
+                                        "TSAN_OPTIONS", "LSAN_OPTIONS" };
+    int n = 0;
+    for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
+        const char *value = getenv(kept[i]);
+        char *line;
+        if (value && asprintf(&line, "%s=%s", kept[i], value) > 0)
+            out[n++] = line;
+    }
+    out[n] = NULL;
+}
+
+/* posix_spawn runs nothing of ours in the child: default signals, an empty mask, three descriptors,
+ * the null device for the rest. */
+static int spawn(const struct import *im, int child_socket, char *const argv[], char *const envp[],
+                 pid_t *child) {
+    posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    int error = posix_spawn_file_actions_init(&actions);
+    if (error)
+        return error;
+    error = posix_spawnattr_init(&attributes);
+    if (error) {
+        posix_spawn_file_actions_destroy(&actions);
+        return error;
+    }
+    if ((error = posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDWR, 0)) == 0 &&
+        (error = posix_spawn_file_actions_adddup2(&actions, 0, 1)) == 0 &&
+        (error = posix_spawn_file_actions_adddup2(&actions, child_socket, SP_IMPORT_SOCKET)) == 0 &&
+        (error = posix_spawn_file_actions_adddup2(&actions, im->memory, SP_IMPORT_MEMORY)) == 0 &&
+        (error = posix_spawn_file_actions_adddup2(&actions, im->file, SP_IMPORT_FILE)) == 0 &&
+        (error = posix_spawnattr_setsigmask(&attributes, &none)) == 0 &&
+        (error = posix_spawnattr_setsigdefault(&attributes, &all)) == 0 &&
+        (error =
+             posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
+                                                       POSIX_SPAWN_SETPGROUP)) == 0)
+        error = posix_spawn(child, im->importer, &actions, &attributes, argv, envp);
+    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&actions);
+    return error;
+}
+
+static bool start_child(struct import *im, struct sp_error *err) {
+    int child_socket = -1;
+    if (!open_channels(im, &child_socket, err))
+        return false;
+    char name[] = "splat-import", folder[PATH_MAX], seconds[16], *environment[8];
+    snprintf(folder, sizeof folder, "%s", im->real);
+    char *slash = strrchr(folder, '/');
+    slash[slash == folder] = 0;
+    snprintf(seconds, sizeof seconds, "%d", im->timeout_ms / 1000 + 1);
+    char *argv[] = { name, (char *)im->path, im->root, folder, seconds, NULL };
+    child_environment(environment);
+    int error = spawn(im, child_socket, argv, environment, &im->child);
+    for (char **line = environment; *line; line++)
+        free(*line);
+    close(child_socket);
+    if (error) {
+        im->child = 0;
+        return sp_fail(err, SP_ERR_IO, im->importer,
+                       "cannot start the program that reads files: %s", strerror(error));
+    }
+    return true;
+}
+
+/* ---- the end of the child
+ * ------------------------------------------------------------------------ */
+
+/* Kills it if it still runs, and takes its exit status. A child that ended before is not affected:
+ * its status is kept for us. */
+static int reap(struct import *im) {
+    int status = 0;
+    if (im->child == 0)
+        return 0;
+    kill(im->child, SIGKILL);
+    pid_t got;
+    do
+        got = waitpid(im->child, &status, 0);
+    while (got < 0 && errno == EINTR);
+    im->child = 0;
+    /* When this process ignores SIGCHLD the status is lost; what the socket said must do. */
+    return got < 0 ? 0 : status;
+}
+
+static bool fail_ended(struct import *im, struct sp_error *err) {
+    int status = reap(im);
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
+        return sp_fail(err, SP_ERR_TIMEOUT, im->path, "reading it took more than %d s of CPU time",
+                       im->timeout_ms / 1000 + 1);
+    if (WIFSIGNALED(status)) {
+        const char *name = sigabbrev_np(WTERMSIG(status));
+        return sp_fail(err, SP_ERR_CRASHED, im->path,
+                       "the reader was killed by signal %d (SIG%s): the file is damaged, or the "
+                       "reader is wrong",
+                       WTERMSIG(status), name ? name : "?");
+    }
+    return sp_fail(err, SP_ERR_CRASHED, im->path, "the reader ended with status %d and no result",
+                   WEXITSTATUS(status));
+}
+
+/* Order matters to callers: a cancel beats a timeout. */
+static bool check_in(const struct import *im, double *next_call_ms, struct sp_error *err) {
+    double now = sp_clock_ms();
+    if (im->options->progress && now >= *next_call_ms) {
+        *next_call_ms = now + POLL_MS / 2.0;
+        /* The last part is for range and histogram. */
+        double fraction = im->header.bytes ? 0.95 * (double)im->done / (double)im->header.bytes : 0;
+        if (!im->options->progress(im->options->user, fraction))
+            return sp_fail(err, SP_ERR_CANCELLED, im->path, "loading was cancelled");
+    }
+    if (now >= im->deadline_ms)
+        return sp_fail(err, SP_ERR_TIMEOUT, im->path, "reading it took longer than %d ms",
+                       im->timeout_ms);
+    return true;
+}
+
+/* The next message, checked. False with *err set when there is none; *ended when it is because the
+ * child closed its end. */
+static bool receive(struct import *im, struct sp_handover *message, bool *ended,
+                    struct sp_error *err) {
+    double next_call_ms = 0;
+    *ended = false;
+    for (;;) {
+        if (!check_in(im, &next_call_ms, err))
+            return false;
+        struct pollfd wait = { .fd = im->socket, .events = POLLIN };
+        double left = im->deadline_ms - sp_clock_ms();
+        int ready = poll(&wait, 1, left < POLL_MS ? (int)left + 1 : POLL_MS);
+        if (ready == 0 || (ready < 0 && errno == EINTR))
+            continue;
+        /* One byte more than any message, so that a longer one is seen as such. */
+        unsigned char bytes[sizeof *message + 1];
+        ssize_t n = recv(im->socket, bytes, sizeof bytes, MSG_DONTWAIT);
+        if (n < 0 && (errno == EAGAIN || errno == EINTR))
+            continue;
+        if (n <= 0) {
+            *ended = true;
+            return false;
+        }
+        return sp_handover_decode(bytes, (size_t)n, message, im->path, err);
+    }
+}
+
+static bool unexpected(const struct import *im, const struct sp_handover *message,
+                       struct sp_error *err) {
+    return sp_fail(err, SP_ERR_CRASHED, im->path, "the reader sent message %u out of turn",
+                   message->kind);
+}
+
+static bool pass_error_on(const struct import *im, const struct sp_handover *message,
+                          struct sp_error *err) {
+    const struct sp_handover_error *e = &message->error;
+    return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : im->path, "%s", e->text);
+}
+
+/* ---- the two phases
+ * ------------------------------------------------------------------------------ */
+
+static bool receive_header(struct import *im, struct sp_error *err) {
+    struct sp_handover message;
+    bool ended;
+    if (!receive(im, &message, &ended, err))
+        return ended ? fail_ended(im, err) : false;
+    if (message.kind == SP_HANDOVER_ERROR)
+        return pass_error_on(im, &message, err);
+    if (message.kind != SP_HANDOVER_HEADER)
+        return unexpected(im, &message, err);
+    im->header = message.header;
+    return true;
+}
+
+/* Memory is taken now, so that a lack of it is an error here and no signal later. */
+static bool provide_memory(struct import *im, struct sp_error *err) {
+    uint64_t bytes = im->header.bytes;
+    if (im->options->reserve && !im->options->reserve(im->options->user, bytes, err))
+        return false;
+    int failed;
+    do
+        failed = posix_fallocate(im->memory, 0, (off_t)bytes);
+    while (failed == EINTR);
+    if (failed)
+        return sp_fail(err, SP_ERR_MEMORY, im->path,
+                       "no memory for %" PRIu64 " bytes of samples: %s", bytes, strerror(failed));
+    if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
+        return sp_fail(err, SP_ERR_IO, im->path, "cannot seal shared memory: %s", strerror(errno));
+    struct sp_handover go;
+    sp_handover_init(&go, SP_HANDOVER_GO);
+    go.bytes = bytes;
+    if (send(im->socket, &go, sp_handover_size(SP_HANDOVER_GO), MSG_NOSIGNAL) < 0)
+        return fail_ended(im, err);
+    return true;
+}
+
+static bool await_samples(struct import *im, struct sp_error *err) {
+    struct sp_handover message;
+    bool ended, done = false;
+    for (;;) {
+        if (!receive(im, &message, &ended, err)) {
+            if (!ended)
+                return false;
+            if (!done)
+                return fail_ended(im, err);
+            int status = reap(im);
+            return status == 0 ||
+                   sp_fail(err, SP_ERR_CRASHED, im->path,
+                           "the reader failed after its last message (status %d)", status);
+        }
+        if (done)
+            return unexpected(im, &message, err);
+        switch (message.kind) {
+        case SP_HANDOVER_PROGRESS:
+            im->done = message.bytes < im->header.bytes ? message.bytes : im->header.bytes;
+            break;
+        case SP_HANDOVER_DONE:
+            done = true;
+            break;
+        case SP_HANDOVER_ERROR:
+            return pass_error_on(im, &message, err);
+        default:
+            return unexpected(im, &message, err);
+        }
+    }
+}
+
+static void release_mapping(void *voxels, size_t bytes) {
+    munmap(voxels, bytes);
+}
+
+static void describe(const struct import *im, struct sp_volume_info *info) {
+    memset(info, 0, sizeof *info);
+    const struct sp_handover_header *h = &im->header;
+    memcpy(info->grid.dims, h->dims, sizeof h->dims);
+    memcpy(info->grid.spacing, h->spacing, sizeof h->spacing);
+    memcpy(info->grid.origin, h->origin, sizeof h->origin);
+    memcpy(info->grid.direction, h->direction, sizeof h->direction);
+    info->type = (enum sp_type)h->type;
+    memcpy(info->unit, h->unit, sizeof info->unit);
+    const char *slash = strrchr(im->path, '/'), *base = slash ? slash + 1 : im->path;
+    const char *dot = strrchr(base, '.');
+    snprintf(info->name, sizeof info->name, "%.*s",
+             dot && dot > base ? (int)(dot - base) : (int)strlen(base), base);
+    snprintf(info->source, sizeof info->source, "%s", im->path);
+}
+
+/* Sealed against writing, which fails while anybody still has it mapped for that. */
+static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
+    if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
+        sp_fail(err, SP_ERR_CRASHED, im->path, "the reader still holds the samples: %s",
+                strerror(errno));
+        return NULL;
+    }
+    size_t bytes = (size_t)im->header.bytes;
+    void *voxels = mmap(NULL, bytes, PROT_READ, MAP_SHARED, im->memory, 0);
+    if (voxels == MAP_FAILED) {
+        sp_fail(err, SP_ERR_MEMORY, im->path, "cannot map %zu bytes of samples: %s", bytes,
+                strerror(errno));
+        return NULL;
+    }
+    struct sp_volume_info info;
+    describe(im, &info);
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, bytes, release_mapping, err);
+    if (volume && im->options->progress)
+        im->options->progress(im->options->user, 1);
+    return volume;
+}
+
+static void finish(struct import *im) {
+    const int fds[] = { im->file, im->memory, im->socket };
+    reap(im);
+    for (size_t i = 0; i < sizeof fds / sizeof fds[0]; i++)
+        if (fds[i] >= 0)
+            close(fds[i]);
+}
+
+struct sp_volume *sp_import(const char *path, const struct sp_load_options *options,
+                            struct sp_error *err) {
+    static const struct sp_load_options none;
+    struct sp_volume *volume = NULL;
+    uint64_t size;
+    struct import *im = calloc(1, sizeof *im);
+    if (!im) {
+        sp_fail(err, SP_ERR_MEMORY, path, "no memory to start an import");
+        return NULL;
+    }
+    im->path = path;
+    im->options = options ? options : &none;
+    im->file = im->memory = im->socket = -1;
+    assert(im->options->timeout_ms >= 0);
+    im->timeout_ms = im->options->timeout_ms ? im->options->timeout_ms : TIMEOUT_DEFAULT_MS;
+    im->deadline_ms = sp_clock_ms() + im->timeout_ms;
+    if (find_root(im, err) && find_importer(im, err) &&
+        (im->file = sp_open_confined(im->root, path, path, im->real, &size, err)) >= 0 &&
+        start_child(im, err) && receive_header(im, err) && provide_memory(im, err) &&
+        await_samples(im, err))
+        volume = take_over(im, err);
+    finish(im);
+    free(im);
+    return volume;
+}

@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the child process gives up before it looks at a file: memory beyond a margin, CPU time
+ * beyond the timeout, writing files, core dumps, new privileges, descriptors that it did not ask
+ * for, and the system calls that reach other processes, the network or the file tree for writing.
+ */
+#ifndef SP_IMPORT_LIMITS_H
+#define SP_IMPORT_LIMITS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "sp/status.h"
+
+/* Address space for programs, libraries and buffers, besides the samples. [bytes] */
+#define IMPORT_MARGIN_BYTES (UINT64_C(1) << 30)
+
+/* Call first. Closes all descriptors from `first_fd` on. */
+bool import_limits_set(int cpu_seconds, int first_fd, const char *shown, struct sp_error *err);
+
+/* Makes room for the samples, once and for all. */
+bool import_limits_for_samples(uint64_t bytes, const char *shown, struct sp_error *err);
+
+#endif

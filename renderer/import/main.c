@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * splat-import: reads one file for a parent that does not want to. See handover.h for what the two
+ * say to each other; limits.h for what this process may still do when the file takes it over.
+ */
+#include <dlfcn.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "import/format.h"
+#include "import/handover.h"
+#include "import/launch.h"
+#include "import/limits.h"
+
+struct job {
+    struct import_file file;
+    const struct import_format *format;
+    struct import_header header;
+    uint64_t reported; /* bytes, in the last message */
+};
+
+static bool say(const struct sp_handover *message) {
+    size_t size = sp_handover_size((enum sp_handover_kind)message->kind);
+    ssize_t sent;
+    do
+        sent = send(SP_IMPORT_SOCKET, message, size, MSG_NOSIGNAL);
+    while (sent < 0 && errno == EINTR);
+    return sent == (ssize_t)size;
+}
+
+static int say_error(const struct sp_error *err) {
+    struct sp_handover message;
+    sp_handover_init(&message, SP_HANDOVER_ERROR);
+    message.error.code = err->code;
+    memcpy(message.error.place, err->place, sizeof err->place);
+    memcpy(message.error.text, err->text, sizeof err->text);
+    say(&message);
+    return 1;
+}
+
+static bool is_tiff(const uint8_t *start, size_t size) {
+    return size >= 4 && (memcmp(start, "II*\0", 4) == 0 || memcmp(start, "MM\0*", 4) == 0 ||
+                         memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
+}
+
+/* From beside this program. */
+static const struct import_format *load_tiff(const char *shown, struct sp_error *err) {
+    char path[PATH_MAX];
+    ssize_t n = readlink("/proc/self/exe", path, sizeof path - sizeof IMPORT_TIFF_MODULE - 1);
+    if (n > 0) {
+        path[n] = 0;
+        strcpy(strrchr(path, '/') + 1, IMPORT_TIFF_MODULE);
+    }
+    void *module = n > 0 ? dlopen(path, RTLD_NOW | RTLD_LOCAL) : NULL;
+    import_format_fn *get = module ? (import_format_fn *)dlsym(module, IMPORT_TIFF_SYMBOL) : NULL;
+    if (!get) {
+        const char *why = dlerror();
+        sp_fail(err, SP_ERR_UNSUPPORTED, shown, "the TIFF reader cannot be loaded: %s",
+                why ? why : strerror(errno));
+        return NULL;
+    }
+    return get();
+}
+
+static const struct import_format *find_format(const struct import_file *file,
+                                               struct sp_error *err) {
+    uint8_t start[64];
+    ssize_t n = pread(file->fd, start, sizeof start, 0);
+    if (n < 0) {
+        sp_fail(err, SP_ERR_IO, file->shown, "cannot read: %s", strerror(errno));
+        return NULL;
+    }
+    if (n == 0) {
+        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the file is empty");
+        return NULL;
+    }
+    if (is_tiff(start, (size_t)n))
+        return load_tiff(file->shown, err);
+    static const struct import_format *const formats[] = { &import_nrrd, &import_raw };
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        if (formats[i]->probe(start, (size_t)n, file->shown))
+            return formats[i];
+    import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
+                "the format is not known; NRRD (.nrrd, .nhdr), raw samples with a JSON sidecar "
+                "(.json) and TIFF stacks (.tif) are read");
+    return NULL;
+}
+
+static bool await_go(const struct job *job) {
+    struct sp_handover go;
+    ssize_t n;
+    do
+        n = recv(SP_IMPORT_SOCKET, &go, sizeof go, 0);
+    while (n < 0 && errno == EINTR);
+    return n == (ssize_t)sp_handover_size(SP_HANDOVER_GO) && go.magic == SP_HANDOVER_MAGIC &&
+           go.kind == SP_HANDOVER_GO && go.bytes == job->header.bytes;
+}
+
+/* A message a hundredth, so that neither side spends its time on it. */
+static void report(void *user, uint64_t bytes_done) {
+    struct job *job = user;
+    if (bytes_done - job->reported < job->header.bytes / 100 && bytes_done < job->header.bytes)
+        return;
+    job->reported = bytes_done;
+    struct sp_handover message;
+    sp_handover_init(&message, SP_HANDOVER_PROGRESS);
+    message.bytes = bytes_done;
+    if (!say(&message)) /* nobody listens any more */
+        exit(1);
+}
+
+static bool say_header(const struct job *job) {
+    struct sp_handover message;
+    sp_handover_init(&message, SP_HANDOVER_HEADER);
+    const struct import_header *h = &job->header;
+    message.header.type = h->type;
+    memcpy(message.header.dims, h->grid.dims, sizeof h->grid.dims);
+    memcpy(message.header.spacing, h->grid.spacing, sizeof h->grid.spacing);
+    memcpy(message.header.origin, h->grid.origin, sizeof h->grid.origin);
+    memcpy(message.header.direction, h->grid.direction, sizeof h->grid.direction);
+    message.header.bytes = h->bytes;
+    memcpy(message.header.unit, h->unit, sizeof h->unit);
+    return say(&message);
+}
+
+static int run(struct job *job) {
+    struct sp_error err;
+    job->format = find_format(&job->file, &err);
+    void *reader = job->format ? job->format->open(&job->file, &job->header, &err) : NULL;
+    if (!reader)
+        return say_error(&err);
+    if (!say_header(job) || !await_go(job)) {
+        job->format->close(reader);
+        return 0; /* refused, or nobody left: not our failure */
+    }
+    if (!import_limits_for_samples(job->header.bytes, job->file.shown, &err)) {
+        job->format->close(reader);
+        return say_error(&err);
+    }
+    void *voxels =
+        mmap(NULL, job->header.bytes, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    bool ok = voxels != MAP_FAILED;
+    if (ok) {
+        const struct import_progress progress = { report, job };
+        ok = job->format->read(reader, voxels, &progress, &err);
+        munmap(voxels, job->header.bytes);
+    } else {
+        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
+                strerror(errno));
+    }
+    job->format->close(reader);
+    if (!ok)
+        return say_error(&err);
+    struct sp_handover done;
+    sp_handover_init(&done, SP_HANDOVER_DONE);
+    return say(&done) ? 0 : 1;
+}
+
+int main(int argc, char **argv) {
+    struct stat st;
+    if (argc != 5 || fstat(SP_IMPORT_FILE, &st) != 0) {
+        fprintf(stderr, "splat-import is started by the program that wants a file read\n");
+        return 2;
+    }
+    struct job job = { .file = { .fd = SP_IMPORT_FILE,
+                                 .size = (uint64_t)st.st_size,
+                                 .shown = argv[1],
+                                 .root = argv[2],
+                                 .folder = argv[3] } };
+    struct sp_error err;
+    if (!import_limits_set(atoi(argv[4]), SP_IMPORT_FILE + 1, argv[1], &err))
+        return say_error(&err);
+    return run(&job);
+}

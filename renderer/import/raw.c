@@ -1,0 +1,255 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Raw samples described by a JSON file beside them. The members are in README.md; all but three
+ * have a default, unknown ones are refused.
+ */
+#include <ctype.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "import/samples.h"
+#include "volume/volume.h"
+
+enum { SIDECAR_MAX = 1 << 20 }; /* bytes */
+
+struct sidecar { /* being read */
+    const struct import_file *file;
+    const json_t *root;
+    struct import_header *header;
+    struct import_samples *samples;
+    struct sp_error *err;
+};
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    size_t i = 0, n = strlen(shown);
+    while (i < size && isspace(start[i]))
+        i++;
+    return (i < size && start[i] == '{') || (n > 5 && strcasecmp(shown + n - 5, ".json") == 0);
+}
+
+__attribute__((format(printf, 3, 4))) static bool
+refuse(const struct sidecar *s, const char *pointer, const char *format, ...) {
+    char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    snprintf(place, sizeof place, "%.180s: /%s", s->file->shown, pointer);
+    return sp_fail(s->err, SP_ERR_FORMAT, place, "%s", text);
+}
+
+static bool read_dims(const struct sidecar *s) {
+    const json_t *dims = json_object_get(s->root, "dims");
+    if (!dims)
+        return refuse(s, "dims", "is missing: give the three numbers of voxels, fastest first");
+    if (json_array_size(dims) != 3)
+        return refuse(s, "dims", "must be three whole numbers, fastest first");
+    for (size_t i = 0; i < 3; i++) {
+        const json_t *n = json_array_get(dims, i);
+        json_int_t value = json_integer_value(n);
+        if (!json_is_integer(n) || value < 1 || value > SP_DIM_MAX)
+            return refuse(s, "dims", "number %zu must be whole and in [1, %u]", i, SP_DIM_MAX);
+        s->header->grid.dims[i] = (uint32_t)value;
+    }
+    return true;
+}
+
+static bool read_numbers(const struct sidecar *s, const json_t *array, const char *pointer,
+                         double out[3]) {
+    if (json_array_size(array) != 3)
+        return refuse(s, pointer, "must be three numbers");
+    for (size_t i = 0; i < 3; i++) {
+        const json_t *n = json_array_get(array, i);
+        out[i] = json_number_value(n);
+        if (!json_is_number(n) || !isfinite(out[i]))
+            return refuse(s, pointer, "number %zu is not a number", i);
+    }
+    return true;
+}
+
+static bool read_direction(const struct sidecar *s) {
+    const json_t *axes = json_object_get(s->root, "direction");
+    if (!axes)
+        return true;
+    if (json_array_size(axes) != 3)
+        return refuse(s, "direction", "must be three vectors, one an axis");
+    for (size_t axis = 0; axis < 3; axis++) {
+        double v[3];
+        char pointer[32];
+        snprintf(pointer, sizeof pointer, "direction/%zu", axis);
+        if (!read_numbers(s, json_array_get(axes, axis), pointer, v))
+            return false;
+        double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        if (!(fabs(length - 1) < 1e-2))
+            return refuse(s, pointer, "has length %g instead of 1: lengths belong into spacing",
+                          length);
+        for (int row = 0; row < 3; row++) /* exact, whatever the digits written */
+            s->header->grid.direction[row][axis] = v[row] / length;
+    }
+    return true;
+}
+
+static bool read_geometry(const struct sidecar *s) {
+    const json_t *spacing = json_object_get(s->root, "spacing");
+    const json_t *origin = json_object_get(s->root, "origin");
+    const json_t *unit = json_object_get(s->root, "unit");
+    import_grid_init(&s->header->grid);
+    if (!read_dims(s) ||
+        (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
+        (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
+        !read_direction(s))
+        return false;
+    if (!unit)
+        return true;
+    if (!json_is_string(unit) || json_string_length(unit) >= SP_UNIT_BYTES)
+        return refuse(s, "unit", "must be a string of at most %d bytes", SP_UNIT_BYTES - 1);
+    snprintf(s->header->unit, sizeof s->header->unit, "%s", json_string_value(unit));
+    return true;
+}
+
+/* The member must be one of the `count` names; *index tells which. */
+static bool read_choice(const struct sidecar *s, const char *key, const char *const *names,
+                        int count, int *index) {
+    const json_t *member = json_object_get(s->root, key);
+    const char *text = json_string_value(member);
+    for (*index = 0; text && *index < count; ++*index)
+        if (strcmp(text, names[*index]) == 0)
+            return true;
+    char list[128] = "";
+    for (int i = 0; i < count; i++) {
+        strcat(list, i ? ", " : "");
+        strcat(list, names[i]);
+    }
+    return refuse(s, key, "%s %s", member ? "must be one of" : "is missing: give one of", list);
+}
+
+static bool read_encoding(const struct sidecar *s) {
+    static const char *const orders[] = { "little", "big" }, *const encodings[] = { "raw", "gzip" };
+    const char *types[SP_TYPE_COUNT];
+    for (int i = 0; i < SP_TYPE_COUNT; i++)
+        types[i] = sp_type_name((enum sp_type)i);
+    int type, order = 0, encoding = 0;
+    if (!read_choice(s, "type", types, SP_TYPE_COUNT, &type))
+        return false;
+    s->samples->type = s->header->type = (enum sp_type)type;
+    /* One byte has no order; more must say theirs. */
+    if (sp_type_size(s->header->type) > 1 || json_object_get(s->root, "endian"))
+        if (!read_choice(s, "endian", orders, 2, &order))
+            return false;
+    if (json_object_get(s->root, "encoding") &&
+        !read_choice(s, "encoding", encodings, 2, &encoding))
+        return false;
+    s->samples->big_endian = order == 1;
+    s->samples->gzip = encoding == 1;
+    return true;
+}
+
+static bool read_file_name(const struct sidecar *s) {
+    const json_t *name = json_object_get(s->root, "file");
+    const json_t *offset = json_object_get(s->root, "offset");
+    if (!name)
+        return refuse(s, "file", "is missing: give the name of the file with the samples");
+    if (json_string_length(name) == 0)
+        return refuse(s, "file", "must be the name of the file with the samples");
+    if (!import_samples_add(s->samples, json_string_value(name), json_string_length(name)))
+        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "no memory");
+    if (!offset)
+        return true;
+    json_int_t value = json_integer_value(offset);
+    if (!json_is_integer(offset) || value < 0 || value > INT64_MAX / 2)
+        return refuse(s, "offset", "must be a whole number of bytes, 0 or more");
+    s->samples->skip_bytes = (uint64_t)value;
+    s->samples->rest_ignored = true;
+    return true;
+}
+
+static bool check_members(const struct sidecar *s) {
+    static const char *const known[] = { "dims",      "type", "endian", "spacing", "origin",
+                                         "direction", "unit", "file",   "offset",  "encoding" };
+    const char *key;
+    json_t *value, *object = (json_t *)s->root; /* jansson's loop wants it so; nothing is changed */
+    json_object_foreach(object, key, value) {
+        bool found = false;
+        for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+            found |= strcmp(key, known[i]) == 0;
+        if (!found)
+            return refuse(s, key,
+                          "is not known; there are dims, type, endian, spacing, origin, direction, "
+                          "unit, file, offset, encoding");
+    }
+    return true;
+}
+
+static json_t *parse(const struct import_file *file, struct sp_error *err) {
+    if (file->size > SIDECAR_MAX) {
+        import_fail(err, SP_ERR_FORMAT, file->shown, SIDECAR_MAX, NULL,
+                    "a sidecar has at most %d bytes, this file has %" PRIu64, SIDECAR_MAX,
+                    file->size);
+        return NULL;
+    }
+    char *text = malloc(file->size ? file->size : 1);
+    json_t *root = NULL;
+    if (!text) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
+        return NULL;
+    }
+    ssize_t got = pread(file->fd, text, file->size, 0);
+    json_error_t why;
+    if (got < 0)
+        sp_fail(err, SP_ERR_IO, file->shown, "cannot read: %s", strerror(errno));
+    else if (!(root = json_loadb(text, (size_t)got, JSON_REJECT_DUPLICATES, &why)))
+        import_fail(err, SP_ERR_FORMAT, file->shown,
+                    (uint64_t)(why.position < 0 ? 0 : why.position), NULL, "line %d, column %d: %s",
+                    why.line, why.column, why.text);
+    free(text);
+    if (root && !json_is_object(root)) {
+        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "must be a JSON object");
+        json_decref(root);
+        root = NULL;
+    }
+    return root;
+}
+
+static void close_raw(void *reader) {
+    struct import_samples *samples = reader;
+    import_samples_finish(samples);
+    free(samples);
+}
+
+static void *open_raw(const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    json_t *root = parse(file, err);
+    if (!root)
+        return NULL;
+    struct import_samples *samples = calloc(1, sizeof *samples);
+    if (samples) {
+        samples->file = file;
+        samples->field = "dims";
+        struct sidecar s = { file, root, header, samples, err };
+        if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) || !read_file_name(&s) ||
+            !sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err) ||
+            (samples->bytes = header->bytes, !import_samples_check(samples, err))) {
+            close_raw(samples);
+            samples = NULL;
+        }
+    } else {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
+    }
+    json_decref(root);
+    return samples;
+}
+
+static bool read_raw(void *reader, void *voxels, const struct import_progress *progress,
+                     struct sp_error *err) {
+    return import_samples_read(reader, voxels, progress, err);
+}
+
+const struct import_format import_raw = {
+    .name = "raw", .probe = probe, .open = open_raw, .read = read_raw, .close = close_raw
+};

@@ -1,0 +1,337 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/samples.h"
+
+#include <assert.h>
+#include <byteswap.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include "import/confine.h"
+
+enum { CHUNK = 1 << 20, IN_ROOM = 1 << 16 }; /* bytes */
+
+/* Deflate cannot do better: 258 bytes by two codes of one bit. */
+enum { DEFLATE_RATIO_MAX = 1032 };
+
+void import_samples_finish(struct import_samples *samples) {
+    for (size_t i = 0; i < samples->count; i++)
+        free(samples->names[i]);
+    free(samples->names);
+    samples->names = NULL;
+    samples->count = 0;
+}
+
+bool import_samples_add(struct import_samples *samples, const char *name, size_t length) {
+    if (samples->count % 64 == 0) {
+        char **more = realloc(samples->names, (samples->count + 64) * sizeof *more);
+        if (!more)
+            return false;
+        samples->names = more;
+    }
+    char *copy = strndup(name, length);
+    if (copy)
+        samples->names[samples->count++] = copy;
+    return copy != NULL;
+}
+
+void import_swap(void *voxels, enum sp_type type, uint64_t count) {
+    switch (sp_type_size(type)) {
+    case 2:
+        for (uint16_t *p = voxels, *end = p + count; p < end; p++)
+            *p = bswap_16(*p);
+        break;
+    case 4:
+        for (uint32_t *p = voxels, *end = p + count; p < end; p++)
+            *p = bswap_32(*p);
+        break;
+    case 8:
+        for (uint64_t *p = voxels, *end = p + count; p < end; p++)
+            *p = bswap_64(*p);
+        break;
+    }
+}
+
+/* ---- one data file -----------------------------------------------------------------------------
+ */
+
+struct stream {
+    int fd;
+    bool owned; /* fd */
+    const char *shown;
+    uint64_t size, at; /* file bytes; at: what was read from the file so far */
+    bool gzip, ended;
+    z_stream z;
+    uint8_t in[IN_ROOM];
+};
+
+static bool open_piece(const struct import_samples *s, size_t i, struct stream *stream,
+                       struct sp_error *err) {
+    memset(stream, 0, offsetof(struct stream, in));
+    if (s->count == 0) {
+        stream->fd = s->file->fd;
+        stream->shown = s->file->shown;
+        stream->size = s->file->size;
+        return true;
+    }
+    const char *name = s->names[i];
+    char path[2 * PATH_MAX], real[PATH_MAX];
+    int n = snprintf(path, sizeof path, "%s/%s", name[0] == '/' ? "" : s->file->folder, name);
+    if (n >= PATH_MAX)
+        return sp_fail(err, SP_ERR_INVALID, s->file->shown, "the name of data file %zu is too long",
+                       i);
+    stream->fd = sp_open_confined(s->file->root, path, name, real, &stream->size, err);
+    stream->owned = stream->fd >= 0;
+    stream->shown = name;
+    return stream->owned;
+}
+
+static void close_stream(struct stream *stream) {
+    if (stream->gzip)
+        inflateEnd(&stream->z);
+    if (stream->owned)
+        close(stream->fd);
+    stream->gzip = stream->owned = false;
+}
+
+static bool read_file(struct stream *s, void *out, size_t n, size_t *got, struct sp_error *err) {
+    *got = 0;
+    while (*got < n) {
+        ssize_t r = read(s->fd, (char *)out + *got, n - *got);
+        if (r < 0 && errno == EINTR)
+            continue;
+        if (r < 0)
+            return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot read: %s",
+                               strerror(errno));
+        if (r == 0)
+            break;
+        *got += (size_t)r;
+        s->at += (uint64_t)r;
+    }
+    return true;
+}
+
+static bool start_gzip(struct stream *s, struct sp_error *err) {
+    /* 16: a gzip wrapper, whose length and checksum are tested. */
+    if (inflateInit2(&s->z, 15 + 16) != Z_OK)
+        return sp_fail(err, SP_ERR_MEMORY, s->shown, "no memory to unpack gzip");
+    s->gzip = true;
+    return true;
+}
+
+/* The next member of the same file, if one follows; what else may follow is ignored, as gzip does.
+ */
+static bool next_member(struct stream *s, struct sp_error *err) {
+    if (s->z.avail_in == 0) {
+        size_t got;
+        if (!read_file(s, s->in, IN_ROOM, &got, err))
+            return false;
+        s->z.next_in = s->in;
+        s->z.avail_in = (unsigned)got;
+    }
+    if (s->z.avail_in == 0 || s->z.next_in[0] != 0x1f)
+        s->ended = true;
+    else
+        inflateReset(&s->z);
+    return true;
+}
+
+static bool read_gzip(struct stream *s, void *out, size_t n, size_t *got, struct sp_error *err) {
+    assert(n <= CHUNK);
+    s->z.next_out = out;
+    s->z.avail_out = (unsigned)n;
+    while (s->z.avail_out > 0 && !s->ended) {
+        if (s->z.avail_in == 0) {
+            size_t arrived;
+            if (!read_file(s, s->in, IN_ROOM, &arrived, err))
+                return false;
+            if (arrived == 0)
+                return import_fail(err, SP_ERR_FORMAT, s->shown, s->at, "data",
+                                   "the gzip data is cut off after %" PRIu64 " bytes", s->at);
+            s->z.next_in = s->in;
+            s->z.avail_in = (unsigned)arrived;
+        }
+        int status = inflate(&s->z, Z_NO_FLUSH);
+        if (status == Z_STREAM_END) {
+            if (!next_member(s, err))
+                return false;
+        } else if (status == Z_MEM_ERROR) {
+            return sp_fail(err, SP_ERR_MEMORY, s->shown, "no memory to unpack gzip");
+        } else if (status != Z_OK && status != Z_BUF_ERROR) {
+            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - s->z.avail_in, "data",
+                               "the gzip data is damaged: %s", s->z.msg ? s->z.msg : "no reason");
+        }
+    }
+    *got = n - s->z.avail_out;
+    return true;
+}
+
+static bool read_stream(struct stream *s, void *out, size_t n, size_t *got, struct sp_error *err) {
+    return s->gzip ? read_gzip(s, out, n, got, err) : read_file(s, out, n, got, err);
+}
+
+static bool skip_lines(struct stream *s, uint64_t lines, struct sp_error *err) {
+    while (lines > 0) {
+        size_t got, used = 0;
+        if (!read_file(s, s->in, IN_ROOM, &got, err))
+            return false;
+        if (got == 0)
+            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at, "line skip",
+                               "%" PRIu64 " lines are missing", lines);
+        while (used < got && lines > 0)
+            lines -= s->in[used++] == '\n';
+        s->at -= got - used;
+        if (lseek(s->fd, (off_t)s->at, SEEK_SET) < 0)
+            return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot seek: %s",
+                               strerror(errno));
+    }
+    return true;
+}
+
+static bool seek_to(struct stream *s, uint64_t byte, struct sp_error *err) {
+    if (lseek(s->fd, (off_t)byte, SEEK_SET) < 0)
+        return import_fail(err, SP_ERR_IO, s->shown, byte, NULL, "cannot seek: %s",
+                           strerror(errno));
+    s->at = byte;
+    return true;
+}
+
+/* Size alone cannot tell for gzip, but it bounds what can come out. */
+static bool check_size(const struct import_samples *s, const struct stream *stream, uint64_t need,
+                       struct sp_error *err) {
+    uint64_t have = stream->size > stream->at ? stream->size - stream->at : 0;
+    if (s->gzip) {
+        if (have == 0 || (need + s->skip_bytes) / DEFLATE_RATIO_MAX > have)
+            return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+                               "%" PRIu64 " bytes cannot come out of %" PRIu64
+                               " bytes of gzip: the file is cut off or %s is wrong",
+                               need + s->skip_bytes, have, s->field);
+        return true;
+    }
+    uint64_t skip = s->from_end ? 0 : s->skip_bytes;
+    if (have < skip || have - skip < need)
+        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+                           "the samples need %" PRIu64 " bytes, the file has %" PRIu64
+                           ": it is cut off or %s is wrong",
+                           need, have < skip ? 0 : have - skip, s->field);
+    if (have - skip > need && !s->rest_ignored && !s->from_end)
+        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at + skip + need, s->field,
+                           "the samples need %" PRIu64 " bytes, the file has %" PRIu64
+                           " more: %s or the type is wrong",
+                           need, have - skip - need, s->field);
+    return true;
+}
+
+/* To the first sample of file i. */
+static bool begin_piece(const struct import_samples *s, size_t i, uint64_t need,
+                        struct stream *stream, struct sp_error *err) {
+    if (!open_piece(s, i, stream, err))
+        return false;
+    bool ok = seek_to(stream, s->count == 0 ? s->start : 0, err) &&
+              skip_lines(stream, s->skip_lines, err) && check_size(s, stream, need, err);
+    if (ok && !s->gzip)
+        ok = seek_to(stream, s->from_end ? stream->size - need : stream->at + s->skip_bytes, err);
+    if (!ok)
+        close_stream(stream);
+    return ok;
+}
+
+bool import_samples_check(const struct import_samples *s, struct sp_error *err) {
+    size_t pieces = s->count ? s->count : 1;
+    struct stream *stream = malloc(sizeof *stream);
+    if (!stream)
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory");
+    bool ok = true;
+    for (size_t i = 0; ok && i < pieces; i++) {
+        ok = begin_piece(s, i, s->bytes / pieces, stream, err);
+        if (ok)
+            close_stream(stream);
+    }
+    free(stream);
+    return ok;
+}
+
+static bool skip_unpacked(struct stream *s, uint64_t bytes, void *scratch, struct sp_error *err) {
+    while (bytes > 0) {
+        size_t n = bytes < CHUNK ? (size_t)bytes : CHUNK, got;
+        if (!read_stream(s, scratch, n, &got, err))
+            return false;
+        if (got < n)
+            return import_fail(err, SP_ERR_FORMAT, s->shown, s->at, "byte skip",
+                               "the unpacked data ends %" PRIu64 " bytes before the samples",
+                               bytes - got);
+        bytes -= n;
+    }
+    return true;
+}
+
+/* Nothing may be left; this also makes gzip's checksum count. */
+static bool check_end(const struct import_samples *s, struct stream *stream, uint64_t need,
+                      struct sp_error *err) {
+    uint8_t extra;
+    size_t got;
+    if (!stream->gzip || s->rest_ignored)
+        return true;
+    if (!read_stream(stream, &extra, 1, &got, err))
+        return false;
+    if (got > 0)
+        return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+                           "more than the %" PRIu64 " bytes that %s declares come out of the gzip "
+                           "data; stopped there",
+                           need, s->field);
+    return true;
+}
+
+static bool read_piece(const struct import_samples *s, size_t i, char *out, uint64_t need,
+                       uint64_t done, const struct import_progress *progress, struct stream *stream,
+                       struct sp_error *err) {
+    size_t size = sp_type_size(s->type);
+    bool swap = s->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
+    if (!begin_piece(s, i, need, stream, err))
+        return false;
+    bool ok = true;
+    if (s->gzip) /* `out` is scratch until the samples arrive; it may be smaller than a chunk */
+        ok = start_gzip(stream, err);
+    if (ok && s->gzip && s->skip_bytes) {
+        void *scratch = malloc(CHUNK);
+        ok = scratch ? skip_unpacked(stream, s->skip_bytes, scratch, err)
+                     : sp_fail(err, SP_ERR_MEMORY, stream->shown, "no memory to unpack gzip");
+        free(scratch);
+    }
+    for (uint64_t at = 0; ok && at < need;) {
+        size_t n = need - at < CHUNK ? (size_t)(need - at) : CHUNK, got;
+        ok = read_stream(stream, out + at, n, &got, err);
+        if (ok && got < n)
+            ok = import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
+                             "the samples need %" PRIu64 " bytes, the file has %" PRIu64
+                             ": it is cut off or %s is wrong",
+                             need, at + got, s->field);
+        if (ok && swap && size > 1) /* while it is in the cache; CHUNK is a multiple of the size */
+            import_swap(out + at, s->type, n / size);
+        at += n;
+        if (ok)
+            progress->report(progress->user, done + at);
+    }
+    ok = ok && check_end(s, stream, need, err);
+    close_stream(stream);
+    return ok;
+}
+
+bool import_samples_read(const struct import_samples *s, void *voxels,
+                         const struct import_progress *progress, struct sp_error *err) {
+    size_t pieces = s->count ? s->count : 1;
+    uint64_t need = s->bytes / pieces;
+    assert(need * pieces == s->bytes && need % sp_type_size(s->type) == 0);
+    struct stream *stream = malloc(sizeof *stream);
+    if (!stream)
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory");
+    bool ok = true;
+    for (size_t i = 0; ok && i < pieces; i++)
+        ok = read_piece(s, i, (char *)voxels + i * need, need, i * need, progress, stream, err);
+    free(stream);
+    return ok;
+}

@@ -1,0 +1,308 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Multi-page TIFF: each page is a slice, all of one size and type, one channel. OpenImageIO reads
+ * the pages. What it would read wrong without an error is refused here: tiles with depth, palettes,
+ * odd bit depths, and ImageJ's way of hiding a whole stack behind one directory.
+ */
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "import/format.h"
+#include "import/tiff_bridge.h"
+#include "volume/volume.h"
+
+struct tiff {
+    const struct import_file *file;
+    struct tiff_bridge *bridge;
+    uint32_t pages;
+    size_t page_bytes;
+};
+
+static bool fail_page(struct sp_error *err, enum sp_code code, const struct tiff *t, uint32_t page,
+                      const char *text) {
+    char place[SP_ERROR_PLACE];
+    snprintf(place, sizeof place, "%.180s: page %" PRIu32, t->file->shown, page);
+    return sp_fail(err, code, place, "%s", text);
+}
+
+/* ---- the chain of directories, counted without any library
+ * --------------------------------------- */
+
+static bool read_number(int fd, uint64_t at, int bytes, bool big_endian, uint64_t *out) {
+    uint8_t b[8];
+    *out = 0;
+    if (at > INT64_MAX - 8 || pread(fd, b, (size_t)bytes, (off_t)at) != bytes)
+        return false;
+    for (int i = 0; i < bytes; i++)
+        *out |= (uint64_t)b[big_endian ? bytes - 1 - i : i] << (8 * i);
+    return true;
+}
+
+/* Pages by the file's own account, so that none gets lost: OpenImageIO stops at the first directory
+ * that it does not like. */
+static bool count_pages(const struct import_file *file, uint32_t *pages, struct sp_error *err) {
+    uint8_t magic[4];
+    if (pread(file->fd, magic, 4, 0) != 4)
+        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic", "the file is cut off");
+    bool big_endian = magic[0] == 'M', big = magic[big_endian ? 3 : 2] == 43;
+    int word = big ? 8 : 4, count_bytes = big ? 8 : 2, entry = big ? 20 : 12;
+    uint64_t at = big ? 8 : 4, next, entries;
+    *pages = 0;
+    if (!read_number(file->fd, at, word, big_endian, &next))
+        return import_fail(err, SP_ERR_FORMAT, file->shown, at, "first directory",
+                           "the file is cut off");
+    while (next != 0) {
+        at = next;
+        if (*pages == SP_DIM_MAX)
+            return import_fail(err, SP_ERR_FORMAT, file->shown, at, "directory",
+                               "more than %u pages, or pages in a circle", SP_DIM_MAX);
+        if (!read_number(file->fd, at, count_bytes, big_endian, &entries) || entries > 65535 ||
+            !read_number(file->fd, at + (uint64_t)count_bytes + entries * (uint64_t)entry, word,
+                         big_endian, &next))
+            return import_fail(err, SP_ERR_FORMAT, file->shown, at, "directory",
+                               "page %" PRIu32 " lies beyond the end: the file of %" PRIu64
+                               " bytes is cut off or the directory before it is wrong",
+                               *pages, file->size);
+        ++*pages;
+    }
+    return *pages > 0 || import_fail(err, SP_ERR_FORMAT, file->shown, at, "first directory",
+                                     "the file has no page");
+}
+
+/* ---- what the first page says
+ * ---------------------------------------------------------------------- */
+
+static bool take_type(const struct tiff *t, const struct tiff_page *page,
+                      struct import_header *header, struct sp_error *err) {
+    static const struct {
+        int bytes;
+        bool floating, is_signed;
+        enum sp_type type;
+    } types[] = {
+        { 1, false, false, SP_UINT8 }, { 1, false, true, SP_INT8 },  { 2, false, false, SP_UINT16 },
+        { 2, false, true, SP_INT16 },  { 4, false, true, SP_INT32 }, { 4, true, true, SP_FLOAT32 },
+        { 8, true, true, SP_FLOAT64 },
+    };
+    char text[160];
+    if (page->bits && page->bits != page->bytes * 8) {
+        snprintf(text, sizeof text, "%d bits a sample are not supported; 8, 16, 32 and 64 are",
+                 page->bits);
+        return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
+    }
+    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
+        if (page->bytes == types[i].bytes && page->floating == types[i].floating &&
+            page->is_signed == types[i].is_signed) {
+            header->type = types[i].type;
+            return true;
+        }
+    snprintf(text, sizeof text, "%s samples of %d bits are not supported",
+             page->floating    ? "floating-point"
+             : page->is_signed ? "signed"
+                               : "unsigned",
+             page->bytes * 8);
+    return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
+}
+
+/* A line "KEY=VALUE" of ImageJ's description; NULL when there is none. */
+static const char *imagej_value(const char *description, const char *key, char *out, size_t room) {
+    size_t n = strlen(key);
+    for (const char *line = description; line && *line;) {
+        const char *end = strchr(line, '\n');
+        size_t length = end ? (size_t)(end - line) : strlen(line);
+        if (length > n && strncmp(line, key, n) == 0 && line[n] == '=') {
+            snprintf(out, room, "%.*s", (int)(length - n - 1), line + n + 1);
+            return out;
+        }
+        line = end ? end + 1 : NULL;
+    }
+    return NULL;
+}
+
+static long imagej_count(const char *description, const char *key) {
+    char value[32];
+    const char *text = imagej_value(description, key, value, sizeof value);
+    return text ? strtol(text, NULL, 10) : 1;
+}
+
+static bool check_imagej(const struct tiff *t, const char *d, struct sp_error *err) {
+    char text[200];
+    long images = imagej_count(d, "images"), channels = imagej_count(d, "channels");
+    long frames = imagej_count(d, "frames"), slices = imagej_count(d, "slices");
+    if (channels > 1 || (frames > 1 && slices > 1)) {
+        snprintf(text, sizeof text,
+                 "an ImageJ stack of %ld channels, %ld slices, %ld frames; save one channel of one "
+                 "frame",
+                 channels, slices, frames);
+        return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
+    }
+    if (images != (long)t->pages) {
+        snprintf(text, sizeof text,
+                 "ImageJ says %ld images, but there are %" PRIu32
+                 " pages; save it as an image sequence or as NRRD",
+                 images, t->pages);
+        return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
+    }
+    return true;
+}
+
+/* ImageJ: px a unit in the resolution, slice distance and unit in the description. Others: px an
+ * inch or centimetre, slices as far apart as columns. */
+static void take_spacing(const struct tiff_page *page, bool imagej, struct import_header *header) {
+    double *spacing = header->grid.spacing, x = page->x_resolution, y = page->y_resolution;
+    bool sane = isfinite(x) && isfinite(y) && x > 1e-9 && y > 1e-9 && x < 1e9 && y < 1e9;
+    char value[64];
+    if (imagej) {
+        const char *unit = imagej_value(page->description, "unit", value, sizeof value);
+        if (unit) {
+            bool micron = strcmp(unit, "micron") == 0 || strcmp(unit, "microns") == 0 ||
+                          strcmp(unit, "\\u00B5m") == 0 || strcmp(unit, "\xc2\xb5m") == 0;
+            snprintf(header->unit, sizeof header->unit, "%.31s", micron ? "um" : unit);
+        }
+        if (sane) {
+            spacing[0] = 1 / x;
+            spacing[1] = 1 / y;
+        }
+        const char *between = imagej_value(page->description, "spacing", value, sizeof value);
+        double z = between ? fabs(strtod(between, NULL)) : 0;
+        spacing[2] = isfinite(z) && z > 0 ? z : spacing[0];
+        return;
+    }
+    double mm = strcmp(page->resolution_unit, "in") == 0   ? 25.4
+                : strcmp(page->resolution_unit, "cm") == 0 ? 10
+                                                           : 0;
+    if (!sane || mm == 0)
+        return;
+    spacing[0] = spacing[2] = mm / x;
+    spacing[1] = mm / y;
+    snprintf(header->unit, sizeof header->unit, "mm");
+}
+
+static bool same_page(const struct tiff_page *a, const struct tiff_page *b) {
+    return a->width == b->width && a->height == b->height && a->depth == b->depth &&
+           a->channels == b->channels && a->bytes == b->bytes && a->bits == b->bits &&
+           a->floating == b->floating && a->is_signed == b->is_signed;
+}
+
+static bool check_page(const struct tiff *t, const struct tiff_page *page, uint32_t n,
+                       struct sp_error *err) {
+    char text[160];
+    if (page->depth > 1)
+        return fail_page(err, SP_ERR_UNSUPPORTED, t, n,
+                         "a page with depth; save the slices as pages");
+    if (page->channels != 1) {
+        snprintf(text, sizeof text, "%d channels; only grey images are read", page->channels);
+        return fail_page(err, SP_ERR_UNSUPPORTED, t, n, text);
+    }
+    if (page->width < 1 || page->height < 1 || page->width > (int)SP_DIM_MAX ||
+        page->height > (int)SP_DIM_MAX) {
+        snprintf(text, sizeof text, "%d x %d px, outside [1, %u]", page->width, page->height,
+                 SP_DIM_MAX);
+        return fail_page(err, SP_ERR_FORMAT, t, n, text);
+    }
+    return true;
+}
+
+static bool check_pages(const struct tiff *t, const struct tiff_page *first, struct sp_error *err) {
+    struct tiff_page page;
+    char why[SP_ERROR_TEXT];
+    for (uint32_t n = 0; n < t->pages; n++) {
+        int status = tiff_bridge_page(t->bridge, (int)n, &page, why, sizeof why);
+        if (status < 0)
+            return fail_page(err, SP_ERR_FORMAT, t, n, why);
+        if (status == 0)
+            return fail_page(err, SP_ERR_UNSUPPORTED, t, n, "OpenImageIO cannot see this page");
+        if (!same_page(first, &page)) {
+            snprintf(why, sizeof why,
+                     "%d x %d px of %d channels and %d bits, but page 0 has %d x %d, %d and %d",
+                     page.width, page.height, page.channels, page.bytes * 8, first->width,
+                     first->height, first->channels, first->bytes * 8);
+            return fail_page(err, SP_ERR_UNSUPPORTED, t, n, why);
+        }
+    }
+    return true;
+}
+
+static void close_tiff(void *reader) {
+    struct tiff *t = reader;
+    if (t->bridge)
+        tiff_bridge_close(t->bridge);
+    free(t);
+}
+
+static bool open_pages(struct tiff *t, struct import_header *header, struct sp_error *err) {
+    char path[40], why[SP_ERROR_TEXT];
+    struct tiff_page *page = malloc(sizeof *page);
+    if (!page)
+        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "no memory");
+    /* By descriptor: the name may lead elsewhere by now. */
+    snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
+    bool ok = count_pages(t->file, &t->pages, err);
+    if (ok && !(t->bridge = tiff_bridge_open(path, why, sizeof why)))
+        ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
+    if (ok && tiff_bridge_page(t->bridge, 0, page, why, sizeof why) != 1)
+        ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
+    bool imagej = ok && strncmp(page->description, "ImageJ=", 7) == 0;
+    ok = ok && check_page(t, page, 0, err) && take_type(t, page, header, err) &&
+         (!imagej || check_imagej(t, page->description, err)) && check_pages(t, page, err);
+    if (ok) {
+        import_grid_init(&header->grid);
+        header->grid.dims[0] = (uint32_t)page->width;
+        header->grid.dims[1] = (uint32_t)page->height;
+        header->grid.dims[2] = t->pages;
+        t->page_bytes = (size_t)page->width * (size_t)page->height * (size_t)page->bytes;
+        take_spacing(page, imagej, header);
+        ok = sp_grid_check(&header->grid, header->type, t->file->shown, &header->bytes, err);
+    }
+    free(page);
+    return ok;
+}
+
+static void *open_tiff(const struct import_file *file, struct import_header *header,
+                       struct sp_error *err) {
+    struct tiff *t = calloc(1, sizeof *t);
+    if (!t) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
+        return NULL;
+    }
+    t->file = file;
+    if (open_pages(t, header, err))
+        return t;
+    close_tiff(t);
+    return NULL;
+}
+
+static bool read_tiff(void *reader, void *voxels, const struct import_progress *progress,
+                      struct sp_error *err) {
+    struct tiff *t = reader;
+    char why[SP_ERROR_TEXT];
+    for (uint32_t n = 0; n < t->pages; n++) {
+        if (!tiff_bridge_read(t->bridge, (int)n, (char *)voxels + n * t->page_bytes, why,
+                              sizeof why))
+            return fail_page(err, SP_ERR_FORMAT, t, n, why);
+        progress->report(progress->user, (n + 1) * t->page_bytes);
+    }
+    return true;
+}
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    (void)start;
+    (void)size;
+    (void)shown;
+    return true; /* only asked when the first bytes said TIFF */
+}
+
+static const struct import_format tiff_format = {
+    .name = "TIFF", .probe = probe, .open = open_tiff, .read = read_tiff, .close = close_tiff
+};
+
+/* The module's only symbol. */
+__attribute__((visibility("default"))) const struct import_format *splat_import_tiff(void);
+
+const struct import_format *splat_import_tiff(void) {
+    return &tiff_format;
+}

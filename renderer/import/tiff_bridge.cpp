@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "import/tiff_bridge.h"
+
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <string>
+
+#include <OpenImageIO/imageio.h>
+
+struct tiff_bridge {
+    std::unique_ptr<OIIO::ImageInput> input;
+};
+
+static void explain(char *why, size_t room, const std::string &text) {
+    std::string line = text.empty() ? std::string("no reason given") : text;
+    for (char &c : line)
+        if (static_cast<unsigned char>(c) < 0x20)
+            c = ' ';
+    snprintf(why, room, "%s", line.c_str());
+}
+
+tiff_bridge *tiff_bridge_open(const char *path, char *why, size_t room) try {
+    OIIO::attribute("threads", 1);
+    OIIO::attribute("exr_threads", -1);
+    auto bridge = std::make_unique<tiff_bridge>();
+    bridge->input = OIIO::ImageInput::create("tiff");
+    if (!bridge->input) {
+        explain(why, room, OIIO::geterror());
+        return nullptr;
+    }
+    OIIO::ImageSpec spec;
+    if (!bridge->input->open(path, spec)) {
+        explain(why, room, bridge->input->geterror());
+        return nullptr;
+    }
+    return bridge.release();
+} catch (const std::exception &e) {
+    explain(why, room, e.what());
+    return nullptr;
+}
+
+void tiff_bridge_close(tiff_bridge *bridge) {
+    delete bridge;
+}
+
+int tiff_bridge_page(tiff_bridge *bridge, int n, tiff_page *page, char *why, size_t room) try {
+    if (!bridge->input->seek_subimage(n, 0)) {
+        std::string text = bridge->input->geterror();
+        explain(why, room, text);
+        return text.empty() ? 0 : -1;
+    }
+    const OIIO::ImageSpec &spec = bridge->input->spec();
+    memset(page, 0, sizeof *page);
+    page->width = spec.width;
+    page->height = spec.height;
+    page->depth = spec.depth;
+    page->channels = spec.nchannels;
+    page->bytes = static_cast<int>(spec.format.basesize());
+    page->bits = spec.get_int_attribute("oiio:BitsPerSample", 0);
+    page->floating = spec.format.is_floating_point();
+    page->is_signed = spec.format.is_signed();
+    page->x_resolution = spec.get_float_attribute("XResolution", 0);
+    page->y_resolution = spec.get_float_attribute("YResolution", 0);
+    std::string unit = spec.get_string_attribute("ResolutionUnit");
+    std::string description = spec.get_string_attribute("ImageDescription");
+    snprintf(page->resolution_unit, sizeof page->resolution_unit, "%s", unit.c_str());
+    snprintf(page->description, sizeof page->description, "%s", description.c_str());
+    return 1;
+} catch (const std::exception &e) {
+    explain(why, room, e.what());
+    return -1;
+}
+
+bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t room) try {
+    if (!bridge->input->seek_subimage(n, 0) ||
+        !bridge->input->read_image(n, 0, 0, 1, bridge->input->spec().format, out)) {
+        explain(why, room, bridge->input->geterror());
+        return false;
+    }
+    return true;
+} catch (const std::exception &e) {
+    explain(why, room, e.what());
+    return false;
+}
