@@ -29,9 +29,12 @@ export class Screen {
   #measure(entry) {
     const box = this.#canvas.getBoundingClientRect();
     this.#css = { width: Math.max(1, box.width), height: Math.max(1, box.height) };
-    const device = entry?.devicePixelContentBoxSize?.[0];
     const ratio = window.devicePixelRatio || 1;
-    const full = [device?.inlineSize ?? box.width * ratio, device?.blockSize ?? box.height * ratio];
+    let full = [box.width * ratio, box.height * ratio];
+    // Where the browser says how its rounding came out, take that; emulated screens say something else altogether.
+    const device = entry?.devicePixelContentBoxSize?.[0];
+    const exact = [device?.inlineSize, device?.blockSize];
+    if (exact.every((n, i) => Math.abs(n - full[i]) <= 1)) full = exact;
     const shrink = Math.min(1, SIDE_MAX / Math.max(...full));
     const [width, height] = full.map((n) => Math.max(1, Math.round(n * shrink)));
     if (width === this.#canvas.width && height === this.#canvas.height) return;

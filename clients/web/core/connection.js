@@ -20,6 +20,7 @@ const POLL_LOADING_MS = 300;
 const POLL_MS = 2000;
 const PING_MS = 5000;
 const OPEN_TIMEOUT_MS = 10000;
+const GONE_MAX = 3; // sessions that vanish one after the other before waiting between them
 const OPEN = 1;
 
 export class Connection extends Emitter {
@@ -137,7 +138,7 @@ export class Connection extends Emitter {
     if (epoch !== this.#epoch) return null;
     if (known) {
       try {
-        const { view } = await this.#api.session(known.id, known.token);
+        const { view } = await this.#askSession(known);
         return { ...known, view, isNew: false };
       } catch (error) {
         if (![401, 403, 404, 410].includes(error.status)) throw error;
@@ -157,6 +158,11 @@ export class Connection extends Emitter {
       return null;
     }
     return this.#create(volume, last);
+  }
+
+  /** A session of our own is asked for with the daemon's token, so that 404 means that it is gone. */
+  #askSession({ id, token, isJoined }) {
+    return this.#api.session(id, isJoined ? token : this.#api.token);
   }
 
   async #readVolumes(epoch) {
@@ -270,14 +276,18 @@ export class Connection extends Emitter {
   async #explain(epoch, what) {
     this.#clearTimer();
     try {
-      await this.#api.session(this.#session.id, this.#session.tokens?.control ?? this.#session.token);
+      await this.#askSession(this.#session);
       this.#lose(epoch, what || 'the stream was refused');
     } catch (error) {
       if (epoch !== this.#epoch) return;
-      if ((error.status === 404 || error.status === 410) && !this.#session.isJoined) {
+      const isGone = error.status === 404 || error.status === 410;
+      if (isGone && !this.#session.isJoined && this.#failures < GONE_MAX) {
+        this.#failures += 1;
         this.#session = null;
         this.#step('gone');
         this.#seek();
+      } else if (isGone && !this.#session.isJoined) {
+        this.#lose(epoch, error.message);
       } else {
         this.#failed(error);
       }

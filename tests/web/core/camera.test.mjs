@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import {
+  cameraFromRig, fit, orbit, pan, pointOnPlane, project, rigFromCamera, volumeSphere, zoom, zoomLimits,
+} from '../../../clients/web/core/camera.js';
+import { add, length, rotate, subtract } from '../../../clients/web/core/vector.js';
+import { close, random, unitQuaternion } from '../support/numbers.mjs';
+
+const VIEWPORT = { width: 900, height: 500 };
+const LIMITS = { nearest: 1e-3, farthest: 1e6 };
+
+function* rigs() {
+  const next = random(7);
+  for (let i = 0; i < 60; i += 1) {
+    yield {
+      projection: i % 2 ? 'orthographic' : 'perspective', target: [50 * next(), 50 * next(), 50 * next()],
+      distance: 300 + 200 * next(), orientation: unitQuaternion(next), fovY: 40 + 30 * next(), height: 200 + 100 * next(),
+    };
+  }
+}
+
+test('a camera survives the way through a rig, and up comes out at right angles', () => {
+  const camera = { projection: 'perspective', position: [10, 20, 400], target: [1, 2, 3], up: [0.2, 1, 0.1], fov_y: 30 };
+  const back = cameraFromRig(rigFromCamera(camera));
+  close(back.position, camera.position, 1e-9);
+  close(back.target, camera.target);
+  const again = cameraFromRig(rigFromCamera({ ...camera, ...back }));
+  close(again.up, back.up, 1e-12);
+  assert.ok(!('height' in back));
+});
+
+test('only an orthographic camera has a height', () => {
+  const rig = rigFromCamera({ projection: 'orthographic', position: [0, 0, 5], target: [0, 0, 0], up: [0, 1, 0], height: 7 });
+  assert.equal(cameraFromRig(rig).height, 7);
+});
+
+test('a degenerate camera is refused', () => {
+  assert.throws(() => rigFromCamera({ position: [1, 1, 1], target: [1, 1, 1], up: [0, 1, 0] }), RangeError);
+  assert.throws(() => rigFromCamera({ position: [0, 5, 0], target: [0, 0, 0], up: [0, 1, 0] }), RangeError);
+});
+
+test('right is right and up is up', () => {
+  const rig = rigFromCamera({ position: [0, 0, 10], target: [0, 0, 0], up: [0, 1, 0], fov_y: 30 });
+  const [x, y] = project(rig, [1, 1, 0], VIEWPORT);
+  assert.ok(x > 450 && y < 250);
+  assert.equal(project(rig, [0, 0, 11], VIEWPORT), null);
+});
+
+test('pointOnPlane inverts project', () => {
+  for (const rig of rigs()) close(project(rig, pointOnPlane(rig, [123, 45], VIEWPORT), VIEWPORT), [123, 45], 1e-8);
+});
+
+test('panning: the point under the cursor follows it', () => {
+  for (const rig of rigs()) {
+    const point = pointOnPlane(rig, [300, 200], VIEWPORT);
+    const moved = pan(rig, [37, -81], VIEWPORT);
+    close(project(moved, point, VIEWPORT), [337, 119], 1e-8);
+    assert.equal(moved.distance, rig.distance);
+  }
+});
+
+test('zooming: the point under the cursor stays, and what is seen grows by the factor', () => {
+  for (const rig of rigs()) {
+    const at = [700, 90];
+    const point = pointOnPlane(rig, at, VIEWPORT);
+    const near = zoom(rig, 0.5, at, VIEWPORT, LIMITS);
+    close(project(near, point, VIEWPORT), at, 1e-8);
+    const key = rig.projection === 'orthographic' ? 'height' : 'distance';
+    close([near[key]], [rig[key] / 2]);
+    const back = zoom(near, 2, at, VIEWPORT, LIMITS);
+    close([...back.target, back[key]], [...rig.target, rig[key]], 1e-9);
+  }
+});
+
+test('zooming stops at its limits, and there nothing moves', () => {
+  for (const rig of rigs()) {
+    const key = rig.projection === 'orthographic' ? 'height' : 'distance';
+    const limits = { nearest: rig[key], farthest: rig[key] };
+    const same = zoom(rig, 0.01, [3, 4], VIEWPORT, limits);
+    close([...same.target, same[key]], [...rig.target, rig[key]], 1e-9);
+  }
+});
+
+test('pinching: zoom and pan together keep two fingers on what they touched', () => {
+  for (const rig of rigs()) {
+    const [a, b] = [[300, 200], [500, 260]];
+    const [p, q] = [a, b].map((at) => pointOnPlane(rig, at, VIEWPORT));
+    const [c, d] = [[200, 250], [600, 370]]; // twice as far apart, moved, not twisted
+    const middle = (u, v) => [(u[0] + v[0]) / 2, (u[1] + v[1]) / 2];
+    let moved = zoom(rig, 0.5, middle(a, b), VIEWPORT, LIMITS);
+    moved = pan(moved, subtract([...middle(c, d), 0], [...middle(a, b), 0]).slice(0, 2), VIEWPORT);
+    close(project(moved, p, VIEWPORT), c, 1e-7);
+    close(project(moved, q, VIEWPORT), d, 1e-7);
+  }
+});
+
+test('orbiting keeps the target in the middle', () => {
+  for (const rig of rigs()) close(project(orbit(rig, 1, 0.5, 0.2), rig.target, VIEWPORT), [450, 250], 1e-8);
+});
+
+test('the sphere of a volume: spacing, origin and direction count', () => {
+  const plain = volumeSphere({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [5, 0, 0] });
+  close(plain.center, [10, 10, 30]);
+  close([plain.radius], [Math.hypot(11, 21, 62) / 2]);
+  const turned = volumeSphere({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [0, 0, 0], direction: [[0, -1, 0], [1, 0, 0], [0, 0, 1]] });
+  close(turned.center, [-10, 5, 30]);
+  close([turned.radius], [plain.radius]);
+});
+
+test('fit shows the whole sphere, touching the shorter side, in any window and projection', () => {
+  const sphere = { center: [10, -20, 30], radius: 77 };
+  for (const viewport of [VIEWPORT, { width: 400, height: 900 }]) {
+    for (const rig of rigs()) {
+      const fitted = fit(rig, sphere, viewport);
+      assert.deepEqual(fitted.orientation, rig.orientation);
+      close(project(fitted, sphere.center, viewport), [viewport.width / 2, viewport.height / 2], 1e-8);
+      // The silhouette of a sphere under perspective: the tangent cone, sin(angle) = radius / distance.
+      const side = Math.min(viewport.width, viewport.height) / 2;
+      if (rig.projection === 'perspective') {
+        const tangent = Math.tan(Math.asin(77 / fitted.distance));
+        close([tangent * fitted.distance / (2 * fitted.distance * Math.tan(rig.fovY * Math.PI / 360) / viewport.height)], [side], 1e-6);
+      } else {
+        const edge = add(sphere.center, rotate(rig.orientation, [77, 0, 0]));
+        close([project(fitted, edge, viewport)[0] - viewport.width / 2], [side], 1e-8);
+      }
+    }
+  }
+  const limits = zoomLimits(sphere);
+  assert.ok(limits.nearest < sphere.radius && limits.farthest > 10 * sphere.radius);
+  assert.ok(length(sphere.center) > 0);
+});

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// The connection against a daemon that fails in every way that it can.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import WebSocket from 'ws';
+import { Connection } from '../../../clients/web/core/connection.js';
+import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
+
+const DEADLINE_MS = 20000;
+
+/** Timers of which a test decides when they fire; changed() is called when one is set. */
+function handTimers() {
+  const timers = new Map();
+  let id = 0;
+  return {
+    changed: () => {},
+    setTimeout(then, ms) {
+      id += 1;
+      timers.set(id, { then, ms });
+      this.changed();
+      return id;
+    },
+    clearTimeout: (key) => timers.delete(key),
+    has: (ms) => [...timers.values()].some((timer) => timer.ms === ms),
+    /** Fires the timer that was set with this delay. */
+    fire(ms) {
+      const [key, timer] = [...timers].find(([, t]) => t.ms === ms);
+      timers.delete(key);
+      timer.then();
+    },
+  };
+}
+
+async function setUp(context, { daemon: options = {}, client = {}, timers = null } = {}) {
+  const daemon = await MockDaemon.start(options);
+  const it = { daemon, states: [], events: [], last: null };
+  const clock = timers ?? { setTimeout, clearTimeout };
+  it.connection = new Connection({
+    base: daemon.base, token: daemon.token, lastView: () => it.last, size: () => [320, 240], ...client,
+    env: {
+      fetch, WebSocket, now: () => performance.now(), setTimeout: (f, ms) => clock.setTimeout(f, ms),
+      clearTimeout: (id) => clock.clearTimeout(id),
+    },
+  });
+  const waiting = new Set();
+  const checkAll = () => [...waiting].forEach((check) => check());
+  if (timers) timers.changed = checkAll;
+  const record = (name) => (payload) => {
+    it.events.push({ name, ...(name === 'fault' ? { message: payload.message } : payload) });
+    if (name === 'state') it.states.push(payload.state);
+    checkAll();
+  };
+  for (const name of ['state', 'session', 'frame', 'notification', 'fault', 'volumes']) it.connection.on(name, record(name));
+  it.until = (what, condition) => new Promise((resolve, reject) => {
+    const late = setTimeout(() => {
+      waiting.delete(check);
+      reject(new Error(`${what}: not within ${DEADLINE_MS} ms; states: ${it.states}`));
+    }, DEADLINE_MS);
+    const check = () => {
+      const value = condition();
+      if (!value) return;
+      clearTimeout(late);
+      waiting.delete(check);
+      resolve(value);
+    };
+    waiting.add(check);
+    check();
+  });
+  it.state = (name) => it.until(name, () => it.connection.state === name);
+  it.event = (name, filter = () => true) => it.until(name, () => it.events.find((e) => e.name === name && filter(e)));
+  context.after(async () => {
+    if (it.connection.state !== 'stopped') it.connection.stop();
+    await it.daemon.kill().catch(() => {});
+  });
+  return it;
+}
+
+test('from an address to the first frame', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  const frame = await it.event('frame');
+  assert.deepEqual([frame.frame, frame.seq, frame.width, frame.height, frame.type], [1, 0, 320, 240, 'image/png']);
+  assert.deepEqual(it.states, ['seeking', 'joining', 'live']);
+  const session = await it.event('session');
+  assert.ok(session.isNew);
+  assert.deepEqual([...it.daemon.sessions.values()][0].created, { volume: 'phantom', size: [320, 240] });
+  it.connection.notify('stream.ack', { frame: 1 });
+  assert.deepEqual(await it.connection.call('view.update', { seq: 1, patch: { background: [1, 1, 1, 1] } }), { seq: 1 });
+  assert.equal([...it.daemon.streams][0].acked, 1);
+  await it.event('frame', (f) => f.seq === 1);
+});
+
+test('the wanted volume is taken, though another is first', async (context) => {
+  const it = await setUp(context, { daemon: { volumes: [volume('a'), volume('b')] }, client: { volume: 'b' } });
+  it.connection.start();
+  assert.equal((await it.event('session')).view.volume, 'b');
+});
+
+test('a wrong token is refused with 401, and a right one given later works', async (context) => {
+  const it = await setUp(context, { client: { token: 'wrong' } });
+  it.connection.start();
+  const refused = await it.event('state', (e) => e.state === 'refused');
+  assert.equal(refused.error.status, 401);
+  it.connection.useToken('secret');
+  await it.event('frame');
+});
+
+test('a volume that loads is waited for', async (context) => {
+  const it = await setUp(context, { daemon: { volumes: [volume('slow', { state: 'loading', progress: 0.4 })] } });
+  it.connection.start();
+  await it.state('waiting');
+  it.daemon.volumes = [volume('slow')];
+  await it.event('frame');
+  assert.equal((await it.event('session')).view.volume, 'slow');
+});
+
+test('without any volume, or with failed ones alone, it waits and goes on when one is there', async (context) => {
+  const timers = handTimers();
+  const it = await setUp(context, { daemon: { volumes: [volume('bad', { state: 'failed' })] }, timers });
+  it.connection.start();
+  await it.until('a slow poll', () => timers.has(2000));
+  it.daemon.volumes = [];
+  timers.fire(2000);
+  await it.until('the next poll', () => timers.has(2000));
+  it.daemon.volumes = [volume('phantom')];
+  timers.fire(2000);
+  await it.event('frame');
+});
+
+test('a lost stream joins the same session again', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  await it.event('frame');
+  it.daemon.dropStreams();
+  await it.event('state', (e) => e.state === 'lost');
+  it.events.length = 0;
+  await it.event('frame');
+  assert.equal((await it.event('session')).isNew, false);
+  assert.equal(it.daemon.sessions.size, 1);
+});
+
+test('a daemon that was restarted gets a new session with the last view', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  await it.event('frame');
+  const { port } = it.daemon;
+  it.last = { volume: 'phantom', background: [1, 0, 0, 1], camera: { position: [1, 2, 3] } };
+  await it.daemon.kill();
+  await it.state('lost');
+  it.daemon = await MockDaemon.start({ port });
+  it.events.length = 0;
+  await it.event('frame');
+  assert.ok((await it.event('session')).isNew);
+  assert.deepEqual([...it.daemon.sessions.values()][0].created, { ...it.last, size: [320, 240] });
+});
+
+test('a session that ended between the check and the stream is replaced', async (context) => {
+  const it = await setUp(context);
+  let isFirst = true;
+  it.connection.on('session', ({ id }) => {
+    if (isFirst) it.daemon.sessions.delete(id);
+    isFirst = false;
+  });
+  it.connection.start();
+  await it.event('frame');
+  assert.deepEqual(it.states.slice(0, 5), ['seeking', 'joining', 'seeking', 'joining', 'live']);
+});
+
+test('tries come ever slower, up to five seconds, and at once when asked', async (context) => {
+  const timers = handTimers();
+  const it = await setUp(context, { timers });
+  const { port } = it.daemon;
+  await it.daemon.kill();
+  it.connection.start();
+  const expected = [250, 500, 1000, 2000, 4000, 5000, 5000];
+  for (const ms of expected) {
+    await it.until(`a retry in ${ms} ms`, () => it.connection.state === 'lost' && timers.has(ms));
+    timers.fire(ms);
+  }
+  await it.until('lost again', () => it.states.filter((s) => s === 'lost').length === expected.length + 1);
+  it.daemon = await MockDaemon.start({ port });
+  it.connection.retryNow();
+  await it.event('frame');
+  it.events.length = 0;
+  it.daemon.dropStreams();
+  const lost = await it.event('state', (e) => e.state === 'lost');
+  assert.equal(lost.retryMs, 250, 'a frame came: it begins anew');
+});
+
+test('a daemon that keeps losing the sessions that it makes is not asked without pause', async (context) => {
+  const it = await setUp(context, { timers: handTimers() });
+  it.connection.on('session', () => it.daemon.sessions.clear());
+  it.connection.start();
+  const lost = await it.event('state', (e) => e.state === 'lost');
+  assert.ok(lost.retryMs >= 2000);
+  assert.equal(it.daemon.requests.filter((r) => r.startsWith('POST')).length, 4);
+});
+
+test('Retry-After is respected', async (context) => {
+  const it = await setUp(context, { daemon: { failWith: 503 }, timers: handTimers() });
+  it.connection.start();
+  const lost = await it.event('state', (e) => e.state === 'lost');
+  assert.equal(lost.retryMs, 2000);
+  assert.match(lost.reason, /as asked/);
+});
+
+test('a daemon that says it drains is believed, and returned to', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  await it.event('frame');
+  it.daemon.notifyAll('server.draining', { reason: 'shutting down' });
+  const draining = await it.event('state', (e) => e.state === 'draining');
+  assert.equal(draining.reason, 'shutting down');
+  it.daemon.notifyAll('server.draining');
+  it.daemon.dropStreams();
+  await it.state('lost');
+  await it.state('live');
+});
+
+test('a daemon that stops answering is left after a ping without any sign', async (context) => {
+  const timers = handTimers();
+  const it = await setUp(context, { timers });
+  it.connection.start();
+  await it.event('frame');
+  await it.connection.call('ping');
+  it.daemon.isSilent = true;
+  timers.fire(5000); // the first ping was answered
+  assert.equal(it.connection.state, 'live');
+  timers.fire(5000); // the second was not
+  assert.equal(it.connection.state, 'lost');
+  assert.match(it.events.at(-1).reason, /stopped answering/);
+});
+
+test('rubbish on the stream is reported and the stream goes on', async (context) => {
+  const it = await setUp(context);
+  it.daemon.script = (stream) => {
+    stream.frame += 1;
+    return [Buffer.from('short'), 'no JSON', frameMessage({ frame: stream.frame, seq: 0, codec: 9 }),
+      frameMessage({ frame: stream.frame, seq: stream.seq })];
+  };
+  it.connection.start();
+  await it.event('frame');
+  const faults = it.events.filter((e) => e.name === 'fault').map((e) => e.message);
+  assert.equal(faults.length, 3);
+  assert.match(faults[0], /shorter than its header/);
+  assert.match(faults[2], /codec 9/);
+  assert.equal(it.connection.state, 'live');
+});
+
+test('calls that the loss cut off reject', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  await it.event('frame');
+  it.daemon.isSilent = true;
+  const call = it.connection.call('view.get');
+  it.daemon.dropStreams();
+  await assert.rejects(call, Error);
+  await assert.rejects(it.connection.call('ping'), /no stream/);
+});
+
+test('joining a shared session needs its own token alone', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  const { id, tokens } = await it.event('session');
+  const guest = new Connection({
+    base: it.daemon.base, token: '', session: { id, token: tokens.view, isJoined: true }, lastView: () => null,
+    size: () => [64, 64], env: { fetch, WebSocket, setTimeout, clearTimeout, now: () => performance.now() },
+  });
+  context.after(() => guest.stop());
+  const frame = new Promise((resolve) => { guest.on('frame', resolve); });
+  guest.start();
+  await frame;
+  await assert.rejects(guest.call('view.update', { seq: 1, patch: {} }), (e) => e.code === -32004);
+});
+
+test('a shared session that has ended is explained, not replaced', async (context) => {
+  const it = await setUp(context, { client: { session: { id: 'gone', token: 'secret', isJoined: true } } });
+  it.connection.start();
+  const refused = await it.event('state', (e) => e.state === 'refused');
+  assert.match(refused.reason, /has ended/);
+  assert.equal(it.daemon.sessions.size, 0);
+});

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { FrameError, decodeFrame } from '../../../clients/web/core/frame.js';
+
+// Written byte by byte after the protocol's table, not with this client's or the server's code.
+const EXAMPLE = [
+  0x53, 0x50, 0x46, 0x31, // "SPF1"
+  0x01, 0x03, 0x20, 0x00, // JPEG, key frame | final quality, 32 bytes
+  0x78, 0x56, 0x34, 0x12, // frame
+  0x04, 0x03, 0x02, 0x01, // seq
+  0x00, 0x02, 0x80, 0x01, // 512 × 384
+  0x10, 0x27, 0x00, 0x00, // 10000 µs
+  0xe8, 0x03, 0x00, 0x00, // 1000 µs
+  0x03, 0x00, 0x00, 0x00, // 3 bytes
+  0xff, 0xd8, 0xff,
+];
+const message = (changes = {}, bytes = EXAMPLE) => {
+  const copy = Uint8Array.from(bytes);
+  for (const [at, value] of Object.entries(changes)) copy[at] = value;
+  return copy.buffer;
+};
+
+test('every field of the header is read', () => {
+  const { payload, ...frame } = decodeFrame(message());
+  assert.deepEqual(frame, {
+    codec: 1, type: 'image/jpeg', flags: 3, isKey: true, isFinal: true, isLossless: false,
+    frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, renderUs: 10000, encodeUs: 1000,
+  });
+  assert.deepEqual([...payload], [0xff, 0xd8, 0xff]);
+});
+
+test('numbers are unsigned', () => {
+  const frame = decodeFrame(message({ 11: 0xff, 15: 0xff }));
+  assert.equal(frame.frame, 0xff345678);
+  assert.equal(frame.seq, 0xff020304);
+});
+
+test('PNG, WebP and lossless', () => {
+  assert.equal(decodeFrame(message({ 4: 2, 5: 7 })).type, 'image/png');
+  assert.ok(decodeFrame(message({ 4: 2, 5: 7 })).isLossless);
+  assert.equal(decodeFrame(message({ 4: 3 })).type, 'image/webp');
+});
+
+test('a longer header of a later version is skipped', () => {
+  const bytes = [...EXAMPLE.slice(0, 32), 1, 2, 3, 4, ...EXAMPLE.slice(32)];
+  assert.deepEqual([...decodeFrame(message({ 6: 36 }, bytes)).payload], [0xff, 0xd8, 0xff]);
+});
+
+test('malformed frames are refused, with the byte', () => {
+  const cases = {
+    'shorter than its header': message({}, EXAMPLE.slice(0, 31)),
+    'of 0 bytes': new ArrayBuffer(0),
+    'byte 0': message({ 3: 0x32 }),
+    'byte 4: codec 0': message({ 4: 0 }),
+    'byte 4: codec 5': message({ 4: 5 }),
+    'byte 6: a header of 31': message({ 6: 31 }),
+    'byte 6: a header of 65535': message({ 6: 0xff, 7: 0xff }),
+    'byte 16': message({ 16: 0, 17: 0 }),
+    'byte 16: a picture of 512 × 65': message({ 19: 0xff }),
+    'byte 28: 4 bytes announced, 3 sent': message({ 28: 4 }),
+    'byte 28: 2 bytes announced, 3 sent': message({ 28: 2 }),
+    'byte 28: 0 bytes announced, 0 sent': message({ 28: 0 }, EXAMPLE.slice(0, 32)),
+    'byte 28: 4278190083 bytes': message({ 31: 0xff }),
+  };
+  for (const [text, bytes] of Object.entries(cases)) {
+    assert.throws(() => decodeFrame(bytes), (error) => error instanceof FrameError && error.message.includes(text), text);
+  }
+});
+
+test('every cut of a good frame is refused', () => {
+  for (let size = 0; size < EXAMPLE.length; size += 1) {
+    assert.throws(() => decodeFrame(message({}, EXAMPLE.slice(0, size))), FrameError, `${size} bytes`);
+  }
+});

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { applyPatch, joinPatches } from '../../../clients/web/core/merge.js';
+import { Pace } from '../../../clients/web/core/pace.js';
+
+/** A pace with a hand-driven clock, animation frame and server. */
+function bench({ limit = 3 } = {}) {
+  const it = { sent: [], answers: [], frames: [], failed: [], done: [], now: 0 };
+  it.pace = new Pace({
+    send: (params) => {
+      it.sent.push(params);
+      return new Promise((resolve, reject) => it.answers.push({ resolve, reject }));
+    },
+    schedule: (then) => it.frames.push(then),
+    now: () => it.now,
+    done: (patch) => it.done.push(patch),
+    fail: (error, patch) => it.failed.push([error, patch]),
+    limit,
+  });
+  it.frame = () => it.frames.splice(0).forEach((then) => then());
+  it.settle = () => new Promise((resolve) => { setImmediate(resolve); });
+  it.pace.open();
+  return it;
+}
+
+test('many moves between two animation frames are one update, the newest', () => {
+  const it = bench();
+  for (let i = 0; i < 50; i += 1) it.pace.put({ camera: { position: [i, 0, 0] } });
+  it.pace.put({ background: [1, 1, 1, 1] });
+  assert.equal(it.frames.length, 1);
+  it.frame();
+  assert.deepEqual(it.sent, [{ seq: 1, patch: { camera: { position: [49, 0, 0] }, background: [1, 1, 1, 1] } }]);
+});
+
+test('no more than the limit are unanswered; the last is sent as soon as there is room', async () => {
+  const it = bench({ limit: 3 });
+  for (let i = 1; i <= 10; i += 1) {
+    it.pace.put({ n: i });
+    it.frame();
+  }
+  assert.deepEqual(it.sent.map((s) => s.patch.n), [1, 2, 3]);
+  assert.equal(it.pace.unanswered, 3);
+  it.answers[0].resolve({ seq: 1 });
+  await it.settle();
+  it.frame();
+  assert.deepEqual(it.sent.map((s) => s.patch.n), [1, 2, 3, 10]);
+  assert.deepEqual(it.sent.map((s) => s.seq), [1, 2, 3, 4]);
+  assert.deepEqual(it.done, [{ n: 1 }]);
+  it.answers.forEach((answer) => answer.resolve({}));
+  await it.settle();
+  assert.ok(it.pace.isIdle);
+  it.frame();
+  assert.equal(it.sent.length, 4);
+});
+
+test('a refused update is reported and does not hold up the next', async () => {
+  const it = bench({ limit: 1 });
+  it.pace.put({ n: 1 });
+  it.frame();
+  it.pace.put({ n: 2 });
+  it.frame();
+  it.answers[0].reject(new Error('no'));
+  await it.settle();
+  it.frame();
+  assert.deepEqual(it.failed.map(([error, patch]) => [error.message, patch]), [['no', { n: 1 }]]);
+  assert.equal(it.sent.length, 2);
+});
+
+test('what a lost stream did not answer is sent again, joined, under a new seq', async () => {
+  const it = bench();
+  it.pace.put({ a: 1, camera: { position: [1] } });
+  it.frame();
+  it.pace.put({ camera: { position: [2] } });
+  it.frame();
+  it.pace.put({ b: 3 });
+  it.pace.close();
+  it.answers.forEach((answer) => answer.reject(new Error('the connection was lost')));
+  await it.settle();
+  it.frame();
+  assert.equal(it.sent.length, 2, 'nothing is sent while there is no stream');
+  assert.deepEqual(it.failed, []);
+  it.pace.open();
+  it.frame();
+  assert.deepEqual(it.sent[2], { seq: 3, patch: { a: 1, camera: { position: [2] }, b: 3 } });
+});
+
+test('drop forgets what waits; alone replaces it', () => {
+  const it = bench();
+  it.pace.put({ camera: { position: [1] } });
+  it.pace.put({ volume: 'head' }, { alone: true });
+  it.frame();
+  assert.deepEqual(it.sent[0].patch, { volume: 'head' });
+  it.pace.put({ n: 1 });
+  it.pace.drop();
+  it.frame();
+  assert.equal(it.sent.length, 1);
+});
+
+test('latency runs from the first action of an update to the picture that shows it', () => {
+  const it = bench();
+  it.now = 100;
+  it.pace.put({ n: 1 }, { time: 90 });
+  it.pace.put({ n: 2 }, { time: 99 });
+  it.frame();
+  it.now = 140;
+  assert.equal(it.pace.show(0), null, 'a picture of before');
+  assert.equal(it.pace.show(1), 50);
+  assert.equal(it.pace.show(1), null, 'the refined picture is not a new answer');
+  assert.equal(it.pace.show(7), null, 'a seq that was never sent');
+  assert.equal(it.pace.drawn, 1);
+});
+
+test('a picture that shows a newer update also answers the older ones', () => {
+  const it = bench();
+  for (const n of [1, 2, 3]) {
+    it.now = n * 10;
+    it.pace.put({ n });
+    it.frame();
+  }
+  it.now = 60;
+  assert.equal(it.pace.show(3), 30);
+  assert.equal(it.pace.show(2), null);
+});
+
+test('merge patches (RFC 7396): null removes from a value, and stays in a patch', () => {
+  assert.deepEqual(applyPatch({ a: { b: 1, c: [1, 2] }, d: 4 }, { a: { b: null, c: [3] }, e: 5 }), { a: { c: [3] }, d: 4, e: 5 });
+  assert.deepEqual(applyPatch({ a: 1 }, { a: { b: 2 } }), { a: { b: 2 } });
+  assert.deepEqual(joinPatches({ a: { b: 1 }, d: 1 }, { a: { b: null, c: 2 } }), { a: { b: null, c: 2 }, d: 1 });
+  const view = { camera: { position: [1, 2, 3], up: [0, 1, 0] }, background: [0, 0, 0, 1] };
+  const [first, second] = [{ camera: { position: [4, 5, 6] } }, { camera: { up: [1, 0, 0] }, background: null }];
+  assert.deepEqual(applyPatch(view, joinPatches(first, second)), applyPatch(applyPatch(view, first), second));
+});

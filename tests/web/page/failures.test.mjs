@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page against a daemon that misbehaves: whatever happens, it says what, never goes blank, and goes on.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { launch, openPage, picture, pixels, shot, until } from '../support/browser.mjs';
+import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
+
+let browser;
+before(async () => { browser = await launch(); });
+after(async () => { await browser?.close(); });
+
+async function setUp(context, options = {}, { address = (d) => d.url, page: pageOptions } = {}) {
+  const daemon = await MockDaemon.start(options);
+  const opened = await openPage(browser, pageOptions);
+  const it = { daemon, ...opened };
+  context.after(async () => {
+    await opened.context.close();
+    await it.daemon.kill().catch(() => {});
+  });
+  await it.page.goto(address(daemon));
+  it.banner = (text) => it.page.locator('#banner', { hasText: text }).waitFor();
+  it.notice = (text) => it.page.locator('#notice', { hasText: text }).waitFor();
+  return it;
+}
+
+const middle = (image) => image.at(image.width >> 1, image.height >> 1);
+
+test('a picture is drawn over the whole window and acknowledged; the token leaves the address', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  await until(it.page, 'full size', (s) => String(s.size) === String(s.wanted));
+  assert.deepEqual(middle(await pixels(it.page)), [200, 120, 40]);
+  assert.equal(new URL(it.page.url()).search, '');
+  assert.ok(it.daemon.heard.some((m) => m.method === 'stream.ack'));
+  assert.ok(await it.page.locator('#banner').isHidden());
+  await it.page.reload();
+  await picture(it.page);
+  assert.equal(it.daemon.sessions.size, 1, 'a reload comes back to its session');
+  assert.deepEqual(it.said, []);
+});
+
+test('without a token, and with a wrong one, the page asks for it', async (context) => {
+  const it = await setUp(context, {}, { address: (d) => d.base });
+  await it.banner('A token is needed');
+  await it.page.fill('#token-input', 'wrong');
+  await it.page.click('#token-form button');
+  await it.banner('The token is not valid any more');
+  await shot(it.page, 'token');
+  await it.page.fill('#token-input', it.daemon.url);
+  await it.page.click('#token-form button');
+  await picture(it.page);
+  assert.ok(await it.page.locator('#banner').isHidden());
+});
+
+test('no volume; one that loads, with its progress; one that failed, with the reason', async (context) => {
+  const it = await setUp(context, { volumes: [] });
+  await it.banner('No volume is loaded');
+  it.daemon.volumes = [volume('slow', { state: 'loading', progress: 0.4 })];
+  await it.banner('Loading slow');
+  await until(it.page, 'progress', () => document.getElementById('banner-progress').value === 0.4);
+  await shot(it.page, 'loading');
+  it.daemon.volumes = [volume('broken', { state: 'failed', error: 'broken.nrrd: byte 112: "sizes" says 0' })];
+  await it.banner('broken could not be loaded');
+  await it.banner('byte 112');
+  it.daemon.volumes.push(volume('phantom'));
+  await picture(it.page);
+  await it.page.locator('#volumes button[data-state="failed"]', { hasText: 'byte 112' }).waitFor();
+});
+
+test('frames that finish out of order and frames that nobody can decode', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.script = (stream) => {
+    const first = stream.frame + 1;
+    stream.frame += 4;
+    return [
+      frameMessage({ frame: first, seq: stream.seq, width: 1200, height: 900, color: [1, 2, 3] }),
+      frameMessage({ frame: first + 1, seq: stream.seq, payload: Buffer.from('not a PNG at all') }),
+      Buffer.from('SPF1 but short'),
+      frameMessage({ frame: first + 3, seq: stream.seq, color: [10, 200, 30] }),
+    ];
+  };
+  await it.page.keyboard.press('ArrowLeft');
+  await until(it.page, 'the newest frame', (s) => s.seq === 1 && s.frame >= 4);
+  await until(it.page, 'both faults', (s) => s.errors.length === 2);
+  await until(it.page, 'all acknowledged', (s) => s.isIdle);
+  assert.deepEqual(middle(await pixels(it.page)), [10, 200, 30]);
+  const errors = await it.page.evaluate(() => window.splatd.errors);
+  assert.ok(errors.some((e) => e.includes('could not be decoded')) && errors.some((e) => e.includes('shorter than its header')));
+  assert.equal(await it.page.evaluate(() => window.splatd.state), 'live');
+});
+
+test('a refused change is explained, and the page goes back to what the daemon shows', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.answer = (method, params) => {
+    if (method !== 'view.update' || !params.patch.filter) return null;
+    throw Object.assign(new Error('"reconstruction" is not supported by this backend'), { code: -32001, pointer: '/filter/mode' });
+  };
+  await it.page.selectOption('#filter', 'reconstruction');
+  await it.notice('/filter/mode');
+  await until(it.page, 'the filter as before', () => document.getElementById('filter').value === 'adaptive');
+});
+
+test('a failing render is told and the next picture takes the message away', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.notifyAll('render.error', { code: -32006, message: 'out of memory', pointer: '' });
+  await it.notice('out of memory');
+  await it.page.keyboard.press('ArrowLeft');
+  await it.page.locator('#notice').waitFor({ state: 'hidden' });
+});
+
+test('updates wait for a slow daemon, and the last view always arrives', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.draws = false;
+  for (let i = 0; i < 40; i += 1) await it.page.keyboard.press('ArrowLeft');
+  await until(it.page, 'all answered', (s) => s.isIdle && s.sent > 0);
+  const updates = it.daemon.heard.filter((m) => m.method === 'view.update');
+  updates.forEach((m, i) => assert.equal(m.params.seq, i + 1));
+  assert.deepEqual(Object.keys(updates.at(-1).params.patch), ['camera']);
+  const last = await it.page.evaluate(() => window.splatd.camera);
+  assert.deepEqual(updates.at(-1).params.patch.camera.position, last.position);
+});
+
+test('a shared view: what another one changes is followed; a watching guest is told that he may not', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  const [session] = it.daemon.sessions.values();
+  it.daemon.notifyAll('view.changed', { view: { ...session.view, background: [1, 1, 1, 1] } });
+  await until(it.page, 'the new background', (s) => s.background[0] === 1);
+  const guest = await openPage(browser);
+  context.after(() => guest.context.close());
+  await guest.page.goto(`${it.daemon.base}?session=${session.id}&token=${session.tokens.view}`);
+  await picture(guest.page);
+  assert.equal(new URL(guest.page.url()).search, `?session=${session.id}`);
+  assert.ok(await guest.page.locator('#volumes-section').isHidden());
+  await guest.page.keyboard.press('ArrowLeft');
+  await guest.page.locator('#notice', { hasText: 'watch, not change' }).waitFor();
+  assert.equal(it.daemon.sessions.size, 1);
+});
+
+test('the daemon drains, vanishes and comes back', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.notifyAll('server.draining');
+  await it.banner('shutting down');
+  const { port } = it.daemon;
+  await it.daemon.kill();
+  await it.banner('Connection lost — trying again');
+  await shot(it.page, 'lost');
+  assert.deepEqual(middle(await pixels(it.page)), [200, 120, 40], 'the last picture stays');
+  it.daemon = await MockDaemon.start({ port, color: () => [20, 30, 220] });
+  await until(it.page, 'live again', (s) => s.state === 'live');
+  await until(it.page, 'a new picture', (s) => s.frame >= 1 && s.seq === 0);
+  await it.page.locator('#banner').waitFor({ state: 'hidden' });
+  await until(it.page, 'drawn', () => {
+    const canvas = document.getElementById('screen');
+    const [r, , b] = canvas.getContext('2d').getImageData(canvas.width >> 1, canvas.height >> 1, 1, 1).data;
+    return r === 20 && b === 220;
+  });
+});
+
+test('below a path of a reverse proxy, and on a phone', async (context) => {
+  const it = await setUp(context, { prefix: '/lab/volumes' }, {
+    page: { viewport: { width: 390, height: 780 }, deviceScaleFactor: 3, isMobile: true, hasTouch: true },
+  });
+  await picture(it.page);
+  assert.equal(new URL(it.page.url()).pathname, '/lab/volumes/');
+  const wanted = await it.page.evaluate(() => window.splatd.wanted);
+  assert.ok(Math.max(...wanted) === 2048 && Math.abs(wanted[0] / wanted[1] - 0.5) < 0.01, `${wanted}`);
+  assert.equal(await it.page.evaluate(() => document.scrollingElement.scrollWidth > window.innerWidth), false);
+  await shot(it.page, 'phone');
+  await it.page.tap('#panel-toggle');
+  await it.page.locator('#volumes button').first().waitFor();
+  await shot(it.page, 'phone-panel');
+});

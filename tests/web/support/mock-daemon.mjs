@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// A daemon that misbehaves on demand: it speaks the protocol and serves the page, but draws one colour a volume. For
+// what the real daemon does not do when asked: odd orders, broken frames, silence, failures.
+import { createReadStream, existsSync, statSync } from 'node:fs';
+import { createServer } from 'node:http';
+import path from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { WebSocketServer } from 'ws';
+import { applyPatch } from '../../../clients/web/core/merge.js';
+import { encodePng } from './png.mjs';
+
+const WEB = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
+const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.svg': 'image/svg+xml' };
+const CSP = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
+  + "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+export const volume = (id, more = {}) => ({
+  id, name: id, source: `demo:${id}`, state: 'ready', progress: 1, dims: [64, 64, 32], spacing: [1, 1, 2], origin: [0, 0, 0],
+  direction: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], unit: 'mm', type: 'uint8', components: 1, range: [0, 255], bytes: 131072, ...more,
+});
+
+export const defaultView = (id) => ({
+  volume: id, size: [512, 512], background: [0, 0, 0, 1],
+  camera: { projection: 'perspective', position: [31.5, 31.5, 300], target: [31.5, 31.5, 31], up: [0, 1, 0], fov_y: 30, height: 64, near: 0.1 },
+  filter: { mode: 'adaptive' }, shading: { mode: 'none' },
+});
+
+/** A frame as the protocol's table says, with `changes` to the fields. */
+export function frameMessage({ frame, seq, width = 32, height = 32, color = [200, 120, 40], flags = 3, payload, codec = 2 }) {
+  const bytes = payload ?? encodePng(width, height, color);
+  const head = Buffer.alloc(32);
+  head.write('SPF1', 0, 'latin1');
+  head.set([codec, flags, 32, 0], 4);
+  head.writeUInt32LE(frame, 8);
+  head.writeUInt32LE(seq, 12);
+  head.writeUInt16LE(width, 16);
+  head.writeUInt16LE(height, 18);
+  head.writeUInt32LE(5000, 20);
+  head.writeUInt32LE(1000, 24);
+  head.writeUInt32LE(bytes.length, 28);
+  return Buffer.concat([head, bytes]);
+}
+
+export class MockDaemon {
+  token = 'secret';
+  volumes = [volume('phantom')];
+  sessions = new Map();
+  streams = new Set();
+  requests = [];
+  /** Messages of all clients, in order: {method, params}. */
+  heard = [];
+  /** May be replaced: (method, params, stream) → result to answer with, a thrown {code, message} = error. */
+  answer = null;
+  /** true: nothing is answered any more, though connections stay open. */
+  isSilent = false;
+  /** Status to answer every request of the interface with, or 0. */
+  failWith = 0;
+  /** Draws a frame after every change. */
+  draws = true;
+  /** Path below which everything lies, as behind a reverse proxy. */
+  prefix = '';
+  /** Draws, if not null, instead: (stream) → array of messages to send. */
+  script = null;
+
+  static async start(options = {}) {
+    const daemon = Object.assign(new MockDaemon(), options);
+    await daemon.#listen(options.port ?? 0);
+    return daemon;
+  }
+
+  get base() { return `http://127.0.0.1:${this.port}${this.prefix}/`; }
+  get url() { return `${this.base}?token=${this.token}`; }
+
+  async #listen(port) {
+    this.server = createServer((request, response) => this.#serve(request, response));
+    this.ws = new WebSocketServer({ noServer: true, handleProtocols: (names) => (names.has('splatd.v1') ? 'splatd.v1' : false) });
+    this.server.on('upgrade', (request, socket, head) => this.#upgrade(request, socket, head));
+    await new Promise((resolve, reject) => {
+      this.server.once('error', reject);
+      this.server.listen(port, '127.0.0.1', resolve);
+    });
+    this.port = this.server.address().port;
+  }
+
+  /** Like a killed process: every connection breaks. */
+  async kill() {
+    for (const stream of this.streams) stream.socket.terminate();
+    const closed = new Promise((resolve) => { this.server.close(resolve); });
+    this.server.closeAllConnections();
+    await closed;
+  }
+
+  dropStreams() {
+    for (const stream of this.streams) stream.socket.terminate();
+  }
+
+  notifyAll(method, params = {}) {
+    for (const stream of this.streams) stream.send({ method, params });
+  }
+
+  #locate(request) {
+    const isBelow = request.url.startsWith(`${this.prefix}/`);
+    return new URL(isBelow ? request.url.slice(this.prefix.length) : '/outside', 'http://daemon/');
+  }
+
+  #serve(request, response) {
+    const url = this.#locate(request);
+    if (!url.pathname.startsWith('/api/')) {
+      this.#file(url.pathname, response);
+      return;
+    }
+    let text = '';
+    request.on('data', (data) => { text += data; });
+    request.on('end', () => this.#api(request, url, text, response));
+  }
+
+  #file(name, response) {
+    const file = path.join(WEB, name === '/' ? 'index.html' : path.normalize(name));
+    if (!existsSync(file) || !statSync(file).isFile()) {
+      response.writeHead(404).end();
+      return;
+    }
+    response.writeHead(200, {
+      'Content-Type': TYPES[path.extname(file)] ?? 'application/octet-stream', 'Content-Security-Policy': CSP,
+      'X-Content-Type-Options': 'nosniff',
+    });
+    createReadStream(file).pipe(response);
+  }
+
+  #api(request, url, text, response) {
+    this.requests.push(`${request.method} ${url.pathname}`);
+    const reply = (status, body, headers = {}) => response.writeHead(status, {
+      'Content-Type': status < 400 ? 'application/json' : 'application/problem+json', ...headers,
+    }).end(JSON.stringify(body));
+    const problem = (status, detail, headers) => reply(status, { type: 'about:blank', title: detail, status, detail }, headers);
+    if (this.isSilent) return;
+    if (this.failWith) {
+      problem(this.failWith, 'as asked', this.failWith === 503 ? { 'Retry-After': '2' } : {});
+      return;
+    }
+    const bearer = (request.headers.authorization ?? '').replace('Bearer ', '');
+    const [, id] = /^\/api\/v1\/sessions\/([^/]+)$/.exec(url.pathname) ?? [];
+    if (bearer !== this.token && !(id && this.#role(id, bearer))) {
+      problem(401, 'the token is missing or wrong');
+    } else if (url.pathname === '/api/v1/volumes') {
+      reply(200, { volumes: this.volumes });
+    } else if (/^\/api\/v1\/volumes\/[^/]+\/view$/.test(url.pathname)) {
+      reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
+    } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
+      reply(201, this.#create(JSON.parse(text).view));
+    } else if (id && this.sessions.has(id)) {
+      const { view } = this.sessions.get(id);
+      reply(200, { id, view, participants: 0 });
+    } else {
+      problem(404, 'there is no such session');
+    }
+  }
+
+  #create(patch) {
+    const id = `s${this.sessions.size + 1}x${this.port}`;
+    const session = {
+      id, tokens: { control: `c-${id}`, view: `v-${id}` }, view: applyPatch(defaultView(patch.volume), patch), created: patch,
+    };
+    this.sessions.set(id, session);
+    return { id, tokens: session.tokens, view: session.view };
+  }
+
+  #role(id, token) {
+    const tokens = this.sessions.get(id)?.tokens;
+    return tokens && Object.keys(tokens).find((role) => tokens[role] === token);
+  }
+
+  #upgrade(request, socket, head) {
+    const url = this.#locate(request);
+    const [, id] = /^\/api\/v1\/sessions\/([^/]+)\/stream$/.exec(url.pathname) ?? [];
+    const role = this.#role(id, url.searchParams.get('token'));
+    if (!role || this.failWith) {
+      socket.end(`HTTP/1.1 ${role ? 503 : 404} No\r\nContent-Length: 0\r\nConnection: close\r\n\r\n`);
+      return;
+    }
+    this.ws.handleUpgrade(request, socket, head, (ws) => this.#open(ws, this.sessions.get(id), role));
+  }
+
+  #open(socket, session, role) {
+    const stream = {
+      socket, session, role, frame: 0, seq: 0, acked: 0, size: session.view.size,
+      send: (message) => socket.send(JSON.stringify({ jsonrpc: '2.0', ...message })),
+    };
+    this.streams.add(stream);
+    socket.on('close', () => this.streams.delete(stream));
+    socket.on('error', () => {});
+    socket.on('message', (data, isBinary) => {
+      if (!isBinary && !this.isSilent) this.#message(stream, JSON.parse(data));
+    });
+    if (!this.isSilent) this.#draw(stream);
+  }
+
+  #message(stream, { id, method, params }) {
+    this.heard.push({ method, params });
+    try {
+      const result = this.answer?.(method, params, stream) ?? this.#handle(stream, method, params);
+      if (id !== undefined) stream.send({ id, result });
+    } catch (error) {
+      if (id !== undefined) stream.send({ id, error: { code: error.code ?? -32603, message: error.message, data: { pointer: error.pointer ?? '' } } });
+    }
+  }
+
+  #handle(stream, method, params) {
+    const { session } = stream;
+    switch (method) {
+      case 'ping': return {};
+      case 'view.get': return { view: session.view };
+      case 'stream.ack':
+        stream.acked = params.frame;
+        return {};
+      case 'stream.configure':
+        stream.size = params.size ?? stream.size;
+        this.#draw(stream);
+        return params;
+      case 'view.update': {
+        if (stream.role === 'view') throw Object.assign(new Error('this token may watch, not change'), { code: -32004 });
+        stream.seq = params.seq;
+        const id = params.patch.volume;
+        const start = id && id !== session.view.volume
+          ? { ...defaultView(id), size: session.view.size, background: session.view.background } : session.view;
+        session.view = applyPatch(start, params.patch);
+        this.#draw(stream);
+        return { seq: params.seq };
+      }
+      default: throw Object.assign(new Error(`no method ${method}`), { code: -32601 });
+    }
+  }
+
+  #draw(stream) {
+    const messages = this.script ? this.script(stream) : [];
+    if (!this.script && this.draws) {
+      stream.frame += 1;
+      const [width, height] = stream.size;
+      messages.push(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, color: this.color?.(stream.session.view) ?? [200, 120, 40] }));
+    }
+    for (const message of messages) stream.socket.send(message);
+  }
+}
