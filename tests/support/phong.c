@@ -42,6 +42,7 @@ void test_phong_emission(void *user, const uint32_t i[3], double color[3]) {
     for (int a = 0; a < 3; a++)
         g.v[a] = slope(p, i, a);
     struct sp_vec3 normal = sp_vec3_normalize(sp_mat3_apply(&inverse, g));
+    bool sided = sp_vec3_length(normal) > 0;
     test_camera_axes(camera, w);
     ahead = sp_vec3_from(w[2]);
     if (camera->projection == SP_PERSPECTIVE)
@@ -55,10 +56,11 @@ void test_phong_emission(void *user, const uint32_t i[3], double color[3]) {
                 light.v[c] = d[0] * w[0][c] - d[1] * w[1][c] - d[2] * w[2][c];
         light = sp_vec3_normalize(light);
         struct sp_vec3 half = sp_vec3_normalize(sp_vec3_sub(light, ahead));
-        double nl = fabs(sp_vec3_dot(normal, light)), nh = fabs(sp_vec3_dot(normal, half));
+        double nl = sided ? fabs(sp_vec3_dot(normal, light)) : 1;
+        double nh = fabs(sp_vec3_dot(normal, half));
         for (int c = 0; c < 3; c++) {
             diffuse[c] += nl * (double)s->lights[l].color[c];
-            specular[c] += pow(nh, s->exponent) * (double)s->lights[l].color[c];
+            specular[c] += (sided ? pow(nh, s->exponent) : 0) * (double)s->lights[l].color[c];
         }
     }
     for (int c = 0; c < 3; c++)

@@ -56,7 +56,7 @@ bool test_scene_constant_cube(struct test_scene *scene); /* 24³, one value, see
 bool test_scene_thin_shells(struct test_scene *scene);   /* concentric shells of three colours */
 bool test_scene_anisotropic(struct test_scene *scene);   /* 1×1×4, thin layers */
 bool test_scene_checkerboard(struct test_scene *scene);  /* minified: a voxel is half a pixel */
-bool test_scene_phantom(struct test_scene *scene);       /* magnified: a voxel is four pixels */
+bool test_scene_phantom(struct test_scene *scene);       /* magnified: a voxel is five pixels */
 bool test_scene_oblique(struct test_scene *scene);       /* wide angle, grazing, close */
 bool test_scene_blobs(struct test_scene *scene);         /* smooth, 40³ */
 bool test_scene_orthographic(struct test_scene *scene);  /* blobs, parallel rays */

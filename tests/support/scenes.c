@@ -85,7 +85,7 @@ static double checks(const void *user, double x, double y, double z) {
 bool test_scene_checkerboard(struct test_scene *scene) {
     test_view_init(&scene->view);
     test_scene_points(
-        scene, (const double[][5]){ { 40, 0.1, 0.2, 0.9, 0.3 }, { 220, 1, 0.9, 0.2, 0.6 } }, 2);
+        scene, (const double[][5]){ { 40, 0.1, 0.2, 0.9, 0.05 }, { 220, 1, 0.9, 0.2, 0.3 } }, 2);
     if (!test_scene_voxels(scene, "checkerboard", (uint32_t[]){ 96, 96, 3 }, unit, SP_UINT8, checks,
                            NULL))
         return false;
@@ -123,7 +123,7 @@ bool test_scene_phantom(struct test_scene *scene) {
     if (!test_scene_voxels(scene, "phantom", (uint32_t[]){ 48, 48, 48 }, unit, SP_UINT16, head,
                            NULL))
         return false;
-    scene->view.camera.fov_y = 14;
+    scene->view.camera.fov_y = 12;
     test_scene_orbit(scene, (double[]){ 3, -4, 0 }, 150, 10, 60);
     return true;
 }

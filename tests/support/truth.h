@@ -79,7 +79,8 @@ void test_camera_axes(const struct sp_camera *camera, double w[3][3]);
 
 /* Blinn-Phong colours from central differences that nothing has quantised (one-sided at the
  * border), as a test_emission_fn with a struct test_phong as user:
- *   c' = c·(ambient + diffuse·Σ l |N·L|) + specular·Σ l |N·H|^exponent, cut at 1. */
+ *   c' = c·(ambient + diffuse·Σ l |N·L|) + specular·Σ l |N·H|^exponent, not bounded;
+ * without a gradient N·L = 1 and there is no highlight. */
 struct test_phong {
     const struct sp_volume_info *info;
     const void *voxels;

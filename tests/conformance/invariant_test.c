@@ -1,0 +1,369 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What must not change the picture, or must change it in a known way, whatever the integral says:
+ * threads, units, mirrors, the order of axes, the format of the frame. Each runs on every backend
+ * and instruction set.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "support/data.h"
+#include "support/render.h"
+
+struct context {
+    struct test_target target;
+    struct test_renderer renderer; /* two threads */
+};
+
+static struct test_image render(struct context *c, const struct test_scene *scene) {
+    struct test_image image;
+    struct sp_error err;
+    if (!test_render_scene(&c->renderer, scene, &image, &err))
+        fail_msg("%s: %s: %s", scene->info.name, err.place, err.text);
+    return image;
+}
+
+/* Fails, and shows the two, when they are farther apart than `floor` dB; frees both. */
+static void same(const char *name, struct test_image *got, struct test_image *wanted,
+                 double floor) {
+    double psnr = test_image_psnr(got, wanted), mean, variance;
+    test_image_statistics(wanted, 3, &mean, &variance);
+    print_message("  %s: %.1f dB\n", name, psnr);
+    if (!(psnr >= floor)) {
+        struct test_difference d = test_image_difference(got, wanted);
+        test_image_dump(name, got, wanted, 20);
+        fail_msg("%s: %.1f dB, wanted %.1f; worst at (%u,%u) channel %u: %g for %g", name, psnr,
+                 floor, d.x, d.y, d.channel, d.a, d.b);
+    }
+    assert_true(mean > 0.01); /* two empty pictures agree, too */
+    test_image_finish(got);
+    test_image_finish(wanted);
+}
+
+static void threads_do_not_matter(void **state) {
+    struct context *c = *state;
+    static test_scene_fn *const builds[] = {
+        test_scene_thin_shells, test_scene_anisotropic, test_scene_checkerboard,
+        test_scene_oblique,     test_scene_inside,      test_scene_lit_shell,
+    };
+    static const unsigned threads[] = { 2, 3, 4, 7, 16 };
+    for (size_t b = 0; b < sizeof builds / sizeof *builds; b++)
+        for (int mode = 0; mode < 4; mode++) {
+            struct test_scene scene;
+            struct sp_error err = { 0 };
+            struct test_renderer alone, many;
+            assert_true(builds[b](&scene));
+            /* Sides that no tile divides, and enough of it that workers meet. */
+            scene.view.size[0] = 213;
+            scene.view.size[1] = 131;
+            scene.view.filter.mode = mode & 1 ? SP_FILTER_ADAPTIVE : SP_FILTER_EWA;
+            struct sp_render_options o = { .format = mode & 2 ? SP_RGBA8 : SP_RGBAF32 };
+            struct sp_volume *volume = test_scene_volume(&scene, &err);
+            assert_non_null(volume);
+            assert_true(test_renderer_open(&alone, &c->target, 1, &err));
+            struct sp_frame *one =
+                sp_renderer_render(alone.renderer, volume, &scene.view, alone.pool, &o, &err);
+            assert_non_null(one);
+            for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
+                assert_true(test_renderer_open(&many, &c->target, threads[t], &err));
+                for (int again = 0; again < 2; again++) {
+                    struct sp_frame *frame =
+                        sp_renderer_render(many.renderer, volume, &scene.view, many.pool, &o, &err);
+                    assert_non_null(frame);
+                    if (!test_frames_equal(one, frame))
+                        fail_msg("%s: %u threads differ from one, frame %d", scene.info.name,
+                                 threads[t], again);
+                    sp_frame_unref(&frame);
+                }
+                test_renderer_close(&many);
+            }
+            sp_frame_unref(&one);
+            test_renderer_close(&alone);
+            sp_volume_unref(&volume);
+            test_scene_finish(&scene);
+        }
+}
+
+/* Even in x about the middle. */
+static double even(const void *user, double x, double y, double z) {
+    (void)user;
+    double a = fabs(x - 15.5) - 8, b = y - 12, c = z - 18;
+    return exp(-(a * a + b * b) / 30) + exp(-(a * a + c * c) / 12) * (y > 20);
+}
+
+static void a_symmetric_volume_gives_a_symmetric_picture(void **state) {
+    struct context *c = *state;
+    for (int ortho = 0; ortho < 2; ortho++) {
+        struct test_scene s;
+        test_view_init(&s.view);
+        test_scene_points(&s, (const double[][5]){ { 0.2, 0, 0, 1, 0 }, { 1, 1, 0.6, 0, 0.3 } }, 2);
+        assert_true(test_scene_voxels(&s, ortho ? "symmetric-orthographic" : "symmetric",
+                                      (uint32_t[]){ 32, 32, 32 }, (double[]){ 1, 1, 1 }, SP_FLOAT32,
+                                      even, NULL));
+        test_scene_orbit(&s, NULL, 0, 25, 70); /* the eye in the plane of symmetry */
+        s.view.camera.projection = ortho ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
+        struct test_image a = render(c, &s), b = render(c, &s);
+        test_image_mirror(&b);
+        same(s.info.name, &a, &b, 80);
+        test_scene_finish(&s);
+    }
+}
+
+static void a_mirrored_direction_gives_the_mirrored_picture(void **state) {
+    struct context *c = *state;
+    static test_scene_fn *const builds[] = { test_scene_rotated, test_scene_sheared,
+                                             test_scene_blobs };
+    for (size_t i = 0; i < sizeof builds / sizeof *builds; i++) {
+        struct test_scene s;
+        assert_true(builds[i](&s));
+        struct test_image a = render(c, &s);
+        for (int axis = 0; axis < 3; axis++)
+            s.info.grid.direction[0][axis] *= -1;
+        s.info.grid.origin[0] *= -1;
+        s.view.camera.position[0] *= -1;
+        s.view.camera.target[0] *= -1;
+        s.view.camera.up[0] *= -1;
+        struct test_image b = render(c, &s);
+        test_image_mirror(&b);
+        char name[160];
+        snprintf(name, sizeof name, "%s-mirrored", s.info.name);
+        same(name, &b, &a, 80);
+        test_scene_finish(&s);
+    }
+}
+
+static void the_unit_of_length_does_not_matter(void **state) {
+    struct context *c = *state;
+    static const double scales[] = { 2, 0.001, 1000 };
+    static test_scene_fn *const builds[] = { test_scene_anisotropic, test_scene_orthographic,
+                                             test_scene_oblique, test_scene_lit_shell };
+    for (size_t i = 0; i < sizeof builds / sizeof *builds; i++)
+        for (int k = 0; k < 3; k++) {
+            struct test_scene s;
+            assert_true(builds[i](&s));
+            struct test_image a = render(c, &s);
+            struct sp_camera *camera = &s.view.camera;
+            for (int axis = 0; axis < 3; axis++) {
+                s.info.grid.spacing[axis] *= scales[k];
+                s.info.grid.origin[axis] *= scales[k];
+                camera->position[axis] *= scales[k];
+                camera->target[axis] *= scales[k];
+            }
+            camera->near *= scales[k];
+            camera->height *= scales[k];
+            s.view.transfer_function.reference_length *= scales[k];
+            struct test_image b = render(c, &s);
+            char name[160];
+            snprintf(name, sizeof name, "%s-unit-%g", s.info.name, scales[k]);
+            same(name, &b, &a, 80);
+            test_scene_finish(&s);
+        }
+}
+
+/* The same samples in another order in memory, the direction's columns moved along. */
+static void the_order_of_axes_does_not_matter(void **state) {
+    struct context *c = *state;
+    static const int orders[][3] = { { 1, 2, 0 }, { 2, 0, 1 }, { 1, 0, 2 } };
+    for (size_t k = 0; k < sizeof orders / sizeof *orders; k++) {
+        struct test_scene s;
+        assert_true(test_scene_rotated(&s));
+        struct test_image a = render(c, &s);
+        const struct sp_grid was = s.info.grid;
+        struct sp_grid *now = &s.info.grid;
+        const float *from = s.voxels;
+        float *to = calloc((size_t)was.dims[0] * was.dims[1] * was.dims[2], sizeof(double));
+        assert_non_null(to);
+        for (int axis = 0; axis < 3; axis++) {
+            int old = orders[k][axis];
+            now->dims[axis] = was.dims[old];
+            now->spacing[axis] = was.spacing[old];
+            for (int r = 0; r < 3; r++)
+                now->direction[r][axis] = was.direction[r][old];
+        }
+        uint32_t i[3], j[3];
+        for (i[2] = 0; i[2] < now->dims[2]; i[2]++)
+            for (i[1] = 0; i[1] < now->dims[1]; i[1]++)
+                for (i[0] = 0; i[0] < now->dims[0]; i[0]++) {
+                    for (int axis = 0; axis < 3; axis++)
+                        j[orders[k][axis]] = i[axis];
+                    to[i[0] + now->dims[0] * (i[1] + (size_t)now->dims[1] * i[2])] =
+                        from[j[0] + was.dims[0] * (j[1] + (size_t)was.dims[1] * j[2])];
+                }
+        free(s.voxels);
+        s.voxels = to;
+        struct test_image b = render(c, &s);
+        char name[64];
+        snprintf(name, sizeof name, "axes-%d%d%d", orders[k][0], orders[k][1], orders[k][2]);
+        same(name, &b, &a, 80);
+        test_scene_finish(&s);
+    }
+}
+
+/* Without low-pass the two filters are one formula. */
+static void reconstruction_is_ewa_without_low_pass(void **state) {
+    struct context *c = *state;
+    struct test_scene s;
+    assert_true(test_scene_thin_shells(&s));
+    s.view.filter.mode = SP_FILTER_RECONSTRUCTION;
+    struct test_image a = render(c, &s);
+    s.view.filter.mode = SP_FILTER_EWA;
+    s.view.filter.lowpass = 0;
+    struct test_image b = render(c, &s);
+    same("reconstruction", &a, &b, 100);
+    test_scene_finish(&s);
+}
+
+/* Energy is conserved: the summed optical depth of a thin medium does not depend on the filter. */
+static void filters_keep_the_energy(void **state) {
+    struct context *c = *state;
+    struct test_scene s;
+    double reference = 0;
+    assert_true(test_scene_blobs(&s));
+    for (uint32_t i = 0; i < s.view.transfer_function.point_count; i++)
+        s.view.transfer_function.points[i].opacity *= 0.01F;
+    test_scene_orbit(&s, NULL, -30, 20, 90); /* nothing reaches the border */
+    static const enum sp_filter_mode modes[] = { SP_FILTER_EWA, SP_FILTER_RECONSTRUCTION,
+                                                 SP_FILTER_LOWPASS, SP_FILTER_ADAPTIVE };
+    for (int k = 0; k < 4; k++) {
+        s.view.filter.mode = modes[k];
+        struct test_image a = render(c, &s);
+        double sum = 0;
+        for (size_t p = 0; p < (size_t)a.width * a.height; p++)
+            sum -= log1p(-a.rgba[p * 4 + 3]);
+        if (!k)
+            reference = sum;
+        print_message("  filter %d: summed depth %.4f\n", (int)modes[k], sum);
+        assert_true(reference > 1);
+        assert_true(fabs(sum / reference - 1) < 0.005);
+        test_image_finish(&a);
+    }
+    test_scene_finish(&s);
+}
+
+static void eight_bits_are_the_rounded_floats(void **state) {
+    struct context *c = *state;
+    static const float backgrounds[][4] = {
+        { 0, 0, 0, 1 }, { 0.3F, 0.6F, 0.9F, 1 }, { 0, 0, 0, 0 }, { 1, 0.5F, 0, 0.5F }
+    };
+    for (int k = 0; k < 4; k++) {
+        struct test_scene s;
+        struct test_image floats, bytes;
+        struct sp_error err;
+        assert_true(test_scene_thin_shells(&s));
+        memcpy(s.view.background, backgrounds[k], sizeof s.view.background);
+        floats = render(c, &s);
+        struct sp_volume *volume = test_scene_volume(&s, &err);
+        assert_non_null(volume);
+        struct sp_frame *frame =
+            sp_renderer_render(c->renderer.renderer, volume, &s.view, c->renderer.pool, NULL, &err);
+        assert_non_null(frame);
+        assert_int_equal(frame->format, SP_RGBA8);
+        assert_true(test_image_from_frame(&bytes, frame));
+        /* Half a step for the alpha; a colour is rounded after and before it is associated. */
+        struct test_difference d = test_image_difference(&floats, &bytes);
+        print_message("  background %d: largest difference %.3f steps\n", k, d.largest * 255);
+        assert_true(d.largest < 1.05 / 255);
+        if (backgrounds[k][3] >= 1)
+            for (size_t p = 0; p < (size_t)bytes.width * bytes.height; p++)
+                assert_true(bytes.rgba[p * 4 + 3] == 1);
+        sp_frame_unref(&frame);
+        sp_volume_unref(&volume);
+        test_image_finish(&floats);
+        test_image_finish(&bytes);
+        test_scene_finish(&s);
+    }
+}
+
+/* Nothing in front of the eye, all of it nearer than near, or nothing visible: the background. */
+static void nothing_to_see_is_the_background(void **state) {
+    struct context *c = *state;
+    for (int k = 0; k < 4; k++) {
+        struct test_scene s;
+        assert_true(test_scene_blobs(&s));
+        static const float background[4] = { 0.25F, 0.5F, 0.75F, 0.5F };
+        memcpy(s.view.background, background, sizeof background);
+        struct sp_camera *camera = &s.view.camera;
+        for (int a = 0; a < 3; a++)
+            if (k == 0)
+                camera->target[a] = 2 * camera->position[a];
+        if (k == 1)
+            camera->near = 1000;
+        if (k == 2)
+            s.view.transfer_function.points[0].value = 1e6,
+            s.view.transfer_function.point_count = 1;
+        if (k == 3)
+            camera->target[0] = camera->position[0] + 30, camera->target[2] = camera->position[2];
+        struct test_image a = render(c, &s);
+        for (size_t p = 0; p < (size_t)a.width * a.height; p++) {
+            for (int ch = 0; ch < 3; ch++)
+                assert_true(fabs(a.rgba[p * 4 + (size_t)ch] - 0.5 * (double)background[ch]) < 1e-6);
+            assert_true(fabs(a.rgba[p * 4 + 3] - 0.5) < 1e-6);
+        }
+        test_image_finish(&a);
+        test_scene_finish(&s);
+    }
+}
+
+/* Samples that are not numbers are transparent: a hole, never a NaN in the picture. */
+static void not_a_number_is_transparent(void **state) {
+    struct context *c = *state;
+    struct test_scene s;
+    assert_true(test_scene_blobs(&s));
+    float *v = s.voxels;
+    for (size_t i = 0; i < (size_t)40 * 40 * 40; i++)
+        if (i % 3 == 0)
+            v[i] = i % 2 ? NAN : i % 5 ? INFINITY : -INFINITY;
+    struct test_image a = render(c, &s);
+    for (size_t i = 0; i < (size_t)40 * 40 * 40; i++)
+        if (i % 3 == 0)
+            v[i] = 0; /* outside the transfer function: transparent */
+    struct test_image b = render(c, &s);
+    same("not-a-number", &a, &b, 80);
+    test_scene_finish(&s);
+}
+
+#define ON(test)                                                                                   \
+    { #test, test, NULL, NULL, c }
+
+static int run_target(struct context *c) {
+    const struct CMUnitTest tests[] = {
+        ON(threads_do_not_matter),
+        ON(a_symmetric_volume_gives_a_symmetric_picture),
+        ON(a_mirrored_direction_gives_the_mirrored_picture),
+        ON(the_unit_of_length_does_not_matter),
+        ON(the_order_of_axes_does_not_matter),
+        ON(reconstruction_is_ewa_without_low_pass),
+        ON(filters_keep_the_energy),
+        ON(eight_bits_are_the_rounded_floats),
+        ON(nothing_to_see_is_the_background),
+        ON(not_a_number_is_transparent),
+    };
+    print_message("%s/%s\n", c->target.backend, c->target.isa);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
+
+int main(void) {
+    struct context c = { 0 };
+    int failed = 0;
+    unsigned ran = 0;
+    for (unsigned i = 0; test_target_at(i, &c.target); i++) {
+        struct sp_error err;
+        if (!test_renderer_open(&c.renderer, &c.target, 2, &err)) {
+            printf("skipped: %s/%s: %s\n", c.target.backend, c.target.isa, err.text);
+            continue;
+        }
+        ran++;
+        failed += run_target(&c);
+        test_renderer_close(&c.renderer);
+    }
+    return failed ? 1 : ran ? 0 : TEST_SKIPPED;
+}

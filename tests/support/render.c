@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "support/render.h"
+
+#include <string.h>
+
+/* Every instruction set that a CPU backend may come to offer. */
+static const char *const isas[] = { "scalar", "sse2", "sse41", "avx2", "avx512", "neon" };
+enum { ISAS = sizeof isas / sizeof *isas };
+
+bool test_target_at(unsigned i, struct test_target *target) {
+    const struct sp_backend_entry *entry;
+    for (unsigned b = 0; (entry = sp_backend_at(b)); b++) {
+        unsigned count = strcmp(entry->name, "cpu") == 0 ? ISAS : 1;
+        if (strcmp(entry->name, "null") == 0)
+            continue;
+        if (i < count) {
+            *target = (struct test_target){ entry->name, count > 1 ? isas[i] : "auto" };
+            return true;
+        }
+        i -= count;
+    }
+    return false;
+}
+
+bool test_renderer_open(struct test_renderer *r, const struct test_target *target, unsigned threads,
+                        struct sp_error *err) {
+    struct sp_renderer_options options = { target->backend, target->isa, threads };
+    struct sp_renderer_info info;
+    *r = (struct test_renderer){ .renderer = sp_renderer_create(&options, err) };
+    if (!r->renderer)
+        return false;
+    sp_renderer_info(r->renderer, &info);
+    bool same = strcmp(target->isa, "auto") == 0 || strcmp(target->isa, info.isa) == 0;
+    if (!same)
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "asked for %s, it runs as %s", target->isa, info.isa);
+    else
+        r->pool = sp_frame_pool_create((size_t)64 << 20, err);
+    if (!r->pool)
+        test_renderer_close(r);
+    return r->renderer != NULL;
+}
+
+void test_renderer_close(struct test_renderer *r) {
+    sp_renderer_destroy(&r->renderer);
+    if (r->pool)
+        sp_frame_pool_destroy(&r->pool);
+}
+
+bool test_render(const struct test_renderer *r, struct sp_volume *volume,
+                 const struct sp_view *view, struct test_image *image, struct sp_error *err) {
+    struct sp_render_options options = { .format = SP_RGBAF32 };
+    struct sp_frame *frame = sp_renderer_render(r->renderer, volume, view, r->pool, &options, err);
+    if (!frame)
+        return false;
+    bool ok = test_image_from_frame(image, frame);
+    sp_frame_unref(&frame);
+    return ok || sp_fail(err, SP_ERR_MEMORY, "", "a test image");
+}
+
+bool test_render_scene(const struct test_renderer *r, const struct test_scene *scene,
+                       struct test_image *image, struct sp_error *err) {
+    struct sp_volume *volume = test_scene_volume(scene, err);
+    if (!volume)
+        return false;
+    bool ok = test_render(r, volume, &scene->view, image, err);
+    sp_renderer_forget(r->renderer, volume);
+    sp_volume_unref(&volume);
+    return ok;
+}
+
+bool test_frames_equal(const struct sp_frame *a, const struct sp_frame *b) {
+    if (a->width != b->width || a->height != b->height || a->format != b->format)
+        return false;
+    size_t row = (size_t)a->width * (a->format == SP_RGBAF32 ? 16 : 4);
+    for (uint32_t y = 0; y < a->height; y++)
+        if (memcmp((const char *)a->pixels + y * a->stride_bytes,
+                   (const char *)b->pixels + y * b->stride_bytes, row) != 0)
+            return false;
+    return true;
+}
