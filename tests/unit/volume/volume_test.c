@@ -1,0 +1,260 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "volume/volume.h"
+
+static struct sp_grid grid_of(uint32_t nx, uint32_t ny, uint32_t nz) {
+    struct sp_grid grid = { .dims = { nx, ny, nz }, .spacing = { 1, 1, 1 } };
+    for (int i = 0; i < 3; i++)
+        grid.direction[i][i] = 1;
+    return grid;
+}
+
+static void types_have_sizes_and_names(void **state) {
+    (void)state;
+    static const struct {
+        enum sp_type type;
+        size_t size;
+        const char *name;
+    } expected[SP_TYPE_COUNT] = {
+        { SP_UINT8, 1, "uint8" },     { SP_INT8, 1, "int8" },   { SP_UINT16, 2, "uint16" },
+        { SP_INT16, 2, "int16" },     { SP_INT32, 4, "int32" }, { SP_FLOAT32, 4, "float32" },
+        { SP_FLOAT64, 8, "float64" },
+    };
+    for (int i = 0; i < SP_TYPE_COUNT; i++) {
+        assert_int_equal(sp_type_size(expected[i].type), expected[i].size);
+        assert_string_equal(sp_type_name(expected[i].type), expected[i].name);
+    }
+}
+
+static void samples_are_copied_and_described(void **state) {
+    (void)state;
+    struct sp_grid grid = grid_of(3, 2, 2);
+    grid.spacing[2] = 4;
+    grid.origin[0] = -7;
+    int16_t samples[12] = { -5, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 11 };
+    struct sp_error err;
+    struct sp_volume *volume = sp_volume_create(&grid, SP_INT16, samples, "twelve", &err);
+    assert_non_null(volume);
+    memset(samples, 0, sizeof samples);
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    const int16_t *kept = sp_volume_voxels(volume);
+    assert_int_equal((uintptr_t)kept % 64, 0);
+    assert_int_equal(kept[0], -5);
+    assert_int_equal(kept[11], 11);
+    assert_memory_equal(&info->grid, &grid, sizeof grid);
+    assert_int_equal(info->components, 1);
+    assert_int_equal(info->voxel_bytes, 24);
+    assert_string_equal(info->name, "twelve");
+    assert_string_equal(info->unit, "");
+    assert_true(info->range[0] == -5 && info->range[1] == 11);
+    /* (3 + 5)/16·256 = 128 */
+    assert_int_equal(info->histogram[0], 1);
+    assert_int_equal(info->histogram[128], 10);
+    assert_int_equal(info->histogram[255], 1);
+    sp_volume_unref(&volume);
+    assert_null(volume);
+    sp_volume_unref(&volume);
+}
+
+/* Bins by the definition in sp/volume.h, sample by sample in long double. */
+static void check_histogram(const struct sp_volume_info *info, const double *values, size_t count) {
+    uint64_t bins[SP_HISTOGRAM_BINS] = { 0 }, sum = 0;
+    long double low = info->range[0], high = info->range[1];
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(values[i]))
+            continue;
+        int b = high > low ? (int)floorl(((long double)values[i] - low) * 256 / (high - low)) : 0;
+        bins[b > 255 ? 255 : b]++;
+        sum++;
+    }
+    uint64_t total = 0;
+    for (int b = 0; b < SP_HISTOGRAM_BINS; b++) {
+        assert_int_equal(info->histogram[b], bins[b]);
+        total += info->histogram[b];
+    }
+    assert_int_equal(total, sum);
+    assert_int_equal(total + info->nonfinite, count);
+}
+
+static void histograms_follow_their_definition(void **state) {
+    (void)state;
+    enum { N = 70, COUNT = N * N * N };
+    struct sp_grid grid = grid_of(N, N, N);
+    double *values = malloc(COUNT * sizeof *values);
+    void *samples = malloc(COUNT * sizeof *values);
+    assert_true(values && samples);
+    for (int type = 0; type < SP_TYPE_COUNT; type++) {
+        uint32_t seed = 7;
+        for (int i = 0; i < COUNT; i++) {
+            seed = seed * 1664525 + 1013904223;
+            int32_t bits = (int32_t)seed;
+            switch (type) {
+            case SP_UINT8:
+                values[i] = ((uint8_t *)samples)[i] = (uint8_t)(bits >> 24);
+                break;
+            case SP_INT8:
+                values[i] = ((int8_t *)samples)[i] = (int8_t)(bits >> 24);
+                break;
+            case SP_UINT16:
+                values[i] = ((uint16_t *)samples)[i] = (uint16_t)(bits >> 16);
+                break;
+            case SP_INT16:
+                values[i] = ((int16_t *)samples)[i] = (int16_t)(bits >> 16);
+                break;
+            case SP_INT32:
+                values[i] = ((int32_t *)samples)[i] = bits;
+                break;
+            case SP_FLOAT32:
+                values[i] = ((float *)samples)[i] = i % 1000 == 3 ? NAN : (float)bits * 1e-7f;
+                break;
+            default:
+                values[i] = ((double *)samples)[i] =
+                    i % 1000 == 3 ? (i % 3 ? INFINITY : -INFINITY) : bits * 1e290;
+                break;
+            }
+        }
+        struct sp_error err;
+        struct sp_volume *volume =
+            sp_volume_create(&grid, (enum sp_type)type, samples, "random", &err);
+        assert_non_null(volume);
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        double low = INFINITY, high = -INFINITY;
+        for (int i = 0; i < COUNT; i++)
+            if (isfinite(values[i])) {
+                low = fmin(low, values[i]);
+                high = fmax(high, values[i]);
+            }
+        assert_true(info->range[0] == low && info->range[1] == high);
+        check_histogram(info, values, COUNT);
+        sp_volume_unref(&volume);
+    }
+    free(values);
+    free(samples);
+}
+
+static void odd_contents_have_a_range(void **state) {
+    (void)state;
+    struct sp_grid grid = grid_of(2, 2, 1);
+    struct sp_error err;
+    const float none[4] = { NAN, INFINITY, -INFINITY, NAN };
+    struct sp_volume *volume = sp_volume_create(&grid, SP_FLOAT32, none, "none", &err);
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    assert_true(info->range[0] == 0 && info->range[1] == 0);
+    assert_int_equal(info->nonfinite, 4);
+    assert_int_equal(info->histogram[0], 0);
+    sp_volume_unref(&volume);
+
+    const float same[4] = { 2.5f, 2.5f, NAN, 2.5f };
+    volume = sp_volume_create(&grid, SP_FLOAT32, same, "same", &err);
+    info = sp_volume_info(volume);
+    assert_true(info->range[0] == 2.5 && info->range[1] == 2.5);
+    assert_int_equal(info->nonfinite, 1);
+    assert_int_equal(info->histogram[0], 3);
+    sp_volume_unref(&volume);
+
+    /* The span of these overflows a double. */
+    const double far[4] = { -1.7e308, 1.7e308, 0, 1.6e308 };
+    volume = sp_volume_create(&grid, SP_FLOAT64, far, "far", &err);
+    info = sp_volume_info(volume);
+    assert_int_equal(info->histogram[0], 1);
+    assert_int_equal(info->histogram[128], 1);
+    assert_int_equal(info->histogram[248], 1);
+    assert_int_equal(info->histogram[255], 1);
+    sp_volume_unref(&volume);
+}
+
+static void bad_grids_are_refused(void **state) {
+    (void)state;
+    const uint8_t sample = 0;
+    struct sp_error err;
+    struct sp_grid grid = grid_of(1, 0, 1);
+    assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", &err));
+    assert_int_equal(err.code, SP_ERR_FORMAT);
+    assert_non_null(strstr(err.text, "dims[1] is 0"));
+    grid = grid_of(SP_DIM_MAX, SP_DIM_MAX, SP_DIM_MAX);
+    assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", &err));
+    assert_non_null(strstr(err.text, "voxels"));
+    const double bad_spacing[] = { 0, -1, NAN, INFINITY, 1e-300 };
+    for (size_t i = 0; i < sizeof bad_spacing / sizeof bad_spacing[0]; i++) {
+        grid = grid_of(1, 1, 1);
+        grid.spacing[2] = bad_spacing[i];
+        assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", &err));
+        assert_non_null(strstr(err.text, "spacing[2]"));
+    }
+    grid = grid_of(1, 1, 1);
+    grid.origin[1] = NAN;
+    assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", &err));
+    assert_non_null(strstr(err.text, "origin[1]"));
+    grid = grid_of(1, 1, 1);
+    grid.direction[0][0] = 2;
+    assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", &err));
+    assert_non_null(strstr(err.text, "length 2"));
+    grid = grid_of(1, 1, 1);
+    for (int row = 0; row < 3; row++)
+        grid.direction[row][1] = grid.direction[row][0];
+    assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", &err));
+    assert_non_null(strstr(err.text, "singular"));
+    assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", NULL));
+}
+
+static void *share(void *arg) {
+    struct sp_volume *volume = arg;
+    for (int i = 0; i < 10000; i++) {
+        struct sp_volume *mine = sp_volume_ref(volume);
+        assert_ptr_equal(mine, volume);
+        sp_volume_unref(&mine);
+    }
+    sp_volume_unref(&volume);
+    return NULL;
+}
+
+static atomic_int released;
+
+static void count_release(void *voxels, size_t bytes) {
+    assert_int_equal(bytes, 64);
+    free(voxels);
+    released++;
+}
+
+static void last_reference_releases_once(void **state) {
+    (void)state;
+    enum { THREADS = 4 };
+    pthread_t threads[THREADS];
+    struct sp_volume_info info = { .grid = grid_of(4, 4, 4), .type = SP_UINT8, .name = "shared" };
+    void *voxels = aligned_alloc(64, 64);
+    assert_non_null(voxels);
+    memset(voxels, 1, 64);
+    struct sp_error err;
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, 64, count_release, &err);
+    assert_non_null(volume);
+    for (int t = 0; t < THREADS; t++)
+        assert_int_equal(pthread_create(&threads[t], NULL, share, sp_volume_ref(volume)), 0);
+    sp_volume_unref(&volume);
+    for (int t = 0; t < THREADS; t++)
+        pthread_join(threads[t], NULL);
+    assert_int_equal(released, 1);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(types_have_sizes_and_names),
+        cmocka_unit_test(samples_are_copied_and_described),
+        cmocka_unit_test(histograms_follow_their_definition),
+        cmocka_unit_test(odd_contents_have_a_range),
+        cmocka_unit_test(bad_grids_are_refused),
+        cmocka_unit_test(last_reference_releases_once),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
