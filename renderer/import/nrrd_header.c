@@ -229,10 +229,24 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
     return true;
 }
 
+/* Some writers leave out the dimension of the space that their vectors live in: it is then the
+ * number of components of the first vector. 0 = nothing is missing. */
+static unsigned missing_space_dimension(const struct nrrd_header *h) {
+    const char *vectors = h->value[NRRD_SPACE_DIRECTIONS];
+    if (!vectors || h->value[NRRD_SPACE] || h->value[NRRD_SPACE_DIMENSION])
+        return 0;
+    const char *first = strchr(vectors, '(');
+    unsigned count = 1;
+    for (const char *c = first; c && *c && *c != ')'; c++)
+        count += *c == ',';
+    return first && count <= 3 ? count : 0;
+}
+
 /* Fields in the order of the file: teem wants dimension before sizes, space before directions. */
 static bool write_clean(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
-    size_t room = 16;
+    size_t room = 48;
+    unsigned space = missing_space_dimension(h);
     for (int f = 0; f < NRRD_TO_TEEM; f++)
         if (h->value[f])
             room += strlen(fields[f].name) + strlen(h->value[f]) + 3;
@@ -248,6 +262,11 @@ static bool write_clean(const struct import_file *file, struct nrrd_header *h,
         if (next < 0)
             break;
         last = h->byte[next];
+        if (space && (next == NRRD_SPACE_DIRECTIONS || next == NRRD_SPACE_ORIGIN ||
+                      next == NRRD_SPACE_UNITS)) {
+            at += (size_t)snprintf(h->clean + at, room - at, "space dimension: %u\n", space);
+            space = 0;
+        }
         at += (size_t)snprintf(h->clean + at, room - at, "%s: %s\n", fields[next].name,
                                h->value[next]);
     }
