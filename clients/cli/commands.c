@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "commands.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { POLL_MS = 100 };
+
+static struct http *connect_to_daemon(const struct options *options, struct sp_error *err) {
+    return http_create(options->url, options->token, options->timeout_s, err);
+}
+
+static const char *text_of(const proto_json *object, const char *key) {
+    const char *text = proto_json_string(proto_json_get(object, key));
+    return text ? text : "";
+}
+
+/* Prints a document and a newline. */
+static bool print_json(const proto_json *json, struct sp_error *err) {
+    char *text = proto_json_to_text(json, NULL);
+    bool ok = text && puts(text) >= 0 && fflush(stdout) == 0;
+    free(text);
+    return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
+}
+
+static void print_volume(const proto_json *volume) {
+    const proto_json *dims = proto_json_get(volume, "dims");
+    int64_t n[3] = { 0 }, bytes = 0;
+    for (size_t i = 0; i < 3; i++)
+        proto_json_integer(proto_json_at(dims, i), &n[i]);
+    proto_json_integer(proto_json_get(volume, "bytes"), &bytes);
+    char size[48] = "-";
+    if (n[0] > 0)
+        snprintf(size, sizeof size, "%" PRId64 "x%" PRId64 "x%" PRId64, n[0], n[1], n[2]);
+    printf("%-24s %-8s %-16s %-8s %9.1f  %s\n", text_of(volume, "id"), text_of(volume, "state"),
+           size, text_of(volume, "type"), (double)bytes / 1e6, text_of(volume, "source"));
+}
+
+int command_volumes(const struct options *options, struct sp_error *err) {
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *answer = http ? http_json(http, "GET", "/volumes", NULL, err) : NULL;
+    http_destroy(&http);
+    if (!answer)
+        return 1;
+    bool ok = true;
+    if (options->json) {
+        ok = print_json(answer, err);
+    } else {
+        const proto_json *list = proto_json_get(answer, "volumes");
+        printf("%-24s %-8s %-16s %-8s %9s  %s\n", "ID", "STATE", "DIMS", "TYPE", "MB", "SOURCE");
+        for (size_t i = 0; i < proto_json_size(list); i++)
+            print_volume(proto_json_at(list, i));
+    }
+    proto_json_free(&answer);
+    return ok ? 0 : 1;
+}
+
+static double now_s(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+/* On one line of a terminal; nothing elsewhere. `done` ends the line. */
+static void show_progress(const char *id, const proto_json *volume, bool done) {
+    double fraction = 0;
+    if (!isatty(STDERR_FILENO))
+        return;
+    proto_json_number(proto_json_get(volume, "progress"), &fraction);
+    fprintf(stderr, "\rloading %s %3.0f %%%s", id, done ? 100.0 : fraction * 100, done ? "\n" : "");
+}
+
+/* Asks again until the volume is ready, failed, or time is up. Steals `volume`, returns the last
+ * answer; NULL with *err set. */
+static proto_json *wait_until_ready(struct http *http, const struct options *options,
+                                    proto_json *volume, const char *path, struct sp_error *err) {
+    double end = now_s() + options->timeout_s;
+    char id[256];
+    snprintf(id, sizeof id, "%s", text_of(volume, "id"));
+    bool waited = false;
+    while (volume && strcmp(text_of(volume, "state"), "ready") != 0) {
+        if (strcmp(text_of(volume, "state"), "failed") == 0) {
+            const proto_json *why = proto_json_get(volume, "error");
+            const char *text = proto_json_string(why);
+            sp_fail(err, SP_ERR_FORMAT, id, "loading failed: %s",
+                    text ? text : text_of(why, "detail"));
+            proto_json_free(&volume);
+        } else if (now_s() > end) {
+            sp_fail(err, SP_ERR_TIMEOUT, id, "still loading after %u s; --timeout allows more",
+                    options->timeout_s);
+            proto_json_free(&volume);
+        } else {
+            show_progress(id, volume, false);
+            waited = true;
+            proto_json_free(&volume);
+            nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000L }, NULL);
+            volume = http_json(http, "GET", path, NULL, err);
+        }
+    }
+    if (waited)
+        show_progress(id, NULL, volume != NULL);
+    return volume;
+}
+
+/* "/volumes/ID"; NULL = no memory. */
+static char *volume_path(struct http *http, const char *id) {
+    char *escaped = http_escape(http, id), *path = NULL;
+    if (escaped && asprintf(&path, "/volumes/%s", escaped) < 0)
+        path = NULL;
+    free(escaped);
+    return path;
+}
+
+static proto_json *post_volume(struct http *http, const char *source, struct sp_error *err) {
+    proto_json *request = proto_json_object();
+    bool uri = strncmp(source, "demo:", 5) == 0;
+    char *body = proto_json_set_string(request, uri ? "uri" : "path", source)
+                     ? proto_json_to_text(request, NULL)
+                     : NULL;
+    proto_json_free(&request);
+    proto_json *volume = NULL;
+    if (body)
+        volume = http_json(http, "POST", "/volumes", body, err);
+    else
+        sp_fail(err, SP_ERR_MEMORY, source, "out of memory");
+    free(body);
+    return volume;
+}
+
+/* The volume with that id, or NULL without an error if the daemon has none. */
+static proto_json *find_volume(struct http *http, const char *id) {
+    char *path = volume_path(http, id);
+    proto_json *volume = path ? http_json(http, "GET", path, NULL, NULL) : NULL;
+    free(path);
+    return volume;
+}
+
+/* The description of what `source` names; see resolve_volume(). */
+static proto_json *open_volume(struct http *http, const struct options *options, const char *source,
+                               bool must_load, bool wait, struct sp_error *err) {
+    bool maybe_id = !must_load && strncmp(source, "demo:", 5) != 0 && !strchr(source, '/');
+    proto_json *volume = maybe_id ? find_volume(http, source) : NULL;
+    if (!volume)
+        volume = post_volume(http, source, err);
+    if (!volume || !wait)
+        return volume;
+    char *path = volume_path(http, text_of(volume, "id"));
+    if (path) {
+        volume = wait_until_ready(http, options, volume, path, err);
+    } else {
+        sp_fail(err, SP_ERR_MEMORY, source, "out of memory");
+        proto_json_free(&volume);
+    }
+    free(path);
+    return volume;
+}
+
+char *resolve_volume(struct http *http, const struct options *options, const char *source,
+                     bool must_load, bool wait, struct sp_error *err) {
+    proto_json *volume = open_volume(http, options, source, must_load, wait, err);
+    char *id = volume ? strdup(text_of(volume, "id")) : NULL;
+    proto_json_free(&volume);
+    return id;
+}
+
+int command_load(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("load", "needs a file below the daemon's data folder, or demo:NAME");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *volume =
+        http ? open_volume(http, options, options->argument, true, !options->no_wait, err) : NULL;
+    bool ok = volume != NULL;
+    if (ok && options->json)
+        ok = print_json(volume, err);
+    else if (ok)
+        puts(text_of(volume, "id"));
+    proto_json_free(&volume);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
+int command_view(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("view", "needs the id of a volume; \"splatctl volumes\" lists them");
+    struct http *http = connect_to_daemon(options, err);
+    char *volume = http ? volume_path(http, options->argument) : NULL, *path = NULL;
+    proto_json *view = NULL;
+    if (volume && asprintf(&path, "%s/view", volume) >= 0)
+        view = http_json(http, "GET", path, NULL, err);
+    bool ok = view && print_json(view, err);
+    proto_json_free(&view);
+    free(path);
+    free(volume);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}

@@ -1,0 +1,254 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http.h"
+
+#include <curl/curl.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "protocol/limits.h"
+
+static const size_t response_max = (size_t)2 << 30; /* bytes; the largest EXR image is half */
+enum { CONNECT_TIMEOUT_S = 10 };
+
+struct http {
+    CURL *curl;
+    char *base;  /* scheme, host, port and prefix, without a slash at the end */
+    char *token; /* NULL = none */
+    unsigned timeout_s;
+};
+
+/* The value of `token` in a query; NULL if there is none. Allocated. */
+static char *token_of_query(const char *query) {
+    for (const char *at = query; at; at = strchr(at, '&') ? strchr(at, '&') + 1 : NULL)
+        if (strncmp(at, "token=", 6) == 0) {
+            int size = 0;
+            char *plain = curl_easy_unescape(NULL, at + 6, (int)strcspn(at + 6, "&"), &size);
+            char *copy = plain ? strdup(plain) : NULL;
+            curl_free(plain);
+            return copy;
+        }
+    return NULL;
+}
+
+static bool split_url(struct http *http, const char *url, struct sp_error *err) {
+    CURLU *parts = curl_url();
+    char *query = NULL, *base = NULL;
+    CURLUcode code = parts ? curl_url_set(parts, CURLUPART_URL, url, 0) : CURLUE_OUT_OF_MEMORY;
+    if (code == CURLUE_OK && curl_url_get(parts, CURLUPART_QUERY, &query, 0) == CURLUE_OK)
+        http->token = token_of_query(query);
+    if (code == CURLUE_OK) {
+        curl_url_set(parts, CURLUPART_QUERY, NULL, 0);
+        curl_url_set(parts, CURLUPART_FRAGMENT, NULL, 0);
+        code = curl_url_get(parts, CURLUPART_URL, &base, 0);
+    }
+    if (code == CURLUE_OK && strncmp(base, "http://", 7) != 0 && strncmp(base, "https://", 8) != 0)
+        code = CURLUE_UNSUPPORTED_SCHEME;
+    if (code == CURLUE_OK && (http->base = strdup(base)))
+        for (size_t n = strlen(http->base); n > 0 && http->base[n - 1] == '/';)
+            http->base[--n] = 0;
+    curl_free(base);
+    curl_free(query);
+    curl_url_cleanup(parts);
+    if (http->base)
+        return true;
+    return sp_fail(err, SP_ERR_INVALID, url, "is not an address like http://HOST:PORT/: %s",
+                   curl_url_strerror(code));
+}
+
+/* A token goes into a header line. */
+static bool check_token(const char *token, struct sp_error *err) {
+    size_t n = strlen(token);
+    for (const char *c = token; *c; c++)
+        if (*c < 0x21 || *c > 0x7e)
+            n = SIZE_MAX;
+    return n <= 512 ||
+           sp_fail(err, SP_ERR_INVALID, "--token", "must be at most 512 visible ASCII characters");
+}
+
+struct http *http_create(const char *url, const char *token, unsigned timeout_s,
+                         struct sp_error *err) {
+    if (!url)
+        url = getenv("SPLATD_URL");
+    if (!url || !*url)
+        url = "http://127.0.0.1:8080";
+    struct http *http = calloc(1, sizeof *http);
+    if (http)
+        http->curl = curl_easy_init();
+    if (!http || !http->curl) {
+        sp_fail(err, SP_ERR_MEMORY, "", "cannot set up HTTP");
+        http_destroy(&http);
+        return NULL;
+    }
+    http->timeout_s = timeout_s;
+    if (!split_url(http, url, err)) {
+        http_destroy(&http);
+        return NULL;
+    }
+    if (!token && !http->token)
+        token = getenv("SPLATD_TOKEN");
+    if (token) {
+        free(http->token);
+        http->token = strdup(token);
+    }
+    if (http->token && !check_token(http->token, err))
+        http_destroy(&http);
+    return http;
+}
+
+void http_destroy(struct http **http) {
+    struct http *h = *http;
+    if (!h)
+        return;
+    curl_easy_cleanup(h->curl);
+    free(h->base);
+    free(h->token);
+    free(h);
+    *http = NULL;
+}
+
+static size_t receive_body(char *bytes, size_t one, size_t size, void *user) {
+    struct http_response *response = user;
+    (void)one;
+    if (size > response_max - response->size)
+        return 0;
+    if (response->capacity - response->size <= size) {
+        size_t capacity = (response->size + size + 1) * 2;
+        char *grown = realloc(response->body, capacity);
+        if (!grown)
+            return 0;
+        response->body = grown;
+        response->capacity = capacity;
+    }
+    memcpy(response->body + response->size, bytes, size);
+    response->size += size;
+    response->body[response->size] = 0;
+    return size;
+}
+
+/* Copies the value of header `name` from one line. */
+static void keep_header(const char *line, size_t size, const char *name, char *out, size_t room) {
+    size_t n = strlen(name);
+    if (size <= n || strncasecmp(line, name, n) != 0 || line[n] != ':')
+        return;
+    for (n++; n < size && line[n] == ' ';)
+        n++;
+    size_t length = 0;
+    while (n < size && line[n] != '\r' && line[n] != '\n' && line[n] != ';' && length + 1 < room)
+        out[length++] = line[n++];
+    out[length] = 0;
+}
+
+static size_t receive_header(char *line, size_t one, size_t size, void *user) {
+    struct http_response *response = user;
+    (void)one;
+    keep_header(line, size, "Content-Type", response->type, sizeof response->type);
+    keep_header(line, size, "X-Backend", response->backend, sizeof response->backend);
+    keep_header(line, size, "X-Render-Time", response->render_time, sizeof response->render_time);
+    keep_header(line, size, "X-Splats", response->splats, sizeof response->splats);
+    return size;
+}
+
+static struct curl_slist *make_headers(const struct http *http, const char *accept, bool body) {
+    struct curl_slist *headers = NULL;
+    char line[1024];
+    if (http->token) {
+        snprintf(line, sizeof line, "Authorization: Bearer %s", http->token);
+        headers = curl_slist_append(headers, line);
+    }
+    snprintf(line, sizeof line, "Accept: %s", accept);
+    headers = curl_slist_append(headers, line);
+    if (body)
+        headers = curl_slist_append(headers, "Content-Type: application/json");
+    return curl_slist_append(headers, "Expect:");
+}
+
+/* What the daemon says is wrong, as an error. */
+static bool refuse_status(const struct http_response *response, const char *method,
+                          const char *path, struct sp_error *err) {
+    char place[SP_ERROR_PLACE];
+    snprintf(place, sizeof place, "%s %s", method, path);
+    proto_json *problem =
+        strstr(response->type, "json") && response->body
+            ? proto_json_parse(response->body, strnlen(response->body, PROTO_BODY_MAX), NULL)
+            : NULL;
+    const char *detail = proto_json_string(proto_json_get(problem, "detail"));
+    const char *title = proto_json_string(proto_json_get(problem, "title"));
+    const char *pointer = proto_json_string(proto_json_get(problem, "pointer"));
+    if (!detail)
+        detail = title;
+    const char *hint =
+        response->status == 401 ? "; give the daemon's token by --token or in the URL" : "";
+    if (detail)
+        sp_fail(err, SP_ERR_INVALID, pointer && *pointer ? pointer : place, "%s (HTTP %ld)%s",
+                detail, response->status, hint);
+    else
+        sp_fail(err, SP_ERR_INVALID, place, "HTTP status %ld%s", response->status, hint);
+    proto_json_free(&problem);
+    return false;
+}
+
+bool http_request(struct http *http, const char *method, const char *path, const char *accept,
+                  const char *body, struct http_response *response, struct sp_error *err) {
+    *response = (struct http_response){ 0 };
+    size_t room = strlen(http->base) + strlen(path) + 16;
+    char *url = malloc(room);
+    if (!url)
+        return sp_fail(err, SP_ERR_MEMORY, path, "out of memory");
+    snprintf(url, room, "%s/api/v1%s", http->base, path);
+    struct curl_slist *headers = make_headers(http, accept, body != NULL);
+    char why[CURL_ERROR_SIZE] = "";
+    CURL *curl = http->curl;
+    curl_easy_reset(curl);
+    curl_easy_setopt(curl, CURLOPT_URL, url);
+    curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
+    curl_easy_setopt(curl, CURLOPT_CUSTOMREQUEST, method);
+    curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(curl, CURLOPT_USERAGENT, "splatctl/" SPLATD_VERSION);
+    curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
+    curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_TIMEOUT_S);
+    curl_easy_setopt(curl, CURLOPT_TIMEOUT, (long)http->timeout_s);
+    curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, why);
+    curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, receive_body);
+    curl_easy_setopt(curl, CURLOPT_WRITEDATA, response);
+    curl_easy_setopt(curl, CURLOPT_HEADERFUNCTION, receive_header);
+    curl_easy_setopt(curl, CURLOPT_HEADERDATA, response);
+    if (body) {
+        curl_easy_setopt(curl, CURLOPT_POSTFIELDS, body);
+        curl_easy_setopt(curl, CURLOPT_POSTFIELDSIZE_LARGE, (curl_off_t)strlen(body));
+    }
+    CURLcode code = headers ? curl_easy_perform(curl) : CURLE_OUT_OF_MEMORY;
+    curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &response->status);
+    curl_slist_free_all(headers);
+    free(url);
+    if (code != CURLE_OK)
+        return sp_fail(err, SP_ERR_IO, http->base, "%s", why[0] ? why : curl_easy_strerror(code));
+    return response->status < 400 || refuse_status(response, method, path, err);
+}
+
+void http_response_finish(struct http_response *response) {
+    free(response->body);
+    *response = (struct http_response){ 0 };
+}
+
+proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,
+                      struct sp_error *err) {
+    struct http_response response;
+    proto_json *json = NULL;
+    if (http_request(http, method, path, "application/json", body, &response, err)) {
+        json = proto_json_parse(response.body ? response.body : "", response.size, err);
+        if (!json && err)
+            snprintf(err->place, sizeof err->place, "%s %s", method, path);
+    }
+    http_response_finish(&response);
+    return json;
+}
+
+char *http_escape(struct http *http, const char *text) {
+    char *escaped = curl_easy_escape(http->curl, text, 0);
+    char *copy = escaped ? strdup(escaped) : NULL;
+    curl_free(escaped);
+    return copy;
+}

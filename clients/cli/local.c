@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "commands.h"
+#include "protocol/view.h"
+#include "sp/encode.h"
+#include "sp/renderer.h"
+
+enum { QUALITY_DEFAULT = 90 };
+
+static bool show_progress(void *user, double fraction) {
+    if (isatty(STDERR_FILENO))
+        fprintf(stderr, "\rloading %s %3.0f %%%s", (const char *)user, fraction * 100,
+                fraction >= 1 ? "\n" : "");
+    return true;
+}
+
+/* One frame; NULL with *err set. */
+static struct sp_frame *render_frame(const struct options *options, struct sp_volume *volume,
+                                     const struct sp_view *view, enum sp_image_format format,
+                                     struct sp_frame_pool *pool, struct sp_error *err) {
+    const struct sp_renderer_options how = { .backend = options->backend,
+                                             .isa = options->isa,
+                                             .threads = options->threads };
+    const struct sp_render_options what = { .format = sp_image_format_info(format)->wants_float
+                                                          ? SP_RGBAF32
+                                                          : SP_RGBA8 };
+    struct sp_renderer *renderer = sp_renderer_create(&how, err);
+    struct sp_frame *frame =
+        renderer ? sp_renderer_render(renderer, volume, view, pool, &what, err) : NULL;
+    sp_renderer_destroy(&renderer);
+    return frame;
+}
+
+static bool encode_and_write(const struct options *options, const struct sp_frame *frame,
+                             enum sp_image_format format, struct sp_error *err) {
+    struct sp_encoder *encoder = sp_encoder_create(err);
+    struct picture picture = { 0 };
+    const uint8_t *bytes;
+    bool ok = encoder && sp_encode(encoder, frame, format,
+                                   options->quality ? options->quality : QUALITY_DEFAULT, &bytes,
+                                   &picture.size, err);
+    if (ok) {
+        picture.bytes = bytes;
+        snprintf(picture.backend, sizeof picture.backend, "%s", frame->stats.backend);
+        snprintf(picture.render_time, sizeof picture.render_time, "%.3f", frame->stats.render_ms);
+        snprintf(picture.splats, sizeof picture.splats, "%" PRIu64, frame->stats.splats);
+        ok = write_picture(options, &picture, sp_image_format_info(format)->name, err);
+    }
+    sp_encoder_destroy(&encoder);
+    return ok;
+}
+
+bool render_local(const struct options *options, const char *source, const proto_json *patch,
+                  enum sp_image_format format, struct sp_error *err) {
+    const struct sp_load_options load = { .progress = show_progress,
+                                          .user = (void *)source, /* only read */
+                                          .timeout_ms = (int)options->timeout_s * 1000 };
+    struct sp_volume *volume = sp_volume_load(source, &load, err);
+    if (!volume)
+        return false;
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    struct sp_view defaults, view;
+    sp_view_init(&defaults, info, info->name);
+    view = defaults;
+    struct sp_frame *frame = NULL;
+    struct sp_frame_pool *pool = sp_frame_pool_create(0, err);
+    if (pool && proto_view_apply(patch, &defaults, &view, err))
+        frame = render_frame(options, volume, &view, format, pool, err);
+    bool ok = frame && encode_and_write(options, frame, format, err);
+    sp_frame_unref(&frame);
+    sp_frame_pool_destroy(&pool);
+    sp_volume_unref(&volume);
+    return ok;
+}

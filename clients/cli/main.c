@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
+#include <string.h>
+
+#include "commands.h"
+#include "options.h"
+#include "sp/log.h"
+
+static const struct {
+    const char *name;
+    command_fn *run;
+} commands[] = {
+    { "volumes", command_volumes },
+    { "load", command_load },
+    { "view", command_view },
+    { "render", command_render },
+};
+
+/* The renderer's log: what went wrong is told by the error, the rest is for daemons. */
+static void drop_line(void *user, enum sp_log_level level, const char *line) {
+    (void)user;
+    (void)level;
+    (void)line;
+}
+
+static int run(const struct options *options) {
+    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
+        if (strcmp(options->command, commands[i].name) == 0) {
+            struct sp_error err = { 0 };
+            int status = commands[i].run(options, &err);
+            if (status == 1)
+                fprintf(stderr, "splatctl: %s: %s\n", err.place[0] ? err.place : options->command,
+                        err.text);
+            return status;
+        }
+    return usage_error(options->command, "no such command");
+}
+
+int main(int argc, char **argv) {
+    struct options options;
+    sp_log_init(drop_line, NULL, SP_LOG_ERROR);
+    if (!options_parse(&options, argc, argv))
+        return 2;
+    if (options.help) {
+        print_help();
+        return 0;
+    }
+    if (options.version) {
+        puts("splatctl " SPLATD_VERSION);
+        return 0;
+    }
+    if (!options.command)
+        return usage_error("command line", "no command");
+    return run(&options);
+}

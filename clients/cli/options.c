@@ -1,0 +1,215 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "options.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum option_id {
+    OPT_URL = 1,
+    OPT_TOKEN,
+    OPT_VOLUME,
+    OPT_VIEW,
+    OPT_OUT,
+    OPT_SIZE,
+    OPT_FORMAT,
+    OPT_QUALITY,
+    OPT_LOCAL,
+    OPT_THREADS,
+    OPT_BACKEND,
+    OPT_ISA,
+    OPT_TIMEOUT,
+    OPT_JSON,
+    OPT_NO_WAIT,
+    OPT_HELP,
+    OPT_VERSION
+};
+
+static const struct option known[] = {
+    { "url", required_argument, NULL, OPT_URL },
+    { "token", required_argument, NULL, OPT_TOKEN },
+    { "volume", required_argument, NULL, OPT_VOLUME },
+    { "view", required_argument, NULL, OPT_VIEW },
+    { "out", required_argument, NULL, OPT_OUT },
+    { "size", required_argument, NULL, OPT_SIZE },
+    { "format", required_argument, NULL, OPT_FORMAT },
+    { "quality", required_argument, NULL, OPT_QUALITY },
+    { "local", no_argument, NULL, OPT_LOCAL },
+    { "threads", required_argument, NULL, OPT_THREADS },
+    { "backend", required_argument, NULL, OPT_BACKEND },
+    { "isa", required_argument, NULL, OPT_ISA },
+    { "timeout", required_argument, NULL, OPT_TIMEOUT },
+    { "json", no_argument, NULL, OPT_JSON },
+    { "no-wait", no_argument, NULL, OPT_NO_WAIT },
+    { "help", no_argument, NULL, OPT_HELP },
+    { "version", no_argument, NULL, OPT_VERSION },
+    { NULL, 0, NULL, 0 },
+};
+
+static const char help_text[] =
+    "Usage: splatctl [--url URL] [--token TOKEN] COMMAND [OPTION]...\n"
+    "\n"
+    "Commands:\n"
+    "  volumes                 list the daemon's volumes\n"
+    "  load SOURCE             load a file below the daemon's --data folder, or demo:NAME; print\n"
+    "                          its id and wait until it is ready\n"
+    "  view ID                 print the default view of a volume\n"
+    "  render                  render one image\n"
+    "\n"
+    "The daemon:\n"
+    "  --url URL               its address, with or without ?token= (default: $SPLATD_URL, else\n"
+    "                          http://127.0.0.1:8080)\n"
+    "  --token TOKEN           default: that of the URL, else $SPLATD_TOKEN\n"
+    "  --timeout SECONDS       longest wait for an answer, and for a volume (default 300)\n"
+    "\n"
+    "load:\n"
+    "  --no-wait               return as soon as loading began\n"
+    "\n"
+    "render:\n"
+    "  --volume ID|SOURCE      what to show: an id, a file or demo:NAME, loaded if need be\n"
+    "                          (default: the view's \"volume\")\n"
+    "  --view FILE|-           a view as JSON, merged into the volume's default (default: that)\n"
+    "  --out FILE|-            where the image goes; written whole or not at all\n"
+    "  --size W,H              pixels; over the view's\n"
+    "  --format NAME           jpeg, png, webp or exr (default: by the ending of --out, else png)\n"
+    "  --quality N             1 to 100, for jpeg and webp (default 90)\n"
+    "  --local                 render in this process, without a daemon; the same picture\n"
+    "  --threads N             with --local: render threads (default: one a core)\n"
+    "  --backend NAME          with --local: auto, cpu, null (default auto)\n"
+    "  --isa NAME              with --local: the most that the CPU backend may use (default auto)\n"
+    "\n"
+    "  --json                  print JSON\n"
+    "  --help, --version\n"
+    "\n"
+    "Exit status: 0 success, 1 failure, 2 usage.\n";
+
+void print_help(void) {
+    fputs(help_text, stdout);
+}
+
+int usage_error(const char *what, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    fprintf(stderr, "splatctl: %s: ", what);
+    vfprintf(stderr, format, args);
+    fputs("; see splatctl --help\n", stderr);
+    va_end(args);
+    return 2;
+}
+
+/* A decimal number in [low, high], and *end after it. */
+static bool parse_number(const char *text, long low, long high, const char **end, long *out) {
+    char *stop;
+    errno = 0;
+    *out = strtol(text, &stop, 10);
+    *end = stop;
+    return *text >= '0' && *text <= '9' && errno == 0 && *out >= low && *out <= high;
+}
+
+static bool parse_whole(const char *name, const char *text, long low, long high, long *out) {
+    const char *end;
+    if (parse_number(text, low, high, &end, out) && *end == 0)
+        return true;
+    usage_error(name, "\"%s\" is not a number from %ld to %ld", text, low, high);
+    return false;
+}
+
+static bool parse_size(const char *text, uint32_t size[2]) {
+    const char *end;
+    long width, height;
+    if (!parse_number(text, 1, 8192, &end, &width) || *end != ',' ||
+        !parse_number(end + 1, 1, 8192, &end, &height) || *end != 0) {
+        usage_error("--size", "\"%s\" is not WIDTH,HEIGHT, each from 1 to 8192", text);
+        return false;
+    }
+    size[0] = (uint32_t)width;
+    size[1] = (uint32_t)height;
+    return true;
+}
+
+static bool apply_option(struct options *o, int id, const char *value) {
+    long number;
+    switch ((enum option_id)id) {
+    case OPT_URL:
+        o->url = value;
+        return true;
+    case OPT_TOKEN:
+        o->token = value;
+        return true;
+    case OPT_VOLUME:
+        o->volume = value;
+        return true;
+    case OPT_VIEW:
+        o->view = value;
+        return true;
+    case OPT_OUT:
+        o->out = value;
+        return true;
+    case OPT_SIZE:
+        return parse_size(value, o->size);
+    case OPT_FORMAT:
+        o->format = value;
+        return true;
+    case OPT_QUALITY:
+        if (!parse_whole("--quality", value, 1, 100, &number))
+            return false;
+        o->quality = (int)number;
+        return true;
+    case OPT_LOCAL:
+        return o->local = true;
+    case OPT_THREADS:
+        if (!parse_whole("--threads", value, 1, 256, &number))
+            return false;
+        o->threads = (unsigned)number;
+        return true;
+    case OPT_BACKEND:
+        o->backend = value;
+        return true;
+    case OPT_ISA:
+        o->isa = value;
+        return true;
+    case OPT_TIMEOUT:
+        if (!parse_whole("--timeout", value, 1, 86400, &number))
+            return false;
+        o->timeout_s = (unsigned)number;
+        return true;
+    case OPT_JSON:
+        return o->json = true;
+    case OPT_NO_WAIT:
+        return o->no_wait = true;
+    case OPT_HELP:
+        return o->help = true;
+    case OPT_VERSION:
+        return o->version = true;
+    }
+    return false;
+}
+
+bool options_parse(struct options *options, int argc, char **argv) {
+    *options = (struct options){ .timeout_s = 300 };
+    opterr = 0;
+    for (int id; (id = getopt_long(argc, argv, ":", known, NULL)) != -1;) {
+        const char *given = argv[optind - 1];
+        if (id == ':') {
+            usage_error(given, "needs a value");
+            return false;
+        }
+        if (id == '?') {
+            usage_error(given, "is not an option, or is not written so");
+            return false;
+        }
+        if (!apply_option(options, id, optarg))
+            return false;
+    }
+    if (optind < argc)
+        options->command = argv[optind++];
+    if (optind < argc)
+        options->argument = argv[optind++];
+    if (optind < argc) {
+        usage_error(argv[optind], "one argument too many");
+        return false;
+    }
+    return true;
+}
