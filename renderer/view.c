@@ -9,102 +9,120 @@
 
 #include "base/vec.h"
 
-/* World bounds of the voxels' cells: half a voxel around the outermost samples. */
-static void find_sphere(const struct sp_grid *grid, struct sp_vec3 *centre, double *radius) {
-    double half[3], middle[3];
-    for (int a = 0; a < 3; a++) {
-        half[a] = 0.5 * grid->dims[a] * grid->spacing[a];
-        middle[a] = 0.5 * (grid->dims[a] - 1.0) * grid->spacing[a];
-    }
-    *radius = 0;
-    for (int r = 0; r < 3; r++) {
-        centre->v[r] = grid->origin[r];
+/* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
+static struct sp_vec3 find_box(const struct sp_grid *grid, struct sp_vec3 half[3]) {
+    struct sp_vec3 middle = sp_vec3_from(grid->origin);
+    for (int a = 0; a < 3; a++)
+        for (int r = 0; r < 3; r++) {
+            double edge = grid->direction[r][a] * grid->spacing[a];
+            half[a].v[r] = 0.5 * grid->dims[a] * edge;
+            middle.v[r] += 0.5 * (grid->dims[a] - 1.0) * edge;
+        }
+    return middle;
+}
+
+/* Distance from the middle at which the box just fits the vertical field of view, seen along
+ * -`away`, and the radius of the sphere around it. */
+static double fit_box(const struct sp_vec3 half[3], struct sp_vec3 away, struct sp_vec3 up,
+                      double tangent, double *radius) {
+    struct sp_vec3 right = sp_vec3_normalize(sp_vec3_cross(up, away));
+    struct sp_vec3 above = sp_vec3_cross(away, right);
+    double distance = *radius = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        struct sp_vec3 p = { { 0 } };
         for (int a = 0; a < 3; a++)
-            centre->v[r] += grid->direction[r][a] * middle[a];
-    }
-    for (int corner = 0; corner < 4; corner++) { /* the other four lie opposite */
-        struct sp_vec3 p;
-        for (int r = 0; r < 3; r++)
-            p.v[r] = grid->direction[r][0] * half[0] +
-                     grid->direction[r][1] * (corner & 1 ? -half[1] : half[1]) +
-                     grid->direction[r][2] * (corner & 2 ? -half[2] : half[2]);
+            p = sp_vec3_add(p, sp_vec3_scale(half[a], corner >> a & 1 ? 1 : -1));
+        double aside = fmax(fabs(sp_vec3_dot(p, right)), fabs(sp_vec3_dot(p, above)));
+        distance = fmax(distance, sp_vec3_dot(p, away) + aside / tangent);
         *radius = fmax(*radius, sp_vec3_length(p));
     }
+    return distance;
 }
 
-static void init_camera(struct sp_camera *camera, const struct sp_grid *grid, double smallest) {
-    static const double from[3] = { 0.45, -0.82, 0.35 };
-    struct sp_vec3 centre;
-    double radius;
-    find_sphere(grid, &centre, &radius);
-    *camera = (struct sp_camera){ .projection = SP_PERSPECTIVE,
-                                  .up = { 0, 0, 1 },
-                                  .fov_y = 30,
-                                  .height = 2 * radius,
-                                  .near = 0.1 * smallest };
-    /* The sphere around the volume just fits, so that it stays in the picture when turned. */
-    double distance = radius / sin(0.5 * camera->fov_y * M_PI / 180);
-    struct sp_vec3 away = sp_vec3_normalize(sp_vec3_from(from));
+/* A stack of images without an orientation: scans are stored from the head down. */
+static bool is_plain_stack(const struct sp_volume_info *info) {
+    const struct sp_grid *g = &info->grid;
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            if (g->origin[r] != 0 || g->direction[r][a] != (r == a))
+                return false;
+    return strncmp(info->source, "demo:", 5) != 0;
+}
+
+/* From the front (the side of low index 1), a little from the right and above. Close enough to fill
+ * the picture, but no closer than three quarters of the distance at which the volume can be turned
+ * all around inside it. */
+static void init_camera(struct sp_camera *camera, const struct sp_volume_info *info,
+                        double smallest) {
+    double rise = is_plain_stack(info) ? -1 : 1, radius;
+    struct sp_vec3 away = sp_vec3_normalize((struct sp_vec3){ { 0.45, -0.82, 0.35 * rise } });
+    struct sp_vec3 up = { { 0, 0, rise } }, half[3], middle = find_box(&info->grid, half);
+    *camera = (struct sp_camera){ .up = { 0, 0, rise }, .fov_y = 30, .near = 0.1 * smallest };
+    double angle = 0.5 * camera->fov_y * (M_PI / 180);
+    double fitting = 1.03 * fit_box(half, away, up, tan(angle), &radius);
+    double distance = fmax(fitting, 0.75 * radius / sin(angle));
+    camera->height = 2 * radius;
     for (int i = 0; i < 3; i++) {
-        camera->target[i] = centre.v[i];
-        camera->position[i] = centre.v[i] + distance * away.v[i];
+        camera->target[i] = middle.v[i];
+        camera->position[i] = middle.v[i] + distance * away.v[i];
     }
 }
 
-/* Splits bins [first, 256) in two at the bin that separates their means best (Otsu 1979); returns
- * the first bin of the upper class. `power` < 1 lifts small classes beside a large one. */
-static int split_histogram(const double *weight, int first) {
-    double sum = 0, moment = 0, below = 0, below_moment = 0, best = -1;
-    int cut = first + 1;
-    for (int b = first; b < SP_HISTOGRAM_BINS; b++) {
-        sum += weight[b];
-        moment += weight[b] * b;
+enum { CLASSES = 4, BINS = SP_HISTOGRAM_BINS };
+
+/* Splits the histogram into classes with the least variance inside them (Otsu 1979, by dynamic
+ * programming over the cuts). Counts are damped to their square root, so that a large background
+ * does not decide alone. cuts[c] is the first bin of class c + 1. */
+static void split_histogram(const uint64_t *histogram, int cuts[CLASSES - 1]) {
+    double weight[BINS + 1] = { 0 }, moment[BINS + 1] = { 0 }, best[CLASSES][BINS + 1];
+    uint16_t from[CLASSES][BINS + 1];
+    for (int b = 0; b < BINS; b++) {
+        double w = sqrt((double)histogram[b]) + 1e-9; /* an empty class is still one */
+        weight[b + 1] = weight[b] + w;
+        moment[b + 1] = moment[b] + w * b;
     }
-    for (int b = first; b + 1 < SP_HISTOGRAM_BINS; b++) {
-        below += weight[b];
-        below_moment += weight[b] * b;
-        if (below <= 0 || below >= sum)
-            continue;
-        double gap = below_moment / below - (moment - below_moment) / (sum - below);
-        double between = below * (sum - below) * gap * gap;
-        if (between > best) {
-            best = between;
-            cut = b + 1;
+    for (int c = 0; c < CLASSES; c++)
+        for (int end = c + 1; end <= BINS; end++) {
+            best[c][end] = -1;
+            for (int begin = c; begin < (c ? end : 1); begin++) {
+                double m = moment[end] - moment[begin], w = weight[end] - weight[begin];
+                double sum = m * m / w + (c ? best[c - 1][begin] : 0);
+                if (sum > best[c][end]) {
+                    best[c][end] = sum;
+                    from[c][end] = (uint16_t)begin;
+                }
+            }
         }
-    }
-    return cut;
+    for (int c = CLASSES - 1, end = BINS; c > 0; c--)
+        cuts[c - 1] = end = from[c][end];
 }
 
-/* Background is dark and common: it ends where Otsu's threshold puts it, counts damped so that
- * empty space does not decide alone. The rest is split once more into soft and dense matter. */
+/* The lowest class is background and transparent; the other three are soft matter, which is seen
+ * through, dense matter, which shapes the picture, and the densest. */
 static void init_transfer_function(struct sp_transfer_function *tf,
                                    const struct sp_volume_info *info, double smallest) {
     static const struct {
-        float
-            at; /* 0 = where the background ends, 1 = where dense matter begins, 2 = the maximum */
+        int cut;     /* lies between this cut … */
+        float share; /* … and the next, the last of which is the maximum */
         float color[3], opacity;
     } ramp[] = {
-        { 0.0f, { 0.62f, 0.26f, 0.18f }, 0.0f },  { 0.25f, { 0.86f, 0.52f, 0.38f }, 0.035f },
-        { 0.8f, { 0.90f, 0.62f, 0.46f }, 0.06f }, { 1.0f, { 0.97f, 0.88f, 0.72f }, 0.22f },
-        { 1.3f, { 1.00f, 0.96f, 0.88f }, 0.50f }, { 2.0f, { 1.00f, 1.00f, 1.00f }, 0.80f },
+        { 0, 0.0f, { 0.62f, 0.26f, 0.18f }, 0.0f },  { 0, 0.35f, { 0.84f, 0.48f, 0.34f }, 0.03f },
+        { 0, 0.8f, { 0.92f, 0.66f, 0.50f }, 0.05f }, { 1, 0.0f, { 0.95f, 0.78f, 0.60f }, 0.10f },
+        { 1, 0.5f, { 0.98f, 0.90f, 0.76f }, 0.28f }, { 2, 0.0f, { 1.00f, 0.96f, 0.88f }, 0.50f },
+        { 2, 1.0f, { 1.00f, 1.00f, 1.00f }, 0.80f },
     };
-    enum { RAMP = sizeof ramp / sizeof ramp[0] };
-    double weight[SP_HISTOGRAM_BINS];
-    for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
-        weight[b] = pow((double)info->histogram[b], 0.6);
-    int soft = split_histogram(weight, 0), dense = split_histogram(weight, soft);
     double low = info->range[0], span = info->range[1] - low;
-    double knots[3] = { soft / 256.0, dense / 256.0, 1.0 };
     *tf = (struct sp_transfer_function){ .reference_length = smallest, .order = SP_TF_PRE };
-    if (!(span > 0) || !isfinite(span)) { /* one value alone: show it */
+    if (!(span > 0) || !isfinite(span)) { /* one value alone, or no middle: show what there is */
         tf->point_count = 1;
-        tf->points[0] = (struct sp_tf_point){ info->range[0], { 0.9f, 0.8f, 0.7f }, 0.1f };
+        tf->points[0] = (struct sp_tf_point){ low, { 0.95f, 0.78f, 0.60f }, 0.1f };
         return;
     }
-    for (int i = 0; i < RAMP; i++) {
-        int k = ramp[i].at < 1 ? 0 : 1;
-        double f = ramp[i].at - k;
-        double value = low + span * (knots[k] + f * (knots[k + 1] - knots[k]));
+    int cuts[CLASSES] = { [CLASSES - 1] = BINS };
+    split_histogram(info->histogram, cuts);
+    for (size_t i = 0; i < sizeof ramp / sizeof ramp[0]; i++) {
+        double first = cuts[ramp[i].cut], last = cuts[ramp[i].cut + 1];
+        double value = low + span * ((first + (last - first) * (double)ramp[i].share) / BINS);
         if (tf->point_count && value <= tf->points[tf->point_count - 1].value)
             continue;
         struct sp_tf_point *p = &tf->points[tf->point_count++];
@@ -140,7 +158,7 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
         .level_of_detail = SP_LOD_AUTO,
     };
     snprintf(view->volume, sizeof view->volume, "%s", id);
-    init_camera(&view->camera, grid, smallest);
+    init_camera(&view->camera, info, smallest);
     init_transfer_function(&view->transfer_function, info, smallest);
 }
 
