@@ -84,10 +84,7 @@ static proto_json *wait_until_ready(struct http *http, const struct options *opt
     bool waited = false;
     while (volume && strcmp(text_of(volume, "state"), "ready") != 0) {
         if (strcmp(text_of(volume, "state"), "failed") == 0) {
-            const proto_json *why = proto_json_get(volume, "error");
-            const char *text = proto_json_string(why);
-            sp_fail(err, SP_ERR_FORMAT, id, "loading failed: %s",
-                    text ? text : text_of(why, "detail"));
+            sp_fail(err, SP_ERR_FORMAT, id, "loading failed: %s", text_of(volume, "reason"));
             proto_json_free(&volume);
         } else if (now_s() > end) {
             sp_fail(err, SP_ERR_TIMEOUT, id, "still loading after %u s; --timeout allows more",
