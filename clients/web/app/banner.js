@@ -30,7 +30,7 @@ export class Banner {
     this.#root.hidden = true;
   }
 
-  /** kind: busy | wait | error */
+  /** kind: busy | wait | error, in the middle; lost, at the top, below which the last picture stays */
   show({ kind, title, text = '', progress = null, canRetry = false, asksToken = false }) {
     this.#stop();
     this.#root.hidden = false;
@@ -51,7 +51,7 @@ export class Banner {
       return seconds > 0 ? `Connection lost — trying again in ${seconds} s` : 'Connection lost — trying again …';
     };
     this.show({
-      kind: 'error', title: title(), canRetry: true,
+      kind: 'lost', title: title(), canRetry: true,
       text: reason ? `${reason[0].toUpperCase()}${reason.slice(1)}.`.replace(/\.\.$/, '.') : 'The daemon is gone.',
     });
     this.#countdown = setInterval(() => this.#set(this.#title, title()), 250);

@@ -155,7 +155,7 @@ function showState() {
       showWaiting();
       break;
     case 'draining':
-      banner.show({ kind: 'error', title: 'The daemon is shutting down', text: reason });
+      banner.show({ kind: 'lost', title: 'The daemon is shutting down', text: reason });
       break;
     case 'lost':
       banner.showLost(reason, retryMs);
@@ -177,7 +177,7 @@ function showWaiting() {
   } else if (failed) {
     banner.show({
       kind: 'error', title: `${failed.name || failed.id} could not be loaded`,
-      text: String(failed.reason ?? failed.error?.detail ?? failed.error ?? 'The daemon gave no reason.'),
+      text: failed.reason || 'The daemon gave no reason.',
     });
   } else {
     banner.show({
@@ -225,14 +225,22 @@ connection.on('session', (session) => {
 });
 connection.on('fault', report);
 
+let ownId = null;
 connection.on('notification', ({ method, params }) => {
   switch (method) {
     case 'stream.stats':
       status.setStats(params);
       break;
     case 'view.changed':
-      if (params.view) viewer.takeShared(params.view);
+      if (params.view && params.by !== ownId) viewer.takeShared(params.view);
       break;
+    case 'session.participants': {
+      const { participants = [], you } = params;
+      ownId = you;
+      viewer.allow(participants.find((p) => p.id === you)?.role !== 'view');
+      status.setCompany(participants.length, viewer.canControl);
+      break;
+    }
     case 'volume.progress':
       refreshList();
       break;

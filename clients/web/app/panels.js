@@ -10,7 +10,7 @@ export const colorToHex = (color) => `#${color.slice(0, 3).map(hex).join('')}`;
 export const hexToColor = (text) => [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16) / 255).concat(1);
 
 function describe(volume) {
-  if (volume.state === 'failed') return `failed: ${volume.reason ?? volume.error?.detail ?? volume.error ?? 'no reason given'}`;
+  if (volume.state === 'failed') return `failed: ${volume.reason || 'no reason given'}`;
   if (volume.state === 'loading') return `loading … ${Math.round((volume.progress ?? 0) * 100)} %`;
   return [volume.dims?.join(' × '), volume.type].filter(Boolean).join(' · ');
 }
@@ -54,6 +54,7 @@ export class Panels {
   }
 
   showView(view) {
+    for (const id of ['picture-section', 'moves']) byId(id).inert = !this.#viewer.canControl;
     const color = colorToHex(view.background ?? [0, 0, 0, 1]);
     byId('background').value = color;
     for (const swatch of document.querySelectorAll('.swatches button')) {

@@ -46,6 +46,12 @@ export class StatusLine {
     if (state !== 'live') this.#frames = [];
   }
 
+  /** How many look at this session, and whether this page may only watch. */
+  setCompany(count, canControl) {
+    const field = this.#fields.get('company');
+    field.textContent = [canControl ? '' : 'watching', count > 1 ? `${count} people` : ''].filter(Boolean).join(', ');
+  }
+
   setStats(stats) {
     this.#stats = { ...this.#stats, ...stats };
   }

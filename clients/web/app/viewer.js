@@ -70,6 +70,12 @@ export class Viewer extends Emitter {
     this.emit('view', view);
   }
 
+  /** May this participant change the view? */
+  allow(canControl) {
+    this.#canControl = canControl;
+    if (this.#view) this.emit('view', this.#view);
+  }
+
   /** The list of volumes was read (again): the extent of the current one may be known now. */
   #measure() {
     const volume = this.#connection.volumes.find((v) => v.id === this.#view?.volume);
@@ -120,7 +126,7 @@ export class Viewer extends Emitter {
   }
 
   #refused(error, patch) {
-    if (error.code === -32004) this.#canControl = false;
+    if (error.code === -32004) this.allow(false);
     this.#isSwitching = false;
     this.emit('refused', error);
     // What the daemon refused is not what it shows: go back to its view.
@@ -129,14 +135,14 @@ export class Viewer extends Emitter {
 
   /** Changes anything of the view but the camera. */
   change(patch, time) {
-    if (!this.#view) return;
+    if (!this.#view || !this.#canControl) return;
     this.#view = applyPatch(this.#view, patch);
     this.pace.put(patch, { time });
     this.emit('view', this.#view);
   }
 
   selectVolume(id) {
-    if (!this.#view || id === this.#view.volume) return;
+    if (!this.#view || !this.#canControl || id === this.#view.volume) return;
     this.#isSwitching = true;
     this.#home = null;
     this.#view = { ...this.#view, volume: id };

@@ -59,7 +59,7 @@ test('no volume; one that loads, with its progress; one that failed, with the re
   await it.banner('Loading slow');
   await until(it.page, 'progress', () => document.getElementById('banner-progress').value === 0.4);
   await shot(it.page, 'loading');
-  it.daemon.volumes = [volume('broken', { state: 'failed', error: 'broken.nrrd: byte 112: "sizes" says 0' })];
+  it.daemon.volumes = [volume('broken', { state: 'failed', reason: 'broken.nrrd: byte 112: "sizes" says 0' })];
   await it.banner('broken could not be loaded');
   await it.banner('byte 112');
   it.daemon.volumes.push(volume('phantom'));
@@ -102,6 +102,20 @@ test('a refused change is explained, and the page goes back to what the daemon s
   await until(it.page, 'the filter as before', () => document.getElementById('filter').value === 'adaptive');
 });
 
+test('a daemon that tells no roles: the refusal of the first change says that this page may only watch', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.answer = (method) => {
+    if (method !== 'view.update') return null;
+    throw Object.assign(new Error('this token may watch; changing the view needs the control token'), { code: -32004 });
+  };
+  const [session] = it.daemon.sessions.values();
+  await it.page.keyboard.press('ArrowLeft');
+  await it.notice('control token');
+  await until(it.page, 'the camera as before',
+    `(s) => String(s.camera.position) === '${session.view.camera.position}' && s.isIdle`);
+});
+
 test('a failing render is told and the next picture takes the message away', async (context) => {
   const it = await setUp(context);
   await picture(it.page);
@@ -136,8 +150,11 @@ test('a shared view: what another one changes is followed; a watching guest is t
   await picture(guest.page);
   assert.equal(new URL(guest.page.url()).search, `?session=${session.id}`);
   assert.ok(await guest.page.locator('#volumes-section').isHidden());
+  await guest.page.locator('#status', { hasText: 'watching' }).waitFor();
+  await guest.page.locator('#picture-section[inert]').waitFor();
   await guest.page.keyboard.press('ArrowLeft');
-  await guest.page.locator('#notice', { hasText: 'watch, not change' }).waitFor();
+  assert.deepEqual((await guest.page.evaluate(() => window.splatd.camera)).position, session.view.camera.position);
+  assert.equal(it.daemon.heard.filter((m) => m.method === 'view.update').length, 0);
   assert.equal(it.daemon.sessions.size, 1);
 });
 

@@ -192,7 +192,9 @@ export class MockDaemon {
     socket.on('message', (data, isBinary) => {
       if (!isBinary && !this.isSilent) this.#message(stream, JSON.parse(data));
     });
-    if (!this.isSilent) this.#draw(stream);
+    if (this.isSilent) return;
+    stream.send({ method: 'session.participants', params: { you: 1, participants: [{ id: 1, role }] } });
+    this.#draw(stream);
   }
 
   #message(stream, { id, method, params }) {

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page against the real daemon: look, turn, move, zoom, by mouse, touch and keyboard; change volume, window and
+// background; lose the daemon and get it back. Whatever was done last is what is seen in the end.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import {
+  camera, difference, drag, launch, openPage, picture, pixels, rest, shot, touch, until,
+} from '../support/browser.mjs';
+import { startDaemon, tokenFile } from '../support/daemon.mjs';
+
+const VOLUMES = ['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64'];
+let browser;
+let daemon;
+let token;
+before(async () => {
+  token = tokenFile();
+  daemon = await startDaemon([...VOLUMES, '--token-file', token.file]);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+  token?.remove();
+});
+
+async function setUp(context, options) {
+  const opened = await openPage(browser, options);
+  context.after(() => opened.context.close());
+  await opened.page.goto(daemon.url);
+  await picture(opened.page);
+  await rest(opened.page);
+  return opened;
+}
+
+const away = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+const depth = (c) => away(c.position, c.target);
+
+/** Does something, waits for rest, and checks that the picture changed (or not) and that it shows the last view. */
+async function changes(page, act, { isSame = false } = {}) {
+  const [before_, cameraBefore] = [await pixels(page), await camera(page)];
+  await act();
+  await until(page, 'something was sent', (s) => s.sent > 0);
+  await rest(page);
+  const part = difference(before_, await pixels(page));
+  if (isSame) assert.ok(part < 0.002, `${part} of the picture differs`);
+  else assert.ok(part > 0.005, `only ${part} of the picture differs`);
+  return [cameraBefore, await camera(page)];
+}
+
+test('load: a picture that is not empty, sharp at rest, with a clean console', async (context) => {
+  const { page, said } = await setUp(context);
+  const image = await pixels(page);
+  assert.deepEqual([image.width, image.height], [900, 600]);
+  let lit = 0;
+  for (let y = 0; y < image.height; y += 4) for (let x = 0; x < image.width; x += 4) if (Math.max(...image.at(x, y)) > 40) lit += 1;
+  assert.ok(lit > 300, `${lit} of ${225 * 150} samples are lit`);
+  await until(page, 'the status line', () => /\d+ ?(ms|×)/.test(document.getElementById('status').innerText));
+  await page.locator('#volumes button[aria-current]', { hasText: 'phantom' }).waitFor();
+  await shot(page, 'page');
+  await page.keyboard.press('?');
+  await page.locator('#help').waitFor();
+  await shot(page, 'help');
+  await page.keyboard.press('Escape');
+  await page.locator('#help').waitFor({ state: 'hidden' });
+  assert.deepEqual(said, []);
+});
+
+test('drag turns; the way back brings the first picture back', async (context) => {
+  const { page, said } = await setUp(context);
+  const first = await pixels(page);
+  const [a, b] = await changes(page, () => drag(page, [520, 300], [700, 220]));
+  assert.ok(Math.abs(depth(a) - depth(b)) < 1e-6 * depth(a) && away(a.target, b.target) === 0);
+  assert.ok(away(a.position, b.position) > 0.2 * depth(a));
+  await shot(page, 'turned');
+  await page.mouse.move(520, 300);
+  await page.mouse.down();
+  for (const [x, y] of [[700, 220], [720, 420], [430, 500], [520, 300]]) await page.mouse.move(x, y, { steps: 8 });
+  await page.mouse.up();
+  await rest(page);
+  const c = await camera(page);
+  assert.ok(away(b.position, c.position) < 1e-6 * depth(a) && away(b.up, c.up) < 1e-6, 'a closed path ends where it began');
+  await drag(page, [700, 220], [520, 300]);
+  await rest(page);
+  assert.ok(difference(first, await pixels(page)) < 0.002);
+  const latency = await page.evaluate(() => window.splatd.latencyMs);
+  assert.ok(latency > 0 && Number.isFinite(latency));
+  assert.deepEqual(said, []);
+});
+
+test('right and shift drag move: the target follows the cursor', async (context) => {
+  const { page, said } = await setUp(context);
+  const [a, b] = await changes(page, () => drag(page, [450, 300], [600, 300], { button: 'right' }));
+  const unit = 2 * depth(a) * Math.tan(a.fov_y * Math.PI / 360) / 600;
+  assert.ok(Math.abs(away(a.target, b.target) - 150 * unit) < 1e-3 * 150 * unit);
+  await shot(page, 'moved');
+  await page.keyboard.down('Shift');
+  await drag(page, [600, 300], [450, 300]);
+  await page.keyboard.up('Shift');
+  await rest(page);
+  assert.ok(away(a.target, (await camera(page)).target) < 1e-6 * depth(a));
+  assert.deepEqual(said, []);
+});
+
+test('the wheel zooms towards the cursor and stops at a limit', async (context) => {
+  const { page, said } = await setUp(context);
+  await page.mouse.move(600, 200);
+  const [a, b] = await changes(page, async () => {
+    await page.mouse.wheel(0, -400);
+    await until(page, 'zoomed', (s) => s.sent > 0);
+  });
+  await until(page, 'the glide to end', (s) => s.isIdle && s.seq === s.sent);
+  assert.ok(depth(b) < depth(a) && away(a.target, b.target) > 0);
+  await shot(page, 'zoomed');
+  for (let i = 0; i < 60; i += 1) await page.mouse.wheel(0, -1000);
+  await until(page, 'the nearest', (s) => {
+    const same = window.lastSeen === s.sent && s.isIdle;
+    window.lastSeen = s.sent;
+    return same && Math.hypot(...s.camera.position.map((x, i) => x - s.camera.target[i])) < 3;
+  });
+  assert.ok(depth(await camera(page)) > 0.1);
+  assert.equal(await page.evaluate(() => window.splatd.state), 'live');
+  assert.deepEqual(said, []);
+});
+
+test('keys turn, move, zoom, fit and reset', async (context) => {
+  const { page, said } = await setUp(context);
+  const first = await camera(page);
+  let [a, b] = await changes(page, async () => { for (let i = 0; i < 5; i += 1) await page.keyboard.press('ArrowRight'); });
+  assert.ok(Math.abs(away(a.position, b.position) - 2 * depth(a) * Math.sin(Math.PI / 18)) < 1e-6 * depth(a), '20 degrees');
+  [a, b] = await changes(page, async () => { for (let i = 0; i < 3; i += 1) await page.keyboard.press('Shift+ArrowUp'); });
+  assert.ok(away(a.target, b.target) > 0);
+  [a, b] = await changes(page, async () => { for (let i = 0; i < 3; i += 1) await page.keyboard.press('+'); });
+  assert.ok(Math.abs(depth(b) / depth(a) - 1.12 ** -3) < 1e-9);
+  [a, b] = await changes(page, () => page.keyboard.press('f'));
+  assert.ok(away(b.target, first.target) < 0.02 * depth(first) && away(a.up, b.up) < 1e-12);
+  await changes(page, () => page.keyboard.press('0'));
+  assert.deepEqual((await camera(page)).position, first.position);
+  assert.deepEqual(said, []);
+});
+
+test('touch: one finger turns, two move and zoom', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 390, height: 700 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
+  await shot(page, 'touch');
+  const steps = (from, to) => Array.from({ length: 9 }, (_, i) => from.map(([x, y], n) => [
+    x + (to[n][0] - x) * i / 8, y + (to[n][1] - y) * i / 8]));
+  let [a, b] = await changes(page, () => touch(page, steps([[195, 350]], [[280, 420]])));
+  assert.ok(away(a.position, b.position) > 0.1 * depth(a) && away(a.target, b.target) === 0);
+  [a, b] = await changes(page, () => touch(page, steps([[150, 350], [240, 350]], [[100, 400], [280, 400]])));
+  assert.ok(Math.abs(depth(b) / depth(a) - 0.5) < 1e-6, 'twice as far apart is twice as near');
+  assert.ok(away(a.target, b.target) > 0);
+  assert.ok(away(a.up, b.up) < 1e-9, 'pinching does not turn');
+  assert.deepEqual(said, []);
+});
+
+test('the picture follows the window, at full size in the end', async (context) => {
+  const { page, said } = await setUp(context);
+  for (const [width, height] of [[500, 700], [1000, 400], [640, 480]]) {
+    await page.setViewportSize({ width, height });
+    await until(page, 'the new size', (s) => String(s.wanted) === String([window.innerWidth, window.innerHeight]));
+    await rest(page);
+    assert.deepEqual(await page.evaluate(() => window.splatd.size), [width, height]);
+  }
+  assert.deepEqual(said, []);
+});
+
+test('another volume, with its own camera, and back; the address can name one', async (context) => {
+  const { page, said } = await setUp(context);
+  await drag(page, [450, 300], [300, 200]);
+  await changes(page, async () => {
+    await page.locator('#volumes button', { hasText: 'engine' }).click();
+    await until(page, 'the engine', (s) => s.volume === 'engine' && s.isIdle);
+  });
+  await page.locator('#volumes button[aria-current]', { hasText: 'engine' }).waitFor();
+  await shot(page, 'engine');
+  await changes(page, () => drag(page, [450, 300], [300, 200]));
+  await page.goto(`${daemon.url}&volume=engine`);
+  await rest(page);
+  assert.equal(await page.evaluate(() => window.splatd.volume), 'engine');
+  assert.deepEqual(said, []);
+});
+
+test('background, shading and filter reach the picture', async (context) => {
+  const { page, said } = await setUp(context);
+  await changes(page, () => page.click('.swatches button[data-color="#ffffff"]'));
+  const image = await pixels(page);
+  assert.ok(Math.min(...image.at(image.width - 3, 3)) > 245, 'a white corner');
+  await shot(page, 'white');
+  await changes(page, () => page.evaluate(() => {
+    const input = document.getElementById('background');
+    input.value = '#203080';
+    input.dispatchEvent(new Event('input', { bubbles: true }));
+  }));
+  const before_ = await pixels(page);
+  const wasShaded = await page.isChecked('#shading');
+  await page.locator('#shading').setChecked(!wasShaded);
+  await rest(page);
+  assert.ok(difference(before_, await pixels(page)) > 0.001, 'shading');
+  await page.selectOption('#filter', 'reconstruction');
+  await rest(page);
+  assert.equal(await page.inputValue('#filter'), 'reconstruction');
+  await page.reload();
+  await rest(page);
+  assert.equal(await page.inputValue('#filter'), 'reconstruction', 'a reload keeps the view');
+  assert.deepEqual(said, []);
+});
+
+test('two windows on one session see each other\'s changes', async (context) => {
+  const { page, said } = await setUp(context);
+  const join = await page.evaluate(() => JSON.parse(Object.entries(sessionStorage).find(([k]) => k.endsWith('session'))[1]));
+  const other = await openPage(browser);
+  context.after(() => other.context.close());
+  await other.page.goto(`${new URL(daemon.url).origin}/?session=${join.id}&token=${join.token}`);
+  await picture(other.page);
+  await drag(page, [450, 300], [600, 250]);
+  await rest(page);
+  const { position } = await camera(page);
+  await until(other.page, 'the same camera', `(s) => Math.hypot(...s.camera.position.map((x, i) => x - ${JSON.stringify(position)}[i])) < 1e-6`);
+  assert.deepEqual([...said, ...other.said], []);
+});
+
+test('the daemon stops: a banner says so; it starts again: the page comes back with the last view', async (context) => {
+  const { page } = await setUp(context);
+  await page.click('.swatches button[data-color="#808080"]');
+  await drag(page, [450, 300], [600, 250]);
+  await rest(page);
+  const last = await camera(page);
+  const { port } = daemon;
+  assert.equal(await daemon.stop(), 0, 'SIGTERM with a client connected drains and ends well');
+  await page.locator('#banner', { hasText: 'Connection lost — trying again' }).waitFor();
+  await shot(page, 'gone');
+  const count = await page.evaluate(() => window.splatd.count);
+  daemon = await startDaemon([...VOLUMES, '--token-file', token.file], { port });
+  await until(page, 'a new picture', `(s) => s.state === 'live' && s.count > ${count}`);
+  await rest(page);
+  await page.locator('#banner').waitFor({ state: 'hidden' });
+  const back = await camera(page);
+  assert.ok(away(back.position, last.position) < 1e-6 * depth(last));
+  const image = await pixels(page);
+  assert.ok(Math.abs(image.at(image.width - 3, 3)[0] - 128) < 12, 'the grey background is back');
+  await drag(page, [450, 300], [300, 350]);
+  await rest(page);
+});

@@ -1,0 +1,23 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# Runs Node tests: run.sh [--data] [--chromium] FILE... Exit status 77, and a sentence, where something that they need is absent.
+here=$(dirname "$0")
+
+skip() {
+    echo "skipped: $1"
+    exit 77
+}
+
+command -v node >/dev/null 2>&1 || skip "no node (Debian package nodejs)"
+[ "$(node -p 'Number(process.versions.node.split(".")[0]) >= 18')" = true ] || skip "node is older than 18"
+[ -d "$here/../node_modules/ws" ] || skip "no tests/node_modules: run npm ci in tests/"
+if [ "$1" = --data ]; then
+    shift
+    [ -d "$SPLATD_DATA_DIR/volumes" ] || skip "no real volumes in $SPLATD_DATA_DIR/volumes (SPLATD_DATA_DIR)"
+fi
+if [ "$1" = --chromium ]; then
+    shift
+    [ -x "${SPLATD_CHROMIUM:-/usr/bin/chromium}" ] || skip "no /usr/bin/chromium (Debian package chromium)"
+    [ -d "$here/../node_modules/playwright-core" ] || skip "no tests/node_modules/playwright-core: run npm ci in tests/"
+fi
+exec node --test "$@"

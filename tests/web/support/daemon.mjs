@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// The real daemon as a child process on the loopback address.
+import { spawn } from 'node:child_process';
+import { randomBytes } from 'node:crypto';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { fileURLToPath } from 'node:url';
+
+const DEADLINE_MS = 60000;
+const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../../build/release/bin', import.meta.url));
+
+export const DATA = process.env.SPLATD_DATA_DIR ?? fileURLToPath(new URL('../../../../shared/data', import.meta.url));
+
+/** A token in a file, so that a restarted daemon has the same one. remove() deletes it. */
+export function tokenFile() {
+  const folder = mkdtempSync(path.join(tmpdir(), 'splatd-web-'));
+  const file = path.join(folder, 'token');
+  writeFileSync(file, `${randomBytes(24).toString('hex')}\n`, { mode: 0o600 });
+  return { file, remove: () => rmSync(folder, { recursive: true }) };
+}
+
+/** Starts splatd; resolves once it listens, to {url, port, stop()}. stop() resolves to its exit status. */
+export async function startDaemon(args, { port = 0 } = {}) {
+  const child = spawn(path.join(BIN, 'splatd'), ['--listen', `127.0.0.1:${port}`, ...args], { stdio: ['ignore', 'pipe', 'pipe'] });
+  let log = '';
+  child.stderr.on('data', (data) => { log = (log + data).slice(-20000); });
+  const ended = new Promise((resolve) => { child.on('close', (code, signal) => resolve(code ?? signal)); });
+  const url = await new Promise((resolve, reject) => {
+    let text = '';
+    const late = setTimeout(() => {
+      child.kill('SIGKILL');
+      reject(new Error(`splatd did not listen within ${DEADLINE_MS} ms:\n${log}`));
+    }, DEADLINE_MS);
+    child.on('error', reject);
+    ended.then((status) => reject(new Error(`splatd ended with ${status}:\n${log}`)));
+    child.stdout.on('data', (data) => {
+      text += data;
+      const [, found] = /listening on (\S+)\n/.exec(text) ?? [];
+      if (!found) return;
+      clearTimeout(late);
+      resolve(found);
+    });
+  });
+  return {
+    url, port: Number(new URL(url).port),
+    get log() { return log; },
+    async stop(signal = 'SIGTERM') {
+      child.kill(signal);
+      const late = setTimeout(() => child.kill('SIGKILL'), DEADLINE_MS);
+      const status = await ended;
+      clearTimeout(late);
+      return status;
+    },
+  };
+}
