@@ -16,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "sp/log.h"
 #include "support/data.h"
 #include "support/render.h"
 
@@ -355,6 +356,7 @@ int main(void) {
     struct context c = { 0 };
     int failed = 0;
     unsigned ran = 0;
+    sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
     for (unsigned i = 0; test_target_at(i, &c.target); i++) {
         struct sp_error err;
         if (!test_renderer_open(&c.renderer, &c.target, 2, &err)) {

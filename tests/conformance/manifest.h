@@ -26,6 +26,11 @@ struct manifest_entry {
     struct manifest_floor adaptive; /* filter adaptive, lowpass 1, against the same */
 };
 
+/* Adaptive may lose this much against ewa, both held to the integral; above MANIFEST_ALIKE dB the
+ * two cannot be told apart and nothing is asked. */
+enum { MANIFEST_ALIKE = 60 };
+#define MANIFEST_ADAPTIVE_LOSS 0.5
+
 extern const struct manifest_entry manifest[];
 extern const size_t manifest_count;
 

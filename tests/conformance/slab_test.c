@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "sp/log.h"
 #include "support/data.h"
 #include "support/render.h"
 
@@ -109,6 +110,7 @@ static bool check(const struct test_renderer *r, const char *name, unsigned numb
 int main(void) {
     struct test_target target;
     unsigned ran = 0, failed = 0;
+    sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
     for (unsigned i = 0; test_target_at(i, &target); i++) {
         struct test_renderer r;
         struct sp_error err;

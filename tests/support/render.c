@@ -4,7 +4,7 @@
 #include <string.h>
 
 /* Every instruction set that a CPU backend may come to offer. */
-static const char *const isas[] = { "scalar", "sse2", "sse41", "avx2", "avx512", "neon" };
+static const char *const isas[] = { "scalar", "sse41", "avx2", "avx512" };
 enum { ISAS = sizeof isas / sizeof *isas };
 
 bool test_target_at(unsigned i, struct test_target *target) {
