@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef SRV_CLOCK_H
+#define SRV_CLOCK_H
+
+#include <time.h>
+
+/* Milliseconds of a monotonic clock. Thread-safe. */
+static inline double srv_clock_ms(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+#endif

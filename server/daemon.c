@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "daemon.h"
+
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "http/listener.h"
+#include "http/streams.h"
+#include "render/catalog.h"
+#include "render/scheduler.h"
+#include "session/hub.h"
+
+struct srv_daemon {
+    const struct srv_config *config;
+    struct srv_catalog *catalog;
+    struct srv_scheduler *scheduler;
+    struct srv_hub *hub;
+    struct srv_streams *streams;
+    _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
+    struct srv_http_options http_options;
+    const char *refusals[SRV_LOG_REFUSALS];
+};
+
+/* ---- who tells whom ---- */
+
+static void on_progress(void *user, const char *id, const char *state, double progress,
+                        const char *reason) {
+    struct srv_daemon *d = user;
+    srv_hub_volume_progress(d->hub, id, state, progress, reason);
+}
+
+static void on_unloaded(void *user, struct sp_volume *volume) {
+    struct srv_daemon *d = user;
+    srv_scheduler_forget(d->scheduler, volume);
+}
+
+static void on_work(void *user) {
+    struct srv_daemon *d = user;
+    srv_scheduler_wake(d->scheduler);
+}
+
+static void on_interrupt(void *user, uint64_t session) {
+    struct srv_daemon *d = user;
+    srv_scheduler_interrupt(d->scheduler, session);
+}
+
+static bool on_supports(void *user, const struct sp_view *view, struct sp_error *err) {
+    struct srv_daemon *d = user;
+    return srv_scheduler_supports(d->scheduler, view, err);
+}
+
+static void on_ready(void *user) {
+    struct srv_daemon *d = user;
+    srv_streams_ready(d->streams);
+}
+
+static void on_tick(void *user, double now_ms) {
+    struct srv_daemon *d = user;
+    struct srv_http *http = atomic_load(&d->http);
+    if (http)
+        srv_http_tick(http, now_ms);
+}
+
+/* ---- start ---- */
+
+static uint64_t half_of_memory(void) {
+    long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    return pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page / 2 : UINT64_C(1) << 30;
+}
+
+static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    struct sp_renderer_options options = { .backend = c->backend,
+                                           .isa = c->isa,
+                                           .threads = (unsigned)c->threads };
+    log->capture = true;
+    struct sp_renderer *renderer = sp_renderer_create(&options, err);
+    log->capture = false;
+    if (!renderer)
+        return false;
+    sp_renderer_info(renderer, &d->http_options.backend);
+    for (unsigned i = 0; i < log->refusal_count; i++)
+        d->refusals[i] = log->refusals[i];
+    d->http_options.refusals = d->refusals;
+    d->http_options.refusal_count = log->refusal_count;
+    struct srv_scheduler_options scheduler = { .catalog = d->catalog,
+                                               .queue_max = (unsigned)c->render_queue,
+                                               .encode_threads = (unsigned)c->encode_threads };
+    d->scheduler = srv_scheduler_create(&scheduler, &renderer, err);
+    if (!d->scheduler)
+        sp_renderer_destroy(&renderer);
+    return d->scheduler != NULL;
+}
+
+static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    struct srv_hub_options hub = {
+        .volumes = { d->catalog, srv_catalog_acquire, srv_catalog_ref, srv_catalog_release,
+                     srv_catalog_default_view },
+        .sessions_max = (unsigned)c->sessions,
+        .participants_max = (unsigned)c->participants,
+        .session_idle_ms = (double)c->session_time_ms,
+        .rest_ms = (double)c->rest_time_ms,
+        .stream_bytes = (size_t)c->stream_bytes,
+        .user = d,
+        .work = on_work,
+        .ready = on_ready,
+        .interrupt = on_interrupt,
+        .supports = on_supports,
+    };
+    if (!(d->hub = srv_hub_create(&hub, err)))
+        return false;
+    srv_hub_set_backend(d->hub, d->http_options.backend.backend, d->http_options.backend.device);
+    struct srv_streams_options streams = { .hub = d->hub,
+                                           .message_bytes = (size_t)c->message_size,
+                                           .ping_ms = (double)c->ping_time_ms,
+                                           .stall_ms = (double)c->stall_time_ms,
+                                           .user = d,
+                                           .tick = on_tick };
+    return (d->streams = srv_streams_create(&streams, err)) != NULL &&
+           srv_scheduler_start(d->scheduler, d->hub, err);
+}
+
+static bool start_http(struct srv_daemon *d, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    struct srv_address address;
+    struct srv_http_options *o = &d->http_options;
+    o->config = c;
+    o->hub = d->hub;
+    o->catalog = d->catalog;
+    o->scheduler = d->scheduler;
+    o->streams = d->streams;
+    if (!srv_address_parse(c->listen, &address, err))
+        return false;
+    if (!srv_address_is_loopback(&address) && !c->token_file)
+        return sp_fail(
+            err, SP_ERR_INVALID, c->listen,
+            "another address than loopback needs --token-file FILE; there is no TLS yet, "
+            "so put a reverse proxy with TLS in front, or forward a port by ssh");
+    if (!srv_secret_hex(o->instance, sizeof o->instance - 1, err) ||
+        !(c->token_file ? srv_secret_read(c->token_file, o->token, err)
+                        : srv_secret_hex(o->token, SRV_TOKEN_DIGITS, err)))
+        return false;
+    struct srv_http *http = srv_http_create(o, err);
+    atomic_store(&d->http, http);
+    return http != NULL;
+}
+
+static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
+    for (unsigned i = 0; i < d->config->volume_count; i++) {
+        struct srv_volume_request request = { .source = d->config->volumes[i] };
+        char id[SP_NAME_BYTES];
+        bool existed, conflict;
+        if (!srv_catalog_add(d->catalog, &request, id, &existed, &conflict, err))
+            return false;
+    }
+    return true;
+}
+
+struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
+                                    struct sp_error *err) {
+    struct srv_daemon *d = calloc(1, sizeof *d);
+    if (!d) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start");
+        return NULL;
+    }
+    d->config = config;
+    atomic_init(&d->http, NULL);
+    struct srv_catalog_options catalog = {
+        .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
+        .data = config->data,
+        .user = d,
+        .progress = on_progress,
+        .unloaded = on_unloaded,
+    };
+    if ((d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, log, err) &&
+        start_sessions(d, err) && start_http(d, err) && start_volumes(d, err))
+        return d;
+    srv_daemon_stop(&d);
+    return NULL;
+}
+
+void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
+    bool show = !d->config->token_file;
+    snprintf(url, size, "http://%s/%s%s", srv_http_address(atomic_load(&d->http)),
+             show ? "?token=" : "", show ? d->http_options.token : "");
+}
+
+/* ---- stop: from the outside inwards ---- */
+
+void srv_daemon_stop(struct srv_daemon **daemon) {
+    struct srv_daemon *d = *daemon;
+    *daemon = NULL;
+    if (!d)
+        return;
+    struct srv_http *http = atomic_load(&d->http);
+    if (d->hub)
+        srv_hub_drain(d->hub);
+    if (http)
+        srv_http_drain(http, (double)d->config->drain_time_ms);
+    if (d->catalog)
+        srv_catalog_stop(d->catalog);
+    if (d->streams)
+        srv_streams_drain(d->streams);
+    if (d->scheduler)
+        srv_scheduler_stop(d->scheduler); /* wakes every request that still waits */
+    /* The streams give their connections back before the listener ends them. */
+    atomic_store(&d->http, NULL);
+    srv_streams_destroy(&d->streams);
+    srv_http_destroy(&http);
+    srv_hub_destroy(&d->hub);
+    srv_scheduler_destroy(&d->scheduler);
+    srv_catalog_destroy(&d->catalog);
+    free(d);
+}

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * ADDRESS:PORT, as given to --listen and as shown in logs.
+ */
+#ifndef SRV_HTTP_ADDRESS_H
+#define SRV_HTTP_ADDRESS_H
+
+#include <stdbool.h>
+#include <sys/socket.h>
+
+#include "sp/status.h"
+
+enum { SRV_ADDRESS_TEXT = 64 };
+
+struct srv_address {
+    struct sockaddr_storage storage;
+    socklen_t size;
+};
+
+/* "127.0.0.1:8080", "[::1]:0", "localhost:8080"; names other than localhost are not looked up. */
+bool srv_address_parse(const char *text, struct srv_address *address, struct sp_error *err);
+bool srv_address_is_loopback(const struct srv_address *address);
+/* "127.0.0.1:8080", "[::1]:8080". */
+void srv_address_to_text(const struct sockaddr *address, char text[SRV_ADDRESS_TEXT]);
+/* The same host, whatever the port? */
+bool srv_address_same_host(const struct sockaddr *a, const struct sockaddr *b);
+
+#endif

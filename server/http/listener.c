@@ -1,0 +1,476 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/listener.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "clock.h"
+#include "http/headers.h"
+#include "sp/log.h"
+
+enum {
+    SPARE_CONNECTIONS = 64, /* beyond --connections, to answer 503 instead of nothing */
+    DISCARD_BYTES =
+        16 * 1024 * 1024 /* of a refused body that are read, so that the answer arrives */
+};
+
+static const struct srv_route routes[] = {
+    { SRV_GET, "/healthz", srv_get_healthz, true },
+    { SRV_GET, "/readyz", srv_get_readyz, true },
+    { SRV_GET, "/api/v1/openapi.yaml", srv_get_openapi, false },
+    { SRV_GET, "/api/v1/view.schema.json", srv_get_schema, false },
+    { SRV_GET, "/api/v1/volumes", srv_get_volumes, false },
+    { SRV_POST, "/api/v1/volumes", srv_post_volume, false },
+    { SRV_GET, "/api/v1/volumes/{}", srv_get_volume, false },
+    { SRV_DELETE, "/api/v1/volumes/{}", srv_delete_volume, false },
+    { SRV_GET, "/api/v1/volumes/{}/view", srv_get_volume_view, false },
+    { SRV_POST, "/api/v1/render", srv_post_render, false },
+    { SRV_POST, "/api/v1/sessions", srv_post_session, false },
+    { SRV_GET, "/api/v1/sessions/{}", srv_get_session, true },
+    { SRV_PATCH, "/api/v1/sessions/{}", srv_patch_session, true },
+    { SRV_DELETE, "/api/v1/sessions/{}", srv_delete_session, false },
+    { SRV_GET, "/api/v1/sessions/{}/stream", srv_get_stream, true },
+};
+enum { ROUTES = sizeof routes / sizeof *routes };
+
+struct srv_http {
+    struct srv_http_options options;
+    struct MHD_Daemon *daemon;
+    struct srv_guard *guard;
+    char address[SRV_ADDRESS_TEXT];
+    pthread_mutex_t mutex;
+    pthread_cond_t idle;
+    unsigned active; /* requests between headers and the end of the answer */
+    bool draining;
+};
+
+/* ---- what handlers ask ---- */
+
+const char *srv_request_header(const struct srv_request *request, const char *name) {
+    return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
+}
+
+const char *srv_request_query(const struct srv_request *request, const char *key) {
+    return MHD_lookup_connection_value(request->connection, MHD_GET_ARGUMENT_KIND, key);
+}
+
+const char *srv_request_token(const struct srv_request *request) {
+    const char *bearer = srv_bearer_token(srv_request_header(request, "Authorization"));
+    return bearer ? bearer : srv_request_query(request, "token");
+}
+
+proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err = { .code = SP_OK };
+    proto_json *json = request->body_size
+                           ? proto_json_parse(request->body, request->body_size, &err)
+                           : proto_json_parse("{}", 2, &err);
+    if (!json) {
+        srv_reply_error(reply, &err);
+    } else if (proto_json_type(json) != PROTO_JSON_OBJECT) {
+        proto_json_free(&json);
+        srv_reply_problem(reply, 422, NULL, "the body must be a JSON object");
+    }
+    return json;
+}
+
+void srv_request_suspend(struct srv_request *request, struct srv_reply *reply) {
+    reply->is_pending = true;
+    srv_guard_set_deadline(request->http->guard, request->guarded, 0);
+    MHD_suspend_connection(request->connection);
+}
+
+void srv_request_complete(struct srv_request *request) {
+    MHD_resume_connection(request->connection);
+}
+
+/* ---- answers ---- */
+
+static enum MHD_Result queue(struct srv_request *request) {
+    struct srv_reply *reply = &request->reply;
+    const struct srv_config *config = request->app->config;
+    struct MHD_Response *response = MHD_create_response_from_buffer(
+        reply->size, (void *)(uintptr_t)reply->body, MHD_RESPMEM_PERSISTENT);
+    if (reply->owned) {
+        MHD_destroy_response(response);
+        response =
+            MHD_create_response_from_buffer(reply->size, reply->owned, MHD_RESPMEM_MUST_FREE);
+        if (response)
+            reply->owned = NULL;
+    }
+    if (!response)
+        return MHD_NO;
+    if (reply->mime)
+        MHD_add_response_header(response, "Content-Type", reply->mime);
+    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+    for (unsigned i = 0; i < reply->header_count; i++)
+        MHD_add_response_header(response, reply->headers[i].name, reply->headers[i].value);
+    sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
+           request->method, request->path, reply->status, reply->size);
+    enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
+    MHD_destroy_response(response);
+    request->is_answered = true;
+    srv_guard_set_deadline(request->http->guard, request->guarded,
+                           srv_clock_ms() + (double)config->request_time_ms);
+    return result;
+}
+
+static enum MHD_Result dispatch(struct srv_request *request) {
+    request->is_dispatched = true;
+    if (!request->is_refused) {
+        if (request->route)
+            request->route->handle(request, &request->reply);
+        /* From here on a pending request belongs to whoever answers it. */
+        else if (!srv_get_asset(request, &request->reply))
+            srv_reply_problem(&request->reply, 404, NULL, "there is nothing at %.200s",
+                              request->path);
+    }
+    return MHD_YES;
+}
+
+/* ---- checks before the body ---- */
+
+static void refuse_method(struct srv_request *request, unsigned allowed) {
+    char allow[64];
+    srv_methods_to_text(allowed, allow);
+    srv_reply_problem(&request->reply, 405, NULL, "%.16s is not among the methods here: %s",
+                      request->method, allow);
+    srv_reply_header(&request->reply, "Allow", "%s", allow);
+}
+
+static bool check_limits(struct srv_request *request) {
+    const struct srv_config *config = request->app->config;
+    size_t all, same_host;
+    srv_guard_count(request->http->guard, request->guarded, &all, &same_host);
+    if (all > (size_t)config->connections) {
+        sp_log(SP_LOG_WARN, "%s refused: %zu connections, --connections %lld",
+               srv_guard_peer(request->guarded), all, (long long)config->connections);
+        srv_reply_problem(&request->reply, 503, NULL,
+                          "%zu connections are open and --connections allows %lld; try again later",
+                          all, (long long)config->connections);
+    } else if (same_host > (size_t)config->connections_per_address) {
+        sp_log(SP_LOG_WARN, "%s refused: %zu connections, --connections-per-address %lld",
+               srv_guard_peer(request->guarded), same_host,
+               (long long)config->connections_per_address);
+        srv_reply_problem(&request->reply, 429, NULL,
+                          "%zu connections from your address are open and "
+                          "--connections-per-address allows %lld",
+                          same_host, (long long)config->connections_per_address);
+    } else {
+        return true;
+    }
+    srv_reply_header(&request->reply, "Connection", "close");
+    return false;
+}
+
+static bool is_draining(struct srv_http *http) {
+    pthread_mutex_lock(&http->mutex);
+    bool draining = http->draining;
+    pthread_mutex_unlock(&http->mutex);
+    return draining;
+}
+
+/* Routes and judges what the headers tell; false: the reply is set. */
+static bool check(struct srv_request *request) {
+    struct srv_reply *reply = &request->reply;
+    unsigned allowed;
+    if (!check_limits(request))
+        return false;
+    if (is_draining(request->http)) {
+        srv_reply_problem(reply, 503, NULL, "the daemon is shutting down");
+        srv_reply_header(reply, "Connection", "close");
+        return false;
+    }
+    request->has_token = srv_secret_equal(request->app->token, srv_request_token(request));
+    request->route =
+        srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
+    bool is_api = strncmp(request->path, "/api/", 5) == 0;
+    bool is_open = request->route ? request->route->is_open : !is_api;
+    if (!is_open && !request->has_token) {
+        srv_reply_problem(
+            reply, 401, NULL,
+            "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
+        srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+        return false;
+    }
+    unsigned method = srv_method_from(request->method);
+    if (!request->route && (allowed || method != SRV_GET) && !(is_api && !allowed)) {
+        refuse_method(request, allowed ? allowed : SRV_GET);
+        return false;
+    }
+    if (request->route && method & (SRV_POST | SRV_PATCH) &&
+        !srv_is_json(srv_request_header(request, "Content-Type"))) {
+        srv_reply_problem(reply, 415, NULL, "the body must be application/json");
+        return false;
+    }
+    const char *length = srv_request_header(request, "Content-Length");
+    if (length && strtoull(length, NULL, 10) > (uint64_t)request->app->config->body_size) {
+        srv_reply_problem(reply, 413, NULL, "the body has %.20s bytes and --body-size allows %lld",
+                          length, (long long)request->app->config->body_size);
+        return false;
+    }
+    return true;
+}
+
+/* ---- the library's callbacks ---- */
+
+static struct srv_request *request_create(struct srv_http *http, struct MHD_Connection *connection,
+                                          const char *path, const char *method) {
+    struct srv_request *request = calloc(1, sizeof *request);
+    const union MHD_ConnectionInfo *info =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    if (!request || !info || !info->socket_context) {
+        free(request);
+        return NULL;
+    }
+    request->http = http;
+    request->app = &http->options;
+    request->connection = connection;
+    request->guarded = info->socket_context;
+    request->path = path;
+    request->method = method;
+    request->is_counted = true;
+    pthread_mutex_lock(&http->mutex);
+    http->active++;
+    pthread_mutex_unlock(&http->mutex);
+    return request;
+}
+
+static enum MHD_Result on_headers(struct srv_request *request) {
+    request->is_refused = !check(request);
+    srv_guard_set_deadline(request->http->guard, request->guarded,
+                           srv_clock_ms() + (double)request->app->config->request_time_ms);
+    /* A client that waits for permission to send its body gets the answer instead. */
+    const char *length = srv_request_header(request, "Content-Length");
+    bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
+    if (request->is_refused && (hopeless || srv_request_header(request, "Expect")))
+        return queue(request);
+    return MHD_YES;
+}
+
+/* Keeps what belongs to the body; what is refused is read and dropped. */
+static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
+    size_t limit = (size_t)request->app->config->body_size, take = *size;
+    *size = 0;
+    request->body_seen += take;
+    if (request->body_seen > DISCARD_BYTES)
+        return MHD_NO;
+    if (!request->is_refused && request->body_seen > limit) {
+        srv_reply_problem(&request->reply, 413, NULL,
+                          "the body has more than the %zu bytes that --body-size allows", limit);
+        request->is_refused = true;
+    }
+    if (request->is_refused)
+        return MHD_YES;
+    if (request->body_seen + 1 > request->body_capacity) {
+        size_t capacity = (request->body_seen + 1) * 2;
+        char *larger = realloc(request->body, capacity);
+        if (!larger) {
+            srv_reply_problem(&request->reply, 503, NULL, "no memory for the body");
+            request->is_refused = true;
+            return MHD_YES;
+        }
+        request->body = larger;
+        request->body_capacity = capacity;
+    }
+    memcpy(request->body + request->body_size, bytes, take);
+    request->body_size += take;
+    request->body[request->body_size] = 0;
+    return MHD_YES;
+}
+
+static enum MHD_Result on_request(void *user, struct MHD_Connection *connection, const char *path,
+                                  const char *method, const char *version, const char *bytes,
+                                  size_t *size, void **state) {
+    (void)version;
+    struct srv_request *request = *state;
+    if (!request) {
+        *state = request = request_create(user, connection, path, method);
+        return request ? on_headers(request) : MHD_NO;
+    }
+    if (*size > 0)
+        return on_body(request, bytes, size);
+    if (request->is_answered)
+        return MHD_YES;
+    if (!request->is_dispatched) {
+        dispatch(request);
+        if (request->reply.is_pending || request->is_answered)
+            return MHD_YES;
+    }
+    return queue(request);
+}
+
+/* The request no longer holds up a shutdown. Call once. */
+static void uncount(struct srv_request *request) {
+    struct srv_http *http = request->http;
+    request->is_counted = false;
+    pthread_mutex_lock(&http->mutex);
+    http->active--;
+    pthread_cond_broadcast(&http->idle);
+    pthread_mutex_unlock(&http->mutex);
+}
+
+void srv_request_upgraded(struct srv_request *request) {
+    request->is_answered = true;
+    srv_guard_set_deadline(request->http->guard, request->guarded, 0);
+    uncount(request);
+}
+
+static void on_completed(void *user, struct MHD_Connection *connection, void **state,
+                         enum MHD_RequestTerminationCode code) {
+    (void)connection;
+    struct srv_http *http = user;
+    struct srv_request *request = *state;
+    *state = NULL;
+    if (!request)
+        return;
+    srv_guard_set_deadline(http->guard, request->guarded,
+                           code == MHD_REQUEST_TERMINATED_COMPLETED_OK
+                               ? srv_clock_ms() + (double)http->options.config->idle_time_ms
+                               : 0);
+    if (request->is_counted)
+        uncount(request);
+    srv_reply_finish(&request->reply);
+    free(request->upgrade);
+    free(request->body);
+    free(request);
+}
+
+static void on_connection(void *user, struct MHD_Connection *connection, void **context,
+                          enum MHD_ConnectionNotificationCode code) {
+    struct srv_http *http = user;
+    if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
+        if (*context)
+            srv_guard_close(http->guard, *context);
+        *context = NULL;
+        return;
+    }
+    const union MHD_ConnectionInfo *fd =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+    const union MHD_ConnectionInfo *peer =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    *context =
+        srv_guard_open(http->guard, fd ? fd->connect_fd : -1, peer ? peer->client_addr : NULL,
+                       srv_clock_ms() + (double)http->options.config->header_time_ms);
+}
+
+__attribute__((format(printf, 2, 0))) static void on_log(void *user, const char *format,
+                                                         va_list args) {
+    (void)user;
+    char line[512];
+    vsnprintf(line, sizeof line, format, args);
+    line[strcspn(line, "\n")] = 0;
+    sp_log(SP_LOG_DEBUG, "libmicrohttpd: %s", line);
+}
+
+/* ---- start and stop ---- */
+
+static int open_socket(const struct srv_address *address, const char *text, struct sp_error *err) {
+    int on = 1;
+    int fd = socket(address->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
+        bind(fd, (const struct sockaddr *)&address->storage, address->size) == 0 &&
+        listen(fd, SOMAXCONN) == 0)
+        return fd;
+    int code = errno;
+    if (fd >= 0)
+        close(fd);
+    if (code == EADDRINUSE)
+        sp_fail(err, SP_ERR_IO, text,
+                "the port is in use; another splatd may run there; choose one with --listen");
+    else
+        sp_fail(err, SP_ERR_IO, text, "cannot listen: %s", strerror(code));
+    return -1;
+}
+
+static bool start(struct srv_http *http, int fd, struct sp_error *err) {
+    const struct srv_config *config = http->options.config;
+    http->daemon =
+        MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE |
+                             MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG,
+                         0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
+                         MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_THREAD_POOL_SIZE,
+                         (unsigned)config->http_threads, MHD_OPTION_CONNECTION_LIMIT,
+                         (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads),
+                         MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)config->header_size,
+                         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http,
+                         MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
+    return http->daemon || sp_fail(err, SP_ERR_IO, http->address, "cannot start the HTTP threads");
+}
+
+struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err) {
+    struct srv_address address;
+    if (!srv_address_parse(options->config->listen, &address, err))
+        return NULL;
+    struct srv_http *http = calloc(1, sizeof *http);
+    if (!http) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for HTTP");
+        return NULL;
+    }
+    http->options = *options;
+    pthread_mutex_init(&http->mutex, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&http->idle, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    http->guard = srv_guard_create(err);
+    int fd = http->guard ? open_socket(&address, options->config->listen, err) : -1;
+    bool ok = fd >= 0;
+    if (ok) {
+        getsockname(fd, (struct sockaddr *)&address.storage, &address.size);
+        srv_address_to_text((const struct sockaddr *)&address.storage, http->address);
+        ok = start(http, fd, err);
+        if (!ok)
+            close(fd);
+    }
+    if (!ok)
+        srv_http_destroy(&http);
+    return http;
+}
+
+const char *srv_http_address(const struct srv_http *http) {
+    return http->address;
+}
+
+void srv_http_tick(void *user, double now_ms) {
+    struct srv_http *http = user;
+    srv_guard_sweep(http->guard, now_ms);
+}
+
+void srv_http_drain(struct srv_http *http, double limit_ms) {
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    long long ns = until.tv_nsec + (long long)(limit_ms * 1e6);
+    until.tv_sec += ns / 1000000000;
+    until.tv_nsec = ns % 1000000000;
+    int fd = MHD_quiesce_daemon(http->daemon);
+    if (fd >= 0)
+        close(fd);
+    pthread_mutex_lock(&http->mutex);
+    http->draining = true;
+    while (http->active > 0)
+        if (pthread_cond_timedwait(&http->idle, &http->mutex, &until) == ETIMEDOUT)
+            break;
+    if (http->active > 0)
+        sp_log(SP_LOG_WARN, "%u requests were not answered within --drain-time", http->active);
+    pthread_mutex_unlock(&http->mutex);
+}
+
+void srv_http_destroy(struct srv_http **http_pointer) {
+    struct srv_http *http = *http_pointer;
+    *http_pointer = NULL;
+    if (!http)
+        return;
+    if (http->daemon)
+        MHD_stop_daemon(http->daemon);
+    srv_guard_destroy(&http->guard);
+    pthread_cond_destroy(&http->idle);
+    pthread_mutex_destroy(&http->mutex);
+    free(http);
+}

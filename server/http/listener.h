@@ -1,0 +1,98 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * HTTP: accepts, checks, routes, answers.
+ *
+ *   accept ─► guard ─► token ─► route ─► body (counted) ─► handler ─► reply
+ *                                                            └─ pending: the connection sleeps
+ * until srv_request_complete()
+ *
+ * Handlers run on the library's threads and never render, encode or wait.
+ */
+#ifndef SRV_HTTP_LISTENER_H
+#define SRV_HTTP_LISTENER_H
+
+#include <microhttpd.h>
+#include <stdint.h>
+
+#include "config.h"
+#include "http/guard.h"
+#include "http/reply.h"
+#include "http/router.h"
+#include "http/streams.h"
+#include "render/scheduler.h"
+
+struct srv_http_options {
+    const struct srv_config *config;
+    struct srv_hub *hub;
+    struct srv_catalog *catalog;
+    struct srv_scheduler *scheduler;
+    struct srv_streams *streams;
+    struct sp_renderer_info backend;
+    const char *const *refusals; /* why other backends were not taken */
+    unsigned refusal_count;
+    char instance[17]; /* random: frames of different runs have different ETags */
+    char token[SRV_TOKEN_BYTES];
+};
+
+struct srv_http;
+
+/* Binds and listens; SP_ERR_IO with the address when that fails (port in use …). Answers nothing
+ * but 503 before srv_http_set_ready(). */
+struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
+/* "127.0.0.1:8080": where it really listens. */
+const char *srv_http_address(const struct srv_http *http);
+/* Stops accepting; waits until requests under way are answered, at most `limit_ms`. */
+void srv_http_drain(struct srv_http *http, double limit_ms);
+/* After the scheduler was stopped and the streams are gone. */
+void srv_http_destroy(struct srv_http **http);
+/* Closes connections past their deadline; for srv_streams_options.tick. */
+void srv_http_tick(void *http, double now_ms);
+
+/* ---- for handlers ---- */
+
+struct srv_request {
+    struct srv_http *http;
+    const struct srv_http_options *app;
+    struct MHD_Connection *connection;
+    struct srv_guarded *guarded;
+    const struct srv_route *route;
+    const char *method, *path;
+    char param[SRV_PARAM_BYTES]; /* what stands for {} in the pattern */
+    char *body;                  /* NUL-terminated; NULL = empty */
+    size_t body_size;
+    bool has_token; /* the daemon's own token was given */
+    struct srv_reply reply;
+    void *upgrade; /* state of a stream's handshake; freed with the request */
+
+    size_t body_seen, body_capacity;
+    bool is_refused, is_answered, is_dispatched, is_counted;
+};
+
+/* NULL if it was not given. Lives as long as the request. */
+const char *srv_request_header(const struct srv_request *request, const char *name);
+const char *srv_request_query(const struct srv_request *request, const char *key);
+/* Bearer token, or ?token=. */
+const char *srv_request_token(const struct srv_request *request);
+
+/* Parses the body, which must be an object; an empty one is {}. NULL: the reply is the problem. */
+proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply);
+
+/* A handler whose answer comes later calls suspend first, then starts the work. Whoever finishes
+ * fills request->reply and calls complete, on any thread, once. */
+void srv_request_suspend(struct srv_request *request, struct srv_reply *reply);
+void srv_request_complete(struct srv_request *request);
+/* The handler queued an upgrade itself: the connection is no longer a request. */
+void srv_request_upgraded(struct srv_request *request);
+
+/* Handlers, by file. */
+typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
+srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
+    srv_get_volume_view;     /* routes_volumes.c */
+srv_handler srv_post_render; /* routes_render.c */
+srv_handler srv_post_session, srv_get_session, srv_patch_session, srv_delete_session,
+    srv_get_stream; /* routes_sessions.c */
+srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */
+/* The page's files; false = there is none of that path. */
+bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);
+
+#endif

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/reply.h"
+
+#include <assert.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void srv_reply_finish(struct srv_reply *reply) {
+    free(reply->owned);
+    memset(reply, 0, sizeof *reply);
+}
+
+void srv_reply_header(struct srv_reply *reply, const char *name, const char *format, ...) {
+    assert(reply->header_count < SRV_REPLY_HEADERS);
+    va_list args;
+    va_start(args, format);
+    reply->headers[reply->header_count].name = name;
+    char *value = reply->headers[reply->header_count++].value;
+    vsnprintf(value, SRV_REPLY_VALUE, format, args);
+    va_end(args);
+    for (char *c = value; *c; c++) /* a header is one line, whatever a name in it holds */
+        if ((unsigned char)*c < 0x20 || *c == 0x7f)
+            *c = '?';
+}
+
+static void set_text(struct srv_reply *reply, unsigned status, const char *mime, proto_json *json) {
+    static const char no_memory[] =
+        "{\"type\":\"about:blank\",\"title\":\"Service Unavailable\",\"status\":503,"
+        "\"detail\":\"out of memory\"}";
+    size_t size;
+    char *text = proto_json_to_text(json, &size);
+    proto_json_free(&json);
+    free(reply->owned);
+    reply->owned = text;
+    reply->status = text ? status : 503;
+    reply->mime = text ? mime : "application/problem+json";
+    reply->body = text ? text : no_memory;
+    reply->size = text ? size : sizeof no_memory - 1;
+}
+
+void srv_reply_json(struct srv_reply *reply, unsigned status, proto_json *json) {
+    set_text(reply, status, "application/json", json);
+}
+
+void srv_reply_static(struct srv_reply *reply, const char *mime, const void *body, size_t size) {
+    reply->status = 200;
+    reply->mime = mime;
+    reply->body = body;
+    reply->size = size;
+}
+
+static const char *title_of(unsigned status) {
+    static const struct {
+        unsigned status;
+        const char *title;
+    } titles[] = {
+        { 400, "Bad Request" },
+        { 401, "Unauthorized" },
+        { 403, "Forbidden" },
+        { 404, "Not Found" },
+        { 405, "Method Not Allowed" },
+        { 406, "Not Acceptable" },
+        { 409, "Conflict" },
+        { 413, "Content Too Large" },
+        { 415, "Unsupported Media Type" },
+        { 422, "Unprocessable Content" },
+        { 426, "Upgrade Required" },
+        { 429, "Too Many Requests" },
+        { 500, "Internal Server Error" },
+        { 503, "Service Unavailable" },
+        { 507, "Insufficient Storage" },
+    };
+    for (size_t i = 0; i < sizeof titles / sizeof *titles; i++)
+        if (titles[i].status == status)
+            return titles[i].title;
+    return "Error";
+}
+
+static void problem(struct srv_reply *reply, unsigned status, const char *pointer,
+                    const char *detail) {
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "type", "about:blank");
+    ok = proto_json_set_string(json, "title", title_of(status)) && ok;
+    ok = proto_json_set_integer(json, "status", status) && ok;
+    ok = proto_json_set_string(json, "detail", detail) && ok;
+    if (pointer && *pointer)
+        ok = proto_json_set_string(json, "pointer", pointer) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    set_text(reply, status, "application/problem+json", json);
+    if (status == 429 || status == 503)
+        srv_reply_header(reply, "Retry-After", "1");
+}
+
+void srv_reply_problem(struct srv_reply *reply, unsigned status, const char *pointer,
+                       const char *format, ...) {
+    char detail[SP_ERROR_TEXT + 128];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(detail, sizeof detail, format, args);
+    va_end(args);
+    problem(reply, status, pointer, detail);
+}
+
+unsigned srv_status_from(enum sp_code code) {
+    switch (code) {
+    case SP_ERR_INVALID:
+    case SP_ERR_UNSUPPORTED:
+        return 422;
+    case SP_ERR_NOT_FOUND:
+        return 404;
+    case SP_ERR_FORMAT:
+        return 400;
+    case SP_ERR_DENIED:
+        return 403;
+    case SP_ERR_TIMEOUT: /* a volume is still loading */
+        return 409;
+    case SP_ERR_MEMORY:
+    case SP_ERR_BUDGET:
+    case SP_ERR_CANCELLED:
+        return 503;
+    case SP_OK:
+    case SP_ERR_IO:
+    case SP_ERR_CRASHED:
+    case SP_ERR_BACKEND:
+        break;
+    }
+    return 500;
+}
+
+void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
+    unsigned status = srv_status_from(err->code);
+    /* A place that is no pointer names a file or flag: it belongs to the text. */
+    bool pointer = err->place[0] == '/' && strncmp(err->place, "//", 2) != 0;
+    problem(reply, status, pointer ? err->place : NULL, err->text);
+    if (err->code == SP_ERR_TIMEOUT)
+        srv_reply_header(reply, "Retry-After", "1");
+}

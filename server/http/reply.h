@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * An answer before it becomes one of the HTTP library's.
+ */
+#ifndef SRV_HTTP_REPLY_H
+#define SRV_HTTP_REPLY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "protocol/json.h"
+#include "sp/status.h"
+
+enum { SRV_REPLY_HEADERS = 8, SRV_REPLY_VALUE = 512 };
+
+struct srv_reply {
+    unsigned status;
+    const char *mime; /* NULL = no body */
+    const void *body;
+    size_t size;
+    void *owned; /* freed with the reply; NULL = the body is constant */
+    struct {
+        const char *name;
+        char value[SRV_REPLY_VALUE];
+    } headers[SRV_REPLY_HEADERS];
+    unsigned header_count;
+    bool is_pending; /* will be filled later (listener.h) */
+};
+
+void srv_reply_finish(struct srv_reply *reply);
+
+__attribute__((format(printf, 3, 4))) void
+srv_reply_header(struct srv_reply *reply, const char *name, const char *format, ...);
+/* Frees the JSON; NULL becomes a 503 (out of memory). */
+void srv_reply_json(struct srv_reply *reply, unsigned status, proto_json *json);
+void srv_reply_static(struct srv_reply *reply, const char *mime, const void *body, size_t size);
+
+/* RFC 9457. `pointer` may be NULL. The second takes both from an error, and the status from its
+ * code. */
+__attribute__((format(printf, 4, 5))) void srv_reply_problem(struct srv_reply *reply,
+                                                             unsigned status, const char *pointer,
+                                                             const char *format, ...);
+void srv_reply_error(struct srv_reply *reply, const struct sp_error *err);
+unsigned srv_status_from(enum sp_code code);
+
+#endif

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/router.h"
+
+#include <string.h>
+
+bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]) {
+    const char *hole = strstr(pattern, "{}");
+    param[0] = 0;
+    if (!hole)
+        return strcmp(pattern, path) == 0;
+    size_t before = (size_t)(hole - pattern);
+    if (strncmp(pattern, path, before) != 0)
+        return false;
+    size_t length = strcspn(path + before, "/");
+    if (length == 0 || length >= SRV_PARAM_BYTES || strcmp(hole + 2, path + before + length) != 0)
+        return false;
+    memcpy(param, path + before, length);
+    param[length] = 0;
+    return true;
+}
+
+static const struct {
+    const char *name;
+    unsigned method;
+} names[] = {
+    { "GET", SRV_GET },     { "HEAD", SRV_GET },      { "POST", SRV_POST },
+    { "PATCH", SRV_PATCH }, { "DELETE", SRV_DELETE },
+};
+enum { NAMES = sizeof names / sizeof *names };
+
+unsigned srv_method_from(const char *name) {
+    for (size_t i = 0; i < NAMES; i++)
+        if (strcmp(names[i].name, name) == 0)
+            return names[i].method;
+    return 0;
+}
+
+const struct srv_route *srv_route_find(const struct srv_route *routes, size_t count,
+                                       const char *method, const char *path,
+                                       char param[SRV_PARAM_BYTES], unsigned *allowed) {
+    unsigned wanted = srv_method_from(method);
+    *allowed = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (!srv_route_matches(routes[i].pattern, path, param))
+            continue;
+        if (routes[i].method == wanted)
+            return &routes[i];
+        *allowed |= routes[i].method;
+    }
+    return NULL;
+}
+
+void srv_methods_to_text(unsigned methods, char text[64]) {
+    text[0] = 0;
+    for (size_t i = 0; i < NAMES; i++) {
+        if (!(names[i].method & methods))
+            continue;
+        if (text[0])
+            strcat(text, ", ");
+        strcat(text, names[i].name);
+    }
+}

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Paths and methods → handlers, by one table (listener.c).
+ */
+#ifndef SRV_HTTP_ROUTER_H
+#define SRV_HTTP_ROUTER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum srv_method { SRV_GET = 1, SRV_POST = 2, SRV_PATCH = 4, SRV_DELETE = 8 };
+enum { SRV_PARAM_BYTES = 128 };
+
+struct srv_request;
+struct srv_reply;
+
+struct srv_route {
+    enum srv_method method;
+    const char *pattern; /* "{}" matches one segment that is not empty; at most one a pattern */
+    /* Fills *reply, or takes care that it will be filled (listener.h). */
+    void (*handle)(struct srv_request *request, struct srv_reply *reply);
+    bool is_open; /* needs no token: handles permission itself */
+};
+
+/* Does the path match, and what stands for {}? False too if that is too long. */
+bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]);
+
+/* The method's bit; HEAD counts as GET; 0 = none of ours. */
+unsigned srv_method_from(const char *name);
+
+/* The route, or NULL: then *allowed are the methods of that path, 0 = no such path. */
+const struct srv_route *srv_route_find(const struct srv_route *routes, size_t count,
+                                       const char *method, const char *path,
+                                       char param[SRV_PARAM_BYTES], unsigned *allowed);
+
+/* "GET, HEAD, POST" for an Allow header. */
+void srv_methods_to_text(unsigned methods, char text[64]);
+
+#endif

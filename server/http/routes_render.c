@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "http/headers.h"
+#include "http/listener.h"
+#include "protocol/view.h"
+
+enum { QUALITY_DEFAULT = 90, ETAG_BYTES = 40 };
+
+/* ?format= decides, else Accept; JPEG if nothing is said. SP_IMAGE_FORMAT_COUNT: the reply is the
+ * problem. */
+static enum sp_image_format choose_format(struct srv_request *request, struct srv_reply *reply) {
+    const char *name = srv_request_query(request, "format");
+    const char *accept = srv_request_header(request, "Accept");
+    enum sp_image_format best = SP_IMAGE_FORMAT_COUNT;
+    double best_quality = 0;
+    if (name) {
+        best = sp_image_format_find(name);
+    } else {
+        for (int f = 0; f < SP_IMAGE_FORMAT_COUNT; f++) {
+            double q =
+                srv_accept_quality(accept, sp_image_format_info((enum sp_image_format)f)->mime);
+            if (q > best_quality) {
+                best = (enum sp_image_format)f;
+                best_quality = q;
+            }
+        }
+    }
+    if (best == SP_IMAGE_FORMAT_COUNT)
+        srv_reply_problem(reply, 406, NULL,
+                          "no image format fits; there are image/jpeg, image/png, image/webp and "
+                          "image/x-exr (?format=jpeg, png, webp, exr)");
+    return best;
+}
+
+static bool read_quality(struct srv_request *request, int *quality, struct srv_reply *reply) {
+    const char *text = srv_request_query(request, "quality");
+    *quality = QUALITY_DEFAULT;
+    if (!text)
+        return true;
+    char *end;
+    long value = strtol(text, &end, 10);
+    if (*text >= '0' && *text <= '9' && !*end && value >= 1 && value <= 100) {
+        *quality = (int)value;
+        return true;
+    }
+    srv_reply_problem(reply, 400, NULL, "?quality= must be a whole number in [1, 100]");
+    return false;
+}
+
+/* FNV-1a with 128 bits: equal only for equal input, for all purposes but an attack, and there is
+ * nothing to gain from one. */
+static unsigned __int128 hash(unsigned __int128 h, const void *bytes, size_t size) {
+    const unsigned __int128 prime = ((unsigned __int128)0x1000000u << 64) | 0x13b;
+    for (size_t i = 0; i < size; i++)
+        h = (h ^ ((const uint8_t *)bytes)[i]) * prime;
+    return h;
+}
+
+static bool make_etag(const struct srv_request *request, const struct sp_view *view,
+                      const struct srv_volume *volume, enum sp_image_format format, int quality,
+                      char etag[ETAG_BYTES]) {
+    size_t size;
+    proto_json *json = proto_view_encode(view);
+    char *text = proto_json_to_canonical(json, &size);
+    proto_json_free(&json);
+    if (!text)
+        return false;
+    unsigned __int128 h =
+        ((unsigned __int128)UINT64_C(0x6c62272e07bb0142) << 64) | UINT64_C(0x62b821756295c58d);
+    uint64_t identity = srv_volume_identity(volume);
+    bool lossy = format == SP_IMAGE_JPEG || format == SP_IMAGE_WEBP;
+    int32_t tail[2] = { (int32_t)format, lossy ? quality : 0 };
+    h = hash(h, request->app->instance, sizeof request->app->instance);
+    h = hash(h, &identity, sizeof identity);
+    h = hash(h, tail, sizeof tail);
+    h = hash(h, text, size);
+    free(text);
+    snprintf(etag, ETAG_BYTES, "\"%016" PRIx64 "%016" PRIx64 "\"", (uint64_t)(h >> 64),
+             (uint64_t)h);
+    return true;
+}
+
+struct render { /* one suspended request */
+    struct srv_request *request;
+    enum sp_image_format format;
+    char etag[ETAG_BYTES];
+};
+
+static void on_done(void *user, const struct srv_still_result *result) {
+    struct render *render = user;
+    struct srv_request *request = render->request;
+    struct srv_reply *reply = &request->reply;
+    reply->is_pending = false;
+    if (!result->ok) {
+        srv_reply_error(reply, &result->err);
+    } else if (!(reply->owned = malloc(result->size))) {
+        srv_reply_problem(reply, 503, NULL, "no memory for an image of %zu bytes", result->size);
+    } else {
+        memcpy(reply->owned, result->bytes, result->size);
+        reply->status = 200;
+        reply->mime = sp_image_format_info(render->format)->mime;
+        reply->body = reply->owned;
+        reply->size = result->size;
+        srv_reply_header(reply, "ETag", "%s", render->etag);
+        srv_reply_header(reply, "Cache-Control", "private, no-cache");
+        srv_reply_header(reply, "Vary", "Accept");
+        srv_reply_header(reply, "X-Render-Time", "%.3f", result->stats.render_ms);
+        srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
+        srv_reply_header(reply, "X-Backend", "%s %s", result->stats.backend, result->stats.isa);
+        srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
+    }
+    free(render);
+    srv_request_complete(request);
+}
+
+/* Puts the request to sleep and queues its frame. Takes over the use of the volume. */
+static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
+                   struct srv_reply *reply) {
+    struct sp_error err;
+    struct render *render = malloc(sizeof *render);
+    if (!render) {
+        srv_catalog_release(request->app->catalog, still->volume);
+        srv_reply_problem(reply, 503, NULL, "no memory for a render request");
+        return;
+    }
+    render->request = request;
+    render->format = still->format;
+    memcpy(render->etag, etag, sizeof render->etag);
+    still->done = on_done;
+    still->user = render;
+    srv_request_suspend(request, reply);
+    /* From here on the request may be answered, and gone, at any moment. */
+    if (srv_scheduler_submit(request->app->scheduler, still, &err))
+        return;
+    free(render);
+    reply->is_pending = false;
+    srv_reply_error(reply, &err);
+    srv_request_complete(request);
+}
+
+void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    struct srv_still still = { .quality = 0 };
+    void *volume = NULL;
+    char etag[ETAG_BYTES];
+    still.format = choose_format(request, reply);
+    if (still.format == SP_IMAGE_FORMAT_COUNT || !read_quality(request, &still.quality, reply))
+        return;
+    proto_json *patch = srv_request_json(request, reply);
+    if (!patch)
+        return;
+    bool ok = srv_hub_resolve_view(request->app->hub, patch, &still.view, &volume, &err);
+    proto_json_free(&patch);
+    if (!ok) {
+        bool about_volume = strcmp(err.place, "/volume") == 0;
+        if (about_volume && err.code == SP_ERR_UNSUPPORTED)
+            srv_reply_problem(reply, 409, "/volume", "%s", err.text);
+        else if (about_volume && err.code == SP_ERR_NOT_FOUND)
+            srv_reply_problem(reply, 422, "/volume", "%s", err.text);
+        else
+            srv_reply_error(reply, &err);
+        return;
+    }
+    still.volume = volume;
+    if (!make_etag(request, &still.view, still.volume, still.format, still.quality, etag)) {
+        srv_catalog_release(request->app->catalog, still.volume);
+        srv_reply_problem(reply, 503, NULL, "no memory for a render request");
+    } else if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {
+        srv_catalog_release(request->app->catalog, still.volume);
+        reply->status = 304;
+        srv_reply_header(reply, "ETag", "%s", etag);
+        srv_reply_header(reply, "Vary", "Accept");
+    } else {
+        submit(request, &still, etag, reply);
+    }
+}

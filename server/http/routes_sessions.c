@@ -1,0 +1,247 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "http/headers.h"
+#include "http/listener.h"
+#include "http/sha1.h"
+#include "sp/log.h"
+
+enum { KEY_CHARACTERS = 24 };
+static const char subprotocol[] = "splatd.v1";
+
+/* Refuses unknown members of a body that may hold "view" and, if `from`, "from". */
+static bool only_known(const proto_json *body, bool from, struct srv_reply *reply) {
+    void *at = NULL;
+    const char *key;
+    const proto_json *value;
+    while (proto_json_next(body, &at, &key, &value)) {
+        char pointer[80];
+        snprintf(pointer, sizeof pointer, "/%.64s", key);
+        if (strcmp(key, "view") == 0 && proto_json_type(value) == PROTO_JSON_OBJECT)
+            continue;
+        if (strcmp(key, "view") == 0) {
+            srv_reply_problem(reply, 422, "/view", "must be an object");
+            return false;
+        }
+        if (from && strcmp(key, "from") == 0)
+            continue;
+        srv_reply_problem(reply, 422, pointer, "unknown member; known: view%s",
+                          from ? ", from" : "");
+        return false;
+    }
+    return true;
+}
+
+/* A refused view of a body's "view" member: its pointer begins there. */
+static void reply_view_error(struct srv_reply *reply, const struct sp_error *err) {
+    struct sp_error at = *err;
+    if (err->place[0] == '/')
+        snprintf(at.place, sizeof at.place, "/view%.240s", err->place);
+    if (err->code == SP_ERR_NOT_FOUND && strcmp(err->place, "/volume") == 0)
+        srv_reply_problem(reply, 422, at.place, "%s", err->text);
+    else if (err->code == SP_ERR_UNSUPPORTED && strcmp(err->place, "/volume") == 0)
+        srv_reply_problem(reply, 409, at.place, "%s", err->text);
+    else
+        srv_reply_error(reply, &at);
+}
+
+/* The view that a new session begins with; *owner keeps it alive. */
+static const proto_json *first_view(struct srv_request *request, const proto_json *body,
+                                    proto_json **owner, struct srv_reply *reply) {
+    const proto_json *from = proto_json_get(body, "from"), *view = proto_json_get(body, "view");
+    const char *id = proto_json_string(from);
+    struct sp_error err;
+    if (!from)
+        return view ? view : body; /* an empty body: all defaults */
+    if (!id || view) {
+        srv_reply_problem(reply, 422, "/from",
+                          id ? "give either view or from" : "must be the id of a session");
+        return NULL;
+    }
+    *owner = srv_hub_session_get(request->app->hub, id, false, &err);
+    if (!*owner)
+        srv_reply_problem(reply, 422, "/from", "%s", err.text);
+    return *owner ? proto_json_get(*owner, "view") : NULL;
+}
+
+void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    char id[SRV_SESSION_ID_BYTES];
+    proto_json *owner = NULL, *body = srv_request_json(request, reply);
+    const proto_json *view =
+        body && only_known(body, true, reply) ? first_view(request, body, &owner, reply) : NULL;
+    if (view) {
+        proto_json *json =
+            srv_hub_session_create(request->app->hub, view, srv_clock_ms(), id, &err);
+        if (json) {
+            srv_reply_json(reply, 201, json);
+            srv_reply_header(reply, "Location", "sessions/%s", id);
+            sp_log(SP_LOG_INFO, "session %s created for %s", id, srv_guard_peer(request->guarded));
+        } else {
+            reply_view_error(reply, &err);
+        }
+    }
+    proto_json_free(&owner);
+    proto_json_free(&body);
+}
+
+/* The daemon's token, or one of the session's own; false: the reply is the problem. */
+static bool may(struct srv_request *request, enum srv_role wanted, struct srv_reply *reply) {
+    struct sp_error err;
+    enum srv_role role;
+    const char *token = srv_request_token(request);
+    if (srv_hub_authorize(request->app->hub, request->param, token, &role, &err)) {
+        if (request->has_token || role >= wanted)
+            return true;
+        srv_reply_problem(reply, 403, NULL, "this token may watch, not change");
+    } else if (request->has_token && err.code == SP_ERR_DENIED) {
+        return true;
+    } else if (!token || !request->has_token) {
+        /* Who has no valid token does not learn which sessions exist. */
+        bool gone = err.code == SP_ERR_NOT_FOUND && token;
+        srv_reply_problem(reply, gone ? 404 : 401, NULL, "%s",
+                          gone ? "there is no such session; it may have ended"
+                               : "give the daemon's token or one of the session");
+        if (!gone)
+            srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+    } else {
+        srv_reply_error(reply, &err);
+    }
+    return false;
+}
+
+void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    if (!may(request, SRV_ROLE_VIEW, reply))
+        return;
+    proto_json *json =
+        srv_hub_session_get(request->app->hub, request->param, request->has_token, &err);
+    if (json)
+        srv_reply_json(reply, 200, json);
+    else
+        srv_reply_error(reply, &err);
+}
+
+void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    if (!may(request, SRV_ROLE_CONTROL, reply))
+        return;
+    proto_json *body = srv_request_json(request, reply);
+    if (body && only_known(body, false, reply)) {
+        const proto_json *view = proto_json_get(body, "view");
+        proto_json *changed = srv_hub_session_patch(request->app->hub, request->param,
+                                                    view ? view : body, srv_clock_ms(), &err);
+        proto_json *json = changed ? proto_json_object() : NULL;
+        bool ok = proto_json_set_string(json, "id", request->param);
+        ok = proto_json_set(json, "view", changed) && ok;
+        if (!changed)
+            reply_view_error(reply, &err);
+        else {
+            if (!ok)
+                proto_json_free(&json);
+            srv_reply_json(reply, 200, json);
+        }
+    }
+    proto_json_free(&body);
+}
+
+void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    if (srv_hub_session_delete(request->app->hub, request->param, &err))
+        reply->status = 204;
+    else
+        srv_reply_error(reply, &err);
+}
+
+/* ---- the stream ---- */
+
+struct upgrade { /* lives as long as the request, whether the upgrade comes about or not */
+    struct srv_streams *streams;
+    struct srv_stream_start start;
+};
+
+static void close_upgraded(void *handle) {
+    MHD_upgrade_action(handle, MHD_UPGRADE_ACTION_CLOSE);
+}
+
+static void on_upgrade(void *user, struct MHD_Connection *connection, void *state,
+                       const char *extra, size_t extra_size, MHD_socket socket,
+                       struct MHD_UpgradeResponseHandle *handle) {
+    (void)connection;
+    struct srv_request *request = state;
+    struct upgrade *upgrade = user;
+    upgrade->start.socket = socket;
+    upgrade->start.extra = extra;
+    upgrade->start.extra_size = extra_size;
+    upgrade->start.owner = handle;
+    upgrade->start.close = close_upgraded;
+    srv_request_upgraded(request);
+    if (!srv_streams_add(upgrade->streams, &upgrade->start)) {
+        sp_log(SP_LOG_ERROR, "no memory for the stream of %s", srv_guard_peer(request->guarded));
+        close_upgraded(handle);
+    }
+}
+
+static bool check_handshake(struct srv_request *request, struct srv_reply *reply) {
+    const char *key = srv_request_header(request, "Sec-WebSocket-Key");
+    const char *version = srv_request_header(request, "Sec-WebSocket-Version");
+    const char *offered = srv_request_header(request, "Sec-WebSocket-Protocol");
+    const char *origin = srv_request_header(request, "Origin");
+    if (!srv_header_has_token(srv_request_header(request, "Upgrade"), "websocket") ||
+        !srv_header_has_token(srv_request_header(request, "Connection"), "upgrade")) {
+        srv_reply_problem(reply, 426, NULL, "this is a WebSocket: upgrade to it");
+        srv_reply_header(reply, "Upgrade", "websocket");
+    } else if (!version || strcmp(version, "13") != 0) {
+        srv_reply_problem(reply, 426, NULL, "Sec-WebSocket-Version must be 13");
+        srv_reply_header(reply, "Sec-WebSocket-Version", "13");
+    } else if (!key || strlen(key) != KEY_CHARACTERS) {
+        srv_reply_problem(reply, 400, NULL, "Sec-WebSocket-Key must have %d characters",
+                          KEY_CHARACTERS);
+    } else if (offered && !srv_header_has_token(offered, subprotocol)) {
+        srv_reply_problem(reply, 400, NULL, "the subprotocol is %s", subprotocol);
+    } else if (!srv_origin_is_allowed(origin, srv_request_header(request, "Host"))) {
+        sp_log(SP_LOG_WARN, "stream of %s refused: Origin %.200s is not this host",
+               srv_guard_peer(request->guarded), origin);
+        srv_reply_problem(reply, 403, NULL, "a page of another origin may not open a stream");
+    } else {
+        return true;
+    }
+    return false;
+}
+
+void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    enum srv_role role;
+    if (!may(request, SRV_ROLE_VIEW, reply) || !check_handshake(request, reply))
+        return;
+    if (!srv_hub_authorize(request->app->hub, request->param, srv_request_token(request), &role,
+                           &err))
+        role = SRV_ROLE_CONTROL; /* the daemon's own token */
+    struct upgrade *upgrade = calloc(1, sizeof *upgrade);
+    struct MHD_Response *response =
+        upgrade ? MHD_create_response_for_upgrade(on_upgrade, upgrade) : NULL;
+    request->upgrade = upgrade;
+    if (!response) {
+        srv_reply_problem(reply, 503, NULL, "no memory for a stream");
+        return;
+    }
+    char accept[SRV_ACCEPT_BYTES];
+    srv_websocket_accept(srv_request_header(request, "Sec-WebSocket-Key"), accept);
+    upgrade->streams = request->app->streams;
+    upgrade->start.role = role;
+    upgrade->start.peer = *srv_guard_address(request->guarded);
+    snprintf(upgrade->start.session, sizeof upgrade->start.session, "%.16s", request->param);
+    MHD_add_response_header(response, "Upgrade", "websocket");
+    MHD_add_response_header(response, "Sec-WebSocket-Accept", accept);
+    if (srv_request_header(request, "Sec-WebSocket-Protocol"))
+        MHD_add_response_header(response, "Sec-WebSocket-Protocol", subprotocol);
+    if (MHD_queue_response(request->connection, MHD_HTTP_SWITCHING_PROTOCOLS, response) ==
+        MHD_YES) {
+        request->is_answered = true;
+    } else {
+        srv_reply_problem(reply, 500, NULL, "the connection cannot be upgraded");
+    }
+    MHD_destroy_response(response);
+}

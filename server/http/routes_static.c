@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <inttypes.h>
+#include <string.h>
+
+#include "http/assets.h"
+#include "http/headers.h"
+#include "http/listener.h"
+
+/* The page loads nothing from elsewhere, is framed by nobody and talks to this daemon alone. */
+static const char policy[] =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'";
+
+static const struct srv_asset *find(const char *path) {
+    for (size_t i = 0; i < srv_asset_count; i++)
+        if (strcmp(srv_assets[i].path, path) == 0)
+            return &srv_assets[i];
+    return NULL;
+}
+
+static uint64_t hash(const struct srv_asset *asset) {
+    uint64_t h = UINT64_C(0xcbf29ce484222325); /* FNV-1a */
+    for (const unsigned char *c = asset->begin; c < asset->end; c++)
+        h = (h ^ *c) * UINT64_C(0x100000001b3);
+    return h;
+}
+
+static void serve(struct srv_request *request, const struct srv_asset *asset,
+                  struct srv_reply *reply) {
+    char etag[24];
+    snprintf(etag, sizeof etag, "\"%016" PRIx64 "\"", hash(asset));
+    if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag))
+        reply->status = 304;
+    else
+        srv_reply_static(reply, asset->mime, asset->begin, (size_t)(asset->end - asset->begin));
+    srv_reply_header(reply, "ETag", "%s", etag);
+    srv_reply_header(reply, "Cache-Control", "no-cache");
+}
+
+bool srv_get_asset(struct srv_request *request, struct srv_reply *reply) {
+    const char *path = strcmp(request->path, "/") == 0 ? "/index.html" : request->path;
+    const struct srv_asset *asset = strncmp(path, "/api/", 5) == 0 ? NULL : find(path);
+    if (!asset)
+        return false;
+    serve(request, asset, reply);
+    srv_reply_header(reply, "Content-Security-Policy", "%s", policy);
+    srv_reply_header(reply, "Referrer-Policy", "no-referrer");
+    srv_reply_header(reply, "Cross-Origin-Opener-Policy", "same-origin");
+    return true;
+}
+
+static void serve_contract(struct srv_request *request, struct srv_reply *reply) {
+    const struct srv_asset *asset = find(request->path);
+    if (asset)
+        serve(request, asset, reply);
+    else
+        srv_reply_problem(reply, 404, NULL, "this build does not hold %s", request->path);
+}
+
+void srv_get_openapi(struct srv_request *request, struct srv_reply *reply) {
+    serve_contract(request, reply);
+}
+
+void srv_get_schema(struct srv_request *request, struct srv_reply *reply) {
+    serve_contract(request, reply);
+}
+
+void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {
+    (void)request;
+    proto_json *json = proto_json_object();
+    if (!proto_json_set_string(json, "status", "ok"))
+        proto_json_free(&json);
+    srv_reply_json(reply, 200, json);
+    srv_reply_header(reply, "Cache-Control", "no-store");
+}
+
+void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
+    const struct sp_renderer_info *backend = &request->app->backend;
+    proto_json *json = proto_json_object(), *refused = proto_json_array();
+    bool ok = proto_json_set_string(json, "status", "ready");
+    ok = proto_json_set_string(json, "version", SPLATD_VERSION) && ok;
+    ok = proto_json_set_string(json, "backend", backend->backend) && ok;
+    ok = proto_json_set_string(json, "device", backend->device) && ok;
+    ok = proto_json_set_string(json, "isa", backend->isa) && ok;
+    ok = proto_json_set_integer(json, "threads", backend->threads) && ok;
+    for (unsigned i = 0; i < request->app->refusal_count; i++)
+        ok = proto_json_append_string(refused, request->app->refusals[i]) && ok;
+    ok = proto_json_set(json, "refused", refused) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    srv_reply_json(reply, 200, json);
+    srv_reply_header(reply, "Cache-Control", "no-store");
+}

@@ -1,0 +1,345 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/streams.h"
+
+#include <errno.h>
+#include <math.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "clock.h"
+#include "http/address.h"
+#include "http/ws_conn.h"
+#include "sp/log.h"
+
+enum { EVENTS = 64, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
+#define LINGER_MS 2000.0 /* for the peer to read the close and to close, too */
+#define TICK_MS 100.0
+
+/* After the last byte was sent, a stream lingers: the socket is shut down for writing and what
+ * still comes is thrown away until the peer closes; else its close frame could be lost to a reset.
+ */
+struct stream {
+    struct stream *next;
+    struct srv_stream_start start;
+    struct srv_ws *ws; /* NULL = lingers */
+    uint8_t *extra;
+    size_t extra_at, extra_size;
+    uint32_t events;  /* asked of epoll */
+    double linger_ms; /* since when */
+    bool dead;
+};
+
+struct srv_streams {
+    struct srv_streams_options options;
+    pthread_t thread;
+    int epoll, wake;
+    pthread_mutex_t mutex;
+    pthread_cond_t gone;
+    struct stream *inbox; /* guarded by mutex */
+    size_t count;         /* streams of both lists; guarded by mutex */
+    bool drain, stop;     /* guarded by mutex */
+    struct stream *list;  /* the thread's */
+};
+
+static void wake(struct srv_streams *s) {
+    uint64_t one = 1;
+    ssize_t written = write(s->wake, &one, sizeof one);
+    (void)written; /* full means that it is awake already */
+}
+
+void srv_streams_ready(void *user) {
+    wake(user);
+}
+
+static ssize_t stream_recv(void *user, uint8_t *bytes, size_t size) {
+    struct stream *stream = user;
+    size_t left = stream->extra_size - stream->extra_at;
+    if (left == 0)
+        return recv(stream->start.socket, bytes, size, 0);
+    size_t take = left < size ? left : size;
+    memcpy(bytes, stream->extra + stream->extra_at, take);
+    stream->extra_at += take;
+    return (ssize_t)take;
+}
+
+static ssize_t stream_send(void *user, const uint8_t *bytes, size_t size) {
+    struct stream *stream = user;
+    return send(stream->start.socket, bytes, size, MSG_NOSIGNAL);
+}
+
+static void watch(struct srv_streams *s, struct stream *stream) {
+    uint32_t events = EPOLLRDHUP;
+    if (!stream->ws || srv_ws_wants_read(stream->ws))
+        events = EPOLLIN;
+    if (stream->ws && srv_ws_wants_write(stream->ws))
+        events |= EPOLLOUT;
+    if (events == stream->events)
+        return;
+    struct epoll_event event = { .events = events, .data.ptr = stream };
+    int operation = stream->events ? EPOLL_CTL_MOD : EPOLL_CTL_ADD;
+    if (epoll_ctl(s->epoll, operation, stream->start.socket, &event) != 0)
+        stream->dead = true;
+    stream->events = events;
+}
+
+static void linger(struct stream *stream, double now_ms) {
+    bool lost = srv_ws_is_lost(stream->ws);
+    srv_ws_destroy(&stream->ws, now_ms);
+    stream->linger_ms = now_ms;
+    if (lost || shutdown(stream->start.socket, SHUT_WR) != 0)
+        stream->dead = true;
+}
+
+/* After anything happened to a stream: send what can be sent, then see how it stands. */
+static void settle(struct srv_streams *s, struct stream *stream, double now_ms) {
+    if (stream->ws)
+        srv_ws_write(stream->ws, now_ms);
+    if (stream->ws && srv_ws_is_over(stream->ws))
+        linger(stream, now_ms);
+    if (!stream->dead)
+        watch(s, stream);
+}
+
+static void discard(struct stream *stream) {
+    uint8_t bytes[DISCARD_BYTES / 16];
+    ssize_t got;
+    size_t left = DISCARD_BYTES;
+    do {
+        got = recv(stream->start.socket, bytes, sizeof bytes, 0);
+        left -= got > 0 ? (size_t)got : 0;
+    } while (got > 0 && left >= sizeof bytes);
+    if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR))
+        stream->dead = true;
+}
+
+static void on_event(struct srv_streams *s, struct stream *stream, uint32_t events, double now_ms) {
+    if (!stream->ws)
+        discard(stream);
+    else if (events & (EPOLLERR | EPOLLHUP) ||
+             ((events & EPOLLRDHUP) && !srv_ws_wants_read(stream->ws)))
+        stream->dead = true; /* nobody is there to read an answer */
+    else if (events & EPOLLIN)
+        srv_ws_read(stream->ws, now_ms);
+    if (!stream->dead)
+        settle(s, stream, now_ms);
+}
+
+static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
+    int on = 1, unsent = UNSENT_BYTES;
+    char peer[SRV_ADDRESS_TEXT];
+    struct sp_error err;
+    srv_address_to_text((const struct sockaddr *)&stream->start.peer, peer);
+    setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    /* What waits in the kernel cannot be replaced by a newer frame. */
+    setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
+    struct srv_ws_options options = { .hub = s->options.hub,
+                                      .session = stream->start.session,
+                                      .role = stream->start.role,
+                                      .user = stream,
+                                      .peer = peer,
+                                      .message_bytes = s->options.message_bytes,
+                                      .ping_ms = s->options.ping_ms,
+                                      .stall_ms = s->options.stall_ms,
+                                      .transport = { stream, stream_recv, stream_send } };
+    stream->ws = srv_ws_create(&options, now_ms, &err);
+    if (!stream->ws) {
+        sp_log(SP_LOG_WARN, "stream of %s refused: %s", peer, err.text);
+        stream->dead = true;
+        return;
+    }
+    sp_log(SP_LOG_INFO, "stream of %s joined session %s for %s", peer, stream->start.session,
+           stream->start.role == SRV_ROLE_CONTROL ? "control" : "view");
+    while (stream->extra_at < stream->extra_size && srv_ws_wants_read(stream->ws))
+        srv_ws_read(stream->ws, now_ms);
+    settle(s, stream, now_ms);
+}
+
+static void reap(struct srv_streams *s, double now_ms) {
+    size_t gone = 0;
+    for (struct stream **link = &s->list; *link;) {
+        struct stream *stream = *link;
+        if (!stream->dead) {
+            link = &stream->next;
+            continue;
+        }
+        *link = stream->next;
+        srv_ws_destroy(&stream->ws, now_ms);
+        if (stream->events)
+            epoll_ctl(s->epoll, EPOLL_CTL_DEL, stream->start.socket, NULL);
+        stream->start.close(stream->start.owner);
+        free(stream->extra);
+        free(stream);
+        gone++;
+    }
+    if (gone == 0)
+        return;
+    pthread_mutex_lock(&s->mutex);
+    s->count -= gone;
+    pthread_cond_broadcast(&s->gone);
+    pthread_mutex_unlock(&s->mutex);
+}
+
+static void tick(struct srv_streams *s, double now_ms) {
+    for (struct stream *stream = s->list; stream; stream = stream->next) {
+        if (stream->ws)
+            srv_ws_tick(stream->ws, now_ms);
+        else if (now_ms - stream->linger_ms > LINGER_MS)
+            stream->dead = true;
+        if (!stream->dead)
+            settle(s, stream, now_ms);
+    }
+    srv_hub_tick(s->options.hub, now_ms);
+    if (s->options.tick)
+        s->options.tick(s->options.user, now_ms);
+}
+
+/* Takes over what was handed in; says good-bye when draining. False: stop. */
+static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
+    pthread_mutex_lock(&s->mutex);
+    struct stream *inbox = s->inbox;
+    s->inbox = NULL;
+    bool stop = s->stop, drain = s->drain;
+    pthread_mutex_unlock(&s->mutex);
+    while (inbox) {
+        struct stream *stream = inbox;
+        inbox = stream->next;
+        stream->next = s->list;
+        s->list = stream;
+        begin(s, stream, now_ms);
+        if (*draining && stream->ws)
+            srv_ws_close(stream->ws, 1001, "the daemon is shutting down", now_ms);
+    }
+    if (drain && !*draining) {
+        *draining = true;
+        for (struct stream *stream = s->list; stream; stream = stream->next)
+            if (stream->ws) {
+                srv_ws_close(stream->ws, 1001, "the daemon is shutting down", now_ms);
+                settle(s, stream, now_ms);
+            }
+    }
+    return !stop;
+}
+
+static void *stream_main(void *user) {
+    struct srv_streams *s = user;
+    struct epoll_event events[EVENTS];
+    bool draining = false;
+    double last_tick_ms = 0;
+    for (;;) {
+        int count = epoll_wait(s->epoll, events, EVENTS, (int)TICK_MS);
+        double now_ms = srv_clock_ms();
+        for (int i = 0; i < count; i++) {
+            uint64_t counter;
+            if (events[i].data.ptr)
+                on_event(s, events[i].data.ptr, events[i].events, now_ms);
+            else if (read(s->wake, &counter, sizeof counter) < 0 && errno != EAGAIN)
+                sp_log(SP_LOG_ERROR, "the stream thread's wake-up failed: %s", strerror(errno));
+        }
+        if (!take_orders(s, &draining, now_ms))
+            break;
+        for (struct stream *stream; (stream = srv_hub_take_ready(s->options.hub));)
+            settle(s, stream, now_ms);
+        if (now_ms - last_tick_ms >= TICK_MS) {
+            tick(s, now_ms);
+            last_tick_ms = now_ms;
+        }
+        reap(s, now_ms);
+    }
+    for (struct stream *stream = s->list; stream; stream = stream->next)
+        stream->dead = true;
+    reap(s, srv_clock_ms());
+    return NULL;
+}
+
+struct srv_streams *srv_streams_create(const struct srv_streams_options *options,
+                                       struct sp_error *err) {
+    struct srv_streams *s = calloc(1, sizeof *s);
+    if (!s) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the stream thread");
+        return NULL;
+    }
+    s->options = *options;
+    pthread_mutex_init(&s->mutex, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&s->gone, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    s->epoll = epoll_create1(EPOLL_CLOEXEC);
+    s->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    struct epoll_event event = { .events = EPOLLIN, .data.ptr = NULL };
+    int failed =
+        s->epoll < 0 || s->wake < 0 || epoll_ctl(s->epoll, EPOLL_CTL_ADD, s->wake, &event) != 0
+            ? errno
+            : pthread_create(&s->thread, NULL, stream_main, s);
+    if (!failed)
+        return s;
+    sp_fail(err, SP_ERR_IO, NULL, "cannot start the stream thread: %s", strerror(failed));
+    if (s->epoll >= 0)
+        close(s->epoll);
+    if (s->wake >= 0)
+        close(s->wake);
+    free(s);
+    return NULL;
+}
+
+bool srv_streams_add(struct srv_streams *s, const struct srv_stream_start *start) {
+    struct stream *stream = calloc(1, sizeof *stream);
+    if (!stream)
+        return false;
+    stream->start = *start;
+    if (start->extra_size > 0) {
+        stream->extra = malloc(start->extra_size);
+        if (!stream->extra) {
+            free(stream);
+            return false;
+        }
+        memcpy(stream->extra, start->extra, start->extra_size);
+        stream->extra_size = start->extra_size;
+    }
+    stream->start.extra = NULL;
+    pthread_mutex_lock(&s->mutex);
+    stream->next = s->inbox;
+    s->inbox = stream;
+    s->count++;
+    pthread_mutex_unlock(&s->mutex);
+    wake(s);
+    return true;
+}
+
+void srv_streams_drain(struct srv_streams *s) {
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_sec += 3;
+    pthread_mutex_lock(&s->mutex);
+    s->drain = true;
+    wake(s);
+    while (s->count > 0)
+        if (pthread_cond_timedwait(&s->gone, &s->mutex, &until) == ETIMEDOUT)
+            break;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+void srv_streams_destroy(struct srv_streams **streams) {
+    struct srv_streams *s = *streams;
+    *streams = NULL;
+    if (!s)
+        return;
+    pthread_mutex_lock(&s->mutex);
+    s->stop = true;
+    pthread_mutex_unlock(&s->mutex);
+    wake(s);
+    pthread_join(s->thread, NULL);
+    close(s->epoll);
+    close(s->wake);
+    pthread_cond_destroy(&s->gone);
+    pthread_mutex_destroy(&s->mutex);
+    free(s);
+}

@@ -1,0 +1,284 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/ws_conn.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <wslay/wslay.h>
+
+#include "http/address.h"
+#include "sp/log.h"
+
+enum {
+    REPLIES_MAX = 64,        /* messages that wait for the socket before reading stops */
+    FRAGMENTS_MAX = 1024,    /* of one message: each costs memory of its own */
+    READ_BUDGET = 64 * 1024, /* bytes a turn, so that one client does not keep the thread */
+    MESSAGES_BUDGET = 64,    /* messages sent a turn */
+};
+#define CLOSE_MS 2000.0 /* to send what is queued after the decision to close */
+
+struct srv_ws {
+    struct srv_ws_options options;
+    char peer[SRV_ADDRESS_TEXT];
+    wslay_event_context_ptr context;
+    struct srv_participant *participant;
+    size_t read_left;   /* of this turn's budget */
+    unsigned fragments; /* of the message that is arriving */
+    uint8_t *scratch;   /* header and image of the frame being queued */
+    size_t scratch_size;
+    double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
+    bool end_of_file, broken, closing;
+};
+
+static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t size, int flags,
+                       void *user) {
+    (void)flags;
+    struct srv_ws *ws = user;
+    if (size > ws->read_left)
+        size = ws->read_left;
+    ssize_t got = -1;
+    if (size == 0) {
+        wslay_event_set_error(context, WSLAY_ERR_WOULDBLOCK);
+        return -1;
+    }
+    do
+        got = ws->options.transport.recv(ws->options.transport.user, bytes, size);
+    while (got < 0 && errno == EINTR);
+    if (got > 0) {
+        ws->read_left -= (size_t)got;
+        ws->heard_ms = ws->now_ms;
+        return got;
+    }
+    bool again = got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
+    if (!again)
+        ws->end_of_file = true;
+    wslay_event_set_error(context, again ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
+    return -1;
+}
+
+static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, size_t size,
+                       int flags, void *user) {
+    (void)flags;
+    struct srv_ws *ws = user;
+    ssize_t sent;
+    do
+        sent = ws->options.transport.send(ws->options.transport.user, bytes, size);
+    while (sent < 0 && errno == EINTR);
+    if (sent > 0) {
+        ws->progress_ms = ws->now_ms;
+        return sent;
+    }
+    bool again = sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
+    wslay_event_set_error(context, again ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
+    return -1;
+}
+
+void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms) {
+    if (ws->closing)
+        return;
+    ws->closing = true;
+    ws->close_ms = now_ms;
+    sp_log(code == 1000 || code == 1001 ? SP_LOG_DEBUG : SP_LOG_WARN,
+           "stream of %s closed with %u: %s", ws->peer, code, reason);
+    if (wslay_event_queue_close(ws->context, code, (const uint8_t *)reason, strlen(reason)) != 0)
+        ws->broken = true;
+    wslay_event_shutdown_read(ws->context);
+}
+
+static void on_frame_start(wslay_event_context_ptr context,
+                           const struct wslay_event_on_frame_recv_start_arg *frame, void *user) {
+    (void)context;
+    struct srv_ws *ws = user;
+    if (wslay_is_ctrl_frame(frame->opcode))
+        return;
+    ws->fragments = frame->opcode == WSLAY_CONTINUATION_FRAME ? ws->fragments + 1 : 1;
+    if (ws->fragments > FRAGMENTS_MAX)
+        srv_ws_close(ws, WSLAY_CODE_MESSAGE_TOO_BIG, "a message of more than 1024 fragments",
+                     ws->now_ms);
+}
+
+static void on_message(wslay_event_context_ptr context,
+                       const struct wslay_event_on_msg_recv_arg *message, void *user) {
+    struct srv_ws *ws = user;
+    if (ws->closing || wslay_is_ctrl_frame(message->opcode))
+        return; /* pings are answered by the library */
+    if (message->opcode != WSLAY_TEXT_FRAME) {
+        srv_ws_close(ws, WSLAY_CODE_UNSUPPORTED_DATA, "clients send text messages only",
+                     ws->now_ms);
+        return;
+    }
+    char *answer;
+    size_t size;
+    const char *text = message->msg_length ? (const char *)message->msg : "";
+    if (!srv_hub_message(ws->options.hub, ws->participant, text, message->msg_length, ws->now_ms,
+                         &answer, &size)) {
+        srv_ws_close(ws, WSLAY_CODE_INTERNAL_SERVER_ERROR, "out of memory", ws->now_ms);
+        return;
+    }
+    struct wslay_event_msg out = { .opcode = WSLAY_TEXT_FRAME,
+                                   .msg = (const uint8_t *)answer,
+                                   .msg_length = size };
+    if (answer && wslay_event_queue_msg(context, &out) != 0)
+        ws->broken = true;
+    free(answer);
+}
+
+struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms,
+                             struct sp_error *err) {
+    static const struct wslay_event_callbacks callbacks = {
+        .recv_callback = on_recv,
+        .send_callback = on_send,
+        .on_frame_recv_start_callback = on_frame_start,
+        .on_msg_recv_callback = on_message,
+    };
+    struct srv_ws *ws = calloc(1, sizeof *ws);
+    if (!ws || wslay_event_context_server_init(&ws->context, &callbacks, ws) != 0) {
+        free(ws);
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a stream");
+        return NULL;
+    }
+    ws->options = *options;
+    strncpy(ws->peer, options->peer, sizeof ws->peer - 1);
+    wslay_event_config_set_max_recv_msg_length(ws->context, options->message_bytes);
+    ws->heard_ms = ws->pinged_ms = ws->progress_ms = ws->now_ms = now_ms;
+    ws->participant =
+        srv_hub_join(options->hub, options->session, options->role, options->user, now_ms, err);
+    if (!ws->participant)
+        srv_ws_destroy(&ws, now_ms);
+    return ws;
+}
+
+void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
+    struct srv_ws *ws = *ws_pointer;
+    *ws_pointer = NULL;
+    if (!ws)
+        return;
+    srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
+    wslay_event_context_free(ws->context);
+    free(ws->scratch);
+    free(ws);
+}
+
+void srv_ws_read(struct srv_ws *ws, double now_ms) {
+    ws->now_ms = now_ms;
+    ws->read_left = READ_BUDGET;
+    if (!srv_ws_wants_read(ws))
+        return;
+    if (wslay_event_recv(ws->context) != 0)
+        ws->broken = true;
+    /* The library closes by itself after errors of the peer and after its close. */
+    if (!ws->closing && !wslay_event_want_read(ws->context)) {
+        ws->closing = true;
+        ws->close_ms = now_ms;
+        sp_log(SP_LOG_DEBUG, "stream of %s ends with %u", ws->peer,
+               wslay_event_get_status_code_received(ws->context));
+    }
+}
+
+static bool queue_frame(struct srv_ws *ws, struct srv_message *message) {
+    size_t size = PROTO_FRAME_HEADER_BYTES + message->blob->size;
+    if (size > ws->scratch_size) {
+        uint8_t *larger = realloc(ws->scratch, size);
+        if (!larger)
+            return false;
+        ws->scratch = larger;
+        ws->scratch_size = size;
+    }
+    proto_frame_header_encode(&message->header, ws->scratch);
+    memcpy(ws->scratch + PROTO_FRAME_HEADER_BYTES, message->blob->bytes, message->blob->size);
+    struct wslay_event_msg out = { .opcode = WSLAY_BINARY_FRAME,
+                                   .msg = ws->scratch,
+                                   .msg_length = size };
+    return wslay_event_queue_msg(ws->context, &out) == 0;
+}
+
+/* Queues the next message of the session; false if there is none. */
+static bool pull(struct srv_ws *ws) {
+    struct srv_message message;
+    struct wslay_event_msg out = { .opcode = WSLAY_TEXT_FRAME };
+    bool ok = true;
+    switch (srv_hub_next_message(ws->options.hub, ws->participant, true, ws->now_ms, &message)) {
+    case SRV_MESSAGE_NONE:
+        return false;
+    case SRV_MESSAGE_TEXT:
+        out.msg = (const uint8_t *)message.text;
+        out.msg_length = message.size;
+        ok = wslay_event_queue_msg(ws->context, &out) == 0;
+        free(message.text);
+        break;
+    case SRV_MESSAGE_FRAME:
+        ok = queue_frame(ws, &message);
+        srv_blob_unref(&message.blob);
+        break;
+    case SRV_MESSAGE_CLOSE:
+        srv_ws_close(ws, message.close_code, message.reason, ws->now_ms);
+        break;
+    }
+    if (!ok)
+        srv_ws_close(ws, WSLAY_CODE_INTERNAL_SERVER_ERROR, "out of memory", ws->now_ms);
+    return true;
+}
+
+void srv_ws_write(struct srv_ws *ws, double now_ms) {
+    ws->now_ms = now_ms;
+    for (int i = 0; i < MESSAGES_BUDGET && !ws->broken; i++) {
+        bool empty = wslay_event_get_queued_msg_count(ws->context) == 0;
+        if (empty && !ws->closing) {
+            ws->progress_ms = now_ms;
+            if (!pull(ws))
+                return;
+        }
+        if (!wslay_event_want_write(ws->context))
+            return;
+        if (wslay_event_send(ws->context) != 0)
+            ws->broken = true;
+        if (wslay_event_want_write(ws->context))
+            return; /* the socket is full */
+    }
+}
+
+void srv_ws_tick(struct srv_ws *ws, double now_ms) {
+    ws->now_ms = now_ms;
+    if (ws->closing) {
+        if (now_ms - ws->close_ms > CLOSE_MS)
+            ws->broken = true;
+        return;
+    }
+    double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
+    if (wslay_event_get_queued_msg_count(ws->context) > 0 &&
+        now_ms - ws->progress_ms > ws->options.stall_ms) {
+        sp_log(SP_LOG_WARN, "stream of %s dropped: it took no data for %.1f s (--stall-time)",
+               ws->peer, ws->options.stall_ms / 1000);
+        ws->broken = true;
+    } else if (oldest_ms > 0 && now_ms - oldest_ms > ws->options.stall_ms) {
+        srv_ws_close(ws, WSLAY_CODE_POLICY_VIOLATION,
+                     "slow reader: a frame was not acknowledged in time (--stall-time)", now_ms);
+    } else if (now_ms - ws->heard_ms > 3 * ws->options.ping_ms) {
+        sp_log(SP_LOG_WARN, "stream of %s dropped: silent for %.1f s (3 times --ping-time)",
+               ws->peer, 3 * ws->options.ping_ms / 1000);
+        ws->broken = true;
+    } else if (now_ms - fmax(ws->heard_ms, ws->pinged_ms) > ws->options.ping_ms) {
+        struct wslay_event_msg out = { .opcode = WSLAY_PING };
+        ws->pinged_ms = now_ms;
+        if (wslay_event_queue_msg(ws->context, &out) != 0)
+            ws->broken = true;
+    }
+}
+
+bool srv_ws_wants_read(const struct srv_ws *ws) {
+    return !ws->broken && !ws->end_of_file && wslay_event_want_read(ws->context) &&
+           wslay_event_get_queued_msg_count(ws->context) < REPLIES_MAX;
+}
+
+bool srv_ws_wants_write(const struct srv_ws *ws) {
+    return !ws->broken && wslay_event_want_write(ws->context);
+}
+
+bool srv_ws_is_over(const struct srv_ws *ws) {
+    return srv_ws_is_lost(ws) || (ws->closing && !wslay_event_want_write(ws->context));
+}
+
+bool srv_ws_is_lost(const struct srv_ws *ws) {
+    return ws->broken || ws->end_of_file;
+}

@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One client's stream: WebSocket messages over any transport, and what they mean to its session.
+ *
+ *   open ──(close queued, peer closed, error)──► closing ──(sent)──► over
+ *
+ * Bounded: reading stops while REPLIES_MAX messages wait to be sent; one frame is in the socket's
+ * hands and one in the outbox. One thread at a time.
+ */
+#ifndef SRV_HTTP_WS_CONN_H
+#define SRV_HTTP_WS_CONN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include "session/hub.h"
+
+struct srv_ws;
+
+struct srv_ws_transport { /* like recv() and send() on a non-blocking socket, with errno */
+    void *user;
+    ssize_t (*recv)(void *user, uint8_t *bytes, size_t size);
+    ssize_t (*send)(void *user, const uint8_t *bytes, size_t size);
+};
+
+struct srv_ws_options {
+    struct srv_hub *hub;
+    const char *session;
+    enum srv_role role;
+    void *user;       /* what srv_hub_take_ready() returns for it */
+    const char *peer; /* for the log; copied */
+    size_t message_bytes;
+    double ping_ms, stall_ms;
+    struct srv_ws_transport transport;
+};
+
+/* Joins the session. NULL with *err set. */
+struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms,
+                             struct sp_error *err);
+void srv_ws_destroy(struct srv_ws **ws, double now_ms); /* leaves the session */
+
+void srv_ws_read(struct srv_ws *ws, double now_ms);  /* the transport may have bytes */
+void srv_ws_write(struct srv_ws *ws, double now_ms); /* it may take bytes, or there is something */
+void srv_ws_tick(struct srv_ws *ws, double now_ms);  /* pings and time limits; now and then */
+/* Says good-bye; `reason` is a constant string of at most 123 bytes. */
+void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms);
+
+bool srv_ws_wants_read(const struct srv_ws *ws);
+bool srv_ws_wants_write(const struct srv_ws *ws);
+bool srv_ws_is_over(const struct srv_ws *ws); /* nothing more to send or to receive */
+bool srv_ws_is_lost(const struct srv_ws *ws); /* over, and the peer is gone or beyond talking to */
+
+#endif

@@ -1,0 +1,502 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "render/catalog.h"
+
+#include <assert.h>
+#include <ctype.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "sp/log.h"
+
+enum { ENTRIES_MAX = 1024 };
+#define PROGRESS_MS 100.0 /* between two progress notes of one load */
+
+struct srv_volume {
+    struct srv_volume *next;
+    char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
+    char *source; /* resolved: the key */
+    bool confined;
+    enum srv_volume_state state;
+    double progress, told_ms;
+    struct sp_error error;
+    struct sp_volume *volume; /* NULL unless ready; constant while used */
+    struct sp_view view;      /* default; constant while used */
+    uint64_t identity;
+    uint64_t reserved_bytes, derived_bytes;
+    unsigned uses;
+};
+
+struct srv_catalog {
+    struct srv_catalog_options options;
+    char *data; /* resolved; NULL = none */
+    pthread_mutex_t mutex;
+    pthread_cond_t changed; /* something to load, or stop */
+    pthread_t loader;
+    struct srv_volume *entries; /* in the order of adding */
+    unsigned count;
+    uint64_t used_bytes, next_identity;
+    struct srv_volume *loading; /* by the load thread right now */
+    bool stop;
+};
+
+const char *srv_volume_state_name(enum srv_volume_state state) {
+    static const char *const names[] = { "loading", "ready", "failed" };
+    return names[state];
+}
+
+static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
+    struct srv_catalog *catalog = user;
+    bool ok = true;
+    pthread_mutex_lock(&catalog->mutex);
+    uint64_t budget = catalog->options.memory_bytes;
+    uint64_t left = budget > catalog->used_bytes ? budget - catalog->used_bytes : 0;
+    if (bytes > left) {
+        ok = sp_fail(err, SP_ERR_BUDGET, catalog->loading->source,
+                     "the volume needs %" PRIu64 " bytes and %" PRIu64 " of %" PRIu64
+                     " are free; unload a volume or raise --memory",
+                     bytes, left, budget);
+    } else {
+        catalog->used_bytes += bytes;
+        catalog->loading->reserved_bytes += bytes;
+    }
+    pthread_mutex_unlock(&catalog->mutex);
+    return ok;
+}
+
+static bool progress(void *user, double fraction) {
+    struct srv_catalog *catalog = user;
+    double now_ms = srv_clock_ms();
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *v = catalog->loading;
+    bool go_on = !catalog->stop, tell = now_ms - v->told_ms >= PROGRESS_MS;
+    v->progress = fraction;
+    if (tell)
+        v->told_ms = now_ms;
+    pthread_mutex_unlock(&catalog->mutex);
+    /* The id of an entry that is loading does not change and the entry stays. */
+    if (tell)
+        catalog->options.progress(catalog->options.user, v->id, "loading", fraction, "");
+    return go_on;
+}
+
+static void load(struct srv_catalog *catalog, struct srv_volume *v) {
+    struct sp_error err = { .code = SP_OK };
+    struct sp_load_options options = { .reserve = reserve,
+                                       .progress = progress,
+                                       .user = catalog,
+                                       .root = v->confined ? catalog->data : NULL,
+                                       .importer = catalog->options.importer };
+    double start_ms = srv_clock_ms();
+    catalog->options.progress(catalog->options.user, v->id, "loading", 0, "");
+    struct sp_volume *volume = sp_volume_load(v->source, &options, &err);
+    double took_ms = srv_clock_ms() - start_ms;
+    if (volume) {
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        sp_view_init(&v->view, info, v->id);
+        sp_log(SP_LOG_INFO, "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
+               info->grid.dims[0], info->grid.dims[1], info->grid.dims[2], sp_type_name(info->type),
+               info->voxel_bytes, took_ms);
+    } else {
+        sp_log(SP_LOG_ERROR, "volume %s failed to load: %s%s%s", v->id, err.place,
+               err.place[0] ? ": " : "", err.text);
+    }
+    pthread_mutex_lock(&catalog->mutex);
+    v->volume = volume;
+    v->error = err;
+    v->state = volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED;
+    v->progress = volume ? 1 : v->progress;
+    if (!volume) {
+        catalog->used_bytes -= v->reserved_bytes;
+        v->reserved_bytes = 0;
+    }
+    char id[SP_NAME_BYTES];
+    memcpy(id, v->id, sizeof id);
+    double fraction = v->progress;
+    pthread_mutex_unlock(&catalog->mutex);
+    catalog->options.progress(catalog->options.user, id, volume ? "ready" : "failed", fraction,
+                              err.text);
+}
+
+static void *load_thread(void *user) {
+    struct srv_catalog *catalog = user;
+    pthread_mutex_lock(&catalog->mutex);
+    while (!catalog->stop) {
+        struct srv_volume *v = catalog->entries;
+        while (v && v->state != SRV_VOLUME_LOADING)
+            v = v->next;
+        catalog->loading = v;
+        if (!v) {
+            pthread_cond_wait(&catalog->changed, &catalog->mutex);
+            continue;
+        }
+        pthread_mutex_unlock(&catalog->mutex);
+        load(catalog, v);
+        pthread_mutex_lock(&catalog->mutex);
+    }
+    pthread_mutex_unlock(&catalog->mutex);
+    return NULL;
+}
+
+struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options,
+                                       struct sp_error *err) {
+    struct srv_catalog *catalog = calloc(1, sizeof *catalog);
+    if (!catalog) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the catalog");
+        return NULL;
+    }
+    catalog->options = *options;
+    if (options->data && !(catalog->data = realpath(options->data, NULL))) {
+        sp_fail(err, SP_ERR_IO, options->data, "cannot use this folder for --data: %s",
+                strerror(errno));
+        free(catalog);
+        return NULL;
+    }
+    pthread_mutex_init(&catalog->mutex, NULL);
+    pthread_cond_init(&catalog->changed, NULL);
+    int failed = pthread_create(&catalog->loader, NULL, load_thread, catalog);
+    if (failed) {
+        sp_fail(err, SP_ERR_IO, NULL, "cannot start the load thread: %s", strerror(failed));
+        free(catalog->data);
+        free(catalog);
+        return NULL;
+    }
+    return catalog;
+}
+
+void srv_catalog_stop(struct srv_catalog *catalog) {
+    pthread_mutex_lock(&catalog->mutex);
+    catalog->stop = true;
+    pthread_cond_signal(&catalog->changed);
+    pthread_mutex_unlock(&catalog->mutex);
+}
+
+static void entry_free(struct srv_volume *v) {
+    sp_volume_unref(&v->volume);
+    free(v->source);
+    free(v);
+}
+
+void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
+    struct srv_catalog *catalog = *catalog_pointer;
+    *catalog_pointer = NULL;
+    if (!catalog)
+        return;
+    srv_catalog_stop(catalog);
+    pthread_join(catalog->loader, NULL);
+    while (catalog->entries) {
+        struct srv_volume *v = catalog->entries;
+        catalog->entries = v->next;
+        assert(v->uses == 0);
+        entry_free(v);
+    }
+    pthread_cond_destroy(&catalog->changed);
+    pthread_mutex_destroy(&catalog->mutex);
+    free(catalog->data);
+    free(catalog);
+}
+
+/* The key of a source: the real path, or the demo's text. malloc'ed. */
+static char *resolve(const struct srv_catalog *catalog, const struct srv_volume_request *request,
+                     struct sp_error *err) {
+    if (strncmp(request->source, "demo:", 5) == 0)
+        return strdup(request->source);
+    char joined[PATH_MAX];
+    const char *path = request->source;
+    if (request->confined) {
+        if (!catalog->data) {
+            sp_fail(err, SP_ERR_DENIED, "/path",
+                    "this daemon loads no files by request; start it with --data DIR");
+            return NULL;
+        }
+        if (path[0] != '/') {
+            if (snprintf(joined, sizeof joined, "%s/%s", catalog->data, path) >=
+                (int)sizeof joined) {
+                sp_fail(err, SP_ERR_INVALID, "/path", "the path is longer than %zu bytes",
+                        sizeof joined - 1);
+                return NULL;
+            }
+            path = joined;
+        }
+    }
+    char *real = realpath(path, NULL);
+    size_t length = catalog->data ? strlen(catalog->data) : 0;
+    if (!real && !request->confined)
+        sp_fail(err, SP_ERR_NOT_FOUND, path, "cannot open the volume: %s", strerror(errno));
+    /* What lies outside the folder is refused alike, whether it exists or not. */
+    else if (!real)
+        sp_fail(err, errno == ENOENT || errno == ENOTDIR ? SP_ERR_NOT_FOUND : SP_ERR_IO, "/path",
+                "there is no such file below the data folder");
+    else if (request->confined && !(strncmp(real, catalog->data, length) == 0 &&
+                                    (real[length] == '/' || catalog->data[length - 1] == '/'))) {
+        sp_fail(err, SP_ERR_NOT_FOUND, "/path", "there is no such file below the data folder");
+        free(real);
+        real = NULL;
+    }
+    return real;
+}
+
+static bool is_id(const char *id) {
+    size_t length = strlen(id);
+    for (size_t i = 0; i < length; i++)
+        if (!isalnum((unsigned char)id[i]) && !strchr("._-", id[i]))
+            return false;
+    return length >= 1 && length < SP_NAME_BYTES && strcmp(id, ".") != 0 && strcmp(id, "..") != 0;
+}
+
+/* File name without extension, or the demo's name; other characters than an id allows become '-'.
+ */
+static void id_from_source(const char *source, char id[SP_NAME_BYTES]) {
+    const char *start = source;
+    size_t length;
+    if (strncmp(source, "demo:", 5) == 0) {
+        start += 5;
+        length = strcspn(start, "?");
+    } else {
+        const char *slash = strrchr(source, '/');
+        start = slash ? slash + 1 : source;
+        const char *dot = strrchr(start, '.');
+        length = dot && dot != start ? (size_t)(dot - start) : strlen(start);
+    }
+    if (length > SP_NAME_BYTES - 8)
+        length = SP_NAME_BYTES - 8;
+    for (size_t i = 0; i < length; i++)
+        id[i] = isalnum((unsigned char)start[i]) || strchr("._-", start[i]) ? start[i] : '-';
+    id[length] = 0;
+    if (!is_id(id))
+        strcpy(id, "volume");
+}
+
+static struct srv_volume *find(struct srv_catalog *catalog, const char *id) {
+    struct srv_volume *v = catalog->entries;
+    while (v && strcmp(v->id, id) != 0)
+        v = v->next;
+    return v;
+}
+
+static void unique_id(struct srv_catalog *catalog, char id[SP_NAME_BYTES]) {
+    size_t length = strlen(id);
+    for (unsigned i = 2; find(catalog, id); i++)
+        snprintf(id + length, SP_NAME_BYTES - length, "-%u", i);
+}
+
+/* With the mutex held. `source` is taken over on success. */
+static struct srv_volume *add_entry(struct srv_catalog *catalog,
+                                    const struct srv_volume_request *request, char *source,
+                                    bool *conflict, struct sp_error *err) {
+    if (request->id && find(catalog, request->id)) {
+        *conflict = true;
+        sp_fail(err, SP_ERR_INVALID, "/id", "the id '%s' belongs to another volume", request->id);
+        return NULL;
+    }
+    if (catalog->count >= ENTRIES_MAX) {
+        sp_fail(err, SP_ERR_BUDGET, NULL, "%u volumes are known already; remove some",
+                catalog->count);
+        return NULL;
+    }
+    struct srv_volume *v = calloc(1, sizeof *v);
+    if (!v) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a volume's entry");
+        return NULL;
+    }
+    if (request->id) {
+        snprintf(v->id, sizeof v->id, "%s", request->id);
+    } else {
+        id_from_source(source, v->id);
+        unique_id(catalog, v->id);
+    }
+    snprintf(v->name, sizeof v->name, "%s", request->name ? request->name : v->id);
+    v->source = source;
+    struct srv_volume **link = &catalog->entries;
+    while (*link)
+        link = &(*link)->next;
+    *link = v;
+    catalog->count++;
+    return v;
+}
+
+bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
+                     char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
+                     struct sp_error *err) {
+    *conflict = *existed = false;
+    if (request->id && !is_id(request->id))
+        return sp_fail(err, SP_ERR_INVALID, "/id",
+                       "must be 1 to %d characters of [A-Za-z0-9._-], not '.' or '..'",
+                       SP_NAME_BYTES - 1);
+    struct sp_error why = { .code = SP_OK };
+    char *source = resolve(catalog, request, &why);
+    if (!source) {
+        if (why.code == SP_OK)
+            sp_fail(&why, SP_ERR_MEMORY, NULL, "no memory for a path");
+        if (err)
+            *err = why;
+        return false;
+    }
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *v = catalog->entries;
+    while (v && strcmp(v->source, source) != 0)
+        v = v->next;
+    *existed = v && v->state != SRV_VOLUME_FAILED;
+    if (v) {
+        free(source);
+    } else if (!(v = add_entry(catalog, request, source, conflict, err))) {
+        pthread_mutex_unlock(&catalog->mutex);
+        free(source);
+        return false;
+    }
+    if (!*existed) {
+        v->confined = request->confined && strncmp(v->source, "demo:", 5) != 0;
+        v->state = SRV_VOLUME_LOADING;
+        v->progress = 0;
+        v->identity = ++catalog->next_identity;
+        pthread_cond_signal(&catalog->changed);
+    }
+    memcpy(id_out, v->id, sizeof v->id);
+    pthread_mutex_unlock(&catalog->mutex);
+    return true;
+}
+
+bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
+                        struct sp_error *err) {
+    *conflict = false;
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume **link = &catalog->entries;
+    while (*link && strcmp((*link)->id, id) != 0)
+        link = &(*link)->next;
+    struct srv_volume *v = *link;
+    bool ok = true;
+    if (!v) {
+        ok = sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
+    } else if (v->uses > 0 || v->state == SRV_VOLUME_LOADING) {
+        *conflict = true;
+        ok = v->uses > 0 ? sp_fail(err, SP_ERR_INVALID, NULL,
+                                   "the volume is in use %u times, by sessions or renders", v->uses)
+                         : sp_fail(err, SP_ERR_INVALID, NULL, "the volume is still loading");
+    } else {
+        *link = v->next;
+        catalog->count--;
+        catalog->used_bytes -= v->reserved_bytes;
+    }
+    pthread_mutex_unlock(&catalog->mutex);
+    if (ok) {
+        sp_log(SP_LOG_INFO, "volume %s unloaded", v->id);
+        if (v->volume)
+            catalog->options.unloaded(catalog->options.user, sp_volume_ref(v->volume));
+        entry_free(v);
+    }
+    return ok;
+}
+
+static void status_of(const struct srv_volume *v, struct srv_volume_status *status) {
+    memcpy(status->id, v->id, sizeof v->id);
+    memcpy(status->name, v->name, sizeof v->name);
+    snprintf(status->source, sizeof status->source, "%s", v->source);
+    status->state = v->state;
+    status->progress = v->progress;
+    status->error = v->error;
+    status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
+    status->derived_bytes = v->derived_bytes;
+    status->uses = v->uses;
+}
+
+bool srv_catalog_at(struct srv_catalog *catalog, unsigned i, struct srv_volume_status *status) {
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *v = catalog->entries;
+    while (v && i-- > 0)
+        v = v->next;
+    if (v)
+        status_of(v, status);
+    pthread_mutex_unlock(&catalog->mutex);
+    return v != NULL;
+}
+
+bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
+                      struct srv_volume_status *status) {
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *v = find(catalog, id);
+    if (v)
+        status_of(v, status);
+    pthread_mutex_unlock(&catalog->mutex);
+    return v != NULL;
+}
+
+void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget) {
+    pthread_mutex_lock(&catalog->mutex);
+    *used = catalog->used_bytes;
+    *budget = catalog->options.memory_bytes;
+    pthread_mutex_unlock(&catalog->mutex);
+}
+
+void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
+    struct srv_catalog *catalog = user;
+    struct srv_volume *found;
+    pthread_mutex_lock(&catalog->mutex);
+    if (id && *id) {
+        found = find(catalog, id);
+    } else {
+        found = catalog->entries; /* the first that is ready, else the first */
+        for (struct srv_volume *v = found; v; v = v->next)
+            if (v->state == SRV_VOLUME_READY) {
+                found = v;
+                break;
+            }
+    }
+    if (!found && id && *id)
+        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "there is no volume '%s'", id);
+    else if (!found)
+        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "no volume is loaded; POST /api/v1/volumes does");
+    else if (found->state == SRV_VOLUME_LOADING)
+        sp_fail(err, SP_ERR_TIMEOUT, "/volume", "the volume '%s' is still loading (%.0f %%)",
+                found->id, found->progress * 100);
+    else if (found->state == SRV_VOLUME_FAILED)
+        sp_fail(err, SP_ERR_UNSUPPORTED, "/volume", "the volume '%s' failed to load: %.300s",
+                found->id, found->error.text);
+    bool ok = found && found->state == SRV_VOLUME_READY;
+    if (ok)
+        found->uses++;
+    pthread_mutex_unlock(&catalog->mutex);
+    return ok ? found : NULL;
+}
+
+void *srv_catalog_ref(void *user, void *volume) {
+    struct srv_catalog *catalog = user;
+    struct srv_volume *v = volume;
+    pthread_mutex_lock(&catalog->mutex);
+    v->uses++;
+    pthread_mutex_unlock(&catalog->mutex);
+    return v;
+}
+
+void srv_catalog_release(void *user, void *volume) {
+    struct srv_catalog *catalog = user;
+    struct srv_volume *v = volume;
+    pthread_mutex_lock(&catalog->mutex);
+    assert(v->uses > 0);
+    v->uses--;
+    pthread_mutex_unlock(&catalog->mutex);
+}
+
+void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
+    (void)user;
+    *view = ((struct srv_volume *)volume)->view;
+}
+
+struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
+    return volume->volume;
+}
+
+uint64_t srv_volume_identity(const struct srv_volume *volume) {
+    return volume->identity;
+}
+
+void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume,
+                             uint64_t bytes) {
+    pthread_mutex_lock(&catalog->mutex);
+    volume->derived_bytes = bytes;
+    pthread_mutex_unlock(&catalog->mutex);
+}

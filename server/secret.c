@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "secret.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/random.h>
+
+bool srv_secret_hex(char *out, size_t digits, struct sp_error *err) {
+    unsigned char raw[32];
+    assert(digits % 2 == 0 && digits / 2 <= sizeof raw);
+    ssize_t got;
+    do
+        got = getrandom(raw, digits / 2, 0);
+    while (got < 0 && errno == EINTR);
+    if (got != (ssize_t)(digits / 2))
+        return sp_fail(err, SP_ERR_IO, NULL, "no random bytes from the system: %s",
+                       strerror(errno));
+    for (size_t i = 0; i < digits / 2; i++) {
+        out[2 * i] = "0123456789abcdef"[raw[i] >> 4];
+        out[2 * i + 1] = "0123456789abcdef"[raw[i] & 15];
+    }
+    out[digits] = 0;
+    return true;
+}
+
+bool srv_secret_equal(const char *secret, const char *given) {
+    if (!secret || !given || !*secret)
+        return false;
+    size_t length = strlen(secret), given_length = strlen(given);
+    volatile unsigned char difference = length == given_length ? 0 : 1;
+    for (size_t i = 0; i < given_length; i++)
+        difference |= (unsigned char)(secret[i % length] ^ given[i]);
+    return difference == 0;
+}
+
+bool srv_secret_read(const char *path, char token[SRV_TOKEN_BYTES], struct sp_error *err) {
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the token: %s", strerror(errno));
+    char line[SRV_TOKEN_BYTES + 2] = "";
+    bool read = fgets(line, sizeof line, file) != NULL;
+    fclose(file);
+    line[strcspn(line, "\r\n")] = 0;
+    size_t length = strlen(line);
+    size_t allowed =
+        strspn(line, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._~-");
+    if (!read || length < 16 || length >= SRV_TOKEN_BYTES || allowed != length)
+        return sp_fail(err, SP_ERR_INVALID, path,
+                       "its first line must be a token of 16 to 128 characters of [A-Za-z0-9._~-]");
+    memcpy(token, line, length + 1);
+    return true;
+}

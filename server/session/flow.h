@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Flow control of one client's stream: how many frames may be on their way.
+ *
+ *   server  ──1──2──3──4──►  client        window = round trip / time between frames + 1
+ *           ◄──ack 1──2────
+ *
+ * The round trip is the smallest one seen in the last 10 to 20 seconds, from handing a frame to the
+ * socket to its acknowledgement, so that a queue which we caused ourselves does not count. The time
+ * between frames is what the client achieves (its acknowledgements while frames were on their way),
+ * never shorter than the granted rate allows. While the window is what limits the stream, the mean
+ * time between acknowledgements is round trip / window: the window grows by one a round trip until
+ * link, client or granted rate become the limit. Before the first acknowledgement it is
+ * SRV_FLOW_FIRST. Pure: no clock, no lock.
+ */
+#ifndef SRV_SESSION_FLOW_H
+#define SRV_SESSION_FLOW_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SRV_FLOW_FIRST = 2, SRV_FLOW_MAX = 64 };
+
+struct srv_flow_frame {
+    uint32_t frame;
+    size_t bytes;
+    double sent_ms;
+};
+
+struct srv_flow {
+    struct srv_flow_frame flying[SRV_FLOW_MAX]; /* ring, oldest at `head` */
+    unsigned head, count;
+    size_t bytes;               /* of the frames on their way */
+    double rtt_ms[2];           /* smallest in the current and the previous 10 s; 0 = none */
+    double epoch_ms;            /* start of the current 10 s */
+    double interval_ms;         /* mean time between acknowledgements; 0 = none yet */
+    double last_ack_ms;         /* 0 = none yet */
+    uint32_t last_frame, acked; /* newest sent, newest acknowledged; 0 = none */
+};
+
+void srv_flow_init(struct srv_flow *flow);
+
+/* A frame goes to the socket. Frame numbers rise. At most SRV_FLOW_MAX may be on their way. */
+void srv_flow_sent(struct srv_flow *flow, uint32_t frame, size_t bytes, double now_ms);
+
+/* The client has `frame`, and with it every older one. False if it was never sent; an old one again
+ * is harmless. */
+bool srv_flow_acked(struct srv_flow *flow, uint32_t frame, double now_ms);
+
+/* Frames that may be on their way at a granted rate, [SRV_FLOW_FIRST, SRV_FLOW_MAX]. */
+unsigned srv_flow_window(const struct srv_flow *flow, double max_fps);
+
+/* The measured round trip, ms; 0 = not known yet. */
+double srv_flow_rtt_ms(const struct srv_flow *flow);
+
+/* May one more frame be made, when `waiting` are already being made or wait for the socket? One
+ * frame is always allowed, however large. */
+bool srv_flow_is_open(const struct srv_flow *flow, unsigned waiting, double max_fps,
+                      size_t bytes_max);
+
+/* Since when the oldest frame has been on its way; 0 = none is. */
+double srv_flow_oldest_ms(const struct srv_flow *flow);
+
+#endif

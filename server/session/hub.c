@@ -1,0 +1,339 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "session/hub.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/view.h"
+#include "session/hub_private.h"
+#include "sp/log.h"
+
+struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_error *err) {
+    struct srv_hub *hub = calloc(1, sizeof *hub);
+    if (!hub) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the sessions");
+        return NULL;
+    }
+    assert(options->participants_max >= 1 && options->participants_max <= SRV_PARTICIPANTS_MAX);
+    hub->options = *options;
+    hub->backend = hub->device = "";
+    pthread_mutex_init(&hub->mutex, NULL);
+    return hub;
+}
+
+static void session_free(struct srv_hub *hub, struct srv_session *session) {
+    assert(!session->participants);
+    hub->options.volumes.release(hub->options.volumes.user, session->volume);
+    free(session);
+}
+
+void srv_hub_destroy(struct srv_hub **hub_pointer) {
+    struct srv_hub *hub = *hub_pointer;
+    *hub_pointer = NULL;
+    if (!hub)
+        return;
+    while (hub->sessions) {
+        struct srv_session *session = hub->sessions;
+        hub->sessions = session->next;
+        session_free(hub, session);
+    }
+    pthread_mutex_destroy(&hub->mutex);
+    free(hub);
+}
+
+struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, struct sp_error *err) {
+    for (struct srv_session *s = hub->sessions; s; s = s->next)
+        if (strcmp(s->id, id) == 0)
+            return s;
+    sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+    return NULL;
+}
+
+void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsigned notes) {
+    participant->notes |= notes;
+    if (participant->is_ready)
+        return;
+    participant->is_ready = true;
+    participant->next_ready = NULL;
+    if (hub->ready_tail)
+        hub->ready_tail->next_ready = participant;
+    else
+        hub->ready_head = participant;
+    hub->ready_tail = participant;
+    hub->options.ready(hub->options.user);
+}
+
+void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
+                         unsigned notes) {
+    for (struct srv_participant *p = session->participants; p; p = p->next)
+        if (p->id != but)
+            srv_hub_note(hub, p, notes);
+}
+
+bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *patch, struct sp_view *view,
+                          void **volume, struct sp_error *err) {
+    const struct srv_volume_source *source = &hub->options.volumes;
+    const char *id = patch ? proto_view_volume(patch) : NULL;
+    *volume = source->acquire(source->user, id, err);
+    if (!*volume)
+        return false;
+    source->default_view(source->user, *volume, view);
+    struct sp_view defaults = *view;
+    if ((!patch || proto_view_apply(patch, &defaults, view, err)) &&
+        (!hub->options.supports || hub->options.supports(hub->options.user, view, err)))
+        return true;
+    source->release(source->user, *volume);
+    *volume = NULL;
+    return false;
+}
+
+bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
+                   uint64_t by, double now_ms, struct sp_error *err) {
+    const struct srv_volume_source *source = &hub->options.volumes;
+    const char *id = proto_view_volume(patch);
+    void *volume = NULL;
+    struct sp_view view = session->view, defaults;
+    if (id && strcmp(id, session->view.volume) != 0) {
+        volume = source->acquire(source->user, id, err);
+        if (!volume)
+            return false;
+        source->default_view(source->user, volume, &view);
+        defaults = view;
+        memcpy(view.size, session->view.size, sizeof view.size);
+        memcpy(view.background, session->view.background, sizeof view.background);
+    } else {
+        source->default_view(source->user, session->volume, &defaults);
+    }
+    if (!proto_view_apply(patch, &defaults, &view, err) ||
+        (hub->options.supports && !hub->options.supports(hub->options.user, &view, err))) {
+        if (volume)
+            source->release(source->user, volume);
+        return false;
+    }
+    session->view = view;
+    if (volume) {
+        source->release(source->user, session->volume);
+        session->volume = volume;
+        srv_pace_init(&session->pace);
+    }
+    session->version++;
+    session->changed_by = by;
+    session->changed_ms = now_ms;
+    srv_hub_note_others(hub, session, by, SRV_NOTE_VIEW);
+    hub->options.interrupt(hub->options.user, session->number);
+    hub->options.work(hub->options.user);
+    return true;
+}
+
+void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
+                  uint32_t size[2]) {
+    for (int i = 0; i < 2; i++)
+        size[i] = participant->size[0] ? participant->size[i] : session->view.size[i];
+}
+
+static proto_json *encode_session(const struct srv_session *session, bool with_tokens,
+                                  struct sp_error *err) {
+    proto_json *json = proto_json_object(), *list = proto_json_array();
+    bool ok = proto_json_set_string(json, "id", session->id);
+    if (with_tokens) {
+        proto_json *tokens = proto_json_object();
+        ok = proto_json_set_string(tokens, "control", session->tokens[SRV_ROLE_CONTROL]) && ok;
+        ok = proto_json_set_string(tokens, "view", session->tokens[SRV_ROLE_VIEW]) && ok;
+        ok = proto_json_set(json, "tokens", tokens) && ok;
+    }
+    ok = proto_json_set(json, "view", proto_view_encode(&session->view)) && ok;
+    for (const struct srv_participant *p = session->participants; p; p = p->next) {
+        proto_json *one = proto_json_object();
+        ok = proto_json_set_integer(one, "id", (int64_t)p->id) && ok;
+        ok = proto_json_set_string(one, "role", p->role == SRV_ROLE_CONTROL ? "control" : "view") &&
+             ok;
+        ok = proto_json_append(list, one) && ok;
+    }
+    ok = proto_json_set(json, "participants", list) && ok;
+    if (!ok) {
+        proto_json_free(&json);
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
+    }
+    return json;
+}
+
+static bool session_add(struct srv_hub *hub, struct srv_session *session, struct sp_error *err) {
+    if (hub->draining)
+        return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
+    if (hub->session_count >= hub->options.sessions_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions are open and --sessions allows %u; try again later",
+                       hub->session_count, hub->options.sessions_max);
+    session->number = ++hub->next_number;
+    session->next = hub->sessions;
+    hub->sessions = session;
+    hub->session_count++;
+    return true;
+}
+
+proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
+                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
+    struct srv_session *session = calloc(1, sizeof *session);
+    if (!session) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
+        return NULL;
+    }
+    if (!srv_hub_resolve_view(hub, patch, &session->view, &session->volume, err)) {
+        free(session);
+        return NULL;
+    }
+    session->version = 1;
+    session->changed_ms = session->empty_ms = now_ms;
+    srv_pace_init(&session->pace);
+    proto_json *json = NULL;
+    pthread_mutex_lock(&hub->mutex);
+    bool ok = srv_secret_hex(session->id, sizeof session->id - 1, err) &&
+              srv_secret_hex(session->tokens[0], SRV_TOKEN_DIGITS, err) &&
+              srv_secret_hex(session->tokens[1], SRV_TOKEN_DIGITS, err) &&
+              (json = encode_session(session, true, err)) && session_add(hub, session, err);
+    if (ok)
+        memcpy(id, session->id, sizeof session->id);
+    pthread_mutex_unlock(&hub->mutex);
+    if (!ok) {
+        proto_json_free(&json);
+        session_free(hub, session);
+    }
+    return json;
+}
+
+proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_tokens,
+                                struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, err);
+    proto_json *json = session ? encode_session(session, with_tokens, err) : NULL;
+    pthread_mutex_unlock(&hub->mutex);
+    return json;
+}
+
+proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
+                                  double now_ms, struct sp_error *err) {
+    proto_json *json = NULL;
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, err);
+    if (session && srv_hub_apply(hub, session, patch, 0, now_ms, err)) {
+        json = proto_view_encode(&session->view);
+        if (!json)
+            sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return json;
+}
+
+/* Unlinks a session; participants stay, without a session, and are told to leave. */
+static void session_remove(struct srv_hub *hub, struct srv_session *session) {
+    struct srv_session **link = &hub->sessions;
+    while (*link != session)
+        link = &(*link)->next;
+    *link = session->next;
+    hub->session_count--;
+    while (session->participants) {
+        struct srv_participant *p = session->participants;
+        session->participants = p->next;
+        p->session = NULL;
+        p->close_code = 1000;
+        p->close_reason = "the session was deleted";
+        srv_hub_note(hub, p, SRV_NOTE_CLOSE);
+    }
+    session_free(hub, session);
+}
+
+bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, err);
+    if (session)
+        session_remove(hub, session);
+    pthread_mutex_unlock(&hub->mutex);
+    return session != NULL;
+}
+
+bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
+                       struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, err);
+    bool ok = false;
+    if (session) {
+        bool control = srv_secret_equal(session->tokens[SRV_ROLE_CONTROL], token);
+        bool view = srv_secret_equal(session->tokens[SRV_ROLE_VIEW], token);
+        *role = control ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
+        ok = control || view ||
+             sp_fail(err, SP_ERR_DENIED, NULL,
+                     "this is no token of that session; POST /api/v1/sessions gives one");
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return ok;
+}
+
+double srv_hub_tick(struct srv_hub *hub, double now_ms) {
+    double wait = 1000;
+    pthread_mutex_lock(&hub->mutex);
+    for (struct srv_session *s = hub->sessions, *next; s; s = next) {
+        next = s->next;
+        double left = s->empty_ms + hub->options.session_idle_ms - now_ms;
+        if (s->participant_count > 0)
+            continue;
+        if (left <= 0) {
+            sp_log(SP_LOG_INFO, "session %s ended: nobody joined for %.0f s (--session-time)",
+                   s->id, hub->options.session_idle_ms / 1000);
+            session_remove(hub, s);
+        } else {
+            wait = fmin(wait, left);
+        }
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return wait;
+}
+
+void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
+                             double progress, const char *reason) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_volume_note *note = NULL;
+    for (unsigned i = 0; i < hub->volume_count; i++)
+        if (strcmp(hub->volumes[i].id, id) == 0)
+            note = &hub->volumes[i];
+    if (!note && hub->volume_count < SRV_HUB_VOLUMES)
+        note = &hub->volumes[hub->volume_count++];
+    if (!note) { /* the one that changed least recently */
+        note = &hub->volumes[0];
+        for (unsigned i = 1; i < SRV_HUB_VOLUMES; i++)
+            if (hub->volumes[i].clock < note->clock)
+                note = &hub->volumes[i];
+    }
+    snprintf(note->id, sizeof note->id, "%s", id);
+    snprintf(note->state, sizeof note->state, "%s", state);
+    snprintf(note->reason, sizeof note->reason, "%s", reason);
+    note->progress = progress;
+    note->clock = ++hub->volume_clock;
+    for (struct srv_session *s = hub->sessions; s; s = s->next)
+        srv_hub_note_others(hub, s, 0, 0);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device) {
+    pthread_mutex_lock(&hub->mutex);
+    hub->backend = backend;
+    hub->device = device;
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_drain(struct srv_hub *hub) {
+    pthread_mutex_lock(&hub->mutex);
+    hub->draining = true;
+    for (struct srv_session *s = hub->sessions; s; s = s->next)
+        srv_hub_note_others(hub, s, 0, SRV_NOTE_DRAINING);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+size_t srv_hub_session_count(struct srv_hub *hub) {
+    pthread_mutex_lock(&hub->mutex);
+    size_t count = hub->session_count;
+    pthread_mutex_unlock(&hub->mutex);
+    return count;
+}

@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Sessions: one shared view and its participants.
+ *
+ *   view.update ─► session (newest wins) ─► srv_hub_next_job ─► render, encode ─► srv_hub_deliver
+ *                     │ view.changed                                                  │
+ *                     ▼                                                               ▼
+ *              other participants  ◄────────── srv_hub_next_message ◄──────────── outbox
+ *
+ * Everything is pulled: the render thread asks for a job when it is free, and gets one only if some
+ * participant has not seen the newest view and its flow control window is open; the stream thread
+ * asks for the next message when the socket can take it. Notifications are bits that say what a
+ * participant has not been told yet, so that no queue grows: what is told is the state then.
+ *
+ * The hub has one mutex; all functions are thread-safe. Callbacks are made with it held and must
+ * not call the hub. A participant belongs to the thread that joined it: it alone makes it leave.
+ */
+#ifndef SRV_SESSION_HUB_H
+#define SRV_SESSION_HUB_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "protocol/json.h"
+#include "secret.h"
+#include "session/outbox.h"
+#include "sp/encode.h"
+#include "sp/view.h"
+
+struct srv_hub;
+struct srv_participant;
+
+enum srv_role { SRV_ROLE_VIEW, SRV_ROLE_CONTROL };
+enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17 };
+
+/* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
+struct srv_volume_source {
+    void *user;
+    /* A use of the volume; id NULL or "" = the first one loaded. SP_ERR_NOT_FOUND, or
+     * SP_ERR_TIMEOUT if it is loading, or SP_ERR_UNSUPPORTED if it failed to load. */
+    void *(*acquire)(void *user, const char *id, struct sp_error *err);
+    void *(*ref)(void *user, void *volume);
+    void (*release)(void *user, void *volume);
+    void (*default_view)(void *user, void *volume, struct sp_view *view);
+};
+
+struct srv_hub_options {
+    struct srv_volume_source volumes;
+    unsigned sessions_max, participants_max; /* the latter a session, [1, SRV_PARTICIPANTS_MAX] */
+    double session_idle_ms;                  /* a session without participants ends after this */
+    double rest_ms;      /* a view that did not change for this long is refined */
+    size_t stream_bytes; /* byte cap on the frames on their way to one client */
+    void *user;
+    void (*work)(void *user);                        /* there may be something to render */
+    void (*ready)(void *user);                       /* some participant has something to send */
+    void (*interrupt)(void *user, uint64_t session); /* its view changed */
+    /* Can it be drawn? NULL = everything can. */
+    bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
+};
+
+struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_error *err);
+/* After every participant left and every job was finished. */
+void srv_hub_destroy(struct srv_hub **hub);
+
+/* ---- sessions (any thread); JSON answers are owned by the caller, NULL with *err set ---- */
+
+/* The view that a patch makes: defaults of its volume, then the patch; NULL or an empty object is
+ * the default view of the first volume. *volume is acquired. Also used for renders by HTTP. */
+bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *patch, struct sp_view *view,
+                          void **volume, struct sp_error *err);
+
+/* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
+proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
+                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
+/* {"id", "view", "participants"}; `with_tokens` adds "tokens". */
+proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_tokens,
+                                struct sp_error *err);
+/* Merges a patch; returns the new view. */
+proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
+                                  double now_ms, struct sp_error *err);
+/* Its participants are told to leave. */
+bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err);
+/* The role of a join token: SP_ERR_NOT_FOUND (no such session), SP_ERR_DENIED (wrong token). */
+bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
+                       struct sp_error *err);
+/* Ends idle sessions; returns when to call again, in ms from now (at most 1000). */
+double srv_hub_tick(struct srv_hub *hub, double now_ms);
+/* Tells all participants: a volume's state ("loading", "ready", "failed"), progress in [0,1], and
+ * the reason of a failure ("" = none). */
+void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
+                             double progress, const char *reason);
+/* What the status line of clients shows besides the frame's own numbers. Constant strings. */
+void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
+void srv_hub_drain(struct srv_hub *hub);
+size_t srv_hub_session_count(struct srv_hub *hub);
+
+/* ---- participants (stream thread) ---- */
+
+/* SP_ERR_NOT_FOUND, SP_ERR_BUDGET (participants). `user` comes back from srv_hub_take_ready(). */
+struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
+                                     void *user, double now_ms, struct sp_error *err);
+void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, double now_ms);
+
+/* Handles one text message. *answer is malloc'ed, or NULL if there is none. False: out of memory,
+ * drop the client. */
+bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, const char *text,
+                     size_t size, double now_ms, char **answer, size_t *answer_size);
+
+/* The user pointer of one participant that has something to send, NULL if none has; each is handed
+ * out once until something new comes up. */
+void *srv_hub_take_ready(struct srv_hub *hub);
+
+enum srv_message_kind { SRV_MESSAGE_NONE, SRV_MESSAGE_TEXT, SRV_MESSAGE_FRAME, SRV_MESSAGE_CLOSE };
+struct srv_message {
+    char *text; /* malloc'ed, the caller's */
+    size_t size;
+    struct srv_blob *blob; /* the caller's reference */
+    struct proto_frame_header header;
+    uint16_t close_code; /* with a constant reason */
+    const char *reason;
+};
+/* The next thing to send; frames only if `frames` (the socket took the last one). */
+enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *participant,
+                                           bool frames, double now_ms, struct srv_message *message);
+/* Since when the oldest unacknowledged frame is on its way, ms; 0 = none. */
+double srv_hub_oldest_ms(struct srv_hub *hub, struct srv_participant *participant);
+uint64_t srv_participant_id(const struct srv_participant *participant);
+
+/* ---- jobs (render and encode threads) ---- */
+
+struct srv_target {
+    uint64_t participant;
+    uint32_t seq;
+    enum sp_image_format format;
+    int quality;
+};
+struct srv_job {
+    uint64_t session, version; /* of the view */
+    uint64_t order;            /* rises from job to job */
+    bool final;                /* full size and quality */
+    bool refinement;           /* worthless as soon as a newer view exists */
+    struct sp_view view;       /* with the size to render */
+    void *volume;              /* a use of its own */
+    uint32_t target_count;
+    struct srv_target targets[SRV_PARTICIPANTS_MAX];
+};
+struct srv_job_result {
+    uint32_t width, height;
+    double render_ms, encode_ms; /* encode_ms: the time of all encodings */
+    uint64_t splats, visible_voxels;
+};
+
+/* The next thing to render. Views that move go first; refinements only if `refinements`. False if
+ * there is none: *wait_ms says when to ask again at the latest. */
+bool srv_hub_next_job(struct srv_hub *hub, bool refinements, double now_ms, struct srv_job *job,
+                      double *wait_ms);
+/* Is its view still the newest of its session? */
+bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
+/* One encoded picture for target `i`. header: size, times, codec and LOSSLESS are the caller's; the
+ * rest is filled in. */
+void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                     const struct proto_frame_header *header, struct srv_blob *blob);
+/* Every job ends with exactly one of these, which also releases its volume. */
+void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
+                      const struct srv_job_result *result);
+void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct sp_error *err);
+void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job);
+
+#endif

@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the files of the hub share. Everything here is guarded by hub->mutex, besides what says
+ * otherwise.
+ */
+#ifndef SRV_SESSION_HUB_PRIVATE_H
+#define SRV_SESSION_HUB_PRIVATE_H
+
+#include <pthread.h>
+
+#include "protocol/rpc.h"
+#include "session/flow.h"
+#include "session/hub.h"
+#include "session/pace.h"
+
+enum srv_note { /* what a participant has not been told yet */
+                SRV_NOTE_VIEW = 1,
+                SRV_NOTE_PARTICIPANTS = 2,
+                SRV_NOTE_STATS = 4,
+                SRV_NOTE_ERROR = 8,
+                SRV_NOTE_DRAINING = 16,
+                SRV_NOTE_CLOSE = 32
+};
+
+enum { SRV_HUB_VOLUMES = 64 }; /* volumes whose progress is remembered for notifications */
+
+struct srv_participant {
+    struct srv_session *session; /* NULL = it was deleted */
+    struct srv_participant *next, *next_ready;
+    void *user;  /* constant */
+    uint64_t id; /* constant */
+    enum srv_role role;
+    bool is_ready; /* in the hub's ready list */
+    unsigned notes;
+    uint64_t volume_told; /* hub->volume_clock up to which progress was told */
+    struct sp_error error;
+    uint16_t close_code;
+    const char *close_reason;
+
+    enum sp_image_format format;
+    int quality, max_fps;
+    bool progressive, lossless;
+    uint32_t size[2]; /* 0 = the view's */
+
+    uint32_t seq; /* newest view.update of this client */
+    struct srv_flow flow;
+    struct srv_outbox outbox;
+    uint32_t frame;         /* number of the newest frame sent */
+    unsigned pipeline;      /* jobs under way for it */
+    uint64_t taken_version; /* newest view for which a job was made */
+    bool taken_final;
+    uint64_t failed_version; /* rendering it failed: not tried again */
+    double next_frame_ms;    /* not before, by max_fps */
+    double stats_ms;         /* when stats were told last */
+    uint64_t frames_sent, bytes_sent;
+};
+
+struct srv_session {
+    struct srv_session *next;
+    uint64_t number; /* unique */
+    char id[SRV_SESSION_ID_BYTES];
+    char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
+    struct sp_view view;
+    void *volume;
+    uint64_t version;    /* of the view, from 1 */
+    uint64_t changed_by; /* participant; 0 = HTTP */
+    double changed_ms, empty_ms, served_ms;
+    struct srv_pace pace;
+    struct srv_job_result last;
+    double frame_ms; /* mean time between jobs, for fps; 0 = none */
+    struct srv_participant *participants;
+    unsigned participant_count;
+};
+
+struct srv_volume_note {
+    char id[SP_NAME_BYTES], state[16];
+    double progress;
+    char reason[SP_ERROR_TEXT];
+    uint64_t clock;
+};
+
+struct srv_hub {
+    struct srv_hub_options options; /* constant */
+    pthread_mutex_t mutex;
+    struct srv_session *sessions;
+    unsigned session_count;
+    uint64_t next_number, next_participant, next_order;
+    struct srv_participant *ready_head, *ready_tail;
+    struct srv_volume_note volumes[SRV_HUB_VOLUMES];
+    unsigned volume_count;
+    uint64_t volume_clock;
+    const char *backend, *device;
+    bool draining;
+};
+
+struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, struct sp_error *err);
+void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsigned notes);
+void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
+                         unsigned notes);
+/* Merges a patch into the session's view; `by` changed it. */
+bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
+                   uint64_t by, double now_ms, struct sp_error *err);
+/* The size that a participant wants. */
+void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
+                  uint32_t size[2]);
+
+#endif

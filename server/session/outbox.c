@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "session/outbox.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct srv_blob *srv_blob_create(const uint8_t *bytes, size_t size) {
+    struct srv_blob *blob = malloc(sizeof *blob + size);
+    if (!blob)
+        return NULL;
+    atomic_init(&blob->references, 1);
+    blob->size = size;
+    memcpy(blob->bytes, bytes, size);
+    return blob;
+}
+
+struct srv_blob *srv_blob_ref(struct srv_blob *blob) {
+    atomic_fetch_add_explicit(&blob->references, 1, memory_order_relaxed);
+    return blob;
+}
+
+void srv_blob_unref(struct srv_blob **blob) {
+    if (*blob && atomic_fetch_sub_explicit(&(*blob)->references, 1, memory_order_acq_rel) == 1)
+        free(*blob);
+    *blob = NULL;
+}
+
+void srv_outbox_init(struct srv_outbox *outbox) {
+    memset(outbox, 0, sizeof *outbox);
+}
+
+void srv_outbox_finish(struct srv_outbox *outbox) {
+    srv_blob_unref(&outbox->blob);
+}
+
+bool srv_outbox_put(struct srv_outbox *outbox, uint64_t order,
+                    const struct proto_frame_header *header, struct srv_blob *blob) {
+    if (order <= outbox->order) {
+        outbox->dropped++;
+        return false;
+    }
+    if (outbox->blob)
+        outbox->dropped++;
+    srv_blob_unref(&outbox->blob);
+    outbox->blob = srv_blob_ref(blob);
+    outbox->header = *header;
+    outbox->order = order;
+    return true;
+}
+
+struct srv_blob *srv_outbox_take(struct srv_outbox *outbox, struct proto_frame_header *header) {
+    struct srv_blob *blob = outbox->blob;
+    *header = outbox->header;
+    outbox->blob = NULL;
+    return blob;
+}

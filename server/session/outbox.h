@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Encoded frames on their way to one client's socket. The bytes are shared between the clients that
+ * see the same picture; only the header differs. The outbox holds one frame, the newest; a second
+ * one is being written to the socket by the stream thread: a client never costs more than these
+ * two.
+ */
+#ifndef SRV_SESSION_OUTBOX_H
+#define SRV_SESSION_OUTBOX_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "protocol/frame_header.h"
+
+struct srv_blob { /* reference-counted bytes, immutable once shared */
+    atomic_uint references;
+    size_t size;
+    uint8_t bytes[];
+};
+struct srv_blob *srv_blob_create(const uint8_t *bytes, size_t size); /* copies; NULL: no memory */
+struct srv_blob *srv_blob_ref(struct srv_blob *blob);
+void srv_blob_unref(struct srv_blob **blob);
+
+struct srv_outbox {
+    struct srv_blob *blob; /* NULL = empty */
+    struct proto_frame_header header;
+    uint64_t order;   /* of the newest frame ever put */
+    uint64_t dropped; /* frames that a newer one replaced */
+};
+
+void srv_outbox_init(struct srv_outbox *outbox);
+void srv_outbox_finish(struct srv_outbox *outbox);
+
+/* Newest wins: replaces what waits if `order` is newer, else drops the frame. Takes a reference of
+ * its own. True if the frame now waits. */
+bool srv_outbox_put(struct srv_outbox *outbox, uint64_t order,
+                    const struct proto_frame_header *header, struct srv_blob *blob);
+
+/* Hands over the waiting frame with its reference; NULL = none. */
+struct srv_blob *srv_outbox_take(struct srv_outbox *outbox, struct proto_frame_header *header);
+
+#endif

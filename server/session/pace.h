@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How large a frame may be while the view moves, so that the rate holds.
+ *
+ *   time of a frame ≈ fixed + per_px · pixels
+ *
+ * Both are fitted to the last frames by exponentially weighted least squares. The fixed part (work
+ * a voxel) does not shrink with the picture, so making it ever smaller gains nothing: below pixels
+ * = fixed / per_px / 4 the picture stops shrinking. Pure: no clock, no lock.
+ */
+#ifndef SRV_SESSION_PACE_H
+#define SRV_SESSION_PACE_H
+
+#include <stdint.h>
+
+struct srv_pace {
+    double weight, x, y, xx, xy; /* weighted sums over (pixels, ms) */
+};
+
+#define SRV_PACE_AREA_MIN (1.0 / 16) /* of the full picture */
+
+void srv_pace_init(struct srv_pace *pace);
+
+/* A frame of `pixels` took `ms` (render and encode). */
+void srv_pace_add(struct srv_pace *pace, double pixels, double ms);
+
+/* Expected time of a frame; 0 = nothing known yet. */
+double srv_pace_expect_ms(const struct srv_pace *pace, double pixels);
+
+/* Writes the size to render at while moving: `full` scaled by one factor with area in
+ * [SRV_PACE_AREA_MIN, 1] so that a frame takes `budget_ms`; at least 1×1. */
+void srv_pace_size(const struct srv_pace *pace, const uint32_t full[2], double budget_ms,
+                   uint32_t size[2]);
+
+#endif

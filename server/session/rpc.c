@@ -1,0 +1,254 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The methods of a stream: text message in, answer out.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/view.h"
+#include "session/hub_private.h"
+
+/* What a method may do: fill *result and return true, or fill *code and *err. */
+struct call {
+    struct srv_hub *hub;
+    struct srv_participant *participant;
+    const proto_json *params;
+    double now_ms;
+    proto_json *result;
+    enum proto_rpc_code code;
+    struct sp_error err;
+};
+typedef bool method_fn(struct call *call);
+
+static bool refuse(struct call *call, enum proto_rpc_code code, const char *place,
+                   const char *text) {
+    call->code = code;
+    return sp_fail(&call->err, SP_ERR_INVALID, place, "%s", text);
+}
+
+/* Refuses members that a method does not know: nothing is silently ignored. */
+static bool only(struct call *call, const char *const *known) {
+    void *at = NULL;
+    const char *key;
+    const proto_json *value;
+    while (proto_json_next(call->params, &at, &key, &value)) {
+        bool found = false;
+        for (const char *const *k = known; *k && !found; k++)
+            found = strcmp(*k, key) == 0;
+        if (!found) {
+            call->code = PROTO_RPC_PARAMS;
+            return sp_fail(&call->err, SP_ERR_INVALID, "/params", "unknown member '%.64s'", key);
+        }
+    }
+    return true;
+}
+
+static bool view_update(struct call *call) {
+    static const char *const known[] = { "seq", "patch", NULL };
+    struct srv_participant *p = call->participant;
+    int64_t seq;
+    const proto_json *patch = proto_json_get(call->params, "patch");
+    if (!only(call, known))
+        return false;
+    if (!proto_json_integer(proto_json_get(call->params, "seq"), &seq) || seq < 0 ||
+        seq > UINT32_MAX)
+        return refuse(call, PROTO_RPC_PARAMS, "/seq", "must be a whole number in [0, 4294967295]");
+    if (proto_json_type(patch) != PROTO_JSON_OBJECT)
+        return refuse(call, PROTO_RPC_PARAMS, "/patch", "must be an object: a merge patch");
+    if (p->role != SRV_ROLE_CONTROL)
+        return refuse(call, PROTO_RPC_DENIED, NULL,
+                      "this token may watch; changing the view needs the control token");
+    if (!srv_hub_apply(call->hub, p->session, patch, p->id, call->now_ms, &call->err)) {
+        bool not_ready =
+            call->err.code == SP_ERR_TIMEOUT ||
+            (call->err.code == SP_ERR_UNSUPPORTED && strcmp(call->err.place, "/volume") == 0);
+        call->code = not_ready ? PROTO_RPC_NOT_READY : proto_rpc_code_from(call->err.code);
+        return false;
+    }
+    p->seq = (uint32_t)seq;
+    call->result = proto_json_object();
+    if (!proto_json_set_integer(call->result, "seq", seq))
+        proto_json_free(&call->result);
+    return true;
+}
+
+static bool view_get(struct call *call) {
+    static const char *const known[] = { NULL };
+    if (!only(call, known))
+        return false;
+    call->result = proto_json_object();
+    bool ok =
+        proto_json_set(call->result, "view", proto_view_encode(&call->participant->session->view));
+    ok = proto_json_set_integer(call->result, "seq", call->participant->seq) && ok;
+    if (!ok)
+        proto_json_free(&call->result);
+    return true;
+}
+
+struct stream_settings {
+    enum sp_image_format format;
+    int64_t quality, max_fps, size[2];
+    bool progressive, lossless;
+};
+
+static bool read_range(struct call *call, const char *key, const char *pointer, int64_t max,
+                       const char *text, int64_t *out) {
+    const proto_json *value = proto_json_get(call->params, key);
+    int64_t number;
+    if (!value)
+        return true;
+    if (!proto_json_integer(value, &number) || number < 1 || number > max)
+        return refuse(call, PROTO_RPC_PARAMS, pointer, text);
+    *out = number;
+    return true;
+}
+
+static bool read_size(struct call *call, struct stream_settings *s) {
+    const proto_json *value = proto_json_get(call->params, "size");
+    if (!value)
+        return true;
+    if (proto_json_type(value) == PROTO_JSON_NULL) {
+        s->size[0] = s->size[1] = 0;
+        return true;
+    }
+    for (size_t i = 0; i < 2; i++)
+        if (proto_json_size(value) != 2 ||
+            !proto_json_integer(proto_json_at(value, i), &s->size[i]) || s->size[i] < 1 ||
+            s->size[i] > SP_SIZE_MAX)
+            return refuse(call, PROTO_RPC_PARAMS, "/size",
+                          "must be [width, height], each in [1, 8192] px, or null for the view's");
+    return true;
+}
+
+static bool read_settings(struct call *call, struct stream_settings *s) {
+    const proto_json *format = proto_json_get(call->params, "format");
+    const proto_json *progressive = proto_json_get(call->params, "progressive");
+    const proto_json *lossless = proto_json_get(call->params, "lossless");
+    if (format) {
+        const char *name = proto_json_string(format);
+        s->format = name ? sp_image_format_find(name) : SP_IMAGE_FORMAT_COUNT;
+        if (s->format != SP_IMAGE_JPEG && s->format != SP_IMAGE_PNG && s->format != SP_IMAGE_WEBP)
+            return refuse(call, PROTO_RPC_PARAMS, "/format", "must be jpeg, png or webp");
+    }
+    if (progressive && !proto_json_bool(progressive, &s->progressive))
+        return refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
+    if (lossless && !proto_json_bool(lossless, &s->lossless))
+        return refuse(call, PROTO_RPC_PARAMS, "/lossless", "must be true or false");
+    return read_range(call, "quality", "/quality", 100, "must be a whole number in [1, 100]",
+                      &s->quality) &&
+           read_range(call, "max_fps", "/max_fps", 120, "must be a whole number in [1, 120]",
+                      &s->max_fps) &&
+           read_size(call, s);
+}
+
+static bool stream_configure(struct call *call) {
+    static const char *const known[] = { "format",      "quality",  "max_fps", "size",
+                                         "progressive", "lossless", NULL };
+    struct srv_participant *p = call->participant;
+    struct stream_settings s = { .format = p->format,
+                                 .quality = p->quality,
+                                 .max_fps = p->max_fps,
+                                 .size = { p->size[0], p->size[1] },
+                                 .progressive = p->progressive,
+                                 .lossless = p->lossless };
+    if (!only(call, known) || !read_settings(call, &s))
+        return false;
+    bool changed = s.format != p->format || s.quality != p->quality || s.size[0] != p->size[0] ||
+                   s.size[1] != p->size[1] || s.progressive != p->progressive ||
+                   s.lossless != p->lossless;
+    p->format = s.format;
+    p->quality = (int)s.quality;
+    p->max_fps = (int)s.max_fps;
+    p->size[0] = (uint32_t)s.size[0];
+    p->size[1] = (uint32_t)s.size[1];
+    p->progressive = s.progressive;
+    p->lossless = s.lossless;
+    p->next_frame_ms = fmin(p->next_frame_ms, call->now_ms + 1000.0 / p->max_fps);
+    if (changed) { /* what was shown is not what is asked for now */
+        p->taken_version = p->failed_version = 0;
+        p->taken_final = false;
+    }
+    call->hub->options.work(call->hub->options.user);
+    uint32_t size[2];
+    srv_hub_size(p->session, p, size);
+    proto_json *result = proto_json_object(), *pair = proto_json_array();
+    bool ok = proto_json_set_string(result, "format", sp_image_format_info(p->format)->name);
+    ok = proto_json_set_integer(result, "quality", p->quality) && ok;
+    ok = proto_json_set_integer(result, "max_fps", p->max_fps) && ok;
+    ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]) && ok;
+    ok = proto_json_set(result, "size", pair) && ok;
+    ok = proto_json_set_bool(result, "progressive", p->progressive) && ok;
+    ok = proto_json_set_bool(result, "lossless", p->lossless) && ok;
+    if (!ok)
+        proto_json_free(&result);
+    call->result = result;
+    return true;
+}
+
+static bool stream_ack(struct call *call) {
+    static const char *const known[] = { "frame", NULL };
+    struct srv_participant *p = call->participant;
+    int64_t frame;
+    if (!only(call, known))
+        return false;
+    if (!proto_json_integer(proto_json_get(call->params, "frame"), &frame) || frame < 1 ||
+        frame > UINT32_MAX || !srv_flow_acked(&p->flow, (uint32_t)frame, call->now_ms))
+        return refuse(call, PROTO_RPC_PARAMS, "/frame",
+                      "must be the number of a frame that was sent");
+    call->hub->options.work(call->hub->options.user);
+    call->result = proto_json_object();
+    return true;
+}
+
+static bool ping(struct call *call) {
+    call->result = proto_json_object();
+    return true;
+}
+
+static const struct {
+    const char *name;
+    method_fn *call;
+} methods[] = {
+    { "view.update", view_update },
+    { "view.get", view_get },
+    { "stream.configure", stream_configure },
+    { "stream.ack", stream_ack },
+    { "ping", ping },
+};
+
+static bool dispatch(struct call *call, const char *method) {
+    for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
+        if (strcmp(methods[i].name, method) != 0)
+            continue;
+        pthread_mutex_lock(&call->hub->mutex);
+        bool ok = call->participant->session
+                      ? methods[i].call(call)
+                      : refuse(call, PROTO_RPC_NOT_FOUND, NULL, "the session was deleted");
+        pthread_mutex_unlock(&call->hub->mutex);
+        return ok;
+    }
+    call->code = PROTO_RPC_METHOD;
+    return sp_fail(&call->err, SP_ERR_NOT_FOUND, NULL, "there is no method '%.64s'", method);
+}
+
+bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, const char *text,
+                     size_t size, double now_ms, char **answer, size_t *answer_size) {
+    struct proto_rpc_message message;
+    struct call call = { .hub = hub, .participant = participant, .now_ms = now_ms };
+    *answer = NULL;
+    *answer_size = 0;
+    bool decoded = proto_rpc_decode(text, size, &message, &call.code, &call.err), ok = decoded;
+    if (decoded) {
+        call.params = message.params;
+        ok = dispatch(&call, message.method);
+    }
+    bool wanted = !decoded || message.has_id;
+    if (wanted)
+        *answer = ok ? proto_rpc_result(message.id, call.result, answer_size)
+                     : proto_rpc_error(message.id, call.code, &call.err, answer_size);
+    else
+        proto_json_free(&call.result);
+    proto_rpc_finish(&message);
+    return !wanted || *answer;
+}
