@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds openapi.yaml together, and against the daemon's table of routes.
+
+  openapi_test.py SOURCE_DIR
+
+Every $ref resolves, every operation has an id, a summary and described answers, every schema is one, what is
+documented is what server/http routes, and the errors use application/problem+json. Exit status 77: skipped.
+"""
+import json
+import re
+import sys
+
+try:
+    import jsonschema
+    import yaml
+except ImportError as e:
+    print(f'skipped: {e}; install python3-yaml and python3-jsonschema')
+    sys.exit(77)
+
+failures = 0
+METHODS = {'get', 'post', 'patch', 'delete', 'put'}
+
+
+def check(ok, text):
+    global failures
+    if not ok:
+        failures += 1
+        print('FAILED:', text)
+
+
+def resolve(document, ref):
+    node = document
+    for token in ref[2:].split('/'):
+        node = node.get(token.replace('~1', '/').replace('~0', '~')) if isinstance(node, dict) else None
+    return node
+
+
+def walk(node, visit, path=''):
+    visit(node, path)
+    if isinstance(node, dict):
+        for key, child in node.items():
+            walk(child, visit, f'{path}/{key}')
+    elif isinstance(node, list):
+        for i, child in enumerate(node):
+            walk(child, visit, f'{path}/{i}')
+
+
+def check_node(document, used):
+    def visit(node, path):
+        if not isinstance(node, dict):
+            return
+        ref = node.get('$ref')
+        if isinstance(ref, str) and ref.startswith('#/'):
+            used.add(ref)
+            check(resolve(document, ref) is not None, f'{path}: {ref} leads nowhere')
+        elif isinstance(ref, str):
+            check(ref == 'view.schema.json', f'{path}: {ref} is not published')
+        if isinstance(node.get('schema'), dict):
+            try:
+                jsonschema.Draft202012Validator.check_schema(node['schema'])
+            except jsonschema.SchemaError as e:
+                check(False, f'{path}/schema: {e.message}')
+    return visit
+
+
+def check_operations(document):
+    ids = set()
+    for path, item in document['paths'].items():
+        for method in METHODS & item.keys():
+            operation, name = item[method], f'{method.upper()} {path}'
+            check(operation.get('operationId') not in ids, f'{name}: operationId is missing or used twice')
+            ids.add(operation.get('operationId'))
+            check(operation.get('summary'), f'{name} has no summary')
+            for status, answer in operation['responses'].items():
+                answer = resolve(document, answer['$ref']) if '$ref' in answer else answer
+                check(isinstance(status, str), f'{name}: status {status} is no string')
+                check(answer.get('description'), f'{name} {status} has no description')
+                if int(status) >= 400:
+                    check(list(answer.get('content', {})) == ['application/problem+json'],
+                          f'{name} {status} is no problem document')
+            if operation.get('security') != []:
+                check('401' in operation['responses'], f'{name} does not say what happens without a token')
+            named = {p for p in re.findall(r'\{(\w+)\}', path)}
+            declared = set()
+            for p in item.get('parameters', []) + operation.get('parameters', []):
+                p = resolve(document, p['$ref']) if '$ref' in p else p
+                if p['in'] == 'path':
+                    declared.add(p['name'])
+            check(named == declared, f'{name}: parameters {declared} declared, {named} in the path')
+
+
+def check_routes(document, source):
+    with open(f'{source}/server/http/listener.c', encoding='utf-8') as f:
+        routed = set(re.findall(r'\{ SRV_(\w+), "([^"]+)", \w+, (?:true|false) \}', f.read()))
+    check(len(routed) > 5, 'the table of routes in server/http/listener.c was not understood')
+    documented = {(method.upper(), re.sub(r'\{\w+\}', '{}', path))
+                  for path, item in document['paths'].items() for method in METHODS & item.keys()}
+    for method, path in sorted(routed ^ documented):
+        where = 'not documented' if (method, path) in routed else 'not routed'
+        check(False, f'{method} {path} is {where}')
+
+
+def main():
+    source = sys.argv[1]
+    with open(f'{source}/protocol/openapi.yaml', encoding='utf-8') as f:
+        document = yaml.safe_load(f)
+    json.dumps(document)  # no dates or other types that JSON lacks
+    check(document['openapi'].startswith('3.1'), 'not OpenAPI 3.1')
+    used = set()
+    walk(document, check_node(document, used))
+    for kind, parts in document['components'].items():
+        for name in parts:
+            check(kind == 'securitySchemes' or f'#/components/{kind}/{name}' in used, f'{kind}/{name} is not used')
+    for name, schema in document['components']['schemas'].items():
+        jsonschema.Draft202012Validator.check_schema(schema)
+    check_operations(document)
+    check_routes(document, source)
+    print(f'{len(document["paths"])} paths, {len(used)} references, {failures} failures')
+    return 1 if failures else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
