@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""splat-bench's command line: bench_test.py PROGRAM. No time is asserted."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM = sys.argv.pop(1)
+KEYS = {'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'views', 'splats',
+        'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages', 'bytes', 'peak_rss'}
+
+
+def run(*arguments):
+    return subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, timeout=240, check=False)
+
+
+class CommandLine(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+
+    def scene(self, file, **content):
+        path = os.path.join(self.folder.name, file)
+        with open(path, 'w', encoding='utf-8') as f:
+            json.dump(content, f)
+        return path
+
+    def lines(self, done):
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return [json.loads(line) for line in done.stdout.splitlines()]
+
+    def test_a_line_a_scene_with_every_key(self):
+        small = self.scene('small.json', name='small', volume='demo:hydrogen?size=24',
+                           view={'size': [40, 30], 'shading': {'mode': 'none'}})
+        absent = self.scene('absent.json', name='absent', volume='nowhere.nrrd')
+        first, second = self.lines(run('--threads', '2', '--views', '3', '--warm', '1', '--size', '32', small, absent))
+        self.assertEqual(set(first), KEYS)
+        self.assertEqual((first['scene'], first['backend'], first['threads'], first['size'], first['views']),
+                         ('small', 'cpu', 2, 32, 3))
+        self.assertEqual((first['mode'], first['compositing'], first['shading']), ('adaptive', 'sheet', 'none'))
+        self.assertEqual(set(first['stages']), {'classify', 'splat', 'bin', 'tile', 'resolve'})
+        self.assertGreater(first['visible_voxels'], 0)
+        self.assertGreaterEqual(first['visible_voxels'], first['splats'])
+        self.assertLessEqual(first['median_ms'], first['p95_ms'])
+        self.assertEqual(second['scene'], 'absent')
+        self.assertIn('nowhere.nrrd', second['skipped'])
+
+    def test_cameras_and_overrides(self):
+        cameras = [{'position': [0, 0, 100 + i], 'target': [0, 0, 0], 'up': [0, 1, 0]} for i in range(5)]
+        path = self.scene('c.json', volume='demo:phantom?size=16', cameras=cameras)
+        line, = self.lines(run('--mode', 'ewa', '--shading', 'phong', '--size', '16', '--warm', '0', path))
+        self.assertEqual((line['views'], line['mode'], line['shading']), (5, 'ewa', 'phong'))
+        line, = self.lines(run('--views', '2', '--size', '16', '--backend', 'null', path))
+        self.assertEqual((line['views'], line['backend']), (2, 'null'))
+
+    def test_out_writes_a_png(self):
+        prefix = os.path.join(self.folder.name, 'look-')
+        self.lines(run('--volume', 'demo:phantom?size=16', '--size', '16', '--views', '3', '--out', prefix))
+        written = [n for n in os.listdir(self.folder.name) if n.startswith('look-')]
+        self.assertEqual(len(written), 1)
+        with open(os.path.join(self.folder.name, written[0]), 'rb') as f:
+            self.assertEqual(f.read(8), b'\x89PNG\r\n\x1a\n')
+
+    def test_errors_name_the_place(self):
+        bad = self.scene('bad.json', volume='demo:phantom?size=16', view={'filter': {'mode': 'blurry'}})
+        done = run(bad)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('/filter/mode', done.stderr)
+        done = run('--compositing', 'slab', '--volume', 'demo:phantom?size=16')
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('/compositing/mode', done.stderr)
+        self.assertEqual(run(os.path.join(self.folder.name, 'none.json')).returncode, 1)
+        self.assertEqual(run('--volume', 'demo:nothing').returncode, 1)
+
+    def test_usage(self):
+        for arguments in [], ['--size', '0', 'x.json'], ['--threads', 'two', 'x.json'], ['--nonsense']:
+            done = run(*arguments)
+            self.assertEqual(done.returncode, 2, arguments)
+            self.assertTrue(done.stderr)
+        done = run('--help')
+        self.assertEqual(done.returncode, 0)
+        self.assertIn('--data DIR', done.stdout)
+        self.assertEqual(run('--version').stdout.split()[0], 'splat-bench')
+
+
+if __name__ == '__main__':
+    unittest.main()
