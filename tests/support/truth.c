@@ -314,7 +314,7 @@ bool test_truth_integrate(const struct sp_volume_info *info, const void *voxels,
                                   : view->size[1] / view->camera.height;
     m.sub = 1.0 / rays->samples;
     struct sp_pool *pool = NULL;
-    bool ok = field_build(&m, info, voxels, &o, o.radius > 0 ? o.radius : 5, err);
+    bool ok = field_build(&m, info, voxels, &o, o.radius > 0 ? o.radius : 4.5, err);
     if (ok && !test_image_init(&rays->image, (view->size[0] + 2 * rays->margin) * rays->samples,
                                (view->size[1] + 2 * rays->margin) * rays->samples))
         ok = sp_fail(err, SP_ERR_MEMORY, "", "the integrator's rays");

@@ -39,7 +39,7 @@ struct test_truth_options {
     unsigned samples;           /* rays a pixel side, odd, [1, 15]; 0 = 3 */
     unsigned margin;            /* px around the image, for the convolution; 0 = 5 */
     double step;                /* voxels a step, > 0; 0 = 0.4 */
-    double radius;              /* kernels are summed out to at least this many σ; 0 = 5 */
+    double radius;              /* kernels are summed out to at least this many σ; 0 = 4.5 */
     unsigned threads;           /* 0 = one a core */
     test_emission_fn *emission; /* NULL = the transfer function's colour */
     void *user;
