@@ -45,7 +45,8 @@ static bool encode_and_write(const struct options *options, const struct sp_fram
                                    &picture.size, err);
     if (ok) {
         picture.bytes = bytes;
-        snprintf(picture.backend, sizeof picture.backend, "%s", frame->stats.backend);
+        snprintf(picture.backend, sizeof picture.backend, "%s %s", frame->stats.backend,
+                 frame->stats.isa);
         snprintf(picture.render_time, sizeof picture.render_time, "%.3f", frame->stats.render_ms);
         snprintf(picture.splats, sizeof picture.splats, "%" PRIu64, frame->stats.splats);
         ok = write_picture(options, &picture, sp_image_format_info(format)->name, err);
