@@ -95,18 +95,11 @@ static bool take_type(const struct parsing *p) {
 }
 
 static bool take_sizes(const struct parsing *p) {
-    unsigned dim = p->nrrd->dim;
-    if (dim != p->text->dimension || dim < 2 || dim > 3)
-        return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_DIMENSION,
-                      "%u axes; a volume has three, or two for a single slice", dim);
+    unsigned dim = p->text->dimension;
     for (unsigned axis = 0; axis < 3; axis++) {
-        uint64_t n = axis < dim ? p->text->sizes[axis] : 1;
-        if (axis < dim && n != p->nrrd->axis[axis].size)
+        p->header->grid.dims[axis] = axis < dim ? (uint32_t)p->text->sizes[axis] : 1;
+        if (axis < dim && (dim != p->nrrd->dim || p->text->sizes[axis] != p->nrrd->axis[axis].size))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_SIZES, "axis %u is ambiguous", axis);
-        if (n > SP_DIM_MAX)
-            return REFUSE(p, SP_ERR_FORMAT, NRRD_SIZES,
-                          "axis %u has %" PRIu64 " samples, more than %u", axis, n, SP_DIM_MAX);
-        p->header->grid.dims[axis] = (uint32_t)n;
     }
     for (unsigned axis = 0; axis < dim; axis++) {
         int kind = p->nrrd->axis[axis].kind;
@@ -388,8 +381,7 @@ static bool take_data_files(const struct parsing *p) {
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "names no file");
     if (p->text->list) {
         long long subdim = 0;
-        if (value[4] &&
-            !parse_integer(value + 4 + strspn(value + 4, " "), 1, NRRD_AXES_MAX, &subdim))
+        if (value[4] && !parse_integer(value + 4 + strspn(value + 4, " "), 1, 3, &subdim))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "after LIST comes a number of axes");
         return take_list(p) && check_pieces(p, subdim);
     }

@@ -190,6 +190,8 @@ static bool parse_whole(const char **text, uint64_t limit, uint64_t *out) {
             return false;
         *out = *out * 10 + (uint64_t)(*t - '0');
     }
+    if (*t && *t != ' ' && *t != '\t')
+        return false;
     while (*t == ' ' || *t == '\t')
         t++;
     *text = t;
@@ -206,20 +208,22 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
                                "the header ends without this field");
     const char *text = h->value[NRRD_DIMENSION];
     uint64_t number;
-    if (!parse_whole(&text, NRRD_AXES_MAX, &number) || *text || number == 0)
+    if (!parse_whole(&text, 16, &number) || *text || number == 0)
         return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_DIMENSION,
-                         "\"%.40s\" is not a number in [1, %d]", h->value[NRRD_DIMENSION],
-                         NRRD_AXES_MAX);
+                         "\"%.40s\" is not a number in [1, 16]", h->value[NRRD_DIMENSION]);
+    if (number < 2 || number > 3)
+        return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
+                         "%" PRIu64 " axes; a volume has three, or two for a single slice", number);
     h->dimension = (unsigned)number;
     text = h->value[NRRD_SIZES];
     for (unsigned axis = 0; axis < h->dimension; axis++) {
         if (!*text)
             return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
                              "has %u numbers instead of %u", axis, h->dimension);
-        if (!parse_whole(&text, UINT32_MAX, &h->sizes[axis]) || h->sizes[axis] == 0)
+        if (!parse_whole(&text, SP_DIM_MAX, &h->sizes[axis]) || h->sizes[axis] == 0)
             return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
-                             "number %u of \"%.60s\" is not a whole number in [1, %" PRIu32 "]",
-                             axis + 1, h->value[NRRD_SIZES], UINT32_MAX);
+                             "number %u of \"%.60s\" is not a whole number in [1, %u]", axis + 1,
+                             h->value[NRRD_SIZES], SP_DIM_MAX);
     }
     if (*text)
         return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,

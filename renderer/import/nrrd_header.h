@@ -8,7 +8,7 @@
 
 #include "import/format.h"
 
-enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = 4096, NRRD_AXES_MAX = 16 }; /* bytes, axes */
+enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = 4096 }; /* bytes */
 
 /* The order is that of the table in nrrd_header.c. */
 enum nrrd_field {
@@ -56,8 +56,8 @@ struct nrrd_header {
     size_t clean_size;
     uint64_t end; /* first byte after the header's blank line */
     char *list;   /* "data file: LIST": the lines after it, up to the end of the text, else NULL */
-    unsigned dimension;
-    uint64_t sizes[NRRD_AXES_MAX]; /* [1, 2^32) each */
+    unsigned dimension; /* 2 or 3 */
+    uint64_t sizes[3];  /* [1, SP_DIM_MAX] each */
 };
 
 const char *nrrd_field_name(enum nrrd_field field);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Multi-page TIFF: each page is a slice, all of one size and type, one channel. OpenImageIO reads
- * the pages. What it would read wrong without an error is refused here: tiles with depth, palettes,
- * odd bit depths, and ImageJ's way of hiding a whole stack behind one directory.
+ * the pages. What it would read wrong without an error is refused here: pages with depth, odd
+ * bit depths, and ImageJ's way of hiding a whole stack behind one directory.
  */
 #include <errno.h>
 #include <inttypes.h>
@@ -43,6 +43,24 @@ static bool read_number(int fd, uint64_t at, int bytes, bool big_endian, uint64_
     return true;
 }
 
+/* OpenImageIO overlooks the tag ImageDepth and then reads the first slice alone. */
+static bool check_depth(const struct import_file *file, uint64_t first, uint64_t entries, bool big,
+                        bool big_endian, uint32_t page, struct sp_error *err) {
+    enum { IMAGE_DEPTH = 32997, SHORT = 3 };
+    for (uint64_t i = 0; i < entries; i++) {
+        uint64_t at = first + i * (big ? 20 : 12), tag, type, depth;
+        if (!read_number(file->fd, at, 2, big_endian, &tag) || tag != IMAGE_DEPTH)
+            continue;
+        if (!read_number(file->fd, at + 2, 2, big_endian, &type) ||
+            !read_number(file->fd, at + (big ? 12 : 8), type == SHORT ? 2 : 4, big_endian,
+                         &depth) ||
+            depth > 1)
+            return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "ImageDepth",
+                               "page %" PRIu32 " has depth; save the slices as pages", page);
+    }
+    return true;
+}
+
 /* Pages by the file's own account, so that none gets lost: OpenImageIO stops at the first directory
  * that it does not like. */
 static bool count_pages(const struct import_file *file, uint32_t *pages, struct sp_error *err) {
@@ -68,6 +86,8 @@ static bool count_pages(const struct import_file *file, uint32_t *pages, struct 
                                "page %" PRIu32 " lies beyond the end: the file of %" PRIu64
                                " bytes is cut off or the directory before it is wrong",
                                *pages, file->size);
+        if (!check_depth(file, at + (uint64_t)count_bytes, entries, big, big_endian, *pages, err))
+            return false;
         ++*pages;
     }
     return *pages > 0 || import_fail(err, SP_ERR_FORMAT, file->shown, at, "first directory",
@@ -191,11 +211,9 @@ static bool same_page(const struct tiff_page *a, const struct tiff_page *b) {
 static bool check_page(const struct tiff *t, const struct tiff_page *page, uint32_t n,
                        struct sp_error *err) {
     char text[160];
-    if (page->depth > 1)
-        return fail_page(err, SP_ERR_UNSUPPORTED, t, n,
-                         "a page with depth; save the slices as pages");
-    if (page->channels != 1) {
-        snprintf(text, sizeof text, "%d channels; only grey images are read", page->channels);
+    if (page->channels != 1 || page->depth > 1) {
+        snprintf(text, sizeof text, "%d channels and a depth of %d; only flat grey images are read",
+                 page->channels, page->depth);
         return fail_page(err, SP_ERR_UNSUPPORTED, t, n, text);
     }
     if (page->width < 1 || page->height < 1 || page->width > (int)SP_DIM_MAX ||

@@ -1,0 +1,520 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "import/samples.h"
+#include "unit/import/support.h"
+
+enum { NX = 5, NY = 4, NZ = 3, COUNT = NX * NY * NZ };
+
+static const struct {
+    enum sp_type type;
+    const char *names[3];
+} types[SP_TYPE_COUNT] = {
+    { SP_UINT8, { "uint8", "unsigned char", "uchar" } },
+    { SP_INT8, { "int8", "signed char", "int8_t" } },
+    { SP_UINT16, { "uint16", "unsigned short", "ushort" } },
+    { SP_INT16, { "int16", "short", "signed short int" } },
+    { SP_INT32, { "int32", "int", "signed int" } },
+    { SP_FLOAT32, { "float", "float", "float" } },
+    { SP_FLOAT64, { "double", "double", "double" } },
+};
+
+/* The ramp as a file has it: byte order, then gzip. The caller frees. */
+static void *make_payload(enum sp_type type, bool big, bool packed, size_t *size) {
+    double samples[COUNT];
+    make_ramp(type, COUNT, samples);
+    if (big)
+        import_swap(samples, type, COUNT);
+    *size = COUNT * sp_type_size(type);
+    if (packed)
+        return gzip(samples, *size, size);
+    void *copy = malloc(*size);
+    memcpy(copy, samples, *size);
+    return copy;
+}
+
+static void every_type_order_and_encoding(void **state) {
+    (void)state;
+    for (int t = 0; t < SP_TYPE_COUNT; t++)
+        for (int variant = 0; variant < 8; variant++) {
+            bool big = variant & 1, packed = variant & 2, detached = variant & 4;
+            size_t size;
+            void *payload = make_payload(types[t].type, big, packed, &size);
+            char header[512];
+            snprintf(header, sizeof header,
+                     "NRRD000%d\n# a comment: with a colon\ntype: %s\ndimension: 3\n"
+                     "sizes: %d %d %d\nendian: %s\nencoding: %s\nkey:=value: of somebody\n%s%s",
+                     variant % 5 + 1, types[t].names[variant % 3], NX, NY, NZ,
+                     big ? "big" : "little", packed ? (big ? "gz" : "gzip") : "raw",
+                     detached ? "data file: payload.bin\n" : "", big ? "\n" : "\n");
+            if (detached) {
+                write_text("case.nhdr", "%s", header);
+                write_file("payload.bin", payload, size);
+            } else {
+                write_both("case.nrrd", header, payload, size);
+            }
+            free(payload);
+            struct sp_volume *volume = load(detached ? "case.nhdr" : "case.nrrd");
+            const struct sp_volume_info *info = sp_volume_info(volume);
+            assert_int_equal(info->type, types[t].type);
+            assert_string_equal(info->name, "case");
+            assert_string_equal(info->source, in_folder(detached ? "case.nhdr" : "case.nrrd"));
+            assert_int_equal(info->grid.dims[0], NX);
+            assert_int_equal(info->grid.dims[1], NY);
+            assert_int_equal(info->grid.dims[2], NZ);
+            assert_is_ramp(volume, COUNT);
+            sp_volume_unref(&volume);
+        }
+}
+
+/* A uint8 volume of COUNT samples with more fields. */
+static void write_bytes(const char *name, const char *fields) {
+    uint8_t samples[COUNT];
+    char header[1024];
+    make_ramp(SP_UINT8, COUNT, samples);
+    snprintf(header, sizeof header,
+             "NRRD0005\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n%s\n", fields);
+    write_both(name, header, samples, sizeof samples);
+}
+
+static void assert_grid(const char *fields, const double spacing[3], const double origin[3],
+                        const double direction[3][3], const char *unit) {
+    write_bytes("grid.nrrd", fields);
+    struct sp_volume *volume = load("grid.nrrd");
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    for (int i = 0; i < 3; i++) {
+        if (fabs(info->grid.spacing[i] - spacing[i]) > 1e-12 ||
+            fabs(info->grid.origin[i] - origin[i]) > 1e-12)
+            fail_msg("%s: axis %d has spacing %g, origin %g", fields, i, info->grid.spacing[i],
+                     info->grid.origin[i]);
+        for (int j = 0; j < 3; j++)
+            if (fabs(info->grid.direction[i][j] - direction[i][j]) > 1e-12)
+                fail_msg("%s: direction[%d][%d] is %g", fields, i, j, info->grid.direction[i][j]);
+    }
+    assert_string_equal(info->unit, unit);
+    assert_is_ramp(volume, COUNT);
+    sp_volume_unref(&volume);
+}
+
+static void geometry_is_kept(void **state) {
+    (void)state;
+    static const double one[3] = { 1, 1, 1 }, zero[3] = { 0, 0, 0 };
+    static const double identity[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } };
+    assert_grid("", one, zero, identity, "");
+    assert_grid("spacings: 0.5 2 3.25\nunits: \"mm\" \"mm\" \"mm\"\n",
+                (const double[]){ 0.5, 2, 3.25 }, zero, identity, "mm");
+    assert_grid("spacings: 2 2 2\naxis mins: 10 -20 30\ncenters: cell node cell\n",
+                (const double[]){ 2, 2, 2 }, (const double[]){ 11, -20, 31 }, identity, "");
+    assert_grid("axis mins: 0 0 0\naxis maxs: 10 6 6\ncenters: cell node cell\n",
+                (const double[]){ 2, 2, 2 }, (const double[]){ 1, 0, 1 }, identity, "");
+    /* Turned, mirrored and sheared; orientation stays as the file has it, whatever its space. */
+    assert_grid("space: left-posterior-superior\nspace directions: (0,2,0) (-3,0,0) (0,0,0.5)\n"
+                "space origin: (1.5,-2.5,1e3)\nspace units: \"mm\" \"mm\" \"mm\"\n",
+                (const double[]){ 2, 3, 0.5 }, (const double[]){ 1.5, -2.5, 1000 },
+                (const double[3][3]){ { 0, -1, 0 }, { 1, 0, 0 }, { 0, 0, 1 } }, "mm");
+    assert_grid("space dimension: 3\nspace directions: (1,0,0) (0.6,0.8,0) (0,0,-4)\n"
+                "kinds: space space domain\n",
+                (const double[]){ 1, 1, 4 }, zero,
+                (const double[3][3]){ { 1, 0.6, 0 }, { 0, 0.8, 0 }, { 0, 0, -1 } }, "");
+    /* Without a space at all, as some writers do. */
+    assert_grid("space directions: (2,0,0) (0,2,0) (0,0,2)\nspace origin: (1,2,3)\n",
+                (const double[]){ 2, 2, 2 }, (const double[]){ 1, 2, 3 }, identity, "");
+}
+
+static void two_axes_are_one_slice(void **state) {
+    (void)state;
+    uint8_t samples[20];
+    make_ramp(SP_UINT8, 20, samples);
+    write_both("flat.nrrd",
+               "NRRD0004\ntype: uint8\ndimension: 2\nsizes: 5 4\nencoding: raw\n"
+               "spacings: 2 3\n\n",
+               samples, 20);
+    struct sp_volume *volume = load("flat.nrrd");
+    assert_int_equal(sp_volume_info(volume)->grid.dims[2], 1);
+    assert_true(sp_volume_info(volume)->grid.spacing[1] == 3);
+    assert_is_ramp(volume, 20);
+    sp_volume_unref(&volume);
+    write_both(
+        "flat.nrrd",
+        "NRRD0004\ntype: uint8\ndimension: 2\nsizes: 5 4\nencoding: raw\nspace dimension: 3\n"
+        "space directions: (0,0,2) (3,0,0)\n\n",
+        samples, 20);
+    volume = load("flat.nrrd");
+    assert_true(sp_volume_info(volume)->grid.direction[1][2] == 1);
+    sp_volume_unref(&volume);
+}
+
+static void data_in_many_files(void **state) {
+    (void)state;
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    char name[32];
+    assert_int_equal(mkdir(in_folder("parts"), 0700), 0);
+    for (int k = 0; k < NZ; k++) {
+        snprintf(name, sizeof name, "parts/s%03d.raw", k + 8);
+        write_file(name, samples + k * NX * NY, NX * NY);
+        size_t size;
+        void *packed = gzip(samples + k * NX * NY, NX * NY, &size);
+        snprintf(name, sizeof name, "parts/p%d.gz", k);
+        write_file(name, packed, size);
+        free(packed);
+    }
+    static const char *const ends[] = {
+        "encoding: raw\ndata file: LIST\nparts/s008.raw\nparts/s009.raw\r\nparts/s010.raw\n",
+        "encoding: raw\ndata file: LIST 2\nparts/s008.raw\nparts/s009.raw\nparts/s010.raw",
+        "encoding: raw\ndata file: LIST 3\nparts/s008.raw\nparts/s009.raw\nparts/s010.raw\n",
+        "encoding: raw\ndata file: parts/s%03d.raw 8 10 1\n\n",
+        "encoding: raw\ndata file: parts/s%03d.raw 8 10 1 2\n",
+        "encoding: gzip\ndatafile: ./parts/p%d.gz 0 2 1\n",
+        "encoding: gzip\ndata file: LIST\nparts/p0.gz\n./parts/../parts/p1.gz\nparts/p2.gz\n",
+    };
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+        write_text("many.nhdr", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\n%s", ends[i]);
+        struct sp_volume *volume = load("many.nhdr");
+        assert_is_ramp(volume, COUNT);
+        sp_volume_unref(&volume);
+    }
+    static const struct {
+        const char *end, *text;
+    } wrong[] = {
+        { "LIST\nparts/s008.raw\nparts/s009.raw\n", "names 2 files, but sizes want 3" },
+        { "LIST 1\nparts/s008.raw\nparts/s009.raw\nparts/s010.raw\n", "sizes want 12" },
+        { "LIST 3\nparts/s008.raw\nparts/s009.raw\n", "names 2 files" },
+        { "LIST 4\nparts/s008.raw\n", "after LIST" },
+        { "LIST x\nparts/s008.raw\n", "after LIST" },
+        { "LIST\n", "the LIST is empty" },
+        { "parts/s%03d.raw 8 10 0\n", "counts from 8 to 10 by 0" },
+        { "parts/s%03d.raw 10 8 1\n", "counts from 10 to 8 by 1" },
+        { "parts/s%03d.raw 0 1000000 1\n", "more than 65536 files" },
+        { "parts/s%03d.raw 1 2 1\n", "names 2 files" },
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        write_text(
+            "many.nhdr",
+            "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\ndata file: %s",
+            wrong[i].end);
+        load_error("many.nhdr", SP_ERR_FORMAT, "many.nhdr: byte 61: data file", wrong[i].text);
+    }
+    /* Not a pattern that could be meant otherwise: a plain name, which is not there. */
+    static const char *const names[] = { "parts/s%n.raw 8 10 1", "parts/s%s.raw 8 10 1",
+                                         "parts/s%d%d.raw 8 10 1", "100%.raw" };
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        write_text(
+            "many.nhdr",
+            "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\ndata file: %s",
+            names[i]);
+        load_error("many.nhdr", SP_ERR_NOT_FOUND, names[i], "there is no such file");
+    }
+}
+
+static void skips_lead_to_the_samples(void **state) {
+    (void)state;
+    uint8_t bytes[100] = "two\nlines\nJUNK";
+    make_ramp(SP_UINT8, COUNT, bytes + 14);
+    write_file("skip.raw", bytes, 100);
+    size_t size;
+    void *packed = gzip(bytes + 10, 90, &size);
+    write_both("skip.gz", "two\nlines\n", packed, size);
+    free(packed);
+    write_file("tail.raw", bytes, 14 + COUNT);
+    static const char *const ends[] = {
+        "encoding: raw\nline skip: 2\nbyte skip: 4\ndata file: skip.raw\n",
+        "encoding: raw\nbyte skip: 14\ndata file: skip.raw\n",
+        "encoding: raw\nbyteskip: -1\ndata file: tail.raw\n",
+        "encoding: gzip\nline skip: 2\nbyte skip: 4\ndata file: skip.gz\n",
+    };
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+        write_text("skip.nhdr", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\n%s", ends[i]);
+        struct sp_volume *volume = load("skip.nhdr");
+        assert_is_ramp(volume, COUNT);
+        sp_volume_unref(&volume);
+    }
+    static const struct {
+        const char *end, *place, *text;
+    } wrong[] = {
+        { "encoding: raw\nline skip: 3\n", "skip.raw: byte 100: line skip", "1 lines are missing" },
+        { "encoding: raw\nbyte skip: 41\n", "skip.raw: byte 0: sizes",
+          "need 60 bytes, the file has 59" },
+        { "encoding: raw\nbyte skip: -2\n", "byte skip", "[-1, 2^48]" },
+        { "encoding: gzip\nbyte skip: -1\n", "byte skip", "encoding raw alone" },
+        { "encoding: raw\nline skip: many\n", "line skip", "[0, 1000000]" },
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        write_text("skip.nhdr",
+                   "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\n%sdata file: skip.raw\n",
+                   wrong[i].end);
+        load_error("skip.nhdr", SP_ERR_FORMAT, wrong[i].place, wrong[i].text);
+    }
+}
+
+/* ---- hostile headers
+ * -------------------------------------------------------------------------------- */
+
+static void hostile_headers_are_explained(void **state) {
+    (void)state;
+    static const struct {
+        const char *text; /* a file of 60 bytes of samples follows */
+        enum sp_code code;
+        const char *place, *message;
+    } cases[] = {
+        { "NRRD0009\n", SP_ERR_UNSUPPORTED, "byte 7", "version 9" },
+        { "NRRD\n", SP_ERR_FORMAT, "byte 0", "starts with the line NRRD0001" },
+        { "NRRD00051\n", SP_ERR_FORMAT, "byte 0", "starts with the line" },
+        { "NRRD0004\ntype: uint8\n\n", SP_ERR_FORMAT, "dimension", "without this field" },
+        { "NRRD0004\nhello\n\n", SP_ERR_FORMAT, "byte 9", "\"hello\" is neither a field" },
+        { "NRRD0004\ncolour: red\n\n", SP_ERR_FORMAT, "byte 9", "\"colour\" is not a field" },
+        { "NRRD0004\ntype: uint8\ntype: int8\n\n", SP_ERR_FORMAT, "byte 21: type", "second time" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\ndata file:\n\n",
+          SP_ERR_FORMAT, "byte 61: data file", "names no file" },
+        { "NRRD0004\ntype: uint8\ndimension: 0\nsizes: 5\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "byte 21: dimension", "\"0\" is not a number in [1, 16]" },
+        { "NRRD0004\ntype: uint8\ndimension: 99999999999999999999\nsizes: 5\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "dimension", "not a number in [1, 16]" },
+        { "NRRD0004\ntype: uint8\ndimension: 1\nsizes: 60\nencoding: raw\n\n", SP_ERR_UNSUPPORTED,
+          "dimension", "1 axes; a volume has three" },
+        { "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 5 4 3 1\nencoding: raw\n\n",
+          SP_ERR_UNSUPPORTED, "dimension", "4 axes; a volume has three" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "byte 34: sizes", "has 2 numbers instead of 3" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3 2\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "sizes", "more than the 3 numbers" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 0 3\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "sizes", "number 2 of \"5 0 3\"" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 -4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "sizes", "number 2 of \"5 -4 3\"" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4.5 3\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "sizes", "number 2" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 18446744073709551619\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "sizes", "number 3" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4294967295 4294967295 4294967295\n"
+          "encoding: raw\n\n",
+          SP_ERR_FORMAT, "sizes", "" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 65537 1 1\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "sizes", "in [1, 65536]" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 65536 65536 65536\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "sizes", "voxels" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4096 4096 4096\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "byte 71: sizes", "need 68719476736 bytes, the file has 60" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 6 4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "byte 62: sizes", "need 72 bytes, the file has 60" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "byte 110: sizes", "need 48 bytes, the file has 12 more" },
+        { "NRRD0004\ntype: int4\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "byte 9: type", "int4" },
+        { "NRRD0004\ntype: uint32\ndimension: 3\nsizes: 5 4 3\nencoding: raw\nendian: little\n\n",
+          SP_ERR_UNSUPPORTED, "byte 9: type", "uint32 samples are not supported" },
+        { "NRRD0004\ntype: longlong\ndimension: 3\nsizes: 5 4 3\nencoding: raw\nendian: little\n\n",
+          SP_ERR_UNSUPPORTED, "type", "longlong samples are not supported" },
+        { "NRRD0004\ntype: block\nblock size: 3\ndimension: 3\nsizes: 5 4 1\nencoding: raw\n\n",
+          SP_ERR_UNSUPPORTED, "type", "block samples" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: bzip2\n\n",
+          SP_ERR_UNSUPPORTED, "byte 47: encoding", "bzip2 is not supported" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: ascii\n\n",
+          SP_ERR_UNSUPPORTED, "encoding", "raw or gzip" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: rot13\n\n", SP_ERR_FORMAT,
+          "encoding", "rot13" },
+        { "NRRD0004\ntype: int16\ndimension: 3\nsizes: 5 3 2\nencoding: raw\n\n", SP_ERR_FORMAT,
+          "endian", "need this field" },
+        { "NRRD0004\ntype: int16\ndimension: 3\nsizes: 5 3 2\nencoding: raw\nendian: middle\n\n",
+          SP_ERR_FORMAT, "endian", "middle" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 nan 1\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "byte 47: spacings", "axis 1 is not a number" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 0 1\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "", "spacing" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 -2 1\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "", "spacing[1] is -2" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 inf 1\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "spacings", "" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspacings: 1 2\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "spacings", "" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nkinds: RGB-color domain domain\n"
+          "encoding: raw\n\n",
+          SP_ERR_FORMAT, "kinds", "" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 3 4 5\nkinds: RGB-color domain domain\n"
+          "encoding: raw\n\n",
+          SP_ERR_UNSUPPORTED, "kinds", "axis 0 is of kind RGB-color" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspace: left-posterior-superior\n"
+          "space directions: none (1,0,0) (0,1,0)\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "space directions", "axis 0 has no direction" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspace: left-posterior-superior\n"
+          "space directions: (1,0,0) (2,0,0) (0,1,0)\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "", "singular" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspace: left-posterior-superior\n"
+          "space directions: (1,0,0) (0,1,0)\nencoding: raw\n\n",
+          SP_ERR_FORMAT, "space directions", "" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nspace dimension: 4\n"
+          "space directions: (1,0,0,0) (0,1,0,0) (0,0,1,0)\nencoding: raw\n\n",
+          SP_ERR_UNSUPPORTED, "space dimension", "4 dimensions" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nunits: \"mm\" \"mm\" \"s\"\n"
+          "encoding: raw\n\n",
+          SP_ERR_UNSUPPORTED, "units", "\"mm\" and \"s\" differ" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: gzip\n\n", SP_ERR_FORMAT,
+          "data", "damaged" },
+        { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5000 4000 3\nencoding: gzip\n\n",
+          SP_ERR_FORMAT, "sizes", "60000000 bytes cannot come out of 60 bytes of gzip" },
+    };
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_both("hostile.nrrd", cases[i].text, samples, COUNT);
+        load_error("hostile.nrrd", cases[i].code, cases[i].place, cases[i].message);
+    }
+}
+
+static void cut_off_headers_are_explained(void **state) {
+    (void)state;
+    write_text("cut.nrrd", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n");
+    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 61", "before the blank line");
+    write_file("cut.nrrd", "NRRD0004\ntype: ui\0t8\n\n", 22);
+    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 17", "a byte 0");
+    write_file("cut.nrrd", "", 0);
+    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 0", "the file is empty");
+    size_t n = 3 << 20;
+    char *longer = malloc(n);
+    memset(longer, '#', n);
+    memcpy(longer, "NRRD0004\n", 9);
+    for (size_t i = 100; i < n; i += 100)
+        longer[i] = '\n';
+    write_file("cut.nrrd", longer, n);
+    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 1048576", "longer than 1 MiB");
+    memset(longer + 9, '5', n - 9);
+    memcpy(longer + 9, "sizes: ", 7);
+    longer[500000] = '\n';
+    write_file("cut.nrrd", longer, n);
+    load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 9: sizes", "longer than 4096 bytes");
+    free(longer);
+}
+
+static void gzip_is_counted(void **state) {
+    (void)state;
+    static const char header[] =
+        "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 100 100 100\nencoding: gzip\n\n";
+    size_t bytes = 1000000, size, more;
+    uint8_t *samples = calloc(1, 3000000);
+    uint32_t seed = 1;
+    for (size_t i = 0; i < bytes; i++)
+        samples[i] = (uint8_t)((seed = seed * 1664525 + 1013904223) >> 27);
+    uint8_t *packed = gzip(samples, bytes, &size);
+    write_both("g.nrrd", header, packed, size);
+    struct sp_volume *volume = load("g.nrrd");
+    assert_memory_equal(sp_volume_voxels(volume), samples, bytes);
+    sp_volume_unref(&volume);
+
+    write_both("g.nrrd", header, packed, size / 2);
+    load_error("g.nrrd", SP_ERR_FORMAT, "g.nrrd: byte", "cut off after");
+    write_both("g.nrrd", header, packed, size - 3);
+    load_error("g.nrrd", SP_ERR_FORMAT, "g.nrrd: byte", "cut off after");
+    packed[size - 6] ^= 1; /* the checksum */
+    write_both("g.nrrd", header, packed, size);
+    load_error("g.nrrd", SP_ERR_FORMAT, ": data", "damaged: incorrect data check");
+    packed[size - 6] ^= 1;
+    packed[size / 2] ^= 0x55;
+    write_both("g.nrrd", header, packed, size);
+    load_error("g.nrrd", SP_ERR_FORMAT, ": data", "damaged");
+    packed[size / 2] ^= 0x55;
+    free(packed);
+
+    packed = gzip(samples, bytes - 1, &size);
+    write_both("g.nrrd", header, packed, size);
+    load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "need 1000000 bytes, the file has 999999");
+    free(packed);
+    packed = gzip(samples, bytes + 1, &size);
+    write_both("g.nrrd", header, packed, size);
+    load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "more than the 1000000 bytes");
+    free(packed);
+
+    /* A bomb: 3 MB of zeros where 1 MB is declared. */
+    memset(samples, 0, 3000000);
+    packed = gzip(samples, 3000000, &size);
+    write_both("g.nrrd", header, packed, size);
+    load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "stopped there");
+    free(packed);
+
+    /* Members in a row, as cat makes them, are one stream; what is no member is not looked at. */
+    packed = gzip(samples, 400000, &size);
+    uint8_t *second = gzip(samples, 600000, &more), *both = malloc(size + more + 5);
+    memcpy(both, packed, size);
+    memcpy(both + size, second, more);
+    memcpy(both + size + more, "\0\0\0\0", 5);
+    write_both("g.nrrd", header, both, size + more + 5);
+    volume = load("g.nrrd");
+    assert_int_equal(sp_volume_info(volume)->histogram[0], 1000000);
+    sp_volume_unref(&volume);
+    free(packed);
+    free(second);
+    free(both);
+    free(samples);
+}
+
+static void files_are_looked_for_below_the_root_alone(void **state) {
+    (void)state;
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    assert_int_equal(mkdir(in_folder("root"), 0700), 0);
+    assert_int_equal(mkdir(in_folder("root/sub"), 0700), 0);
+    write_file("secret.raw", samples, COUNT);
+    write_file("root/open.raw", samples, COUNT);
+    char target[512];
+    snprintf(target, sizeof target, "%s", in_folder("secret.raw"));
+    assert_int_equal(symlink(target, in_folder("root/sub/link.raw")), 0);
+    assert_int_equal(symlink("../open.raw", in_folder("root/sub/inside.raw")), 0);
+    snprintf(target, sizeof target, "%s", in_folder("root/open.raw"));
+
+    const struct {
+        const char *name;
+        bool with_root; /* root, else the file's folder root/sub */
+        enum sp_code code;
+    } cases[] = {
+        { "../open.raw", true, SP_OK },
+        { "inside.raw", true, SP_OK },
+        { target, true, SP_OK },
+        { "../open.raw", false, SP_ERR_DENIED },
+        { "inside.raw", false, SP_ERR_DENIED },
+        { target, false, SP_ERR_DENIED },
+        { "link.raw", true, SP_ERR_DENIED },
+        { "../../secret.raw", true, SP_ERR_DENIED },
+        { "/etc/passwd", true, SP_ERR_DENIED },
+        { "/proc/self/environ", true, SP_ERR_DENIED },
+        { "../../../../../../../dev/zero", true, SP_ERR_DENIED },
+        { "missing.raw", true, SP_ERR_NOT_FOUND },
+        { "..", true, SP_ERR_DENIED },
+        { ".", true, SP_ERR_INVALID },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_text("root/sub/head.nhdr",
+                   "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n"
+                   "data file: %s\n",
+                   cases[i].name);
+        struct sp_load_options options = importer_options();
+        options.root = cases[i].with_root ? in_folder("root") : NULL;
+        struct sp_error err = { .code = SP_OK };
+        struct sp_volume *volume = sp_volume_load(in_folder("root/sub/head.nhdr"), &options, &err);
+        if (err.code != cases[i].code)
+            fail_msg("%s: %s: %s", cases[i].name, sp_code_name(err.code), err.text);
+        if (volume)
+            assert_is_ramp(volume, COUNT);
+        else
+            assert_string_equal(err.place, cases[i].name);
+        sp_volume_unref(&volume);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_type_order_and_encoding),
+        cmocka_unit_test(geometry_is_kept),
+        cmocka_unit_test(two_axes_are_one_slice),
+        cmocka_unit_test(data_in_many_files),
+        cmocka_unit_test(skips_lead_to_the_samples),
+        cmocka_unit_test(hostile_headers_are_explained),
+        cmocka_unit_test(cut_off_headers_are_explained),
+        cmocka_unit_test(gzip_is_counted),
+        cmocka_unit_test(files_are_looked_for_below_the_root_alone),
+    };
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}

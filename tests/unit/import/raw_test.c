@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "import/samples.h"
+#include "unit/import/support.h"
+
+enum { COUNT = 60 };
+
+static void every_type_order_and_encoding(void **state) {
+    (void)state;
+    for (int t = 0; t < SP_TYPE_COUNT; t++)
+        for (int variant = 0; variant < 4; variant++) {
+            bool big = variant & 1, packed = variant & 2;
+            enum sp_type type = (enum sp_type)t;
+            double samples[COUNT];
+            size_t size = COUNT * sp_type_size(type);
+            make_ramp(type, COUNT, samples);
+            if (big)
+                import_swap(samples, type, COUNT);
+            if (packed) {
+                void *bytes = gzip(samples, size, &size);
+                write_file("v.bin", bytes, size);
+                free(bytes);
+            } else {
+                write_file("v.bin", samples, size);
+            }
+            write_text("v.json",
+                       "{\"dims\": [5, 4, 3], \"type\": \"%s\", \"endian\": \"%s\", \"file\": "
+                       "\"v.bin\"%s}",
+                       sp_type_name(type), big ? "big" : "little",
+                       packed ? ", \"encoding\": \"gzip\"" : "");
+            struct sp_volume *volume = load("v.json");
+            assert_int_equal(sp_volume_info(volume)->type, type);
+            assert_int_equal(sp_volume_info(volume)->grid.dims[1], 4);
+            assert_true(sp_volume_info(volume)->grid.spacing[1] == 1);
+            assert_is_ramp(volume, COUNT);
+            sp_volume_unref(&volume);
+        }
+}
+
+static void geometry_is_kept(void **state) {
+    (void)state;
+    uint8_t samples[7 + COUNT + 5] = { 0 };
+    make_ramp(SP_UINT8, COUNT, samples + 7);
+    write_file("v.bin", samples, sizeof samples);
+    write_text("v.json",
+               "{\"dims\": [5, 4, 3], \"type\": \"uint8\", \"file\": \"v.bin\", \"offset\": 7,\n"
+               " \"spacing\": [0.5, 1, 4], \"origin\": [-1, 2e2, 0.25], \"unit\": \"mm\",\n"
+               " \"direction\": [[0, 1, 0], [-0.7071, 0, 0.7071], [0, 0, 1]]}\n");
+    struct sp_volume *volume = load("v.json");
+    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    assert_true(grid->spacing[0] == 0.5 && grid->spacing[1] == 1 && grid->spacing[2] == 4);
+    assert_true(grid->origin[0] == -1 && grid->origin[1] == 200 && grid->origin[2] == 0.25);
+    /* Columns are axes, and rounded digits are made exact. */
+    assert_true(grid->direction[1][0] == 1 && grid->direction[0][0] == 0);
+    assert_true(fabs(grid->direction[0][1] + sqrt(0.5)) < 1e-15);
+    assert_true(fabs(grid->direction[2][1] - sqrt(0.5)) < 1e-15);
+    assert_true(grid->direction[2][2] == 1);
+    assert_string_equal(sp_volume_info(volume)->unit, "mm");
+    assert_is_ramp(volume, COUNT);
+    sp_volume_unref(&volume);
+}
+
+static void hostile_sidecars_are_explained(void **state) {
+    (void)state;
+    static const struct {
+        const char *text;
+        enum sp_code code;
+        const char *place, *message;
+    } cases[] = {
+        { "{", SP_ERR_FORMAT, "h.json: byte 1", "line 1" },
+        { "{} {}", SP_ERR_FORMAT, "h.json: byte 4", "end of file expected" },
+        { "[1]", SP_ERR_FORMAT, "h.json: byte 0", "must be a JSON object" },
+        { "{\"dims\": [1,1,1], \"dims\": [1,1,1]}", SP_ERR_FORMAT, "byte", "duplicate" },
+        { "{}", SP_ERR_FORMAT, "h.json: /dims", "is missing" },
+        { "{\"dims\": 5}", SP_ERR_FORMAT, "/dims", "three whole numbers" },
+        { "{\"dims\": [5, 4]}", SP_ERR_FORMAT, "/dims", "three whole numbers" },
+        { "{\"dims\": [5, 4, 0]}", SP_ERR_FORMAT, "/dims", "number 2" },
+        { "{\"dims\": [5, -4, 3]}", SP_ERR_FORMAT, "/dims", "number 1" },
+        { "{\"dims\": [5.0, 4, 3]}", SP_ERR_FORMAT, "/dims", "number 0" },
+        { "{\"dims\": [65537, 4, 3]}", SP_ERR_FORMAT, "/dims", "[1, 65536]" },
+        { "{\"dims\": [99999999999999999999, 4, 3]}", SP_ERR_FORMAT, "byte", "too big" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint32\"}", SP_ERR_FORMAT, "/type", "float64" },
+        { "{\"dims\": [5,4,3], \"type\": 8}", SP_ERR_FORMAT, "/type", "must be one of" },
+        { "{\"dims\": [5,4,3]}", SP_ERR_FORMAT, "/type", "is missing" },
+        { "{\"dims\": [5,4,3], \"type\": \"int16\"}", SP_ERR_FORMAT, "/endian", "little, big" },
+        { "{\"dims\": [5,4,3], \"type\": \"int16\", \"endian\": \"BIG\"}", SP_ERR_FORMAT, "/endian",
+          "little, big" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\"}", SP_ERR_FORMAT, "/file", "is missing" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"\"}", SP_ERR_FORMAT, "/file",
+          "name of the file" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"no.bin\"}", SP_ERR_NOT_FOUND,
+          "no.bin", "no such file" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"/etc/passwd\"}", SP_ERR_DENIED,
+          "/etc/passwd", "outside the folder" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \".\"}", SP_ERR_DENIED, ".",
+          "outside" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"offset\": -1}",
+          SP_ERR_FORMAT, "/offset", "0 or more" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"offset\": 1}",
+          SP_ERR_FORMAT, "s.bin: byte 0: dims", "need 60 bytes, the file has 59" },
+        { "{\"dims\": [5,4,4], \"type\": \"uint8\", \"file\": \"s.bin\"}", SP_ERR_FORMAT,
+          "s.bin: byte 0: dims", "need 80 bytes, the file has 60" },
+        { "{\"dims\": [5,4,2], \"type\": \"uint8\", \"file\": \"s.bin\"}", SP_ERR_FORMAT,
+          "s.bin: byte 40: dims", "need 40 bytes, the file has 20 more" },
+        { "{\"dims\": [65536,65536,65536], \"type\": \"uint8\", \"file\": \"s.bin\"}",
+          SP_ERR_FORMAT, "h.json", "voxels" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,1,-1]}",
+          SP_ERR_FORMAT, "h.json", "spacing[2]" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,null,1]}",
+          SP_ERR_FORMAT, "/spacing", "number 1" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,NaN,1]}",
+          SP_ERR_FORMAT, "byte", "invalid token" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"origin\": [1e999,0,0]}",
+          SP_ERR_FORMAT, "byte", "overflow" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\",\"direction\": [1,0,0]}",
+          SP_ERR_FORMAT, "/direction/0", "three numbers" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\","
+          "\"direction\": [[2,0,0],[0,1,0],[0,0,1]]}",
+          SP_ERR_FORMAT, "/direction/0", "length 2" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\","
+          "\"direction\": [[1,0,0],[1,0,0],[0,0,1]]}",
+          SP_ERR_FORMAT, "h.json", "singular" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"unit\": 3}",
+          SP_ERR_FORMAT, "/unit", "string" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"unit\": "
+          "\"a unit that is much too long to be one\"}",
+          SP_ERR_FORMAT, "/unit", "31 bytes" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"colour\": 1}",
+          SP_ERR_FORMAT, "/colour", "is not known" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"encoding\": \"lzma\"}",
+          SP_ERR_FORMAT, "/encoding", "raw, gzip" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\\u0000x\"}", SP_ERR_FORMAT,
+          "byte", "\\u0000" },
+    };
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    write_file("s.bin", samples, COUNT);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_text("h.json", "%s", cases[i].text);
+        load_error("h.json", cases[i].code, cases[i].place, cases[i].message);
+    }
+    size_t n = (1 << 20) + 1;
+    char *longer = malloc(n);
+    memset(longer, ' ', n);
+    longer[0] = '{';
+    write_file("h.json", longer, n);
+    load_error("h.json", SP_ERR_FORMAT, "h.json: byte 1048576", "has at most 1048576 bytes");
+    /* As deep as the parser lets it, and deeper. */
+    memset(longer, '[', n - 1);
+    memcpy(longer, "{\"dims\":", 8);
+    write_file("h.json", longer, n - 1);
+    load_error("h.json", SP_ERR_FORMAT, "h.json: byte", "depth");
+    free(longer);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_type_order_and_encoding),
+        cmocka_unit_test(geometry_is_kept),
+        cmocka_unit_test(hostile_sidecars_are_explained),
+    };
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}

@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "unit/import/support.h"
+
+#include <ftw.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <zlib.h>
+
+static char folder[64];
+
+int folder_create(void **state) {
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/splat-import-test-XXXXXX");
+    return mkdtemp(folder) ? 0 : -1;
+}
+
+static int remove_one(const char *path, const struct stat *st, int flag, struct FTW *ftw) {
+    (void)st;
+    (void)flag;
+    (void)ftw;
+    return remove(path);
+}
+
+int folder_remove(void **state) {
+    (void)state;
+    return nftw(folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+const char *folder_path(void) {
+    return folder;
+}
+
+const char *in_folder(const char *name) {
+    static char paths[8][512];
+    static unsigned turn;
+    char *path = paths[turn++ % 8];
+    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
+    return path;
+}
+
+void write_file(const char *name, const void *bytes, size_t size) {
+    write_both(name, "", bytes, size);
+}
+
+void write_both(const char *name, const char *header, const void *bytes, size_t size) {
+    FILE *file = fopen(in_folder(name), "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(header, 1, strlen(header), file), strlen(header));
+    if (size)
+        assert_int_equal(fwrite(bytes, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+}
+
+void write_text(const char *name, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    char *text;
+    int n = vasprintf(&text, format, args);
+    va_end(args);
+    assert_true(n >= 0);
+    write_file(name, text, (size_t)n);
+    free(text);
+}
+
+void *gzip(const void *bytes, size_t size, size_t *packed) {
+    z_stream z = { .next_in = (Bytef *)bytes, .avail_in = (unsigned)size };
+    assert_int_equal(deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
+    size_t room = deflateBound(&z, size) + 64;
+    void *out = malloc(room);
+    assert_non_null(out);
+    z.next_out = out;
+    z.avail_out = (unsigned)room;
+    assert_int_equal(deflate(&z, Z_FINISH), Z_STREAM_END);
+    *packed = z.total_out;
+    deflateEnd(&z);
+    return out;
+}
+
+struct sp_load_options importer_options(void) {
+    return (struct sp_load_options){ .importer = SPLATD_BIN_DIR "/splat-import" };
+}
+
+struct sp_volume *load(const char *name) {
+    struct sp_load_options options = importer_options();
+    struct sp_error err = { .text = "" };
+    struct sp_volume *volume = sp_volume_load(in_folder(name), &options, &err);
+    if (!volume)
+        fail_msg("%s: %s: %s [%s]", name, sp_code_name(err.code), err.text, err.place);
+    return volume;
+}
+
+void load_error(const char *name, enum sp_code code, const char *place, const char *text) {
+    struct sp_load_options options = importer_options();
+    struct sp_error err = { .text = "" };
+    struct sp_volume *volume = sp_volume_load(in_folder(name), &options, &err);
+    if (volume)
+        fail_msg("%s was loaded; expected %s", name, text);
+    if (err.code != code || !strstr(err.place, place) || !strstr(err.text, text))
+        fail_msg("%s: %s: %s [%s], expected %s: %s [%s]", name, sp_code_name(err.code), err.text,
+                 err.place, sp_code_name(code), text, place);
+}
+
+double ramp_value(enum sp_type type, size_t i) {
+    double v = (double)((i * 37 + 11) % 251);
+    switch (type) {
+    case SP_UINT8:
+        return v;
+    case SP_INT8:
+        return v - 125;
+    case SP_UINT16:
+        return v * 257;
+    case SP_INT16:
+        return v * 257 - 32000;
+    case SP_INT32:
+        return v * 16843009 - 2e9;
+    case SP_FLOAT32:
+        return v * 0.25 - 20;
+    default:
+        return v * 1e-3 - 0.1;
+    }
+}
+
+void make_ramp(enum sp_type type, size_t count, void *out) {
+    for (size_t i = 0; i < count; i++) {
+        double v = ramp_value(type, i);
+        switch (type) {
+        case SP_UINT8:
+            ((uint8_t *)out)[i] = (uint8_t)v;
+            break;
+        case SP_INT8:
+            ((int8_t *)out)[i] = (int8_t)v;
+            break;
+        case SP_UINT16:
+            ((uint16_t *)out)[i] = (uint16_t)v;
+            break;
+        case SP_INT16:
+            ((int16_t *)out)[i] = (int16_t)v;
+            break;
+        case SP_INT32:
+            ((int32_t *)out)[i] = (int32_t)v;
+            break;
+        case SP_FLOAT32:
+            ((float *)out)[i] = (float)v;
+            break;
+        default:
+            ((double *)out)[i] = v;
+            break;
+        }
+    }
+}
+
+void assert_is_ramp(const struct sp_volume *volume, size_t count) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    size_t bytes = count * sp_type_size(info->type);
+    assert_int_equal(info->voxel_bytes, bytes);
+    void *expected = malloc(bytes);
+    assert_non_null(expected);
+    make_ramp(info->type, count, expected);
+    assert_memory_equal(sp_volume_voxels(volume), expected, bytes);
+    free(expected);
+}

@@ -1,0 +1,274 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * TIFF stacks, written here byte by byte: no library decides what the files look like.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "unit/import/support.h"
+
+struct tiff {
+    bool big_endian;
+    unsigned width, height, pages;
+    unsigned bits, format, samples; /* format: 1 unsigned, 2 signed, 3 floating */
+    unsigned depth;                 /* ImageDepth; 0 = no such tag */
+    unsigned resolution[2],
+        unit; /* 1/1000 px a unit; 0 = no such tags. unit: 1 none, 2 inch, 3 cm */
+    const char *description;
+    unsigned last_width; /* of the last page; 0 = as the others */
+    bool one_directory;  /* all samples behind the first page's directory, as ImageJ does above 4 GB
+                          */
+    const void *data;    /* native */
+    uint8_t *out;
+    size_t used, room;
+};
+
+static void put(struct tiff *t, size_t at, uint64_t value, unsigned bytes) {
+    if (at + bytes > t->room) {
+        t->room = (at + bytes) * 2;
+        t->out = realloc(t->out, t->room);
+        assert_non_null(t->out);
+    }
+    for (unsigned i = 0; i < bytes; i++)
+        t->out[at + (t->big_endian ? bytes - 1 - i : i)] = (uint8_t)(value >> (8 * i));
+    if (at + bytes > t->used)
+        t->used = at + bytes;
+}
+
+static size_t append(struct tiff *t, uint64_t value, unsigned bytes) {
+    size_t at = t->used;
+    put(t, at, value, bytes);
+    return at;
+}
+
+static void entry(struct tiff *t, unsigned tag, unsigned type, unsigned count, uint32_t value) {
+    append(t, tag, 2);
+    append(t, type, 2);
+    append(t, count, 4);
+    append(t, value, type == 3 ? 2 : 4); /* a SHORT stands at the left of its field */
+    if (type == 3)
+        append(t, 0, 2);
+}
+
+static void write_tiff(const char *name, struct tiff t) {
+    size_t sample = t.bits / 8;
+    t.out = NULL;
+    t.used = t.room = 0;
+    append(&t, t.big_endian ? 0x4d4d : 0x4949, 2);
+    append(&t, 42, 2);
+    size_t link = append(&t, 0, 4);
+    const uint8_t *data = t.data;
+    size_t description = t.used, length = t.description ? strlen(t.description) + 1 : 0;
+    for (size_t i = 0; i < length; i++)
+        append(&t, (uint8_t)t.description[i], 1);
+    size_t resolution = t.used;
+    for (int i = 0; i < 2; i++) {
+        append(&t, t.resolution[i], 4);
+        append(&t, 1000, 4);
+    }
+    for (unsigned page = 0; page < t.pages; page++) {
+        unsigned width = t.last_width && page + 1 == t.pages ? t.last_width : t.width;
+        size_t strip = t.used, count = (size_t)width * t.height * t.samples;
+        for (size_t i = 0; i < count; i++, data += sample) {
+            uint64_t value = 0;
+            memcpy(&value, data, sample);
+            append(&t, value, (unsigned)sample);
+        }
+        if (t.one_directory && page > 0)
+            continue;
+        t.used += t.used & 1;
+        put(&t, link, t.used, 4);
+        append(&t, (uint64_t)(11 + (length > 0) + (t.depth > 0) + 3 * (t.resolution[0] > 0)), 2);
+        entry(&t, 256, 4, 1, width);
+        entry(&t, 257, 4, 1, t.height);
+        entry(&t, 258, 3, 1, t.bits);
+        entry(&t, 259, 3, 1, 1);
+        entry(&t, 262, 3, 1, t.samples == 3 ? 2 : 1);
+        if (length)
+            entry(&t, 270, 2, (unsigned)length, (uint32_t)description);
+        entry(&t, 273, 4, 1, (uint32_t)strip);
+        entry(&t, 277, 3, 1, t.samples);
+        entry(&t, 278, 4, 1, t.height);
+        entry(&t, 279, 4, 1, (uint32_t)(count * sample));
+        if (t.resolution[0]) {
+            entry(&t, 282, 5, 1, (uint32_t)resolution);
+            entry(&t, 283, 5, 1, (uint32_t)resolution + 8);
+        }
+        entry(&t, 284, 3, 1, 1);
+        if (t.resolution[0])
+            entry(&t, 296, 3, 1, t.unit);
+        entry(&t, 339, 3, 1, t.format);
+        if (t.depth)
+            entry(&t, 32997, 4, 1, t.depth);
+        link = append(&t, 0, 4);
+    }
+    write_file(name, t.out, t.used);
+    free(t.out);
+}
+
+static const struct {
+    enum sp_type type;
+    unsigned bits, format;
+} types[SP_TYPE_COUNT] = {
+    { SP_UINT8, 8, 1 },  { SP_INT8, 8, 2 },     { SP_UINT16, 16, 1 },  { SP_INT16, 16, 2 },
+    { SP_INT32, 32, 2 }, { SP_FLOAT32, 32, 3 }, { SP_FLOAT64, 64, 3 },
+};
+
+static void every_type_and_order(void **state) {
+    (void)state;
+    double samples[60];
+    for (int t = 0; t < SP_TYPE_COUNT; t++)
+        for (int big = 0; big < 2; big++) {
+            make_ramp(types[t].type, 60, samples);
+            write_tiff("stack.tif", (struct tiff){ .big_endian = big,
+                                                   .width = 5,
+                                                   .height = 4,
+                                                   .pages = 3,
+                                                   .bits = types[t].bits,
+                                                   .format = types[t].format,
+                                                   .samples = 1,
+                                                   .data = samples });
+            struct sp_volume *volume = load("stack.tif");
+            const struct sp_volume_info *info = sp_volume_info(volume);
+            assert_int_equal(info->type, types[t].type);
+            assert_int_equal(info->grid.dims[0], 5);
+            assert_int_equal(info->grid.dims[1], 4);
+            assert_int_equal(info->grid.dims[2], 3);
+            assert_true(info->grid.spacing[0] == 1 && info->grid.spacing[2] == 1);
+            assert_is_ramp(volume, 60);
+            sp_volume_unref(&volume);
+        }
+}
+
+static uint8_t ramp8[600];
+static const struct tiff plain = {
+    .width = 5, .height = 4, .pages = 3, .bits = 8, .format = 1, .samples = 1, .data = ramp8
+};
+
+static void assert_spacing(struct tiff t, double x, double y, double z, const char *unit) {
+    write_tiff("stack.tif", t);
+    struct sp_volume *volume = load("stack.tif");
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    const double expected[3] = { x, y, z };
+    for (int i = 0; i < 3; i++)
+        if (info->grid.spacing[i] < expected[i] * 0.99999 ||
+            info->grid.spacing[i] > expected[i] * 1.00001)
+            fail_msg("spacing[%d] is %g, expected %g", i, info->grid.spacing[i], expected[i]);
+    assert_string_equal(info->unit, unit);
+    assert_is_ramp(volume, 60);
+    sp_volume_unref(&volume);
+}
+
+static void spacing_comes_from_resolution_and_imagej(void **state) {
+    (void)state;
+    make_ramp(SP_UINT8, 600, ramp8);
+    struct tiff t = plain;
+    t.resolution[0] = 4000;
+    t.resolution[1] = 2000;
+    t.unit = 3;
+    assert_spacing(t, 2.5, 5, 2.5, "mm");
+    t.unit = 2;
+    assert_spacing(t, 6.35, 12.7, 6.35, "mm");
+    t.unit = 1; /* no unit: the numbers mean nothing */
+    assert_spacing(t, 1, 1, 1, "");
+    t.description = "ImageJ=1.53t\nimages=3\nslices=3\nunit=micron\nspacing=1.5\nloop=false\n";
+    assert_spacing(t, 0.25, 0.5, 1.5, "um");
+    t.description = "ImageJ=1.53t\nimages=3\nslices=3\nunit=\\u00B5m\n";
+    assert_spacing(t, 0.25, 0.5, 0.25, "um");
+    t.description = "ImageJ=1.53t\nimages=3\nframes=3\n";
+    t.resolution[0] = 0;
+    assert_spacing(t, 1, 1, 1, "");
+    t = plain;
+    t.pages = 1;
+    t.width = 15;
+    assert_spacing(t, 1, 1, 1, "");
+}
+
+static void what_would_come_out_wrong_is_refused(void **state) {
+    (void)state;
+    make_ramp(SP_UINT8, 600, ramp8);
+    struct tiff t = plain;
+    t.samples = 3;
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "3 channels");
+    t = plain;
+    t.last_width = 6;
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 2", "6 x 4 px");
+    t = plain;
+    t.depth = 3;
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, ": ImageDepth", "page 0 has depth");
+    t = plain;
+    t.bits = 32;
+    t.format = 1;
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "unsigned samples of 32 bits");
+    t = plain;
+    t.bits = 16;
+    t.format = 3;
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "16 bits");
+    /* ImageJ's large stacks: one directory, all slices behind each other. */
+    t = plain;
+    t.one_directory = true;
+    t.description = "ImageJ=1.53t\nimages=3\nslices=3\n";
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0",
+               "ImageJ says 3 images, but there are 1 pages");
+    t = plain;
+    t.description = "ImageJ=1.53t\nimages=3\nchannels=3\nhyperstack=true\n";
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "3 channels, 1 slices");
+    t.description = "ImageJ=1.53t\nimages=4\nslices=2\nframes=2\n";
+    t.pages = 4;
+    write_tiff("wrong.tif", t);
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "2 slices, 2 frames");
+}
+
+static void damaged_files_are_explained(void **state) {
+    (void)state;
+    static const struct {
+        const char *bytes;
+        size_t size;
+        const char *place, *text;
+    } cases[] = {
+        { "II*\0", 4, "first directory", "cut off" },
+        { "II*\0\0\0\0\0", 8, "first directory", "has no page" },
+        { "II*\0\xff\xff\xff\x7f", 8, "byte 2147483647: directory", "beyond the end" },
+        { "MM\0*\0\0\0\x08\xff\xff", 10, "byte 8: directory", "beyond the end" },
+        { "II*\0\x08\0\0\0\0\0\x08\0\0\0", 14, "directory", "in a circle" },
+        { "II+\0\x08\0\0\0\xff\xff\xff\xff\xff\xff\xff\xff", 16, "directory", "beyond the end" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_file("damaged.tif", cases[i].bytes, cases[i].size);
+        load_error("damaged.tif", SP_ERR_FORMAT, cases[i].place, cases[i].text);
+    }
+    /* Every way of cutting a good file short is an error, never a shorter volume. */
+    make_ramp(SP_UINT8, 600, ramp8);
+    write_tiff("whole.tif", plain);
+    uint8_t whole[2048];
+    FILE *file = fopen(in_folder("whole.tif"), "rb");
+    size_t size = fread(whole, 1, sizeof whole, file);
+    fclose(file);
+    assert_true(size > 200 && size < sizeof whole);
+    struct sp_load_options options = importer_options();
+    for (size_t cut = 1; cut < size; cut += 41) {
+        struct sp_error err = { .code = SP_OK };
+        write_file("cut.tif", whole, cut);
+        assert_null(sp_volume_load(in_folder("cut.tif"), &options, &err));
+        if (cut >= 4 && err.code != SP_ERR_FORMAT)
+            fail_msg("cut at %zu: %s: %s", cut, sp_code_name(err.code), err.text);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_type_and_order),
+        cmocka_unit_test(spacing_comes_from_resolution_and_imagej),
+        cmocka_unit_test(what_would_come_out_wrong_is_refused),
+        cmocka_unit_test(damaged_files_are_explained),
+    };
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}
