@@ -99,7 +99,7 @@ static int apply_scene(const struct band *band, struct sp_view *view, int64_t *v
 static bool in_band(const char *what, double got, double recorded, double factor) {
     bool ok = got >= recorded / factor && got <= recorded * factor;
     if (!ok)
-        printf("  the %s is %.5g, recorded %.5g ± %.0f %%\n", what, got, recorded, 100 * tolerance);
+        printf("  the %s is %.5g, recorded %.5g, factor %.2f\n", what, got, recorded, factor);
     return ok;
 }
 

@@ -236,7 +236,7 @@ static void the_nearer_layer_hides_the_farther(void **state) {
 
 /* Half the step, nearly twice the rays, a wider kernel: nothing above CONVERGED dB changes. Only
  * the middle of the picture is compared, which keeps this under some seconds. */
-enum { CONVERGED = 75, CROP = 16 };
+enum { CONVERGED = 90, CROP = 16 };
 
 static void finer_changes_nothing(void **state) {
     (void)state;
