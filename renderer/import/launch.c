@@ -191,6 +191,7 @@ static int reap(struct import *im) {
     int status = 0;
     if (im->child == 0)
         return 0;
+    kill(-im->child, SIGKILL); /* it leads a group: what it started goes with it */
     kill(im->child, SIGKILL);
     pid_t got;
     do

@@ -28,13 +28,13 @@ enum nrrd_field {
     NRRD_UNITS,
     NRRD_ENDIAN,
     NRRD_ENCODING,
+    NRRD_BLOCK_SIZE,
     NRRD_TO_TEEM, /* those above are passed on */
     NRRD_LINE_SKIP = NRRD_TO_TEEM,
     NRRD_BYTE_SKIP,
     NRRD_DATA_FILE,
     NRRD_OURS, /* those above are kept; those below are known and of no interest */
     NRRD_NUMBER = NRRD_OURS,
-    NRRD_BLOCK_SIZE,
     NRRD_THICKNESSES,
     NRRD_LABELS,
     NRRD_MIN,

@@ -1,0 +1,211 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Stands in for splat-import and does what a reader does that a file has taken over. The name of
+ * the file says what.
+ */
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "import/handover.h"
+#include "import/launch.h"
+
+enum { BYTES = 8 * 8 * 8 };
+
+static void say(const struct sp_handover *message) {
+    size_t size = sp_handover_size((enum sp_handover_kind)message->kind);
+    if (send(SP_IMPORT_SOCKET, message, size, MSG_NOSIGNAL) < 0)
+        _exit(9);
+}
+
+static void say_kind(enum sp_handover_kind kind) {
+    struct sp_handover message;
+    sp_handover_init(&message, kind);
+    say(&message);
+}
+
+static struct sp_handover good_header(void) {
+    struct sp_handover m;
+    sp_handover_init(&m, SP_HANDOVER_HEADER);
+    m.header.type = SP_UINT8;
+    m.header.bytes = BYTES;
+    for (int i = 0; i < 3; i++) {
+        m.header.dims[i] = 8;
+        m.header.spacing[i] = 1;
+        m.header.direction[i][i] = 1;
+    }
+    return m;
+}
+
+static void await_go(void) {
+    struct sp_handover go;
+    if (recv(SP_IMPORT_SOCKET, &go, sizeof go, 0) <= 0)
+        _exit(0);
+}
+
+static unsigned char *map(void) {
+    unsigned char *p = mmap(NULL, BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    if (p == MAP_FAILED)
+        _exit(8);
+    return p;
+}
+
+static void wait_for_ever(void) {
+    for (;;)
+        pause();
+}
+
+static bool before_the_header(const char *what) {
+    if (strcmp(what, "abort") == 0) {
+        signal(SIGABRT, SIG_DFL);
+        abort();
+    } else if (strcmp(what, "segv") == 0) {
+        signal(SIGSEGV, SIG_DFL);
+        raise(SIGSEGV);
+    } else if (strcmp(what, "quit") == 0) {
+        _exit(7);
+    } else if (strcmp(what, "hang") == 0) {
+        wait_for_ever();
+    } else if (strcmp(what, "spin") == 0) {
+        for (volatile unsigned long i = 0;; i++)
+            ;
+    } else if (strcmp(what, "rubbish") == 0) {
+        send(SP_IMPORT_SOCKET, "hello, I am a reader", 20, MSG_NOSIGNAL);
+    } else if (strcmp(what, "short") == 0) {
+        send(SP_IMPORT_SOCKET, "x", 1, MSG_NOSIGNAL);
+    } else if (strcmp(what, "long") == 0) {
+        static const char zeros[4096];
+        send(SP_IMPORT_SOCKET, zeros, sizeof zeros, MSG_NOSIGNAL);
+    } else if (strcmp(what, "done-first") == 0) {
+        say_kind(SP_HANDOVER_DONE);
+    } else if (strcmp(what, "progress-first") == 0) {
+        say_kind(SP_HANDOVER_PROGRESS);
+    } else if (strcmp(what, "closed") == 0) {
+        close(SP_IMPORT_SOCKET);
+        wait_for_ever();
+    } else if (strcmp(what, "error-code") == 0) {
+        struct sp_handover m;
+        sp_handover_init(&m, SP_HANDOVER_ERROR);
+        m.error.code = 999;
+        say(&m);
+    } else if (strcmp(what, "error-ok") == 0) {
+        say_kind(SP_HANDOVER_ERROR); /* code SP_OK */
+    } else if (strcmp(what, "error-endless") == 0) {
+        struct sp_handover m;
+        sp_handover_init(&m, SP_HANDOVER_ERROR);
+        m.error.code = SP_ERR_FORMAT;
+        memset(m.error.text, 'x', sizeof m.error.text);
+        say(&m);
+    } else if (strcmp(what, "error-escape") == 0) {
+        struct sp_handover m;
+        sp_handover_init(&m, SP_HANDOVER_ERROR);
+        m.error.code = SP_ERR_FORMAT;
+        snprintf(m.error.text, sizeof m.error.text, "bad\n\033[2Jfile");
+        say(&m);
+    } else {
+        return false;
+    }
+    return true;
+}
+
+static bool with_the_header(const char *what, struct sp_handover *m) {
+    struct sp_handover_header *h = &m->header;
+    if (strcmp(what, "version") == 0)
+        m->version = 77;
+    else if (strcmp(what, "magic") == 0)
+        m->magic = 0;
+    else if (strcmp(what, "type") == 0)
+        h->type = 12;
+    else if (strcmp(what, "zero") == 0)
+        h->dims[1] = 0;
+    else if (strcmp(what, "huge") == 0)
+        h->dims[0] = h->dims[1] = h->dims[2] = 0xffffffff;
+    else if (strcmp(what, "wrap") == 0) /* 2^48 voxels, whose size would be 2^51 */
+        h->dims[0] = h->dims[1] = h->dims[2] = 65536;
+    else if (strcmp(what, "bytes-more") == 0)
+        h->bytes = BYTES + 1;
+    else if (strcmp(what, "bytes-less") == 0)
+        h->bytes = 1;
+    else if (strcmp(what, "spacing") == 0)
+        h->spacing[2] = NAN;
+    else if (strcmp(what, "origin") == 0)
+        h->origin[0] = INFINITY;
+    else if (strcmp(what, "direction") == 0)
+        memset(h->direction, 0, sizeof h->direction);
+    else if (strcmp(what, "unit") == 0)
+        memset(h->unit, 'm', sizeof h->unit);
+    else
+        return false;
+    return true;
+}
+
+static void after_go(const char *what) {
+    unsigned char *p = map();
+    memset(p, 42, BYTES);
+    if (strcmp(what, "abort-late") == 0) {
+        signal(SIGABRT, SIG_DFL);
+        abort();
+    } else if (strcmp(what, "hang-late") == 0) {
+        wait_for_ever();
+    } else if (strcmp(what, "quit-late") == 0) {
+        _exit(5);
+    } else if (strcmp(what, "truncate") == 0) { /* the seals must hold */
+        if (ftruncate(SP_IMPORT_MEMORY, 1) == 0 || ftruncate(SP_IMPORT_MEMORY, 1 << 20) == 0)
+            _exit(3);
+        munmap(p, BYTES);
+    } else if (strcmp(what, "header-again") == 0) {
+        struct sp_handover m = good_header();
+        say(&m);
+        wait_for_ever();
+    } else if (strcmp(what, "after-done") == 0) {
+        say_kind(SP_HANDOVER_DONE);
+        say_kind(SP_HANDOVER_DONE);
+        wait_for_ever();
+    } else if (strcmp(what, "hang-done") == 0) {
+        say_kind(SP_HANDOVER_DONE);
+        wait_for_ever();
+    } else if (strcmp(what, "flood") == 0) {
+        for (uint64_t i = 0; i < 20000; i++) {
+            struct sp_handover m;
+            sp_handover_init(&m, SP_HANDOVER_PROGRESS);
+            m.bytes = ~i;
+            say(&m);
+        }
+        munmap(p, BYTES);
+    } else if (strcmp(what, "keeper") == 0) { /* somebody else could go on writing */
+        if (fork() == 0) {
+            setsid(); /* out of the group that gets killed */
+            close(SP_IMPORT_SOCKET);
+            alarm(5);
+            wait_for_ever();
+        }
+        munmap(p, BYTES);
+    } else {
+        munmap(p, BYTES);
+    }
+    say_kind(SP_HANDOVER_DONE);
+    _exit(strcmp(what, "status") == 0 ? 4 : 0);
+}
+
+int main(int argc, char **argv) {
+    char what[64];
+    if (argc != 5)
+        return 2;
+    const char *slash = strrchr(argv[1], '/');
+    snprintf(what, sizeof what, "%s", slash ? slash + 1 : argv[1]);
+    if (before_the_header(what))
+        wait_for_ever();
+    struct sp_handover m = good_header();
+    if (with_the_header(what, &m)) {
+        say(&m);
+        wait_for_ever();
+    }
+    say(&m);
+    await_go();
+    after_go(what);
+}

@@ -1,0 +1,193 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Real volumes, against the SHA-256 of their samples: the one that the NRRD's own header gives, or
+ * the one recorded here when the file was first read with another program.
+ */
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "unit/import/support.h"
+
+/* By the coreutils program, fed through a file in the temporary folder. */
+static void sha256(const void *bytes, size_t size, char out[65]) {
+    write_file("samples", bytes, size);
+    char command[600];
+    snprintf(command, sizeof command, "sha256sum %s", in_folder("samples"));
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    assert_int_equal(fread(out, 1, 64, pipe), 64);
+    out[64] = 0;
+    pclose(pipe);
+}
+
+static bool header_sha256(const char *path, char out[65]) {
+    char text[4097];
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    text[fread(text, 1, sizeof text - 1, file)] = 0;
+    fclose(file);
+    const char *at = strstr(text, "\nraw_sha256:=");
+    if (at)
+        snprintf(out, 65, "%s", at + 13);
+    return at != NULL;
+}
+
+static struct sp_volume *load_real(const char *path) {
+    struct sp_load_options options = importer_options();
+    struct sp_error err;
+    struct sp_volume *volume = sp_volume_load(path, &options, &err);
+    if (!volume)
+        fail_msg("%s: %s [%s]", path, err.text, err.place);
+    return volume;
+}
+
+static void nrrd_samples_have_the_checksum_of_their_header(void **state) {
+    (void)state;
+    DIR *folder = opendir(SPLATD_DATA_DIR "/volumes");
+    int checked = 0;
+    assert_non_null(folder);
+    for (const struct dirent *entry; (entry = readdir(folder));) {
+        char path[1024], expected[65], actual[65];
+        const char *dot = strrchr(entry->d_name, '.');
+        if (!dot || strcmp(dot, ".nrrd") != 0)
+            continue;
+        snprintf(path, sizeof path, "%s/volumes/%s", SPLATD_DATA_DIR, entry->d_name);
+        if (!header_sha256(path, expected))
+            continue;
+        struct sp_volume *volume = load_real(path);
+        sha256(sp_volume_voxels(volume), sp_volume_info(volume)->voxel_bytes, actual);
+        sp_volume_unref(&volume);
+        if (strcmp(actual, expected) != 0)
+            fail_msg("%s: %s, not %s", path, actual, expected);
+        checked++;
+    }
+    closedir(folder);
+    print_message("%d volumes checked\n", checked);
+    assert_true(checked >= 5); /* engine, bonsai, lobster, aneurism, cthead */
+}
+
+static void known_files_are_read_right(void **state) {
+    (void)state;
+    static const struct {
+        const char *path;
+        enum sp_type type;
+        uint32_t dims[3];
+        double spacing[3], origin[3], range[2];
+        const char *unit, *sha256;
+    } files[] = {
+        { "volumes/engine_256x256x128_uint8.nrrd",
+          SP_UINT8,
+          { 256, 256, 128 },
+          { 1, 1, 1 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          NULL },
+        { "volumes/bonsai_256x256x256_uint8.nrrd",
+          SP_UINT8,
+          { 256, 256, 256 },
+          { 1, 1, 1 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          NULL },
+        { "volumes/lobster_301x324x56_uint8.nrrd",
+          SP_UINT8,
+          { 301, 324, 56 },
+          { 1, 1, 1.4 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          NULL },
+        { "volumes/aneurism_256x256x256_uint8.nrrd",
+          SP_UINT8,
+          { 256, 256, 256 },
+          { 1, 1, 1 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          NULL },
+        { "volumes/cthead_256x256x113_uint16.nrrd",
+          SP_UINT16,
+          { 256, 256, 113 },
+          { 1, 1, 2 },
+          { 0, 0, 0 },
+          { 0, 3272 },
+          "",
+          NULL },
+        { "formats/nrrd/seed.nhdr",
+          SP_INT16,
+          { 256, 256, 55 },
+          { 0.9375, 0.9375, 3 },
+          { -119.531, 98.0435, -66.3661 },
+          { 0, 1 },
+          "",
+          "f640d0bab132b7939993eee469f38c06bb96692da5542b45ed1e43703d6e3ca5" },
+        { "formats/nrrd/stent_gzip_float.nrrd",
+          SP_FLOAT32,
+          { 128, 128, 256 },
+          { 1, 1, 1 },
+          { 0, 0, 0 },
+          { 0, 1 },
+          "",
+          "333419669702cb240a0ac8b00ce2e4b1a962cae5ffb92f6d898fde94fe677bff" },
+        { "formats/tiff/flybrain.tif",
+          SP_UINT8,
+          { 256, 256, 57 },
+          { 2.6755208, 2.6755208, 3.9473684 },
+          { 0, 0, 0 },
+          { 0, 165 },
+          "um",
+          "b0948ec5156b72bef7f7492374a1ac504b88b84676cd61e72a8b8f17f3cca9f9" },
+        { "formats/tiff/mini-t1-head_bigendian.tif",
+          SP_UINT16,
+          { 32, 32, 32 },
+          { 1.5, 1.5, 1.5 },
+          { 0, 0, 0 },
+          { 0, 421 },
+          "mm",
+          "7035aa787b5d98a90a388e324bcdc76f4452ffd8c7fe56632407b14940886043" },
+    };
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
+        char path[1024], actual[65];
+        snprintf(path, sizeof path, "%s/%s", SPLATD_DATA_DIR, files[i].path);
+        if (access(path, R_OK) != 0) {
+            print_message("skipped: %s is not there\n", path);
+            continue;
+        }
+        struct sp_volume *volume = load_real(path);
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        assert_int_equal(info->type, files[i].type);
+        for (int a = 0; a < 3; a++) {
+            assert_int_equal(info->grid.dims[a], files[i].dims[a]);
+            assert_float_equal(info->grid.spacing[a], files[i].spacing[a], 1e-5);
+            assert_float_equal(info->grid.origin[a], files[i].origin[a], 1e-9);
+        }
+        for (int r = 0; r < 2; r++)
+            assert_float_equal(info->range[r], files[i].range[r], 1e-5);
+        assert_string_equal(info->unit, files[i].unit);
+        if (files[i].sha256) {
+            sha256(sp_volume_voxels(volume), info->voxel_bytes, actual);
+            if (strcmp(actual, files[i].sha256) != 0)
+                fail_msg("%s: %s, not %s", path, actual, files[i].sha256);
+        }
+        if (strstr(path, "seed"))
+            assert_true(info->grid.direction[1][1] == -1);
+        sp_volume_unref(&volume);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(nrrd_samples_have_the_checksum_of_their_header),
+        cmocka_unit_test(known_files_are_read_right),
+    };
+    if (access(SPLATD_DATA_DIR "/volumes", R_OK) != 0) {
+        printf("skipped: there are no real volumes in " SPLATD_DATA_DIR "\n");
+        return 77;
+    }
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}
