@@ -56,7 +56,9 @@ proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *er
         json = json_loadb(bytes, size, flags | JSON_DECODE_INT_AS_REAL, &error);
     if (json)
         return json;
-    if (json_error_code(&error) == json_error_out_of_memory) {
+    /* Out of memory the library fails without a text; when it was for a key or string, as if that
+     * were not expected, which cannot be told from a wrong document. */
+    if (json_error_code(&error) == json_error_out_of_memory || !error.text[0]) {
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for %zu bytes of JSON", size);
         return NULL;
     }
