@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "base/wide.h"
 #include "splat/exp2.h"
 
 enum {
@@ -81,11 +82,52 @@ static inline void narrow_row(const struct sp_splat *s, float cut, float dx0, fl
     *x0 += begin;
 }
 
+static inline void add_to(float *sums, sp_wide weight, float factor) {
+    sp_wide_store(sums, sp_wide_load(sums) + weight * factor);
+}
+
+/* SP_WIDE columns of a footprint, from (dx, dy) on, by recurrence down the rows: a step in y
+ * multiplies the weight by q, and q by a constant. The first `width` columns count. */
+static inline void add_columns(const struct sp_splat *s, float floor, float dx, float dy, int width,
+                               int rows, float *sums) {
+    enum { P = SP_TILE * SP_TILE_ROW };
+    const sp_wide step = { 0, 1, 2, 3 };
+    sp_wide x = dx + step, weight = sp_wide_exp2(-((s->a * x + s->b * dy) * x + s->c * dy * dy));
+    sp_wide q = sp_wide_exp2(-(s->b * x + s->c * (2 * dy + 1)));
+    float shrink = sp_exp2(-2 * s->c);
+    weight = sp_wide_keep(step < (float)width, weight);
+    float depth = s->depth, e0 = s->emission[0], e1 = s->emission[1], e2 = s->emission[2];
+    for (int y = 0; y < rows; y++, sums += SP_TILE_ROW) {
+        sp_wide inside = sp_wide_keep(weight >= floor, weight);
+        add_to(sums, inside, depth);
+        add_to(sums + P, inside, e0);
+        add_to(sums + 2 * P, inside, e1);
+        add_to(sums + 3 * P, inside, e2);
+        weight *= q;
+        q *= shrink;
+    }
+}
+
+/* The recurrence starts at the box's edge: it holds where no corner's weight underflows. */
+static bool is_compact(const struct sp_splat *s, const int box[4], float dx, float dy) {
+    float x = fmaxf(fabsf(dx), fabsf(dx + (float)(box[2] - box[0] - 1)));
+    float y = fmaxf(fabsf(dy), fabsf(dy + (float)(box[3] - box[1] - 1)));
+    return (s->a * x + fabsf(s->b) * y) * x + s->c * y * y < 100;
+}
+
 void sp_sheet_add(struct sp_tile *tile, const struct sp_splat *s, float cut) {
     int box[4] = { larger(s->x0 - tile->x, 0), larger(s->y0 - tile->y, 0),
                    smaller(s->x1 - tile->x, SP_TILE), smaller(s->y1 - tile->y, SP_TILE) };
     open_sheet(tile, s->sheet, box);
     float dx0 = (float)(box[0] + tile->x) + 0.5f - s->x;
+    float dy0 = (float)(box[1] + tile->y) + 0.5f - s->y;
+    if (is_compact(s, box, dx0, dy0)) {
+        float floor = sp_exp2(-cut);
+        for (int x = box[0]; x < box[2]; x += SP_WIDE)
+            add_columns(s, floor, dx0 + (float)(x - box[0]), dy0, box[2] - x, box[3] - box[1],
+                        &tile->sums[0][box[1]][x]);
+        return;
+    }
     for (int y = box[1]; y < box[3]; y++) {
         float dy = (float)(y + tile->y) + 0.5f - s->y, l = s->b * dy, q = s->c * dy * dy;
         int x0 = box[0], x1 = box[2];
