@@ -67,6 +67,10 @@ static bool parse_fields(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
         return true;
     char why[SP_ERROR_TEXT];
     take_biff(why, sizeof why);
+    if (strstr(why, "require endian info"))
+        return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, p->text->byte[NRRD_TYPE],
+                           "endian", "%.40s samples need this field: little or big",
+                           p->text->value[NRRD_TYPE]);
     /* Name the field when teem's text does. */
     for (int f = NRRD_TO_TEEM - 1; f >= 0; f--)
         if (p->text->value[f] && strstr(why, nrrd_field_name((enum nrrd_field)f)))
@@ -216,13 +220,8 @@ static bool take_encoding(const struct parsing *p) {
         return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_ENCODING,
                       "%.40s is not supported; write the file as raw or gzip",
                       p->text->value[NRRD_ENCODING]);
-    if (sp_type_size(p->header->type) > 1) {
-        if (!p->text->value[NRRD_ENDIAN] || p->io->endian == airEndianUnknown)
-            return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, p->text->byte[NRRD_TYPE],
-                               "endian", "samples of %zu bytes need this field: little or big",
-                               sp_type_size(p->header->type));
+    if (sp_type_size(p->header->type) > 1) /* teem insists on the field then */
         s->big_endian = p->io->endian == airEndianBig;
-    }
     return true;
 }
 

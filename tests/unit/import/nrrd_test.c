@@ -310,7 +310,8 @@ static void hostile_headers_are_explained(void **state) {
           SP_ERR_UNSUPPORTED, "byte 9: type", "uint32 samples are not supported" },
         { "NRRD0004\ntype: longlong\ndimension: 3\nsizes: 5 4 3\nencoding: raw\nendian: little\n\n",
           SP_ERR_UNSUPPORTED, "type", "longlong samples are not supported" },
-        { "NRRD0004\ntype: block\nblock size: 3\ndimension: 3\nsizes: 5 4 1\nencoding: raw\n\n",
+        { "NRRD0004\ntype: block\nblock size: 3\ndimension: 3\nsizes: 5 4 1\nendian: "
+          "big\nencoding: raw\n\n",
           SP_ERR_UNSUPPORTED, "type", "block samples" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: bzip2\n\n",
           SP_ERR_UNSUPPORTED, "byte 47: encoding", "bzip2 is not supported" },

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdlib.h>
+#include <string.h>
+
+#include "import/handover.h"
+#include "volume/volume.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* What passes is a message that the parent may act on without another look. */
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    struct sp_handover m;
+    struct sp_error err;
+    if (!sp_handover_decode(data, size, &m, "input", &err))
+        return 0;
+    if (m.kind == SP_HANDOVER_ERROR && (!memchr(m.error.text, 0, sizeof m.error.text) ||
+                                        !memchr(m.error.place, 0, sizeof m.error.place)))
+        abort();
+    if (m.kind == SP_HANDOVER_HEADER) {
+        struct sp_grid grid;
+        uint64_t bytes;
+        memcpy(grid.dims, m.header.dims, sizeof grid.dims);
+        memcpy(grid.spacing, m.header.spacing, sizeof grid.spacing);
+        memcpy(grid.origin, m.header.origin, sizeof grid.origin);
+        memcpy(grid.direction, m.header.direction, sizeof grid.direction);
+        if (!sp_grid_check(&grid, (enum sp_type)m.header.type, "input", &bytes, &err) ||
+            bytes != m.header.bytes || !memchr(m.header.unit, 0, sizeof m.header.unit))
+            abort();
+    }
+    return 0;
+}
