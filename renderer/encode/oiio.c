@@ -7,6 +7,15 @@
 
 #include "encode/encoder.h"
 
+#if defined(__SANITIZE_THREAD__)
+/* The library's thread pool guards its tables with spin locks, which TSan cannot see in a library
+ * that was not built with it. */
+__attribute__((visibility("default"))) const char *__tsan_default_suppressions(void);
+const char *__tsan_default_suppressions(void) {
+    return "called_from_lib:libOpenImageIO_Util.so\n";
+}
+#endif
+
 static const char bridge_name[] = "splat-oiio.so";
 
 /* Where the bridge may lie, seen from the folder of the running program: beside it, in the library

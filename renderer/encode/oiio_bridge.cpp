@@ -53,6 +53,11 @@ std::string write(const sp_oiio_image &image, std::vector<unsigned char> &file) 
 sp_oiio_status splat_oiio_encode(const sp_oiio_image *image, sp_oiio_sink *sink, void *user,
                                  char *error, size_t error_size) {
     try {
+        /* The caller's thread does the work: pools of the library's own would compete with the
+         * renderer's threads. */
+        static const bool alone =
+            OIIO::attribute("threads", 1) && OIIO::attribute("exr_threads", -1);
+        (void)alone;
         std::vector<unsigned char> file;
         std::string why = write(*image, file);
         if (!why.empty()) {
