@@ -110,7 +110,8 @@ static void on_done(void *user, const struct srv_still_result *result) {
         srv_reply_header(reply, "Vary", "Accept");
         srv_reply_header(reply, "X-Render-Time", "%.3f", result->stats.render_ms);
         srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
-        srv_reply_header(reply, "X-Backend", "%s %s", result->stats.backend, result->stats.isa);
+        srv_reply_header(reply, "X-Backend", "%s%s%s", result->stats.backend,
+                         result->stats.isa[0] ? " " : "", result->stats.isa);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
     free(render);

@@ -1,0 +1,373 @@
+// SPDX-License-Identifier: Apache-2.0
+// The real daemon as a child process, and clients that say what they expect and until when. Nothing here sleeps:
+// every wait is for an event, with a deadline.
+import { spawn } from 'node:child_process';
+import { once } from 'node:events';
+import net from 'node:net';
+import path from 'node:path';
+import { fileURLToPath } from 'node:url';
+import WebSocket from 'ws';
+
+const DEADLINE_MS = 60000;
+export const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../build/release/bin', import.meta.url));
+
+/** Rejects when `promise` takes longer than the deadline; `what` says what was waited for. */
+export function within(promise, what, ms = DEADLINE_MS) {
+  let timer;
+  const late = new Promise((_, reject) => {
+    timer = setTimeout(() => reject(new Error(`${what}: not within ${ms} ms`)), ms);
+  });
+  return Promise.race([promise, late]).finally(() => clearTimeout(timer));
+}
+
+/** Runs splatd to its end: {status, out, err}. */
+export async function runToEnd(args) {
+  const child = spawn(path.join(BIN, 'splatd'), args, { stdio: ['ignore', 'pipe', 'pipe'] });
+  let out = '';
+  let err = '';
+  child.stdout.on('data', (data) => { out += data; });
+  child.stderr.on('data', (data) => { err += data; });
+  const [code, signal] = await within(once(child, 'close'), `splatd ${args.join(' ')}`);
+  return { status: code ?? signal, out, err };
+}
+
+/** A daemon with the test-card backend. stop() must be called; it checks that nothing went wrong inside. */
+export class Daemon {
+  log = '';
+  out = '';
+  #watchers = new Set();
+
+  static async start(args = ['--volume', 'demo:engine?size=32'], { prefix = [], backend = 'null' } = {}) {
+    const daemon = new Daemon();
+    const command = [...prefix, path.join(BIN, 'splatd'), '--listen', '127.0.0.1:0', '--backend', backend, ...args];
+    daemon.child = spawn(command[0], command.slice(1), { stdio: ['ignore', 'pipe', 'pipe'] });
+    daemon.child.stderr.on('data', (data) => daemon.#note('log', data));
+    daemon.child.stdout.on('data', (data) => daemon.#note('out', data));
+    daemon.child.on('error', (error) => daemon.#note('out', `${error.message}\n`));
+    daemon.ended = new Promise((resolve) => { daemon.child.on('close', (code, signal) => resolve(code ?? signal)); });
+    daemon.ended.then(() => daemon.#note('log', ''));
+    await daemon.until(() => daemon.out.includes('\n') || daemon.child.exitCode !== null, 'the ready line');
+    const [, address] = /^splatd: listening on (\S+)\n$/.exec(daemon.out) ?? [];
+    if (!address) throw new Error(`no ready line:\n${daemon.out}\n${daemon.log}`);
+    const url = new URL(address);
+    daemon.token = url.searchParams.get('token');
+    daemon.port = Number(url.port);
+    daemon.base = `http://127.0.0.1:${daemon.port}`;
+    return daemon;
+  }
+
+  #note(stream, data) {
+    this[stream] += data;
+    for (const watcher of this.#watchers) watcher();
+  }
+
+  /** Resolves when `condition()` holds; it is looked at whenever the daemon writes. */
+  until(condition, what) {
+    if (condition()) return Promise.resolve();
+    let watcher;
+    const met = new Promise((resolve) => {
+      watcher = () => condition() && resolve();
+      this.#watchers.add(watcher);
+    });
+    return within(met, `${what} (log: ${this.log.slice(-2000)})`).finally(() => this.#watchers.delete(watcher));
+  }
+
+  untilLogged(text) {
+    return this.until(() => this.log.includes(text), `the log line "${text}"`);
+  }
+
+  fetch(target, { token = this.token, headers = {}, ...options } = {}) {
+    const all = token ? { Authorization: `Bearer ${token}`, ...headers } : headers;
+    return fetch(this.base + target, { ...options, headers: all, signal: AbortSignal.timeout(DEADLINE_MS) });
+  }
+
+  /** {status, headers, json} */
+  async json(target, options) {
+    const answer = await this.fetch(target, options);
+    const text = await answer.text();
+    return { status: answer.status, headers: answer.headers, json: text ? JSON.parse(text) : null };
+  }
+
+  post(target, body, options = {}) {
+    const text = typeof body === 'string' ? body : JSON.stringify(body);
+    return this.json(target, { method: 'POST', body: text, headers: { 'Content-Type': 'application/json' }, ...options });
+  }
+
+  /** Asks until the volume is no longer loading. */
+  async loaded(id) {
+    for (;;) {
+      const { json } = await this.json(`/api/v1/volumes/${id}`);
+      if (json.state !== 'loading') return json;
+    }
+  }
+
+  async session(view) {
+    const { status, json } = await this.post('/api/v1/sessions', view ? { view } : {});
+    if (status !== 201) throw new Error(`no session: ${JSON.stringify(json)}`);
+    return json;
+  }
+
+  streamUrl(session, token = session.tokens.control) {
+    return `ws://127.0.0.1:${this.port}/api/v1/sessions/${session.id}/stream?token=${token}`;
+  }
+
+  /** A stream of a session (a new one if none is given). */
+  async stream({ session, token, ...options } = {}) {
+    const of = session ?? await this.session();
+    return Stream.open(this.streamUrl(of, token), { session: of, ...options });
+  }
+
+  kill(signal) {
+    this.child.kill(signal);
+  }
+
+  async stop(signal = 'SIGTERM') {
+    this.kill(signal);
+    const status = await within(this.ended, 'the end of splatd');
+    if (/Sanitizer|runtime error/.test(this.log)) throw new Error(this.log);
+    return status;
+  }
+}
+
+export function decodeFrame(data) {
+  const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
+  if (data.toString('latin1', 0, 4) !== 'SPF1') throw new Error('no SPF1');
+  const header = {
+    codec: view.getUint8(4), flags: view.getUint8(5), headerBytes: view.getUint16(6, true),
+    frame: view.getUint32(8, true), seq: view.getUint32(12, true),
+    width: view.getUint16(16, true), height: view.getUint16(18, true),
+    renderUs: view.getUint32(20, true), encodeUs: view.getUint32(24, true), bytes: view.getUint32(28, true),
+  };
+  if (header.headerBytes + header.bytes !== data.length) throw new Error('the sizes do not add up');
+  return { ...header, payload: data.subarray(header.headerBytes) };
+}
+
+export const FINAL = 2;
+export const LOSSLESS = 4;
+
+/** A WebSocket client of one stream. Frames are acknowledged at once unless acks is false. */
+export class Stream {
+  frames = [];
+  notes = [];
+  closed = null;
+  acks = true;
+  #calls = new Map();
+  #watchers = new Set();
+  #id = 0;
+  #seq = 0;
+
+  static async open(url, { session, acks = true, protocols = ['splatd.v1'], ...options } = {}) {
+    const stream = new Stream();
+    stream.session = session;
+    stream.acks = acks;
+    const socket = new WebSocket(url, protocols, options);
+    stream.socket = socket;
+    socket.on('message', (data, isBinary) => stream.#take(data, isBinary));
+    socket.on('close', (code, reason) => {
+      stream.closed = { code, reason: String(reason) };
+      for (const { reject } of stream.#calls.values()) reject(new Error(`closed with ${code} ${reason}`));
+      stream.#look();
+    });
+    socket.on('error', () => {});
+    const refused = once(socket, 'unexpected-response').then(([, answer]) => {
+      throw Object.assign(new Error(`status ${answer.statusCode}`), { status: answer.statusCode });
+    });
+    refused.catch(() => {});
+    await within(Promise.race([once(socket, 'open'), refused]), 'the stream to open');
+    return stream;
+  }
+
+  #look() {
+    for (const watcher of this.#watchers) watcher();
+  }
+
+  #take(data, isBinary) {
+    if (isBinary) {
+      const frame = decodeFrame(data);
+      this.frames.push(frame);
+      if (this.acks) this.ack(frame.frame);
+    } else {
+      const message = JSON.parse(String(data));
+      const call = this.#calls.get(message.id);
+      if (call) {
+        this.#calls.delete(message.id);
+        if (message.error) call.reject(Object.assign(new Error(message.error.message), message.error));
+        else call.resolve(message.result);
+      } else {
+        this.notes.push(message);
+      }
+    }
+    this.#look();
+  }
+
+  /** Resolves to what `condition()` gives once that is truthy. */
+  until(condition, what) {
+    const now = condition();
+    if (now) return Promise.resolve(now);
+    let watcher;
+    const met = new Promise((resolve, reject) => {
+      watcher = () => {
+        const value = condition();
+        if (value) resolve(value);
+        else if (this.closed) reject(new Error(`${what}: closed with ${this.closed.code} ${this.closed.reason}`));
+      };
+      this.#watchers.add(watcher);
+    });
+    return within(met, what).finally(() => this.#watchers.delete(watcher));
+  }
+
+  /** The first frame, from number `from` on, that fits. */
+  frame(fits, what, from = 0) {
+    return this.until(() => this.frames.slice(from).find(fits), what);
+  }
+
+  final(seq = 0) {
+    return this.frame((f) => (f.flags & FINAL) && f.seq === seq, `the final frame of seq ${seq}`);
+  }
+
+  note(method, fits = () => true) {
+    return this.until(() => this.notes.find((n) => n.method === method && fits(n.params)), `the notification ${method}`);
+  }
+
+  send(text) {
+    this.socket.send(text);
+  }
+
+  call(method, params = {}) {
+    const id = ++this.#id;
+    const answer = new Promise((resolve, reject) => this.#calls.set(id, { resolve, reject }));
+    this.send(JSON.stringify({ jsonrpc: '2.0', id, method, params }));
+    return within(answer, `the answer to ${method}`);
+  }
+
+  notify(method, params) {
+    this.send(JSON.stringify({ jsonrpc: '2.0', method, params }));
+  }
+
+  ack(frame) {
+    if (this.socket.readyState === WebSocket.OPEN) this.notify('stream.ack', { frame });
+  }
+
+  update(patch, seq = ++this.#seq) {
+    this.#seq = seq;
+    return this.call('view.update', { seq, patch });
+  }
+
+  async end() {
+    if (!this.closed) this.socket.close();
+    return this.until(() => this.closed, 'the close');
+  }
+}
+
+/** The camera of a view, turned a little: every step is another picture. */
+export function turned(view, step) {
+  const [x, y, z] = view.camera.position;
+  return { camera: { ...view.camera, position: [x + step * 0.01, y, z] } };
+}
+
+/** A plain TCP connection that remembers all bytes it got. */
+export class Raw {
+  bytes = Buffer.alloc(0);
+  ended = false;
+  #watchers = new Set();
+
+  static async connect(port) {
+    const raw = new Raw();
+    raw.socket = net.connect(port, '127.0.0.1');
+    const gone = () => { raw.ended = true; raw.#look(); };
+    raw.socket.on('data', (data) => { raw.bytes = Buffer.concat([raw.bytes, data]); raw.#look(); });
+    raw.socket.on('end', gone).on('close', gone).on('error', gone);
+    await within(once(raw.socket, 'connect'), 'a TCP connection');
+    return raw;
+  }
+
+  #look() {
+    for (const watcher of this.#watchers) watcher();
+  }
+
+  write(data) {
+    this.socket.write(data);
+  }
+
+  until(condition, what) {
+    const now = condition();
+    if (now) return Promise.resolve(now);
+    let watcher;
+    const met = new Promise((resolve, reject) => {
+      watcher = () => {
+        const value = condition();
+        if (value) resolve(value);
+        else if (this.ended) reject(new Error(`${what}: the connection ended after ${this.bytes.length} bytes`));
+      };
+      this.#watchers.add(watcher);
+    });
+    return within(met, what).finally(() => this.#watchers.delete(watcher));
+  }
+
+  text() {
+    return this.bytes.toString('latin1');
+  }
+
+  destroy() {
+    this.socket.destroy();
+  }
+
+  /** A WebSocket handshake by hand; from then on frames() are the server's. */
+  static async webSocket(daemon, session, { extra = Buffer.alloc(0) } = {}) {
+    const raw = await Raw.connect(daemon.port);
+    const target = new URL(daemon.streamUrl(session));
+    raw.write(Buffer.concat([Buffer.from(
+      `GET ${target.pathname}${target.search} HTTP/1.1\r\nHost: 127.0.0.1:${daemon.port}\r\nUpgrade: websocket\r\n`
+      + 'Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n'), extra]));
+    await raw.until(() => raw.text().includes('\r\n\r\n'), 'the handshake');
+    if (!raw.text().startsWith('HTTP/1.1 101')) throw new Error(raw.text());
+    if (!raw.text().includes('s3pPLMBiTxaQ9kYGzzhZRbK+xOo=')) throw new Error('wrong Sec-WebSocket-Accept');
+    raw.start = raw.bytes.indexOf('\r\n\r\n') + 4;
+    return raw;
+  }
+
+  /** Whole frames received so far: [{opcode, payload}]. */
+  frames() {
+    const list = [];
+    for (let at = this.start; at + 2 <= this.bytes.length;) {
+      let size = this.bytes[at + 1] & 127;
+      let head = 2;
+      if (size === 126 && at + 4 <= this.bytes.length) [size, head] = [this.bytes.readUInt16BE(at + 2), 4];
+      else if (size === 127 && at + 10 <= this.bytes.length) [size, head] = [Number(this.bytes.readBigUInt64BE(at + 2)), 10];
+      else if (size > 125) break;
+      if (at + head + size > this.bytes.length) break;
+      list.push({ opcode: this.bytes[at] & 15, payload: this.bytes.subarray(at + head, at + head + size) });
+      at += head + size;
+    }
+    return list;
+  }
+
+  /** The code of the server's close frame. */
+  async closeCode() {
+    const close = await this.until(() => this.frames().find((f) => f.opcode === 8), 'a close frame');
+    return close.payload.readUInt16BE(0);
+  }
+
+  /** The answer with this id. */
+  async answer(id) {
+    return this.until(() => this.frames().filter((f) => f.opcode === 1).map((f) => JSON.parse(String(f.payload)))
+      .find((m) => m.id === id), `an answer with id ${id}`);
+  }
+}
+
+/** One frame as a client must send it: masked. */
+export function clientFrame(opcode, payload, { fin = true, rsv = 0, masked = true } = {}) {
+  const data = Buffer.from(payload);
+  const head = [(fin ? 0x80 : 0) | (rsv << 4) | opcode];
+  const bit = masked ? 0x80 : 0;
+  if (data.length < 126) head.push(bit | data.length);
+  else if (data.length < 65536) head.push(bit | 126, data.length >> 8, data.length & 255);
+  else {
+    const size = Buffer.alloc(8);
+    size.writeBigUInt64BE(BigInt(data.length));
+    head.push(bit | 127, ...size);
+  }
+  if (!masked) return Buffer.concat([Buffer.from(head), data]);
+  const mask = [0x12, 0x34, 0x56, 0x78];
+  return Buffer.concat([Buffer.from([...head, ...mask]), data.map((byte, i) => byte ^ mask[i & 3])]);
+}

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clients that vanish, stall or send rubbish. Each test ends by showing that a well-behaved client is served.
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { once } from 'node:events';
+import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { clientFrame, Daemon, Raw, within } from './harness.mjs';
+
+let daemon;
+before(async () => {
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--message-size', '64K', '--header-time', '0.5',
+    '--ping-time', '1', '--stall-time', '2', '--connections', '200', '--connections-per-address', '150']);
+  await daemon.loaded('engine');
+});
+after(async () => assert.equal(await daemon.stop(), 0));
+
+async function othersAreServed() {
+  const stream = await daemon.stream();
+  await stream.update({ background: [1, 0, 0, 1] }, 5);
+  await stream.final(5);
+  await stream.end();
+}
+
+const masked = (text) => clientFrame(1, text);
+const ping = (id) => masked(JSON.stringify({ jsonrpc: '2.0', id, method: 'ping' }));
+
+test('frames against the protocol are closed with its codes', async () => {
+  const session = await daemon.session();
+  const cases = [
+    ['reserved bits', clientFrame(1, '{}', { rsv: 4 }), 1002],
+    ['not masked', clientFrame(1, '{}', { masked: false }), 1002],
+    ['an unknown opcode', clientFrame(3, 'x'), 1002],
+    ['a continuation of nothing', clientFrame(0, 'x'), 1002],
+    ['a fragmented ping', clientFrame(9, 'x', { fin: false }), 1002],
+    ['a ping over 125 bytes', clientFrame(9, 'x'.repeat(126)), 1002],
+    ['a message within a message', Buffer.concat([clientFrame(1, '{', { fin: false }), clientFrame(1, '}')]), 1002],
+    ['text that is not UTF-8', clientFrame(1, Buffer.from([0xc3, 0x28])), 1007],
+    ['a surrogate in UTF-8', clientFrame(1, Buffer.from([0xed, 0xa0, 0x80])), 1007],
+    ['a binary message', clientFrame(2, 'x'), 1003],
+    ['a message over the limit', clientFrame(1, 'x'.repeat(65537)), 1009],
+    ['fragments over the limit', Buffer.concat([clientFrame(1, 'x'.repeat(40000), { fin: false }), clientFrame(0, 'x'.repeat(40000))]), 1009],
+    ['too many fragments', Buffer.concat([clientFrame(1, 'x', { fin: false }), ...Array(1100).fill(clientFrame(0, 'x', { fin: false }))]), 1009],
+    ['a close with a wrong code', clientFrame(8, Buffer.from([0x03, 0xed])), 1002],
+  ];
+  for (const [what, bytes, code] of cases) {
+    const raw = await Raw.webSocket(daemon, session);
+    raw.write(bytes);
+    assert.equal(await raw.closeCode(), code, what);
+    // The server ends the connection, too, whatever the client does.
+    await raw.until(() => raw.ended, `the end after ${what}`);
+    raw.destroy();
+  }
+  await othersAreServed();
+});
+
+test('a length that is a lie does not make the daemon wait or allocate', async () => {
+  const raw = await Raw.webSocket(daemon, await daemon.session());
+  raw.write(Buffer.from([0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4]));
+  assert.equal(await raw.closeCode(), 1009);
+  raw.destroy();
+  await othersAreServed();
+});
+
+test('text that is no request is answered, and the stream stays open', async () => {
+  const raw = await Raw.webSocket(daemon, await daemon.session());
+  for (const text of ['', '{', 'null', '[[[[[[[[', '{"jsonrpc":"1.0"}', '{"jsonrpc":"2.0","method":5,"id":1}', '[]', '{"a":1,"a":2}',
+    '['.repeat(1000), '"\\ud800"', '1e999', '{"jsonrpc":"2.0","id":[],"method":"ping"}']) raw.write(masked(text));
+  raw.write(ping(99));
+  await raw.answer(99);
+  const errors = raw.frames().filter((f) => f.opcode === 1).map((f) => JSON.parse(String(f.payload))).filter((m) => m.error);
+  assert.equal(errors.length, 12);
+  assert.ok(errors.every((m) => [-32700, -32600].includes(m.error.code)), JSON.stringify(errors));
+  raw.destroy();
+});
+
+test('a message in many pieces, byte by byte, and bytes sent before the handshake was answered', async () => {
+  const session = await daemon.session();
+  const raw = await Raw.webSocket(daemon, session, { extra: ping('early') });
+  await raw.answer('early');
+  const text = JSON.stringify({ jsonrpc: '2.0', id: 'é', method: 'ping' });
+  const bytes = Buffer.from(text);
+  raw.write(clientFrame(1, bytes.subarray(0, 24), { fin: false }));
+  raw.write(clientFrame(9, 'between'));
+  for (const [i, byte] of [...bytes.subarray(24)].entries()) {
+    raw.write(clientFrame(0, [byte], { fin: i === bytes.length - 25 }));
+  }
+  await raw.answer('é');
+  assert.ok(raw.frames().some((f) => f.opcode === 10 && String(f.payload) === 'between'), 'the ping in between was answered');
+  for (const byte of ping('slow')) raw.write(Buffer.from([byte]));
+  await raw.answer('slow');
+  raw.destroy();
+});
+
+test('a client that never reads is dropped with a word in the log, and costs nobody a frame', async () => {
+  const session = await daemon.session();
+  const raw = await Raw.webSocket(daemon, session);
+  raw.socket.pause();
+  // Asks for the view again and again without reading the answers, until the daemon stops reading.
+  const text = masked(JSON.stringify({ jsonrpc: '2.0', id: 1, method: 'view.get' }));
+  const flood = Buffer.concat(Array(2000).fill(text));
+  for (let i = 0; i < 20 && raw.socket.write(flood); i++);
+  raw.socket.on('error', () => {});
+  const lively = await daemon.stream({ session });
+  for (let i = 1; i <= 20; i++) {
+    await lively.update({ background: [i / 20, 0, 0, 1] }, i);
+    await lively.frame((f) => f.seq >= i, `frame ${i}`);
+  }
+  await daemon.untilLogged('it took no data for 2.0 s (--stall-time)');
+  raw.destroy();
+  await lively.end();
+  await othersAreServed();
+});
+
+test('a client that reads but never acknowledges is told why it is dropped', async () => {
+  const stream = await daemon.stream({ acks: false });
+  const { code, reason } = await stream.until(() => stream.closed, 'the close');
+  assert.equal(code, 1008);
+  assert.match(reason, /slow reader.*--stall-time/);
+});
+
+test('a silent peer is pinged, then dropped', async () => {
+  const session = await daemon.session();
+  const raw = await Raw.webSocket(daemon, session);
+  await raw.until(() => raw.frames().some((f) => f.opcode === 9), 'a ping');
+  // Acknowledging frames but nothing else would keep it alive; this one says nothing at all.
+  await raw.until(() => raw.ended, 'the end');
+  raw.destroy();
+});
+
+test('a client that is killed disturbs nobody', async () => {
+  const session = await daemon.session();
+  const stream = await daemon.stream({ session });
+  const script = `
+    import WebSocket from ${JSON.stringify(import.meta.resolve ? String(await import.meta.resolve('ws')) : 'ws')};
+    const socket = new WebSocket(${JSON.stringify(daemon.streamUrl(session))}, ['splatd.v1']);
+    socket.on('message', (data, isBinary) => {
+      if (!isBinary) return;
+      socket.send(JSON.stringify({ jsonrpc: '2.0', method: 'stream.ack', params: { frame: data.readUInt32LE(8) } }));
+      console.log('frame');
+    });`;
+  const child = spawn(process.execPath, ['--input-type=module', '-e', script],
+    { stdio: ['ignore', 'pipe', 'inherit'], cwd: fileURLToPath(new URL('.', import.meta.url)) });
+  await within(once(child.stdout, 'data'), 'the other client to see a frame');
+  await stream.note('session.participants', (p) => p.participants.length === 2);
+  const from = stream.notes.length;
+  child.kill('SIGKILL');
+  await stream.until(() => stream.notes.slice(from).some((n) => n.method === 'session.participants' && n.params.participants.length === 1),
+    'word that it is gone');
+  await stream.update({ background: [0, 0, 1, 1] }, 3);
+  await stream.final(3);
+  await stream.end();
+});
+
+test('garbage on the port', async () => {
+  const noise = Buffer.from(Array.from({ length: 4096 }, (_, i) => (i * 7919 + 13) & 255));
+  for (const bytes of [noise, Buffer.alloc(1000), Buffer.from('\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03', 'latin1'),
+    Buffer.from('GET / HTTP/9.9\r\n\r\n'), Buffer.from('GET\r\n\r\n'), Buffer.from(`GET /${'a'.repeat(100000)} HTTP/1.1\r\n\r\n`),
+    Buffer.from(`GET / HTTP/1.1\r\nHost: x\r\n${'X-Y: z\r\n'.repeat(20000)}\r\n`),
+    Buffer.from('POST /api/v1/render HTTP/1.1\r\nHost: x\r\nContent-Length: -5\r\n\r\n'),
+    Buffer.from('POST /api/v1/render HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\nZZZ\r\n')]) {
+    const raw = await Raw.connect(daemon.port);
+    raw.socket.on('error', () => {});
+    raw.write(bytes);
+    raw.socket.end();
+    await raw.until(() => raw.ended, 'the end');
+    assert.ok(!raw.text().startsWith('HTTP/1.1 2') || bytes.includes('HTTP/9.9'), raw.text().slice(0, 100));
+    raw.destroy();
+  }
+  await othersAreServed();
+});
+
+test('a client that sends its header a byte at a time is cut off', async () => {
+  const raw = await Raw.connect(daemon.port);
+  const text = `GET /healthz HTTP/1.1\r\nHost: ${'x'.repeat(10000)}`;
+  let at = 0;
+  const timer = setInterval(() => { if (at < text.length) raw.write(text[at++]); }, 20);
+  await raw.until(() => raw.ended, 'the end').finally(() => clearInterval(timer));
+  assert.ok(at < text.length);
+  raw.destroy();
+  await othersAreServed();
+});
+
+test('over the limits of connections everybody gets an answer at once', async () => {
+  // 100 streams at a time work; they all see the same view.
+  const session = await daemon.session();
+  const sessions = [session, ...await Promise.all(Array.from({ length: 3 }, () => daemon.session()))];
+  const streams = await Promise.all(Array.from({ length: 100 }, (_, i) => daemon.stream({ session: sessions[i % 4] })));
+  await Promise.all(streams.map((s) => s.frame(() => true, 'a frame')));
+  const more = await Promise.all(Array.from({ length: 60 }, () => Raw.connect(daemon.port)));
+  for (const raw of more) raw.write('GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n');
+  await Promise.all(more.map((raw) => raw.until(() => raw.text().includes('\r\n\r\n'), 'an answer')));
+  const refused = more.filter((raw) => raw.text().startsWith('HTTP/1.1 429'));
+  assert.ok(refused.length >= 10, `${refused.length} were refused`);
+  assert.match(refused[0].text(), /--connections-per-address/);
+  assert.match(refused[0].text(), /Retry-After: 1/);
+  for (const raw of more) raw.destroy();
+  await Promise.all(streams.map((s) => s.end()));
+  await othersAreServed();
+});

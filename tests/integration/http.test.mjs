@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every route of the HTTP interface: what it gives, and how it refuses.
+import assert from 'node:assert/strict';
+import { mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { Daemon, Raw } from './harness.mjs';
+
+let daemon;
+let folder;
+
+/** A small NRRD of 4×4×4 bytes. */
+function nrrd(voxels = Buffer.from([...Array(64).keys()])) {
+  return Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n'), voxels]);
+}
+
+before(async () => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatd-data-'));
+  mkdirSync(path.join(folder, 'data'));
+  writeFileSync(path.join(folder, 'data', 'cube.nrrd'), nrrd());
+  writeFileSync(path.join(folder, 'data', 'short.nrrd'), nrrd(Buffer.alloc(10)));
+  writeFileSync(path.join(folder, 'data', 'rubbish.nrrd'), Buffer.from('\x00\xff\xfenot a volume'));
+  writeFileSync(path.join(folder, 'secret.nrrd'), nrrd());
+  symlinkSync('../secret.nrrd', path.join(folder, 'data', 'link.nrrd'));
+  writeFileSync(path.join(folder, 'data', 'lying.nrrd'),
+    'NRRD0004\ntype: double\ndimension: 3\nsizes: 4000 4000 4000\nencoding: raw\n\n');
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--data', path.join(folder, 'data'), '--memory', '64M']);
+  await daemon.loaded('engine');
+});
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  rmSync(folder, { recursive: true });
+});
+
+function isProblem({ status, headers, json }, expected, detail = /./) {
+  assert.equal(status, expected);
+  assert.equal(headers.get('content-type'), 'application/problem+json');
+  assert.equal(json.status, expected);
+  assert.ok(json.type && json.title);
+  assert.match(json.detail, detail);
+}
+
+test('health and readiness need no token', async () => {
+  const health = await daemon.json('/healthz', { token: null });
+  assert.deepEqual([health.status, health.json], [200, { status: 'ok' }]);
+  const ready = await daemon.json('/readyz', { token: null });
+  assert.equal(ready.status, 200);
+  assert.equal(ready.json.backend, 'null');
+  assert.deepEqual(ready.json.refused, []);
+});
+
+test('everything under /api needs the token, by header or query, and tells nothing without', async () => {
+  for (const target of ['/api/v1/volumes', '/api/v1/volumes/engine', '/api/v1/nothing', '/api/v1/openapi.yaml', '/api/v1/sessions/0']) {
+    const answer = await daemon.json(target, { token: null });
+    isProblem(answer, 401, /token/);
+    assert.match(answer.headers.get('www-authenticate'), /^Bearer/);
+  }
+  isProblem(await daemon.json('/api/v1/volumes', { token: `${daemon.token}0` }), 401);
+  isProblem(await daemon.json('/api/v1/volumes', { token: daemon.token.slice(1) }), 401);
+  assert.equal((await daemon.json(`/api/v1/volumes?token=${daemon.token}`, { token: null })).status, 200);
+});
+
+test('the page: types, policy, caching', async () => {
+  const page = await daemon.fetch('/', { token: null });
+  assert.equal(page.status, 200);
+  assert.equal(page.headers.get('content-type'), 'text/html; charset=utf-8');
+  assert.match(page.headers.get('content-security-policy'), /default-src 'none'/);
+  assert.equal(page.headers.get('x-content-type-options'), 'nosniff');
+  assert.equal(page.headers.get('cache-control'), 'no-cache');
+  const html = await page.text();
+  const etag = page.headers.get('etag');
+  const again = await daemon.fetch('/', { token: null, headers: { 'If-None-Match': etag } });
+  assert.deepEqual([again.status, await again.text()], [304, '']);
+  const links = [...html.matchAll(/(?:src|href)="([^":]+)"/g)].map((m) => m[1]);
+  assert.ok(links.length >= 3);
+  const types = { js: 'text/javascript; charset=utf-8', css: 'text/css; charset=utf-8', svg: 'image/svg+xml' };
+  for (const link of links) {
+    const file = await daemon.fetch(`/${link}`, { token: null });
+    assert.equal(file.status, 200, link);
+    assert.equal(file.headers.get('content-type'), types[link.split('.').pop()]);
+    assert.ok((await file.arrayBuffer()).byteLength > 0);
+  }
+  isProblem(await daemon.json('/nothing.js', { token: null }), 404);
+  isProblem(await daemon.json('/..%2f..%2fetc%2fpasswd', { token: null }), 404);
+});
+
+test('HEAD gives the headers of GET', async () => {
+  const head = await daemon.fetch('/api/v1/volumes', { method: 'HEAD' });
+  const get = await daemon.fetch('/api/v1/volumes');
+  assert.equal(head.status, 200);
+  assert.equal(head.headers.get('content-length'), String((await get.arrayBuffer()).byteLength));
+  assert.equal(await head.text(), '');
+});
+
+test('the contract is served', async () => {
+  const schema = await daemon.json('/api/v1/view.schema.json');
+  assert.equal(schema.status, 200);
+  assert.match(schema.json.$schema, /2020-12/);
+  const api = await daemon.fetch('/api/v1/openapi.yaml');
+  assert.equal(api.status, 200);
+  assert.match(await api.text(), /^openapi: "?3\.1/m);
+});
+
+test('other methods: 405 with Allow; other paths: 404', async () => {
+  const answer = await daemon.json('/api/v1/volumes/engine', { method: 'PUT' });
+  isProblem(answer, 405);
+  assert.deepEqual(answer.headers.get('allow').split(', ').sort(), ['DELETE', 'GET', 'HEAD']);
+  const head = await daemon.fetch('/api/v1/render', { method: 'HEAD' });
+  assert.equal(head.status, 405);
+  assert.equal(head.headers.get('allow'), 'POST');
+  isProblem(await daemon.json('/', { method: 'POST', token: null }), 405);
+  isProblem(await daemon.json('/api/v1/volume'), 404);
+  isProblem(await daemon.json('/api/v1/volumes/'), 404);
+  isProblem(await daemon.json('/api/v1/volumes/engine/'), 404);
+});
+
+test('volumes: list, one, its default view', async () => {
+  const { json } = await daemon.json('/api/v1/volumes');
+  const engine = json.volumes.find((v) => v.id === 'engine');
+  assert.equal(engine.state, 'ready');
+  assert.equal(engine.progress, 1);
+  assert.equal(engine.dims.length, 3);
+  assert.equal(engine.histogram, undefined);
+  const one = (await daemon.json('/api/v1/volumes/engine')).json;
+  assert.equal(one.histogram.counts.length, 256);
+  assert.equal(one.histogram.counts.reduce((a, b) => a + b), one.dims.reduce((a, b) => a * b));
+  assert.equal(one.memory.voxels, one.bytes);
+  const view = (await daemon.json('/api/v1/volumes/engine/view')).json;
+  assert.equal(view.volume, 'engine');
+  assert.deepEqual(view.size, [512, 512]);
+  isProblem(await daemon.json('/api/v1/volumes/nope'), 404, /nope/);
+  isProblem(await daemon.json('/api/v1/volumes/nope/view'), 404);
+});
+
+test('a volume is loaded once, shared, and unloaded when nobody uses it', async () => {
+  const first = await daemon.post('/api/v1/volumes', { path: 'cube.nrrd', id: 'cube', name: 'A cube' });
+  assert.equal(first.status, 202);
+  assert.equal(first.headers.get('location'), 'volumes/cube');
+  const loaded = await daemon.loaded('cube');
+  assert.equal(loaded.state, 'ready', loaded.reason);
+  assert.equal(loaded.name, 'A cube');
+  assert.deepEqual(loaded.dims, [4, 4, 4]);
+  const again = await daemon.post('/api/v1/volumes', { path: path.join(folder, 'data', 'cube.nrrd') });
+  assert.equal(again.status, 201);
+  assert.equal(again.json.id, 'cube');
+  isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:phantom?size=8', id: 'cube' }), 409, /belongs/);
+  const session = await daemon.session({ volume: 'cube' });
+  isProblem(await daemon.json('/api/v1/volumes/cube', { method: 'DELETE' }), 409, /in use/);
+  assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
+  assert.equal((await daemon.fetch('/api/v1/volumes/cube', { method: 'DELETE' })).status, 204);
+  isProblem(await daemon.json('/api/v1/volumes/cube', { method: 'DELETE' }), 404);
+});
+
+test('files outside the data folder are not there', async () => {
+  for (const file of ['../secret.nrrd', 'link.nrrd', '/etc/passwd', path.join(folder, 'secret.nrrd'), '../absent.nrrd', 'absent.nrrd']) {
+    isProblem(await daemon.post('/api/v1/volumes', { path: file }), 404, /below the data folder/);
+  }
+});
+
+test('files that are no volumes fail with a reason and can be tried again', async () => {
+  for (const [file, reason] of [['short', /./], ['rubbish', /./], ['lying', /./]]) {
+    assert.equal((await daemon.post('/api/v1/volumes', { path: `${file}.nrrd` })).status, 202);
+    const volume = await daemon.loaded(file);
+    assert.equal(volume.state, 'failed');
+    assert.match(volume.reason, reason);
+    isProblem(await daemon.json(`/api/v1/volumes/${file}/view`), 409, /failed/);
+    isProblem(await daemon.post('/api/v1/render', { volume: file }), 409, /failed/);
+    assert.equal((await daemon.post('/api/v1/volumes', { path: `${file}.nrrd` })).status, 202);
+    await daemon.loaded(file);
+    assert.equal((await daemon.fetch(`/api/v1/volumes/${file}`, { method: 'DELETE' })).status, 204);
+  }
+});
+
+test('a volume over the budget is refused with both numbers', async () => {
+  assert.equal((await daemon.post('/api/v1/volumes', { uri: 'demo:marschner-lobb?size=512', id: 'big' })).status, 202);
+  const volume = await daemon.loaded('big');
+  assert.equal(volume.state, 'failed');
+  assert.match(volume.reason, /needs \d{9,} bytes and \d+ of 67108864 are free/);
+});
+
+test('bodies that ask for no volume', async () => {
+  isProblem(await daemon.post('/api/v1/volumes', {}), 422);
+  isProblem(await daemon.post('/api/v1/volumes', { path: 'a', uri: 'demo:engine' }), 422);
+  isProblem(await daemon.post('/api/v1/volumes', { path: 3 }), 422);
+  isProblem(await daemon.post('/api/v1/volumes', { uri: 'http://example.org/x' }), 422, /demo/);
+  const unknown = await daemon.post('/api/v1/volumes', { path: 'a', what: 1 });
+  isProblem(unknown, 422);
+  assert.equal(unknown.json.pointer, '/what');
+  isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:engine', id: '../x' }), 422);
+  isProblem(await daemon.post('/api/v1/volumes', '[1]'), 422);
+  isProblem(await daemon.post('/api/v1/volumes', '{"path": '), 400);
+  isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:engine' }, { headers: { 'Content-Type': 'text/plain' } }), 415);
+});
+
+test('render: formats by Accept and by ?format=', async () => {
+  const render = (query = '', headers = {}) => daemon.fetch(`/api/v1/render${query}`, { method: 'POST', headers, body: null });
+  const magic = { 'image/jpeg': [0, 'ffd8'], 'image/png': [1, '504e47'], 'image/webp': [0, '52494646'], 'image/x-exr': [0, '762f3101'] };
+  for (const [query, accept, type] of [
+    ['', undefined, 'image/jpeg'], ['', '*/*', 'image/jpeg'], ['', 'image/png', 'image/png'],
+    ['', 'text/html, image/webp;q=0.9, image/png;q=0.5', 'image/webp'], ['', 'image/*;q=0.5, image/jpeg;q=0', 'image/png'],
+    ['?format=png', 'image/jpeg', 'image/png'], ['?format=exr', undefined, 'image/x-exr'], ['?format=webp', undefined, 'image/webp']]) {
+    const answer = await render(query, accept ? { Accept: accept } : {});
+    const bytes = Buffer.from(await answer.arrayBuffer());
+    assert.equal(answer.status, 200, `${query} ${accept}: ${bytes}`);
+    assert.equal(answer.headers.get('content-type'), type);
+    const [at, hex] = magic[type];
+    assert.equal(bytes.toString('hex', at, at + hex.length / 2), hex);
+    assert.ok(Number(answer.headers.get('x-render-time')) >= 0);
+    assert.equal(answer.headers.get('x-backend'), 'null');
+    assert.equal(answer.headers.get('x-splats'), '0');
+  }
+  isProblem(await daemon.post('/api/v1/render?format=gif', {}), 406, /image\/png/);
+  isProblem(await daemon.post('/api/v1/render', {}, { headers: { Accept: 'text/html', 'Content-Type': 'application/json' } }), 406);
+  isProblem(await daemon.post('/api/v1/render?quality=0', {}), 400, /quality/);
+  isProblem(await daemon.post('/api/v1/render?quality=9x', {}), 400, /quality/);
+});
+
+test('render: the ETag is that of the view, format and quality', async () => {
+  const tag = async (view, query = '?format=png', headers = {}) => {
+    const answer = await daemon.fetch(`/api/v1/render${query}`, {
+      method: 'POST', body: JSON.stringify(view), headers: { 'Content-Type': 'application/json', ...headers },
+    });
+    await answer.arrayBuffer();
+    return [answer.status, answer.headers.get('etag')];
+  };
+  const [, plain] = await tag({});
+  assert.match(plain, /^"[0-9a-f]{32}"$/);
+  assert.equal((await tag({ volume: 'engine', size: [512, 512] }))[1], plain, 'the same view, said otherwise');
+  assert.notEqual((await tag({ size: [512, 511] }))[1], plain);
+  assert.notEqual((await tag({}, '?format=jpeg'))[1], plain);
+  assert.notEqual((await tag({}, '?format=jpeg&quality=50'))[1], (await tag({}, '?format=jpeg&quality=51'))[1]);
+  assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': plain }), [304, plain]);
+  assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': `"x", ${plain}` }), [304, plain]);
+  assert.equal((await tag({}, '?format=png', { 'If-None-Match': '"x"' }))[0], 200);
+});
+
+test('render: wrong views name the place', async () => {
+  for (const [view, status, pointer] of [
+    [{ size: [0, 10] }, 422, /^\/size/], [{ camera: { fov_y: 1000 } }, 422, /^\/camera\/fov_y$/], [{ nonsense: 1 }, 422, /^\/nonsense$/],
+    [{ volume: 'nope' }, 422, /^\/volume$/], ['{"size": [1, 2', 400, /./], ['{"size": 1, "size": 2}', 400, /./], ['nonsense', 400, undefined]]) {
+    const answer = await daemon.post('/api/v1/render', view);
+    isProblem(answer, status);
+    if (pointer) assert.match(answer.json.pointer, pointer);
+  }
+  isProblem(await daemon.post('/api/v1/render', '"text"'), 422);
+  isProblem(await daemon.post('/api/v1/render', {}, { headers: { 'Content-Type': 'image/png' } }), 415);
+});
+
+test('sessions: create, look, fork, and what the tokens allow', async () => {
+  const created = await daemon.post('/api/v1/sessions', { view: { size: [64, 48] } });
+  assert.equal(created.status, 201);
+  const { id, tokens, view } = created.json;
+  assert.equal(created.headers.get('location'), `sessions/${id}`);
+  assert.ok(tokens.control.length >= 32 && tokens.view.length >= 32 && tokens.control !== tokens.view);
+  assert.deepEqual(view.size, [64, 48]);
+  const target = `/api/v1/sessions/${id}`;
+  assert.deepEqual((await daemon.json(target)).json.tokens, tokens);
+  const own = await daemon.json(target, { token: tokens.view });
+  assert.equal(own.status, 200);
+  assert.equal(own.json.tokens, undefined);
+  isProblem(await daemon.json(target, { token: null }), 401);
+  isProblem(await daemon.json(target, { token: 'wrong' }), 401);
+  const patch = (token) => daemon.json(target, { token, method: 'PATCH', body: '{"view":{"size":[10,10]}}', headers: { 'Content-Type': 'application/json' } });
+  isProblem(await patch(tokens.view), 403);
+  assert.deepEqual((await patch(tokens.control)).json.view.size, [10, 10]);
+  isProblem(await daemon.json(target, { method: 'DELETE', token: tokens.control }), 401);
+  const fork = await daemon.post('/api/v1/sessions', { from: id });
+  assert.equal(fork.status, 201);
+  assert.deepEqual(fork.json.view.size, [10, 10]);
+  assert.notEqual(fork.json.id, id);
+  isProblem(await daemon.post('/api/v1/sessions', { from: 'nope' }), 422);
+  isProblem(await daemon.post('/api/v1/sessions', { from: id, view: {} }), 422);
+  const wrong = await daemon.post('/api/v1/sessions', { view: { camera: { up: [0, 0, 0] } } });
+  isProblem(wrong, 422);
+  assert.equal(wrong.json.pointer, '/view/camera/up');
+  isProblem(await daemon.post('/api/v1/sessions', { view: 7 }), 422);
+  isProblem(await daemon.post('/api/v1/sessions', { what: 7 }), 422);
+  isProblem(await daemon.json('/api/v1/sessions/nope', { method: 'DELETE' }), 404);
+  const plain = await daemon.json(`${target}/stream`);
+  isProblem(plain, 426);
+  assert.equal(plain.headers.get('upgrade'), 'websocket');
+});
+
+test('bodies over the limit: 413, by their announcement and by counting', async () => {
+  const large = 'x'.repeat((1 << 20) + 1);
+  isProblem(await daemon.post('/api/v1/render', large), 413);
+  const raw = await Raw.connect(daemon.port);
+  raw.write(`POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\nTransfer-Encoding: chunked\r\n\r\n`);
+  for (let i = 0; i < 17; i++) raw.write(`10000\r\n${'y'.repeat(65536)}\r\n`);
+  raw.write('0\r\n\r\n');
+  await raw.until(() => raw.text().startsWith('HTTP/1.1 413') && raw.text().includes('--body-size'), '413');
+  raw.destroy();
+  const polite = await Raw.connect(daemon.port);
+  polite.write(`POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\nContent-Length: 9999999\r\nExpect: 100-continue\r\n\r\n`);
+  await polite.until(() => polite.text().startsWith('HTTP/1.1 413'), '413 instead of 100');
+  polite.destroy();
+});

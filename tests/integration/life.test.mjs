@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// Starting, limits, failing renders, and stopping.
+import assert from 'node:assert/strict';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { Daemon, Raw, runToEnd, Stream, within } from './harness.mjs';
+
+let folder;
+before(() => { folder = mkdtempSync(path.join(tmpdir(), 'splatd-life-')); });
+after(() => rmSync(folder, { recursive: true }));
+
+function file(name, text) {
+  const at = path.join(folder, name);
+  writeFileSync(at, text);
+  return at;
+}
+
+test('--help, --version, --print-config', async () => {
+  const help = await runToEnd(['--help']);
+  assert.equal(help.status, 0);
+  for (const text of ['--listen', '--token-file', '--render-queue', 'demo:NAME', 'null']) assert.ok(help.out.includes(text), text);
+  const version = await runToEnd(['--version']);
+  assert.match(version.out, /^splatd \d+\.\d+\.\d+\n$/);
+  const printed = await runToEnd(['--memory', '3G', '--volume', 'demo:engine', '--print-config']);
+  assert.match(printed.out, /^memory = 3G$/m);
+  // What it prints, it reads.
+  const again = await runToEnd(['--config', file('printed', printed.out), '--print-config']);
+  assert.equal(again.out, printed.out);
+});
+
+test('wrong use: status 2, and what is wrong', async () => {
+  for (const [args, text] of [
+    [['--nonsense'], /^splatd: --nonsense: unknown option/], [['--threads'], /^splatd: --threads: needs a value/],
+    [['--threads', 'many'], /whole number in \[0, 256\]/], [['--memory', '1Q'], /^splatd: --memory: .*size/],
+    [['volume.nrrd'], /^splatd: volume.nrrd: unexpected argument/], [['--listen', 'nowhere'], /ADDRESS:PORT/],
+    [['--listen', '0.0.0.0:0'], /--token-file.*TLS/], [['--backend', 'abacus', '--listen', '127.0.0.1:0'], /abacus/],
+    [['--config', file('bad', '# fine\nlisten = 127.0.0.1:0\nnonsense = 1\n')], /bad:3: there is no setting 'nonsense'/],
+    [['--log-level', 'loud'], /--log-level/], [['--token-file', file('short', 'abc\n'), '--listen', '127.0.0.1:0'], /16 to 128/]]) {
+    const { status, out, err } = await runToEnd(args);
+    assert.equal(status, 2, `${args}: ${err}`);
+    assert.equal(out, '');
+    assert.match(err.trim().split('\n').at(-1), text);
+  }
+  const absent = await runToEnd(['--listen', '127.0.0.1:0', '--volume', '/nonexistent.nrrd']);
+  assert.equal(absent.status, 1);
+  assert.match(absent.err, /splatd: \/nonexistent.nrrd: cannot open/);
+  assert.equal((await runToEnd(['--config', '/nonexistent'])).status, 1);
+});
+
+test('a port in use is named', async () => {
+  const daemon = await Daemon.start([]);
+  const second = await runToEnd(['--listen', `127.0.0.1:${daemon.port}`, '--backend', 'null']);
+  assert.equal(second.status, 1);
+  assert.match(second.err, new RegExp(`splatd: 127.0.0.1:${daemon.port}: the port is in use`));
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('a token from a file is used and not printed', async () => {
+  const token = 'a-token-of-a-file-0123456789';
+  const daemon = await Daemon.start(['--token-file', file('token', `${token}\n`)]);
+  assert.ok(!daemon.out.includes(token) && !daemon.log.includes(token));
+  assert.equal((await daemon.json('/api/v1/volumes', { token })).status, 200);
+  assert.equal((await daemon.json('/api/v1/volumes', { token: 'another' })).status, 401);
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('an empty daemon says so', async () => {
+  const daemon = await Daemon.start([]);
+  assert.equal((await daemon.json('/readyz', { token: null })).status, 200);
+  const { status, json } = await daemon.post('/api/v1/sessions', {});
+  assert.equal(status, 422);
+  assert.match(json.detail, /no volume is loaded/);
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('limits: sessions, participants, the render queue; idle sessions end', async () => {
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--sessions', '2', '--participants', '2',
+    '--session-time', '0.3', '--render-queue', '1', '--encode-threads', '1']);
+  await daemon.loaded('engine');
+  const session = await daemon.session();
+  const streams = [await daemon.stream({ session }), await daemon.stream({ session })];
+  const third = await Stream.open(daemon.streamUrl(session));
+  await third.until(() => third.closed, 'the refusal');
+  await daemon.untilLogged('--participants allows 2');
+  await daemon.session();
+  const { status, headers, json } = await daemon.post('/api/v1/sessions', {});
+  assert.equal(status, 503);
+  assert.equal(headers.get('retry-after'), '1');
+  assert.match(json.detail, /--sessions allows 2/);
+  await daemon.untilLogged('ended: nobody joined');
+  assert.equal((await daemon.post('/api/v1/sessions', {})).status, 201);
+  // Large PNG frames keep the one encoder busy: of many at once some must be refused, none may hang.
+  const answers = await Promise.all(Array.from({ length: 16 }, (_, i) => daemon.post('/api/v1/render?format=png', '', {
+    body: JSON.stringify({ size: [1500, 1500 + i] }),
+  }).catch((e) => (e instanceof SyntaxError ? { status: 200 } : Promise.reject(e)))));
+  const statuses = answers.map((a) => a.status);
+  assert.ok(statuses.includes(200) && statuses.includes(503), `${statuses}`);
+  assert.ok(statuses.every((s) => s === 200 || s === 503), `${statuses}`);
+  await Promise.all(streams.map((s) => s.end()));
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('a view that the backend cannot draw is refused with what it can; the session goes on', async () => {
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--threads', '2'], { backend: 'cpu' });
+  await daemon.loaded('engine');
+  const wrong = { primitive: { type: 'vector' } };
+  const answer = await daemon.post('/api/v1/render', wrong);
+  assert.equal(answer.status, 422);
+  assert.equal(answer.json.pointer, '/primitive/type');
+  const stream = await daemon.stream({ session: await daemon.session({ size: [64, 64] }) });
+  await assert.rejects(stream.update(wrong), (e) => e.code === -32001 && e.data.pointer === '/primitive/type');
+  await stream.update({ background: [1, 1, 1, 1] }, 8);
+  await stream.final(8);
+  await stream.end();
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('a render that fails is an error of its session, never the end of the daemon', async (t) => {
+  // Too little address space for a frame of 8192 by 8192.
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--memory', '64M'],
+    { prefix: ['bash', '-c', 'ulimit -v 700000; exec "$@"', 'bash'] }).catch((error) => error);
+  if (daemon instanceof Error && /Sanitizer|shadow/.test(daemon.message)) {
+    t.skip('a sanitizer needs the address space');
+    return;
+  }
+  await daemon.loaded('engine');
+  const large = await daemon.post('/api/v1/render', { size: [8192, 8192] });
+  assert.equal(large.status, 503);
+  assert.match(large.json.detail, /memory/);
+  const session = await daemon.session({ size: [64, 64] });
+  const [small, huge] = [await daemon.stream({ session }), await daemon.stream({ session })];
+  await huge.call('stream.configure', { size: [8192, 8192], progressive: false });
+  const { params } = await huge.note('render.error');
+  assert.match(params.message, /memory/);
+  assert.ok(params.code < 0);
+  await small.update({ background: [1, 1, 1, 1] }, 8);
+  await small.final(8);
+  await huge.call('stream.configure', { size: [32, 32] });
+  await huge.frame((f) => f.width === 32, 'a frame again');
+  await Promise.all([small.end(), huge.end()]);
+  assert.equal(await daemon.stop(), 0);
+});
+
+for (const signal of ['SIGTERM', 'SIGINT']) {
+  test(`${signal} drains: clients are told, renders under way are finished, status 0`, async () => {
+    const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--volume', 'demo:marschner-lobb?size=400']);
+    await daemon.loaded('engine');
+    const stream = await daemon.stream();
+    await stream.final(0);
+    const raw = await Raw.connect(daemon.port);
+    const body = JSON.stringify({ volume: 'engine', size: [2000, 2000] });
+    raw.write(`POST /api/v1/render?format=png HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n`
+      + `Content-Length: ${body.length + 1}\r\n\r\n${body}`);
+    // The request is under way, but lacks its last byte until the daemon said that it is shutting down.
+    await stream.call('ping');
+    const { json } = await daemon.json('/healthz');
+    assert.equal(json.status, 'ok');
+    daemon.kill(signal);
+    await stream.note('server.draining');
+    raw.write(' ');
+    await raw.until(() => raw.text().includes('\r\n\r\n'), 'the answer');
+    assert.match(raw.text(), /^HTTP\/1.1 200/);
+    const size = Number(/Content-Length: (\d+)/.exec(raw.text())[1]);
+    await raw.until(() => raw.bytes.length === raw.bytes.indexOf('\r\n\r\n') + 4 + size, 'all of the picture');
+    const { code } = await stream.until(() => stream.closed, 'the close');
+    assert.equal(code, 1001);
+    assert.equal(await within(daemon.ended, 'the end'), 0);
+    assert.match(daemon.log, /stopped/);
+    await assert.rejects(Raw.connect(daemon.port));
+  });
+}
+
+test('a second signal ends at once', async () => {
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--drain-time', '500']);
+  await daemon.loaded('engine');
+  const raw = await Raw.connect(daemon.port);
+  raw.write(`POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\nContent-Length: 100\r\n\r\n{`);
+  await daemon.json('/healthz');
+  const stream = await daemon.stream();
+  daemon.kill('SIGTERM');
+  await stream.note('server.draining');
+  daemon.kill('SIGTERM');
+  assert.equal(await within(daemon.ended, 'the end'), 1);
+  raw.destroy();
+});
+
+test('the first picture of a built-in volume', async () => {
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=32'], { backend: 'auto' });
+  await daemon.loaded('engine');
+  const answer = await daemon.fetch('/api/v1/render?format=png', { method: 'POST', body: '{"size": [96, 96]}', headers: { 'Content-Type': 'application/json' } });
+  assert.equal(answer.status, 200);
+  assert.ok(Number(answer.headers.get('x-splats')) > 0);
+  assert.ok((await answer.arrayBuffer()).byteLength > 500);
+  assert.equal(await daemon.stop(), 0);
+});
+

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streams: views in, frames out, flow control, roles.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, FINAL, LOSSLESS, Stream, turned } from './harness.mjs';
+
+let daemon;
+before(async () => {
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=24', '--stall-time', '300']);
+  await daemon.loaded('engine');
+  await daemon.loaded('phantom');
+});
+after(async () => assert.equal(await daemon.stop(), 0));
+
+test('a client that joins gets its first picture, then one of final quality at full size', async () => {
+  const stream = await daemon.stream();
+  const final = await stream.final(0);
+  assert.deepEqual([final.width, final.height], [512, 512]);
+  assert.equal(final.codec, 1);
+  assert.equal(final.payload.readUInt16BE(0), 0xffd8);
+  assert.equal(stream.frames[0].frame, 1);
+  assert.ok(stream.frames.every((f, i) => f.frame === i + 1), 'frames are numbered without gaps');
+  const stats = await stream.note('stream.stats');
+  assert.equal(stats.params.backend, 'null');
+  await stream.end();
+});
+
+test('an update is answered, shown with its seq, and refined', async () => {
+  const stream = await daemon.stream();
+  assert.deepEqual(await stream.update({ background: [1, 0, 0, 1] }, 7), { seq: 7 });
+  await stream.frame((f) => f.seq === 7, 'a frame of seq 7');
+  await stream.final(7);
+  const { view, seq } = await stream.call('view.get');
+  assert.deepEqual(view.background, [1, 0, 0, 1]);
+  assert.equal(seq, 7);
+  await stream.end();
+});
+
+test('of a burst of updates the last frame shows the last one, and not each gets a frame', async () => {
+  const stream = await daemon.stream();
+  const answers = [];
+  const count = 400;
+  for (let i = 1; i <= count; i++) answers.push(stream.update(turned(stream.session.view, i), i));
+  await Promise.all(answers);
+  await stream.final(count);
+  const last = stream.frames.at(-1);
+  assert.equal(last.seq, count);
+  assert.ok(stream.frames.length < count / 2, `${stream.frames.length} frames for ${count} updates`);
+  const order = stream.frames.map((f) => f.seq);
+  assert.deepEqual(order, [...order].sort((a, b) => a - b), 'never an older view after a newer one');
+  await stream.end();
+});
+
+test('during a long drag frames keep coming', async () => {
+  const stream = await daemon.stream();
+  // As fast as the answers come, so that there is always a newer view, until a number of frames has been seen.
+  let seq = 0;
+  while (stream.frames.length < 12) {
+    seq += 1;
+    await stream.update(turned(stream.session.view, seq), seq);
+  }
+  await stream.final(seq);
+  await stream.end();
+});
+
+test('who withholds acknowledgements gets two frames, and the others go on', async () => {
+  const session = await daemon.session();
+  const stalled = await daemon.stream({ session, acks: false });
+  const lively = await daemon.stream({ session });
+  for (let i = 1; i <= 60; i++) {
+    await lively.update(turned(session.view, i), i);
+    await lively.frame((f) => f.seq >= i, `a frame of ${i}`);
+  }
+  await lively.final(60);
+  // Its answer comes after everything that was sent to it before.
+  await stalled.call('ping');
+  assert.equal(stalled.frames.length, 2);
+  stalled.acks = true;
+  stalled.ack(2);
+  const last = await stalled.frame((f) => f.flags & FINAL, 'the final frame', 2);
+  assert.equal(last.seq, 0, 'it made no update of its own');
+  await Promise.all([stalled.end(), lively.end()]);
+});
+
+test('the window follows the round trip', async () => {
+  const stream = await daemon.stream({ acks: false });
+  await stream.call('stream.configure', { max_fps: 120, progressive: false, size: [16, 16] });
+  // Acknowledges each frame late, by many frames' time: the window must open beyond the first two.
+  let seq = 0;
+  let acked = 0;
+  let most = 0;
+  const started = performance.now();
+  while (most < 4 && performance.now() - started < 30000) {
+    seq += 1;
+    await stream.update(turned(stream.session.view, seq), seq);
+    most = Math.max(most, stream.frames.length - acked);
+    for (const frame of stream.frames.slice(acked)) frame.at ??= performance.now();
+    const oldest = stream.frames[acked];
+    if (oldest && performance.now() - oldest.at > 400) stream.ack(stream.frames[acked++].frame);
+  }
+  assert.ok(most >= 4, `at most ${most} frames were on their way`);
+  await stream.end();
+});
+
+test('two clients of one size share a picture; each sees its own seq', async () => {
+  const session = await daemon.session();
+  const [a, b] = await Promise.all([daemon.stream({ session }), daemon.stream({ session })]);
+  await a.update({ background: [0, 1, 0, 1] }, 41);
+  await b.update({ background: [0, 0, 1, 1] }, 17);
+  const [x, y] = await Promise.all([
+    a.frame((f) => (f.flags & FINAL) && f.seq === 41 && a.notes.some((n) => n.method === 'view.changed' && n.params.view.background[2] === 1), 'a final'),
+    b.final(17)]);
+  assert.ok(x && y);
+  // The last finals of both show the same view, byte for byte.
+  const lastOf = (s) => s.frames.filter((f) => f.flags & FINAL).at(-1);
+  await a.until(() => lastOf(a).payload.equals(lastOf(b).payload), 'the same picture');
+  await Promise.all([a.end(), b.end()]);
+});
+
+test('roles: the view token watches, is told of changes, and may not change', async () => {
+  const session = await daemon.session();
+  const control = await daemon.stream({ session });
+  const viewer = await daemon.stream({ session, token: session.tokens.view });
+  const list = await control.note('session.participants', (p) => p.participants.length === 2);
+  assert.deepEqual(list.params.participants.map((p) => p.role).sort(), ['control', 'view']);
+  await assert.rejects(viewer.update({ background: [1, 1, 1, 1] }), { code: -32004 });
+  await control.update({ background: [1, 1, 0, 1] }, 3);
+  const changed = await viewer.note('view.changed', (p) => p.view.background[1] === 1);
+  assert.ok(changed.params.by > 0);
+  await viewer.frame((f) => f.flags & FINAL, 'a frame for the viewer');
+  await viewer.end();
+  await control.note('session.participants', (p) => p.participants.length === 1);
+  await control.end();
+});
+
+test('stream.configure: format, quality, size and lossless are granted and kept', async () => {
+  const stream = await daemon.stream();
+  const granted = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
+  assert.deepEqual(granted, { format: 'jpeg', quality: 75, max_fps: 60, size: [96, 64], progressive: true, lossless: false });
+  await stream.frame((f) => (f.flags & FINAL) && f.width === 96 && f.height === 64, 'a final frame of 96 by 64');
+  await stream.call('stream.configure', { lossless: true });
+  const png = await stream.frame((f) => f.flags & LOSSLESS, 'a lossless frame');
+  assert.equal(png.codec, 2);
+  assert.ok(png.flags & FINAL);
+  assert.equal(png.payload.toString('latin1', 1, 4), 'PNG');
+  const from = stream.frames.length;
+  await stream.call('stream.configure', { lossless: false, format: 'webp' });
+  const webp = await stream.frame((f) => f.codec === 3, 'a WebP frame', from);
+  assert.equal(webp.payload.toString('latin1', 0, 4), 'RIFF');
+  for (const [params, pointer] of [[{ quality: 0 }, '/quality'], [{ quality: 50.5 }, '/quality'], [{ max_fps: 121 }, '/max_fps'],
+    [{ size: [0, 5] }, '/size'], [{ size: [1, 2, 3] }, '/size'], [{ format: 'exr' }, '/format'], [{ progressive: 1 }, '/progressive']]) {
+    await assert.rejects(stream.call('stream.configure', params), { code: -32602, data: { pointer } });
+  }
+  await assert.rejects(stream.call('stream.configure', { fps: 3 }), { code: -32602 });
+  await stream.end();
+});
+
+test('updates that are wrong change nothing and name the place', async () => {
+  const stream = await daemon.stream();
+  const before = (await stream.call('view.get')).view;
+  await assert.rejects(stream.update({ camera: { fov_y: 500 } }), (e) => e.code === -32000 && e.data.pointer === '/camera/fov_y');
+  await assert.rejects(stream.update({ colour: 1 }), (e) => e.code === -32000 && e.data.pointer === '/colour');
+  await assert.rejects(stream.update({ volume: 'nope' }), { code: -32002 });
+  await assert.rejects(stream.call('view.update', { seq: -1, patch: {} }), { code: -32602 });
+  await assert.rejects(stream.call('view.update', { seq: 1 }), { code: -32602 });
+  await assert.rejects(stream.call('view.explode'), { code: -32601 });
+  stream.send('{"jsonrpc": "2.0", ');
+  const parse = await stream.until(() => stream.notes.find((n) => n.id === null && n.error), 'an error without id');
+  assert.equal(parse.error.code, -32700);
+  stream.send('[]');
+  await stream.until(() => stream.notes.find((n) => n.error?.code === -32600), 'an error of the request');
+  assert.deepEqual((await stream.call('view.get')).view, before);
+  await stream.end();
+});
+
+test('a patch with another volume starts from that volume, but keeps size and background', async () => {
+  const stream = await daemon.stream();
+  await stream.update({ background: [0.5, 0.25, 1, 1], size: [100, 80], camera: { fov_y: 77 } });
+  await stream.update({ volume: 'phantom' }, 9);
+  const { view } = await stream.call('view.get');
+  const { json: fresh } = await daemon.json('/api/v1/volumes/phantom/view');
+  assert.deepEqual(view, { ...fresh, background: [0.5, 0.25, 1, 1], size: [100, 80] });
+  await stream.final(9);
+  await stream.end();
+});
+
+test('a client that comes back finds the view as it left it', async () => {
+  const first = await daemon.stream();
+  await first.update({ background: [0.25, 0.5, 0.75, 1] }, 5);
+  await first.final(5);
+  first.socket.terminate();
+  const second = await daemon.stream({ session: first.session });
+  assert.deepEqual((await second.call('view.get')).view.background, [0.25, 0.5, 0.75, 1]);
+  await second.final(0);
+  await second.end();
+});
+
+test('PATCH changes a session for its participants, DELETE sends them away', async () => {
+  const stream = await daemon.stream();
+  const path = `/api/v1/sessions/${stream.session.id}`;
+  const { status } = await daemon.json(path, {
+    method: 'PATCH', body: '{"view": {"background": [1, 0, 1, 1]}}', headers: { 'Content-Type': 'application/json' },
+  });
+  assert.equal(status, 200);
+  const note = await stream.note('view.changed', (p) => p.view.background[2] === 1 && p.view.background[0] === 1);
+  assert.equal(note.params.by, 0);
+  const gone = await daemon.fetch(path, { method: 'DELETE' });
+  assert.equal(gone.status, 204);
+  const { code, reason } = await stream.until(() => stream.closed, 'the close');
+  assert.equal(code, 1000);
+  assert.match(reason, /deleted/);
+  assert.equal((await daemon.fetch(path)).status, 404);
+});
+
+test('loading a volume is told to those who watch', async () => {
+  const stream = await daemon.stream();
+  await daemon.post('/api/v1/volumes', { uri: 'demo:checkerboard?size=16', id: 'squares' });
+  await stream.note('volume.progress', (p) => p.volume === 'squares' && p.state === 'ready' && p.progress === 1);
+  await stream.end();
+});
+
+test('the stream is refused: wrong token, no token, no such session, other origin, other subprotocol', async () => {
+  const session = await daemon.session();
+  const refused = (url, options) => assert.rejects(Stream.open(url, options), (e) => e.status === options.status);
+  await refused(daemon.streamUrl(session, 'nonsense'), { status: 401 });
+  await refused(daemon.streamUrl(session).split('?')[0], { status: 401 });
+  await refused(daemon.streamUrl({ id: 'ffffffffffffffff' }, daemon.token), { status: 404 });
+  await refused(daemon.streamUrl(session), { status: 403, origin: 'http://evil.example' });
+  await refused(daemon.streamUrl(session), { status: 400, protocols: ['splatd.v2'] });
+  const own = await Stream.open(daemon.streamUrl(session), { origin: daemon.base });
+  assert.equal(own.socket.protocol, 'splatd.v1');
+  await own.end();
+});
