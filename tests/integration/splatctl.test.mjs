@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// splatctl against the real daemon, and the same pictures with and without it.
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { once } from 'node:events';
+import { copyFileSync, existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { BIN, Daemon, within } from './harness.mjs';
+
+let daemon;
+let folder;
+const inFolder = (name) => path.join(folder, name);
+
+/** {status, out (bytes), err} */
+async function splatctl(args, { input = '', url = `${daemon.base}/?token=${daemon.token}` } = {}) {
+  const env = { ...process.env, SPLATD_URL: url };
+  delete env.SPLATD_TOKEN;
+  const child = spawn(path.join(BIN, 'splatctl'), args, { env });
+  const out = [];
+  let err = '';
+  child.stdout.on('data', (data) => out.push(data));
+  child.stderr.on('data', (data) => { err += data; });
+  child.stdin.on('error', () => {}); // it may end before it has read all
+  child.stdin.end(input);
+  const [status] = await within(once(child, 'close'), `splatctl ${args.join(' ')}`);
+  return { status, out: Buffer.concat(out), err };
+}
+
+async function succeeds(args, options) {
+  const result = await splatctl(args, options);
+  assert.deepEqual({ status: result.status, err: result.err }, { status: 0, err: '' }, args.join(' '));
+  return result.out;
+}
+
+before(async () => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatctl-'));
+  const header = 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 2\nencoding: raw\n\n';
+  writeFileSync(inFolder('cube.nrrd'), Buffer.concat([Buffer.from(header), Buffer.from([...Array(64).keys()])]));
+  writeFileSync(inFolder('cut.nrrd'), header);
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--data', folder], { backend: 'cpu' });
+  await daemon.loaded('engine');
+});
+
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  rmSync(folder, { recursive: true });
+});
+
+test('volumes are listed and loaded', async () => {
+  assert.match((await succeeds(['volumes'])).toString(), /^engine +ready /m);
+  assert.equal((await succeeds(['load', 'cube.nrrd'])).toString(), 'cube\n');
+  assert.equal((await succeeds(['load', 'demo:phantom?size=16'])).toString(), 'phantom\n');
+  const { volumes } = JSON.parse(await succeeds(['volumes', '--json']));
+  assert.deepEqual(volumes.map(({ id, state }) => [id, state]),
+    [['engine', 'ready'], ['cube', 'ready'], ['phantom', 'ready']]);
+});
+
+test('what cannot be loaded is refused with the reason', async () => {
+  const cut = await splatctl(['load', 'cut.nrrd']);
+  assert.equal(cut.status, 1);
+  assert.match(cut.err, /^splatctl: cut: loading failed: .*byte/);
+  const outside = await splatctl(['load', '../../etc/passwd']);
+  assert.equal(outside.status, 1);
+  assert.match(outside.err, /^splatctl: .*HTTP 40[34]/);
+  const unknown = await splatctl(['load', 'demo:nothing']);
+  assert.equal(unknown.status, 1);
+  assert.match(unknown.err, /^splatctl: .*nothing/);
+});
+
+test('the default view is one that the daemon takes', async () => {
+  const view = await succeeds(['view', 'engine']);
+  assert.equal(JSON.parse(view).volume, 'engine');
+  const asDefault = await succeeds(['render', '--volume', 'engine', '--out', '-']);
+  assert.deepEqual(await succeeds(['render', '--view', '-', '--out', '-'], { input: view }), asDefault);
+});
+
+test('the same picture from the daemon and in process', async () => {
+  const view = JSON.stringify({
+    size: [200, 150], background: [0.2, 0.1, 0.4, 0.5], filter: { mode: 'ewa' }, camera: { fov_y: 40 },
+  });
+  copyFileSync(inFolder('cube.nrrd'), inFolder('elsewhere.nrrd'));
+  for (const [volume, local] of [['engine', 'demo:engine?size=32'], ['cube', inFolder('elsewhere.nrrd')]]) {
+    if (volume === 'cube') await succeeds(['load', 'cube.nrrd']);
+    for (const format of ['png', 'jpeg', 'webp', 'exr']) {
+      const common = ['--view', '-', '--format', format, '--out', '-'];
+      const remote = await succeeds(['render', '--volume', volume, ...common], { input: view });
+      const here = await succeeds(['render', '--local', '--volume', local, ...common], { input: view });
+      assert.ok(remote.length > 500, `${volume} as ${format}: ${remote.length} bytes`);
+      if (format === 'exr') assert.equal(remote.length, here.length); // its header holds the time
+      else assert.ok(remote.equals(here), `${volume} as ${format} differs`);
+    }
+  }
+});
+
+test('a refused view says where, and leaves no file', async () => {
+  const before = readdirSync(folder);
+  const refused = async (view, expected) => {
+    const args = ['render', '--volume', 'engine', '--view', '-', '--out', inFolder('never.png')];
+    for (const more of [[], ['--local', '--volume', 'demo:engine?size=32']]) {
+      const { status, err } = await splatctl([...args, ...more], { input: view });
+      assert.equal(status, 1, err);
+      assert.match(err, expected);
+    }
+  };
+  await refused('{"camera":{"up":[0,0,0]}}', /^splatctl: \/camera\/up: up is zero/);
+  await refused('{"camra":{}}', /^splatctl: \/camra: unknown field; did you mean "camera"\?/);
+  await refused('{"filter":{"mode":"swan"}}', /^splatctl: \/filter\/mode: /);
+  await refused('{"camera":', /^splatctl: -: not valid JSON at line 1/);
+  assert.deepEqual(readdirSync(folder), before);
+});
+
+test('a render loads what it is named', async () => {
+  await succeeds(['render', '--volume', 'demo:checkerboard?size=32', '--size', '64,64', '--out', inFolder('new.png')]);
+  assert.ok(existsSync(inFolder('new.png')));
+  assert.equal(readFileSync(inFolder('new.png')).toString('latin1', 1, 4), 'PNG');
+});
+
+test('a wrong token is told', async () => {
+  const { status, err } = await splatctl(['volumes'], { url: `${daemon.base}/?token=wrong` });
+  assert.equal(status, 1);
+  assert.match(err, /^splatctl: GET \/volumes: .*HTTP 401.*token/);
+});
