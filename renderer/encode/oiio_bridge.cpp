@@ -20,6 +20,8 @@ OIIO::ImageSpec describe(const sp_oiio_image &image) {
         spec.attribute("compression", "zip");
         /* The values are meant for a display as they are; readers must not apply a curve again. */
         spec.attribute("oiio:ColorSpace", "sRGB");
+        /* The library writes the time unless it is given one; equal frames are equal files. */
+        spec.attribute("DateTime", "1970:01:01 00:00:00");
         spec.attribute("ImageDescription", "sRGB display values, associated alpha");
     } else {
         spec.attribute("oiio:UnassociatedAlpha", 1); /* as handed over: written as it is */

@@ -14,6 +14,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "read_image.h"
@@ -271,6 +272,26 @@ static void one_encoder_serves_all_sizes_and_formats(void **state) {
     sp_encoder_destroy(&encoder);
 }
 
+static void equal_frames_give_equal_files(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(61, 37, false);
+    struct sp_encoder *first = sp_encoder_create(NULL), *second = sp_encoder_create(NULL);
+    for (int f = 0; f < SP_IMAGE_FORMAT_COUNT; f++) {
+        const uint8_t *a, *b;
+        size_t a_size, b_size;
+        time_t start = time(NULL);
+        assert_true(sp_encode(first, &frame, (enum sp_image_format)f, 80, &a, &a_size, NULL));
+        while (time(NULL) == start) /* so that a time in the file would show */
+            nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+        assert_true(sp_encode(second, &frame, (enum sp_image_format)f, 80, &b, &b_size, NULL));
+        assert_int_equal(a_size, b_size);
+        assert_memory_equal(a, b, a_size);
+    }
+    sp_encoder_destroy(&first);
+    sp_encoder_destroy(&second);
+    free(frame.pixels);
+}
+
 enum { THREADS = 4, ROUNDS = 4 };
 
 static void *encode_in_thread(void *user) {
@@ -346,6 +367,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(exr_of_bytes_is_associated),
         cmocka_unit_test(floats_become_bytes_without_association),
         cmocka_unit_test(one_encoder_serves_all_sizes_and_formats),
+        cmocka_unit_test(equal_frames_give_equal_files),
         cmocka_unit_test(threads_load_and_encode_at_once),
         cmocka_unit_test(a_missing_bridge_is_named),
     };
