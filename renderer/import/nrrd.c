@@ -37,21 +37,30 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
             (strcasecmp(shown + n - 5, ".nrrd") == 0 || strcasecmp(shown + n - 5, ".nhdr") == 0));
 }
 
-/* The innermost line of biff's stack, without the function that wrote it. */
-static void take_biff(char *out, size_t room) {
+/* teem explains itself in a stack of lines, "[nrrd] FUNCTION: TEXT": the innermost one says what is
+ * wrong, one above it which field was parsed. -1 when none was. */
+static int explain_biff(char *out, size_t room) {
     char *stack = biffGetDone(NRRD);
-    if (!stack) {
-        snprintf(out, room, "no reason given");
-        return;
+    int field = -1;
+    snprintf(out, room, "no reason given");
+    if (!stack)
+        return field;
+    for (int f = 0; f < NRRD_TO_TEEM; f++) {
+        char phrase[64];
+        snprintf(phrase, sizeof phrase, "trouble parsing %s info",
+                 nrrd_field_name((enum nrrd_field)f));
+        if (strstr(stack, phrase))
+            field = f;
     }
     size_t n = strlen(stack);
     while (n > 0 && stack[n - 1] == '\n')
         stack[--n] = 0;
-    const char *line = strrchr(stack, '\n'), *text;
+    const char *line = strrchr(stack, '\n');
     line = line ? line + 1 : stack;
-    text = strstr(line, ": ");
+    const char *text = strstr(line, ": ");
     snprintf(out, room, "%s", text ? text + 2 : line);
     free(stack);
+    return field;
 }
 
 /* teem's view of the fields: nothing is opened, nothing is allocated for samples. */
@@ -66,15 +75,13 @@ static bool parse_fields(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
     if (!failed)
         return true;
     char why[SP_ERROR_TEXT];
-    take_biff(why, sizeof why);
+    int field = explain_biff(why, sizeof why);
     if (strstr(why, "require endian info"))
         return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, p->text->byte[NRRD_TYPE],
                            "endian", "%.40s samples need this field: little or big",
                            p->text->value[NRRD_TYPE]);
-    /* Name the field when teem's text does. */
-    for (int f = NRRD_TO_TEEM - 1; f >= 0; f--)
-        if (p->text->value[f] && strstr(why, nrrd_field_name((enum nrrd_field)f)))
-            return REFUSE(p, SP_ERR_FORMAT, (enum nrrd_field)f, "%s", why);
+    if (field >= 0 && p->text->value[field])
+        return REFUSE(p, SP_ERR_FORMAT, (enum nrrd_field)field, "%s", why);
     return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, 0, "header", "%s", why);
 }
 

@@ -19,7 +19,7 @@ static const struct {
     [NRRD_SPACINGS] = { "spacings", NULL },
     [NRRD_AXIS_MINS] = { "axis mins", "axismins" },
     [NRRD_AXIS_MAXS] = { "axis maxs", "axismaxs" },
-    [NRRD_CENTERS] = { "centers", "centerings" },
+    [NRRD_CENTERS] = { "centerings", "centers" },
     [NRRD_KINDS] = { "kinds", NULL },
     [NRRD_SPACE] = { "space", NULL },
     [NRRD_SPACE_DIMENSION] = { "space dimension", NULL },

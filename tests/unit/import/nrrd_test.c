@@ -335,7 +335,7 @@ static void hostile_headers_are_explained(void **state) {
           SP_ERR_FORMAT, "spacings", "" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nkinds: RGB-color domain domain\n"
           "encoding: raw\n\n",
-          SP_ERR_FORMAT, "kinds", "" },
+          SP_ERR_FORMAT, "header", "RGB-color requires size 3" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 3 4 5\nkinds: RGB-color domain domain\n"
           "encoding: raw\n\n",
           SP_ERR_UNSUPPORTED, "kinds", "axis 0 is of kind RGB-color" },
