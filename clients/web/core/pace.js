@@ -30,7 +30,7 @@ export class Pace {
     this.#limit = limit;
   }
 
-  /** Newest seq that was sent; 0 before the first. */
+  /** Newest seq that was sent on this stream; 0 before the first. */
   get sent() { return this.#seq; }
   /** Newest seq that a drawn picture shows. */
   get drawn() { return this.#drawn; }
@@ -50,9 +50,11 @@ export class Pace {
     this.#plan();
   }
 
-  /** The stream is open: sending may go on. */
+  /** A stream is open: sending may go on. Each stream counts its own seq, from 1. */
   open() {
     this.#open = true;
+    this.#seq = 0;
+    this.#drawn = 0;
     this.#plan();
   }
 

@@ -14,7 +14,7 @@ let daemon;
 let token;
 before(async () => {
   token = tokenFile();
-  daemon = await startDaemon([...VOLUMES, '--token-file', token.file]);
+  daemon = await startDaemon(VOLUMES, { token });
   browser = await launch();
 });
 after(async () => {
@@ -133,8 +133,10 @@ test('keys turn, move, zoom, fit and reset', async (context) => {
   assert.ok(Math.abs(depth(b) / depth(a) - 1.12 ** -3) < 1e-9);
   [a, b] = await changes(page, () => page.keyboard.press('f'));
   assert.ok(away(b.target, first.target) < 0.02 * depth(first) && away(a.up, b.up) < 1e-12);
-  await changes(page, () => page.keyboard.press('0'));
-  assert.deepEqual((await camera(page)).position, first.position);
+  await changes(page, async () => {
+    await page.keyboard.press('0');
+    await until(page, 'the first camera', `(s) => String(s.camera.position) === '${first.position}'`);
+  });
   assert.deepEqual(said, []);
 });
 
@@ -229,7 +231,7 @@ test('the daemon stops: a banner says so; it starts again: the page comes back w
   await page.locator('#banner', { hasText: 'Connection lost — trying again' }).waitFor();
   await shot(page, 'gone');
   const count = await page.evaluate(() => window.splatd.count);
-  daemon = await startDaemon([...VOLUMES, '--token-file', token.file], { port });
+  daemon = await startDaemon(VOLUMES, { port, token });
   await until(page, 'a new picture', `(s) => s.state === 'live' && s.count > ${count}`);
   await rest(page);
   await page.locator('#banner').waitFor({ state: 'hidden' });

@@ -38,14 +38,14 @@ export async function until(page, what, condition) {
   for (;;) {
     const value = await page.evaluate(`window.splatd ? (${condition})(window.splatd) : null`);
     if (value) return value;
-    if (performance.now() > end) break;
+    if (performance.now() > end || (await page.evaluate('window.splatd?.state')) === 'refused') break;
     await setTimeout(POLL_MS);
   }
   const now = await page.evaluate(() => {
     const { state, frame, seq, sent, size, wanted, isFinal, isIdle, errors } = window.splatd ?? {};
     return { state, frame, seq, sent, size, wanted, isFinal, isIdle, errors };
   });
-  throw new Error(`${what}: not within ${DEADLINE_MS} ms; the page: ${JSON.stringify(now)}`);
+  throw new Error(`${what}: not reached; the page: ${JSON.stringify(now)}`);
 }
 
 /** The last view is on the screen, at rest and sharp. */

@@ -12,23 +12,29 @@ const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../../build/
 
 export const DATA = process.env.SPLATD_DATA_DIR ?? fileURLToPath(new URL('../../../../shared/data', import.meta.url));
 
-/** A token in a file, so that a restarted daemon has the same one. remove() deletes it. */
+/** A token, also in a file, so that a restarted daemon has the same one. remove() deletes it. */
 export function tokenFile() {
   const folder = mkdtempSync(path.join(tmpdir(), 'splatd-web-'));
   const file = path.join(folder, 'token');
-  writeFileSync(file, `${randomBytes(24).toString('hex')}\n`, { mode: 0o600 });
-  return { file, remove: () => rmSync(folder, { recursive: true }) };
+  const text = randomBytes(24).toString('hex');
+  writeFileSync(file, `${text}\n`, { mode: 0o600 });
+  return { file, text, remove: () => rmSync(folder, { recursive: true }) };
 }
 
-/** Starts splatd; resolves once it listens, to {url, port, stop()}. stop() resolves to its exit status. */
-export async function startDaemon(args, { port = 0 } = {}) {
-  const child = spawn(path.join(BIN, 'splatd'), ['--listen', `127.0.0.1:${port}`, ...args], { stdio: ['ignore', 'pipe', 'pipe'] });
+/**
+ * Starts splatd, with a token of tokenFile() or one of its own; resolves once it listens, to {url (with the token), port,
+ * stop()}. stop() resolves to its exit status.
+ */
+export async function startDaemon(args, { port = 0, token = null } = {}) {
+  const all = ['--listen', `127.0.0.1:${port}`, ...(token ? ['--token-file', token.file] : []), ...args];
+  const child = spawn(path.join(BIN, 'splatd'), all, { stdio: ['ignore', 'pipe', 'pipe'] });
   let log = '';
   child.stderr.on('data', (data) => { log = (log + data).slice(-20000); });
   const ended = new Promise((resolve) => { child.on('close', (code, signal) => resolve(code ?? signal)); });
-  const url = await new Promise((resolve, reject) => {
+  let late = null;
+  const printed = await new Promise((resolve, reject) => {
     let text = '';
-    const late = setTimeout(() => {
+    late = setTimeout(() => {
       child.kill('SIGKILL');
       reject(new Error(`splatd did not listen within ${DEADLINE_MS} ms:\n${log}`));
     }, DEADLINE_MS);
@@ -37,19 +43,18 @@ export async function startDaemon(args, { port = 0 } = {}) {
     child.stdout.on('data', (data) => {
       text += data;
       const [, found] = /listening on (\S+)\n/.exec(text) ?? [];
-      if (!found) return;
-      clearTimeout(late);
-      resolve(found);
+      if (found) resolve(found);
     });
-  });
+  }).finally(() => clearTimeout(late));
+  const url = token ? `${printed}?token=${token.text}` : printed;
   return {
     url, port: Number(new URL(url).port),
     get log() { return log; },
     async stop(signal = 'SIGTERM') {
       child.kill(signal);
-      const late = setTimeout(() => child.kill('SIGKILL'), DEADLINE_MS);
+      const patience = setTimeout(() => child.kill('SIGKILL'), DEADLINE_MS);
       const status = await ended;
-      clearTimeout(late);
+      clearTimeout(patience);
       return status;
     },
   };
