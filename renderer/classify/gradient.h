@@ -6,9 +6,9 @@
  *   | 10 bits magnitude | 11 bits v | 11 bits u |
  *
  * The direction is an octahedral map of the unit sphere (Cigolle et al. 2014) with an odd number of
- * steps, so that the axes are exact; it is off by at most 0.1 degree. The magnitude is stored as
- * the square root of its share of the grid's bound; 0 means a gradient of zero length and no
- * direction.
+ * steps, so that the axes are exact; it is off by at most an eighth of a degree. The magnitude is
+ * stored as the square root of its share of the grid's bound; 0 means a gradient of zero length and
+ * no direction.
  */
 #ifndef SP_CLASSIFY_GRADIENT_H
 #define SP_CLASSIFY_GRADIENT_H

@@ -1,0 +1,324 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "classify/gradient.h"
+#include "classify/transfer.h"
+#include "classify/visible.h"
+
+static const struct sp_transfer_function ramp = {
+    .reference_length = 1,
+    .point_count = 3,
+    .points = { { 10, { 0, 0, 1 }, 0 }, { 20, { 1, 0, 0 }, 0.5f }, { 40, { 1, 1, 0 }, 0.25f } },
+};
+
+static struct sp_volume *make_volume(const uint32_t dims[3], enum sp_type type,
+                                     const void *voxels) {
+    struct sp_grid grid = { .dims = { dims[0], dims[1], dims[2] },
+                            .spacing = { 1, 1, 1 },
+                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    struct sp_error err;
+    struct sp_volume *volume = sp_volume_create(&grid, type, voxels, "test", &err);
+    assert_non_null(volume);
+    return volume;
+}
+
+static void check_class(struct sp_class c, double value) {
+    double opacity, red, blue;
+    if (!isfinite(value) || value <= 10) {
+        opacity = 0;
+        red = 0;
+        blue = isfinite(value) ? 1 : 0;
+    } else if (value <= 20) {
+        opacity = (value - 10) / 10 * 0.5;
+        red = (value - 10) / 10;
+        blue = 1 - red;
+    } else {
+        opacity = value >= 40 ? 0.25 : 0.5 - (value - 20) / 20 * 0.25;
+        red = 1;
+        blue = 0;
+    }
+    assert_true(fabs((double)c.depth + log(1 - opacity)) < 1e-6);
+    assert_true(fabs((double)c.color[0] - red) < 1e-6 && fabs((double)c.color[2] - blue) < 1e-6);
+}
+
+static void every_type_is_classified_by_the_same_law(void **state) {
+    (void)state;
+    static const uint8_t u8[] = { 0, 10, 11, 15, 20, 33, 40, 255 };
+    static const int8_t i8[] = { -128, 10, 11, 15, 20, 33, 40, 127 };
+    static const uint16_t u16[] = { 5, 10, 11, 15, 20, 33, 40, 65535 };
+    static const int16_t i16[] = { -32768, 10, 11, 15, 20, 33, 40, 32767 };
+    static const int32_t i32[] = { INT32_MIN, 10, 11, 15, 20, 33, 40, INT32_MAX };
+    static const float f32[] = { -1e30f, 10, 10.001f, 15.5f, NAN, 33.25f, INFINITY, 1e30f };
+    static const double f64[] = { -1e300, 10, 10.001, 15.5, NAN, 33.25, -INFINITY, 1e300 };
+    const void *const arrays[SP_TYPE_COUNT] = { u8, i8, u16, i16, i32, f32, f64 };
+    for (int type = 0; type < SP_TYPE_COUNT; type++) {
+        struct sp_volume *v =
+            make_volume((uint32_t[3]){ 8, 1, 1 }, (enum sp_type)type, arrays[type]);
+        struct sp_transfer t;
+        uint32_t keys[8];
+        uint8_t visible[8];
+        assert_true(sp_transfer_init(&t, &ramp, sp_volume_info(v), NULL));
+        sp_transfer_keys(&t, sp_volume_voxels(v), 0, 8, keys, visible);
+        for (int i = 0; i < 8; i++) {
+            double value = type == SP_UINT8     ? u8[i]
+                           : type == SP_INT8    ? i8[i]
+                           : type == SP_UINT16  ? u16[i]
+                           : type == SP_INT16   ? i16[i]
+                           : type == SP_INT32   ? i32[i]
+                           : type == SP_FLOAT32 ? (double)f32[i]
+                                                : f64[i];
+            assert_int_equal(visible[i], isfinite(value) && value > 10 && fabs(value) < 1e299);
+            if (visible[i])
+                check_class(sp_transfer_class(&t, keys[i]), value);
+        }
+        sp_transfer_finish(&t);
+        sp_volume_unref(&v);
+    }
+}
+
+static void steps_of_a_real_field_stay_sharp(void **state) {
+    (void)state;
+    /* A transfer function far from zero and much narrower than a float resolves there. */
+    const struct sp_transfer_function narrow = {
+        .reference_length = 1,
+        .point_count = 2,
+        .points = { { 1e9, { 0 }, 0 }, { 1e9 + 1, { 0 }, 0.5f } },
+    };
+    static const double values[] = { 1e9 - 1, 1e9, 1e9 + 0.25, 1e9 + 0.5, 1e9 + 3 };
+    struct sp_volume *v = make_volume((uint32_t[3]){ 5, 1, 1 }, SP_FLOAT64, values);
+    struct sp_transfer t;
+    uint32_t keys[5];
+    uint8_t visible[5];
+    assert_true(sp_transfer_init(&t, &narrow, sp_volume_info(v), NULL));
+    sp_transfer_keys(&t, sp_volume_voxels(v), 0, 5, keys, visible);
+    static const double opacities[] = { 0, 0, 0.125, 0.25, 0.5 };
+    for (int i = 0; i < 5; i++) {
+        assert_int_equal(visible[i], i >= 2);
+        if (visible[i])
+            assert_true(
+                fabs(1 - exp(-(double)sp_transfer_class(&t, keys[i]).depth) - opacities[i]) < 1e-6);
+    }
+    sp_transfer_finish(&t);
+    sp_volume_unref(&v);
+}
+
+/* A field that is linear in world space has one gradient, on any grid. */
+static void gradients_of_linear_fields_are_exact(void **state) {
+    (void)state;
+    static const struct sp_grid grids[] = {
+        { { 7, 6, 5 }, { 1, 1, 1 }, { 0 }, { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } },
+        { { 7, 6, 5 }, { 0.5, 2, 4 }, { 3, -9, 1 }, { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } },
+        { { 4, 5, 6 }, { 1, 3, 0.2 }, { 0 }, { { 0, -1, 0 }, { 1, 0, 0 }, { 0, 0, -1 } } },
+        { { 5, 5, 5 }, { 1, 2, 3 }, { 0 }, { { 1, 0.6, 0 }, { 0, 0.8, 0.6 }, { 0, 0, 0.8 } } },
+        { { 5, 4, 3 }, { 2, 1, 1 }, { 0 }, { { 0, 0.8, 0 }, { 1, 0.6, 0 }, { 0, 0, 1 } } },
+    };
+    static const double slopes[3] = { 0.3, -1.7, 0.9 };
+    for (size_t n = 0; n < sizeof grids / sizeof grids[0]; n++) {
+        const struct sp_grid *g = &grids[n];
+        size_t count = (size_t)g->dims[0] * g->dims[1] * g->dims[2], at = 0;
+        double *values = malloc(count * sizeof *values);
+        for (uint32_t k = 0; k < g->dims[2]; k++)
+            for (uint32_t j = 0; j < g->dims[1]; j++)
+                for (uint32_t i = 0; i < g->dims[0]; i++, at++) {
+                    double index[3] = { i, j, k };
+                    values[at] = 5;
+                    for (int r = 0; r < 3; r++)
+                        for (int a = 0; a < 3; a++)
+                            values[at] += slopes[r] * g->direction[r][a] * g->spacing[a] * index[a];
+                }
+        struct sp_volume *v = sp_volume_create(g, SP_FLOAT64, values, "linear", NULL);
+        assert_non_null(v);
+        struct sp_gradient_grid grid;
+        sp_gradient_grid_init(&grid, v);
+        double length = sqrt(slopes[0] * slopes[0] + slopes[1] * slopes[1] + slopes[2] * slopes[2]);
+        for (uint32_t k = 0; k < g->dims[2]; k++)
+            for (uint32_t j = 0; j < g->dims[1]; j++)
+                for (uint32_t i = 0; i < g->dims[0]; i++) {
+                    double gradient[3];
+                    float unit[3];
+                    sp_gradient_at(&grid, (uint32_t[3]){ i, j, k }, gradient);
+                    uint32_t packed = sp_gradient_pack(&grid, gradient);
+                    sp_gradient_unpack(packed, unit);
+                    for (int r = 0; r < 3; r++) {
+                        assert_true(fabs(gradient[r] / grid.scale - slopes[r]) < 1e-9);
+                        assert_true(fabs((double)unit[r] - slopes[r] / length) < 2e-3);
+                    }
+                    assert_true(fabs(sp_gradient_magnitude(&grid, packed) / length - 1) < 0.02);
+                }
+        sp_volume_unref(&v);
+        free(values);
+    }
+}
+
+static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
+    (void)state;
+    struct sp_gradient_grid grid = { .bound = 1, .unit = 1, .scale = 1 };
+    double worst = 1;
+    srand(1);
+    for (int n = 0; n < 200000; n++) {
+        double g[3], length = 0, cosine = 0;
+        float unit[3];
+        for (int r = 0; r < 3; r++) {
+            g[r] =
+                n < 27 ? (int[3]){ n % 3, n / 3 % 3, n / 9 }[r] - 1 : rand() / (RAND_MAX / 2.0) - 1;
+            length += g[r] * g[r];
+        }
+        uint32_t packed = sp_gradient_pack(&grid, g);
+        sp_gradient_unpack(packed, unit);
+        if (length == 0) {
+            assert_int_equal(packed, 0);
+            assert_true(unit[0] == 0 && unit[1] == 0 && unit[2] == 0);
+            continue;
+        }
+        for (int r = 0; r < 3; r++)
+            cosine += (double)unit[r] * g[r] / sqrt(length);
+        if (n < 27 && length == 1) /* the axes are exact */
+            assert_true(cosine == 1);
+        worst = fmin(worst, cosine);
+    }
+    assert_true(acos(fmin(1, worst)) * 180 / M_PI <= 0.125);
+}
+
+static void gradients_pass_by_what_is_not_a_number(void **state) {
+    (void)state;
+    float values[27];
+    for (int i = 0; i < 27; i++)
+        values[i] = (float)(i % 3) * 2;
+    values[14] = NAN; /* the neighbour of the middle on the right */
+    struct sp_volume *v = make_volume((uint32_t[3]){ 3, 3, 3 }, SP_FLOAT32, values);
+    struct sp_gradient_grid grid;
+    double gradient[3];
+    sp_gradient_grid_init(&grid, v);
+    sp_gradient_at(&grid, (uint32_t[3]){ 1, 1, 1 }, gradient);
+    assert_true(fabs(gradient[0] / grid.scale - 2) < 1e-12 && gradient[1] == 0 && gradient[2] == 0);
+    sp_volume_unref(&v);
+}
+
+static int by_value(const void *a, const void *b) {
+    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* The list's entries as index and key, sorted. */
+static uint64_t *flatten(const struct sp_visible *list, unsigned axis, const uint32_t dims[3]) {
+    uint64_t *flat = malloc((list->count + 1) * sizeof *flat), n = 0;
+    unsigned low = axis == 0 ? 1 : 0, high = axis == 2 ? 1 : 2;
+    for (uint32_t s = 0; s < list->slices; s++)
+        for (uint64_t e = list->first[s]; e < list->first[s + 1]; e++) {
+            uint32_t i[3];
+            i[axis] = s;
+            i[low] = list->position[e] & 0xffff;
+            i[high] = list->position[e] >> 16;
+            flat[n++] =
+                ((uint64_t)i[0] + dims[0] * (i[1] + (uint64_t)dims[1] * i[2])) << 8 | list->key[e];
+        }
+    assert_int_equal(n, list->count);
+    qsort(flat, n, sizeof *flat, by_value);
+    return flat;
+}
+
+static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
+    (void)state;
+    enum { X = 13, Y = 7, Z = 9 };
+    const uint32_t dims[3] = { X, Y, Z };
+    uint8_t values[X * Y * Z];
+    srand(2);
+    uint64_t visible = 0;
+    values[0] = 0;
+    for (int i = 1; i < X * Y * Z; i++)
+        visible += (values[i] = (uint8_t)(rand() % 30)) > 10;
+    struct sp_volume *v = make_volume(dims, SP_UINT8, values);
+    struct sp_pool *pool = sp_pool_create(3, NULL);
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    for (unsigned axis = 0; axis < 3; axis++) {
+        struct sp_classify_job job = {
+            .tf = &ramp, .axis = axis, .pool = pool, .normals = axis == 1
+        };
+        assert_true(sp_classification_update(&c, &job, NULL));
+        const struct sp_visible *list = &c.lists[axis];
+        assert_int_equal(list->count, visible);
+        assert_int_equal(list->slices, dims[axis]);
+        uint64_t *flat = flatten(list, axis, dims), n = 0;
+        for (uint64_t i = 0; i < X * Y * Z; i++)
+            if (values[i] > 10)
+                assert_int_equal(flat[n++], i << 8 | values[i]);
+        free(flat);
+    }
+    /* Normals travel with their voxels. */
+    struct sp_gradient_grid grid;
+    sp_gradient_grid_init(&grid, v);
+    for (uint32_t s = 0; s < Y; s++)
+        for (uint64_t e = c.lists[1].first[s]; e < c.lists[1].first[s + 1]; e++) {
+            uint32_t p = c.lists[1].position[e];
+            double gradient[3];
+            sp_gradient_at(&grid, (uint32_t[3]){ p & 0xffff, s, p >> 16 }, gradient);
+            assert_int_equal(c.lists[1].normal[e], sp_gradient_pack(&grid, gradient));
+        }
+    assert_true(sp_classification_bytes(&c) > visible * 3 * 8);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
+static void only_what_changed_is_redone(void **state) {
+    (void)state;
+    uint8_t values[64];
+    for (int i = 0; i < 64; i++)
+        values[i] = (uint8_t)i;
+    struct sp_volume *v = make_volume((uint32_t[3]){ 4, 4, 4 }, SP_UINT8, values);
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    struct sp_transfer_function tf = ramp;
+    struct sp_classify_job job = { .tf = &tf, .axis = 0, .pool = pool };
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    assert_true(sp_classification_update(&c, &job, NULL));
+    const uint32_t *kept = c.lists[2].position;
+    tf.points[1].color[0] = 0.25f; /* a colour */
+    tf.points[2].opacity = 0.75f;  /* an opacity that stays above 0 */
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_ptr_equal(c.lists[2].position, kept);
+    assert_true(sp_transfer_class(&c.transfer, 20).color[0] == 0.25f);
+    job.normals = true; /* shading is switched on: gradients, not a pass over the volume */
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_ptr_equal(c.lists[2].position, kept);
+    assert_non_null(c.lists[0].normal);
+    tf.points[0].value = 12; /* other voxels */
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_int_equal(c.lists[0].count, 64 - 13);
+    /* Cancelled: nothing half made stays. */
+    atomic_bool cancel = true;
+    job.cancel = &cancel;
+    tf.points[0].value = 11;
+    struct sp_error err;
+    assert_false(sp_classification_update(&c, &job, &err));
+    assert_int_equal(err.code, SP_ERR_CANCELLED);
+    cancel = false;
+    assert_true(sp_classification_update(&c, &job, &err));
+    assert_int_equal(c.lists[0].count, 64 - 12);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_type_is_classified_by_the_same_law),
+        cmocka_unit_test(steps_of_a_real_field_stay_sharp),
+        cmocka_unit_test(gradients_of_linear_fields_are_exact),
+        cmocka_unit_test(packed_directions_are_within_an_eighth_of_a_degree),
+        cmocka_unit_test(gradients_pass_by_what_is_not_a_number),
+        cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
+        cmocka_unit_test(only_what_changed_is_redone),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

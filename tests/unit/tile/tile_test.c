@@ -1,0 +1,296 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tile/bin.h"
+#include "tile/order.h"
+#include "tile/sheet.h"
+
+enum { COLUMNS = 5, ROWS = 4, WIDTH = 150, HEIGHT = 117, SPLATS = 3000 };
+
+/* A splat with a random footprint whose box touches the picture. */
+static struct sp_splat random_splat(uint32_t sheet, float cut) {
+    struct sp_splat s = { .sheet = sheet };
+    for (;;) {
+        double v00 = exp(rand() / (RAND_MAX / 9.0) - 3), v11 = exp(rand() / (RAND_MAX / 9.0) - 3);
+        double v01 = sqrt(v00 * v11) * (rand() / (RAND_MAX / 1.98) - 0.99);
+        double det = v00 * v11 - v01 * v01, half = 0.5 / log(2) / det;
+        double r = sqrt((double)cut * 2 * log(2));
+        s.x = (float)(rand() / (RAND_MAX / (WIDTH + 40.0)) - 20);
+        s.y = (float)(rand() / (RAND_MAX / (HEIGHT + 40.0)) - 20);
+        s.a = (float)(half * v11);
+        s.b = (float)(-2 * half * v01);
+        s.c = (float)(half * v00);
+        s.depth = (float)(rand() / (RAND_MAX / 0.2));
+        for (int c = 0; c < 3; c++)
+            s.emission[c] = s.depth * (float)(rand() / (double)RAND_MAX);
+        double x0 = ceil((double)s.x - r * sqrt(v00) - 0.5),
+               x1 = floor((double)s.x + r * sqrt(v00) + 0.5);
+        double y0 = ceil((double)s.y - r * sqrt(v11) - 0.5),
+               y1 = floor((double)s.y + r * sqrt(v11) + 0.5);
+        s.x0 = (int16_t)fmax(0, x0);
+        s.x1 = (int16_t)fmin(WIDTH, x1);
+        s.y0 = (int16_t)fmax(0, y0);
+        s.y1 = (int16_t)fmin(HEIGHT, y1);
+        if (s.x0 < s.x1 && s.y0 < s.y1)
+            return s;
+    }
+}
+
+static struct sp_tile_grid make_grid(void) {
+    struct sp_tile_grid grid = { .columns = COLUMNS, .rows = ROWS };
+    grid.tiles = aligned_alloc(64, COLUMNS * ROWS * sizeof *grid.tiles);
+    assert_non_null(grid.tiles);
+    for (int r = 0; r < ROWS; r++)
+        for (int c = 0; c < COLUMNS; c++)
+            sp_tile_init(&grid.tiles[r * COLUMNS + c], c * SP_TILE, r * SP_TILE,
+                         (int[2]){ WIDTH, HEIGHT });
+    return grid;
+}
+
+struct bench {
+    struct sp_bins bins;
+    struct sp_splat *records;
+};
+
+/* Sorts the records in blocks of 700. */
+static struct bench sort(const struct sp_tile_grid *grid, struct sp_splat *records,
+                         uint32_t count) {
+    struct bench b = { .records = records };
+    b.bins.tiles = COLUMNS * ROWS;
+    b.bins.blocks = (count + 699) / 700;
+    b.bins.capacity = count * COLUMNS * ROWS;
+    b.bins.counts = calloc(b.bins.tiles * b.bins.blocks, 4);
+    b.bins.first = calloc(b.bins.tiles + 1, 4);
+    b.bins.entries = calloc(b.bins.capacity, 4);
+    uint64_t total = 0;
+    for (uint32_t k = 0; k < b.bins.blocks; k++) {
+        uint32_t n = count - k * 700 < 700 ? count - k * 700 : 700;
+        sp_bins_count(&b.bins, k, grid, records + k * 700, n);
+        total += sp_bins_block_total(&b.bins, k);
+    }
+    sp_bins_start(&b.bins, 0, b.bins.blocks);
+    assert_int_equal(b.bins.first[b.bins.tiles], total);
+    for (uint32_t k = 0; k < b.bins.blocks; k++) {
+        uint32_t n = count - k * 700 < 700 ? count - k * 700 : 700;
+        sp_bins_fill(&b.bins, k, grid, records + k * 700, n, k * 700);
+    }
+    return b;
+}
+
+static void free_bench(struct bench *b) {
+    free(b->bins.counts);
+    free(b->bins.first);
+    free(b->bins.entries);
+    free(b->records);
+}
+
+static struct bench make_bench(const struct sp_tile_grid *grid, float cut) {
+    struct sp_splat *records = malloc(SPLATS * sizeof *records);
+    srand(6);
+    for (uint32_t i = 0; i < SPLATS; i++)
+        records[i] = random_splat(i / 300, cut);
+    return sort(grid, records, SPLATS);
+}
+
+static void every_touched_tile_gets_the_splat_once_and_in_order(void **state) {
+    (void)state;
+    struct sp_tile_grid grid = make_grid();
+    struct bench b = make_bench(&grid, 6.5f);
+    for (int r = 0; r < ROWS; r++)
+        for (int c = 0; c < COLUMNS; c++) {
+            uint32_t e = b.bins.first[r * COLUMNS + c], stop = b.bins.first[r * COLUMNS + c + 1];
+            for (uint32_t i = 0; i < SPLATS; i++) {
+                const struct sp_splat *s = &b.records[i];
+                bool touches = s->x0 < (c + 1) * SP_TILE && s->x1 > c * SP_TILE &&
+                               s->y0 < (r + 1) * SP_TILE && s->y1 > r * SP_TILE;
+                if (touches) {
+                    assert_true(e < stop);
+                    assert_int_equal(b.bins.entries[e++], i);
+                }
+            }
+            assert_int_equal(e, stop);
+        }
+    free_bench(&b);
+    free(grid.tiles);
+}
+
+/* The whole picture without tiles, in double precision. */
+static void draw_untiled(const struct sp_splat *records, float cut, double (*done)[4]) {
+    double(*sums)[4] = calloc(WIDTH * HEIGHT, sizeof *sums);
+    for (int p = 0; p < WIDTH * HEIGHT; p++)
+        done[p][0] = 1;
+    for (uint32_t i = 0; i < SPLATS; i++) {
+        const struct sp_splat *s = &records[i];
+        for (int p = 0; p < WIDTH * HEIGHT; p++) {
+            double dx = p % WIDTH + 0.5 - (double)s->x, dy = p / WIDTH + 0.5 - (double)s->y;
+            double e = (double)s->a * dx * dx + (double)s->b * dx * dy + (double)s->c * dy * dy;
+            double w = e <= (double)cut ? exp2(-e) : 0;
+            sums[p][0] += w * (double)s->depth;
+            for (int c = 0; c < 3; c++)
+                sums[p][1 + c] += w * (double)s->emission[c];
+        }
+        if (i + 1 < SPLATS && records[i + 1].sheet == s->sheet)
+            continue;
+        for (int p = 0; p < WIDTH * HEIGHT; p++) {
+            double t = sums[p][0], alpha = 1 - exp(-t);
+            for (int c = 0; c < 3 && t > 0; c++)
+                done[p][1 + c] += done[p][0] * sums[p][1 + c] / t * alpha;
+            done[p][0] *= exp(-t);
+            memset(sums[p], 0, sizeof sums[p]);
+        }
+    }
+    free(sums);
+}
+
+static void tiles_draw_what_a_brute_loop_draws(void **state) {
+    (void)state;
+    const float cuts[] = { 6.49f, 25.9f }; /* cutoffs 3 and 6 */
+    for (int k = 0; k < 2; k++) {
+        struct sp_tile_grid grid = make_grid();
+        struct bench b = make_bench(&grid, cuts[k]);
+        double(*truth)[4] = calloc(WIDTH * HEIGHT, sizeof *truth);
+        draw_untiled(b.records, cuts[k], truth);
+        double worst = 0;
+        for (int t = 0; t < COLUMNS * ROWS; t++) {
+            struct sp_tile *tile = &grid.tiles[t];
+            for (uint32_t e = b.bins.first[t]; e < b.bins.first[t + 1]; e++)
+                sp_sheet_add(tile, &b.records[b.bins.entries[e]], cuts[k]);
+            sp_sheet_close(tile);
+            for (int y = 0; y < SP_TILE; y++)
+                for (int x = 0; x < SP_TILE; x++) {
+                    int px = tile->x + x, py = tile->y + y;
+                    for (int p = 0; p < SP_PLANES; p++) {
+                        assert_true(tile->sums[p][y][x] == 0);
+                        double expected = px < WIDTH && py < HEIGHT ? truth[py * WIDTH + px][p] : 0;
+                        worst = fmax(worst, fabs((double)tile->done[p][y][x] - expected));
+                    }
+                }
+        }
+        /* A weight at the cutoff is e^(-r²/2) of its splat; rounding may take or leave it. */
+        assert_true(worst < (k == 0 ? 3e-3 : 2e-5));
+        free(truth);
+        free_bench(&b);
+        free(grid.tiles);
+    }
+}
+
+static void saturated_tiles_hide_splats(void **state) {
+    (void)state;
+    struct sp_tile_grid grid = make_grid();
+    struct sp_splat wall = {
+        .x = 16, .y = 16, .a = 1e-9f, .c = 1e-9f, .depth = 1, .x1 = SP_TILE, .y1 = SP_TILE
+    };
+    struct sp_tile *tile = &grid.tiles[0];
+    assert_false(sp_bins_is_hidden(&grid, &wall));
+    for (wall.sheet = 0; wall.sheet < 8; wall.sheet++) {
+        assert_false(tile->saturated); /* e^-7 is more than 1/512 > e^-8 … */
+        sp_sheet_add(tile, &wall, 6.5f);
+        sp_sheet_close(tile);
+    }
+    assert_true(tile->saturated);
+    assert_true(sp_bins_is_hidden(&grid, &wall));
+    wall.x1 = SP_TILE + 1; /* reaches the next tile */
+    assert_false(sp_bins_is_hidden(&grid, &wall));
+    free(grid.tiles);
+}
+
+static void tiles_at_the_pictures_edge_can_saturate(void **state) {
+    (void)state;
+    struct sp_tile tile;
+    sp_tile_init(&tile, 8160, 0, (int[2]){ 8192 - 20, 3 });
+    struct sp_splat wall = {
+        .x = 8165, .y = 1, .a = 1e-9f, .c = 1e-9f, .depth = 20, .x0 = 8160, .x1 = 8172, .y1 = 3
+    };
+    for (wall.sheet = 0; wall.sheet < 4; wall.sheet++) {
+        sp_sheet_add(&tile, &wall, 6.5f);
+        sp_sheet_close(&tile);
+    }
+    assert_true(tile.saturated);
+    assert_true(tile.done[0][0][0] < 1e-8f);
+}
+
+static void make_camera(struct sp_camera_frame *frame, enum sp_projection projection,
+                        const double eye[3], const double target[3]) {
+    struct sp_camera camera = {
+        .projection = projection, .up = { 0.1, 1, 0.2 }, .fov_y = 60, .height = 10, .near = 0.1
+    };
+    memcpy(camera.position, eye, sizeof camera.position);
+    memcpy(camera.target, target, sizeof camera.target);
+    sp_camera_frame_init(frame, &camera, (uint32_t[2]){ 64, 64 });
+}
+
+static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
+    (void)state;
+    const struct sp_grid grid = { .dims = { 4, 8, 10 },
+                                  .spacing = { 1, 1, 2 },
+                                  .origin = { 0, 0, 5 },
+                                  .direction = { { 1, 0, 0 }, { 0, 0, 1 }, { 0, 1, 0 } } };
+    struct sp_camera_frame camera;
+    /* Index axis 1 is world z. */
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 8.3 }, (double[3]){ 2, 3.5, 20 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 1);
+    uint32_t order[10];
+    sp_order_slices(&camera, &grid, 1, order); /* eye at index 3.3 */
+    static const uint32_t inside[8] = { 3, 4, 2, 5, 1, 6, 0, 7 };
+    for (int k = 0; k < 8; k++)
+        assert_int_equal(order[k], inside[k]);
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, -8 }, (double[3]){ 2, 3, 20 });
+    sp_order_slices(&camera, &grid, 1, order);
+    for (uint32_t k = 0; k < 8; k++)
+        assert_int_equal(order[k], k);
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 80 }, (double[3]){ 2, 3, 20 });
+    sp_order_slices(&camera, &grid, 1, order);
+    for (uint32_t k = 0; k < 8; k++)
+        assert_int_equal(order[k], 7 - k);
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 9 }, (double[3]){ 2, 3, 20 });
+    sp_order_slices(&camera, &grid, 1, order); /* exactly on slice 4 */
+    assert_int_equal(order[0], 4);
+    /* Parallel rays come from infinitely far, wherever the eye is. */
+    make_camera(&camera, SP_ORTHOGRAPHIC, (double[3]){ 2, 10, 8 }, (double[3]){ 2, 0, 8 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 2);
+    sp_order_slices(&camera, &grid, 2, order);
+    for (uint32_t k = 0; k < 10; k++)
+        assert_int_equal(order[k], 9 - k);
+}
+
+/* Against the definition: the normal's component along the view, for sheared and mirrored grids. */
+static void the_major_axis_faces_the_view(void **state) {
+    (void)state;
+    const struct sp_grid grid = { .dims = { 4, 4, 4 },
+                                  .spacing = { 1, 5, 1 },
+                                  .direction = { { 1, 0.8, 0 }, { 0, 0.6, 0 }, { 0, 0, -1 } } };
+    struct sp_camera_frame camera;
+    /* Slices of axis 0 contain (0.8, 0.6, 0) and z: their normal is (0.6, -0.8, 0). */
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 60, -80, 0 }, (double[3]){ 0, 0, 0 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 0);
+    uint32_t order[4];
+    sp_order_slices(&camera, &grid, 0, order);
+    assert_int_equal(order[0], 3);
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 3, 80, 0 }, (double[3]){ 0, 0, 0 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 1);
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 3, 8, 80 }, (double[3]){ 0, 0, 0 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 2);
+    sp_order_slices(&camera, &grid, 2, order);
+    assert_int_equal(order[0], 0); /* the axis points away from +z */
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_touched_tile_gets_the_splat_once_and_in_order),
+        cmocka_unit_test(tiles_draw_what_a_brute_loop_draws),
+        cmocka_unit_test(saturated_tiles_hide_splats),
+        cmocka_unit_test(tiles_at_the_pictures_edge_can_saturate),
+        cmocka_unit_test(sheets_come_nearest_first_on_both_sides_of_the_eye),
+        cmocka_unit_test(the_major_axis_faces_the_view),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,214 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "sp/view.h"
+#include "splat/camera.h"
+
+static void make_info(struct sp_volume_info *info) {
+    *info = (struct sp_volume_info){
+        .grid = { .dims = { 40, 30, 20 },
+                  .spacing = { 1, 2, 0.5 },
+                  .origin = { 10, -5, 3 },
+                  .direction = { { 0, -1, 0 }, { 1, 0, 0 }, { 0, 0, 1 } } },
+        .type = SP_UINT16,
+        .range = { 100, 1100 },
+    };
+    for (int b = 0; b < 256; b++) /* air, tissue, bone */
+        info->histogram[b] = b < 20 ? 10000 : b > 90 && b < 110 ? 500 : b > 180 && b < 190 ? 50 : 1;
+}
+
+static void the_default_frames_the_volume(void **state) {
+    (void)state;
+    struct sp_volume_info info;
+    struct sp_view view;
+    make_info(&info);
+    sp_view_init(&view, &info, "some-id");
+    struct sp_error err;
+    if (!sp_view_validate(&view, &err))
+        fail_msg("%s: %s", err.place, err.text);
+    assert_string_equal(view.volume, "some-id");
+    assert_true(view.transfer_function.reference_length == 0.5);
+    assert_int_equal(view.filter.mode, SP_FILTER_ADAPTIVE);
+    assert_int_equal(view.shading.mode, SP_SHADING_PHONG);
+    assert_true(isnan(view.filter.c_max));
+
+    struct sp_camera_frame camera;
+    sp_camera_frame_init(&camera, &view.camera, view.size);
+    double low[2] = { 1e9, 1e9 }, high[2] = { -1e9, -1e9 };
+    for (int corner = 0; corner < 8; corner++) {
+        struct sp_vec3 t = sp_vec3_from(info.grid.origin);
+        for (int a = 0; a < 3; a++) {
+            double i = corner >> a & 1 ? info.grid.dims[a] - 0.5 : -0.5;
+            for (int r = 0; r < 3; r++)
+                t.v[r] += info.grid.direction[r][a] * info.grid.spacing[a] * i;
+        }
+        struct sp_vec3 u = sp_mat3_apply(&camera.w, sp_vec3_sub(t, camera.eye));
+        assert_true(u.v[2] > view.camera.near);
+        for (int k = 0; k < 2; k++) {
+            double x = camera.centre[k] + camera.scale * u.v[k] / u.v[2];
+            low[k] = fmin(low[k], x);
+            high[k] = fmax(high[k], x);
+        }
+    }
+    for (int k = 0; k < 2; k++)
+        assert_true(low[k] > 0 && high[k] < 512);
+    assert_true(high[0] - low[0] > 256 || high[1] - low[1] > 256);
+}
+
+static void the_default_hides_the_background(void **state) {
+    (void)state;
+    struct sp_volume_info info;
+    struct sp_view view;
+    make_info(&info);
+    sp_view_init(&view, &info, "x");
+    const struct sp_transfer_function *tf = &view.transfer_function;
+    double air = 100 + 1000 * 20 / 256.0, tissue = 100 + 1000 * 110 / 256.0;
+    assert_true(tf->points[0].opacity == 0);
+    assert_true(tf->points[0].value >= air && tf->points[0].value < tissue);
+    assert_true(tf->points[tf->point_count - 1].opacity > 0.5f);
+    /* One value alone, and a range that is not finite, still give a valid view. */
+    info.range[1] = info.range[0];
+    sp_view_init(&view, &info, "x");
+    assert_true(sp_view_validate(&view, NULL));
+    assert_int_equal(view.transfer_function.point_count, 1);
+    info.range[0] = -1.7e308;
+    info.range[1] = 1.7e308;
+    sp_view_init(&view, &info, "x");
+    assert_true(sp_view_validate(&view, NULL));
+    memset(info.histogram, 0, sizeof info.histogram);
+    info.range[0] = 0;
+    sp_view_init(&view, &info, "x");
+    assert_true(sp_view_validate(&view, NULL));
+}
+
+static void check_refused(const struct sp_view *view, const char *pointer) {
+    struct sp_error err = { 0 };
+    if (sp_view_validate(view, &err))
+        fail_msg("%s is accepted", pointer);
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_string_equal(err.place, pointer);
+    assert_true(strlen(err.text) > 0);
+    assert_false(sp_view_validate(view, NULL));
+}
+
+/* Sets one field of a good view and expects the pointer. */
+#define REFUSED(field, x, pointer)                                                                 \
+    do {                                                                                           \
+        struct sp_view bad = view;                                                                 \
+        bad.field = x;                                                                             \
+        check_refused(&bad, pointer);                                                              \
+    } while (0)
+
+static struct sp_view make_view(void) {
+    struct sp_volume_info info;
+    struct sp_view view;
+    make_info(&info);
+    sp_view_init(&view, &info, "x");
+    view.transfer_function.gradient_count = 2;
+    view.transfer_function.gradient[0] = (struct sp_gradient_point){ 0, 0 };
+    view.transfer_function.gradient[1] = (struct sp_gradient_point){ 5, 1 };
+    view.clip.plane_count = 1;
+    view.clip.planes[0] = (struct sp_clip_plane){ { 0, 0, 1 }, 0 };
+    view.filter.c_max = 3;
+    assert_true(sp_view_validate(&view, NULL));
+    return view;
+}
+
+static void ranges_are_checked(void **state) {
+    (void)state;
+    const struct sp_view view = make_view();
+    REFUSED(size[0], 0, "/size/0");
+    REFUSED(size[1], 8193, "/size/1");
+    REFUSED(background[3], 1.5f, "/background/3");
+    REFUSED(background[0], NAN, "/background/0");
+    REFUSED(camera.fov_y, 0.5, "/camera/fov_y");
+    REFUSED(camera.fov_y, NAN, "/camera/fov_y");
+    REFUSED(camera.height, 0, "/camera/height");
+    REFUSED(camera.near, -1, "/camera/near");
+    REFUSED(camera.near, INFINITY, "/camera/near");
+    REFUSED(camera.position[1], INFINITY, "/camera/position/1");
+    REFUSED(camera.target[2], NAN, "/camera/target/2");
+    REFUSED(camera.up[0], NAN, "/camera/up/0");
+    REFUSED(transfer_function.reference_length, 0, "/transfer_function/reference_length");
+    REFUSED(transfer_function.point_count, 0, "/transfer_function/points");
+    REFUSED(transfer_function.point_count, 257, "/transfer_function/points");
+    REFUSED(transfer_function.points[2].color[1], -0.1f, "/transfer_function/points/2/color/1");
+    REFUSED(transfer_function.points[1].opacity, 1, "/transfer_function/points/1/opacity");
+    REFUSED(transfer_function.points[1].opacity, NAN, "/transfer_function/points/1/opacity");
+    REFUSED(transfer_function.points[0].value, NAN, "/transfer_function/points/0/value");
+    REFUSED(transfer_function.points[3].value, view.transfer_function.points[2].value,
+            "/transfer_function/points/3/value");
+    REFUSED(transfer_function.gradient[1].magnitude, 0, "/transfer_function/gradient/1/magnitude");
+    REFUSED(transfer_function.gradient[0].magnitude, -1, "/transfer_function/gradient/0/magnitude");
+    REFUSED(transfer_function.gradient[0].scale, 2, "/transfer_function/gradient/0/scale");
+    REFUSED(filter.sigma, 0.2, "/filter/sigma");
+    REFUSED(filter.cutoff, 6.5, "/filter/cutoff");
+    REFUSED(filter.lowpass, -0.1, "/filter/lowpass");
+    REFUSED(filter.c_min, 0, "/filter/c_min");
+    REFUSED(filter.c_min, 3.5, "/filter/c_min");
+    REFUSED(filter.c_max, INFINITY, "/filter/c_max");
+    REFUSED(filter.mode, (enum sp_filter_mode)17, "/filter/mode");
+    REFUSED(compositing.slab, 0, "/compositing/slab");
+    REFUSED(shading.exponent, 0.5, "/shading/exponent");
+    REFUSED(shading.ambient, 5, "/shading/ambient");
+    REFUSED(shading.light_count, 9, "/shading/lights");
+    REFUSED(shading.lights[0].color[2], 4.5f, "/shading/lights/0/color/2");
+    REFUSED(clip.box[0][1], -0.5, "/clip/box/0/1");
+    REFUSED(clip.box[0][2], 1.5, "/clip/box/0/2");
+    REFUSED(clip.planes[0].offset, NAN, "/clip/planes/0/offset");
+    REFUSED(clip.planes[0].normal[2], 0, "/clip/planes/0/normal");
+    REFUSED(clip.plane_count, 9, "/clip/planes");
+    REFUSED(primitive, (enum sp_primitive)9, "/primitive/type");
+    struct sp_view crossed = view;
+    crossed.clip.box[0][0] = 0.8;
+    crossed.clip.box[1][0] = 0.2;
+    check_refused(&crossed, "/clip/box/0/0");
+    struct sp_view dark = view;
+    memset(dark.shading.lights[0].direction, 0, sizeof dark.shading.lights[0].direction);
+    check_refused(&dark, "/shading/lights/0/direction");
+    struct sp_view endless = view;
+    memset(endless.volume, 'x', sizeof endless.volume);
+    check_refused(&endless, "/volume");
+}
+
+static void degenerate_cameras_are_refused(void **state) {
+    (void)state;
+    struct sp_view view = make_view();
+    memcpy(view.camera.target, view.camera.position, sizeof view.camera.target);
+    check_refused(&view, "/camera/position");
+    view.camera.target[0] += 1e-300;
+    check_refused(&view, "/camera/position");
+    view = make_view();
+    memset(view.camera.up, 0, sizeof view.camera.up);
+    check_refused(&view, "/camera/up");
+    for (int i = 0; i < 3; i++)
+        view.camera.up[i] = -3 * (view.camera.target[i] - view.camera.position[i]);
+    check_refused(&view, "/camera/up");
+    /* Huge and tiny numbers are not degenerate. */
+    view = make_view();
+    for (int i = 0; i < 3; i++) {
+        view.camera.position[i] = i == 0 ? -1.7e308 : 0;
+        view.camera.target[i] = i == 0 ? 1.7e308 : 0;
+        view.camera.up[i] = i == 1 ? 1e-300 : 0;
+    }
+    assert_true(sp_view_validate(&view, NULL));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_default_frames_the_volume),
+        cmocka_unit_test(the_default_hides_the_background),
+        cmocka_unit_test(ranges_are_checked),
+        cmocka_unit_test(degenerate_cameras_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
