@@ -33,8 +33,8 @@ const char *folder_path(void) {
 }
 
 const char *in_folder(const char *name) {
-    static char paths[8][512];
-    static unsigned turn;
+    static _Thread_local char paths[8][512];
+    static _Thread_local unsigned turn;
     char *path = paths[turn++ % 8];
     snprintf(path, sizeof paths[0], "%s/%s", folder, name);
     return path;
