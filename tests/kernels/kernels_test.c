@@ -1,0 +1,307 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The CPU backend's kernel tables: every instruction set that starts against the definitions in
+ * double precision, on random and extreme input, with guard zones around what they may write.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "backend/cpu/kernels.h"
+
+static const char *const isas[] = { "scalar", "sse41", "avx2", "avx512", "auto" };
+enum { ISAS = sizeof isas / sizeof isas[0], GUARD = 4096 };
+
+/* Runs `test` on each table; says which sets this build or processor has not. */
+static void each_isa(void (*test)(const struct cpu_kernels *)) {
+    for (int i = 0; i < ISAS; i++) {
+        struct cpu_kernels kernels;
+        struct sp_error err;
+        if (cpu_kernels_init(&kernels, isas[i], &err))
+            test(&kernels);
+        else
+            printf("skipped: %s: %s\n", isas[i], err.text);
+    }
+}
+
+static double uniform(double low, double high) {
+    return low + (high - low) * (rand() / (double)RAND_MAX);
+}
+
+/* A tile with guard zones on both sides. */
+struct guarded {
+    unsigned char *memory;
+    struct sp_tile *tile;
+};
+
+static struct guarded make_guarded(int x, int y) {
+    struct guarded g = { .memory = aligned_alloc(64, 2 * GUARD + sizeof(struct sp_tile)) };
+    assert_non_null(g.memory);
+    memset(g.memory, 0x5a, 2 * GUARD + sizeof(struct sp_tile));
+    g.tile = (struct sp_tile *)(void *)(g.memory + GUARD);
+    sp_tile_init(g.tile, x, y, (int[2]){ 8192, 8192 });
+    return g;
+}
+
+static void free_guarded(struct guarded *g) {
+    for (size_t i = 0; i < GUARD; i++) {
+        assert_int_equal(g->memory[i], 0x5a);
+        assert_int_equal(g->memory[GUARD + sizeof(struct sp_tile) + i], 0x5a);
+    }
+    free(g->memory);
+}
+
+/* A splat of any shape over the tile; `wild` takes the exponents to the limits of float. */
+static struct sp_splat random_splat(const struct sp_tile *tile, float cut, int wild) {
+    struct sp_splat s = { .sheet = 3 };
+    double spread = wild ? 24 : 8;
+    double v00 = pow(10, uniform(-spread / 4, spread / 2)),
+           v11 = pow(10, uniform(-spread / 4, spread / 2));
+    double v01 = sqrt(v00 * v11) * uniform(-1, 1) * (wild ? 1 - 1e-6 : 0.995);
+    double det = v00 * v11 - v01 * v01, half = 0.5 / log(2) / det,
+           r = sqrt(2 * log(2) * (double)cut);
+    double rx = r * sqrt(v00), ry = r * sqrt(v11);
+    s.x = (float)(tile->x + uniform(-fmin(rx, 1e6), SP_TILE + fmin(rx, 1e6)));
+    s.y = (float)(tile->y + uniform(-fmin(ry, 1e6), SP_TILE + fmin(ry, 1e6)));
+    s.a = (float)(half * v11);
+    s.b = (float)(-2 * half * v01);
+    s.c = (float)(half * v00);
+    s.depth = (float)pow(10, uniform(wild ? -30 : -4, wild ? 6 : 0));
+    for (int c = 0; c < 3; c++)
+        s.emission[c] = s.depth * (float)uniform(0, 3);
+    s.x0 = (int16_t)fmax(0, fmax(tile->x - 100, ceil((double)s.x - rx - 0.5)));
+    s.x1 = (int16_t)fmin(8192, fmin(tile->x + 200, floor((double)s.x + rx + 0.5)));
+    s.y0 = (int16_t)fmax(0, fmax(tile->y - 100, ceil((double)s.y - ry - 0.5)));
+    s.y1 = (int16_t)fmin(8192, fmin(tile->y + 200, floor((double)s.y + ry + 0.5)));
+    return s;
+}
+
+static bool overlaps(const struct sp_splat *s, const struct sp_tile *t) {
+    return s->x0 < s->x1 && s->y0 < s->y1 && s->x0 < t->x + SP_TILE && s->x1 > t->x &&
+           s->y0 < t->y + SP_TILE && s->y1 > t->y;
+}
+
+static double exponent(const struct sp_splat *s, double x, double y) {
+    double dx = x + 0.5 - (double)s->x, dy = y + 0.5 - (double)s->y;
+    return (double)s->a * dx * dx + (double)s->b * dx * dy + (double)s->c * dy * dy;
+}
+
+static void check_add(const struct cpu_kernels *kernels) {
+    srand(11);
+    static const float cuts[] = { 0.7213f, 6.492f, 25.97f }; /* cutoffs 1, 3, 6 */
+    for (int n = 0; n < 30000; n++) {
+        struct guarded g = make_guarded(n % 2 ? 0 : 4096, n % 3 ? 0 : 8160);
+        int wild = n % 5 == 0;
+        float cut = cuts[n % 3];
+        struct sp_splat s = random_splat(g.tile, cut, wild);
+        if (overlaps(&s, g.tile)) {
+            kernels->sheet_add(g.tile, &s, cut);
+            for (int y = 0; y < SP_TILE; y++)
+                for (int x = 0; x < SP_TILE; x++) {
+                    double e = exponent(&s, g.tile->x + x, g.tile->y + y);
+                    double got = (double)g.tile->sums[0][y][x], top = (double)s.depth;
+                    for (int p = 0; p < SP_PLANES; p++)
+                        assert_true(isfinite(g.tile->sums[p][y][x]) && g.tile->sums[p][y][x] >= 0);
+                    if (wild) { /* the exponent itself is a difference of huge numbers */
+                        assert_true(got <= top * 1.0001);
+                        continue;
+                    }
+                    double w = e <= (double)cut ? exp2(-e) : 0;
+                    /* Rounding of dx and dy is magnified by the conic. */
+                    double slack = top * (1e-4 + 2e-3 * exp2(-(double)cut));
+                    bool edge = fabs(e - (double)cut) < 2e-2 * (double)cut;
+                    assert_true(fabs(got - top * w) < slack || edge);
+                    for (int c = 0; c < 3; c++)
+                        assert_true(fabs((double)g.tile->sums[1 + c][y][x] * top -
+                                         got * (double)s.emission[c]) <= 1e-6 * top * top * 3);
+                }
+            kernels->sheet_close(g.tile);
+            for (int p = 0; p < SP_PLANES; p++)
+                for (int y = 0; y < SP_TILE; y++)
+                    for (int x = 0; x < SP_TILE_ROW; x++)
+                        assert_true(g.tile->sums[p][y][x] == 0);
+        }
+        free_guarded(&g);
+    }
+}
+
+static void footprints(void **state) {
+    (void)state;
+    each_isa(check_add);
+}
+
+static void check_close(const struct cpu_kernels *kernels) {
+    srand(12);
+    for (int n = 0; n < 3000; n++) {
+        struct guarded g = make_guarded(32, 64);
+        struct sp_tile *t = g.tile;
+        static const double powers[] = { -30, -12, -4, -2.1, -1.9, 0, 2, 12 };
+        double top = pow(10, powers[n % 8]);
+        t->sheet = 1;
+        t->dirty[0] = rand() % 16;
+        t->dirty[1] = rand() % 16;
+        t->dirty[2] = t->dirty[0] + 1 + rand() % (SP_TILE - t->dirty[0]);
+        t->dirty[3] = t->dirty[1] + 1 + rand() % (SP_TILE - t->dirty[1]);
+        double depth[SP_TILE][SP_TILE] = { { 0 } };
+        for (int y = t->dirty[1]; y < t->dirty[3]; y++)
+            for (int x = t->dirty[0]; x < t->dirty[2]; x++)
+                if (rand() % 4) {
+                    t->sums[0][y][x] = (float)uniform(0, top);
+                    depth[y][x] = (double)t->sums[0][y][x];
+                    for (int c = 1; c < 4; c++)
+                        t->sums[c][y][x] = t->sums[0][y][x] * 0.25f * (float)c;
+                }
+        for (int y = 0; y < SP_TILE; y++)
+            for (int x = 0; x < SP_TILE; x++) {
+                t->done[0][y][x] = 0.5f;
+                t->done[2][y][x] = 0.125f;
+            }
+        kernels->sheet_close(t);
+        for (int y = 0; y < SP_TILE; y++)
+            for (int x = 0; x < SP_TILE; x++) {
+                double pass = exp(-depth[y][x]), alpha = -expm1(-depth[y][x]);
+                assert_true(fabs((double)t->done[0][y][x] - 0.5 * pass) < 1e-6);
+                for (int c = 1; c < 4; c++) {
+                    double before = c == 2 ? 0.125 : 0, expected = 0.5 * alpha * 0.25 * c;
+                    assert_true(fabs((double)t->done[c][y][x] - before - expected) <
+                                1e-7 + 1e-5 * expected);
+                }
+            }
+        assert_int_equal(t->sheet, SP_NO_SHEET);
+        free_guarded(&g);
+    }
+}
+
+static void sheets(void **state) {
+    (void)state;
+    each_isa(check_close);
+}
+
+static void check_resolve(const struct cpu_kernels *kernels) {
+    enum { MOST = 70 };
+    srand(13);
+    for (uint32_t count = 1; count <= MOST; count++) {
+        float plane[4][MOST], wide[4 * MOST + 8];
+        unsigned char narrow[4 * MOST + 8];
+        const float *const planes[4] = { plane[0], plane[1], plane[2], plane[3] };
+        const float background[4] = { 0.1f, 0.9f, 0.4f, count % 3 ? 1.0f : 0.25f };
+        for (uint32_t i = 0; i < count; i++) {
+            plane[0][i] = (float)uniform(0, 1);
+            for (int c = 1; c < 4; c++)
+                plane[c][i] = (float)uniform(0, i % 7 ? 1 : 1e6) * (1 - plane[0][i]);
+        }
+        memset(wide, 0x5a, sizeof wide);
+        memset(narrow, 0x5a, sizeof narrow);
+        kernels->resolve_rgbaf32(planes, count, background, wide);
+        kernels->resolve_rgba8(planes, count, background, narrow);
+        for (uint32_t i = 0; i < count; i++) {
+            double share = (double)plane[0][i] * (double)background[3];
+            double alpha = 1 - (double)plane[0][i] + share;
+            assert_true(fabs((double)wide[4 * i + 3] - alpha) < 1e-6);
+            assert_true(fabs(narrow[4 * i + 3] - alpha * 255) <= 0.51);
+            for (int c = 0; c < 3; c++) {
+                double colour = (double)plane[1 + c][i] + share * (double)background[c];
+                assert_true(fabs((double)wide[4 * i + (uint32_t)c] / colour - 1) < 1e-5);
+                assert_true(fabs(narrow[4 * i + (uint32_t)c] - fmin(1, colour / alpha) * 255) <=
+                            0.51);
+            }
+        }
+        for (size_t k = 4 * count; k < sizeof narrow; k++)
+            assert_int_equal(narrow[k], 0x5a);
+        for (size_t k = 16 * count; k < sizeof wide; k++)
+            assert_int_equal(((unsigned char *)wide)[k], 0x5a);
+    }
+}
+
+static void pixels(void **state) {
+    (void)state;
+    each_isa(check_resolve);
+}
+
+/* Runs of random voxels: every table against the scalar one, records behind the last untouched. */
+static void check_set_up(const struct cpu_kernels *kernels) {
+    enum { COUNT = 257 };
+    struct cpu_kernels scalar;
+    assert_true(cpu_kernels_init(&scalar, "scalar", NULL));
+    const struct sp_grid grid = { .dims = { 100, 90, 80 },
+                                  .spacing = { 1, 2, 0.5 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    uint32_t position[COUNT], key[COUNT], normal[COUNT];
+    uint64_t first[2] = { 0, COUNT };
+    struct sp_class classes[4] = {
+        { { 1, 0, 0 }, 0.1f }, { { 0, 1, 0 }, 1 }, { { 0, 0, 1 }, 10 }, { { 1, 1, 1 }, 0.01f }
+    };
+    struct sp_visible list = { 1, COUNT, first, position, key, normal };
+    struct sp_transfer transfer = { .table = classes, .count = 4 };
+    struct sp_splat *a = malloc((COUNT + 2) * sizeof *a), *b = malloc((COUNT + 2) * sizeof *b);
+    srand(14);
+    for (int n = 0; n < 300; n++) {
+        struct sp_view view = {
+            .size = { 300, 200 },
+            .camera = { .projection = (enum sp_projection)(n % 2),
+                        .position = { uniform(-300, 300), uniform(-300, 300), uniform(-50, 50) },
+                        .target = { 50, 90, 20 },
+                        .up = { 0, 0, 1 },
+                        .fov_y = uniform(1, 170),
+                        .height = pow(10, uniform(-3, 4)),
+                        .near = 0.1 },
+            .transfer_function = { .reference_length = 1 },
+            .filter = { SP_FILTER_EWA, SP_KERNEL_GAUSSIAN, 0.7, 3, 1, 0.3, NAN }
+        };
+        for (int i = 0; i < COUNT; i++) {
+            position[i] = (uint32_t)(rand() % 80) | (uint32_t)(rand() % 80) << 16;
+            key[i] = (uint32_t)rand() % 4;
+            normal[i] = (uint32_t)rand() << 1;
+        }
+        struct sp_camera_frame camera;
+        struct sp_ewa_frame frame;
+        sp_camera_frame_init(&camera, &view.camera, view.size);
+        sp_ewa_frame_init(&frame, &camera, &grid, &view, (unsigned)n % 3);
+        struct sp_ewa_run run = { .list = &list,
+                                  .transfer = &transfer,
+                                  .slice = (uint32_t)n % 80,
+                                  .begin = (uint64_t)n % 5,
+                                  .count = (uint32_t)(COUNT - n % 40 - 5),
+                                  .sheet = 9 };
+        memset(a, 0x5a, (COUNT + 2) * sizeof *a);
+        memset(b, 0x5a, (COUNT + 2) * sizeof *b);
+        uint32_t got = kernels->set_up(&frame, &run, a + 1),
+                 want = scalar.set_up(&frame, &run, b + 1);
+        assert_int_equal(got, want);
+        assert_true(got <= run.count);
+        for (uint32_t i = 1; i <= got; i++) {
+            assert_true(fabsf(a[i].x - b[i].x) < 1e-3f &&
+                        fabsf(a[i].depth - b[i].depth) <= 1e-4f * b[i].depth);
+            assert_int_equal(a[i].sheet, 9);
+        }
+        for (size_t k = 0; k < sizeof *a; k++) { /* before the first and past the last possible */
+            assert_int_equal(((unsigned char *)a)[k], 0x5a);
+            assert_int_equal(((unsigned char *)(a + 1 + run.count))[k], 0x5a);
+        }
+    }
+    free(a);
+    free(b);
+}
+
+static void set_up(void **state) {
+    (void)state;
+    each_isa(check_set_up);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(set_up),
+        cmocka_unit_test(footprints),
+        cmocka_unit_test(sheets),
+        cmocka_unit_test(pixels),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
