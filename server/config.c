@@ -114,11 +114,14 @@ static void number_to_text(enum kind kind, int64_t value, char text[32]) {
 
 static bool parse_number(const struct setting *setting, const char *text, int64_t *out,
                          const char *place, struct sp_error *err) {
-    char *end, low[32], high[32];
-    errno = 0;
-    bool plain = *text && strspn(text, "0123456789.") > 0 && text[0] != '.';
-    double value = plain ? strtod(text, &end) : -1;
-    bool ok = plain && errno == 0;
+    char digits[32], low[32], high[32];
+    size_t length = strspn(text, "0123456789.");
+    const char *end = text + length, *stop;
+    bool ok = length > 0 && length < sizeof digits && text[0] != '.';
+    memcpy(digits, text, ok ? length : 0);
+    digits[ok ? length : 0] = 0;
+    double value = strtod(digits, (char **)&stop);
+    ok = ok && !*stop;
     if (ok && setting->kind == SECONDS) {
         value *= 1000;
     } else if (ok && setting->kind == SIZE && *end) {

@@ -160,12 +160,31 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
     free(ws);
 }
 
+/* After a frame that the library cannot parse it has queued a close without a code. When nothing
+ * else is on its way, a close with the code is sent in its place. */
+static void refuse_frame(struct srv_ws *ws) {
+    static const uint8_t close[] = { 0x88, 2, WSLAY_CODE_PROTOCOL_ERROR >> 8,
+                                     WSLAY_CODE_PROTOCOL_ERROR & 255 };
+    ws->closing = true;
+    ws->close_ms = ws->now_ms;
+    sp_log(SP_LOG_WARN, "stream of %s closed: a frame against RFC 6455", ws->peer);
+    if (wslay_event_get_queued_msg_count(ws->context) > 1)
+        return;
+    wslay_event_shutdown_write(ws->context);
+    if (ws->options.transport.send(ws->options.transport.user, close, sizeof close) !=
+        (ssize_t)sizeof close)
+        ws->broken = true;
+}
+
 void srv_ws_read(struct srv_ws *ws, double now_ms) {
     ws->now_ms = now_ms;
     ws->read_left = READ_BUDGET;
     if (!srv_ws_wants_read(ws))
         return;
-    if (wslay_event_recv(ws->context) != 0)
+    int failed = wslay_event_recv(ws->context);
+    if (failed == WSLAY_ERR_CALLBACK_FAILURE && !ws->end_of_file && !ws->closing)
+        refuse_frame(ws);
+    else if (failed)
         ws->broken = true;
     /* The library closes by itself after errors of the peer and after its close. */
     if (!ws->closing && !wslay_event_want_read(ws->context)) {
@@ -231,8 +250,10 @@ void srv_ws_write(struct srv_ws *ws, double now_ms) {
         }
         if (!wslay_event_want_write(ws->context))
             return;
-        if (wslay_event_send(ws->context) != 0)
+        if (wslay_event_send(ws->context) != 0) {
+            sp_log(SP_LOG_INFO, "stream of %s lost: %s", ws->peer, strerror(errno));
             ws->broken = true;
+        }
         if (wslay_event_want_write(ws->context))
             return; /* the socket is full */
     }

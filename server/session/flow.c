@@ -12,16 +12,19 @@ void srv_flow_init(struct srv_flow *flow) {
 }
 
 void srv_flow_sent(struct srv_flow *flow, uint32_t frame, size_t bytes, double now_ms) {
+    bool alone = flow->count == 0;
     assert(flow->count < SRV_FLOW_MAX && frame > flow->last_frame);
     flow->flying[(flow->head + flow->count++) % SRV_FLOW_MAX] =
-        (struct srv_flow_frame){ .frame = frame, .bytes = bytes, .sent_ms = now_ms };
+        (struct srv_flow_frame){
+        .frame = frame, .bytes = bytes, .sent_ms = now_ms, .alone = alone
+    };
     flow->bytes += bytes;
     flow->last_frame = frame;
 }
 
-static void measure(struct srv_flow *flow, double sent_ms, double now_ms) {
-    double rtt = fmax(now_ms - sent_ms, 0.01);
-    if (now_ms - flow->epoch_ms > EPOCH_MS) {
+static void measure(struct srv_flow *flow, const struct srv_flow_frame *frame, double now_ms) {
+    double sent_ms = frame->sent_ms, rtt = fmax(now_ms - sent_ms, 0.01);
+    if (frame->alone && now_ms - flow->epoch_ms > EPOCH_MS) {
         flow->rtt_ms[1] = now_ms - flow->epoch_ms > 2 * EPOCH_MS ? 0 : flow->rtt_ms[0];
         flow->rtt_ms[0] = 0;
         flow->epoch_ms = now_ms;
@@ -40,7 +43,7 @@ bool srv_flow_acked(struct srv_flow *flow, uint32_t frame, double now_ms) {
         return false;
     while (flow->count > 0 && flow->flying[flow->head].frame <= frame) {
         struct srv_flow_frame *oldest = &flow->flying[flow->head];
-        measure(flow, oldest->sent_ms, now_ms);
+        measure(flow, oldest, now_ms);
         flow->bytes -= oldest->bytes;
         flow->acked = oldest->frame;
         flow->head = (flow->head + 1) % SRV_FLOW_MAX;

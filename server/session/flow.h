@@ -6,7 +6,8 @@
  *           ◄──ack 1──2────
  *
  * The round trip is the smallest one seen in the last 10 to 20 seconds, from handing a frame to the
- * socket to its acknowledgement, so that a queue which we caused ourselves does not count. The time
+ * socket to its acknowledgement, so that a queue which we caused ourselves does not count; it is
+ * forgotten only for frames that were sent alone, which happens whenever the view rests. The time
  * between frames is what the client achieves (its acknowledgements while frames were on their way),
  * never shorter than the granted rate allows. While the window is what limits the stream, the mean
  * time between acknowledgements is round trip / window: the window grows by one a round trip until
@@ -26,6 +27,7 @@ struct srv_flow_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
+    bool alone; /* nothing else was on its way */
 };
 
 struct srv_flow {

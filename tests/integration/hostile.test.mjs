@@ -46,7 +46,7 @@ test('frames against the protocol are closed with its codes', async () => {
   for (const [what, bytes, code] of cases) {
     const raw = await Raw.webSocket(daemon, session);
     raw.write(bytes);
-    assert.equal(await raw.closeCode(), code, what);
+    assert.equal(await raw.closeCode().catch((error) => error.message), code, what);
     // The server ends the connection, too, whatever the client does.
     await raw.until(() => raw.ended, `the end after ${what}`);
     raw.destroy();
@@ -56,7 +56,7 @@ test('frames against the protocol are closed with its codes', async () => {
 
 test('a length that is a lie does not make the daemon wait or allocate', async () => {
   const raw = await Raw.webSocket(daemon, await daemon.session());
-  raw.write(Buffer.from([0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4]));
+  raw.write(Buffer.from([0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4, 5]));
   assert.equal(await raw.closeCode(), 1009);
   raw.destroy();
   await othersAreServed();

@@ -106,7 +106,7 @@ test('a refused view says where, and leaves no file', async () => {
   await refused('{"camera":{"up":[0,0,0]}}', /^splatctl: \/camera\/up: up is zero/);
   await refused('{"camra":{}}', /^splatctl: \/camra: unknown field; did you mean "camera"\?/);
   await refused('{"filter":{"mode":"swan"}}', /^splatctl: \/filter\/mode: /);
-  await refused('{"camera":', /^splatctl: -: not valid JSON at line 1/);
+  await refused('{"camera":', /^splatctl: standard input: not valid JSON at line 1/);
   assert.deepEqual(readdirSync(folder), before);
 });
 

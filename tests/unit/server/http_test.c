@@ -1,0 +1,234 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "http/address.h"
+#include "http/headers.h"
+#include "http/reply.h"
+#include "http/router.h"
+#include "http/sha1.h"
+
+static void nothing(struct srv_request *request, struct srv_reply *reply) {
+    (void)request;
+    (void)reply;
+}
+
+static const struct srv_route routes[] = {
+    { SRV_GET, "/a", nothing, false },         { SRV_POST, "/a", nothing, false },
+    { SRV_GET, "/a/{}", nothing, true },       { SRV_DELETE, "/a/{}", nothing, false },
+    { SRV_GET, "/a/{}/view", nothing, false },
+};
+
+static void routing(void **state) {
+    (void)state;
+    char param[SRV_PARAM_BYTES];
+    unsigned allowed;
+    static const struct {
+        const char *method, *path;
+        int route; /* -1 = none */
+        const char *param;
+        unsigned allowed;
+    } cases[] = {
+        { "GET", "/a", 0, "", 0 },
+        { "HEAD", "/a", 0, "", 0 },
+        { "POST", "/a", 1, "", 0 },
+        { "PUT", "/a", -1, NULL, SRV_GET | SRV_POST },
+        { "get", "/a", -1, NULL, SRV_GET | SRV_POST },
+        { "GET", "/a/x", 2, "x", 0 },
+        { "DELETE", "/a/x.y-z", 3, "x.y-z", 0 },
+        { "POST", "/a/x", -1, NULL, SRV_GET | SRV_DELETE },
+        { "GET", "/a/x/view", 4, "x", 0 },
+        { "GET", "/a/", -1, NULL, 0 },
+        { "GET", "/a//view", -1, NULL, 0 },
+        { "GET", "/a/x/views", -1, NULL, 0 },
+        { "GET", "/a/x/y/view", -1, NULL, 0 },
+        { "GET", "", -1, NULL, 0 },
+        { "GET", "/b", -1, NULL, 0 },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct srv_route *route =
+            srv_route_find(routes, 5, cases[i].method, cases[i].path, param, &allowed);
+        assert_ptr_equal(route, cases[i].route < 0 ? NULL : &routes[cases[i].route]);
+        if (route)
+            assert_string_equal(param, cases[i].param);
+        else
+            assert_int_equal(allowed, cases[i].allowed);
+    }
+    char path[SRV_PARAM_BYTES + 8] = "/a/";
+    memset(path + 3, 'x', SRV_PARAM_BYTES);
+    path[3 + SRV_PARAM_BYTES] = 0;
+    assert_null(srv_route_find(routes, 5, "GET", path, param, &allowed));
+    path[3 + SRV_PARAM_BYTES - 1] = 0;
+    assert_non_null(srv_route_find(routes, 5, "GET", path, param, &allowed));
+    char text[64];
+    srv_methods_to_text(SRV_GET | SRV_DELETE, text);
+    assert_string_equal(text, "GET, HEAD, DELETE");
+}
+
+static void origins(void **state) {
+    (void)state;
+    static const struct {
+        const char *origin, *host;
+        bool allowed;
+    } cases[] = {
+        { NULL, "a:1", true },
+        { NULL, NULL, true },
+        { "http://a:1", "a:1", true },
+        { "https://a:1", "a:1", true },
+        { "http://A.Example:1", "a.example:1", true },
+        { "http://a", "a", true },
+        { "http://a", "a:80", true },
+        { "http://a:80", "a", true },
+        { "https://a", "a:443", true },
+        { "http://[::1]:80", "[::1]", true },
+        { "https://a", "a:80", false },
+        { "http://a:2", "a:1", false },
+        { "http://b:1", "a:1", false },
+        { "http://a:1.evil", "a:1", false },
+        { "http://a:1/", "a:1", false },
+        { "http://evil/a:1", "a:1", false },
+        { "http://", "", false },
+        { "null", "null", false },
+        { "", "a:1", false },
+        { "ws://a:1", "a:1", false },
+        { "http://a:1", NULL, false },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_int_equal(srv_origin_is_allowed(cases[i].origin, cases[i].host), cases[i].allowed);
+}
+
+static void accepting(void **state) {
+    (void)state;
+    assert_float_equal(srv_accept_quality(NULL, "image/png"), 1, 0);
+    assert_float_equal(srv_accept_quality("*/*", "image/png"), 1, 0);
+    assert_float_equal(srv_accept_quality("text/html", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("image/*;q=0.5, */*;q=0.1", "image/png"), 0.5, 1e-9);
+    assert_float_equal(srv_accept_quality("image/*, image/png;q=0", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("image/png;q=0, image/*", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("IMAGE/PNG ; level=1 ; q=0.25", "image/png"), 0.25, 1e-9);
+    assert_float_equal(srv_accept_quality("image/png;q=2", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("image/pngx", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality(",,;q=1,;", "image/png"), 0, 0);
+}
+
+static void tokens_and_types(void **state) {
+    (void)state;
+    assert_true(srv_header_has_token("keep-alive, Upgrade", "upgrade"));
+    assert_true(srv_header_has_token(" websocket ", "websocket"));
+    assert_false(srv_header_has_token("websocketx", "websocket"));
+    assert_false(srv_header_has_token("web socket", "websocket"));
+    assert_false(srv_header_has_token(NULL, "websocket"));
+    assert_true(srv_etag_matches("\"a\"", "\"a\""));
+    assert_true(srv_etag_matches("\"b\", W/\"a\"", "\"a\""));
+    assert_true(srv_etag_matches("*", "\"a\""));
+    assert_false(srv_etag_matches("\"ab\"", "\"a\""));
+    assert_false(srv_etag_matches(NULL, "\"a\""));
+    assert_string_equal(srv_bearer_token("Bearer xyz"), "xyz");
+    assert_string_equal(srv_bearer_token("bearer  xyz"), "xyz");
+    assert_null(srv_bearer_token("Basic xyz"));
+    assert_null(srv_bearer_token(NULL));
+    assert_true(srv_is_json(NULL));
+    assert_true(srv_is_json("application/json; charset=utf-8"));
+    assert_true(srv_is_json("Application/Merge-Patch+JSON"));
+    assert_false(srv_is_json("application/jsonx"));
+    assert_false(srv_is_json("text/plain"));
+}
+
+static void addresses(void **state) {
+    (void)state;
+    struct srv_address a, b;
+    char text[SRV_ADDRESS_TEXT];
+    static const struct {
+        const char *text, *shown;
+        bool loopback;
+    } good[] = {
+        { "127.0.0.1:8080", "127.0.0.1:8080", true },
+        { "127.3.2.1:0", "127.3.2.1:0", true },
+        { "localhost:1", "127.0.0.1:1", true },
+        { "0.0.0.0:65535", "0.0.0.0:65535", false },
+        { "10.1.2.3:80", "10.1.2.3:80", false },
+        { "[::1]:80", "[::1]:80", true },
+        { "[::]:80", "[::]:80", false },
+    };
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        assert_true(srv_address_parse(good[i].text, &a, NULL));
+        srv_address_to_text((const struct sockaddr *)&a.storage, text);
+        assert_string_equal(text, good[i].shown);
+        assert_int_equal(srv_address_is_loopback(&a), good[i].loopback);
+    }
+    static const char *const bad[] = { "",       "8080",      ":8080",      "127.0.0.1",
+                                       "a.b:80", "::1:80",    "[::1]",      "127.0.0.1:65536",
+                                       "[]:80",  "1.2.3.4:x", "1.2.3.4:-1", "1.2.3.4:80 " };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        assert_false(srv_address_parse(bad[i], &a, NULL));
+    assert_true(srv_address_parse("10.0.0.1:1", &a, NULL));
+    assert_true(srv_address_parse("10.0.0.1:2", &b, NULL));
+    assert_true(
+        srv_address_same_host((struct sockaddr *)&a.storage, (struct sockaddr *)&b.storage));
+    assert_true(srv_address_parse("10.0.0.2:1", &b, NULL));
+    assert_false(
+        srv_address_same_host((struct sockaddr *)&a.storage, (struct sockaddr *)&b.storage));
+}
+
+static void digest(const char *text, size_t size, const char *expected) {
+    uint8_t bytes[SRV_SHA1_BYTES];
+    char hex[2 * SRV_SHA1_BYTES + 1];
+    srv_sha1(text, size, bytes);
+    for (int i = 0; i < SRV_SHA1_BYTES; i++)
+        snprintf(hex + 2 * i, 3, "%02x", bytes[i]);
+    assert_string_equal(hex, expected);
+}
+
+/* RFC 3174 and FIPS 180 examples; RFC 6455, 1.3; lengths around a block from sha1sum. */
+static void handshake(void **state) {
+    (void)state;
+    char accept[SRV_ACCEPT_BYTES], a[64];
+    memset(a, 'a', sizeof a);
+    digest("", 0, "da39a3ee5e6b4b0d3255bfef95601890afd80709");
+    digest("abc", 3, "a9993e364706816aba3e25717850c26c9cd0d89d");
+    digest("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq", 56,
+           "84983e441c3bd26ebaae4aa1f95129e5e54670f1");
+    digest(a, 55, "c1c8bbdc22796e28c0e15163d20899b65621d65a");
+    digest(a, 64, "0098ba824b5c16427bd7a1122a5a442a25ec644d");
+    srv_websocket_accept("dGhlIHNhbXBsZSBub25jZQ==", accept);
+    assert_string_equal(accept, "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+}
+
+static void problems(void **state) {
+    (void)state;
+    struct srv_reply reply = { .status = 0 };
+    struct sp_error err;
+    sp_fail(&err, SP_ERR_INVALID, "/camera/up", "say \"no\"\n");
+    srv_reply_error(&reply, &err);
+    assert_int_equal(reply.status, 422);
+    assert_string_equal(reply.mime, "application/problem+json");
+    assert_int_equal(reply.size, strlen(reply.body));
+    assert_non_null(strstr(reply.body, "\"pointer\":\"/camera/up\""));
+    assert_non_null(strstr(reply.body, "say \\\"no\\\"\\"));
+    srv_reply_finish(&reply);
+    sp_fail(&err, SP_ERR_BUDGET, NULL, "full");
+    srv_reply_error(&reply, &err);
+    assert_int_equal(reply.status, 503);
+    assert_string_equal(reply.headers[0].name, "Retry-After");
+    srv_reply_finish(&reply);
+    srv_reply_header(&reply, "X", "a\r\nY: b");
+    assert_string_equal(reply.headers[0].value, "a??Y: b");
+    srv_reply_finish(&reply);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(routing),   cmocka_unit_test(origins),
+        cmocka_unit_test(accepting), cmocka_unit_test(tokens_and_types),
+        cmocka_unit_test(addresses), cmocka_unit_test(handshake),
+        cmocka_unit_test(problems),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,337 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Sessions without sockets and renderer: jobs are taken and answered by hand, the clock is given.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "session/hub.h"
+#include "sp/volume.h"
+
+struct fixture {
+    struct srv_hub *hub;
+    struct sp_volume_info info;
+    int uses;
+    unsigned interrupts;
+    char id[SRV_SESSION_ID_BYTES];
+};
+
+static void *acquire(void *user, const char *id, struct sp_error *err) {
+    struct fixture *f = user;
+    if (id && *id && strcmp(id, "v") != 0) {
+        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "no volume %s", id);
+        return NULL;
+    }
+    f->uses++;
+    return f;
+}
+
+static void *add_use(void *user, void *volume) {
+    ((struct fixture *)user)->uses++;
+    return volume;
+}
+
+static void release(void *user, void *volume) {
+    (void)volume;
+    ((struct fixture *)user)->uses--;
+}
+
+static void default_view(void *user, void *volume, struct sp_view *view) {
+    (void)volume;
+    sp_view_init(view, &((struct fixture *)user)->info, "v");
+}
+
+static void ignore(void *user) {
+    (void)user;
+}
+
+static void count_interrupt(void *user, uint64_t session) {
+    (void)session;
+    ((struct fixture *)user)->interrupts++;
+}
+
+static int set_up(void **state) {
+    struct fixture *f = calloc(1, sizeof *f);
+    if (!f)
+        return -1;
+    f->info = (struct sp_volume_info){ .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
+    for (int i = 0; i < 3; i++) {
+        f->info.grid.dims[i] = 8;
+        f->info.grid.spacing[i] = 1;
+        f->info.grid.direction[i][i] = 1;
+    }
+    f->info.histogram[3] = 512;
+    struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view },
+                                       .sessions_max = 2,
+                                       .participants_max = 3,
+                                       .session_idle_ms = 1000,
+                                       .rest_ms = 100,
+                                       .stream_bytes = 1 << 20,
+                                       .user = f,
+                                       .work = ignore,
+                                       .ready = ignore,
+                                       .interrupt = count_interrupt };
+    f->hub = srv_hub_create(&options, NULL);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, 0, f->id, NULL);
+    proto_json_free(&json);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct fixture *f = *state;
+    srv_hub_destroy(&f->hub);
+    int uses = f->uses;
+    free(f);
+    return uses; /* every use was given back */
+}
+
+static struct srv_participant *join(struct fixture *f, double now_ms) {
+    struct srv_participant *p = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, now_ms, NULL);
+    assert_non_null(p);
+    return p;
+}
+
+static void update(struct fixture *f, struct srv_participant *p, unsigned seq, double now_ms) {
+    char text[160], *answer;
+    size_t size;
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
+             "\"patch\":{\"background\":[0.%u,0,0,1]}}}",
+             seq, seq);
+    assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
+    assert_non_null(strstr(answer, "\"result\""));
+    free(answer);
+}
+
+static void ack(struct fixture *f, struct srv_participant *p, unsigned frame, double now_ms) {
+    char text[120], *answer;
+    size_t size;
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}", frame);
+    assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
+    assert_null(answer);
+}
+
+static bool next_job(struct fixture *f, double now_ms, struct srv_job *job) {
+    double wait_ms;
+    return srv_hub_next_job(f->hub, true, now_ms, job, &wait_ms);
+}
+
+static void finish(struct fixture *f, struct srv_job *job, double render_ms) {
+    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
+                                         .width = (uint16_t)job->view.size[0],
+                                         .height = (uint16_t)job->view.size[1] };
+    struct srv_job_result result = { .width = job->view.size[0],
+                                     .height = job->view.size[1],
+                                     .render_ms = render_ms };
+    struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
+    for (uint32_t i = 0; i < job->target_count; i++)
+        srv_hub_deliver(f->hub, job, i, &header, blob);
+    srv_blob_unref(&blob);
+    srv_hub_job_done(f->hub, job, &result);
+}
+
+/* Drains all messages; returns the last frame's header, frame 0 if there was none. */
+static struct proto_frame_header drain(struct fixture *f, struct srv_participant *p,
+                                       double now_ms) {
+    struct proto_frame_header last = { .frame = 0 };
+    struct srv_message message;
+    enum srv_message_kind kind;
+    while ((kind = srv_hub_next_message(f->hub, p, true, now_ms, &message)) != SRV_MESSAGE_NONE) {
+        assert_int_not_equal(kind, SRV_MESSAGE_CLOSE);
+        if (kind == SRV_MESSAGE_FRAME)
+            last = message.header;
+        free(message.text);
+        srv_blob_unref(&message.blob);
+    }
+    return last;
+}
+
+static void moving_then_final(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 1000);
+    assert_true(next_job(f, 1000, &job));
+    assert_false(job.final); /* nothing is known yet of the time that a picture takes */
+    assert_true(job.view.size[0] < 512);
+    assert_int_equal(job.targets[0].quality, 60);
+    finish(f, &job, 5);
+    struct proto_frame_header header = drain(f, p, 1010);
+    assert_int_equal(header.frame, 1);
+    assert_int_equal(header.flags, PROTO_FRAME_KEY);
+    ack(f, p, 1, 1012);
+    assert_true(next_job(f, 1200, &job));
+    assert_true(job.final && job.refinement);
+    assert_int_equal(job.view.size[0], 512);
+    assert_int_equal(job.targets[0].quality, 90);
+    finish(f, &job, 20);
+    header = drain(f, p, 1230);
+    assert_int_equal(header.flags, PROTO_FRAME_KEY | PROTO_FRAME_FINAL);
+    ack(f, p, 2, 1240);
+    assert_false(next_job(f, 5000, &job)); /* it rests */
+    update(f, p, 7, 5000);
+    assert_true(next_job(f, 5001, &job));
+    assert_false(job.final);
+    assert_int_equal(job.targets[0].seq, 7);
+    finish(f, &job, 5);
+    assert_int_equal(drain(f, p, 5010).seq, 7);
+    srv_hub_leave(f->hub, &p, 5020);
+}
+
+static void updates_coalesce_behind_a_job(void **state) {
+    struct fixture *f = *state;
+    struct srv_job first, second, none;
+    struct srv_participant *p = join(f, 0);
+    assert_true(next_job(f, 1, &first));
+    for (unsigned seq = 1; seq <= 9; seq++)
+        update(f, p, seq, 2);
+    assert_true(next_job(f, 40, &second));
+    assert_int_equal(second.targets[0].seq, 9);
+    assert_false(srv_hub_is_newest(f->hub, &first));
+    assert_true(srv_hub_is_newest(f->hub, &second));
+    assert_false(next_job(f, 500, &none)); /* two are on their way: the first window */
+    /* They come in the wrong order: the older one is dropped. */
+    finish(f, &second, 1);
+    finish(f, &first, 1);
+    struct proto_frame_header header = drain(f, p, 60);
+    assert_int_equal(header.frame, 1);
+    assert_int_equal(header.seq, 9);
+    srv_hub_leave(f->hub, &p, 70);
+}
+
+static void a_cancelled_refinement_comes_again(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 0);
+    assert_true(next_job(f, 1, &job));
+    finish(f, &job, 1);
+    drain(f, p, 2);
+    ack(f, p, 1, 3);
+    assert_true(next_job(f, 200, &job));
+    assert_true(job.refinement);
+    unsigned before = f->interrupts;
+    update(f, p, 1, 210);
+    assert_int_equal(f->interrupts, before + 1);
+    srv_hub_job_cancelled(f->hub, &job);
+    assert_true(next_job(f, 240, &job));
+    assert_false(job.refinement);
+    finish(f, &job, 1);
+    drain(f, p, 250);
+    ack(f, p, 2, 251);
+    assert_true(next_job(f, 400, &job));
+    assert_true(job.final);
+    srv_hub_job_cancelled(f->hub, &job); /* without a newer view, too */
+    assert_true(next_job(f, 500, &job));
+    assert_true(job.final);
+    finish(f, &job, 1);
+    srv_hub_leave(f->hub, &p, 600);
+}
+
+static void a_failed_view_is_told_and_not_tried_again(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_message message;
+    struct sp_error err;
+    struct srv_participant *p = join(f, 0);
+    drain(f, p, 0);
+    assert_true(next_job(f, 1, &job));
+    sp_fail(&err, SP_ERR_MEMORY, "/size", "no memory");
+    srv_hub_job_failed(f->hub, &job, &err);
+    assert_int_equal(srv_hub_next_message(f->hub, p, true, 2, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "render.error"));
+    assert_non_null(strstr(message.text, "\"pointer\":\"/size\""));
+    free(message.text);
+    assert_false(next_job(f, 10000, &job));
+    update(f, p, 1, 10000);
+    assert_true(next_job(f, 10001, &job));
+    finish(f, &job, 1);
+    srv_hub_leave(f->hub, &p, 10002);
+}
+
+static void one_picture_for_all_who_see_the_same(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job, other;
+    struct srv_participant *a = join(f, 0), *b = join(f, 0), *c = join(f, 0);
+    static const char text[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\","
+                               "\"params\":{\"size\":[40,30],\"format\":\"png\"}}";
+    char *answer;
+    size_t size;
+    assert_null(srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, f, 0, NULL)); /* three are allowed */
+    assert_true(srv_hub_message(f->hub, c, text, sizeof text - 1, 0, &answer, &size));
+    free(answer);
+    assert_true(next_job(f, 1, &job));
+    assert_true(next_job(f, 1, &other));
+    assert_int_equal(job.target_count + other.target_count, 3);
+    assert_true(job.target_count == 2 || other.target_count == 2);
+    finish(f, &job, 1);
+    finish(f, &other, 1);
+    assert_int_equal(drain(f, a, 2).frame, 1);
+    assert_int_equal(drain(f, b, 2).frame, 1);
+    assert_int_equal(drain(f, c, 2).frame, 1);
+    srv_hub_leave(f->hub, &a, 3);
+    /* A job may outlive its participant and its session. */
+    update(f, b, 1, 50);
+    assert_true(next_job(f, 60, &job));
+    srv_hub_leave(f->hub, &b, 61);
+    assert_true(srv_hub_session_delete(f->hub, f->id, NULL));
+    finish(f, &job, 1);
+    struct srv_message message;
+    assert_int_equal(srv_hub_next_message(f->hub, c, true, 70, &message), SRV_MESSAGE_CLOSE);
+    assert_int_equal(message.close_code, 1000);
+    srv_hub_leave(f->hub, &c, 71);
+}
+
+static void idle_sessions_end(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *p = join(f, 0);
+    srv_hub_tick(f->hub, 5000);
+    assert_int_equal(srv_hub_session_count(f->hub), 1);
+    srv_hub_leave(f->hub, &p, 5000);
+    srv_hub_tick(f->hub, 5999);
+    assert_int_equal(srv_hub_session_count(f->hub), 1);
+    srv_hub_tick(f->hub, 6001);
+    assert_int_equal(srv_hub_session_count(f->hub), 0);
+}
+
+static void notifications_tell_the_state_not_its_history(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = join(f, 0), *b = join(f, 0);
+    struct srv_message message;
+    drain(f, b, 0);
+    for (unsigned seq = 1; seq <= 9; seq++)
+        update(f, a, seq, seq);
+    for (int i = 0; i <= 100; i++)
+        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "");
+    assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "view.changed"));
+    assert_non_null(strstr(message.text, "\"background\":[0.9"));
+    free(message.text);
+    assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "\"state\":\"ready\""));
+    free(message.text);
+    assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_NONE);
+    srv_hub_leave(f->hub, &a, 30);
+    srv_hub_leave(f->hub, &b, 30);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+        TEST(moving_then_final),
+        TEST(updates_coalesce_behind_a_job),
+        TEST(a_cancelled_refinement_comes_again),
+        TEST(a_failed_view_is_told_and_not_tried_again),
+        TEST(one_picture_for_all_who_see_the_same),
+        TEST(idle_sessions_end),
+        TEST(notifications_tell_the_state_not_its_history),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
