@@ -375,7 +375,7 @@ static void one_voxel_has_its_analytic_depth(void **state) {
     struct sp_frame *frame = draw(&rig, SP_RGBAF32);
     double top = log(2) / (2 * M_PI * 0.49) / (1 - exp(-4.5)); /* g/(2πσ²), cutoff given back */
     for (int x = 0; x < 101; x++) {
-        double r = fabs(x - 50) * 0.1 / 0.7, tau = r < 3 ? top * exp(-0.5 * r * r) : 0;
+        double r = abs(x - 50) * 0.1 / 0.7, tau = r < 3 ? top * exp(-0.5 * r * r) : 0;
         assert_true(fabs((double)pixel(frame, (uint32_t)x, 50)[3] - (1 - exp(-tau))) < 1e-5 ||
                     fabs(fabs(r) - 3) < 1e-3);
     }
