@@ -18,6 +18,7 @@ struct http {
     char *base;  /* scheme, host, port and prefix, without a slash at the end */
     char *token; /* NULL = none */
     unsigned timeout_s;
+    bool is_loopback; /* no proxy can reach it */
 };
 
 /* The value of `token` in a query; NULL if there is none. Allocated. */
@@ -35,10 +36,13 @@ static char *token_of_query(const char *query) {
 
 static bool split_url(struct http *http, const char *url, struct sp_error *err) {
     CURLU *parts = curl_url();
-    char *query = NULL, *base = NULL;
+    char *query = NULL, *base = NULL, *host = NULL;
     CURLUcode code = parts ? curl_url_set(parts, CURLUPART_URL, url, 0) : CURLUE_OUT_OF_MEMORY;
     if (code == CURLUE_OK && curl_url_get(parts, CURLUPART_QUERY, &query, 0) == CURLUE_OK)
         http->token = token_of_query(query);
+    if (code == CURLUE_OK && curl_url_get(parts, CURLUPART_HOST, &host, 0) == CURLUE_OK)
+        http->is_loopback = strncmp(host, "127.", 4) == 0 || strcmp(host, "localhost") == 0 ||
+                            strcmp(host, "[::1]") == 0;
     if (code == CURLUE_OK) {
         curl_url_set(parts, CURLUPART_QUERY, NULL, 0);
         curl_url_set(parts, CURLUPART_FRAGMENT, NULL, 0);
@@ -51,6 +55,7 @@ static bool split_url(struct http *http, const char *url, struct sp_error *err) 
             http->base[--n] = 0;
     curl_free(base);
     curl_free(query);
+    curl_free(host);
     curl_url_cleanup(parts);
     if (http->base)
         return true;
@@ -215,6 +220,8 @@ bool http_request(struct http *http, const char *method, const char *path, const
     curl_easy_setopt(curl, CURLOPT_WRITEDATA, response);
     curl_easy_setopt(curl, CURLOPT_HEADERFUNCTION, receive_header);
     curl_easy_setopt(curl, CURLOPT_HEADERDATA, response);
+    if (http->is_loopback)
+        curl_easy_setopt(curl, CURLOPT_PROXY, "");
     if (body) {
         curl_easy_setopt(curl, CURLOPT_POSTFIELDS, body);
         curl_easy_setopt(curl, CURLOPT_POSTFIELDSIZE_LARGE, (curl_off_t)strlen(body));

@@ -78,6 +78,8 @@ bool output_write(const char *path, const void *bytes, size_t size, struct sp_er
 char *input_read(const char *path, size_t limit, size_t *size, struct sp_error *err) {
     bool standard = strcmp(path, "-") == 0;
     FILE *file = standard ? stdin : fopen(path, "rb");
+    if (standard)
+        path = "standard input";
     if (!file) {
         fail_io(err, path, "cannot open");
         return NULL;

@@ -35,6 +35,9 @@ bool write_picture(const struct options *options, const struct picture *picture,
 /* The view of the command line: that of --view, with --size. NULL with *err set. */
 static proto_json *read_view(const struct options *options, struct sp_error *err) {
     proto_json *view = NULL;
+    const char *name = options->view;
+    if (name && strcmp(name, "-") == 0)
+        name = "standard input";
     if (!options->view) {
         view = proto_json_object();
     } else {
@@ -46,12 +49,12 @@ static proto_json *read_view(const struct options *options, struct sp_error *err
         free(text);
         if (!view) {
             if (err)
-                snprintf(err->place, sizeof err->place, "%s", options->view);
+                snprintf(err->place, sizeof err->place, "%s", name);
             return NULL;
         }
     }
     if (view && proto_json_type(view) != PROTO_JSON_OBJECT) {
-        sp_fail(err, SP_ERR_INVALID, options->view, "a view is a JSON object");
+        sp_fail(err, SP_ERR_INVALID, name, "a view is a JSON object");
         proto_json_free(&view);
         return NULL;
     }

@@ -30,8 +30,12 @@ enum sp_image_format sp_image_format_find(const char *text) {
     return SP_IMAGE_FORMAT_COUNT;
 }
 
+enum { KEEP_BYTES = 64 << 20 };
+
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err) {
-    if (buffer->capacity >= capacity)
+    /* What one large image needed is not kept for many small ones. */
+    size_t keep = capacity > KEEP_BYTES / 8 ? capacity * 8 : KEEP_BYTES;
+    if (buffer->capacity >= capacity && buffer->capacity <= keep)
         return true;
     free(buffer->bytes);
     *buffer = (struct sp_buffer){ .bytes = malloc(capacity) };

@@ -15,7 +15,7 @@
 #include "encode/oiio_bridge.h"
 #include "sp/encode.h"
 
-struct sp_buffer { /* memory that only grows; {0} is empty */
+struct sp_buffer { /* memory kept from image to image; {0} is empty */
     uint8_t *bytes;
     size_t size, capacity;
 };

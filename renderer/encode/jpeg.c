@@ -19,7 +19,7 @@ bool sp_encode_jpeg(struct sp_encoder *encoder, const struct sp_raster *raster, 
     unsigned long size = encoder->output.capacity;
     if (tjCompress2(encoder->jpeg, raster->pixels, width, (int)raster->stride, height, TJPF_RGBX,
                     &encoder->output.bytes, &size, sampling, quality, TJFLAG_NOREALLOC) != 0)
-        return sp_fail(err, SP_ERR_MEMORY, "", "cannot encode a JPEG image of %d × %d: %s", width,
+        return sp_fail(err, SP_ERR_BACKEND, "", "cannot encode a JPEG image of %d × %d: %s", width,
                        height, tjGetErrorStr2(encoder->jpeg));
     encoder->output.size = size;
     return true;

@@ -38,7 +38,8 @@ struct sp_encoder;
 struct sp_encoder *sp_encoder_create(struct sp_error *err);
 void sp_encoder_destroy(struct sp_encoder **encoder);
 
-/* quality in [1,100] (JPEG, WebP; ignored by the lossless ones). JPEG drops alpha.
+/* quality in [1,100] (JPEG, WebP; ignored by the lossless ones). JPEG has no
+ * alpha: it shows the frame over black.
  * *bytes stay owned by the encoder and valid until its next call. */
 bool sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,

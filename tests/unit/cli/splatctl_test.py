@@ -131,9 +131,9 @@ class Local(unittest.TestCase):
                      stdin=b'{"camra":{}}')
         self.refused('/filter/mode', '--volume', 'demo:phantom?size=16', '--view', '-',
                      stdin=b'{"filter":{"mode":"swan"}}')
-        self.refused('-: not valid JSON at line 2', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b'{\n')
-        self.refused('-: a view is a JSON object', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b'[]')
-        self.refused('-: is larger than', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b' ' * (2 << 20))
+        self.refused('standard input: not valid JSON at line 2', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b'{\n')
+        self.refused('standard input: a view is a JSON object', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b'[]')
+        self.refused('standard input: is larger than', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b' ' * (2 << 20))
         self.refused('no-such-view: ', '--volume', 'demo:phantom?size=16', '--view', 'no-such-view')
         self.refused('', '--volume', 'demo:phantom?size=16', '--backend', 'abacus')
 
@@ -249,6 +249,8 @@ class Remote(unittest.TestCase):
         self.assertEqual(Daemon.seen[-1][2]['Authorization'], 'Bearer env')
         self.assertEqual(run('volumes', env={'SPLATD_URL': self.url}).returncode, 0)
         self.assertNotIn('Authorization', Daemon.seen[-1][2])
+        result = run('volumes', env={'SPLATD_URL': self.url, 'http_proxy': 'http://127.0.0.1:1/'})
+        self.assertEqual((result.returncode, result.stderr), (0, b''))
         for url in ('ftp://127.0.0.1/', 'file:///etc/passwd', 'not an address', 'http://'):
             result = run('--url', url, 'volumes')
             self.assertEqual(result.returncode, 1)
