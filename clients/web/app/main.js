@@ -11,7 +11,7 @@ import { Viewer } from './viewer.js';
 
 const RESIZE_MS = 120;
 const LIST_MS = 500;
-const MAX_FPS = 60;
+const MAX_FPS = 30; // while moving the daemon shrinks the picture to hold this, so more is not better
 
 const base = new URL('.', location.href).href;
 const place = `splatd:${new URL(base).pathname}`;

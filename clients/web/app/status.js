@@ -25,6 +25,7 @@ export class StatusLine {
   #latency = null;
   #newest = null;
   #sent = () => 0;
+  #isLive = false;
 
   /** sent(): seq of the newest update. */
   constructor(root, sent) {
@@ -43,7 +44,8 @@ export class StatusLine {
     const field = this.#root.querySelector('#status-state');
     field.dataset.state = state;
     field.textContent = WORDS[state] ?? state;
-    if (state !== 'live') this.#frames = [];
+    this.#isLive = state === 'live';
+    if (!this.#isLive) this.#frames = [];
   }
 
   /** How many look at this session, and whether this page may only watch. */
@@ -72,7 +74,7 @@ export class StatusLine {
       if (field.textContent !== text) field.textContent = text;
     };
     const isResting = this.#frames.length === 0 && frame?.isFinal;
-    set('fps', isResting ? 'at rest' : frame ? String(this.#frames.length) : '');
+    set('fps', !frame || !this.#isLive ? '' : isResting ? 'at rest' : String(this.#frames.length));
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
     set('size', frame ? `${frame.width} × ${frame.height}` : '');
     set('bytes', frame ? kilobytes(frame.payload.byteLength) : '');
