@@ -131,9 +131,9 @@ class Local(unittest.TestCase):
                      stdin=b'{"camra":{}}')
         self.refused('/filter/mode', '--volume', 'demo:phantom?size=16', '--view', '-',
                      stdin=b'{"filter":{"mode":"swan"}}')
-        self.refused('standard input: not valid JSON at line 2', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b'{\n')
-        self.refused('standard input: a view is a JSON object', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b'[]')
-        self.refused('standard input: is larger than', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=b' ' * (2 << 20))
+        for text, why in ((b'{\n', 'not valid JSON at line 2'), (b'[]', 'a view is a JSON object'),
+                          (b' ' * (2 << 20), 'is larger than')):
+            self.refused(f'standard input: {why}', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=text)
         self.refused('no-such-view: ', '--volume', 'demo:phantom?size=16', '--view', 'no-such-view')
         self.refused('', '--volume', 'demo:phantom?size=16', '--backend', 'abacus')
 
@@ -264,7 +264,8 @@ class Remote(unittest.TestCase):
 
     def test_load_waits(self):
         Daemon.answers['POST', '/api/v1/volumes'] = [answer(202, volume('loading'))]
-        Daemon.answers['GET', '/api/v1/volumes/head%201'] = [answer(200, volume('loading')), answer(200, volume('ready'))]
+        Daemon.answers['GET', '/api/v1/volumes/head%201'] = [answer(200, volume('loading')),
+                                                              answer(200, volume('ready'))]
         result = self.run_at('load', 'head.nrrd')
         self.assertEqual((result.returncode, result.stdout, result.stderr), (0, b'head 1\n', b''))
         self.assertEqual(json.loads(Daemon.seen[0][3]), {'path': 'head.nrrd'})

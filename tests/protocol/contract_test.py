@@ -1,0 +1,204 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds openapi.yaml and the examples against the real daemon.
+
+  contract_test.py SPLATD SOURCE_DIR
+
+Every answer has a documented status and media type, and a body of its schema; every documented operation is asked.
+Every invalid example gives 400 or 422 with its pointer, over HTTP too. Exit status 77: skipped.
+"""
+import glob
+import http.client
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import urllib.parse
+
+try:
+    import jsonschema
+    import yaml
+except ImportError as e:
+    print(f'skipped: {e}; install python3-yaml and python3-jsonschema')
+    sys.exit(77)
+
+failures = 0
+DEADLINE_S = 60
+UPGRADE = {'Connection': 'Upgrade', 'Upgrade': 'websocket', 'Sec-WebSocket-Version': '13',
+           'Sec-WebSocket-Key': 'dGhlIHNhbXBsZSBub25jZQ==', 'Sec-WebSocket-Protocol': 'splatd.v1'}
+
+
+def check(ok, text):
+    global failures
+    if not ok:
+        failures += 1
+        print('FAILED:', text)
+
+
+class Daemon:
+    def __init__(self, program):
+        self.log = tempfile.TemporaryFile()
+        self.process = subprocess.Popen([program, '--listen', '127.0.0.1:0', '--backend', 'null', '--volume',
+                                         'demo:engine?size=16'], stdout=subprocess.PIPE, stderr=self.log)
+        line = self.process.stdout.readline().decode()
+        if 'http' not in line:
+            raise RuntimeError(f'splatd did not start: {self.stop()}')
+        url = urllib.parse.urlsplit(line.split()[-1])
+        self.host, self.token = url.netloc, urllib.parse.parse_qs(url.query)['token'][0]
+
+    def ask(self, method, path, body=None, headers=None, token=True):
+        """(status, headers, bytes)"""
+        connection = http.client.HTTPConnection(self.host, timeout=DEADLINE_S)
+        headers = dict(headers or {})
+        if token:
+            headers['Authorization'] = f'Bearer {self.token if token is True else token}'
+        if isinstance(body, (dict, list)):
+            body = json.dumps(body)
+        if body is not None:
+            headers.setdefault('Content-Type', 'application/json')
+        connection.request(method, path, body.encode() if isinstance(body, str) else body, headers)
+        answer = connection.getresponse()
+        data = b'' if answer.status == 101 else answer.read()
+        connection.close()
+        return answer.status, answer.headers, data
+
+    def stop(self):
+        """The exit status and what was logged."""
+        self.process.terminate()
+        self.process.communicate(timeout=DEADLINE_S)
+        self.log.seek(0)
+        return self.process.returncode, self.log.read().decode(errors='replace')
+
+
+class Contract:
+    def __init__(self, folder):
+        with open(f'{folder}/openapi.yaml', encoding='utf-8') as f:
+            self.document = yaml.safe_load(f)
+        with open(f'{folder}/view.schema.json', encoding='utf-8') as f:
+            view = json.load(f)
+        # Of the schema's own references, which are absolute in the document that holds both.
+        text = json.dumps(view).replace('#/$defs/', '#/components/schemas/View/$defs/')
+        self.document['components']['schemas']['View'] = json.loads(text)
+        self.seen = set()
+
+    def node(self, value):
+        while '$ref' in value:
+            target = self.document
+            for token in value['$ref'][2:].split('/'):
+                target = target[token]
+            value = target
+        return value
+
+    def check(self, method, template, status, headers, body):
+        name = f'{method} {template}'
+        self.seen.add((method.lower(), template))
+        answers = self.document['paths'][template][method.lower()]['responses']
+        check(str(status) in answers, f'{name}: status {status} is not documented: {body[:200]}')
+        if str(status) not in answers:
+            return
+        content = self.node(answers[str(status)]).get('content', {})
+        kind = headers.get('Content-Type', '').split(';')[0]
+        check(not content or kind in content, f'{name}: {status} as {kind}, documented {list(content)}')
+        for required in self.node(answers[str(status)]).get('headers', {}):
+            check(required in headers or required == 'Retry-After', f'{name}: {status} without {required}')
+        if 'json' not in kind or kind not in content:
+            return
+        schema = {**self.node(content[kind]['schema']), 'components': self.document['components']}
+        for error in list(jsonschema.Draft202012Validator(schema).iter_errors(json.loads(body)))[:2]:
+            check(False, f'{name}: {status}: {"/".join(map(str, error.path))}: {error.message[:200]}')
+
+
+def walk(daemon, contract):
+    """Asks each operation at least once, rightly and wrongly. Returns a session's id."""
+    def ask(expected, method, template, body=None, headers=None, token=True, query='', **names):
+        path = template.format(**names) + query
+        status, answered, data = daemon.ask(method, path, body, headers, token)
+        check(status == expected, f'{method} {path}: {status}, expected {expected}: {data[:200]}')
+        contract.check(method, template, status, answered, data)
+        return json.loads(data) if data and 'json' in answered.get('Content-Type', '') else data
+
+    api = '/api/v1'
+    ask(200, 'GET', '/healthz', token=False)
+    ask(200, 'GET', '/readyz', token=False)
+    ask(200, 'GET', f'{api}/openapi.yaml')
+    ask(200, 'GET', f'{api}/view.schema.json')
+    ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
+    ask(201, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p'})
+    for volume in ('engine', 'p'):
+        while ask(200, 'GET', f'{api}/volumes/{{id}}', id=volume)['state'] == 'loading':
+            pass
+    ask(409, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=17', 'id': 'p'})
+    ask(400, 'POST', f'{api}/volumes', '{')
+    ask(422, 'POST', f'{api}/volumes', {'path': 'a', 'uri': 'demo:engine'})
+    ask(415, 'POST', f'{api}/volumes', 'x', {'Content-Type': 'text/plain'})
+    ask(413, 'POST', f'{api}/volumes', ' ' * (2 << 20))
+    ask(200, 'GET', f'{api}/volumes')
+    ask(200, 'GET', f'{api}/volumes/{{id}}/view', id='p')
+    ask(404, 'GET', f'{api}/volumes/{{id}}/view', id='none')
+    ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='p')
+    ask(404, 'DELETE', f'{api}/volumes/{{id}}', id='p')
+    for kind in ('jpeg', 'png', 'webp', 'exr'):
+        ask(200, 'POST', f'{api}/render', {'size': [16, 8]}, query=f'?format={kind}&quality=50')
+    ask(406, 'POST', f'{api}/render', {}, {'Accept': 'text/html'})
+    ask(400, 'POST', f'{api}/render', {}, query='?quality=0')
+    _, headers, _ = daemon.ask('POST', f'{api}/render', {'size': [16, 8]})
+    ask(304, 'POST', f'{api}/render', {'size': [16, 8]}, {'If-None-Match': headers['ETag']})
+    session = ask(201, 'POST', f'{api}/sessions', {'view': {'size': [32, 32]}})
+    ask(422, 'POST', f'{api}/sessions', {'view': {'size': [0, 1]}})
+    ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
+    names = {'id': session['id']}
+    ask(200, 'GET', f'{api}/sessions/{{id}}', **names)
+    patch = {'view': {'camera': {'fov_y': 50}}}
+    ask(200, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['control'], **names)
+    ask(403, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['view'], **names)
+    ask(422, 'PATCH', f'{api}/sessions/{{id}}', {'view': {'camera': {'fov_y': 500}}}, **names)
+    ask(101, 'GET', f'{api}/sessions/{{id}}/stream', headers=UPGRADE, **names)
+    ask(426, 'GET', f'{api}/sessions/{{id}}/stream', **names)
+    ask(403, 'GET', f'{api}/sessions/{{id}}/stream', headers={**UPGRADE, 'Origin': 'http://elsewhere'}, **names)
+    ask(204, 'DELETE', f'{api}/sessions/{{id}}', **names)
+    ask(404, 'GET', f'{api}/sessions/{{id}}', **names)
+    for template in contract.document['paths']:
+        for method in ('get', 'post', 'patch', 'delete'):
+            operation = contract.document['paths'][template].get(method)
+            if operation and operation.get('security') != []:
+                ask(401, method.upper(), template, token=False, id='engine')
+            check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
+
+
+def check_examples(daemon, folder):
+    count = 0
+    for path in sorted(glob.glob(f'{folder}/examples/invalid/*.json')):
+        with open(path, encoding='utf-8') as f:
+            example = json.load(f)
+        if 'hex' in example:
+            body = bytes.fromhex(example['hex'])
+        else:
+            body = (example['text'] if 'text' in example else json.dumps(example['view'])).encode()
+        if not body:
+            continue  # no body is a body of defaults
+        wanted = 400 if example['error']['code'] == 'format' else 422
+        status, _, data = daemon.ask('POST', '/api/v1/render', body)
+        answer = json.loads(data) if data[:1] == b'{' else {}
+        check((status, answer.get('pointer', '')) == (wanted, example['error']['pointer']),
+              f'{os.path.basename(path)} over HTTP: {status} {answer}')
+        count += 1
+    return count
+
+
+def main():
+    folder = f'{sys.argv[2]}/protocol'
+    daemon, contract = Daemon(sys.argv[1]), Contract(folder)
+    try:
+        walk(daemon, contract)
+        examples = check_examples(daemon, folder)
+    finally:
+        status, log = daemon.stop()
+    check(status == 0, f'splatd ended with {status}: {log[-2000:]}')
+    check('Sanitizer' not in log and 'runtime error' not in log, log[-4000:])
+    print(f'{len(contract.seen)} operations, {examples} examples, {failures} failures')
+    return 1 if failures else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
