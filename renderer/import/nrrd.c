@@ -345,7 +345,7 @@ static bool parse_pattern(const char *value, struct pattern *f) {
 }
 
 static bool take_pattern(const struct parsing *p, const struct pattern *f) {
-    if (f->step == 0 || (f->high - f->low) / f->step < 0)
+    if (f->step == 0 || (f->step > 0 ? f->high < f->low : f->high > f->low))
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "counts from %lld to %lld by %lld", f->low,
                       f->high, f->step);
     for (long long i = f->low; f->step > 0 ? i <= f->high : i >= f->high; i += f->step) {

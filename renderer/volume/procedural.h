@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The built-in volumes. Each is a pure function of the size: the same bytes for any number of
- * threads. Boundaries between materials are anti-aliased over one voxel.
+ * threads. Boundaries between materials are anti-aliased over two voxels.
  */
 #ifndef SP_VOLUME_PROCEDURAL_H
 #define SP_VOLUME_PROCEDURAL_H
@@ -39,11 +39,13 @@ extern const struct sp_demo_maker sp_demo_phantom, sp_demo_marschner_lobb, sp_de
 /* procedural_engine.c and procedural_vessels.c */
 extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels;
 
-/* Share of a voxel that lies inside a surface `distance` voxels away (negative = its centre is
- * inside). */
+/* Share of the inside at a sample that lies `distance` voxels outside a surface (negative =
+ * inside): a smooth step over two voxels, as a scanner blurs it, so that gradients are smooth as
+ * well. */
 static inline float sp_demo_coverage(float distance) {
-    float c = 0.5f - distance;
-    return c < 0 ? 0 : c > 1 ? 1 : c;
+    float t = 0.5f - 0.5f * distance;
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    return t * t * (3 - 2 * t);
 }
 
 #endif

@@ -190,6 +190,7 @@ static void data_in_many_files(void **state) {
         { "LIST\n", "the LIST is empty" },
         { "parts/s%03d.raw 8 10 0\n", "counts from 8 to 10 by 0" },
         { "parts/s%03d.raw 10 8 1\n", "counts from 10 to 8 by 1" },
+        { "parts/s%03d.raw 2 1 5\n", "counts from 2 to 1 by 5" },
         { "parts/s%03d.raw 0 1000000 1\n", "more than 65536 files" },
         { "parts/s%03d.raw 1 2 1\n", "names 2 files" },
     };
