@@ -4,7 +4,7 @@
 const WINDOW_MS = 1000;
 const REFRESH_MS = 250;
 const WORDS = {
-  idle: 'connecting', seeking: 'connecting', waiting: 'loading', joining: 'connecting', live: 'live',
+  idle: 'connecting', seeking: 'connecting', waiting: 'no volume yet', joining: 'connecting', live: 'live',
   draining: 'shutting down', lost: 'not connected', refused: 'refused', stopped: 'stopped',
 };
 
