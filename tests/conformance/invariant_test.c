@@ -170,6 +170,29 @@ static void the_unit_of_length_does_not_matter(void **state) {
         }
 }
 
+/* Scanners put the origin where they like. */
+static void the_place_in_the_world_does_not_matter(void **state) {
+    struct context *c = *state;
+    static const double far[3] = { 100000, -250000, 70000 };
+    static test_scene_fn *const builds[] = { test_scene_rotated, test_scene_orthographic,
+                                             test_scene_inside };
+    for (size_t i = 0; i < sizeof builds / sizeof *builds; i++) {
+        struct test_scene s;
+        assert_true(builds[i](&s));
+        struct test_image a = render(c, &s);
+        for (int axis = 0; axis < 3; axis++) {
+            s.info.grid.origin[axis] += far[axis];
+            s.view.camera.position[axis] += far[axis];
+            s.view.camera.target[axis] += far[axis];
+        }
+        struct test_image b = render(c, &s);
+        char name[160];
+        snprintf(name, sizeof name, "%s-far", s.info.name);
+        same(name, &b, &a, 80);
+        test_scene_finish(&s);
+    }
+}
+
 /* The same samples in another order in memory, the direction's columns moved along. */
 static void the_order_of_axes_does_not_matter(void **state) {
     struct context *c = *state;
@@ -341,6 +364,7 @@ static int run_target(struct context *c) {
         ON(a_symmetric_volume_gives_a_symmetric_picture),
         ON(a_mirrored_direction_gives_the_mirrored_picture),
         ON(the_unit_of_length_does_not_matter),
+        ON(the_place_in_the_world_does_not_matter),
         ON(the_order_of_axes_does_not_matter),
         ON(reconstruction_is_ewa_without_low_pass),
         ON(filters_keep_the_energy),
