@@ -79,8 +79,8 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
     return json;
 }
 
-void srv_request_suspend(struct srv_request *request, struct srv_reply *reply) {
-    reply->is_pending = true;
+void srv_request_suspend(struct srv_request *request) {
+    request->is_suspended = true;
     srv_guard_set_deadline(request->http->guard, request->guarded, 0);
     MHD_suspend_connection(request->connection);
 }
@@ -125,7 +125,7 @@ static enum MHD_Result dispatch(struct srv_request *request) {
     if (!request->is_refused) {
         if (request->route)
             request->route->handle(request, &request->reply);
-        /* From here on a pending request belongs to whoever answers it. */
+        /* From here on the reply of a suspended request belongs to whoever answers it. */
         else if (!srv_get_asset(request, &request->reply))
             srv_reply_problem(&request->reply, 404, NULL, "there is nothing at %.200s",
                               request->path);
@@ -299,7 +299,7 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
         return MHD_YES;
     if (!request->is_dispatched) {
         dispatch(request);
-        if (request->reply.is_pending || request->is_answered)
+        if (request->is_suspended || request->is_answered)
             return MHD_YES;
     }
     return queue(request);

@@ -65,7 +65,7 @@ struct srv_request {
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
     size_t body_seen, body_capacity;
-    bool is_refused, is_answered, is_dispatched, is_counted;
+    bool is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 
 /* NULL if it was not given. Lives as long as the request. */
@@ -78,8 +78,8 @@ const char *srv_request_token(const struct srv_request *request);
 proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply);
 
 /* A handler whose answer comes later calls suspend first, then starts the work. Whoever finishes
- * fills request->reply and calls complete, on any thread, once. */
-void srv_request_suspend(struct srv_request *request, struct srv_reply *reply);
+ * fills request->reply, touches nothing else, and calls complete, on any thread, once. */
+void srv_request_suspend(struct srv_request *request);
 void srv_request_complete(struct srv_request *request);
 /* The handler queued an upgrade itself: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);

@@ -24,7 +24,6 @@ struct srv_reply {
         char value[SRV_REPLY_VALUE];
     } headers[SRV_REPLY_HEADERS];
     unsigned header_count;
-    bool is_pending; /* will be filled later (listener.h) */
 };
 
 void srv_reply_finish(struct srv_reply *reply);

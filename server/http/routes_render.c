@@ -94,7 +94,6 @@ static void on_done(void *user, const struct srv_still_result *result) {
     struct render *render = user;
     struct srv_request *request = render->request;
     struct srv_reply *reply = &request->reply;
-    reply->is_pending = false;
     if (!result->ok) {
         srv_reply_error(reply, &result->err);
     } else if (!(reply->owned = malloc(result->size))) {
@@ -133,12 +132,11 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     memcpy(render->etag, etag, sizeof render->etag);
     still->done = on_done;
     still->user = render;
-    srv_request_suspend(request, reply);
+    srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */
     if (srv_scheduler_submit(request->app->scheduler, still, &err))
         return;
     free(render);
-    reply->is_pending = false;
     srv_reply_error(reply, &err);
     srv_request_complete(request);
 }

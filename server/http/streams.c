@@ -93,6 +93,8 @@ static void linger(struct stream *stream, double now_ms) {
     bool lost = srv_ws_is_lost(stream->ws);
     srv_ws_destroy(&stream->ws, now_ms);
     stream->linger_ms = now_ms;
+    if (lost)
+        sp_log(SP_LOG_INFO, "stream of session %s ended without a close", stream->start.session);
     if (lost || shutdown(stream->start.socket, SHUT_WR) != 0)
         stream->dead = true;
 }
@@ -123,9 +125,11 @@ static void on_event(struct srv_streams *s, struct stream *stream, uint32_t even
     if (!stream->ws)
         discard(stream);
     else if (events & (EPOLLERR | EPOLLHUP) ||
-             ((events & EPOLLRDHUP) && !srv_ws_wants_read(stream->ws)))
+             ((events & EPOLLRDHUP) && !srv_ws_wants_read(stream->ws))) {
+        sp_log(SP_LOG_INFO, "stream of session %s cut off by its client (events %x)",
+               stream->start.session, events);
         stream->dead = true; /* nobody is there to read an answer */
-    else if (events & EPOLLIN)
+    } else if (events & EPOLLIN)
         srv_ws_read(stream->ws, now_ms);
     if (!stream->dead)
         settle(s, stream, now_ms);

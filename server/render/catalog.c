@@ -42,7 +42,7 @@ struct srv_catalog {
     unsigned count;
     uint64_t used_bytes, next_identity;
     struct srv_volume *loading; /* by the load thread right now */
-    bool stop;
+    bool stop, joined;
 };
 
 const char *srv_volume_state_name(enum srv_volume_state state) {
@@ -173,7 +173,11 @@ void srv_catalog_stop(struct srv_catalog *catalog) {
     pthread_mutex_lock(&catalog->mutex);
     catalog->stop = true;
     pthread_cond_signal(&catalog->changed);
+    bool join = !catalog->joined;
+    catalog->joined = true;
     pthread_mutex_unlock(&catalog->mutex);
+    if (join)
+        pthread_join(catalog->loader, NULL);
 }
 
 static void entry_free(struct srv_volume *v) {
@@ -188,7 +192,6 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
     if (!catalog)
         return;
     srv_catalog_stop(catalog);
-    pthread_join(catalog->loader, NULL);
     while (catalog->entries) {
         struct srv_volume *v = catalog->entries;
         catalog->entries = v->next;

@@ -11,11 +11,11 @@ import WebSocket from 'ws';
 const DEADLINE_MS = 60000;
 export const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../build/release/bin', import.meta.url));
 
-/** Rejects when `promise` takes longer than the deadline; `what` says what was waited for. */
+/** Rejects when `promise` takes longer than the deadline; `what` (text, or what gives it) says what was waited for. */
 export function within(promise, what, ms = DEADLINE_MS) {
   let timer;
   const late = new Promise((_, reject) => {
-    timer = setTimeout(() => reject(new Error(`${what}: not within ${ms} ms`)), ms);
+    timer = setTimeout(() => reject(new Error(`${typeof what === 'function' ? what() : what}: not within ${ms} ms`)), ms);
   });
   return Promise.race([promise, late]).finally(() => clearTimeout(timer));
 }
@@ -69,11 +69,12 @@ export class Daemon {
       watcher = () => condition() && resolve();
       this.#watchers.add(watcher);
     });
-    return within(met, `${what} (log: ${this.log.slice(-2000)})`).finally(() => this.#watchers.delete(watcher));
+    return within(met, () => `${what} (log: ${this.log.slice(-2000)})`).finally(() => this.#watchers.delete(watcher));
   }
 
+  /** text: a string or a regular expression. */
   untilLogged(text) {
-    return this.until(() => this.log.includes(text), `the log line "${text}"`);
+    return this.until(() => (text.test ? text.test(this.log) : this.log.includes(text)), `the log line "${text}"`);
   }
 
   fetch(target, { token = this.token, headers = {}, ...options } = {}) {

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Bytes of a client's WebSocket connection: framing, JSON-RPC, and what the messages do to a
+ * session, over a transport in memory. The input is handed out in pieces whose lengths are taken
+ * from it; what the daemon sends goes nowhere.
+ */
+#include <errno.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "http/ws_conn.h"
+#include "sp/log.h"
+#include "sp/volume.h"
+
+struct input {
+    const uint8_t *bytes;
+    size_t size, at;
+    struct sp_volume_info info;
+};
+
+static void *acquire(void *user, const char *id, struct sp_error *err) {
+    if (!id || !*id || strcmp(id, "v") == 0)
+        return user;
+    sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "there is no volume '%s'", id);
+    return NULL;
+}
+
+static void *add_use(void *user, void *volume) {
+    (void)user;
+    return volume;
+}
+
+static void release(void *user, void *volume) {
+    (void)user;
+    (void)volume;
+}
+
+static void default_view(void *user, void *volume, struct sp_view *view) {
+    (void)volume;
+    sp_view_init(view, &((struct input *)user)->info, "v");
+}
+
+static void ignore(void *user) {
+    (void)user;
+}
+
+static void ignore_session(void *user, uint64_t session) {
+    (void)user;
+    (void)session;
+}
+
+static ssize_t input_recv(void *user, uint8_t *bytes, size_t size) {
+    struct input *input = user;
+    size_t left = input->size - input->at;
+    if (left == 0)
+        return 0;
+    size_t piece = 1 + input->bytes[input->at] % 61u;
+    if (piece > left)
+        piece = left;
+    if (piece > size)
+        piece = size;
+    memcpy(bytes, input->bytes + input->at, piece);
+    input->at += piece;
+    return (ssize_t)piece;
+}
+
+static ssize_t output_send(void *user, const uint8_t *bytes, size_t size) {
+    (void)user;
+    (void)bytes;
+    return (ssize_t)size;
+}
+
+static void no_log(void *user, enum sp_log_level level, const char *line) {
+    (void)user;
+    (void)level;
+    (void)line;
+}
+
+/* Renders by hand what the session asks for, so that acknowledgements have something to name. */
+static void serve(struct srv_hub *hub, double now_ms) {
+    static struct srv_job job;
+    double wait_ms;
+    if (!srv_hub_next_job(hub, true, now_ms, &job, &wait_ms))
+        return;
+    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 1, .height = 1 };
+    struct srv_job_result result = { .width = 1, .height = 1, .render_ms = 1 };
+    struct srv_blob *blob = srv_blob_create((const uint8_t *)"x", 1);
+    for (uint32_t i = 0; blob && i < job.target_count; i++)
+        srv_hub_deliver(hub, &job, i, &header, blob);
+    srv_blob_unref(&blob);
+    srv_hub_job_done(hub, &job, &result);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    struct input input = { .bytes = data, .size = size };
+    input.info = (struct sp_volume_info){ .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
+    for (int i = 0; i < 3; i++) {
+        input.info.grid.dims[i] = 8;
+        input.info.grid.spacing[i] = input.info.grid.direction[i][i] = 1;
+    }
+    sp_log_init(no_log, NULL, SP_LOG_ERROR);
+    struct srv_hub_options options = { .volumes = { &input, acquire, add_use, release,
+                                                    default_view },
+                                       .sessions_max = 1,
+                                       .participants_max = 1,
+                                       .session_idle_ms = 1000,
+                                       .rest_ms = 5,
+                                       .stream_bytes = 1000,
+                                       .user = &input,
+                                       .work = ignore,
+                                       .ready = ignore,
+                                       .interrupt = ignore_session };
+    char id[SRV_SESSION_ID_BYTES];
+    struct srv_hub *hub = srv_hub_create(&options, NULL);
+    proto_json *json = hub ? srv_hub_session_create(hub, NULL, 0, id, NULL) : NULL;
+    if (!json)
+        abort();
+    proto_json_free(&json);
+    struct srv_ws_options ws_options = { .hub = hub,
+                                         .session = id,
+                                         .role = SRV_ROLE_CONTROL,
+                                         .user = &input,
+                                         .peer = "fuzz",
+                                         .message_bytes = 4096,
+                                         .ping_ms = 1000,
+                                         .stall_ms = 1000,
+                                         .transport = { &input, input_recv, output_send } };
+    double now_ms = 1;
+    struct srv_ws *ws = srv_ws_create(&ws_options, now_ms, NULL);
+    for (int turn = 0; ws && turn < 10000 && !srv_ws_is_over(ws); turn++) {
+        now_ms += 1;
+        srv_ws_read(ws, now_ms);
+        serve(hub, now_ms);
+        srv_ws_write(ws, now_ms);
+        srv_ws_tick(ws, now_ms);
+    }
+    if (!ws || !srv_ws_is_over(ws))
+        abort(); /* the end of the input ends the connection */
+    srv_ws_destroy(&ws, now_ms);
+    srv_hub_destroy(&hub);
+    return 0;
+}
