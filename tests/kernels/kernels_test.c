@@ -97,7 +97,7 @@ static double exponent(const struct sp_splat *s, double x, double y) {
 static void check_add(const struct cpu_kernels *kernels) {
     srand(11);
     static const float cuts[] = { 0.7213f, 6.492f, 25.97f }; /* cutoffs 1, 3, 6 */
-    for (int n = 0; n < 30000; n++) {
+    for (int n = 0; n < 8000; n++) {
         struct guarded g = make_guarded(n % 2 ? 0 : 4096, n % 3 ? 0 : 8160);
         int wild = n % 5 == 0;
         float cut = cuts[n % 3];
@@ -140,7 +140,7 @@ static void footprints(void **state) {
 
 static void check_close(const struct cpu_kernels *kernels) {
     srand(12);
-    for (int n = 0; n < 3000; n++) {
+    for (int n = 0; n < 1000; n++) {
         struct guarded g = make_guarded(32, 64);
         struct sp_tile *t = g.tile;
         static const double powers[] = { -30, -12, -4, -2.1, -1.9, 0, 2, 12 };

@@ -107,14 +107,15 @@ static const float *pixel(const struct sp_frame *f, uint32_t x, uint32_t y) {
 /* All pixels finite, alpha in [0,1]; returns the sum of red. */
 static double check_finite(const struct sp_frame *f) {
     double sum = 0;
+    unsigned bad = 0;
     for (uint32_t y = 0; y < f->height; y++)
         for (uint32_t x = 0; x < f->width; x++) {
             const float *p = pixel(f, x, y);
-            for (int c = 0; c < 4; c++)
-                assert_true(isfinite(p[c]));
-            assert_true(p[3] >= 0 && p[3] <= 1.000001f);
+            bad += !(isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]) && p[3] >= 0 &&
+                     p[3] <= 1.000001f);
             sum += (double)p[0];
         }
+    assert_int_equal(bad, 0);
     return sum;
 }
 
