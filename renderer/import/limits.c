@@ -155,6 +155,10 @@ bool import_limits_set(int cpu_seconds, int first_fd, const char *shown, struct 
     return ok || sp_fail(err, SP_ERR_IO, shown, "cannot limit the reader: %s", strerror(errno));
 }
 
+bool import_limits_complete(void) {
+    return !SANITIZED;
+}
+
 bool import_limits_for_samples(uint64_t bytes, const char *shown, struct sp_error *err) {
     rlim_t room = IMPORT_MARGIN_BYTES + bytes;
     if (SANITIZED || limit(RLIMIT_AS, room, room))

@@ -21,4 +21,7 @@ bool import_limits_set(int cpu_seconds, int first_fd, const char *shown, struct 
 /* Makes room for the samples, once and for all. */
 bool import_limits_for_samples(uint64_t bytes, const char *shown, struct sp_error *err);
 
+/* False in a build with a sanitizer, which bears neither the memory limit nor the filter. */
+bool import_limits_complete(void);
+
 #endif
