@@ -219,6 +219,10 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     if (!srv_hub_authorize(request->app->hub, request->param, srv_request_token(request), &role,
                            &err))
         role = SRV_ROLE_CONTROL; /* the daemon's own token */
+    if (!srv_hub_has_room(request->app->hub, request->param, &err)) {
+        srv_reply_error(reply, &err);
+        return;
+    }
     struct upgrade *upgrade = calloc(1, sizeof *upgrade);
     struct MHD_Response *response =
         upgrade ? MHD_create_response_for_upgrade(on_upgrade, upgrade) : NULL;

@@ -39,8 +39,8 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
                                        struct sp_error *err);
 /* Stops the load thread (a load under way is cancelled). After all uses were released. */
 void srv_catalog_destroy(struct srv_catalog **catalog);
-/* Cancels what is loading and loads nothing more; no progress is told after it returned. Call it from
- * one thread. */
+/* Cancels what is loading and loads nothing more; no progress is told after it returned. Call it
+ * from one thread. */
 void srv_catalog_stop(struct srv_catalog *catalog);
 
 struct srv_volume_request {

@@ -14,8 +14,7 @@ void srv_flow_init(struct srv_flow *flow) {
 void srv_flow_sent(struct srv_flow *flow, uint32_t frame, size_t bytes, double now_ms) {
     bool alone = flow->count == 0;
     assert(flow->count < SRV_FLOW_MAX && frame > flow->last_frame);
-    flow->flying[(flow->head + flow->count++) % SRV_FLOW_MAX] =
-        (struct srv_flow_frame){
+    flow->flying[(flow->head + flow->count++) % SRV_FLOW_MAX] = (struct srv_flow_frame){
         .frame = frame, .bytes = bytes, .sent_ms = now_ms, .alone = alone
     };
     flow->bytes += bytes;

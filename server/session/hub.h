@@ -84,6 +84,8 @@ bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error
 /* The role of a join token: SP_ERR_NOT_FOUND (no such session), SP_ERR_DENIED (wrong token). */
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err);
+/* Could one more participant join now? SP_ERR_NOT_FOUND, SP_ERR_BUDGET. */
+bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Ends idle sessions; returns when to call again, in ms from now (at most 1000). */
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
 /* Tells all participants: a volume's state ("loading", "ready", "failed"), progress in [0,1], and

@@ -12,6 +12,22 @@
 
 enum { QUALITY_DEFAULT = 90, FPS_DEFAULT = 30 };
 
+static bool has_room(const struct srv_hub *hub, const struct srv_session *session,
+                     struct sp_error *err) {
+    return session->participant_count < hub->options.participants_max ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "the session has %u participants and --participants allows %u",
+                   session->participant_count, hub->options.participants_max);
+}
+
+bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, err);
+    bool room = session && has_room(hub, session, err);
+    pthread_mutex_unlock(&hub->mutex);
+    return room;
+}
+
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
                                      void *user, double now_ms, struct sp_error *err) {
     struct srv_participant *p = calloc(1, sizeof *p);
@@ -30,12 +46,8 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     srv_outbox_init(&p->outbox);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, err);
-    if (session && session->participant_count >= hub->options.participants_max) {
-        sp_fail(err, SP_ERR_BUDGET, NULL,
-                "the session has %u participants and --participants allows %u",
-                session->participant_count, hub->options.participants_max);
+    if (session && !has_room(hub, session, err))
         session = NULL;
-    }
     if (session) {
         p->id = ++hub->next_participant;
         p->session = session;

@@ -102,6 +102,26 @@ test('the contract is served', async () => {
   assert.match(await api.text(), /^openapi: "?3\.1/m);
 });
 
+test('the paths and methods of the contract are those that the daemon has', async () => {
+  const text = await (await daemon.fetch('/api/v1/openapi.yaml')).text();
+  const paths = new Map();
+  let at;
+  for (const line of text.slice(text.indexOf('\npaths:')).split('\n').slice(2)) {
+    if (/^\S/.test(line)) break;
+    const [, target] = /^ {2}(\/\S*):/.exec(line) ?? [];
+    const [, method] = /^ {4}(get|post|patch|delete|put):/.exec(line) ?? [];
+    if (target) paths.set(target, at = []);
+    if (method) at.push(method.toUpperCase());
+  }
+  assert.ok(paths.size >= 10, `${[...paths.keys()]}`);
+  for (const [target, methods] of paths) {
+    const answer = await daemon.json(target.replace('{id}', 'engine'), { method: 'PUT' });
+    isProblem(answer, 405);
+    const allowed = answer.headers.get('allow').split(', ').filter((m) => m !== 'HEAD');
+    assert.deepEqual(allowed.sort(), methods.sort(), target);
+  }
+});
+
 test('other methods: 405 with Allow; other paths: 404', async () => {
   const answer = await daemon.json('/api/v1/volumes/engine', { method: 'PUT' });
   isProblem(answer, 405);
