@@ -266,6 +266,9 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
             ws->broken = true;
         return;
     }
+    /* Who is not listened to is not silent; the stall limit is for this one. */
+    if (!srv_ws_wants_read(ws))
+        ws->heard_ms = now_ms;
     double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
     if (wslay_event_get_queued_msg_count(ws->context) > 0 &&
         now_ms - ws->progress_ms > ws->options.stall_ms) {

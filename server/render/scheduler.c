@@ -159,11 +159,20 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
     return true;
 }
 
+/* Classification is kept until the volume or the transfer function changes. */
+static double once_ms(const struct sp_frame_stats *stats) {
+    for (uint32_t i = 0; i < stats->stage_count; i++)
+        if (strcmp(stats->stages[i].name, "classify") == 0)
+            return stats->stages[i].ms;
+    return 0;
+}
+
 static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work) {
     struct srv_job *job = work->job;
     struct srv_job_result result = { .width = work->frame->width,
                                      .height = work->frame->height,
                                      .render_ms = work->frame->stats.render_ms,
+                                     .once_ms = once_ms(&work->frame->stats),
                                      .splats = work->frame->stats.splats,
                                      .visible_voxels = work->frame->stats.visible_voxels };
     struct sp_error err = { .code = SP_OK };

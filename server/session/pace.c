@@ -24,13 +24,14 @@ static void fit(const struct srv_pace *pace, double *fixed, double *slope) {
     double mean_x = pace->x / pace->weight, mean_y = pace->y / pace->weight;
     double variance = pace->xx / pace->weight - mean_x * mean_x;
     double covariance = pace->xy / pace->weight - mean_x * mean_y;
-    if (variance <= 1e-4 * mean_x * mean_x) {
-        /* One size only: put half of the time on the pixels. */
-        *slope = mean_x > 0 ? mean_y / mean_x / 2 : 0;
-        *fixed = mean_y / 2;
+    if (variance <= 1e-4 * mean_x * mean_x || covariance <= 0) {
+        /* One size only, or noise: a third of the time for the pixels, until smaller pictures tell.
+         */
+        *slope = mean_x > 0 ? mean_y / mean_x / 3 : 0;
+        *fixed = mean_y * 2 / 3;
         return;
     }
-    *slope = fmax(covariance / variance, 0);
+    *slope = covariance / variance;
     *fixed = mean_y - *slope * mean_x;
     if (*fixed < 0) {
         *fixed = 0;

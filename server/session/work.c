@@ -194,7 +194,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
     if (s) {
         s->last = *result;
         srv_pace_add(&s->pace, (double)result->width * result->height,
-                     result->render_ms + result->encode_ms);
+                     fmax(result->render_ms - result->once_ms, 0) + result->encode_ms);
     }
     pthread_mutex_unlock(&hub->mutex);
 }
