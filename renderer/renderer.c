@@ -148,8 +148,9 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame)
         return NULL;
+    assert(o->coarse <= SP_COARSE_MAX);
     struct sp_backend_job job = {
-        .volume = volume, .view = view, .frame = frame, .cancel = o->cancel
+        .volume = volume, .view = view, .coarse = o->coarse, .frame = frame, .cancel = o->cancel
     };
     frame->stats = (struct sp_frame_stats){ .backend = renderer->info.backend,
                                             .device = renderer->info.device,

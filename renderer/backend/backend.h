@@ -40,6 +40,7 @@ struct sp_backend_options {
 struct sp_backend_job {
     struct sp_volume *volume; /* the caller's reference, for the length of the call */
     const struct sp_view *view;
+    unsigned coarse;           /* as in sp_render_options; a backend without levels ignores it */
     struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
     const atomic_bool *cancel; /* NULL = never */
 };

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "classify/coarse.h"
 #include "classify/gradient.h"
 
 enum {
@@ -38,8 +39,7 @@ static void *allocate(uint64_t count, size_t size) {
     return count > SIZE_MAX / 2 / size ? NULL : malloc(count ? count * size : 1);
 }
 
-/* Memory for the entries once count is known. */
-static bool allocate_entries(struct sp_visible *list, bool normals, struct sp_error *err) {
+bool sp_visible_allocate(struct sp_visible *list, bool normals, struct sp_error *err) {
     list->position = allocate(list->count, sizeof *list->position);
     list->key = allocate(list->count, sizeof *list->key);
     if (normals)
@@ -102,15 +102,15 @@ static void fill_slices(void *user, size_t begin, size_t end, unsigned worker) {
 
 static bool collect_visible(struct sp_classification *c, const struct sp_classify_job *job,
                             struct sp_error *err) {
-    const struct sp_volume_info *info = sp_volume_info(c->volume);
-    struct sp_visible *list = &c->lists[2];
-    struct collect collect = { .transfer = &c->transfer,
+    struct sp_level *level = &c->levels[0];
+    const uint32_t *dims = level->grid.dims;
+    struct sp_visible *list = &level->lists[2];
+    struct collect collect = { .transfer = &level->transfer,
                                .voxels = sp_volume_voxels(c->volume),
-                               .dims = { info->grid.dims[0], info->grid.dims[1],
-                                         info->grid.dims[2] },
+                               .dims = { dims[0], dims[1], dims[2] },
                                .list = list,
                                .cancel = job->cancel };
-    list->slices = info->grid.dims[2];
+    list->slices = dims[2];
     list->first = calloc(list->slices + (size_t)1, sizeof *list->first);
     if (!list->first)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u slices", list->slices);
@@ -120,7 +120,7 @@ static bool collect_visible(struct sp_classification *c, const struct sp_classif
     for (uint32_t s = 0; s < list->slices; s++)
         list->first[s + 1] += list->first[s];
     list->count = list->first[list->slices];
-    if (!allocate_entries(list, false, err))
+    if (!sp_visible_allocate(list, false, err))
         return false;
     sp_parallel_for(job->pool, list->slices, 1, fill_slices, &collect);
     return !is_cancelled(job->cancel) || sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
@@ -164,7 +164,7 @@ static void pack_normals(void *user, size_t begin, size_t end, unsigned worker) 
 
 static bool make_normals(struct sp_classification *c, const struct sp_classify_job *job,
                          struct sp_error *err) {
-    struct sp_visible *list = &c->lists[2];
+    struct sp_visible *list = &c->levels[0].lists[2];
     struct normals n = { .list = list, .cancel = job->cancel };
     n.normal = allocate(list->count, sizeof *n.normal);
     if (!n.normal)
@@ -182,17 +182,17 @@ static bool make_normals(struct sp_classification *c, const struct sp_classify_j
 
 /* A stable counting sort of the list along axis 2, so that the order inside a slice is that of
  * memory. */
-static bool permute_list(struct sp_classification *c, unsigned axis,
-                         const struct sp_classify_job *job, struct sp_error *err) {
-    const struct sp_visible *from = &c->lists[2];
-    struct sp_visible *to = &c->lists[axis];
-    unsigned shift = axis == 0 ? 0 : 16;
-    to->slices = sp_volume_info(c->volume)->grid.dims[axis];
+static bool permute_list(struct sp_level *level, const struct sp_classify_job *job,
+                         struct sp_error *err) {
+    const struct sp_visible *from = &level->lists[2];
+    struct sp_visible *to = &level->lists[job->axis];
+    unsigned shift = job->axis == 0 ? 0 : 16;
+    to->slices = level->grid.dims[job->axis];
     to->count = from->count;
     to->first = calloc(to->slices + (size_t)1, sizeof *to->first);
     if (!to->first)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u slices", to->slices);
-    if (!allocate_entries(to, from->normal != NULL, err))
+    if (!sp_visible_allocate(to, from->normal != NULL, err))
         return false;
     for (uint64_t e = 0; e < from->count; e++)
         to->first[from->position[e] >> shift & 0xffff]++;
@@ -220,52 +220,81 @@ static bool permute_list(struct sp_classification *c, unsigned axis,
     return true;
 }
 
-void sp_classification_init(struct sp_classification *c, struct sp_volume *volume) {
-    *c = (struct sp_classification){ .volume = sp_volume_ref(volume) };
+static void drop_lists(struct sp_level *level) {
+    for (int axis = 0; axis < 3; axis++)
+        sp_visible_finish(&level->lists[axis]);
 }
 
-static void drop_lists(struct sp_classification *c) {
-    for (int axis = 0; axis < 3; axis++)
-        sp_visible_finish(&c->lists[axis]);
+void sp_level_finish(struct sp_level *level) {
+    drop_lists(level);
+    sp_transfer_finish(&level->transfer);
+    *level = (struct sp_level){ 0 };
+}
+
+void sp_classification_init(struct sp_classification *c, struct sp_volume *volume) {
+    *c = (struct sp_classification){ .volume = sp_volume_ref(volume) };
+    c->levels[0].grid = sp_volume_info(volume)->grid;
 }
 
 void sp_classification_finish(struct sp_classification *c) {
-    drop_lists(c);
-    sp_transfer_finish(&c->transfer);
+    for (int l = 0; l < SP_LEVELS; l++)
+        sp_level_finish(&c->levels[l]);
     sp_volume_unref(&c->volume);
 }
 
 static bool update_transfer(struct sp_classification *c, const struct sp_transfer_function *tf,
                             struct sp_error *err) {
-    if (sp_transfer_function_equal(&c->transfer.tf, tf))
+    struct sp_level *all = &c->levels[0];
+    if (sp_transfer_function_equal(&all->transfer.tf, tf))
         return true;
     struct sp_transfer next;
     if (!sp_transfer_init(&next, tf, sp_volume_info(c->volume), err))
         return false;
-    if (!sp_transfer_same_voxels(&c->transfer, &next))
-        drop_lists(c);
-    sp_transfer_finish(&c->transfer);
-    c->transfer = next;
+    if (!sp_transfer_same_voxels(&all->transfer, &next))
+        drop_lists(all);
+    for (int l = 1; l < SP_LEVELS; l++) /* they hold colours */
+        sp_level_finish(&c->levels[l]);
+    sp_transfer_finish(&all->transfer);
+    all->transfer = next;
     return true;
 }
 
-static bool update_lists(struct sp_classification *c, const struct sp_classify_job *job,
-                         struct sp_error *err) {
-    struct sp_visible *base = &c->lists[2], *list = &c->lists[job->axis];
-    if (!base->slices && !collect_visible(c, job, err)) {
-        drop_lists(c);
+/* The list along axis 2 of all voxels, with normals if they are asked for. */
+static bool update_all(struct sp_classification *c, const struct sp_classify_job *job,
+                       struct sp_error *err) {
+    struct sp_visible *list = &c->levels[0].lists[2];
+    if (!list->slices && !collect_visible(c, job, err)) {
+        drop_lists(&c->levels[0]);
         return false;
     }
-    if (job->normals && !base->normal && !make_normals(c, job, err))
-        return false;
+    return !job->normals || list->normal || make_normals(c, job, err);
+}
+
+/* The same of a coarse level, from the next finer one. */
+static bool update_coarse(struct sp_classification *c, unsigned l,
+                          const struct sp_classify_job *job, struct sp_error *err) {
+    struct sp_level *level = &c->levels[l];
+    struct sp_visible *list = &level->lists[2];
+    if (list->slices && (!job->normals || list->normal))
+        return true;
+    sp_level_finish(level);
+    if (sp_coarse_make(level, &c->levels[l - 1], job, err))
+        return true;
+    sp_level_finish(level);
+    return false;
+}
+
+static bool update_axis(struct sp_level *level, const struct sp_classify_job *job,
+                        struct sp_error *err) {
+    struct sp_visible *base = &level->lists[2], *list = &level->lists[job->axis];
     if (list->slices && job->normals && !list->normal)
         sp_visible_finish(list);
     if (list->slices)
         return true;
     unsigned other = 1 - job->axis; /* not axis 2: that list exists */
     if (list_bytes(base) > SPARE_LIST_BYTES)
-        sp_visible_finish(&c->lists[other]);
-    if (permute_list(c, job->axis, job, err))
+        sp_visible_finish(&level->lists[other]);
+    if (permute_list(level, job, err))
         return true;
     sp_visible_finish(list);
     return false;
@@ -273,13 +302,22 @@ static bool update_lists(struct sp_classification *c, const struct sp_classify_j
 
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err) {
-    assert(job->axis < 3);
-    return update_transfer(c, job->tf, err) && update_lists(c, job, err);
+    assert(job->axis < 3 && job->level < SP_LEVELS);
+    if (!update_transfer(c, job->tf, err) || !update_all(c, job, err))
+        return false;
+    for (unsigned l = 1; l <= job->level; l++)
+        if (!update_coarse(c, l, job, err))
+            return false;
+    return update_axis(&c->levels[job->level], job, err);
 }
 
 uint64_t sp_classification_bytes(const struct sp_classification *c) {
-    uint64_t bytes = c->transfer.count * (uint64_t)(sizeof(struct sp_class) + 1);
-    for (int axis = 0; axis < 3; axis++)
-        bytes += list_bytes(&c->lists[axis]);
+    uint64_t bytes = 0;
+    for (int l = 0; l < SP_LEVELS; l++) {
+        const struct sp_level *level = &c->levels[l];
+        bytes += level->transfer.count * (uint64_t)(sizeof(struct sp_class) + 1);
+        for (int axis = 0; axis < 3; axis++)
+            bytes += list_bytes(&level->lists[axis]);
+    }
     return bytes;
 }

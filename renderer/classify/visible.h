@@ -28,12 +28,23 @@ struct sp_visible {
 
 void sp_visible_finish(struct sp_visible *list);
 
-/* Everything derived from one volume under one transfer function. */
-struct sp_classification {
-    struct sp_volume *volume;    /* one reference */
-    struct sp_transfer transfer; /* of the lists */
+/* The visible voxels at one resolution. */
+struct sp_level {
+    struct sp_grid grid;
+    struct sp_transfer transfer; /* of the lists' keys */
     struct sp_visible lists[3];  /* by axis */
 };
+enum { SP_LEVELS = 3 };
+
+/* Everything derived from one volume under one transfer function: all voxels in levels[0], then
+ * coarser and coarser ones (coarse.h), made when they are first asked for. */
+struct sp_classification {
+    struct sp_volume *volume; /* one reference */
+    struct sp_level levels[SP_LEVELS];
+};
+
+/* Frees what the level holds; it is then empty. */
+void sp_level_finish(struct sp_level *level);
 
 /* One reference to the volume is taken. */
 void sp_classification_init(struct sp_classification *c, struct sp_volume *volume);
@@ -42,17 +53,21 @@ void sp_classification_finish(struct sp_classification *c);
 /* What an update needs beside the classification. */
 struct sp_classify_job {
     const struct sp_transfer_function *tf;
-    unsigned axis; /* of the list that will be used, 0 … 2 */
-    bool normals;  /* that list must have them */
+    unsigned level; /* that will be used, below SP_LEVELS */
+    unsigned axis;  /* of its list that will be used, 0 … 2 */
+    bool normals;   /* that list must have them */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
 };
 
-/* Brings the list of job->axis up to date, doing only what the changes ask for: a new colour costs
- * a table, a new set of visible values a pass over the volume. On failure what is out of date is
- * dropped: SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+/* Brings the list of job->level and job->axis up to date, doing only what the changes ask for: a
+ * new colour costs a table (and the coarse levels), a new set of visible values a pass over the
+ * volume. On failure what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_CANCELLED. */
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err);
+
+/* Memory for list->count entries, with normals or without; SP_ERR_MEMORY. */
+bool sp_visible_allocate(struct sp_visible *list, bool normals, struct sp_error *err);
 
 /* Bytes kept, without the volume itself. */
 uint64_t sp_classification_bytes(const struct sp_classification *c);

@@ -20,6 +20,7 @@ enum { EXIT_USAGE = 2, POOL_BYTES = 256 << 20, LONG_ONLY = 256 };
 struct options {
     struct sp_renderer_options renderer;
     struct bench_overrides overrides;
+    struct sp_render_options render;
     unsigned warm;
     const char *data, *out, *volume;
 };
@@ -47,6 +48,7 @@ static const char usage[] =
     "  --mode M            filter: adaptive, ewa, reconstruction, lowpass, ...\n"
     "  --compositing C     sheet, ...\n"
     "  --shading S         none, phong\n"
+    "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
     "  --data DIR          folder below which the scenes' volumes are found\n"
     "  --volume V          a volume instead of scenes: its default view, in an orbit\n"
     "  --out PREFIX        writes the third view of each scene as PREFIXname.png\n"
@@ -80,6 +82,8 @@ static bool parse_option(struct options *o, const char *name, const char *value)
         return parse_number(name, value, 1, SP_SIZE_MAX, &o->overrides.size);
     if (strcmp(name, "views") == 0)
         return parse_number(name, value, 1, BENCH_CAMERAS_MAX, &o->overrides.views);
+    if (strcmp(name, "coarse") == 0)
+        return parse_number(name, value, 0, SP_COARSE_MAX, &o->render.coarse);
     if (strcmp(name, "warm") == 0)
         return parse_number(name, value, 0, 1000, &o->warm);
     const struct {
@@ -101,20 +105,23 @@ static bool parse_option(struct options *o, const char *name, const char *value)
 
 /* Draws camera k; the frame is the caller's. */
 static struct sp_frame *draw(struct sp_renderer *renderer, struct sp_frame_pool *pool,
-                             const struct bench_scene *scene, unsigned k, struct sp_error *err) {
+                             const struct bench_scene *scene, const struct options *o, unsigned k,
+                             struct sp_error *err) {
     struct sp_view view = scene->view;
     view.camera = scene->cameras[k % scene->camera_count];
-    return sp_renderer_render(renderer, scene->volume, &view, pool, NULL, err);
+    return sp_renderer_render(renderer, scene->volume, &view, pool, &o->render, err);
 }
 
 static bool measure(struct result *r, struct sp_renderer *renderer, struct sp_frame_pool *pool,
-                    const struct bench_scene *scene, unsigned warm, struct sp_error *err) {
-    for (unsigned k = 0; k < warm + scene->camera_count; k++) {
-        struct sp_frame *frame = draw(renderer, pool, scene, k < warm ? k : k - warm, err);
+                    const struct bench_scene *scene, const struct options *o,
+                    struct sp_error *err) {
+    for (unsigned k = 0; k < o->warm + scene->camera_count; k++) {
+        unsigned camera = k < o->warm ? k : k - o->warm;
+        struct sp_frame *frame = draw(renderer, pool, scene, o, camera, err);
         if (!frame)
             return false;
         const struct sp_frame_stats *stats = &frame->stats;
-        if (k >= warm) {
+        if (k >= o->warm) {
             r->ms[r->views++] = stats->render_ms;
             r->cpu_ms += stats->cpu_ms;
             r->splats += (double)stats->splats;
@@ -128,17 +135,17 @@ static bool measure(struct result *r, struct sp_renderer *renderer, struct sp_fr
     return true;
 }
 
-static bool write_png(const char *prefix, const struct bench_scene *scene,
+static bool write_png(const struct options *o, const struct bench_scene *scene,
                       struct sp_renderer *renderer, struct sp_frame_pool *pool,
                       struct sp_error *err) {
     struct sp_encoder *encoder = sp_encoder_create(err);
-    struct sp_frame *frame = encoder ? draw(renderer, pool, scene, 2, err) : NULL;
+    struct sp_frame *frame = encoder ? draw(renderer, pool, scene, o, 2, err) : NULL;
     const uint8_t *bytes;
     size_t size;
     char *path = NULL;
     bool ok = frame && sp_encode(encoder, frame, SP_IMAGE_PNG, 100, &bytes, &size, err);
-    if (ok && asprintf(&path, "%s%s.png", prefix, scene->name) > 0) {
-        for (char *c = path + strlen(prefix); *c; c++)
+    if (ok && asprintf(&path, "%s%s.png", o->out, scene->name) > 0) {
+        for (char *c = path + strlen(o->out); *c; c++)
             if (*c == '/' || *c == ':' || *c == '?')
                 *c = '-';
         FILE *file = fopen(path, "wb");
@@ -212,6 +219,7 @@ static proto_json *encode_result(const struct bench_scene *scene, const struct r
     proto_json_set_string(j, "mode", modes[view->filter.mode]);
     proto_json_set_string(j, "compositing", compositings[view->compositing.mode]);
     proto_json_set_string(j, "shading", view->shading.mode == SP_SHADING_PHONG ? "phong" : "none");
+    proto_json_set_integer(j, "coarse", stats->coarse);
     proto_json_set_integer(j, "views", r->views);
     proto_json_set_number(j, "splats", round(r->splats / r->views));
     proto_json_set_integer(j, "visible_voxels", (int64_t)stats->visible_voxels);
@@ -237,13 +245,14 @@ static bool run_scene(const struct bench_scene *scene, const struct options *o,
         return print_json(json, err);
     }
     struct result r = { .ms = calloc(scene->camera_count, sizeof(double)) };
-    bool ok = r.ms ? measure(&r, renderer, pool, scene, o->warm, err)
+    bool ok = r.ms ? measure(&r, renderer, pool, scene, o, err)
                    : sp_fail(err, SP_ERR_MEMORY, "", "no memory for the result");
     if (ok) {
         uint64_t bytes = sp_volume_info(scene->volume)->voxel_bytes +
                          sp_renderer_memory(renderer, scene->volume);
         ok = print_json(encode_result(scene, &r, bytes), err);
-        if (scene->visible_voxels >= 0 && r.last.backend && strcmp(r.last.backend, "null") != 0 &&
+        if (scene->visible_voxels >= 0 && r.last.coarse == 0 && r.last.backend &&
+            strcmp(r.last.backend, "null") != 0 &&
             r.last.visible_voxels != (uint64_t)scene->visible_voxels)
             fprintf(stderr, "splat-bench: %s: %llu voxels are visible, the scene says %lld\n",
                     scene->name, (unsigned long long)r.last.visible_voxels,
@@ -251,7 +260,7 @@ static bool run_scene(const struct bench_scene *scene, const struct options *o,
     }
     free(r.ms);
     if (ok && o->out)
-        ok = write_png(o->out, scene, renderer, pool, err);
+        ok = write_png(o, scene, renderer, pool, err);
     sp_renderer_forget(renderer, scene->volume);
     return ok;
 }
@@ -291,6 +300,7 @@ int main(int argc, char **argv) {
         { "mode", required_argument, NULL, LONG_ONLY },
         { "compositing", required_argument, NULL, LONG_ONLY },
         { "shading", required_argument, NULL, LONG_ONLY },
+        { "coarse", required_argument, NULL, LONG_ONLY },
         { "data", required_argument, NULL, LONG_ONLY },
         { "volume", required_argument, NULL, LONG_ONLY },
         { "out", required_argument, NULL, LONG_ONLY },

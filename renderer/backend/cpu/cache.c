@@ -11,7 +11,8 @@ static struct cpu_slot *find_exact(struct cpu_cache *cache, const struct sp_volu
                                    const struct sp_transfer_function *tf) {
     for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
         struct cpu_slot *slot = &cache->slots[i];
-        if (slot->c.volume == volume && sp_transfer_function_equal(&slot->c.transfer.tf, tf))
+        if (slot->c.volume == volume &&
+            sp_transfer_function_equal(&slot->c.levels[0].transfer.tf, tf))
             return slot;
     }
     return NULL;
@@ -27,7 +28,8 @@ static bool find_similar(struct cpu_cache *cache, const struct sp_volume *volume
     *found = NULL;
     for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
         struct cpu_slot *slot = &cache->slots[i];
-        if (slot->c.volume == volume && sp_transfer_same_voxels(&slot->c.transfer, &transfer))
+        if (slot->c.volume == volume &&
+            sp_transfer_same_voxels(&slot->c.levels[0].transfer, &transfer))
             *found = slot;
     }
     sp_transfer_finish(&transfer);

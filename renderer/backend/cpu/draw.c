@@ -15,6 +15,8 @@ enum {
     POLL_EVERY = 64, /* splats of a tile between two looks at the cancel flag */
 };
 
+_Static_assert((int)SP_COARSE_MAX < (int)SP_LEVELS, "a level for each value of coarse");
+
 enum stage { CLASSIFY, SPLAT, BIN, TILE, RESOLVE, STAGES };
 
 struct block {
@@ -34,7 +36,7 @@ struct draw {
     struct sp_ewa_frame ewa;
     struct sp_shade shade;
     const struct sp_shade *shading; /* &shade, or NULL */
-    const struct sp_classification *classification;
+    const struct sp_level *level;
     const struct sp_visible *list;
 
     uint32_t *slices; /* by order; sheet k is slice slices[k] */
@@ -75,7 +77,7 @@ static void set_up_block(struct draw *d, uint64_t place, uint64_t stop, struct s
                          struct block *block) {
     *block = (struct block){ 0 };
     struct sp_ewa_run run = { .list = d->list,
-                              .transfer = &d->classification->transfer,
+                              .transfer = &d->level->transfer,
                               .shade = d->shading };
     for (uint32_t k = find_sheet(d, place); place < stop; k++) {
         uint64_t end = d->before[k + 1] < stop ? d->before[k + 1] : stop;
@@ -243,18 +245,21 @@ static bool choose_filters(struct draw *d, struct sp_arena *arena, const struct 
 /* Everything between the view and the first batch. */
 static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *err) {
     const struct sp_view *view = d->job->view;
-    const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
     sp_camera_frame_init(&d->camera, &view->camera, view->size);
-    unsigned axis = sp_order_axis(&d->camera, grid);
+    unsigned axis = sp_order_axis(&d->camera, &sp_volume_info(d->job->volume)->grid);
     struct sp_classify_job classify = { .tf = &view->transfer_function,
+                                        .level = d->job->coarse,
                                         .axis = axis,
                                         .normals = view->shading.mode == SP_SHADING_PHONG,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel };
-    d->classification = cpu_cache_get(&state->cache, d->job->volume, &classify, err);
-    if (!d->classification)
+    const struct sp_classification *classification =
+        cpu_cache_get(&state->cache, d->job->volume, &classify, err);
+    if (!classification)
         return false;
-    d->list = &d->classification->lists[axis];
+    d->level = &classification->levels[d->job->coarse];
+    d->list = &d->level->lists[axis];
+    const struct sp_grid *grid = &d->level->grid;
     sp_ewa_frame_init(&d->ewa, &d->camera, grid, view, axis);
     if (!allocate(d, &state->arena, err) || !choose_filters(d, &state->arena, grid, err))
         return false;
@@ -311,6 +316,7 @@ static void draw_band(struct draw *d, int y) {
 
 static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
     static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
+    stats->coarse = d->job->coarse;
     stats->visible_voxels = d->list->count;
     stats->splats = d->splats;
     stats->fragments = (uint64_t)d->fragments;

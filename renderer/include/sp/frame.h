@@ -28,6 +28,7 @@ struct sp_frame_stats {
     const char *device;  /* lives as long as the renderer's process; the CPU's or GPU's name */
     const char *isa;     /* constant: "scalar", … or "" */
     uint32_t threads;
+    uint32_t coarse;          /* 0 = all voxels, n = 2^n × 2^n × 2^n averaged into one */
     uint64_t visible_voxels;  /* after classification */
     uint64_t splats;          /* drawn: not culled */
     uint64_t fragments;       /* pixels touched by footprints, before early termination */

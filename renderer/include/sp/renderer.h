@@ -45,8 +45,13 @@ struct sp_backend_entry {
 };
 const struct sp_backend_entry *sp_backend_at(unsigned i);
 
+enum { SP_COARSE_MAX = 2 };
+
 struct sp_render_options {
     enum sp_pixel_format format; /* default (0) SP_RGBA8 */
+    unsigned coarse; /* [0, SP_COARSE_MAX], default 0: draw 2^n × 2^n × 2^n voxels as one,
+                        averaged after classification: blurred, and up to 8^n times faster.
+                        The frame's stats say what was done */
     const atomic_bool *cancel; /* NULL = never; polled a few hundred times a frame; true = stop with
                                   SP_ERR_CANCELLED */
 };

@@ -245,7 +245,7 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
             .tf = &ramp, .axis = axis, .pool = pool, .normals = axis == 1
         };
         assert_true(sp_classification_update(&c, &job, NULL));
-        const struct sp_visible *list = &c.lists[axis];
+        const struct sp_visible *list = &c.levels[0].lists[axis];
         assert_int_equal(list->count, visible);
         assert_int_equal(list->slices, dims[axis]);
         uint64_t *flat = flatten(list, axis, dims), n = 0;
@@ -258,13 +258,115 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
     struct sp_gradient_grid grid;
     sp_gradient_grid_init(&grid, v);
     for (uint32_t s = 0; s < Y; s++)
-        for (uint64_t e = c.lists[1].first[s]; e < c.lists[1].first[s + 1]; e++) {
-            uint32_t p = c.lists[1].position[e];
+        for (uint64_t e = c.levels[0].lists[1].first[s]; e < c.levels[0].lists[1].first[s + 1];
+             e++) {
+            uint32_t p = c.levels[0].lists[1].position[e];
             double gradient[3];
             sp_gradient_at(&grid, (uint32_t[3]){ p & 0xffff, s, p >> 16 }, gradient);
-            assert_int_equal(c.lists[1].normal[e], sp_gradient_pack(&grid, gradient));
+            assert_int_equal(c.levels[0].lists[1].normal[e], sp_gradient_pack(&grid, gradient));
         }
     assert_true(sp_classification_bytes(&c) > visible * 3 * 8);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
+/* A cell of level l by definition: the average over the voxels of its 2^l × 2^l × 2^l cube. */
+static struct sp_class average(const uint8_t *values, const uint32_t dims[3], unsigned l,
+                               const uint32_t cell[3]) {
+    struct sp_class sum = { { 0, 0, 0 }, 0 };
+    uint32_t n = 1u << l;
+    for (uint32_t i = 0; i < n * n * n; i++) {
+        uint32_t x = cell[0] * n + i % n, y = cell[1] * n + i / n % n, z = cell[2] * n + i / n / n;
+        if (x >= dims[0] || y >= dims[1] || z >= dims[2])
+            continue;
+        struct sp_class c;
+        sp_transfer_function_eval(&ramp, values[x + dims[0] * (y + dims[1] * z)], &c);
+        sum.depth += c.depth;
+        for (int k = 0; k < 3; k++)
+            sum.color[k] += c.color[k] * c.depth;
+    }
+    for (int k = 0; k < 3 && sum.depth > 0; k++)
+        sum.color[k] /= sum.depth;
+    sum.depth /= (float)(n * n * n);
+    return sum;
+}
+
+static void coarse_levels_average_what_was_classified(void **state) {
+    (void)state;
+    enum { X = 13, Y = 6, Z = 9 };
+    const uint32_t dims[3] = { X, Y, Z };
+    uint8_t values[X * Y * Z];
+    srand(3);
+    for (int i = 0; i < X * Y * Z; i++)
+        values[i] = (uint8_t)(rand() % 6 ? 0 : rand() % 60);
+    struct sp_volume *v = make_volume(dims, SP_UINT8, values);
+    struct sp_pool *pool = sp_pool_create(3, NULL);
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    for (unsigned l = 1; l < SP_LEVELS; l++) {
+        struct sp_classify_job job = { .tf = &ramp, .level = l, .axis = l, .pool = pool };
+        assert_true(sp_classification_update(&c, &job, NULL));
+        const struct sp_level *level = &c.levels[l];
+        const struct sp_visible *list = &level->lists[2];
+        const uint32_t *d = level->grid.dims;
+        assert_int_equal(level->lists[l].count, list->count);
+        uint64_t e = 0;
+        for (uint32_t i = 0; i < d[0] * d[1] * d[2]; i++) {
+            uint32_t cell[3] = { i % d[0], i / d[0] % d[1], i / d[0] / d[1] };
+            struct sp_class want = average(values, dims, l, cell);
+            if (!(want.depth > 0))
+                continue;
+            assert_true(e >= list->first[cell[2]] && e < list->first[cell[2] + 1]);
+            assert_int_equal(list->position[e], cell[0] | cell[1] << 16);
+            struct sp_class got = sp_transfer_class(&level->transfer, list->key[e++]);
+            assert_true(fabsf(got.depth - want.depth) < 1e-6f);
+            for (int k = 0; k < 3; k++)
+                assert_true(fabsf(got.color[k] - want.color[k]) < 1e-5f);
+        }
+        assert_int_equal(e, list->count);
+    }
+    /* The first sample of a cell of two voxels lies half a voxel in, of four one and a half. */
+    assert_true(c.levels[1].grid.origin[0] == 0.5 && c.levels[2].grid.origin[1] == 1.5);
+    assert_true(c.levels[2].grid.spacing[2] == 4 && c.levels[2].grid.dims[0] == 4);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
+/* A plane of equal voxels has one normal, and so has every coarser version of it. */
+static void coarse_normals_are_those_of_the_surface(void **state) {
+    (void)state;
+    enum { N = 16 };
+    static uint8_t values[N * N * N];
+    for (int i = 0; i < N * N * N; i++)
+        values[i] = i % N < N / 2 ? 0 : 30; /* x < 8 is empty */
+    struct sp_volume *v = make_volume((uint32_t[3]){ N, N, N }, SP_UINT8, values);
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    struct sp_classify_job job = { .tf = &ramp, .axis = 2, .level = 1, .pool = pool };
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_null(c.levels[1].lists[2].normal);
+    job.normals = true;
+    assert_true(sp_classification_update(&c, &job, NULL));
+    const struct sp_visible *list = &c.levels[1].lists[2];
+    for (uint64_t e = 0; e < list->count; e++) {
+        float n[3];
+        sp_gradient_unpack(list->normal[e], n);
+        bool surface = (list->position[e] & 0xffff) == N / 4;
+        assert_true(surface ? n[0] > 0.999f : n[0] == 0);
+    }
+    /* Another colour makes them anew. */
+    struct sp_transfer_function other = ramp;
+    other.points[1].color[1] = 1;
+    job.tf = &other;
+    assert_true(sp_classification_update(&c, &job, NULL));
+    struct sp_class want;
+    sp_transfer_function_eval(&other, 30, &want);
+    struct sp_class got =
+        sp_transfer_class(&c.levels[1].transfer, c.levels[1].lists[2].key[list->count - 1]);
+    assert_true(fabsf(got.color[1] - want.color[1]) < 1e-5f);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
@@ -282,19 +384,19 @@ static void only_what_changed_is_redone(void **state) {
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));
-    const uint32_t *kept = c.lists[2].position;
+    const uint32_t *kept = c.levels[0].lists[2].position;
     tf.points[1].color[0] = 0.25f; /* a colour */
     tf.points[2].opacity = 0.75f;  /* an opacity that stays above 0 */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.lists[2].position, kept);
-    assert_true(sp_transfer_class(&c.transfer, 20).color[0] == 0.25f);
+    assert_ptr_equal(c.levels[0].lists[2].position, kept);
+    assert_true(sp_transfer_class(&c.levels[0].transfer, 20).color[0] == 0.25f);
     job.normals = true; /* shading is switched on: gradients, not a pass over the volume */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.lists[2].position, kept);
-    assert_non_null(c.lists[0].normal);
+    assert_ptr_equal(c.levels[0].lists[2].position, kept);
+    assert_non_null(c.levels[0].lists[0].normal);
     tf.points[0].value = 12; /* other voxels */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(c.lists[0].count, 64 - 13);
+    assert_int_equal(c.levels[0].lists[0].count, 64 - 13);
     /* Cancelled: nothing half made stays. */
     atomic_bool cancel = true;
     job.cancel = &cancel;
@@ -304,7 +406,7 @@ static void only_what_changed_is_redone(void **state) {
     assert_int_equal(err.code, SP_ERR_CANCELLED);
     cancel = false;
     assert_true(sp_classification_update(&c, &job, &err));
-    assert_int_equal(c.lists[0].count, 64 - 12);
+    assert_int_equal(c.levels[0].lists[0].count, 64 - 12);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
@@ -318,6 +420,8 @@ int main(void) {
         cmocka_unit_test(packed_directions_are_within_an_eighth_of_a_degree),
         cmocka_unit_test(gradients_pass_by_what_is_not_a_number),
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
+        cmocka_unit_test(coarse_levels_average_what_was_classified),
+        cmocka_unit_test(coarse_normals_are_those_of_the_surface),
         cmocka_unit_test(only_what_changed_is_redone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
