@@ -5,7 +5,8 @@
  *   volume + view ─► classify ─► splat ─► tile ─► frame
  *
  * A renderer belongs to one thread at a time. It keeps what it derived from the volumes that it has
- * seen (gradients, visible voxels) until sp_renderer_forget().
+ * seen (gradients, visible voxels), and with it a reference to each of them, until
+ * sp_renderer_forget().
  */
 #ifndef SP_RENDERER_H
 #define SP_RENDERER_H
