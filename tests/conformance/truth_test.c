@@ -236,7 +236,7 @@ static void the_nearer_layer_hides_the_farther(void **state) {
 
 /* Half the step, nearly twice the rays, a wider kernel: nothing above CONVERGED dB changes. Only
  * the middle of the picture is compared, which keeps this under some seconds. */
-enum { CONVERGED = 90, CROP = 16 };
+enum { CONVERGED = 90, CROP = 12 };
 
 static void finer_changes_nothing(void **state) {
     (void)state;
@@ -244,10 +244,10 @@ static void finer_changes_nothing(void **state) {
         test_scene_fn *build;
         double lowpass;
     } cases[] = {
-        { test_scene_thin_shells, 0 }, { test_scene_thin_shells, 1 },
-        { test_scene_anisotropic, 1 }, { test_scene_checkerboard, 1 },
-        { test_scene_oblique, 0 },     { test_scene_phantom, 0 },
-        { test_scene_sheared, 1 },     { test_scene_wide_kernel, 0 },
+        { test_scene_thin_shells, 0 },  { test_scene_anisotropic, 0 },
+        { test_scene_checkerboard, 1 }, { test_scene_oblique, 0 },
+        { test_scene_phantom, 0 },      { test_scene_sheared, 1 },
+        { test_scene_wide_kernel, 0 },
     };
     unsigned failed = 0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
