@@ -92,7 +92,7 @@ static void check_one_voxel(struct test_scene *s, double opacity, double length)
         s, (const double[][5]){ { 0, 0.2, 0.4, 0.8, 0 }, { 1, 0.2, 0.4, 0.8, opacity } }, 2);
     v->transfer_function.reference_length = length;
     test_camera_axes(&v->camera, w);
-    struct test_truth_options o = { .samples = 1, .step = 0.05, .radius = 6 };
+    struct test_truth_options o = { .samples = 1, .step = 0.1, .radius = 6 };
     struct test_image image = integrate(s, &o, 0);
     double g = -log1p(-(double)(float)opacity) / length;
     for (unsigned y = 0; y < image.height; y++)
@@ -134,8 +134,8 @@ static void one_voxel_has_the_analytic_depth(void **state) {
                 s.view.camera.projection = ortho ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
                 s.view.camera.height = 12;
                 s.view.camera.fov_y = 40;
-                s.view.size[0] = 40;
-                s.view.size[1] = 32;
+                s.view.size[0] = 26;
+                s.view.size[1] = 20;
                 s.view.filter.sigma = 0.5 + 0.25 * k;
                 check_one_voxel(&s, 0.9, 0.25 + k);
                 test_scene_finish(&s);
