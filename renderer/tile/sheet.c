@@ -87,14 +87,14 @@ static inline void add_to(float *sums, sp_wide weight, float factor) {
 }
 
 /* SP_WIDE columns of a footprint, from (dx, dy) on, by recurrence down the rows: a step in y
- * multiplies the weight by q, and q by a constant. The first `width` columns count. */
-static inline void add_columns(const struct sp_splat *s, float floor, float dx, float dy, int width,
-                               int rows, float *sums) {
+ * multiplies the weight by q, and q by `shrink`. The first `width` columns count, and weights of at
+ * least `floor`. */
+static inline void add_columns(const struct sp_splat *s, float floor, float shrink, float dx,
+                               float dy, int width, int rows, float *sums) {
     enum { P = SP_TILE * SP_TILE_ROW };
     const sp_wide step = { 0, 1, 2, 3 };
     sp_wide x = dx + step, weight = sp_wide_exp2(-((s->a * x + s->b * dy) * x + s->c * dy * dy));
     sp_wide q = sp_wide_exp2(-(s->b * x + s->c * (2 * dy + 1)));
-    float shrink = sp_exp2(-2 * s->c);
     weight = sp_wide_keep(step < (float)width, weight);
     float depth = s->depth, e0 = s->emission[0], e1 = s->emission[1], e2 = s->emission[2];
     for (int y = 0; y < rows; y++, sums += SP_TILE_ROW) {
@@ -122,10 +122,10 @@ void sp_sheet_add(struct sp_tile *tile, const struct sp_splat *s, float cut) {
     float dx0 = (float)(box[0] + tile->x) + 0.5f - s->x;
     float dy0 = (float)(box[1] + tile->y) + 0.5f - s->y;
     if (is_compact(s, box, dx0, dy0)) {
-        float floor = sp_exp2(-cut);
+        sp_wide shared = sp_wide_exp2((sp_wide){ -cut, -2 * s->c });
         for (int x = box[0]; x < box[2]; x += SP_WIDE)
-            add_columns(s, floor, dx0 + (float)(x - box[0]), dy0, box[2] - x, box[3] - box[1],
-                        &tile->sums[0][box[1]][x]);
+            add_columns(s, shared[0], shared[1], dx0 + (float)(x - box[0]), dy0, box[2] - x,
+                        box[3] - box[1], &tile->sums[0][box[1]][x]);
         return;
     }
     for (int y = box[1]; y < box[3]; y++) {
