@@ -241,8 +241,8 @@ static void pass_on(struct srv_scheduler *s, struct work work) {
 
 static struct sp_frame *render(struct srv_scheduler *s, struct srv_volume *volume,
                                const struct sp_view *view, enum sp_pixel_format format,
-                               struct sp_error *err) {
-    struct sp_render_options options = { .format = format, .cancel = &s->cancel };
+                               unsigned coarse, struct sp_error *err) {
+    struct sp_render_options options = { .format = format, .coarse = coarse, .cancel = &s->cancel };
     struct sp_frame *frame =
         sp_renderer_render(s->renderer, srv_volume_voxels(volume), view, s->pool, &options, err);
     srv_catalog_set_derived(s->options.catalog, volume,
@@ -268,7 +268,7 @@ static void render_job(struct srv_scheduler *s, struct srv_job *job) {
     if (!begin_render(s, job) || (job->refinement && !srv_hub_is_newest(s->hub, job)))
         sp_fail(&err, SP_ERR_CANCELLED, NULL, "a newer view exists");
     else
-        frame = render(s, job->volume, &job->view, SP_RGBA8, &err);
+        frame = render(s, job->volume, &job->view, SP_RGBA8, job->coarse, &err);
     if (frame)
         pass_on(s, (struct work){ .frame = frame, .job = job });
     else
@@ -283,7 +283,7 @@ static void render_still(struct srv_scheduler *s, struct still_item *item) {
     if (!begin_render(s, NULL))
         sp_fail(&err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
     else
-        frame = render(s, item->still.volume, &item->still.view, format, &err);
+        frame = render(s, item->still.volume, &item->still.view, format, 0, &err);
     if (frame)
         pass_on(s, (struct work){ .frame = frame, .still = item });
     else

@@ -117,7 +117,8 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     if (volume) {
         source->release(source->user, session->volume);
         session->volume = volume;
-        srv_pace_init(&session->pace);
+        for (unsigned i = 0; i <= SP_COARSE_MAX; i++)
+            srv_pace_init(&session->pace[i]);
     }
     session->version++;
     session->changed_by = by;
@@ -187,7 +188,8 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
     }
     session->version = 1;
     session->changed_ms = session->empty_ms = now_ms;
-    srv_pace_init(&session->pace);
+    for (unsigned i = 0; i <= SP_COARSE_MAX; i++)
+        srv_pace_init(&session->pace[i]);
     proto_json *json = NULL;
     pthread_mutex_lock(&hub->mutex);
     bool ok = srv_secret_hex(session->id, sizeof session->id - 1, err) &&

@@ -142,6 +142,7 @@ struct srv_job {
     uint64_t order;            /* rises from job to job */
     bool final;                /* full size and quality */
     bool refinement;           /* worthless as soon as a newer view exists */
+    unsigned coarse;           /* as in sp/renderer.h; 0 if final */
     struct sp_view view;       /* with the size to render */
     void *volume;              /* a use of its own */
     uint32_t target_count;

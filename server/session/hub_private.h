@@ -65,7 +65,7 @@ struct srv_session {
     uint64_t version;    /* of the view, from 1 */
     uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
-    struct srv_pace pace;
+    struct srv_pace pace[SP_COARSE_MAX + 1]; /* by coarseness */
     struct srv_job_result last;
     double frame_ms; /* mean time between jobs, for fps; 0 = none */
     struct srv_participant *participants;

@@ -13,6 +13,8 @@
 
 #include <stdint.h>
 
+#include "sp/renderer.h"
+
 struct srv_pace {
     double weight, x, y, xx, xy; /* weighted sums over (pixels, ms) */
 };
@@ -31,5 +33,10 @@ double srv_pace_expect_ms(const struct srv_pace *pace, double pixels);
  * [SRV_PACE_AREA_MIN, 1] so that a frame takes `budget_ms`; at least 1×1. */
 void srv_pace_size(const struct srv_pace *pace, const uint32_t full[2], double budget_ms,
                    uint32_t size[2]);
+
+/* The same, with the choice of how coarse to draw (sp/renderer.h): the finest level that holds the
+ * budget within a third, or that was never tried; else the coarsest. One pace a level. */
+unsigned srv_pace_level(const struct srv_pace levels[SP_COARSE_MAX + 1], const uint32_t full[2],
+                        double budget_ms, uint32_t size[2]);
 
 #endif

@@ -46,8 +46,8 @@ static struct wish wish_of(const struct srv_hub *hub, const struct srv_session *
     }
     uint32_t size[2];
     srv_hub_size(s, p, size);
-    bool slow = srv_pace_expect_ms(&s->pace, (double)size[0] * size[1]) > FIRST_PICTURE_MS;
-    bool resting = rest_ms <= 0 && s->pace.weight > 0 && !slow;
+    bool slow = srv_pace_expect_ms(&s->pace[0], (double)size[0] * size[1]) > FIRST_PICTURE_MS;
+    bool resting = rest_ms <= 0 && s->pace[0].weight > 0 && !slow;
     wish.refinement = p->progressive && (!newer || resting);
     wish.want = !p->progressive || wish.refinement ? WANT_FINAL : WANT_MOVING;
     return wish;
@@ -72,6 +72,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->version = s->version;
     job->order = ++hub->next_order;
     job->final = wish->want == WANT_FINAL;
+    job->coarse = 0;
     job->refinement = wish->refinement;
     job->view = s->view;
     srv_hub_size(s, first, job->view.size);
@@ -99,7 +100,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     }
     assert(job->target_count > 0);
     if (!job->final)
-        srv_pace_size(&s->pace, job->view.size, 1000.0 / max_fps, job->view.size);
+        job->coarse = srv_pace_level(s->pace, job->view.size, 1000.0 / max_fps, job->view.size);
     double since = now_ms - s->served_ms;
     if (since < 1000)
         s->frame_ms = s->frame_ms == 0 ? since : s->frame_ms + (since - s->frame_ms) / 4;
@@ -193,7 +194,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
     struct srv_session *s = end_job(hub, job);
     if (s) {
         s->last = *result;
-        srv_pace_add(&s->pace, (double)result->width * result->height,
+        srv_pace_add(&s->pace[job->coarse], (double)result->width * result->height,
                      fmax(result->render_ms - result->once_ms, 0) + result->encode_ms);
     }
     pthread_mutex_unlock(&hub->mutex);

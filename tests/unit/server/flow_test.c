@@ -165,6 +165,28 @@ static void the_size_holds_the_budget(void **state) {
     assert_true(size[0] >= 1 && size[1] >= 1);
 }
 
+static void what_size_cannot_hold_coarseness_does(void **state) {
+    (void)state;
+    struct srv_pace levels[SP_COARSE_MAX + 1];
+    uint32_t full[2] = { 512, 512 }, size[2];
+    unsigned level = 9;
+    for (int i = 0; i <= SP_COARSE_MAX; i++)
+        srv_pace_init(&levels[i]);
+    /* 400 ms a voxel pass at level 0, an eighth of it a level coarser. */
+    for (int frame = 0; frame < 20; frame++) {
+        level = srv_pace_level(levels, full, 1000.0 / 30, size);
+        double pixels = (double)size[0] * size[1];
+        srv_pace_add(&levels[level], pixels, 400.0 / (1 << 3 * level) + 20 * pixels * 1e-6);
+    }
+    assert_int_equal(level, 2);
+    assert_int_equal(size[0], 512); /* there it is fast enough for the whole picture */
+    srv_pace_init(&levels[0]);
+    for (int frame = 0; frame < 3; frame++)
+        srv_pace_add(&levels[0], 512 * 512, 10);
+    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 0);
+    assert_int_equal(size[0], 512);
+}
+
 static void the_outbox_keeps_the_newest(void **state) {
     (void)state;
     struct srv_outbox outbox;
@@ -202,6 +224,7 @@ int main(void) {
         cmocka_unit_test(bytes_are_capped_but_one_frame_always_goes),
         cmocka_unit_test(an_old_round_trip_is_forgotten),
         cmocka_unit_test(the_size_holds_the_budget),
+        cmocka_unit_test(what_size_cannot_hold_coarseness_does),
         cmocka_unit_test(the_outbox_keeps_the_newest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
