@@ -9,7 +9,7 @@ import tempfile
 import unittest
 
 PROGRAM = sys.argv.pop(1)
-KEYS = {'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'views', 'splats',
+KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'views', 'splats',
         'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages', 'bytes', 'peak_rss'}
 
 
@@ -53,6 +53,9 @@ class CommandLine(unittest.TestCase):
         path = self.scene('c.json', volume='demo:phantom?size=16', cameras=cameras)
         line, = self.lines(run('--mode', 'ewa', '--shading', 'phong', '--size', '16', '--warm', '0', path))
         self.assertEqual((line['views'], line['mode'], line['shading']), (5, 'ewa', 'phong'))
+        coarser, = self.lines(run('--coarse', '1', '--size', '16', '--warm', '0', path))
+        self.assertEqual((line['coarse'], coarser['coarse']), (0, 1))
+        self.assertLess(coarser['splats'], line['splats'])
         line, = self.lines(run('--views', '2', '--size', '16', '--backend', 'null', path))
         self.assertEqual((line['views'], line['backend']), (2, 'null'))
 
