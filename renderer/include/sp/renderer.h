@@ -65,7 +65,8 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
                                     const struct sp_view *view, struct sp_frame_pool *pool,
                                     const struct sp_render_options *options, struct sp_error *err);
 
-/* Checks whether this renderer could draw the view, without drawing: validity and support. */
+/* Checks whether this renderer could draw the view, without drawing: validity and support. Reads
+ * constants alone: any thread may call it, also while another one renders. */
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err);
 
