@@ -171,6 +171,7 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
     struct srv_job *job = work->job;
     struct srv_job_result result = { .width = work->frame->width,
                                      .height = work->frame->height,
+                                     .coarse = work->frame->stats.coarse,
                                      .render_ms = work->frame->stats.render_ms,
                                      .once_ms = once_ms(&work->frame->stats),
                                      .splats = work->frame->stats.splats,

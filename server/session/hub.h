@@ -149,7 +149,7 @@ struct srv_job {
     struct srv_target targets[SRV_PARTICIPANTS_MAX];
 };
 struct srv_job_result {
-    uint32_t width, height;
+    uint32_t width, height, coarse;
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* of render_ms: work that the next frame of this volume will not need again */
     uint64_t splats, visible_voxels;

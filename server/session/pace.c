@@ -67,10 +67,11 @@ void srv_pace_size(const struct srv_pace *pace, const uint32_t full[2], double b
 unsigned srv_pace_level(const struct srv_pace levels[SP_COARSE_MAX + 1], const uint32_t full[2],
                         double budget_ms, uint32_t size[2]) {
     const uint32_t whole[2] = { full[0], full[1] };
+    double limit_ms = fmax(budget_ms * 4 / 3, SRV_PACE_ENOUGH_MS);
     for (unsigned level = 0;; level++) {
         srv_pace_size(&levels[level], whole, budget_ms, size);
         double expected = srv_pace_expect_ms(&levels[level], (double)size[0] * size[1]);
-        if (level == SP_COARSE_MAX || expected <= budget_ms * 4 / 3)
+        if (level == SP_COARSE_MAX || expected <= limit_ms)
             return level;
     }
 }

@@ -20,6 +20,7 @@ struct srv_pace {
 };
 
 #define SRV_PACE_AREA_MIN (1.0 / 16) /* of the full picture */
+#define SRV_PACE_ENOUGH_MS 66.0      /* 15 a second: no detail is given up to be faster than this */
 
 void srv_pace_init(struct srv_pace *pace);
 
@@ -35,7 +36,8 @@ void srv_pace_size(const struct srv_pace *pace, const uint32_t full[2], double b
                    uint32_t size[2]);
 
 /* The same, with the choice of how coarse to draw (sp/renderer.h): the finest level that holds the
- * budget within a third, or that was never tried; else the coarsest. One pace a level. */
+ * budget within a third or takes SRV_PACE_ENOUGH_MS, or that was never tried; else the coarsest.
+ * One pace a level. */
 unsigned srv_pace_level(const struct srv_pace levels[SP_COARSE_MAX + 1], const uint32_t full[2],
                         double budget_ms, uint32_t size[2]);
 

@@ -151,6 +151,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     ok = proto_json_set_number(params, "encode_ms", last->encode_ms) && ok;
     ok = proto_json_set_integer(params, "width", last->width) && ok;
     ok = proto_json_set_integer(params, "height", last->height) && ok;
+    ok = proto_json_set_integer(params, "coarse", last->coarse) && ok;
     ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
     ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
     ok = proto_json_set_number(params, "rtt_ms", srv_flow_rtt_ms(&to->flow)) && ok;
@@ -228,8 +229,7 @@ static void take_frame(struct srv_participant *p, double now_ms, struct srv_mess
     srv_flow_sent(&p->flow, p->frame, message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
     p->frames_sent++;
     p->bytes_sent += message->blob->size + PROTO_FRAME_HEADER_BYTES;
-    bool final = message->header.flags & PROTO_FRAME_FINAL;
-    if (final || now_ms - p->stats_ms >= 500)
+    if (now_ms - p->stats_ms >= 500)
         p->notes |= SRV_NOTE_STATS;
 }
 

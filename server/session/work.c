@@ -194,6 +194,12 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
     struct srv_session *s = end_job(hub, job);
     if (s) {
         s->last = *result;
+        /* What is at rest is told once more; the numbers of a moving view follow in time. */
+        for (uint32_t i = 0; job->final && i < job->target_count; i++) {
+            struct srv_participant *p = participant_of(s, job->targets[i].participant);
+            if (p)
+                srv_hub_note(hub, p, SRV_NOTE_STATS);
+        }
         srv_pace_add(&s->pace[job->coarse], (double)result->width * result->height,
                      fmax(result->render_ms - result->once_ms, 0) + result->encode_ms);
     }
