@@ -3,9 +3,9 @@
 #include <string.h>
 
 #include "clock.h"
+#include "http/handshake.h"
 #include "http/headers.h"
 #include "http/listener.h"
-#include "http/sha1.h"
 #include "sp/log.h"
 
 enum { KEY_CHARACTERS = 24 };
@@ -223,6 +223,11 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_error(reply, &err);
         return;
     }
+    char accept[SRV_ACCEPT_BYTES];
+    if (!srv_websocket_accept(srv_request_header(request, "Sec-WebSocket-Key"), accept)) {
+        srv_reply_problem(reply, 503, NULL, "no memory for a handshake");
+        return;
+    }
     struct upgrade *upgrade = calloc(1, sizeof *upgrade);
     struct MHD_Response *response =
         upgrade ? MHD_create_response_for_upgrade(on_upgrade, upgrade) : NULL;
@@ -231,8 +236,6 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_problem(reply, 503, NULL, "no memory for a stream");
         return;
     }
-    char accept[SRV_ACCEPT_BYTES];
-    srv_websocket_accept(srv_request_header(request, "Sec-WebSocket-Key"), accept);
     upgrade->streams = request->app->streams;
     upgrade->start.role = role;
     upgrade->start.peer = *srv_guard_address(request->guarded);

@@ -41,6 +41,7 @@ THIRD_PARTY = [
     (r'\w*mmintrin\.h|immintrin\.h|arm_neon\.h', ['renderer/base/', 'renderer/backend/cpu/']),
     (r'microhttpd', ['server/http/']),
     (r'wslay', ['server/http/']),
+    (r'gnutls/', ['server/http/']),
     (r'jansson', ['protocol/json.c', 'renderer/import/raw.c']),
     (r'OpenImageIO', ['renderer/import/', 'renderer/encode/']),
     (r'teem|nrrd|air\.h|biff', ['renderer/import/']),
