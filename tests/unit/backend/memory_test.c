@@ -1,0 +1,188 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Every allocation between a volume and an encoded picture fails once: each call then says so with
+ * SP_ERR_MEMORY, loses nothing (the leak checker of the ASan build looks on), and the next one
+ * works. The linker puts the functions below in the place of the C library's (--wrap).
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sp/encode.h"
+#include "sp/renderer.h"
+
+static atomic_long countdown = -1; /* allocations that still succeed; < 0 = all */
+
+static bool may_allocate(void) {
+    long left = atomic_load(&countdown);
+    if (left < 0)
+        return true;
+    return atomic_fetch_sub(&countdown, left > 0) > 0;
+}
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *memory, size_t size);
+void *__real_aligned_alloc(size_t alignment, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *memory, size_t size);
+void *__wrap_aligned_alloc(size_t alignment, size_t size);
+
+void *__wrap_malloc(size_t size) {
+    return may_allocate() ? __real_malloc(size) : NULL;
+}
+
+void *__wrap_calloc(size_t count, size_t size) {
+    return may_allocate() ? __real_calloc(count, size) : NULL;
+}
+
+void *__wrap_realloc(void *memory, size_t size) {
+    return may_allocate() ? __real_realloc(memory, size) : NULL;
+}
+
+void *__wrap_aligned_alloc(size_t alignment, size_t size) {
+    return may_allocate() ? __real_aligned_alloc(alignment, size) : NULL;
+}
+
+/* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds; returns how often it failed.
+ */
+static int fail_each(bool (*attempt)(void *user, struct sp_error *err), void *user) {
+    for (int n = 0; n < 1000; n++) {
+        struct sp_error err = { .code = SP_OK };
+        atomic_store(&countdown, n);
+        bool ok = attempt(user, &err);
+        atomic_store(&countdown, -1);
+        if (ok)
+            return n;
+        assert_int_equal(err.code, SP_ERR_MEMORY);
+        assert_true(err.text[0]);
+    }
+    fail_msg("never succeeds");
+    return 0;
+}
+
+static bool load_demo(void *user, struct sp_error *err) {
+    struct sp_volume *volume = sp_volume_load(user, NULL, err);
+    bool ok = volume != NULL;
+    sp_volume_unref(&volume);
+    return ok;
+}
+
+static void volumes(void **state) {
+    (void)state;
+    char source[64];
+    const struct sp_demo *demo;
+    for (size_t i = 0; (demo = sp_demo_at(i)); i++) {
+        snprintf(source, sizeof source, "demo:%s?size=16", demo->name);
+        assert_true(fail_each(load_demo, source) >= 2); /* the volume and its voxels, at least */
+    }
+}
+
+struct scene {
+    struct sp_volume *volume;
+    struct sp_view view;
+    struct sp_renderer *renderer;
+    struct sp_frame_pool *pool;
+    struct sp_encoder *encoder;
+    struct sp_render_options options;
+};
+
+static void init_scene(struct scene *scene, const char *source) {
+    *scene = (struct scene){ .volume = sp_volume_load(source, NULL, NULL) };
+    assert_non_null(scene->volume);
+    sp_view_init(&scene->view, sp_volume_info(scene->volume), "test");
+    scene->view.size[0] = scene->view.size[1] = 48;
+}
+
+static void finish_scene(struct scene *scene) {
+    sp_encoder_destroy(&scene->encoder);
+    sp_renderer_destroy(&scene->renderer);
+    sp_frame_pool_destroy(&scene->pool);
+    sp_volume_unref(&scene->volume);
+}
+
+/* From nothing to a JPEG, all over again at each attempt. */
+static bool draw_cold(void *user, struct sp_error *err) {
+    struct scene *s = user;
+    const struct sp_renderer_options options = { .backend = "cpu", .threads = 1 };
+    struct sp_frame *frame = NULL;
+    const uint8_t *bytes;
+    size_t size;
+    s->renderer = sp_renderer_create(&options, err);
+    s->pool = s->renderer ? sp_frame_pool_create(1 << 20, err) : NULL;
+    s->encoder = s->pool ? sp_encoder_create(err) : NULL;
+    if (s->encoder)
+        frame = sp_renderer_render(s->renderer, s->volume, &s->view, s->pool, &s->options, err);
+    bool ok = frame && sp_encode(s->encoder, frame, SP_IMAGE_JPEG, 80, &bytes, &size, err);
+    sp_frame_unref(&frame);
+    sp_encoder_destroy(&s->encoder);
+    sp_renderer_destroy(&s->renderer);
+    sp_frame_pool_destroy(&s->pool);
+    return ok;
+}
+
+static void cold_frames(void **state) {
+    (void)state;
+    for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
+        struct scene scene;
+        init_scene(&scene, "demo:phantom?size=24");
+        scene.options.coarse = coarse;
+        scene.view.camera.up[0] = 0.1;
+        assert_true(fail_each(draw_cold, &scene) >= 10);
+        finish_scene(&scene);
+    }
+}
+
+/* With a renderer that has failed before: it must be ready for the next call. */
+static bool draw_warm(void *user, struct sp_error *err) {
+    struct scene *s = user;
+    struct sp_frame *frame =
+        sp_renderer_render(s->renderer, s->volume, &s->view, s->pool, &s->options, err);
+    bool ok = frame != NULL;
+    sp_frame_unref(&frame);
+    return ok;
+}
+
+static void a_renderer_survives(void **state) {
+    (void)state;
+    const struct sp_renderer_options options = { .backend = "cpu", .threads = 2 };
+    struct scene scene;
+    init_scene(&scene, "demo:vessels?size=32");
+    scene.renderer = sp_renderer_create(&options, NULL);
+    scene.pool = sp_frame_pool_create(1 << 20, NULL);
+    assert_true(fail_each(draw_warm, &scene) >= 3);
+    /* Another axis, another transfer function, another level, another size. */
+    double *p = scene.view.camera.position, *t = scene.view.camera.target;
+    for (int axis = 0; axis < 3; axis++) {
+        for (int i = 0; i < 3; i++)
+            p[i] = t[i] + (i == axis ? 100 : 5);
+        scene.view.camera.up[axis] = 0;
+        scene.view.camera.up[(axis + 1) % 3] = 1;
+        scene.view.camera.up[(axis + 2) % 3] = 0;
+        scene.view.transfer_function.points[0].value += 1;
+        scene.view.size[0] += 300;
+        scene.options.coarse = (unsigned)axis;
+        assert_true(fail_each(draw_warm, &scene) >= 1);
+    }
+    assert_true(draw_warm(&scene, NULL)); /* joins what the last frame needed into one block */
+    assert_int_equal(fail_each(draw_warm, &scene), 0); /* the steady state allocates nothing */
+    finish_scene(&scene);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(volumes),
+        cmocka_unit_test(cold_frames),
+        cmocka_unit_test(a_renderer_survives),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
