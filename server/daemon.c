@@ -24,7 +24,7 @@ struct srv_daemon {
     const char *refusals[SRV_LOG_REFUSALS];
 };
 
-/* ---- who tells whom ---- */
+/* Who tells whom. */
 
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {
@@ -64,7 +64,7 @@ static void on_tick(void *user, double now_ms) {
         srv_http_tick(http, now_ms);
 }
 
-/* ---- start ---- */
+/* Start. */
 
 static uint64_t half_of_memory(void) {
     long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
@@ -189,7 +189,7 @@ void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
              show ? "?token=" : "", show ? d->http_options.token : "");
 }
 
-/* ---- stop: from the outside inwards ---- */
+/* Stop: from the outside inwards. */
 
 void srv_daemon_stop(struct srv_daemon **daemon) {
     struct srv_daemon *d = *daemon;

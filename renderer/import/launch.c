@@ -35,8 +35,7 @@ struct import {
     uint64_t done; /* bytes read, as the child says */
 };
 
-/* ---- before the child ---------------------------------------------------------------------------
- */
+/* Before the child. */
 
 static bool find_root(struct import *im, struct sp_error *err) {
     const char *root = im->options->root;
@@ -182,8 +181,7 @@ static bool start_child(struct import *im, struct sp_error *err) {
     return true;
 }
 
-/* ---- the end of the child
- * ------------------------------------------------------------------------ */
+/* The end of the child. */
 
 /* Kills it if it still runs, and takes its exit status. A child that ended before is not affected:
  * its status is kept for us. */
@@ -273,8 +271,7 @@ static bool pass_error_on(const struct import *im, const struct sp_handover *mes
     return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : im->path, "%s", e->text);
 }
 
-/* ---- the two phases
- * ------------------------------------------------------------------------------ */
+/* The two phases. */
 
 static bool receive_header(struct import *im, struct sp_error *err) {
     struct sp_handover message;

@@ -262,8 +262,7 @@ static bool take_skips(const struct parsing *p) {
     return true;
 }
 
-/* ---- data files --------------------------------------------------------------------------------
- */
+/* Data files. */
 
 static bool add_name(const struct parsing *p, const char *name, size_t length) {
     if (p->samples->count >= PIECES_MAX)

@@ -56,8 +56,7 @@ void import_swap(void *voxels, enum sp_type type, uint64_t count) {
     }
 }
 
-/* ---- one data file -----------------------------------------------------------------------------
- */
+/* One data file. */
 
 struct stream {
     int fd;

@@ -30,8 +30,7 @@ static bool fail_page(struct sp_error *err, enum sp_code code, const struct tiff
     return sp_fail(err, code, place, "%s", text);
 }
 
-/* ---- the chain of directories, counted without any library
- * --------------------------------------- */
+/* The chain of directories, counted without any library. */
 
 static bool read_number(int fd, uint64_t at, int bytes, bool big_endian, uint64_t *out) {
     uint8_t b[8];
@@ -94,8 +93,7 @@ static bool count_pages(const struct import_file *file, uint32_t *pages, struct 
                                      "the file has no page");
 }
 
-/* ---- what the first page says
- * ---------------------------------------------------------------------- */
+/* What the first page says. */
 
 static bool take_type(const struct tiff *t, const struct tiff_page *page,
                       struct import_header *header, struct sp_error *err) {

@@ -7,7 +7,7 @@
 
 #include "volume/procedural.h"
 
-/* ---- phantom -----------------------------------------------------------------------------------
+/* Phantom.
  * The 3-D Shepp-Logan head in [-1,1]³: ellipsoids whose values add up. Geometry and the
  * high-contrast values of the "modified" phantom (Toft 1996, in three dimensions by Schabel 2006).
  * Each ellipsoid turns about the z axis through its own centre, as in Kak & Slaney, section 3.3.
@@ -116,7 +116,7 @@ const struct sp_demo_maker sp_demo_phantom = {
     .fill = fill_phantom,
 };
 
-/* ---- marschner-lobb ----------------------------------------------------------------------------
+/* Marschner-Lobb.
  * Marschner & Lobb, An evaluation of reconstruction filters for volume rendering, 1994, eq. 9 and
  * 10, in [-1,1]³ with the corners sampled:
  *   ρ = (1 − sin(πz/2) + α(1 + ρr(√(x²+y²)))) / (2(1 + α)),  ρr(r) = cos(2π fM cos(πr/2))
@@ -158,7 +158,7 @@ const struct sp_demo_maker sp_demo_marschner_lobb = {
     .fill = fill_marschner_lobb,
 };
 
-/* ---- checkerboard ------------------------------------------------------------------------------
+/* Checkerboard.
  * Chen et al., Adaptive EWA volume splatting, section 6: 512×512×3 voxels, none of them empty.
  * 32 squares a side of values 64 and 192.
  */
@@ -186,7 +186,7 @@ const struct sp_demo_maker sp_demo_checkerboard = {
     .fill = fill_checkerboard,
 };
 
-/* ---- hydrogen ----------------------------------------------------------------------------------
+/* Hydrogen.
  * Probability density of the 3d (m = 0) orbital: |ψ|² ∝ (3z² − r²)² e^{−2r/3}, lengths in Bohr
  * radii, in a cube of half side 22. Its largest value lies on the z axis at r = 6 and becomes 255.
  */

@@ -50,7 +50,7 @@ struct srv_http {
     bool draining;
 };
 
-/* ---- what handlers ask ---- */
+/* What handlers ask. */
 
 const char *srv_request_header(const struct srv_request *request, const char *name) {
     return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
@@ -89,7 +89,7 @@ void srv_request_complete(struct srv_request *request) {
     MHD_resume_connection(request->connection);
 }
 
-/* ---- answers ---- */
+/* Answers. */
 
 static enum MHD_Result queue(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
@@ -133,7 +133,7 @@ static enum MHD_Result dispatch(struct srv_request *request) {
     return MHD_YES;
 }
 
-/* ---- checks before the body ---- */
+/* Checks before the body. */
 
 static void refuse_method(struct srv_request *request, unsigned allowed) {
     char allow[64];
@@ -217,7 +217,7 @@ static bool check(struct srv_request *request) {
     return true;
 }
 
-/* ---- the library's callbacks ---- */
+/* The library's callbacks. */
 
 static struct srv_request *request_create(struct srv_http *http, struct MHD_Connection *connection,
                                           const char *path, const char *method) {
@@ -368,7 +368,7 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
     sp_log(SP_LOG_DEBUG, "libmicrohttpd: %s", line);
 }
 
-/* ---- start and stop ---- */
+/* Start and stop. */
 
 static int open_socket(const struct srv_address *address, const char *text, struct sp_error *err) {
     int on = 1;

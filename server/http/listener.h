@@ -48,7 +48,7 @@ void srv_http_destroy(struct srv_http **http);
 /* Closes connections past their deadline; for srv_streams_options.tick. */
 void srv_http_tick(void *http, double now_ms);
 
-/* ---- for handlers ---- */
+/* For handlers. */
 
 struct srv_request {
     struct srv_http *http;

@@ -155,7 +155,7 @@ void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_error(reply, &err);
 }
 
-/* ---- the stream ---- */
+/* The stream. */
 
 struct upgrade { /* lives as long as the request, whether the upgrade comes about or not */
     struct srv_streams *streams;

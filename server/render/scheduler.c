@@ -81,7 +81,7 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     return s;
 }
 
-/* ---- answers ---- */
+/* Answers. */
 
 static void still_answer(struct srv_scheduler *s, struct still_item *item,
                          const struct srv_still_result *result) {
@@ -110,7 +110,7 @@ static void job_fail(struct srv_scheduler *s, struct srv_job *job, const struct 
     free(job);
 }
 
-/* ---- the encode threads ---- */
+/* The encode threads. */
 
 static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work) {
     struct srv_still_result result = { .stats = work->frame->stats };
@@ -230,7 +230,7 @@ static void *encode_main(void *user) {
     return NULL;
 }
 
-/* ---- the render thread ---- */
+/* The render thread. */
 
 static void pass_on(struct srv_scheduler *s, struct work work) {
     pthread_mutex_lock(&s->mutex);
@@ -374,7 +374,7 @@ static void *render_main(void *user) {
     return NULL;
 }
 
-/* ---- start, stop, and what other threads call ---- */
+/* Start, stop, and what other threads call. */
 
 bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp_error *err) {
     s->hub = hub;

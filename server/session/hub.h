@@ -63,7 +63,7 @@ struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_
 /* After every participant left and every job was finished. */
 void srv_hub_destroy(struct srv_hub **hub);
 
-/* ---- sessions (any thread); JSON answers are owned by the caller, NULL with *err set ---- */
+/* Sessions (any thread); JSON answers are owned by the caller, NULL with *err set. */
 
 /* The view that a patch makes: defaults of its volume, then the patch; NULL or an empty object is
  * the default view of the first volume. *volume is acquired. Also used for renders by HTTP. */
@@ -97,7 +97,7 @@ void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *d
 void srv_hub_drain(struct srv_hub *hub);
 size_t srv_hub_session_count(struct srv_hub *hub);
 
-/* ---- participants (stream thread) ---- */
+/* Participants (stream thread). */
 
 /* SP_ERR_NOT_FOUND, SP_ERR_BUDGET (participants). `user` comes back from srv_hub_take_ready(). */
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
@@ -129,7 +129,7 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
 double srv_hub_oldest_ms(struct srv_hub *hub, struct srv_participant *participant);
 uint64_t srv_participant_id(const struct srv_participant *participant);
 
-/* ---- jobs (render and encode threads) ---- */
+/* Jobs (render and encode threads). */
 
 struct srv_target {
     uint64_t participant;

@@ -223,6 +223,8 @@ def style(o):
         for number, line in enumerate(text, 1):
             if path.endswith(SOURCE) and len(line) > COLUMNS_MAX:
                 yield f'{path}:{number}: {len(line)} columns, more than {COLUMNS_MAX}'
+            if re.match(r'\s*(/\*|//|#|\*) ?[-=*#]{4,}', line):
+                yield f'{path}:{number}: a banner'
             if line != line.rstrip():
                 yield f'{path}:{number}: space at the end of the line'
     main = lines(o.source, 'server/main.c')

@@ -97,7 +97,7 @@ const banner = new Banner(element('banner'), {
 });
 attachInput(element('screen'), viewer, { help, panel: () => panels.toggle() });
 
-// ---- frames ----
+// Frames.
 
 const order = new FrameOrder({
   decode: decodePicture,
@@ -139,7 +139,7 @@ async function sendConfigure() {
   if (String(screen.size) !== configured) configure();
 }
 
-// ---- connection ----
+// Connection.
 
 let last = { state: 'idle', reason: '', retryMs: 0, error: null };
 
@@ -252,7 +252,7 @@ connection.on('notification', ({ method, params }) => {
   }
 });
 
-// ---- the panel follows ----
+// The panel follows.
 
 viewer.on('view', (view) => {
   panels.showView(view);

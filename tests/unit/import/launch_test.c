@@ -121,8 +121,7 @@ static void odd_but_harmless_readers_are_served(void **state) {
     }
 }
 
-/* ---- files that are none
- * ---------------------------------------------------------------------------- */
+/* Files that are none. */
 
 static void what_is_no_file_is_refused_without_blocking(void **state) {
     (void)state;
@@ -212,8 +211,7 @@ static void a_missing_importer_is_explained(void **state) {
     assert_int_equal(err.code, SP_ERR_IO);
 }
 
-/* ---- budget, cancel
- * ---------------------------------------------------------------------------------- */
+/* Budget, cancel. */
 
 struct calls {
     int reserves, progresses, cancel_after;
@@ -285,8 +283,7 @@ static void loading_can_be_cancelled(void **state) {
     }
 }
 
-/* ---- the parent's surroundings
- * ------------------------------------------------------------------------- */
+/* The parent's surroundings. */
 
 static void *load_often(void *user) {
     int *failures = user;

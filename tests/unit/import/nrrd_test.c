@@ -253,8 +253,7 @@ static void skips_lead_to_the_samples(void **state) {
     }
 }
 
-/* ---- hostile headers
- * -------------------------------------------------------------------------------- */
+/* Hostile headers. */
 
 static void hostile_headers_are_explained(void **state) {
     (void)state;

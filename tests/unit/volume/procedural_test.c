@@ -167,8 +167,7 @@ static void bad_sources_are_explained(void **state) {
     }
 }
 
-/* ---- values known by hand -----------------------------------------------------------------------
- */
+/* Values known by hand. */
 
 static void assert_near(double value, double expected, double tolerance) {
     if (!(fabs(value - expected) <= tolerance))
@@ -315,8 +314,7 @@ static void vessels_are_one_piece(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* ---- options
- * -------------------------------------------------------------------------------------- */
+/* Options. */
 
 struct calls {
     int reserves, progresses;
