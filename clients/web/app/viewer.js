@@ -2,7 +2,7 @@
 // What the user looks at: the view, the camera as a rig, and what may be done with them. Every change goes out as
 // a patch through the pace. Events: view (the view changed), refused Error.
 import {
-  cameraFromRig, fit, orbit, pan, rigFromCamera, volumeSphere, zoom, zoomLimits,
+  cameraFromRig, fit, orbit, pan, rigFromCamera, volumeSphere, widen, zoom, zoomLimits,
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
 import { applyPatch } from '../core/merge.js';
@@ -57,8 +57,8 @@ export class Viewer extends Emitter {
   get viewport() { return this.#viewport(); }
   get canControl() { return this.#canControl; }
 
-  /** Takes a whole view from the daemon. */
-  take(view) {
+  /** Takes a whole view from the daemon. A default one is framed for a square: a narrow window needs more distance. */
+  take(view, isDefault = this.#isSwitching) {
     this.#view = view;
     this.#isSwitching = false;
     try {
@@ -67,7 +67,9 @@ export class Viewer extends Emitter {
       this.#rig = null;
     }
     this.#measure();
-    this.emit('view', view);
+    const rig = isDefault && this.isReady ? widen(this.#rig, this.#viewport()) : this.#rig;
+    if (rig !== this.#rig) this.#move(rig);
+    this.emit('view', this.#view);
   }
 
   /** May this participant change the view? */
@@ -97,12 +99,12 @@ export class Viewer extends Emitter {
   }
 
   /** A session was found, with its view: of a new one all counts; of an old one, what we could not tell it stays. */
-  adopt({ view, isNew }) {
+  adopt({ view, isNew, isDefault }) {
     if (isNew) {
       this.pace.drop();
       this.#canControl = true;
     }
-    if (view && (isNew || this.pace.isIdle || !this.#view)) this.take(view);
+    if (view && (isNew || this.pace.isIdle || !this.#view)) this.take(view, isDefault);
   }
 
   /** The stream is open. */
@@ -195,8 +197,10 @@ export class Viewer extends Emitter {
       }
     }
     if (!this.isReady || this.#view.volume !== id) return;
-    this.#rig = rigFromCamera(this.#home);
-    this.#view = { ...this.#view, camera: this.#home };
-    this.pace.put({ camera: this.#home }, { time });
+    const home = rigFromCamera(this.#home);
+    this.#rig = widen(home, this.#viewport());
+    const camera = this.#rig === home ? this.#home : { ...this.#home, ...cameraFromRig(this.#rig) };
+    this.#view = { ...this.#view, camera };
+    this.pace.put({ camera }, { time });
   }
 }

@@ -112,6 +112,12 @@ export function volumeSphere({ dims, spacing, origin = [0, 0, 0], direction }) {
 /** How near and how far zooming may go around a sphere. */
 export const zoomLimits = ({ radius }) => ({ nearest: radius * 0.02, farthest: radius * 40 });
 
+/** A camera that frames its volume in a square, moved back so far that a narrower viewport shows as much across. */
+export function widen(rig, viewport) {
+  const aspect = viewport.width / viewport.height;
+  return aspect < 1 ? { ...rig, distance: rig.distance / aspect, height: rig.height / aspect } : rig;
+}
+
 /** The same orientation, with the whole sphere in the viewport. */
 export function fit(rig, { center, radius }, viewport) {
   const aspect = viewport.width / viewport.height;

@@ -5,7 +5,7 @@
 //
 // A session outlives its connections: after a loss the same one is joined again if the daemon still has it, else
 // a new one is made from the last view. Events: state {state, reason, retryMs, error}, volumes [list],
-// session {id, token, tokens, view, isNew}, frame {header and payload}, notification {method, params},
+// session {id, token, tokens, view, isNew, isDefault}, frame {header and payload}, notification {method, params},
 // fault Error (something that the daemon sent was wrong, or an unexpected failure; the stream goes on).
 import { Api, ApiError } from './api.js';
 import { Emitter } from './emitter.js';
@@ -195,7 +195,7 @@ export class Connection extends Emitter {
     }
     const view = { volume: volume.id, size };
     if (last?.background) view.background = last.background;
-    return { ...await this.#api.createSession(view), isNew: true };
+    return { ...await this.#api.createSession(view), isNew: true, isDefault: true };
   }
 
   #wait() {

@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  cameraFromRig, fit, orbit, pan, pointOnPlane, project, rigFromCamera, volumeSphere, zoom, zoomLimits,
+  cameraFromRig, fit, orbit, pan, pointOnPlane, project, rigFromCamera, volumeSphere, widen, zoom, zoomLimits,
 } from '../../../clients/web/core/camera.js';
 import { add, length, rotate, subtract } from '../../../clients/web/core/vector.js';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
@@ -106,6 +106,22 @@ test('the sphere of a volume: spacing, origin and direction count', () => {
   const turned = volumeSphere({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [0, 0, 0], direction: [[0, -1, 0], [1, 0, 0], [0, 0, 1]] });
   close(turned.center, [-10, 5, 30]);
   close([turned.radius], [plain.radius]);
+});
+
+test('widen keeps what a square shows across in a narrow window, and leaves a wide one alone', () => {
+  for (const projection of ['perspective', 'orthographic']) {
+    const rig = rigFromCamera({
+      projection, position: [3, -40, 5], target: [1, 2, 3], up: [0, 0, 1], fov_y: 30, height: 20,
+    });
+    assert.equal(widen(rig, { width: 900, height: 600 }), rig);
+    const wide = widen(rig, { width: 300, height: 600 });
+    assert.deepEqual(wide.target, rig.target);
+    assert.deepEqual(wide.orientation, rig.orientation);
+    // Half as many pixels across, twice the distance and height: the same share of the width.
+    const side = add(rig.target, rotate(rig.orientation, [2, 0, 0]));
+    const share = (r, width, height) => (project(r, side, { width, height })[0] - width / 2) / width;
+    close([share(wide, 300, 600)], [share(rig, 600, 600)], 1e-9);
+  }
 });
 
 test('fit shows the whole sphere, touching the shorter side, in any window and projection', () => {

@@ -119,8 +119,13 @@ test('a daemon that tells no roles: the refusal of the first change says that th
 test('a failing render is told and the next picture takes the message away', async (context) => {
   const it = await setUp(context);
   await picture(it.page);
+  // No picture may be on its way, for it would take the message away before it is seen.
+  it.daemon.draws = false;
+  const sent = Math.max(...[...it.daemon.streams].map((stream) => stream.frame));
+  await until(it.page, 'all pictures drawn', `(s) => s.frame === ${sent}`);
   it.daemon.notifyAll('render.error', { code: -32006, message: 'out of memory', pointer: '' });
   await it.notice('out of memory');
+  it.daemon.draws = true;
   await it.page.keyboard.press('ArrowLeft');
   await it.page.locator('#notice').waitFor({ state: 'hidden' });
 });
