@@ -62,6 +62,7 @@ static void on_tick(void *user, double now_ms) {
     struct srv_http *http = atomic_load(&d->http);
     if (http)
         srv_http_tick(http, now_ms);
+    srv_scheduler_tick(d->scheduler);
 }
 
 /* Start. */
@@ -88,7 +89,8 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
     d->http_options.refusal_count = log->refusal_count;
     struct srv_scheduler_options scheduler = { .catalog = d->catalog,
                                                .queue_max = (unsigned)c->render_queue,
-                                               .encode_threads = (unsigned)c->encode_threads };
+                                               .encode_threads = (unsigned)c->encode_threads,
+                                               .stills = options };
     d->scheduler = srv_scheduler_create(&scheduler, &renderer, err);
     if (!d->scheduler)
         sp_renderer_destroy(&renderer);

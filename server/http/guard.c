@@ -2,6 +2,7 @@
 #include "http/guard.h"
 
 #include <netinet/in.h>
+#include <poll.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -103,6 +104,11 @@ void srv_guard_count(struct srv_guard *guard, const struct srv_guarded *connecti
                                   (const struct sockaddr *)&connection->address))
             (*same_host)++;
     pthread_mutex_unlock(&guard->mutex);
+}
+
+bool srv_guard_is_gone(const struct srv_guarded *connection) {
+    struct pollfd look = { .fd = connection->socket, .events = POLLRDHUP };
+    return poll(&look, 1, 0) > 0 && look.revents & (POLLRDHUP | POLLHUP | POLLERR);
 }
 
 const char *srv_guard_peer(const struct srv_guarded *connection) {

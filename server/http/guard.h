@@ -29,6 +29,8 @@ void srv_guard_destroy(struct srv_guard **guard); /* after the last connection w
 struct srv_guarded *srv_guard_open(struct srv_guard *guard, int socket, const struct sockaddr *peer,
                                    double deadline_ms);
 void srv_guard_close(struct srv_guard *guard, struct srv_guarded *connection);
+/* Did the peer close its side, or is it gone altogether? Does not read what it sent. */
+bool srv_guard_is_gone(const struct srv_guarded *connection);
 /* 0 = none. */
 void srv_guard_set_deadline(struct srv_guard *guard, struct srv_guarded *connection,
                             double deadline_ms);

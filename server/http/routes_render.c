@@ -4,9 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "http/guard.h"
 #include "http/headers.h"
 #include "http/listener.h"
 #include "protocol/view.h"
+#include "sp/log.h"
 
 enum { QUALITY_DEFAULT = 90, ETAG_BYTES = 40 };
 
@@ -95,6 +97,9 @@ static void on_done(void *user, const struct srv_still_result *result) {
     struct srv_request *request = render->request;
     struct srv_reply *reply = &request->reply;
     if (!result->ok) {
+        if (result->err.code == SP_ERR_CANCELLED)
+            sp_log(SP_LOG_INFO, "a picture for %s is not drawn: %s",
+                   srv_guard_peer(request->guarded), result->err.text);
         srv_reply_error(reply, &result->err);
     } else if (!(reply->owned = malloc(result->size))) {
         srv_reply_problem(reply, 503, NULL, "no memory for an image of %zu bytes", result->size);
@@ -117,6 +122,12 @@ static void on_done(void *user, const struct srv_still_result *result) {
     srv_request_complete(request);
 }
 
+/* While it sleeps its connection stays open for us, whatever the client does. */
+static bool has_left(void *user) {
+    const struct render *render = user;
+    return srv_guard_is_gone(render->request->guarded);
+}
+
 /* Puts the request to sleep and queues its frame. Takes over the use of the volume. */
 static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
                    struct srv_reply *reply) {
@@ -131,6 +142,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     render->format = still->format;
     memcpy(render->etag, etag, sizeof render->etag);
     still->done = on_done;
+    still->is_gone = has_left;
     still->user = render;
     srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */

@@ -28,7 +28,7 @@ struct srv_volume {
     struct sp_volume *volume; /* NULL unless ready; constant while used */
     struct sp_view view;      /* default; constant while used */
     uint64_t identity;
-    uint64_t reserved_bytes, derived_bytes;
+    uint64_t reserved_bytes, derived_bytes[SRV_RENDERERS];
     unsigned uses;
 };
 
@@ -403,7 +403,9 @@ static void status_of(const struct srv_volume *v, struct srv_volume_status *stat
     status->progress = v->progress;
     status->error = v->error;
     status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
-    status->derived_bytes = v->derived_bytes;
+    status->derived_bytes = 0;
+    for (int l = 0; l < SRV_RENDERERS; l++)
+        status->derived_bytes += v->derived_bytes[l];
     status->uses = v->uses;
 }
 
@@ -497,9 +499,10 @@ uint64_t srv_volume_identity(const struct srv_volume *volume) {
     return volume->identity;
 }
 
-void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume,
+void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
                              uint64_t bytes) {
+    assert(lane < SRV_RENDERERS);
     pthread_mutex_lock(&catalog->mutex);
-    volume->derived_bytes = bytes;
+    volume->derived_bytes[lane] = bytes;
     pthread_mutex_unlock(&catalog->mutex);
 }

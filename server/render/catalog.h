@@ -82,9 +82,11 @@ void srv_catalog_release(void *catalog, void *volume);
 void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
 
 /* Of a used volume: the voxels (as long as the use), and a number that no other load ever had. */
+enum { SRV_RENDERERS = 2 };
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 uint64_t srv_volume_identity(const struct srv_volume *volume);
-void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume,
+/* What renderer `lane` < SRV_RENDERERS keeps of the volume. */
+void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
                              uint64_t bytes);
 
 #endif

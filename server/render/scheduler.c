@@ -6,11 +6,13 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include "clock.h"
 #include "sp/log.h"
 
-enum { ENCODE_QUEUE = 2, ENCODE_THREADS_MAX = 8, STREAM_RUN = 4 };
+enum { LANE_ENCODES = 2, ENCODE_THREADS_MAX = 8, STILL_NICE = 10 };
 #define POOL_IDLE_BYTES ((size_t)128 << 20)
 
 struct still_item {
@@ -27,26 +29,35 @@ struct work { /* a rendered frame on its way to an encoder: of a job or of a sti
     struct still_item *still;
 };
 
+enum lane_name { STREAMS, STILLS, LANES };
+
+struct lane {
+    struct sp_renderer *renderer; /* its thread's */
+    pthread_t thread;
+    bool running;
+    pthread_cond_t wake; /* `generation`, stop */
+    uint64_t generation; /* rises with everything that its thread may have waited for */
+    struct forget_item *forget;
+    unsigned encodes;   /* frames in the encode queue */
+    atomic_bool cancel; /* what it is rendering */
+};
+
 struct srv_scheduler {
     struct srv_scheduler_options options;
-    struct sp_renderer *renderer; /* the render thread's */
+    struct lane lanes[LANES];
     struct sp_frame_pool *pool;
     struct srv_hub *hub;
     pthread_mutex_t mutex;
-    pthread_cond_t wake;   /* the render thread: `generation`, stills, room, stop */
     pthread_cond_t encode; /* the encode threads: work, stop */
-    uint64_t generation;
     struct still_item *still_head, **still_tail;
-    unsigned still_waiting;    /* in the list */
-    unsigned still_unanswered; /* in the list, being rendered or encoded */
-    struct forget_item *forget;
-    struct work encode_queue[ENCODE_QUEUE];
+    struct still_item *still_now; /* being rendered */
+    unsigned still_waiting;       /* in the list */
+    unsigned still_unanswered;    /* in the list, being rendered or encoded */
+    struct work encode_queue[LANES * LANE_ENCODES];
     unsigned encode_count;
     uint64_t refining; /* session whose refinement is being rendered; 0 = none */
-    atomic_bool cancel;
     bool stop, encode_stop;
-    bool running;
-    pthread_t render_thread, encode_threads[ENCODE_THREADS_MAX];
+    pthread_t encode_threads[ENCODE_THREADS_MAX];
     unsigned encode_thread_count;
     struct sp_encoder *encoders[ENCODE_THREADS_MAX];
 };
@@ -61,12 +72,14 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     assert(options->encode_threads >= 1 && options->encode_threads <= ENCODE_THREADS_MAX);
     s->options = *options;
     s->still_tail = &s->still_head;
-    atomic_init(&s->cancel, false);
     pthread_mutex_init(&s->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->wake, &monotonic);
+    for (int l = 0; l < LANES; l++) {
+        atomic_init(&s->lanes[l].cancel, false);
+        pthread_cond_init(&s->lanes[l].wake, &monotonic);
+    }
     pthread_cond_init(&s->encode, NULL);
     pthread_condattr_destroy(&monotonic);
     bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL;
@@ -76,9 +89,15 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
         srv_scheduler_destroy(&s);
         return NULL;
     }
-    s->renderer = *renderer;
+    s->lanes[STREAMS].renderer = *renderer;
     *renderer = NULL;
     return s;
+}
+
+/* With the mutex held. */
+static void wake_lane(struct lane *lane) {
+    lane->generation++;
+    pthread_cond_signal(&lane->wake);
 }
 
 /* Answers. */
@@ -97,6 +116,20 @@ static void still_fail(struct srv_scheduler *s, struct still_item *item,
                        const struct sp_error *err) {
     struct srv_still_result result = { .ok = false, .err = *err };
     still_answer(s, item, &result);
+}
+
+static void fail_all(struct srv_scheduler *s, struct still_item *list, const char *why) {
+    struct sp_error err;
+    sp_fail(&err, SP_ERR_CANCELLED, NULL, "%s", why);
+    while (list) {
+        struct still_item *next = list->next;
+        still_fail(s, list, &err);
+        list = next;
+    }
+}
+
+static bool is_gone(const struct still_item *item) {
+    return item->still.is_gone && item->still.is_gone(item->still.user);
 }
 
 static void job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err) {
@@ -200,7 +233,24 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
 struct encode_start {
     struct srv_scheduler *scheduler;
     struct sp_encoder *encoder;
+    bool stills; /* takes stills too */
 };
+
+/* Takes the oldest work that this thread may do. With the mutex held; false if there is none. */
+static bool take_work(struct srv_scheduler *s, bool stills, struct work *work) {
+    unsigned i = 0;
+    while (i < s->encode_count && s->encode_queue[i].still && !stills)
+        i++;
+    if (i == s->encode_count)
+        return false;
+    *work = s->encode_queue[i];
+    s->encode_count--;
+    memmove(s->encode_queue + i, s->encode_queue + i + 1, (s->encode_count - i) * sizeof *work);
+    struct lane *lane = &s->lanes[work->still ? STILLS : STREAMS];
+    lane->encodes--; /* there is room */
+    wake_lane(lane);
+    return true;
+}
 
 static void *encode_main(void *user) {
     struct encode_start start = *(struct encode_start *)user;
@@ -208,16 +258,13 @@ static void *encode_main(void *user) {
     struct srv_scheduler *s = start.scheduler;
     pthread_mutex_lock(&s->mutex);
     for (;;) {
-        if (s->encode_count == 0) {
+        struct work work;
+        if (!take_work(s, start.stills, &work)) {
             if (s->encode_stop)
                 break;
             pthread_cond_wait(&s->encode, &s->mutex);
             continue;
         }
-        struct work work = s->encode_queue[0];
-        memmove(s->encode_queue, s->encode_queue + 1, --s->encode_count * sizeof work);
-        s->generation++; /* there is room */
-        pthread_cond_signal(&s->wake);
         pthread_mutex_unlock(&s->mutex);
         if (work.job)
             encode_job(s, start.encoder, &work);
@@ -230,34 +277,39 @@ static void *encode_main(void *user) {
     return NULL;
 }
 
-/* The render thread. */
+/* The render threads. */
 
 static void pass_on(struct srv_scheduler *s, struct work work) {
     pthread_mutex_lock(&s->mutex);
-    assert(s->encode_count < ENCODE_QUEUE);
+    s->lanes[work.still ? STILLS : STREAMS].encodes++;
+    assert(s->encode_count < LANES * LANE_ENCODES);
     s->encode_queue[s->encode_count++] = work;
-    pthread_cond_signal(&s->encode);
+    pthread_cond_broadcast(&s->encode);
     pthread_mutex_unlock(&s->mutex);
 }
 
-static struct sp_frame *render(struct srv_scheduler *s, struct srv_volume *volume,
-                               const struct sp_view *view, enum sp_pixel_format format,
-                               unsigned coarse, struct sp_error *err) {
-    struct sp_render_options options = { .format = format, .coarse = coarse, .cancel = &s->cancel };
+static struct sp_frame *render(struct srv_scheduler *s, enum lane_name name,
+                               struct srv_volume *volume, const struct sp_view *view,
+                               enum sp_pixel_format format, unsigned coarse, struct sp_error *err) {
+    struct lane *lane = &s->lanes[name];
+    struct sp_volume *voxels = srv_volume_voxels(volume);
+    struct sp_render_options options = { .format = format,
+                                         .coarse = coarse,
+                                         .cancel = &lane->cancel };
     struct sp_frame *frame =
-        sp_renderer_render(s->renderer, srv_volume_voxels(volume), view, s->pool, &options, err);
-    srv_catalog_set_derived(s->options.catalog, volume,
-                            sp_renderer_memory(s->renderer, srv_volume_voxels(volume)));
+        sp_renderer_render(lane->renderer, voxels, view, s->pool, &options, err);
+    srv_catalog_set_derived(s->options.catalog, volume, name,
+                            sp_renderer_memory(lane->renderer, voxels));
     return frame;
 }
 
 /* False: stopping. From now on srv_scheduler_interrupt() reaches this render. */
-static bool begin_render(struct srv_scheduler *s, const struct srv_job *job) {
+static bool begin_job(struct srv_scheduler *s, const struct srv_job *job) {
     pthread_mutex_lock(&s->mutex);
     bool go_on = !s->stop;
     if (go_on)
-        atomic_store(&s->cancel, false);
-    s->refining = job && job->refinement ? job->session : 0;
+        atomic_store(&s->lanes[STREAMS].cancel, false);
+    s->refining = job->refinement ? job->session : 0;
     pthread_mutex_unlock(&s->mutex);
     return go_on;
 }
@@ -266,111 +318,134 @@ static void render_job(struct srv_scheduler *s, struct srv_job *job) {
     struct sp_error err = { .code = SP_OK };
     struct sp_frame *frame = NULL;
     /* The view may have changed before the interruption could reach us. */
-    if (!begin_render(s, job) || (job->refinement && !srv_hub_is_newest(s->hub, job)))
+    if (!begin_job(s, job) || (job->refinement && !srv_hub_is_newest(s->hub, job)))
         sp_fail(&err, SP_ERR_CANCELLED, NULL, "a newer view exists");
     else
-        frame = render(s, job->volume, &job->view, SP_RGBA8, job->coarse, &err);
+        frame = render(s, STREAMS, job->volume, &job->view, SP_RGBA8, job->coarse, &err);
     if (frame)
         pass_on(s, (struct work){ .frame = frame, .job = job });
     else
         job_fail(s, job, &err);
 }
 
+/* The next still becomes still_now; NULL if there is none. With the mutex held. */
+static struct still_item *take_still(struct srv_scheduler *s) {
+    struct still_item *item = s->still_head;
+    if (!item)
+        return NULL;
+    s->still_head = item->next;
+    if (!s->still_head)
+        s->still_tail = &s->still_head;
+    s->still_waiting--;
+    s->still_now = item;
+    atomic_store(&s->lanes[STILLS].cancel, s->stop);
+    return item;
+}
+
 static void render_still(struct srv_scheduler *s, struct still_item *item) {
+    struct lane *lane = &s->lanes[STILLS];
     struct sp_error err = { .code = SP_OK };
     struct sp_frame *frame = NULL;
     enum sp_pixel_format format =
         sp_image_format_info(item->still.format)->wants_float ? SP_RGBAF32 : SP_RGBA8;
-    if (!begin_render(s, NULL))
-        sp_fail(&err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
-    else
-        frame = render(s, item->still.volume, &item->still.view, format, 0, &err);
+    if (!lane->renderer)
+        lane->renderer = sp_renderer_create(&s->options.stills, &err);
+    if (lane->renderer)
+        frame = render(s, STILLS, item->still.volume, &item->still.view, format, 0, &err);
+    pthread_mutex_lock(&s->mutex);
+    s->still_now = NULL;
+    pthread_mutex_unlock(&s->mutex);
     if (frame)
         pass_on(s, (struct work){ .frame = frame, .still = item });
     else
         still_fail(s, item, &err);
 }
 
-static struct still_item *pop_still(struct srv_scheduler *s) {
-    pthread_mutex_lock(&s->mutex);
-    struct still_item *item = s->still_head;
-    if (item) {
-        s->still_head = item->next;
-        if (!s->still_head)
-            s->still_tail = &s->still_head;
-        s->still_waiting--;
-    }
-    pthread_mutex_unlock(&s->mutex);
-    return item;
-}
-
-static void forget(struct srv_scheduler *s, struct forget_item *list) {
+static void forget(struct lane *lane, struct forget_item *list) {
     while (list) {
         struct forget_item *next = list->next;
-        sp_renderer_forget(s->renderer, list->volume);
+        if (lane->renderer)
+            sp_renderer_forget(lane->renderer, list->volume);
         sp_volume_unref(&list->volume);
         free(list);
         list = next;
     }
 }
 
-struct turn { /* what the render thread found at the start of a round */
+struct turn { /* what a lane's thread found at the start of a round */
     uint64_t generation;
-    bool stop, still, room;
+    bool stop, room;
     struct forget_item *forget;
+    struct still_item *still; /* still lane, if there is room */
 };
 
-static struct turn look(struct srv_scheduler *s) {
+static struct turn look(struct srv_scheduler *s, enum lane_name name) {
+    struct lane *lane = &s->lanes[name];
     pthread_mutex_lock(&s->mutex);
-    struct turn turn = { .generation = s->generation,
+    struct turn turn = { .generation = lane->generation,
                          .stop = s->stop,
-                         .still = s->still_head != NULL,
-                         .room = s->encode_count < ENCODE_QUEUE,
-                         .forget = s->forget };
-    s->forget = NULL;
+                         .room = lane->encodes < LANE_ENCODES,
+                         .forget = lane->forget };
+    lane->forget = NULL;
+    if (name == STILLS && turn.room && !turn.stop)
+        turn.still = take_still(s);
     pthread_mutex_unlock(&s->mutex);
     return turn;
 }
 
-static void wait_for_work(struct srv_scheduler *s, uint64_t generation, double wait_ms) {
+static void wait_for_work(struct srv_scheduler *s, struct lane *lane, uint64_t generation,
+                          double wait_ms) {
     struct timespec until;
     clock_gettime(CLOCK_MONOTONIC, &until);
     long long ns = until.tv_nsec + (long long)(wait_ms * 1e6) + 1;
     until.tv_sec += ns / 1000000000;
     until.tv_nsec = ns % 1000000000;
     pthread_mutex_lock(&s->mutex);
-    while (s->generation == generation && !s->stop)
-        if (pthread_cond_timedwait(&s->wake, &s->mutex, &until) == ETIMEDOUT)
+    while (lane->generation == generation && !s->stop)
+        if (pthread_cond_timedwait(&lane->wake, &s->mutex, &until) == ETIMEDOUT)
             break;
     pthread_mutex_unlock(&s->mutex);
 }
 
-static void *render_main(void *user) {
+static void *stream_main(void *user) {
     struct srv_scheduler *s = user;
+    struct lane *lane = &s->lanes[STREAMS];
     struct srv_job *job = NULL;
-    unsigned run = 0; /* frames of streams since the last still */
     for (;;) {
-        struct turn turn = look(s);
-        forget(s, turn.forget);
+        struct turn turn = look(s, STREAMS);
+        forget(lane, turn.forget);
         if (turn.stop)
             break;
         double wait_ms = 1000;
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "no memory for a render job");
-        bool streams = job && turn.room && !(turn.still && run >= STREAM_RUN);
-        if (streams &&
-            srv_hub_next_job(s->hub, !turn.still || run > 0, srv_clock_ms(), job, &wait_ms)) {
+        if (job && turn.room && srv_hub_next_job(s->hub, srv_clock_ms(), job, &wait_ms)) {
             render_job(s, job);
             job = NULL;
-            run++;
-        } else if (turn.room && turn.still) {
-            render_still(s, pop_still(s));
-            run = 0;
         } else {
-            wait_for_work(s, turn.generation, turn.room ? wait_ms : 1000);
+            wait_for_work(s, lane, turn.generation, turn.room ? wait_ms : 1000);
         }
     }
     free(job);
+    return NULL;
+}
+
+static void *still_main(void *user) {
+    struct srv_scheduler *s = user;
+    struct lane *lane = &s->lanes[STILLS];
+    /* Of this thread alone, and of the renderer's threads, which it will start. */
+    if (setpriority(PRIO_PROCESS, (id_t)gettid(), STILL_NICE) != 0)
+        sp_log(SP_LOG_WARN, "the still lane cannot be nice: %s", strerror(errno));
+    for (;;) {
+        struct turn turn = look(s, STILLS);
+        forget(lane, turn.forget);
+        if (turn.stop)
+            break;
+        if (turn.still)
+            render_still(s, turn.still);
+        else
+            wait_for_work(s, lane, turn.generation, 1000);
+    }
     return NULL;
 }
 
@@ -382,7 +457,9 @@ bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp
         struct encode_start *start = malloc(sizeof *start);
         if (!start)
             return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start an encode thread");
-        *start = (struct encode_start){ .scheduler = s, .encoder = s->encoders[i] };
+        *start = (struct encode_start){ .scheduler = s,
+                                        .encoder = s->encoders[i],
+                                        .stills = i > 0 || s->options.encode_threads == 1 };
         int failed = pthread_create(&s->encode_threads[i], NULL, encode_main, start);
         if (failed) {
             free(start);
@@ -391,27 +468,37 @@ bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp
         }
         s->encode_thread_count++;
     }
-    int failed = pthread_create(&s->render_thread, NULL, render_main, s);
-    if (failed)
-        return sp_fail(err, SP_ERR_IO, NULL, "cannot start the render thread: %s",
-                       strerror(failed));
-    s->running = true;
+    static void *(*const mains[LANES])(void *) = { stream_main, still_main };
+    for (int l = 0; l < LANES; l++) {
+        int failed = pthread_create(&s->lanes[l].thread, NULL, mains[l], s);
+        if (failed)
+            return sp_fail(err, SP_ERR_IO, NULL, "cannot start a render thread: %s",
+                           strerror(failed));
+        s->lanes[l].running = true;
+    }
     return true;
 }
 
 void srv_scheduler_stop(struct srv_scheduler *s) {
     pthread_mutex_lock(&s->mutex);
     s->stop = true;
-    atomic_store(&s->cancel, true);
-    pthread_cond_broadcast(&s->wake);
+    for (int l = 0; l < LANES; l++) {
+        atomic_store(&s->lanes[l].cancel, true);
+        wake_lane(&s->lanes[l]);
+    }
     pthread_mutex_unlock(&s->mutex);
-    if (s->running)
-        pthread_join(s->render_thread, NULL);
-    s->running = false;
-    struct sp_error err;
-    sp_fail(&err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
-    for (struct still_item *item; (item = pop_still(s));)
-        still_fail(s, item, &err);
+    for (int l = 0; l < LANES; l++) {
+        if (s->lanes[l].running)
+            pthread_join(s->lanes[l].thread, NULL);
+        s->lanes[l].running = false;
+    }
+    pthread_mutex_lock(&s->mutex);
+    struct still_item *left = s->still_head;
+    s->still_head = NULL;
+    s->still_tail = &s->still_head;
+    s->still_waiting = 0;
+    pthread_mutex_unlock(&s->mutex);
+    fail_all(s, left, "the daemon is shutting down");
     pthread_mutex_lock(&s->mutex);
     s->encode_stop = true;
     pthread_cond_broadcast(&s->encode);
@@ -426,13 +513,15 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
     if (!s)
         return;
     srv_scheduler_stop(s);
-    forget(s, s->forget);
+    for (int l = 0; l < LANES; l++) {
+        forget(&s->lanes[l], s->lanes[l].forget);
+        sp_renderer_destroy(&s->lanes[l].renderer);
+        pthread_cond_destroy(&s->lanes[l].wake);
+    }
     for (unsigned i = 0; i < s->options.encode_threads; i++)
         sp_encoder_destroy(&s->encoders[i]);
-    sp_renderer_destroy(&s->renderer);
     sp_frame_pool_destroy(&s->pool);
     pthread_cond_destroy(&s->encode);
-    pthread_cond_destroy(&s->wake);
     pthread_mutex_destroy(&s->mutex);
     free(s);
 }
@@ -454,8 +543,7 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
         s->still_tail = &item->next;
         s->still_waiting++;
         s->still_unanswered++;
-        s->generation++;
-        pthread_cond_signal(&s->wake);
+        wake_lane(&s->lanes[STILLS]);
     }
     pthread_mutex_unlock(&s->mutex);
     if (!ok) {
@@ -463,6 +551,29 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
         free(item);
     }
     return ok;
+}
+
+void srv_scheduler_tick(struct srv_scheduler *s) {
+    struct still_item *gone = NULL;
+    pthread_mutex_lock(&s->mutex);
+    for (struct still_item **at = &s->still_head; *at;) {
+        struct still_item *item = *at;
+        if (!is_gone(item)) {
+            at = &item->next;
+            continue;
+        }
+        *at = item->next;
+        s->still_waiting--;
+        item->next = gone;
+        gone = item;
+    }
+    s->still_tail = &s->still_head;
+    while (*s->still_tail)
+        s->still_tail = &(*s->still_tail)->next;
+    if (s->still_now && is_gone(s->still_now))
+        atomic_store(&s->lanes[STILLS].cancel, true);
+    pthread_mutex_unlock(&s->mutex);
+    fail_all(s, gone, "who asked for this picture has left");
 }
 
 unsigned srv_scheduler_waiting(struct srv_scheduler *s) {
@@ -475,8 +586,7 @@ unsigned srv_scheduler_waiting(struct srv_scheduler *s) {
 void srv_scheduler_wake(void *user) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
-    s->generation++;
-    pthread_cond_signal(&s->wake);
+    wake_lane(&s->lanes[STREAMS]);
     pthread_mutex_unlock(&s->mutex);
 }
 
@@ -484,28 +594,29 @@ void srv_scheduler_interrupt(void *user, uint64_t session) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
     if (s->refining == session)
-        atomic_store(&s->cancel, true);
+        atomic_store(&s->lanes[STREAMS].cancel, true);
     pthread_mutex_unlock(&s->mutex);
 }
 
 void srv_scheduler_forget(void *user, struct sp_volume *volume) {
     struct srv_scheduler *s = user;
-    struct forget_item *item = malloc(sizeof *item);
-    if (!item) { /* what was derived stays until the end; the voxels go */
-        sp_log(SP_LOG_ERROR, "no memory to tell the renderer that a volume is gone");
-        sp_volume_unref(&volume);
-        return;
+    for (int l = 0; l < LANES; l++) {
+        struct forget_item *item = malloc(sizeof *item);
+        if (!item) { /* what was derived stays until the end */
+            sp_log(SP_LOG_ERROR, "no memory to tell a renderer that a volume is gone");
+            continue;
+        }
+        item->volume = sp_volume_ref(volume);
+        pthread_mutex_lock(&s->mutex);
+        item->next = s->lanes[l].forget;
+        s->lanes[l].forget = item;
+        wake_lane(&s->lanes[l]);
+        pthread_mutex_unlock(&s->mutex);
     }
-    item->volume = volume;
-    pthread_mutex_lock(&s->mutex);
-    item->next = s->forget;
-    s->forget = item;
-    s->generation++;
-    pthread_cond_signal(&s->wake);
-    pthread_mutex_unlock(&s->mutex);
+    sp_volume_unref(&volume);
 }
 
 bool srv_scheduler_supports(void *user, const struct sp_view *view, struct sp_error *err) {
     struct srv_scheduler *s = user;
-    return sp_renderer_supports(s->renderer, view, err);
+    return sp_renderer_supports(s->lanes[STREAMS].renderer, view, err);
 }

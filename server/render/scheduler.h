@@ -1,14 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The render thread and the encode threads.
+ * The render threads, one a lane, and the encode threads.
  *
- *   sessions (pull) ─┐  render thread       ┌─► encode thread ─► outboxes of the participants
- *                    ├─► owns sp_renderer ──┤   (each its own    or
- *   stills (queue) ──┘   and frame pool     └─► sp_encoder)      done() of the still
+ *   sessions (pull) ──► stream lane: thread, sp_renderer ──┐   encode threads ─► outboxes
+ *                                                          ├─► (each its own     or done() of
+ *   stills (queue) ───► still lane: thread, sp_renderer ───┘   sp_encoder)       the still
  *
- * Moving views go first; a waiting still gets every fifth frame at the latest; refinements of
- * resting views and stills take turns. A refinement is cancelled when its view changes; a moving
- * frame never is, so that a long drag always shows something.
+ * The lanes share nothing but the processor, where the still lane is nice: a still of many seconds
+ * takes little from a view that moves, and a view that moves for an hour does not stop a still. The
+ * still lane's renderer is made for the first still. Of several encode threads the first is for
+ * streams alone.
+ *
+ * In the stream lane moving views go first. A refinement is cancelled when its view changes; a
+ * moving frame never is, so that a long drag always shows something. A still is cancelled when who
+ * asked for it is gone.
  */
 #ifndef SRV_RENDER_SCHEDULER_H
 #define SRV_RENDER_SCHEDULER_H
@@ -34,6 +39,9 @@ struct srv_still {
     int quality;
     /* Called once, from another thread. */
     void (*done)(void *user, const struct srv_still_result *result);
+    /* Has who asked for it left? Asked now and then from another thread until shortly before
+     * done(); then the still is dropped. Must not call the scheduler. NULL = never. */
+    bool (*is_gone)(void *user);
     void *user;
 };
 
@@ -41,9 +49,11 @@ struct srv_scheduler_options {
     struct srv_catalog *catalog;
     unsigned queue_max; /* stills that wait */
     unsigned encode_threads;
+    struct sp_renderer_options
+        stills; /* of the still lane's renderer; strings outlive the scheduler */
 };
 
-/* Takes over *renderer on success. NULL with *err set. */
+/* Takes over *renderer, the stream lane's, on success. NULL with *err set. */
 struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *options,
                                            struct sp_renderer **renderer, struct sp_error *err);
 /* Threads start with the hub that they serve. */
@@ -57,6 +67,8 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler); /* stops first */
  * released then and done() is not called. */
 bool srv_scheduler_submit(struct srv_scheduler *scheduler, const struct srv_still *still,
                           struct sp_error *err);
+/* Drops the stills of those who left; about ten times a second. */
+void srv_scheduler_tick(struct srv_scheduler *scheduler);
 unsigned srv_scheduler_waiting(struct srv_scheduler *scheduler); /* stills not yet answered */
 
 /* For srv_hub_options and srv_catalog_options; `user` is the scheduler. */

@@ -155,10 +155,9 @@ struct srv_job_result {
     uint64_t splats, visible_voxels;
 };
 
-/* The next thing to render. Views that move go first; refinements only if `refinements`. False if
+/* The next thing to render. Views that move go first. False if
  * there is none: *wait_ms says when to ask again at the latest. */
-bool srv_hub_next_job(struct srv_hub *hub, bool refinements, double now_ms, struct srv_job *job,
-                      double *wait_ms);
+bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */
 bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
 /* One encoded picture for target `i`. header: size, times, codec and LOSSLESS are the caller's; the

@@ -107,8 +107,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     s->served_ms = now_ms;
 }
 
-bool srv_hub_next_job(struct srv_hub *hub, bool refinements, double now_ms, struct srv_job *job,
-                      double *wait_ms) {
+bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms) {
     struct srv_session *best_session = NULL;
     struct srv_participant *best = NULL;
     struct wish best_wish = { .want = WANT_NOTHING };
@@ -118,7 +117,7 @@ bool srv_hub_next_job(struct srv_hub *hub, bool refinements, double now_ms, stru
         for (struct srv_participant *p = s->participants; p; p = p->next) {
             struct wish wish = wish_of(hub, s, p, now_ms);
             *wait_ms = fmin(*wait_ms, wish.in_ms);
-            if (wish.want == WANT_NOTHING || (wish.refinement && !refinements))
+            if (wish.want == WANT_NOTHING)
                 continue;
             bool better =
                 !best || best_wish.refinement > wish.refinement ||

@@ -81,7 +81,7 @@ static void no_log(void *user, enum sp_log_level level, const char *line) {
 static void serve(struct srv_hub *hub, double now_ms) {
     static struct srv_job job;
     double wait_ms;
-    if (!srv_hub_next_job(hub, true, now_ms, &job, &wait_ms))
+    if (!srv_hub_next_job(hub, now_ms, &job, &wait_ms))
         return;
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 1, .height = 1 };
     struct srv_job_result result = { .width = 1, .height = 1, .render_ms = 1 };

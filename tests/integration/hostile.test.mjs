@@ -154,6 +154,35 @@ test('a client that is killed disturbs nobody', async () => {
   await stream.end();
 });
 
+const LARGE = JSON.stringify({ volume: 'engine', size: [8192, 8192], filter: { lowpass: 8 } });
+const LARGE_REQUEST = (token) => `POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${token}\r\n`
+  + `Content-Type: application/json\r\nContent-Length: ${LARGE.length}\r\n\r\n${LARGE}`;
+
+test('large pictures for who has left are not drawn, and hold up nobody', async () => {
+  const slow = await Daemon.start(['--volume', 'demo:engine?size=64'], { backend: 'cpu' });
+  await slow.loaded('engine');
+  const impatient = [];
+  for (let i = 0; i < 4; i += 1) {
+    const raw = await Raw.connect(slow.port);
+    raw.write(LARGE_REQUEST(slow.token));
+    impatient.push(raw);
+  }
+  // A stream is served while they are drawn or wait.
+  const stream = await slow.stream();
+  await stream.update({ background: [1, 0, 0, 1] }, 1);
+  await stream.final(1);
+  assert.ok(impatient.every((raw) => raw.bytes.length === 0), 'a large picture was drawn before a stream was served');
+  await stream.end();
+  const peers = impatient.map((raw) => raw.socket.address().port);
+  for (const raw of impatient) raw.destroy();
+  for (const port of peers) await slow.untilLogged(`a picture for 127.0.0.1:${port} is not drawn`);
+  const { status } = await slow.fetch('/api/v1/render', {
+    method: 'POST', body: '{"volume": "engine", "size": [16, 16]}', headers: { 'Content-Type': 'application/json' },
+  });
+  assert.equal(status, 200);
+  assert.equal(await slow.stop(), 0);
+});
+
 test('garbage on the port', async () => {
   const noise = Buffer.from(Array.from({ length: 4096 }, (_, i) => (i * 7919 + 13) & 255));
   for (const bytes of [noise, Buffer.alloc(1000), Buffer.from('\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03', 'latin1'),

@@ -122,7 +122,7 @@ static void ack(struct fixture *f, struct srv_participant *p, unsigned frame, do
 
 static bool next_job(struct fixture *f, double now_ms, struct srv_job *job) {
     double wait_ms;
-    return srv_hub_next_job(f->hub, true, now_ms, job, &wait_ms);
+    return srv_hub_next_job(f->hub, now_ms, job, &wait_ms);
 }
 
 static void finish(struct fixture *f, struct srv_job *job, double render_ms) {
