@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Multi-page TIFF: each page is a slice, all of one size and type, one channel. OpenImageIO reads
- * the pages. What it would read wrong without an error is refused here: pages with depth, odd
- * bit depths, and ImageJ's way of hiding a whole stack behind one directory.
+ * the pages. What it would read wrong without an error is refused: pages with depth or without
+ * their bytes (tiff_chain.c), odd bit depths, and ImageJ's way of hiding a whole stack behind one
+ * directory.
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "import/format.h"
 #include "import/tiff_bridge.h"
+#include "import/tiff_chain.h"
 #include "volume/volume.h"
 
 struct tiff {
@@ -28,69 +28,6 @@ static bool fail_page(struct sp_error *err, enum sp_code code, const struct tiff
     char place[SP_ERROR_PLACE];
     snprintf(place, sizeof place, "%.180s: page %" PRIu32, t->file->shown, page);
     return sp_fail(err, code, place, "%s", text);
-}
-
-/* The chain of directories, counted without any library. */
-
-static bool read_number(int fd, uint64_t at, int bytes, bool big_endian, uint64_t *out) {
-    uint8_t b[8];
-    *out = 0;
-    if (at > INT64_MAX - 8 || pread(fd, b, (size_t)bytes, (off_t)at) != bytes)
-        return false;
-    for (int i = 0; i < bytes; i++)
-        *out |= (uint64_t)b[big_endian ? bytes - 1 - i : i] << (8 * i);
-    return true;
-}
-
-/* OpenImageIO overlooks the tag ImageDepth and then reads the first slice alone. */
-static bool check_depth(const struct import_file *file, uint64_t first, uint64_t entries, bool big,
-                        bool big_endian, uint32_t page, struct sp_error *err) {
-    enum { IMAGE_DEPTH = 32997, SHORT = 3 };
-    for (uint64_t i = 0; i < entries; i++) {
-        uint64_t at = first + i * (big ? 20 : 12), tag, type, depth;
-        if (!read_number(file->fd, at, 2, big_endian, &tag) || tag != IMAGE_DEPTH)
-            continue;
-        if (!read_number(file->fd, at + 2, 2, big_endian, &type) ||
-            !read_number(file->fd, at + (big ? 12 : 8), type == SHORT ? 2 : 4, big_endian,
-                         &depth) ||
-            depth > 1)
-            return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, at, "ImageDepth",
-                               "page %" PRIu32 " has depth; save the slices as pages", page);
-    }
-    return true;
-}
-
-/* Pages by the file's own account, so that none gets lost: OpenImageIO stops at the first directory
- * that it does not like. */
-static bool count_pages(const struct import_file *file, uint32_t *pages, struct sp_error *err) {
-    uint8_t magic[4];
-    if (pread(file->fd, magic, 4, 0) != 4)
-        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic", "the file is cut off");
-    bool big_endian = magic[0] == 'M', big = magic[big_endian ? 3 : 2] == 43;
-    int word = big ? 8 : 4, count_bytes = big ? 8 : 2, entry = big ? 20 : 12;
-    uint64_t at = big ? 8 : 4, next, entries;
-    *pages = 0;
-    if (!read_number(file->fd, at, word, big_endian, &next))
-        return import_fail(err, SP_ERR_FORMAT, file->shown, at, "first directory",
-                           "the file is cut off");
-    while (next != 0) {
-        at = next;
-        if (*pages == SP_DIM_MAX)
-            return import_fail(err, SP_ERR_FORMAT, file->shown, at, "directory",
-                               "more than %u pages, or pages in a circle", SP_DIM_MAX);
-        if (!read_number(file->fd, at, count_bytes, big_endian, &entries) || entries > 65535 ||
-            !read_number(file->fd, at + (uint64_t)count_bytes + entries * (uint64_t)entry, word,
-                         big_endian, &next))
-            return import_fail(err, SP_ERR_FORMAT, file->shown, at, "directory",
-                               "page %" PRIu32 " lies beyond the end: the file of %" PRIu64
-                               " bytes is cut off or the directory before it is wrong",
-                               *pages, file->size);
-        if (!check_depth(file, at + (uint64_t)count_bytes, entries, big, big_endian, *pages, err))
-            return false;
-        ++*pages;
-    }
-    return *pages > 0 || import_fail(err, SP_ERR_FORMAT, file->shown, at, "first directory",
-                                     "the file has no page");
 }
 
 /* What the first page says. */
@@ -257,7 +194,7 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
         return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "no memory");
     /* By descriptor: the name may lead elsewhere by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
-    bool ok = count_pages(t->file, &t->pages, err);
+    bool ok = tiff_chain_check(t->file, &t->pages, err);
     if (ok && !(t->bridge = tiff_bridge_open(path, why, sizeof why)))
         ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
     if (ok && tiff_bridge_page(t->bridge, 0, page, why, sizeof why) != 1)

@@ -73,10 +73,35 @@ int tiff_bridge_page(tiff_bridge *bridge, int n, tiff_page *page, char *why, siz
     return -1;
 }
 
+/* Row by row: of several rows at once, version 2.4 unpacks deflate itself when samples are uint8 or
+ * uint16, and calls the page good when that fails. Other failures it tells with a result of true.
+ */
+static bool read_rows(OIIO::ImageInput &input, void *out) {
+    const OIIO::ImageSpec &spec = input.spec();
+    char *row = static_cast<char *>(out);
+    for (int y = spec.y; y < spec.y + spec.height; y++, row += spec.scanline_bytes())
+        if (!input.read_scanline(y, spec.z, spec.format, row))
+            return false;
+    return true;
+}
+
 bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t room) try {
-    if (!bridge->input->seek_subimage(n, 0) ||
-        !bridge->input->read_image(n, 0, 0, 1, bridge->input->spec().format, out)) {
-        explain(why, room, bridge->input->geterror());
+    OIIO::ImageInput &input = *bridge->input;
+    bool ok = input.seek_subimage(n, 0);
+    const OIIO::ImageSpec &spec = input.spec();
+    bool by_row = spec.tile_width == 0 &&
+                  (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16);
+    if (ok && spec.format == OIIO::TypeDesc::DOUBLE) { /* elsewhere it delivers zeros */
+        if (spec.tile_width || spec.height < 2) {
+            explain(why, room, "samples of 64 bits in tiles or in a single row are not supported");
+            return false;
+        }
+        ok = input.read_native_scanlines(n, 0, spec.y, spec.y + spec.height, spec.z, out);
+    } else
+        ok =
+            ok && (by_row ? read_rows(input, out) : input.read_image(n, 0, 0, 1, spec.format, out));
+    if (!ok || input.has_error()) {
+        explain(why, room, input.geterror());
         return false;
     }
     return true;

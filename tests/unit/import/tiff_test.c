@@ -238,7 +238,8 @@ static void damaged_files_are_explained(void **state) {
         { "II*\0\0\0\0\0", 8, "first directory", "has no page" },
         { "II*\0\xff\xff\xff\x7f", 8, "byte 2147483647: directory", "beyond the end" },
         { "MM\0*\0\0\0\x08\xff\xff", 10, "byte 8: directory", "beyond the end" },
-        { "II*\0\x08\0\0\0\0\0\x08\0\0\0", 14, "directory", "in a circle" },
+        { "II*\0\x08\0\0\0\0\0\x08\0\0\0", 14, "page 0: byte 8: ImageWidth",
+          "not have this field" },
         { "II+\0\x08\0\0\0\xff\xff\xff\xff\xff\xff\xff\xff", 16, "directory", "beyond the end" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {

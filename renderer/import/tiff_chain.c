@@ -1,0 +1,354 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Field numbers and types: TIFF 6.0 (Adobe, 1992); BigTIFF: entries of 20 bytes, words of 8.
+ */
+#include "import/tiff_chain.h"
+
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum field {
+    WIDTH,
+    HEIGHT,
+    BITS,
+    COMPRESSION,
+    STRIP_OFFSETS,
+    SAMPLES,
+    ROWS,
+    STRIP_COUNTS,
+    TILE_WIDTH,
+    TILE_LENGTH,
+    TILE_OFFSETS,
+    TILE_COUNTS,
+    IMAGE_DEPTH,
+    TILE_DEPTH,
+    FIELD_COUNT
+};
+
+static const struct {
+    unsigned tag;
+    const char *name;
+} fields[FIELD_COUNT] = {
+    [WIDTH] = { 256, "ImageWidth" },           [HEIGHT] = { 257, "ImageLength" },
+    [BITS] = { 258, "BitsPerSample" },         [COMPRESSION] = { 259, "Compression" },
+    [STRIP_OFFSETS] = { 273, "StripOffsets" }, [SAMPLES] = { 277, "SamplesPerPixel" },
+    [ROWS] = { 278, "RowsPerStrip" },          [STRIP_COUNTS] = { 279, "StripByteCounts" },
+    [TILE_WIDTH] = { 322, "TileWidth" },       [TILE_LENGTH] = { 323, "TileLength" },
+    [TILE_OFFSETS] = { 324, "TileOffsets" },   [TILE_COUNTS] = { 325, "TileByteCounts" },
+    [IMAGE_DEPTH] = { 32997, "ImageDepth" },   [TILE_DEPTH] = { 32998, "TileDepth" },
+};
+
+enum { WINDOW = 4096 }; /* bytes; a multiple of every size of number */
+
+struct entry {
+    uint64_t at;     /* of the entry; 0 = the page does not have it */
+    uint64_t values; /* where the numbers are */
+    uint64_t count;
+    unsigned bytes;       /* a number */
+    uint64_t held_at;     /* of the first byte in the window */
+    unsigned held;        /* bytes in the window */
+    uint8_t part[WINDOW]; /* of the numbers */
+};
+
+struct chain {
+    const struct import_file *file;
+    struct sp_error *err;
+    bool big_endian, big;
+    uint32_t page;
+    uint64_t page_at;
+    /* Of all pages so far. Nothing of a TIFF belongs to two pages, so the file bounds the first
+     * two: pages in a circle and shared strips end there. */
+    uint64_t directory_bytes, piece_bytes, voxels;
+    struct entry entries[FIELD_COUNT];
+};
+
+static uint64_t decode(const uint8_t *b, unsigned bytes, bool big_endian) {
+    uint64_t out = 0;
+    for (unsigned i = 0; i < bytes; i++)
+        out |= (uint64_t)b[big_endian ? bytes - 1 - i : i] << (8 * i);
+    return out;
+}
+
+static bool read_number(const struct chain *c, uint64_t at, unsigned bytes, uint64_t *out) {
+    uint8_t b[8];
+    *out = 0;
+    if (at > INT64_MAX - 8 || pread(c->file->fd, b, bytes, (off_t)at) != (ssize_t)bytes)
+        return false;
+    *out = decode(b, bytes, c->big_endian);
+    return true;
+}
+
+__attribute__((format(printf, 5, 6))) static bool refuse(const struct chain *c, enum sp_code code,
+                                                         uint64_t at, enum field f,
+                                                         const char *format, ...) {
+    char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    snprintf(place, sizeof place, "%.160s: page %" PRIu32 ": byte %" PRIu64 ": %s", c->file->shown,
+             c->page, at, fields[f].name);
+    return sp_fail(c->err, code, place, "%s", text);
+}
+
+/* Number i of an entry; i is below its count. */
+static bool number_at(struct chain *c, enum field f, uint64_t i, uint64_t *out) {
+    struct entry *e = &c->entries[f];
+    uint64_t at = e->values + i * e->bytes;
+    if (at < e->held_at || at + e->bytes > e->held_at + e->held) {
+        uint64_t left = (e->count - i) * e->bytes;
+        size_t want = left < WINDOW ? (size_t)left : WINDOW;
+        ssize_t got = pread(c->file->fd, e->part, want, (off_t)at);
+        if (got < (ssize_t)e->bytes)
+            return refuse(c, SP_ERR_FORMAT, at, f, "number %" PRIu64 " lies beyond the end", i);
+        e->held_at = at;
+        e->held = (unsigned)got;
+    }
+    *out = decode(e->part + (at - e->held_at), e->bytes, c->big_endian);
+    return true;
+}
+
+static bool take_entry(struct chain *c, uint64_t at, const uint8_t *b, enum field f) {
+    static const uint8_t sizes[] = { [1] = 1, [3] = 2, [4] = 4, [16] = 8 };
+    struct entry *e = &c->entries[f];
+    uint64_t type = decode(b + 2, 2, c->big_endian), size = c->file->size;
+    unsigned word = c->big ? 8 : 4;
+    if (e->at)
+        return refuse(c, SP_ERR_FORMAT, at, f, "is given a second time");
+    e->at = at;
+    e->held = 0;
+    e->bytes = type < sizeof sizes ? sizes[type] : 0;
+    e->count = decode(b + 4, word, c->big_endian);
+    e->values = at + 4 + word;
+    if (e->bytes == 0)
+        return refuse(c, SP_ERR_FORMAT, at, f,
+                      "is of type %" PRIu64 "; whole numbers are of type 1, 3, 4 or 16", type);
+    if (e->count == 0)
+        return refuse(c, SP_ERR_FORMAT, at, f, "has no number");
+    if (e->count > word / e->bytes)
+        e->values = decode(b + 4 + word, word, c->big_endian);
+    if (e->count > size / e->bytes || e->values > size - e->count * e->bytes)
+        return refuse(c, SP_ERR_FORMAT, at, f,
+                      "%" PRIu64 " numbers at byte %" PRIu64 " lie beyond the end of the file of "
+                      "%" PRIu64 " bytes: it is cut off or the directory is wrong",
+                      e->count, e->values, size);
+    return true;
+}
+
+static bool take_entries(struct chain *c, uint64_t first, uint64_t count) {
+    uint8_t part[20 * 64];
+    size_t bytes = c->big ? 20 : 12;
+    for (int f = 0; f < FIELD_COUNT; f++)
+        c->entries[f].at = 0;
+    for (uint64_t i = 0; i < count; i++) {
+        uint64_t at = first + i * bytes;
+        size_t n = (size_t)(count - i < 64 ? count - i : 64) * bytes;
+        if (i % 64 == 0 && pread(c->file->fd, part, n, (off_t)at) != (ssize_t)n)
+            return import_fail(c->err, SP_ERR_IO, c->file->shown, at, "directory", "cannot read");
+        const uint8_t *b = part + i % 64 * bytes;
+        unsigned tag = (unsigned)decode(b, 2, c->big_endian);
+        for (int f = 0; f < FIELD_COUNT; f++)
+            if (fields[f].tag == tag && !take_entry(c, at, b, (enum field)f))
+                return false;
+    }
+    return true;
+}
+
+/* The first number of a field, `missing` without it. */
+static bool take_number(struct chain *c, enum field f, uint64_t missing, uint64_t low,
+                        uint64_t high, uint64_t *out) {
+    *out = missing;
+    if (c->entries[f].at && !number_at(c, f, 0, out))
+        return false;
+    if (*out < low || *out > high)
+        return c->entries[f].at
+                   ? refuse(c, SP_ERR_FORMAT, c->entries[f].at, f,
+                            "is %" PRIu64 ", outside [%" PRIu64 ", %" PRIu64 "]", *out, low, high)
+                   : refuse(c, SP_ERR_FORMAT, c->page_at, f, "the page does not have this field");
+    return true;
+}
+
+/* Bytes that can come out of one byte at the very best. */
+static uint64_t best_ratio(uint64_t compression) {
+    switch (compression) {
+    case 1:
+        return 1;
+    case 5: /* LZW: a code of 12 bits for the longest string of the table */
+        return 4096;
+    case 8: /* deflate: 258 bytes by two codes of one bit */
+    case 32946:
+        return 1032;
+    case 32773: /* PackBits: 128 bytes by two */
+        return 128;
+    default: /* some give a whole even tile a few bytes */
+        return UINT64_C(1) << 20;
+    }
+}
+
+struct pieces { /* strips or tiles of a page */
+    const char *name;
+    enum field offsets, counts;
+    uint64_t number, rows, height, row_bytes; /* rows: of each; the last strip has what is left */
+    uint64_t compression;
+};
+
+static bool check_piece(struct chain *c, const struct pieces *p, uint64_t i) {
+    uint64_t offset, count, size = c->file->size, ratio = best_ratio(p->compression);
+    if (!number_at(c, p->offsets, i, &offset) || !number_at(c, p->counts, i, &count))
+        return false;
+    uint64_t offset_at = c->entries[p->offsets].values + i * c->entries[p->offsets].bytes;
+    uint64_t count_at = c->entries[p->counts].values + i * c->entries[p->counts].bytes;
+    uint64_t rows = p->rows, need;
+    if (p->offsets == STRIP_OFFSETS && p->height - i * p->rows < rows)
+        rows = p->height - i * p->rows;
+    need = rows * p->row_bytes;
+    if (count > size || offset > size - count)
+        return refuse(c, SP_ERR_FORMAT, offset_at, p->offsets,
+                      "%s %" PRIu64 " has %" PRIu64 " bytes at byte %" PRIu64
+                      ", the file has %" PRIu64 ": it is cut off or the directory is wrong",
+                      p->name, i, count, offset, size);
+    if (count == 0 || need / ratio > count)
+        return ratio == 1 ? refuse(c, SP_ERR_FORMAT, count_at, p->counts,
+                                   "%s %" PRIu64 " has %" PRIu64 " bytes, its samples need %" PRIu64
+                                   ": the size of the page or this number is wrong",
+                                   p->name, i, count, need)
+                          : refuse(c, SP_ERR_FORMAT, count_at, p->counts,
+                                   "%" PRIu64 " bytes cannot come out of the %" PRIu64
+                                   " of %s %" PRIu64 " (compression %" PRIu64
+                                   "): the size of the page or this number is wrong",
+                                   need, count, p->name, i, p->compression);
+    c->piece_bytes += ratio == 1 ? need : count; /* rests after samples may be anything */
+    if (c->piece_bytes > size)
+        return refuse(c, SP_ERR_FORMAT, offset_at, p->offsets,
+                      "%ss up to number %" PRIu64 " have %" PRIu64
+                      " bytes together, the file has %" PRIu64 ": they overlap",
+                      p->name, i, c->piece_bytes, size);
+    return true;
+}
+
+static bool check_pieces(struct chain *c, const struct pieces *p) {
+    const enum field both[] = { p->offsets, p->counts };
+    for (int i = 0; i < 2; i++) {
+        const struct entry *e = &c->entries[both[i]];
+        if (!e->at)
+            return refuse(c, SP_ERR_FORMAT, c->page_at, both[i],
+                          "the page does not have this field");
+        if (e->count < p->number)
+            return refuse(c, SP_ERR_FORMAT, e->at, both[i],
+                          "has %" PRIu64 " numbers, the page has %" PRIu64 " %ss", e->count,
+                          p->number, p->name);
+    }
+    for (uint64_t i = 0; i < p->number; i++)
+        if (!check_piece(c, p, i))
+            return false;
+    return true;
+}
+
+static bool check_flat(struct chain *c) {
+    uint64_t samples, depth;
+    for (int f = IMAGE_DEPTH; f <= TILE_DEPTH; f++) {
+        if (!take_number(c, (enum field)f, 1, 0, UINT64_MAX, &depth))
+            return false;
+        if (depth > 1)
+            return refuse(c, SP_ERR_UNSUPPORTED, c->entries[f].at, (enum field)f,
+                          "page %" PRIu32 " has depth; save the slices as pages", c->page);
+    }
+    if (!take_number(c, SAMPLES, 1, 1, 65535, &samples))
+        return false;
+    return samples == 1 || refuse(c, SP_ERR_UNSUPPORTED, c->entries[SAMPLES].at, SAMPLES,
+                                  "%" PRIu64 " channels; only flat grey images are read", samples);
+}
+
+static bool check_page(struct chain *c) {
+    uint64_t width, height, bits, tile_width, tile_length;
+    struct pieces p = { .name = "strip", .offsets = STRIP_OFFSETS, .counts = STRIP_COUNTS };
+    if (!check_flat(c) || !take_number(c, WIDTH, 0, 1, SP_DIM_MAX, &width) ||
+        !take_number(c, HEIGHT, 0, 1, SP_DIM_MAX, &height) ||
+        !take_number(c, BITS, 1, 1, 64, &bits) ||
+        !take_number(c, COMPRESSION, 1, 1, UINT64_MAX, &p.compression))
+        return false;
+    c->voxels += width * height;
+    if (c->voxels > SP_VOXELS_MAX)
+        return refuse(c, SP_ERR_FORMAT, c->entries[HEIGHT].at, HEIGHT,
+                      "the pages up to this one have more than %" PRIu64 " voxels", SP_VOXELS_MAX);
+    p.height = height;
+    if (c->entries[TILE_WIDTH].at || c->entries[TILE_LENGTH].at) {
+        if (!take_number(c, TILE_WIDTH, 0, 1, SP_DIM_MAX, &tile_width) ||
+            !take_number(c, TILE_LENGTH, 0, 1, SP_DIM_MAX, &tile_length))
+            return false;
+        p.name = "tile";
+        p.offsets = TILE_OFFSETS;
+        p.counts = TILE_COUNTS;
+        p.number =
+            ((width + tile_width - 1) / tile_width) * ((height + tile_length - 1) / tile_length);
+        p.rows = tile_length;
+        p.row_bytes = (tile_width * bits + 7) / 8;
+    } else {
+        if (!take_number(c, ROWS, height, 1, UINT64_MAX, &p.rows))
+            return false;
+        p.rows = p.rows < height ? p.rows : height;
+        p.number = (height + p.rows - 1) / p.rows;
+        p.row_bytes = (width * bits + 7) / 8;
+    }
+    /* Both at once: a library may follow the other one. */
+    enum field other = p.offsets == STRIP_OFFSETS ? TILE_OFFSETS : STRIP_OFFSETS;
+    if (c->entries[other].at)
+        return refuse(c, SP_ERR_FORMAT, c->entries[other].at, other,
+                      "does not belong to a page of %ss", p.name);
+    return check_pieces(c, &p);
+}
+
+static bool follow(struct chain *c, uint32_t *pages) {
+    const struct import_file *file = c->file;
+    unsigned word = c->big ? 8 : 4, count_bytes = c->big ? 8 : 2, entry_bytes = c->big ? 20 : 12;
+    uint64_t at = c->big ? 8 : 4, next, entries;
+    *pages = 0;
+    if (!read_number(c, at, word, &next))
+        return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
+                           "the file is cut off");
+    while (next != 0) {
+        at = next;
+        c->page = *pages;
+        c->page_at = at;
+        if (*pages == SP_DIM_MAX)
+            return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
+                               "more than %u pages", SP_DIM_MAX);
+        if (!read_number(c, at, count_bytes, &entries) || entries > 65535 ||
+            !read_number(c, at + count_bytes + entries * entry_bytes, word, &next))
+            return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
+                               "page %" PRIu32 " lies beyond the end: the file of %" PRIu64
+                               " bytes is cut off or the directory before it is wrong",
+                               *pages, file->size);
+        c->directory_bytes += count_bytes + entries * entry_bytes + word;
+        if (c->directory_bytes > file->size)
+            return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
+                               "the directories up to page %" PRIu32
+                               " are longer than the file: pages in a circle",
+                               *pages);
+        if (!take_entries(c, at + count_bytes, entries) || !check_page(c))
+            return false;
+        ++*pages;
+    }
+    return *pages > 0 || import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "first directory",
+                                     "the file has no page");
+}
+
+bool tiff_chain_check(const struct import_file *file, uint32_t *pages, struct sp_error *err) {
+    uint8_t magic[4];
+    if (pread(file->fd, magic, 4, 0) != 4)
+        return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic", "the file is cut off");
+    struct chain *c = calloc(1, sizeof *c);
+    if (!c)
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for directories");
+    c->file = file;
+    c->err = err;
+    c->big_endian = magic[0] == 'M';
+    c->big = magic[c->big_endian ? 3 : 2] == 43;
+    bool ok = follow(c, pages);
+    free(c);
+    return ok;
+}
