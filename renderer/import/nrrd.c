@@ -80,6 +80,8 @@ static bool parse_fields(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
         return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, p->text->byte[NRRD_TYPE],
                            "endian", "%.40s samples need this field: little or big",
                            p->text->value[NRRD_TYPE]);
+    if (field < 0 && strstr(why, "block size")) /* teem finds it missing at the end */
+        field = p->text->value[NRRD_BLOCK_SIZE] ? NRRD_BLOCK_SIZE : NRRD_TYPE;
     if (field >= 0 && p->text->value[field])
         return REFUSE(p, SP_ERR_FORMAT, (enum nrrd_field)field, "%s", why);
     return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, 0, "header", "%s", why);
@@ -401,14 +403,37 @@ static void close_nrrd(void *reader) {
     free(samples);
 }
 
+/* The field that gave the part of the grid which is refused. */
+static enum nrrd_field field_at_fault(const struct parsing *p) {
+    char *const *value = p->text->value;
+    bool directed = value[NRRD_SPACE_DIRECTIONS] != NULL;
+    enum nrrd_field spacing = directed                ? NRRD_SPACE_DIRECTIONS
+                              : value[NRRD_SPACINGS]  ? NRRD_SPACINGS
+                              : value[NRRD_AXIS_MAXS] ? NRRD_AXIS_MAXS
+                                                      : NRRD_SIZES;
+    switch (sp_grid_bad_part(&p->header->grid)) {
+    case SP_GRID_SPACING:
+        return spacing;
+    case SP_GRID_DIRECTION:
+        return NRRD_SPACE_DIRECTIONS;
+    case SP_GRID_ORIGIN:
+        return value[NRRD_SPACE_ORIGIN] ? NRRD_SPACE_ORIGIN
+               : value[NRRD_AXIS_MINS]  ? NRRD_AXIS_MINS
+                                        : spacing;
+    default:
+        return NRRD_SIZES;
+    }
+}
+
 static bool build(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
     struct import_samples *s = p->samples;
     if (!parse_fields(p, nrrd, io) || !take_type(p) || !take_geometry(p) || !take_encoding(p) ||
         !take_skips(p) || !take_data_files(p))
         return false;
     char place[SP_ERROR_PLACE];
-    snprintf(place, sizeof place, "%.180s: byte %" PRIu64 ": sizes", p->file->shown,
-             p->text->byte[NRRD_SIZES]);
+    enum nrrd_field field = field_at_fault(p);
+    snprintf(place, sizeof place, "%.180s: byte %" PRIu64 ": %s", p->file->shown,
+             p->text->byte[field], nrrd_field_name(field));
     if (!sp_grid_check(&p->header->grid, p->header->type, place, &p->header->bytes, p->err))
         return false;
     s->file = p->file;

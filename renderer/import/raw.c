@@ -186,6 +186,18 @@ static bool check_members(const struct sidecar *s) {
     return true;
 }
 
+static bool check_grid(const struct sidecar *s) {
+    static const char *const members[] = { [SP_GRID_GOOD] = "dims",
+                                           [SP_GRID_DIMS] = "dims",
+                                           [SP_GRID_SPACING] = "spacing",
+                                           [SP_GRID_ORIGIN] = "origin",
+                                           [SP_GRID_DIRECTION] = "direction" };
+    char place[SP_ERROR_PLACE];
+    snprintf(place, sizeof place, "%.180s: /%s", s->file->shown,
+             members[sp_grid_bad_part(&s->header->grid)]);
+    return sp_grid_check(&s->header->grid, s->header->type, place, &s->header->bytes, s->err);
+}
+
 static json_t *parse(const struct import_file *file, struct sp_error *err) {
     if (file->size > SIDECAR_MAX) {
         import_fail(err, SP_ERR_FORMAT, file->shown, SIDECAR_MAX, NULL,
@@ -233,7 +245,7 @@ static void *open_raw(const struct import_file *file, struct import_header *head
         samples->field = "dims";
         struct sidecar s = { file, root, header, samples, err };
         if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) || !read_file_name(&s) ||
-            !sp_grid_check(&header->grid, header->type, file->shown, &header->bytes, err) ||
+            !check_grid(&s) ||
             (samples->bytes = header->bytes, !import_samples_check(samples, err))) {
             close_raw(samples);
             samples = NULL;

@@ -30,6 +30,9 @@ const char *sp_type_name(enum sp_type type) {
     return names[type];
 }
 
+/* Voxels may be as far from the origin as 2^40 of their size: views keep 12 bits below a voxel. */
+#define ORIGIN_SAMPLES_MAX 0x1p40
+
 static bool check_direction(const double m[3][3], const char *place, struct sp_error *err) {
     for (int axis = 0; axis < 3; axis++) {
         double length =
@@ -47,8 +50,7 @@ static bool check_direction(const double m[3][3], const char *place, struct sp_e
     return true;
 }
 
-bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
-                   uint64_t *bytes, struct sp_error *err) {
+static bool check_dims(const struct sp_grid *grid, const char *place, struct sp_error *err) {
     uint64_t voxels = 1;
     for (int axis = 0; axis < 3; axis++) {
         if (grid->dims[axis] < 1 || grid->dims[axis] > SP_DIM_MAX)
@@ -61,17 +63,47 @@ bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *pl
                        "dims %" PRIu32 " x %" PRIu32 " x %" PRIu32 " are more than %" PRIu64
                        " voxels",
                        grid->dims[0], grid->dims[1], grid->dims[2], SP_VOXELS_MAX);
-    for (int axis = 0; axis < 3; axis++) {
+    return true;
+}
+
+static bool check_spacing(const struct sp_grid *grid, const char *place, struct sp_error *err) {
+    for (int axis = 0; axis < 3; axis++)
         if (!(grid->spacing[axis] >= 1e-12 && grid->spacing[axis] <= 1e12))
             return sp_fail(err, SP_ERR_FORMAT, place, "spacing[%d] is %g, outside [1e-12, 1e12]",
                            axis, grid->spacing[axis]);
+    return true;
+}
+
+static bool check_origin(const struct sp_grid *grid, const char *place, struct sp_error *err) {
+    double least = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    for (int axis = 0; axis < 3; axis++) {
         if (!(fabs(grid->origin[axis]) <= 1e15))
             return sp_fail(err, SP_ERR_FORMAT, place, "origin[%d] is %g, outside [-1e15, 1e15]",
                            axis, grid->origin[axis]);
+        if (fabs(grid->origin[axis]) > ORIGIN_SAMPLES_MAX * least)
+            return sp_fail(err, SP_ERR_FORMAT, place,
+                           "origin[%d] is %g, more than 2^40 times the spacing of %g: too far away "
+                           "to be looked at; move it nearer to 0",
+                           axis, grid->origin[axis], least);
     }
-    if (!check_direction(grid->direction, place, err))
+    return true;
+}
+
+enum sp_grid_part sp_grid_bad_part(const struct sp_grid *grid) {
+    struct sp_error unused;
+    return !check_dims(grid, "", &unused)                   ? SP_GRID_DIMS
+           : !check_spacing(grid, "", &unused)              ? SP_GRID_SPACING
+           : !check_origin(grid, "", &unused)               ? SP_GRID_ORIGIN
+           : !check_direction(grid->direction, "", &unused) ? SP_GRID_DIRECTION
+                                                            : SP_GRID_GOOD;
+}
+
+bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
+                   uint64_t *bytes, struct sp_error *err) {
+    if (!check_dims(grid, place, err) || !check_spacing(grid, place, err) ||
+        !check_origin(grid, place, err) || !check_direction(grid->direction, place, err))
         return false;
-    *bytes = voxels * sp_type_size(type);
+    *bytes = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2] * sp_type_size(type);
     return true;
 }
 

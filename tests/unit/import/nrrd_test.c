@@ -255,6 +255,31 @@ static void skips_lead_to_the_samples(void **state) {
 
 /* Hostile headers. */
 
+static void the_field_at_fault_is_named(void **state) {
+    (void)state;
+    static const struct {
+        const char *fields, *place, *text;
+    } cases[] = {
+        { "spacings: -1 1 1\n", "byte 61: spacings", "spacing[0] is -1" },
+        { "spacings: 1 1e300 1\n", "byte 61: spacings", "spacing[1]" },
+        { "spacings: 1 1 1e-300\n", "byte 61: spacings", "spacing[2]" },
+        { "axis mins: 0 0 0\naxis maxs: -1 1 1\n", "byte 78: axis maxs", "spacing[0]" },
+        { "axis mins: 1e15 0 0\nspacings: 1 1 1\n", "byte 61: axis mins", "origin[0] is 1e+15" },
+        { "space directions: (1,0,0) (1,0,0) (0,0,1)\n", "byte 61: space directions", "singular" },
+        { "space directions: (1e20,0,0) (0,1,0) (0,0,1)\n", "byte 61: space directions",
+          "spacing[0] is 1e+20" },
+        { "space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,1e15,0)\n",
+          "byte 103: space origin", "origin[1] is 1e+15, more than 2^40" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_bytes("fault.nrrd", cases[i].fields);
+        load_error("fault.nrrd", SP_ERR_FORMAT, cases[i].place, cases[i].text);
+    }
+    write_text("fault.nrrd", "NRRD0004\ntype: block\ndimension: 3\nsizes: 5 4 3\n"
+                             "encoding: raw\n\n");
+    load_error("fault.nrrd", SP_ERR_FORMAT, "byte 9: type", "");
+}
+
 static void hostile_headers_are_explained(void **state) {
     (void)state;
     static const struct {
@@ -512,6 +537,7 @@ int main(void) {
         cmocka_unit_test(two_axes_are_one_slice),
         cmocka_unit_test(data_in_many_files),
         cmocka_unit_test(skips_lead_to_the_samples),
+        cmocka_unit_test(the_field_at_fault_is_named),
         cmocka_unit_test(hostile_headers_are_explained),
         cmocka_unit_test(cut_off_headers_are_explained),
         cmocka_unit_test(gzip_is_counted),

@@ -107,9 +107,11 @@ static void hostile_sidecars_are_explained(void **state) {
         { "{\"dims\": [5,4,2], \"type\": \"uint8\", \"file\": \"s.bin\"}", SP_ERR_FORMAT,
           "s.bin: byte 40: dims", "need 40 bytes, the file has 20 more" },
         { "{\"dims\": [65536,65536,65536], \"type\": \"uint8\", \"file\": \"s.bin\"}",
-          SP_ERR_FORMAT, "h.json", "voxels" },
+          SP_ERR_FORMAT, "h.json: /dims", "voxels" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,1,-1]}",
-          SP_ERR_FORMAT, "h.json", "spacing[2]" },
+          SP_ERR_FORMAT, "h.json: /spacing", "spacing[2]" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"origin\": [0,0,1e15]}",
+          SP_ERR_FORMAT, "h.json: /origin", "origin[2] is 1e+15, more than 2^40" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,null,1]}",
           SP_ERR_FORMAT, "/spacing", "number 1" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,NaN,1]}",
@@ -123,7 +125,7 @@ static void hostile_sidecars_are_explained(void **state) {
           SP_ERR_FORMAT, "/direction/0", "length 2" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\","
           "\"direction\": [[1,0,0],[1,0,0],[0,0,1]]}",
-          SP_ERR_FORMAT, "h.json", "singular" },
+          SP_ERR_FORMAT, "h.json: /direction", "singular" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"unit\": 3}",
           SP_ERR_FORMAT, "/unit", "string" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"unit\": "
