@@ -24,6 +24,11 @@ static unsigned count_cores(void) {
     return n < 1 ? 1 : n > THREADS_MAX ? THREADS_MAX : (unsigned)n;
 }
 
+static uint64_t half_of_memory(void) {
+    long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    return pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page / 2 : UINT64_C(1) << 30;
+}
+
 struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options,
                                        struct sp_error *err) {
     static const struct sp_renderer_options defaults;
@@ -34,6 +39,8 @@ struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options
         return NULL;
     }
     struct sp_backend_options wanted = { .threads = o->threads ? o->threads : count_cores(),
+                                         .memory_bytes =
+                                             o->memory_bytes ? o->memory_bytes : half_of_memory(),
                                          .isa = o->isa ? o->isa : "auto" };
     struct sp_renderer *r = calloc(1, sizeof *r);
     if (!r) {

@@ -32,8 +32,9 @@ struct sp_capabilities {
 #define SP_CAN_ALL UINT32_MAX
 
 struct sp_backend_options {
-    unsigned threads; /* [1, 256] */
-    const char *isa;  /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
+    unsigned threads;      /* [1, 256] */
+    uint64_t memory_bytes; /* as in sp_renderer_options, > 0 */
+    const char *isa; /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
 };
 
 /* One frame to make. */
@@ -62,7 +63,7 @@ struct sp_backend {
 
     /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
      * stages. False with *err set leaves the frame's pixels undefined and the state usable.
-     * SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional; NULL = nothing is derived from volumes. */

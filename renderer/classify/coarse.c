@@ -137,6 +137,15 @@ static bool merge_level(struct merge *m, const struct sp_classify_job *job, stru
     if (list->count > UINT32_MAX)
         return sp_fail(err, SP_ERR_MEMORY, "", "too many visible voxels for a coarse level: %llu",
                        (unsigned long long)list->count);
+    uint64_t entry = sizeof *list->position + sizeof *list->key + sizeof *transfer->table +
+                     (m->fine->lists[2].normal ? sizeof *list->normal : 0);
+    if (job->bytes_max && list->count * entry > job->bytes_max)
+        return sp_fail(
+            err, SP_ERR_BUDGET, "/transfer_function",
+            "a coarse level of %llu voxels takes %llu bytes and %llu are left: make fewer "
+            "voxels visible, or allow more memory",
+            (unsigned long long)list->count, (unsigned long long)(list->count * entry),
+            (unsigned long long)job->bytes_max);
     if (!sp_visible_allocate(list, m->fine->lists[2].normal != NULL, err))
         return false;
     transfer->table = malloc((list->count ? list->count : 1) * sizeof *transfer->table);

@@ -19,7 +19,8 @@ void sp_coarse_grid(const struct sp_grid *fine, struct sp_grid *coarse);
 
 /* Makes *coarse, which is empty, from fine->lists[2]: its grid, its table of classes (one an entry:
  * key = entry) and its list along axis 2, with normals if the fine list has them. On failure
- * *coarse is left for sp_level_finish(): SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+ * *coarse is left for sp_level_finish(): SP_ERR_MEMORY, SP_ERR_BUDGET
+ * (job->bytes_max is what this level may take), SP_ERR_CANCELLED. */
 bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
                     const struct sp_classify_job *job, struct sp_error *err);
 

@@ -27,12 +27,15 @@ void sp_visible_finish(struct sp_visible *list) {
     *list = (struct sp_visible){ 0 };
 }
 
+static uint64_t entry_bytes(const struct sp_visible *list, bool normals) {
+    return sizeof *list->position + sizeof *list->key + (normals ? sizeof *list->normal : 0);
+}
+
 static uint64_t list_bytes(const struct sp_visible *list) {
     if (!list->slices)
         return 0;
     return (list->slices + UINT64_C(1)) * sizeof *list->first +
-           list->count * (sizeof *list->position + sizeof *list->key +
-                          (list->normal ? sizeof *list->normal : 0));
+           list->count * entry_bytes(list, list->normal != NULL);
 }
 
 static void *allocate(uint64_t count, size_t size) {
@@ -48,6 +51,19 @@ bool sp_visible_allocate(struct sp_visible *list, bool normals, struct sp_error 
         return true;
     return sp_fail(err, SP_ERR_MEMORY, "", "no memory for a list of %llu visible voxels",
                    (unsigned long long)list->count);
+}
+
+/* May the classification grow by `more` bytes for `count` visible voxels? */
+static bool may_grow(const struct sp_classification *c, const struct sp_classify_job *job,
+                     uint64_t count, uint64_t more, struct sp_error *err) {
+    uint64_t need = sp_classification_bytes(c) + more;
+    if (job->bytes_max == 0 || need <= job->bytes_max)
+        return true;
+    return sp_fail(
+        err, SP_ERR_BUDGET, "/transfer_function",
+        "%llu voxels are visible, which takes %llu bytes beside the volume, and %llu are "
+        "allowed: make fewer visible, or allow more memory",
+        (unsigned long long)count, (unsigned long long)need, (unsigned long long)job->bytes_max);
 }
 
 struct collect {
@@ -120,6 +136,12 @@ static bool collect_visible(struct sp_classification *c, const struct sp_classif
     for (uint32_t s = 0; s < list->slices; s++)
         list->first[s + 1] += list->first[s];
     list->count = list->first[list->slices];
+    /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
+    uint64_t count = list->count, entry = entry_bytes(list, job->normals);
+    list->count = 0; /* not there yet */
+    if (!may_grow(c, job, count, count * entry * (job->axis == 2 ? 1 : 2), err))
+        return false;
+    list->count = count;
     if (!sp_visible_allocate(list, false, err))
         return false;
     sp_parallel_for(job->pool, list->slices, 1, fill_slices, &collect);
@@ -166,6 +188,8 @@ static bool make_normals(struct sp_classification *c, const struct sp_classify_j
                          struct sp_error *err) {
     struct sp_visible *list = &c->levels[0].lists[2];
     struct normals n = { .list = list, .cancel = job->cancel };
+    if (!may_grow(c, job, list->count, list->count * sizeof *n.normal, err))
+        return false;
     n.normal = allocate(list->count, sizeof *n.normal);
     if (!n.normal)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %llu gradients",
@@ -278,22 +302,30 @@ static bool update_coarse(struct sp_classification *c, unsigned l,
     if (list->slices && (!job->normals || list->normal))
         return true;
     sp_level_finish(level);
-    if (sp_coarse_make(level, &c->levels[l - 1], job, err))
+    struct sp_classify_job rest = *job;
+    uint64_t have = sp_classification_bytes(c);
+    if (job->bytes_max)
+        rest.bytes_max = have < job->bytes_max ? job->bytes_max - have : 1;
+    if (sp_coarse_make(level, &c->levels[l - 1], &rest, err))
         return true;
     sp_level_finish(level);
     return false;
 }
 
-static bool update_axis(struct sp_level *level, const struct sp_classify_job *job,
+static bool update_axis(struct sp_classification *c, const struct sp_classify_job *job,
                         struct sp_error *err) {
+    struct sp_level *level = &c->levels[job->level];
     struct sp_visible *base = &level->lists[2], *list = &level->lists[job->axis];
     if (list->slices && job->normals && !list->normal)
         sp_visible_finish(list);
     if (list->slices)
         return true;
     unsigned other = 1 - job->axis; /* not axis 2: that list exists */
-    if (list_bytes(base) > SPARE_LIST_BYTES)
+    uint64_t more = base->count * entry_bytes(base, base->normal != NULL);
+    if (list_bytes(base) > SPARE_LIST_BYTES || !may_grow(c, job, base->count, more, NULL))
         sp_visible_finish(&level->lists[other]);
+    if (!may_grow(c, job, base->count, more, err))
+        return false;
     if (permute_list(level, job, err))
         return true;
     sp_visible_finish(list);
@@ -308,7 +340,7 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     for (unsigned l = 1; l <= job->level; l++)
         if (!update_coarse(c, l, job, err))
             return false;
-    return update_axis(&c->levels[job->level], job, err);
+    return update_axis(c, job, err);
 }
 
 uint64_t sp_classification_bytes(const struct sp_classification *c) {

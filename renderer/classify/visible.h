@@ -53,16 +53,18 @@ void sp_classification_finish(struct sp_classification *c);
 /* What an update needs beside the classification. */
 struct sp_classify_job {
     const struct sp_transfer_function *tf;
-    unsigned level; /* that will be used, below SP_LEVELS */
-    unsigned axis;  /* of its list that will be used, 0 … 2 */
-    bool normals;   /* that list must have them */
+    unsigned level;     /* that will be used, below SP_LEVELS */
+    unsigned axis;      /* of its list that will be used, 0 … 2 */
+    bool normals;       /* that list must have them */
+    uint64_t bytes_max; /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
 };
 
 /* Brings the list of job->level and job->axis up to date, doing only what the changes ask for: a
  * new colour costs a table (and the coarse levels), a new set of visible values a pass over the
- * volume. On failure what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+ * volume. On failure what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED. */
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err);
 

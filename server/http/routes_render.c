@@ -100,7 +100,11 @@ static void on_done(void *user, const struct srv_still_result *result) {
         if (result->err.code == SP_ERR_CANCELLED)
             sp_log(SP_LOG_INFO, "a picture for %s is not drawn: %s",
                    srv_guard_peer(request->guarded), result->err.text);
-        srv_reply_error(reply, &result->err);
+        /* More than the renderer may keep: waiting does not help, another view does. */
+        if (result->err.code == SP_ERR_BUDGET)
+            srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
+        else
+            srv_reply_error(reply, &result->err);
     } else if (!(reply->owned = malloc(result->size))) {
         srv_reply_problem(reply, 503, NULL, "no memory for an image of %zu bytes", result->size);
     } else {

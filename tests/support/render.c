@@ -24,7 +24,9 @@ bool test_target_at(unsigned i, struct test_target *target) {
 
 bool test_renderer_open(struct test_renderer *r, const struct test_target *target, unsigned threads,
                         struct sp_error *err) {
-    struct sp_renderer_options options = { target->backend, target->isa, threads };
+    struct sp_renderer_options options = { .backend = target->backend,
+                                           .isa = target->isa,
+                                           .threads = threads };
     struct sp_renderer_info info;
     *r = (struct test_renderer){ .renderer = sp_renderer_create(&options, err) };
     if (!r->renderer)

@@ -50,7 +50,7 @@ static void trim(struct cpu_cache *cache, const struct cpu_slot *in_use) {
     uint64_t bytes = 0;
     for (int i = 0; i < CPU_CACHE_SLOTS; i++)
         bytes += sp_classification_bytes(&cache->slots[i].c);
-    for (int i = 0; i < CPU_CACHE_SLOTS && bytes > CPU_CACHE_BYTES; i++) {
+    for (int i = 0; i < CPU_CACHE_SLOTS && bytes > cache->limit_bytes; i++) {
         struct cpu_slot *slot = find_oldest(cache, in_use);
         bytes -= sp_classification_bytes(&slot->c);
         empty_slot(slot);

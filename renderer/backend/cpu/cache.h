@@ -10,8 +10,6 @@
 #include "classify/visible.h"
 
 enum { CPU_CACHE_SLOTS = 8 };
-/* Beyond this the least recently used go, except the one in use. */
-#define CPU_CACHE_BYTES (UINT64_C(1) << 30)
 
 struct cpu_cache {
     struct cpu_slot {
@@ -19,10 +17,12 @@ struct cpu_cache {
         uint64_t used;              /* clock of the last use */
     } slots[CPU_CACHE_SLOTS];
     uint64_t clock;
+    uint64_t limit_bytes; /* beyond this the least recently used go; one alone may not need more */
 };
 
 /* The classification of the volume under job->tf, brought up to date; the cache keeps a reference
- * to the volume. Valid until the next call. NULL with *err set: SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+ * to the volume. Valid until the next call. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED. */
 struct sp_classification *cpu_cache_get(struct cpu_cache *cache, struct sp_volume *volume,
                                         const struct sp_classify_job *job, struct sp_error *err);
 

@@ -39,6 +39,7 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
         return NULL;
     }
     sp_arena_init(&state->arena);
+    state->cache.limit_bytes = options->memory_bytes;
     if (cpu_kernels_init(&state->kernels, options->isa, err))
         state->pool = sp_pool_create(options->threads, err);
     if (!state->pool) {

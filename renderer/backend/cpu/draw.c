@@ -251,6 +251,7 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
                                         .level = d->job->coarse,
                                         .axis = axis,
                                         .normals = view->shading.mode == SP_SHADING_PHONG,
+                                        .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel };
     const struct sp_classification *classification =

@@ -25,6 +25,10 @@ struct sp_renderer_options {
     const char *backend; /* "auto" (default, NULL), "cpu", "null", …: a name of sp_backend_at() */
     const char *isa;  /* "auto" (default, NULL), "scalar": the most that the CPU backend may use */
     unsigned threads; /* [1, 256]; 0 = one a core */
+    /* Most that is derived from volumes and kept between frames: the least recently used goes
+     * first, and a view that needs more than all of it is refused (SP_ERR_BUDGET). 0 = half of the
+     * machine's memory. */
+    uint64_t memory_bytes;
 };
 
 /* NULL with *err set when no backend starts; every refusal is logged with its reason. `options` may
@@ -59,8 +63,8 @@ struct sp_render_options {
 
 /* Renders one frame of view->size. Returns one reference from `pool`, or NULL with *err set:
  * SP_ERR_INVALID (view), SP_ERR_UNSUPPORTED (view, with the pointer), SP_ERR_MEMORY,
- * SP_ERR_CANCELLED, SP_ERR_BACKEND. After an error the renderer is ready for the next call.
- * `options` may be NULL. */
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. After an error the renderer is ready for the
+ * next call. `options` may be NULL. */
 struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
                                     const struct sp_view *view, struct sp_frame_pool *pool,
                                     const struct sp_render_options *options, struct sp_error *err);

@@ -372,6 +372,48 @@ static void coarse_normals_are_those_of_the_surface(void **state) {
     sp_volume_unref(&v);
 }
 
+static void a_budget_is_kept_before_memory_is_taken(void **state) {
+    (void)state;
+    enum { N = 32 };
+    static uint8_t values[N * N * N];
+    for (int i = 0; i < N * N * N; i++)
+        values[i] = 30;
+    struct sp_volume *v = make_volume((uint32_t[3]){ N, N, N }, SP_UINT8, values);
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    struct sp_error err;
+    /* Entries of 8 bytes, 12 with normals, a list or two; the rest is slices and classes. */
+    const struct {
+        unsigned axis;
+        bool normals;
+        uint64_t entries; /* bytes */
+    } cases[] = { { 2, false, 8 }, { 2, true, 12 }, { 0, false, 16 }, { 1, true, 24 } };
+    for (int i = 0; i < 4; i++) {
+        struct sp_classification c;
+        sp_classification_init(&c, v);
+        struct sp_classify_job job = { .tf = &ramp,
+                                       .axis = cases[i].axis,
+                                       .normals = cases[i].normals,
+                                       .bytes_max = N * N * N * cases[i].entries,
+                                       .pool = pool };
+        assert_false(sp_classification_update(&c, &job, &err));
+        assert_int_equal(err.code, SP_ERR_BUDGET);
+        assert_non_null(strstr(err.text, "32768 voxels"));
+        assert_true(sp_classification_bytes(&c) < 1000); /* nothing but the table is left */
+        job.bytes_max += 2000;
+        assert_true(sp_classification_update(&c, &job, &err));
+        assert_true(sp_classification_bytes(&c) <= job.bytes_max);
+        job.level = 1;
+        assert_false(sp_classification_update(&c, &job, &err));
+        assert_int_equal(err.code, SP_ERR_BUDGET);
+        job.bytes_max *= 4;
+        assert_true(sp_classification_update(&c, &job, &err));
+        assert_true(sp_classification_bytes(&c) <= job.bytes_max);
+        sp_classification_finish(&c);
+    }
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
 static void only_what_changed_is_redone(void **state) {
     (void)state;
     uint8_t values[64];
@@ -422,6 +464,7 @@ int main(void) {
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
         cmocka_unit_test(coarse_levels_average_what_was_classified),
         cmocka_unit_test(coarse_normals_are_those_of_the_surface),
+        cmocka_unit_test(a_budget_is_kept_before_memory_is_taken),
         cmocka_unit_test(only_what_changed_is_redone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
