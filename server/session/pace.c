@@ -17,6 +17,7 @@ void srv_pace_add(struct srv_pace *pace, double pixels, double ms) {
     pace->y = pace->y * FORGET + ms;
     pace->xx = pace->xx * FORGET + mpx * mpx;
     pace->xy = pace->xy * FORGET + mpx * ms;
+    pace->doubt = 0;
 }
 
 /* fixed in ms, slope in ms a megapixel, both >= 0. */
@@ -70,8 +71,19 @@ unsigned srv_pace_level(const struct srv_pace levels[SP_COARSE_MAX + 1], const u
     double limit_ms = fmax(budget_ms * 4 / 3, SRV_PACE_ENOUGH_MS);
     for (unsigned level = 0;; level++) {
         srv_pace_size(&levels[level], whole, budget_ms, size);
-        double expected = srv_pace_expect_ms(&levels[level], (double)size[0] * size[1]);
+        double expected = srv_pace_expect_ms(&levels[level], (double)size[0] * size[1]) *
+                          (1 - levels[level].doubt);
         if (level == SP_COARSE_MAX || expected <= limit_ms)
             return level;
     }
+}
+
+void srv_pace_drawn(struct srv_pace levels[SP_COARSE_MAX + 1], unsigned level) {
+    for (unsigned finer = 0; finer < level; finer++)
+        levels[finer].doubt = fmin(levels[finer].doubt + 0.02, SRV_PACE_DOUBT_MAX);
+}
+
+void srv_pace_rest(struct srv_pace levels[SP_COARSE_MAX + 1]) {
+    for (unsigned level = 1; level <= SP_COARSE_MAX; level++)
+        srv_pace_init(&levels[level]);
 }

@@ -17,7 +17,9 @@
 
 struct srv_pace {
     double weight, x, y, xx, xy; /* weighted sums over (pixels, ms) */
+    double doubt; /* of what was measured, the longer ago the more: [0, SRV_PACE_DOUBT_MAX] */
 };
+#define SRV_PACE_DOUBT_MAX 0.5
 
 #define SRV_PACE_AREA_MIN (1.0 / 16) /* of the full picture */
 #define SRV_PACE_ENOUGH_MS 66.0      /* 15 a second: no detail is given up to be faster than this */
@@ -40,5 +42,12 @@ void srv_pace_size(const struct srv_pace *pace, const uint32_t full[2], double b
  * One pace a level. */
 unsigned srv_pace_level(const struct srv_pace levels[SP_COARSE_MAX + 1], const uint32_t full[2],
                         double budget_ms, uint32_t size[2]);
+
+/* A frame was drawn at `level`: finer levels, which were too slow once, are doubted a little more,
+ * so that one slow moment does not blur a long drag. A level twice too slow is not tried again. */
+void srv_pace_drawn(struct srv_pace levels[SP_COARSE_MAX + 1], unsigned level);
+
+/* The view rests: what coarse levels took is forgotten, the next move finds out anew. */
+void srv_pace_rest(struct srv_pace levels[SP_COARSE_MAX + 1]);
 
 #endif

@@ -193,6 +193,9 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
     struct srv_session *s = end_job(hub, job);
     if (s) {
         s->last = *result;
+        srv_pace_drawn(s->pace, job->coarse);
+        if (job->final)
+            srv_pace_rest(s->pace);
         /* What is at rest is told once more; the numbers of a moving view follow in time. */
         for (uint32_t i = 0; job->final && i < job->target_count; i++) {
             struct srv_participant *p = participant_of(s, job->targets[i].participant);

@@ -196,6 +196,34 @@ static void what_size_cannot_hold_coarseness_does(void **state) {
     assert_int_equal(size[0], 512);
 }
 
+static void one_slow_moment_does_not_blur_a_drag(void **state) {
+    (void)state;
+    struct srv_pace levels[SP_COARSE_MAX + 1];
+    uint32_t full[2] = { 512, 512 }, size[2];
+    for (int i = 0; i <= SP_COARSE_MAX; i++)
+        srv_pace_init(&levels[i]);
+    srv_pace_add(&levels[0], 512 * 512, 400);
+    srv_pace_add(&levels[1], 256 * 256, 100); /* it will take 20 ms, but something was in the way */
+    unsigned finest = SP_COARSE_MAX;
+    int tries = 0;
+    for (int frame = 0; frame < 60; frame++) {
+        unsigned level = srv_pace_level(levels, full, 1000.0 / 30, size);
+        srv_pace_add(&levels[level], (double)size[0] * size[1], level == 1 ? 20 : level ? 10 : 400);
+        srv_pace_drawn(levels, level);
+        finest = level < finest ? level : finest;
+        tries += level == 0;
+    }
+    assert_int_equal(finest, 1);
+    assert_int_equal(tries, 0); /* more than twice too slow */
+    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 1);
+    /* After a rest a level that is far too slow is measured once more, no matter how slow it was.
+     */
+    srv_pace_add(&levels[1], 256 * 256, 10000);
+    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 2);
+    srv_pace_rest(levels);
+    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 1);
+}
+
 static void the_outbox_keeps_the_newest(void **state) {
     (void)state;
     struct srv_outbox outbox;
@@ -234,6 +262,7 @@ int main(void) {
         cmocka_unit_test(an_old_round_trip_is_forgotten),
         cmocka_unit_test(the_size_holds_the_budget),
         cmocka_unit_test(what_size_cannot_hold_coarseness_does),
+        cmocka_unit_test(one_slow_moment_does_not_blur_a_drag),
         cmocka_unit_test(the_outbox_keeps_the_newest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
