@@ -5,6 +5,7 @@ import { spawn } from 'node:child_process';
 import { once } from 'node:events';
 import net from 'node:net';
 import path from 'node:path';
+import { after } from 'node:test';
 import { fileURLToPath } from 'node:url';
 import WebSocket from 'ws';
 
@@ -32,6 +33,10 @@ export async function runToEnd(args) {
 }
 
 /** A daemon with the test-card backend. stop() must be called; it checks that nothing went wrong inside. */
+// A test that fails leaves its daemon behind, which would keep this process waiting.
+const running = new Set();
+after(() => running.forEach((child) => child.kill('SIGKILL')));
+
 export class Daemon {
   log = '';
   out = '';
@@ -41,11 +46,15 @@ export class Daemon {
     const daemon = new Daemon();
     const command = [...prefix, path.join(BIN, 'splatd'), '--listen', '127.0.0.1:0', '--backend', backend, ...args];
     daemon.child = spawn(command[0], command.slice(1), { stdio: ['ignore', 'pipe', 'pipe'] });
+    running.add(daemon.child);
     daemon.child.stderr.on('data', (data) => daemon.#note('log', data));
     daemon.child.stdout.on('data', (data) => daemon.#note('out', data));
     daemon.child.on('error', (error) => daemon.#note('out', `${error.message}\n`));
     daemon.ended = new Promise((resolve) => { daemon.child.on('close', (code, signal) => resolve(code ?? signal)); });
-    daemon.ended.then(() => daemon.#note('log', ''));
+    daemon.ended.then(() => {
+      running.delete(daemon.child);
+      daemon.#note('log', '');
+    });
     await daemon.until(() => daemon.out.includes('\n') || daemon.child.exitCode !== null, 'the ready line');
     const [, address] = /^splatd: listening on (\S+)\n$/.exec(daemon.out) ?? [];
     if (!address) throw new Error(`no ready line:\n${daemon.out}\n${daemon.log}`);
