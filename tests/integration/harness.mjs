@@ -32,11 +32,13 @@ export async function runToEnd(args) {
   return { status: code ?? signal, out, err };
 }
 
-/** A daemon with the test-card backend. stop() must be called; it checks that nothing went wrong inside. */
-// A test that fails leaves its daemon behind, which would keep this process waiting.
+// A test that fails leaves its daemon behind: this process does not wait for it, and ends it when it ends itself.
+// (Hooks of the tests' own, which stop daemons, run after this one.)
 const running = new Set();
-after(() => running.forEach((child) => child.kill('SIGKILL')));
+after(() => running.forEach((child) => [child, child.stdout, child.stderr].forEach((handle) => handle.unref())));
+process.on('exit', () => running.forEach((child) => child.kill('SIGKILL')));
 
+/** A daemon with the test-card backend. stop() must be called; it checks that nothing went wrong inside. */
 export class Daemon {
   log = '';
   out = '';
