@@ -72,11 +72,19 @@ static uint64_t half_of_memory(void) {
     return pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page / 2 : UINT64_C(1) << 30;
 }
 
+/* What two renderers may derive together is as much as all volumes may take, but they must be able
+ * to work. */
+#define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
+
 static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
     const struct srv_config *c = d->config;
+    uint64_t budget = c->memory ? (uint64_t)c->memory : half_of_memory();
     struct sp_renderer_options options = { .backend = c->backend,
                                            .isa = c->isa,
-                                           .threads = (unsigned)c->threads };
+                                           .threads = (unsigned)c->threads,
+                                           .memory_bytes = budget / 2 > DERIVED_BYTES_MIN
+                                                               ? budget / 2
+                                                               : DERIVED_BYTES_MIN };
     log->capture = true;
     struct sp_renderer *renderer = sp_renderer_create(&options, err);
     log->capture = false;
@@ -179,7 +187,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .unloaded = on_unloaded,
     };
     if ((d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, log, err) &&
-        start_sessions(d, err) && start_http(d, err) && start_volumes(d, err))
+        start_sessions(d, err) && start_volumes(d, err) && start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;

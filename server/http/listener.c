@@ -168,11 +168,28 @@ static bool check_limits(struct srv_request *request) {
     return false;
 }
 
-static bool is_draining(struct srv_http *http) {
-    pthread_mutex_lock(&http->mutex);
-    bool draining = http->draining;
-    pthread_mutex_unlock(&http->mutex);
-    return draining;
+static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char *name,
+                                 const char *value) {
+    (void)kind;
+    srv_framing_add(user, name, value);
+    return MHD_YES;
+}
+
+/* True: the answer, which is the last on its connection, need not wait for the body. */
+static bool is_turned_away(struct srv_request *request, const char *version) {
+    struct srv_refusal refusal = request->target;
+    if (!refusal.status) {
+        struct srv_framing framing = { .hosts = 0 };
+        MHD_get_connection_values(request->connection, MHD_HEADER_KIND, on_header, &framing);
+        refusal = srv_framing_check(&framing, version);
+    }
+    if (!refusal.status && !request->is_counted)
+        refusal = (struct srv_refusal){ 503, "the daemon is shutting down" };
+    if (!refusal.status)
+        return false;
+    srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
+    srv_reply_header(&request->reply, "Connection", "close");
+    return true;
 }
 
 /* Routes and judges what the headers tell; false: the reply is set. */
@@ -181,11 +198,6 @@ static bool check(struct srv_request *request) {
     unsigned allowed;
     if (!check_limits(request))
         return false;
-    if (is_draining(request->http)) {
-        srv_reply_problem(reply, 503, NULL, "the daemon is shutting down");
-        srv_reply_header(reply, "Connection", "close");
-        return false;
-    }
     request->has_token = srv_secret_equal(request->app->token, srv_request_token(request));
     request->route =
         srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
@@ -219,8 +231,10 @@ static bool check(struct srv_request *request) {
 
 /* The library's callbacks. */
 
-static struct srv_request *request_create(struct srv_http *http, struct MHD_Connection *connection,
-                                          const char *path, const char *method) {
+/* The request line was read. What is returned is the state of on_request. The text is the library's
+ * buffer, which it goes on to parse. */
+static void *on_target(void *user, const char *target, struct MHD_Connection *connection) {
+    struct srv_http *http = user;
     struct srv_request *request = calloc(1, sizeof *request);
     const union MHD_ConnectionInfo *info =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
@@ -232,23 +246,32 @@ static struct srv_request *request_create(struct srv_http *http, struct MHD_Conn
     request->app = &http->options;
     request->connection = connection;
     request->guarded = info->socket_context;
-    request->path = path;
-    request->method = method;
-    request->is_counted = true;
-    pthread_mutex_lock(&http->mutex);
-    http->active++;
-    pthread_mutex_unlock(&http->mutex);
+    if (target)
+        request->target = srv_strict_target((char *)(uintptr_t)target);
     return request;
 }
 
-static enum MHD_Result on_headers(struct srv_request *request) {
-    request->is_refused = !check(request);
+/* Holds up a shutdown until uncount(), unless that has begun. */
+static void count(struct srv_request *request) {
+    struct srv_http *http = request->http;
+    pthread_mutex_lock(&http->mutex);
+    request->is_counted = !http->draining;
+    if (request->is_counted)
+        http->active++;
+    pthread_mutex_unlock(&http->mutex);
+}
+
+static enum MHD_Result on_headers(struct srv_request *request, const char *version) {
+    request->is_begun = true;
+    count(request);
+    bool is_last = is_turned_away(request, version);
+    request->is_refused = is_last || !check(request);
     srv_guard_set_deadline(request->http->guard, request->guarded,
                            srv_clock_ms() + (double)request->app->config->request_time_ms);
     /* A client that waits for permission to send its body gets the answer instead. */
     const char *length = srv_request_header(request, "Content-Length");
     bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
-    if (request->is_refused && (hopeless || srv_request_header(request, "Expect")))
+    if (is_last || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
         return queue(request);
     return MHD_YES;
 }
@@ -287,12 +310,15 @@ static enum MHD_Result on_body(struct srv_request *request, const char *bytes, s
 static enum MHD_Result on_request(void *user, struct MHD_Connection *connection, const char *path,
                                   const char *method, const char *version, const char *bytes,
                                   size_t *size, void **state) {
-    (void)version;
+    (void)user;
+    (void)connection;
     struct srv_request *request = *state;
-    if (!request) {
-        *state = request = request_create(user, connection, path, method);
-        return request ? on_headers(request) : MHD_NO;
-    }
+    if (!request)
+        return MHD_NO;
+    request->path = path;
+    request->method = method;
+    if (!request->is_begun)
+        return on_headers(request, version);
     if (*size > 0)
         return on_body(request, bytes, size);
     if (request->is_answered)
@@ -390,16 +416,16 @@ static int open_socket(const struct srv_address *address, const char *text, stru
 
 static bool start(struct srv_http *http, int fd, struct sp_error *err) {
     const struct srv_config *config = http->options.config;
-    http->daemon =
-        MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE |
-                             MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG,
-                         0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
-                         MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_THREAD_POOL_SIZE,
-                         (unsigned)config->http_threads, MHD_OPTION_CONNECTION_LIMIT,
-                         (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads),
-                         MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)config->header_size,
-                         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http,
-                         MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
+    http->daemon = MHD_start_daemon(
+        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME |
+            MHD_USE_ERROR_LOG,
+        0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
+        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
+        MHD_OPTION_CONNECTION_LIMIT,
+        (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads),
+        MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)config->header_size,
+        MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_NOTIFY_COMPLETED, on_completed,
+        http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
     return http->daemon || sp_fail(err, SP_ERR_IO, http->address, "cannot start the HTTP threads");
 }
 
@@ -449,9 +475,8 @@ void srv_http_drain(struct srv_http *http, double limit_ms) {
     long long ns = until.tv_nsec + (long long)(limit_ms * 1e6);
     until.tv_sec += ns / 1000000000;
     until.tv_nsec = ns % 1000000000;
-    int fd = MHD_quiesce_daemon(http->daemon);
-    if (fd >= 0)
-        close(fd);
+    /* MHD_quiesce_daemon is not for a pool of threads: they take the listening socket in and out of
+     * their epoll sets as they like, and the library aborts when both do. */
     pthread_mutex_lock(&http->mutex);
     http->draining = true;
     while (http->active > 0)

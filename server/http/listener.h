@@ -19,6 +19,7 @@
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/streams.h"
+#include "http/strict.h"
 #include "render/scheduler.h"
 
 struct srv_http_options {
@@ -36,12 +37,13 @@ struct srv_http_options {
 
 struct srv_http;
 
-/* Binds and listens; SP_ERR_IO with the address when that fails (port in use …). Answers nothing
- * but 503 before srv_http_set_ready(). */
+/* Binds, listens and answers from then on; SP_ERR_IO with the address when that fails (port in use
+ * …). */
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
 /* "127.0.0.1:8080": where it really listens. */
 const char *srv_http_address(const struct srv_http *http);
-/* Stops accepting; waits until requests under way are answered, at most `limit_ms`. */
+/* From now on every new request is answered with 503 and its connection ends; waits until requests
+ * under way are answered, at most `limit_ms`. */
 void srv_http_drain(struct srv_http *http, double limit_ms);
 /* After the scheduler was stopped and the streams are gone. */
 void srv_http_destroy(struct srv_http **http);
@@ -65,7 +67,8 @@ struct srv_request {
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
     size_t body_seen, body_capacity;
-    bool is_refused, is_answered, is_dispatched, is_suspended, is_counted;
+    struct srv_refusal target; /* what is wrong with the address */
+    bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 
 /* NULL if it was not given. Lives as long as the request. */

@@ -64,6 +64,7 @@ static const char *title_of(unsigned status) {
         { 406, "Not Acceptable" },
         { 409, "Conflict" },
         { 413, "Content Too Large" },
+        { 414, "URI Too Long" },
         { 415, "Unsupported Media Type" },
         { 422, "Unprocessable Content" },
         { 426, "Upgrade Required" },

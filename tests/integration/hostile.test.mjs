@@ -201,6 +201,37 @@ test('garbage on the port', async () => {
   await othersAreServed();
 });
 
+test('requests that a proxy could read in another way are refused and end their connection', async () => {
+  const post = 'POST /api/v1/render HTTP/1.1\r\n';
+  const many = 'a=b&'.repeat(500);
+  for (const [text, status, detail] of [
+    [`${post}Host: x\r\nContent-Length: 2\r\nContent-Length: 2\r\n\r\n{}`, 400, /Content-Length/],
+    [`${post}Host: x\r\nContent-Length: 2\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n`, 400, /Transfer-Encoding/],
+    [`${post}Host: x\r\nTransfer-Encoding: gzip\r\n\r\n`, 400, /must be chunked/],
+    [`${post}Host: x\r\nTransfer-Encoding: gzip, chunked\r\n\r\n0\r\n\r\n`, 400, /must be chunked/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n', 400, /one Host/],
+    ['GET /healthz HTTP/1.1\r\n\r\n', 400, /one Host/],
+    [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /header's name/],
+    ['GET /%00 HTTP/1.1\r\nHost: x\r\n\r\n', 400, /%00/],
+    [`GET /api/v1/volumes?token=${daemon.token}%00x HTTP/1.1\r\nHost: x\r\n\r\n`, 400, /%00/],
+    [`GET /healthz?${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /64/],
+    [`DELETE /api/v1/volumes/engine?token=${daemon.token}&${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /64/]]) {
+    const raw = await Raw.connect(daemon.port);
+    // What follows must not be taken for a request.
+    raw.write(`${text}GET /smuggled HTTP/1.1\r\nHost: x\r\n\r\n`);
+    await raw.until(() => raw.ended, `the end after ${text.slice(0, 80)}`);
+    const answers = raw.text().match(/^HTTP\/1.1 \d+/gm);
+    assert.deepEqual(answers, [`HTTP/1.1 ${status}`], text.slice(0, 80));
+    assert.match(raw.text(), detail);
+    raw.destroy();
+  }
+  const raw = await Raw.connect(daemon.port);
+  raw.write('GET /healthz HTTP/1.0\r\n\r\n');
+  await raw.until(() => raw.text().startsWith('HTTP/1.1 200'), 'an answer to HTTP/1.0 without Host');
+  raw.destroy();
+  await othersAreServed();
+});
+
 test('a client that sends its header a byte at a time is cut off', async () => {
   const raw = await Raw.connect(daemon.port);
   const text = `GET /healthz HTTP/1.1\r\nHost: ${'x'.repeat(10000)}`;

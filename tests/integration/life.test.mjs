@@ -81,6 +81,7 @@ test('limits: sessions, participants, the render queue; idle sessions end', asyn
   await daemon.loaded('engine');
   const session = await daemon.session();
   const streams = [await daemon.stream({ session }), await daemon.stream({ session })];
+  await streams[0].note('session.participants', (p) => p.participants.length === 2);
   await assert.rejects(Stream.open(daemon.streamUrl(session)), { status: 503 });
   await daemon.session();
   const { status, headers, json } = await daemon.post('/api/v1/sessions', {});
@@ -157,6 +158,12 @@ for (const signal of ['SIGTERM', 'SIGINT']) {
     assert.equal(json.status, 'ok');
     daemon.kill(signal);
     await stream.note('server.draining');
+    // Who comes now is told so at once, also before a body.
+    const late = await Raw.connect(daemon.port);
+    late.write('POST /api/v1/render HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n');
+    await late.until(() => late.text().includes('shutting down'), 'the refusal');
+    for (const part of [/^HTTP\/1.1 503/, /^Retry-After: 1\r$/m, /^Connection: close\r$/m]) assert.match(late.text(), part);
+    late.destroy();
     raw.write(' ');
     await raw.until(() => raw.text().includes('\r\n\r\n'), 'the answer');
     assert.match(raw.text(), /^HTTP\/1.1 200/);
@@ -169,6 +176,24 @@ for (const signal of ['SIGTERM', 'SIGINT']) {
     await assert.rejects(Raw.connect(daemon.port));
   });
 }
+
+test('starts that fail, and ends under traffic, have their exit status', async () => {
+  const absent = path.join(folder, 'absent.nrrd');
+  for (let i = 0; i < 20; i++) {
+    const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--volume', absent]);
+    assert.equal(status, 1, err);
+  }
+  for (let i = 0; i < 8; i++) {
+    const daemon = await Daemon.start([]);
+    const traffic = Array.from({ length: 4 }, async () => {
+      for (;;) await daemon.json('/healthz');
+    });
+    await Promise.all(Array.from({ length: 4 }, () => daemon.json('/healthz')));
+    const ended = Promise.all(traffic.map((t) => t.catch(() => {})));
+    assert.equal(await daemon.stop(), 0, daemon.log);
+    await ended;
+  }
+});
 
 test('a second signal ends at once', async () => {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--drain-time', '500']);

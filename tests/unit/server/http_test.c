@@ -13,6 +13,7 @@
 #include "http/headers.h"
 #include "http/reply.h"
 #include "http/router.h"
+#include "http/strict.h"
 
 static void nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
@@ -209,12 +210,68 @@ static void problems(void **state) {
     srv_reply_finish(&reply);
 }
 
+static void targets(void **state) {
+    (void)state;
+    char fine[] = "/a&b%20c?x=1&y=%41&&z", nul[] = "/a?token=x%00y", many[256] = "/&?",
+         most[256] = "/?";
+    assert_int_equal(srv_strict_target(fine).status, 0);
+    assert_string_equal(fine, "/a&b%20c?x=1&y=%41&&z");
+    assert_int_equal(srv_strict_target(nul).status, 400);
+    for (int i = 0; i < SRV_ARGUMENTS_MAX; i++) {
+        strcat(most, "a&");
+        strcat(many, "a&");
+    }
+    assert_int_equal(srv_strict_target(most).status, 0);
+    strcat(many, "b&");
+    assert_int_equal(srv_strict_target(many).status, 414);
+    assert_int_equal(strncmp(many, "/&?a_a_", 7), 0);
+    assert_null(strchr(many + 2, '&'));
+}
+
+static void framing(void **state) {
+    (void)state;
+    static const struct {
+        unsigned status;
+        const char *version, *headers[7]; /* name, value … */
+    } cases[] = {
+        { 0, "HTTP/1.1", { "Host", "x" } },
+        { 0, "HTTP/1.1", { "host", "x", "content-length", "5" } },
+        { 0, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "Chunked" } },
+        { 0, "HTTP/1.0", { "Accept", "x" } },
+        { 400, "HTTP/1.1", { "Accept", "x" } },
+        { 400, "HTTP/1.0", { "Host", "x", "Host", "x" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5", "Content-Length", "5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5, 5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "+5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "10000000000000000000" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5", "Transfer-Encoding", "chunked" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "gzip, chunked" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "identity" } },
+        { 400,
+          "HTTP/1.1",
+          { "Host", "x", "Transfer-Encoding", "chunked", "Transfer-Encoding", "chunked" } },
+        { 400, "HTTP/1.0", { "Host", "x", "Transfer-Encoding", "chunked" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length ", "5" } },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_framing seen = { .hosts = 0 };
+        for (int h = 0; cases[i].headers[h]; h += 2)
+            srv_framing_add(&seen, cases[i].headers[h], cases[i].headers[h + 1]);
+        struct srv_refusal refusal = srv_framing_check(&seen, cases[i].version);
+        if (refusal.status != cases[i].status)
+            fail_msg("case %zu: %u %s", i, refusal.status, refusal.detail);
+        assert_true(!refusal.detail == !refusal.status);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(routing),   cmocka_unit_test(origins),
         cmocka_unit_test(accepting), cmocka_unit_test(tokens_and_types),
         cmocka_unit_test(addresses), cmocka_unit_test(handshake),
-        cmocka_unit_test(problems),
+        cmocka_unit_test(problems),  cmocka_unit_test(targets),
+        cmocka_unit_test(framing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

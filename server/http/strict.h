@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Requests that two programs could understand differently are refused: behind a reverse proxy such
+ * a difference lets a client smuggle a request past it (RFC 9112, sections 6.3 and 11.2).
+ */
+#ifndef SRV_HTTP_STRICT_H
+#define SRV_HTTP_STRICT_H
+
+#include <stdbool.h>
+
+enum { SRV_ARGUMENTS_MAX = 64 }; /* '&' in a query */
+
+struct srv_refusal {
+    unsigned status;    /* 0 = none */
+    const char *detail; /* constant */
+};
+
+/* Judges the target of a request line before it is decoded. Of a query with too many arguments only
+ * one is left: the HTTP library would fill its memory with them and have none for the answer. */
+struct srv_refusal srv_strict_target(char *target);
+
+/* What the headers say about where the request ends. */
+struct srv_framing {
+    unsigned hosts, lengths, encodings;
+    bool is_not_number, is_not_chunked, is_not_name;
+};
+void srv_framing_add(struct srv_framing *framing, const char *name, const char *value);
+/* version: "HTTP/1.1" … */
+struct srv_refusal srv_framing_check(const struct srv_framing *framing, const char *version);
+
+#endif
