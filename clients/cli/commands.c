@@ -54,6 +54,8 @@ int command_volumes(const struct options *options, struct sp_error *err) {
         printf("%-24s %-8s %-16s %-8s %9s  %s\n", "ID", "STATE", "DIMS", "TYPE", "MB", "SOURCE");
         for (size_t i = 0; i < proto_json_size(list); i++)
             print_volume(proto_json_at(list, i));
+        ok = (fflush(stdout) == 0 && !ferror(stdout)) ||
+             sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
     }
     proto_json_free(&answer);
     return ok ? 0 : 1;
@@ -124,6 +126,9 @@ static proto_json *post_volume(struct http *http, const char *source, struct sp_
         volume = http_json(http, "POST", "/volumes", body, err);
     else
         sp_fail(err, SP_ERR_MEMORY, source, "out of memory");
+    /* The daemon names the member of our request; the user gave its value. */
+    if (!volume && (strcmp(err->place, "/path") == 0 || strcmp(err->place, "/uri") == 0))
+        snprintf(err->place, sizeof err->place, "%s", source);
     free(body);
     return volume;
 }

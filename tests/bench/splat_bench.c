@@ -280,8 +280,11 @@ static int run(const struct options *o, char **files, int count) {
             bench_scene_close(&scene);
         }
         if (!ok) {
-            fprintf(stderr, "splat-bench: %s:\n", o->volume ? o->volume : files[i]);
-            status = fail(&err);
+            const char *source = o->volume ? o->volume : files[i];
+            bool known = !err.place[0] || strcmp(err.place, source) == 0;
+            fprintf(stderr, "splat-bench: %s%s%s: %s\n", source, known ? "" : ": ",
+                    known ? "" : err.place, err.text);
+            status = EXIT_FAILURE;
         }
     }
     sp_frame_pool_destroy(&pool);
