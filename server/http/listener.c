@@ -247,7 +247,8 @@ static void *on_target(void *user, const char *target, struct MHD_Connection *co
     request->connection = connection;
     request->guarded = info->socket_context;
     if (target)
-        request->target = srv_strict_target((char *)(uintptr_t)target);
+        request->target = srv_strict_target((char *)(uintptr_t)target,
+                                            (size_t)http->options.config->header_size / 4);
     return request;
 }
 

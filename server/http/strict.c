@@ -4,19 +4,21 @@
 #include <string.h>
 #include <strings.h>
 
-struct srv_refusal srv_strict_target(char *target) {
-    if (strstr(target, "%00"))
-        return (struct srv_refusal){ 400, "%00 in an address means nothing here" };
+struct srv_refusal srv_strict_target(char *target, size_t limit) {
     char *query = strchr(target, '?');
     unsigned count = 0;
     for (const char *c = query; c && *c; c++)
         count += *c == '&';
-    if (count <= SRV_ARGUMENTS_MAX)
-        return (struct srv_refusal){ 0, NULL };
-    for (char *c = query; *c; c++)
-        if (*c == '&')
-            *c = '_';
-    return (struct srv_refusal){ 414, "the query has more than 64 '&'" };
+    bool is_long = strlen(target) > limit;
+    if (query && (is_long || count > SRV_ARGUMENTS_MAX))
+        memset(query + 1, 0, strlen(query + 1));
+    if (is_long)
+        return (struct srv_refusal){ 414, "the address is longer than a quarter of --header-size" };
+    if (count > SRV_ARGUMENTS_MAX)
+        return (struct srv_refusal){ 414, "the query has more than 16 '&'" };
+    if (strstr(target, "%00"))
+        return (struct srv_refusal){ 400, "%00 in an address means nothing here" };
+    return (struct srv_refusal){ 0, NULL };
 }
 
 static bool is_name(const char *name) {

@@ -7,17 +7,19 @@
 #define SRV_HTTP_STRICT_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
-enum { SRV_ARGUMENTS_MAX = 64 }; /* '&' in a query */
+enum { SRV_ARGUMENTS_MAX = 16 }; /* '&' in a query */
 
 struct srv_refusal {
     unsigned status;    /* 0 = none */
     const char *detail; /* constant */
 };
 
-/* Judges the target of a request line before it is decoded. Of a query with too many arguments only
- * one is left: the HTTP library would fill its memory with them and have none for the answer. */
-struct srv_refusal srv_strict_target(char *target);
+/* Judges the target of a request line before it is decoded; at most `limit` bytes. A query that is
+ * too much is erased: the HTTP library would fill its memory with the arguments and have none left
+ * for the answer. */
+struct srv_refusal srv_strict_target(char *target, size_t limit);
 
 /* What the headers say about where the request ends. */
 struct srv_framing {

@@ -214,8 +214,9 @@ test('requests that a proxy could read in another way are refused and end their 
     [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /header's name/],
     ['GET /%00 HTTP/1.1\r\nHost: x\r\n\r\n', 400, /%00/],
     [`GET /api/v1/volumes?token=${daemon.token}%00x HTTP/1.1\r\nHost: x\r\n\r\n`, 400, /%00/],
-    [`GET /healthz?${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /64/],
-    [`DELETE /api/v1/volumes/engine?token=${daemon.token}&${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /64/]]) {
+    [`GET /healthz?${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /16/],
+    [`DELETE /api/v1/volumes/engine?token=${daemon.token}&${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /16/],
+    [`GET /healthz?${'a&'.repeat(10)}${'a'.repeat(29500)} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /--header-size/]]) {
     const raw = await Raw.connect(daemon.port);
     // What follows must not be taken for a request.
     raw.write(`${text}GET /smuggled HTTP/1.1\r\nHost: x\r\n\r\n`);
