@@ -70,6 +70,11 @@ static const struct sp_demo_maker *parse_source(const char *source, uint32_t *si
     return maker;
 }
 
+bool sp_demo_check(const char *source, struct sp_error *err) {
+    uint32_t size;
+    return parse_source(source, &size, err) != NULL;
+}
+
 struct making {
     const struct sp_demo_maker *maker;
     const void *prepared;

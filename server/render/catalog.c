@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "clock.h"
 #include "sp/log.h"
@@ -34,7 +35,8 @@ struct srv_volume {
 
 struct srv_catalog {
     struct srv_catalog_options options;
-    char *data; /* resolved; NULL = none */
+    char *data;              /* resolved; NULL = none */
+    pthread_mutex_t telling; /* what is told comes in the order in which it happened; taken first */
     pthread_mutex_t mutex;
     pthread_cond_t changed; /* something to load, or stop */
     pthread_t loader;
@@ -69,19 +71,27 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     return ok;
 }
 
+static void tell(struct srv_catalog *catalog, const char *id, const char *state, double fraction,
+                 const char *reason) {
+    catalog->options.progress(catalog->options.user, id, state, fraction, reason);
+}
+
 static bool progress(void *user, double fraction) {
     struct srv_catalog *catalog = user;
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = catalog->loading;
-    bool go_on = !catalog->stop, tell = now_ms - v->told_ms >= PROGRESS_MS;
+    bool go_on = !catalog->stop, is_due = now_ms - v->told_ms >= PROGRESS_MS;
     v->progress = fraction;
-    if (tell)
+    if (is_due)
         v->told_ms = now_ms;
     pthread_mutex_unlock(&catalog->mutex);
     /* The id of an entry that is loading does not change and the entry stays. */
-    if (tell)
-        catalog->options.progress(catalog->options.user, v->id, "loading", fraction, "");
+    if (is_due) {
+        pthread_mutex_lock(&catalog->telling);
+        tell(catalog, v->id, "loading", fraction, "");
+        pthread_mutex_unlock(&catalog->telling);
+    }
     return go_on;
 }
 
@@ -93,7 +103,9 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .root = v->confined ? catalog->data : NULL,
                                        .importer = catalog->options.importer };
     double start_ms = srv_clock_ms();
-    catalog->options.progress(catalog->options.user, v->id, "loading", 0, "");
+    pthread_mutex_lock(&catalog->telling); /* after the end of an earlier volume of this id */
+    tell(catalog, v->id, "loading", 0, "");
+    pthread_mutex_unlock(&catalog->telling);
     struct sp_volume *volume = sp_volume_load(v->source, &options, &err);
     double took_ms = srv_clock_ms() - start_ms;
     if (volume) {
@@ -106,6 +118,7 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
         sp_log(SP_LOG_ERROR, "volume %s failed to load: %s%s%s", v->id, err.place,
                err.place[0] ? ": " : "", err.text);
     }
+    pthread_mutex_lock(&catalog->telling);
     pthread_mutex_lock(&catalog->mutex);
     v->volume = volume;
     v->error = err;
@@ -119,8 +132,8 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     memcpy(id, v->id, sizeof id);
     double fraction = v->progress;
     pthread_mutex_unlock(&catalog->mutex);
-    catalog->options.progress(catalog->options.user, id, volume ? "ready" : "failed", fraction,
-                              err.text);
+    tell(catalog, id, volume ? "ready" : "failed", fraction, err.text);
+    pthread_mutex_unlock(&catalog->telling);
 }
 
 static void *load_thread(void *user) {
@@ -143,6 +156,18 @@ static void *load_thread(void *user) {
     return NULL;
 }
 
+/* malloc'ed; NULL with errno set. */
+static char *real_folder(const char *path) {
+    char *real = realpath(path, NULL);
+    struct stat found;
+    if (real && (stat(real, &found) != 0 || !S_ISDIR(found.st_mode))) {
+        free(real);
+        real = NULL;
+        errno = ENOTDIR;
+    }
+    return real;
+}
+
 struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options,
                                        struct sp_error *err) {
     struct srv_catalog *catalog = calloc(1, sizeof *catalog);
@@ -151,13 +176,14 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
         return NULL;
     }
     catalog->options = *options;
-    if (options->data && !(catalog->data = realpath(options->data, NULL))) {
+    if (options->data && !(catalog->data = real_folder(options->data))) {
         sp_fail(err, SP_ERR_IO, options->data, "cannot use this folder for --data: %s",
                 strerror(errno));
         free(catalog);
         return NULL;
     }
     pthread_mutex_init(&catalog->mutex, NULL);
+    pthread_mutex_init(&catalog->telling, NULL);
     pthread_cond_init(&catalog->changed, NULL);
     int failed = pthread_create(&catalog->loader, NULL, load_thread, catalog);
     if (failed) {
@@ -200,6 +226,7 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
     }
     pthread_cond_destroy(&catalog->changed);
     pthread_mutex_destroy(&catalog->mutex);
+    pthread_mutex_destroy(&catalog->telling);
     free(catalog->data);
     free(catalog);
 }
@@ -207,8 +234,16 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
 /* The key of a source: the real path, or the demo's text. malloc'ed. */
 static char *resolve(const struct srv_catalog *catalog, const struct srv_volume_request *request,
                      struct sp_error *err) {
-    if (strncmp(request->source, "demo:", 5) == 0)
-        return strdup(request->source);
+    if (strncmp(request->source, "demo:", 5) == 0) {
+        struct sp_error why;
+        if (sp_demo_check(request->source, &why))
+            return strdup(request->source);
+        if (request->confined)
+            sp_fail(err, why.code, "/uri", "%.100s: %s", request->source, why.text);
+        else
+            *err = why;
+        return NULL;
+    }
     char joined[PATH_MAX];
     const char *path = request->source;
     if (request->confined) {
@@ -367,6 +402,7 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
 bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
                         struct sp_error *err) {
     *conflict = false;
+    pthread_mutex_lock(&catalog->telling);
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume **link = &catalog->entries;
     while (*link && strcmp((*link)->id, id) != 0)
@@ -386,6 +422,9 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
         catalog->used_bytes -= v->reserved_bytes;
     }
     pthread_mutex_unlock(&catalog->mutex);
+    if (ok)
+        tell(catalog, v->id, "unloaded", 0, "");
+    pthread_mutex_unlock(&catalog->telling);
     if (ok) {
         sp_log(SP_LOG_INFO, "volume %s unloaded", v->id);
         if (v->volume)

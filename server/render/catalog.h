@@ -28,7 +28,7 @@ struct srv_catalog_options {
     const char *data;      /* folder for loads by HTTP; NULL = none */
     const char *importer;  /* splat-import; NULL = beside the program */
     void *user;
-    /* From the load thread; must not call the catalog. */
+    /* From the load thread, and "unloaded" from srv_catalog_remove; must not call the catalog. */
     void (*progress)(void *user, const char *id, const char *state, double progress,
                      const char *reason);
     /* The entry is gone: forget what was derived; the callee unrefs. */

@@ -88,8 +88,9 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
 bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Ends idle sessions; returns when to call again, in ms from now (at most 1000). */
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
-/* Tells all participants: a volume's state ("loading", "ready", "failed"), progress in [0,1], and
- * the reason of a failure ("" = none). */
+/* Tells all participants: a volume's state ("loading", "ready", "failed", "unloaded"), progress in
+ * [0,1], and the reason of a failure ("" = none). Who joins later hears nothing of an unloaded one.
+ */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason);
 /* What the status line of clients shows besides the frame's own numbers. Constant strings. */

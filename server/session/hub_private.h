@@ -32,7 +32,8 @@ struct srv_participant {
     enum srv_role role;
     bool is_ready; /* in the hub's ready list */
     unsigned notes;
-    uint64_t volume_told; /* hub->volume_clock up to which progress was told */
+    uint64_t volume_told;  /* hub->volume_clock up to which progress was told */
+    uint64_t volume_start; /* hub->volume_clock when it joined */
     struct sp_error error;
     uint16_t close_code;
     const char *close_reason;

@@ -51,6 +51,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     if (session) {
         p->id = ++hub->next_participant;
         p->session = session;
+        p->volume_start = hub->volume_clock;
         p->next = session->participants;
         session->participants = p;
         session->participant_count++;
@@ -169,6 +170,8 @@ static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p
     const struct srv_volume_note *note = NULL;
     for (unsigned i = 0; i < hub->volume_count; i++)
         if (hub->volumes[i].clock > p->volume_told &&
+            (hub->volumes[i].clock > p->volume_start ||
+             strcmp(hub->volumes[i].state, "unloaded") != 0) &&
             (!note || hub->volumes[i].clock < note->clock))
             note = &hub->volumes[i];
     if (!note)

@@ -200,6 +200,8 @@ test('a volume over the budget is refused with both numbers', async () => {
 });
 
 test('bodies that ask for no volume', async () => {
+  isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:nope' }), 404, /demo:nope: no such built-in volume/);
+  isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:engine?size=-1' }), 422, /size=N/);
   isProblem(await daemon.post('/api/v1/volumes', {}), 422);
   isProblem(await daemon.post('/api/v1/volumes', { path: 'a', uri: 'demo:engine' }), 422);
   isProblem(await daemon.post('/api/v1/volumes', { path: 3 }), 422);

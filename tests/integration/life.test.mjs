@@ -47,6 +47,15 @@ test('wrong use: status 2, and what is wrong', async () => {
   assert.equal(absent.status, 1);
   assert.match(absent.err, /splatd: \/nonexistent.nrrd: cannot open/);
   assert.equal((await runToEnd(['--config', '/nonexistent'])).status, 1);
+  for (const [args, wanted, text] of [
+    [['--volume', 'demo:nope'], 1, /demo:nope: no such built-in volume; there are .*engine/],
+    [['--volume', 'demo:engine?size=-1'], 2, /demo:engine\?size=-1: .*\?size=N/],
+    [['--data', file('no-folder', '')], 1, /no-folder: cannot use this folder for --data/]]) {
+    const { status, out, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', ...args]);
+    assert.equal(status, wanted, err);
+    assert.equal(out, '');
+    assert.match(err.trim().split('\n').at(-1), text);
+  }
 });
 
 test('a port in use is named', async () => {

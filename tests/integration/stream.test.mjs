@@ -216,7 +216,15 @@ test('loading a volume is told to those who watch', async () => {
   const stream = await daemon.stream();
   await daemon.post('/api/v1/volumes', { uri: 'demo:checkerboard?size=16', id: 'squares' });
   await stream.note('volume.progress', (p) => p.volume === 'squares' && p.state === 'ready' && p.progress === 1);
-  await stream.end();
+  assert.equal((await daemon.fetch('/api/v1/volumes/squares', { method: 'DELETE' })).status, 204);
+  await stream.note('volume.progress', (p) => p.volume === 'squares' && p.state === 'unloaded');
+  // Who comes later hears nothing of it.
+  const later = await daemon.stream();
+  await daemon.post('/api/v1/volumes', { uri: 'demo:checkerboard?size=16', id: 'others' });
+  await later.note('volume.progress', (p) => p.volume === 'others' && p.state === 'ready');
+  assert.ok(!later.notes.some((n) => n.params.volume === 'squares'));
+  assert.equal((await daemon.fetch('/api/v1/volumes/others', { method: 'DELETE' })).status, 204);
+  await Promise.all([stream.end(), later.end()]);
 });
 
 test('the stream is refused: wrong token, no token, no such session, other origin, other subprotocol', async () => {

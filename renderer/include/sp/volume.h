@@ -104,5 +104,8 @@ struct sp_demo {
     uint32_t default_size; /* voxels along the longest axis */
 };
 const struct sp_demo *sp_demo_at(size_t i);
+/* Would sp_volume_load() know this "demo:…" source? SP_ERR_NOT_FOUND (name), SP_ERR_INVALID (size).
+ */
+bool sp_demo_check(const char *source, struct sp_error *err);
 
 #endif

@@ -322,6 +322,30 @@ static void notifications_tell_the_state_not_its_history(void **state) {
     srv_hub_leave(f->hub, &b, 30);
 }
 
+static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = join(f, 0);
+    struct srv_message message;
+    drain(f, a, 0);
+    srv_hub_volume_progress(f->hub, "w", "ready", 1, "");
+    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "");
+    assert_int_equal(srv_hub_next_message(f->hub, a, true, 20, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "\"state\":\"unloaded\""));
+    free(message.text);
+    assert_int_equal(srv_hub_next_message(f->hub, a, true, 20, &message), SRV_MESSAGE_NONE);
+    struct srv_participant *b = join(f, 20);
+    while (srv_hub_next_message(f->hub, b, true, 20, &message) == SRV_MESSAGE_TEXT) {
+        assert_null(strstr(message.text, "volume.progress"));
+        free(message.text);
+    }
+    srv_hub_volume_progress(f->hub, "w", "loading", 0, "");
+    assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "\"state\":\"loading\""));
+    free(message.text);
+    srv_hub_leave(f->hub, &a, 30);
+    srv_hub_leave(f->hub, &b, 30);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -332,6 +356,7 @@ int main(void) {
         TEST(one_picture_for_all_who_see_the_same),
         TEST(idle_sessions_end),
         TEST(notifications_tell_the_state_not_its_history),
+        TEST(an_unloaded_volume_is_told_once_and_forgotten),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
