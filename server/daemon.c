@@ -207,6 +207,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     if (!d)
         return;
     struct srv_http *http = atomic_load(&d->http);
+    if (http)
+        srv_http_close(http); /* before anybody is told */
     if (d->hub)
         srv_hub_drain(d->hub);
     if (http)

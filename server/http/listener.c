@@ -470,16 +470,21 @@ void srv_http_tick(void *user, double now_ms) {
     srv_guard_sweep(http->guard, now_ms);
 }
 
+/* MHD_quiesce_daemon is not for a pool of threads: they take the listening socket in and out of
+ * their epoll sets as they like, and the library aborts when both do. */
+void srv_http_close(struct srv_http *http) {
+    pthread_mutex_lock(&http->mutex);
+    http->draining = true;
+    pthread_mutex_unlock(&http->mutex);
+}
+
 void srv_http_drain(struct srv_http *http, double limit_ms) {
     struct timespec until;
     clock_gettime(CLOCK_MONOTONIC, &until);
     long long ns = until.tv_nsec + (long long)(limit_ms * 1e6);
     until.tv_sec += ns / 1000000000;
     until.tv_nsec = ns % 1000000000;
-    /* MHD_quiesce_daemon is not for a pool of threads: they take the listening socket in and out of
-     * their epoll sets as they like, and the library aborts when both do. */
     pthread_mutex_lock(&http->mutex);
-    http->draining = true;
     while (http->active > 0)
         if (pthread_cond_timedwait(&http->idle, &http->mutex, &until) == ETIMEDOUT)
             break;

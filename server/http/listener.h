@@ -42,8 +42,9 @@ struct srv_http;
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
 /* "127.0.0.1:8080": where it really listens. */
 const char *srv_http_address(const struct srv_http *http);
-/* From now on every new request is answered with 503 and its connection ends; waits until requests
- * under way are answered, at most `limit_ms`. */
+/* From now on every new request is answered with 503 and its connection ends. */
+void srv_http_close(struct srv_http *http);
+/* After srv_http_close(): waits until requests under way are answered, at most `limit_ms`. */
 void srv_http_drain(struct srv_http *http, double limit_ms);
 /* After the scheduler was stopped and the streams are gone. */
 void srv_http_destroy(struct srv_http **http);
