@@ -4,10 +4,12 @@
 #include <assert.h>
 #include <ctype.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "protocol/limits.h"
@@ -214,8 +216,26 @@ bool srv_config_line(struct srv_config *config, const char *line, const char *pl
     return ok;
 }
 
+FILE *srv_open_regular(const char *path) {
+    struct stat st;
+    int fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+    if (fd < 0)
+        return NULL;
+    FILE *file = NULL;
+    if (fstat(fd, &st) == 0 && !S_ISREG(st.st_mode))
+        errno = S_ISDIR(st.st_mode) ? EISDIR : EINVAL;
+    else
+        file = fdopen(fd, "r");
+    if (!file) {
+        int error = errno;
+        close(fd);
+        errno = error;
+    }
+    return file;
+}
+
 static bool read_file(struct srv_config *config, const char *path, struct sp_error *err) {
-    FILE *file = fopen(path, "re");
+    FILE *file = srv_open_regular(path);
     if (!file)
         return sp_fail(err, SP_ERR_IO, path, "cannot read the settings: %s", strerror(errno));
     char *line = NULL;

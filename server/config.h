@@ -44,4 +44,8 @@ bool srv_config_line(struct srv_config *config, const char *line, const char *pl
 void srv_config_print_help(FILE *out);
 void srv_config_print(const struct srv_config *config, FILE *out); /* a file that --config reads */
 
+/* Opens a file for reading; a FIFO or a device, which could keep us waiting, is EINVAL. NULL with
+ * errno set. */
+FILE *srv_open_regular(const char *path);
+
 #endif

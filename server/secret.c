@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sys/random.h>
 
+#include "config.h"
+
 bool srv_secret_hex(char *out, size_t digits, struct sp_error *err) {
     unsigned char raw[32];
     assert(digits % 2 == 0 && digits / 2 <= sizeof raw);
@@ -36,7 +38,7 @@ bool srv_secret_equal(const char *secret, const char *given) {
 }
 
 bool srv_secret_read(const char *path, char token[SRV_TOKEN_BYTES], struct sp_error *err) {
-    FILE *file = fopen(path, "re");
+    FILE *file = srv_open_regular(path);
     if (!file)
         return sp_fail(err, SP_ERR_IO, path, "cannot read the token: %s", strerror(errno));
     char line[SRV_TOKEN_BYTES + 2] = "";

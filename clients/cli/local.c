@@ -55,9 +55,19 @@ static bool encode_and_write(const struct options *options, const struct sp_fram
     return ok;
 }
 
+/* A volume that is larger than the machine is refused before a byte of it is taken. */
+static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
+    long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    uint64_t memory = pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page : UINT64_MAX;
+    return bytes <= memory ||
+           sp_fail(err, SP_ERR_BUDGET, user,
+                   "needs %" PRIu64 " bytes of memory, the machine has %" PRIu64, bytes, memory);
+}
+
 bool render_local(const struct options *options, const char *source, const proto_json *patch,
                   enum sp_image_format format, struct sp_error *err) {
-    const struct sp_load_options load = { .progress = show_progress,
+    const struct sp_load_options load = { .reserve = reserve,
+                                          .progress = show_progress,
                                           .user = (void *)source, /* only read */
                                           .timeout_ms = (int)options->timeout_s * 1000 };
     struct sp_volume *volume = sp_volume_load(source, &load, err);
