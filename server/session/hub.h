@@ -7,7 +7,7 @@
  *                     ▼                                                               ▼
  *              other participants  ◄────────── srv_hub_next_message ◄──────────── outbox
  *
- * Everything is pulled: the render thread asks for a job when it is free, and gets one only if some
+ * Everything is pulled: the stream lane asks for a job when it is free, and gets one only if some
  * participant has not seen the newest view and its flow control window is open; the stream thread
  * asks for the next message when the socket can take it. Notifications are bits that say what a
  * participant has not been told yet, so that no queue grows: what is told is the state then.
@@ -156,8 +156,8 @@ struct srv_job_result {
     uint64_t splats, visible_voxels;
 };
 
-/* The next thing to render. Views that move go first. False if
- * there is none: *wait_ms says when to ask again at the latest. */
+/* The next thing to render; views that move go first. False if there is none: *wait_ms says when to
+ * ask again at the latest. */
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */
 bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);

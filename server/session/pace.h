@@ -6,7 +6,8 @@
  *
  * Both are fitted to the last frames by exponentially weighted least squares. The fixed part (work
  * a voxel) does not shrink with the picture, so making it ever smaller gains nothing: below pixels
- * = fixed / per_px / 4 the picture stops shrinking. Pure: no clock, no lock.
+ * = fixed / per_px / 4 the picture stops shrinking, and coarser voxels (srv_pace_level) must help.
+ * Pure: no clock, no lock.
  */
 #ifndef SRV_SESSION_PACE_H
 #define SRV_SESSION_PACE_H
