@@ -4,6 +4,9 @@
  *
  *   world = origin + direction · (spacing ∘ i)        i = (i0, i1, i2), i0 fastest in memory
  *
+ * Along an axis of a rectilinear grid the distances are given one by one: coordinates[a][i] takes
+ * the place of spacing[a]·i.
+ *
  * Files are read by the child process `splat-import`, which has limits on memory, time and files
  * and hands the voxels over in shared memory: a reader that crashes is an error here, nothing more.
  * Built-in volumes ("demo:NAME[?size=N]") are computed in process.
@@ -35,10 +38,14 @@ enum { SP_HISTOGRAM_BINS = 256, SP_UNIT_BYTES = 32, SP_NAME_BYTES = 128 };
 
 struct sp_grid {
     uint32_t dims[3];       /* [1, SP_DIM_MAX] voxels; product at most SP_VOXELS_MAX */
-    double spacing[3];      /* > 0, world units between neighbouring samples of an axis */
+    double spacing[3];      /* > 0, world units between neighbouring samples of an axis;
+                               rectilinear: their mean */
     double origin[3];       /* world position of sample (0,0,0) */
     double direction[3][3]; /* direction[row][axis]: column `axis` is the unit vector along that
                                axis; not singular; identity when the file says nothing */
+    const double *coordinates[3]; /* NULL = evenly spaced. Else dims[a] rising distances along the
+                                     axis from sample 0, the first of them 0, world units; they
+                                     belong to the volume and live as long as it does */
 };
 
 struct sp_volume_info {

@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Where the samples of a grid lie, whether it is evenly spaced or rectilinear.
+ *
+ *   |--gap--|--gap--|     distance[i] along the axis; a cell reaches from the middle of one gap to
+ *   i-1     i       i+1   the middle of the next, so that its size is the mean of the two gaps
+ */
+#ifndef SP_VOLUME_GRID_H
+#define SP_VOLUME_GRID_H
+
+#include <stdbool.h>
+
+#include "sp/volume.h"
+
+/* Distance of sample i from sample 0 along an axis, world units. i < dims[axis]. */
+static inline double sp_grid_distance(const struct sp_grid *grid, unsigned axis, uint32_t i) {
+    const double *c = grid->coordinates[axis];
+    return c ? c[i] : grid->spacing[axis] * i;
+}
+
+/* The local spacing: the mean of the two gaps beside sample i, at a border the one gap that there
+ * is; of a single sample the axis's spacing. World units. */
+static inline double sp_grid_local_spacing(const struct sp_grid *grid, unsigned axis, uint32_t i) {
+    const double *c = grid->coordinates[axis];
+    uint32_t n = grid->dims[axis];
+    if (!c || n < 2)
+        return grid->spacing[axis];
+    uint32_t low = i > 0 ? i - 1 : 0, high = i + 1 < n ? i + 1 : i;
+    return (c[high] - c[low]) / (high - low);
+}
+
+/* Where the volume begins and ends along an axis: half a gap before the first sample and behind the
+ * last. Distances from sample 0, world units. */
+static inline void sp_grid_extent(const struct sp_grid *grid, unsigned axis, double extent[2]) {
+    uint32_t last = grid->dims[axis] - 1;
+    extent[0] = -0.5 * sp_grid_local_spacing(grid, axis, 0);
+    extent[1] = sp_grid_distance(grid, axis, last) + 0.5 * sp_grid_local_spacing(grid, axis, last);
+}
+
+static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
+    return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
+}
+
+#endif
