@@ -127,7 +127,7 @@ static void gradients_of_linear_fields_are_exact(void **state) {
           { 0 },
           { { 1, 0.6, 0 }, { 0, 0.8, 0.6 }, { 0, 0, 0.8 } },
           { 0 } },
-        { { 5, 4, 3 }, { 2, 1, 1 }, { 0 }, { { 0, 0.8, 0 }, { 1, 0.6, 0 }, { 0, 0, 1 } } },
+        { { 5, 4, 3 }, { 2, 1, 1 }, { 0 }, { { 0, 0.8, 0 }, { 1, 0.6, 0 }, { 0, 0, 1 } }, { 0 } },
     };
     static const double slopes[3] = { 0.3, -1.7, 0.9 };
     for (size_t n = 0; n < sizeof grids / sizeof grids[0]; n++) {
