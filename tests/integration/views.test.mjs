@@ -81,7 +81,7 @@ test('numbers that no double holds are no JSON', async () => {
   }
 });
 
-test('who leaves slabs while values are classified behind the interpolation is told what to do, and can', async () => {
+test('who leaves slabs while values are classified after interpolation is told what to do, and can', async () => {
   const stream = await daemon.stream();
   await stream.update({ transfer_function: { order: 'post' }, compositing: { mode: 'slab', slab: 0.5 } });
   const { view } = await stream.call('view.get');
