@@ -83,7 +83,7 @@ static const char help_text[] =
     "  --json                  print JSON\n"
     "  --help, --version\n"
     "\n"
-    "A view also chooses filter, compositor and clipping (\"splatctl view ID\" prints every field):\n"
+    "A view also chooses filter, compositor and clipping; \"splatctl view ID\" prints all fields:\n"
     "  filter.mode             adaptive, ewa, reconstruction, lowpass, swan, none\n"
     "  filter.kernel           gaussian, cubic\n"
     "  compositing.mode        splat, sheet, slab\n"

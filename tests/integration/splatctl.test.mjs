@@ -111,6 +111,13 @@ test('a refused view says where, and leaves no file', async () => {
   assert.deepEqual(readdirSync(folder), before);
 });
 
+test('the example in --help is a view', async () => {
+  const [, example] = /^For example[^{]*(\{[^]*\})\n\nExit/m.exec((await succeeds(['--help'])).toString());
+  const common = ['render', '--local', '--backend', 'null', '--volume', 'demo:engine?size=16', '--size', '16,16', '--out', '-'];
+  assert.equal(JSON.parse(example).transfer_function.order, 'post');
+  assert.ok((await succeeds([...common, '--view', '-'], { input: example })).length > 0);
+});
+
 test('a render loads what it is named', async () => {
   await succeeds(['render', '--volume', 'demo:checkerboard?size=32', '--size', '64,64', '--out', inFolder('new.png')]);
   assert.ok(existsSync(inFolder('new.png')));
