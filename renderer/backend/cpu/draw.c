@@ -82,6 +82,27 @@ static struct sp_ewa_run make_run(const struct draw *d, const struct sp_run *run
     return ewa;
 }
 
+static inline void prefetch_entry(const struct draw *d, uint64_t e) {
+    __builtin_prefetch(&d->list->local[e]);
+    __builtin_prefetch(&d->list->key[e]);
+    if (d->shading)
+        __builtin_prefetch(&d->list->normal[e]);
+}
+
+/* Asks for the entries of a run while the one before it is set up: from brick to brick they lie far
+ * apart. */
+static void prefetch_run(const struct draw *d, const struct sp_run *run) {
+    enum { LINE = 16 }; /* keys that come together */
+    uint64_t first = d->list->first[run->brick];
+    uint32_t end = (uint32_t)run->begin + run->count;
+    if (d->order.order)
+        for (uint32_t p = run->begin; p < end; p++)
+            prefetch_entry(d, first + d->order.order[first + p]);
+    else
+        for (uint32_t p = run->begin; p < end; p += LINE)
+            prefetch_entry(d, first + p);
+}
+
 /* Keeps those of n records behind the block's that some tile still wants. */
 static void keep_wanted(const struct draw *d, struct sp_splat *records, uint32_t n,
                         struct block *block) {
@@ -109,6 +130,8 @@ static void set_up_block(const struct draw *d, const struct cut *cut, struct sp_
         run.count -= skip;
         run.count = run.count < left ? run.count : left;
         left -= run.count;
+        if (left > 0 && r + 1 < runs)
+            prefetch_run(d, &d->order.runs[r + 1]);
         keep_wanted(d, records, d->kernels->set_up(&d->ewa, &run, records + block->count), block);
     }
 }
