@@ -47,7 +47,7 @@ void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame 
         .centre = { (float)camera->centre[0], (float)camera->centre[1] },
         .near = bounded(fmax(camera->near / unit, 1e-3)),
         .lowpass2 = fmaxf((float)(filter->lowpass * filter->lowpass), SP_VARIANCE_MIN),
-        .shape = filter->kernel,
+        .post = view->transfer_function.order == SP_TF_POST,
         .gain = bounded(unit / view->transfer_function.reference_length),
         .size = { (int)view->size[0], (int)view->size[1] },
         .rows = { 0, (int)view->size[1] },
@@ -326,6 +326,20 @@ static float stretch(const struct sp_ewa_frame *f, const struct sp_ewa_brick *br
     return size[0] * size[1] * size[2];
 }
 
+/* The same for pixels that will be classified: length, scalar and gradient. */
+static void write_scalar(const struct sp_ewa_run *run, uint64_t e, float length,
+                         struct sp_splat *s) {
+    s->depth = length < SP_DEPTH_MAX ? length : SP_DEPTH_MAX;
+    s->value = sp_transfer_value(run->transfer, run->list->key[e]) * s->depth;
+    if (!run->list->normal)
+        return;
+    float direction[3];
+    uint32_t packed = run->list->normal[e];
+    sp_gradient_unpack(packed, direction);
+    for (int k = 0; k < 3; k++)
+        s->emission[k] = direction[k] * sp_gradient_share(packed) * s->depth;
+}
+
 uint32_t sp_ewa_set_up(const struct sp_ewa_frame *f, const struct sp_ewa_run *run,
                        const struct sp_splats *out) {
     bool has_extent = out->span || out->cut, is_rectilinear = sp_grid_is_rectilinear(f->grid);
@@ -347,7 +361,10 @@ uint32_t sp_ewa_set_up(const struct sp_ewa_frame *f, const struct sp_ewa_run *ru
         if (!(gain > 0) || (has_extent && !place_extent(f, &place, out, written)))
             continue;
         s->cuts = out->cut ? s->cuts : 0;
-        write_sums(f, run, e, place.u, gain * f->gain * volume, s);
+        if (f->post)
+            write_scalar(run, e, gain * f->gain * volume, s);
+        else
+            write_sums(f, run, e, place.u, gain * f->gain * volume, s);
         s->sheet = run->sheet;
         written++;
     }

@@ -94,12 +94,12 @@ struct sp_ewa_frame {
     double diameter;    /* of the volume, cells */
     float ratio_max[2]; /* bound of u0/u2, u1/u2 in the Jacobian */
     float near;
-    float lowpass2;       /* h² [px²], at least SP_VARIANCE_MIN */
-    enum sp_kernel shape; /* Gaussian or cubic */
-    float radius, cut;    /* r, and ½·log2 e·r² */
-    float gain;           /* depth of a class → τ, but for the footprint: unit/L */
-    float peak;           /* of a footprint of unit variance: 1/(2π·(1 − e^{−r²/2})) */
-    float flat;           /* half of 1.6 voxels in standard deviations: none */
+    float lowpass2;    /* h² [px²], at least SP_VARIANCE_MIN */
+    bool post;         /* splats carry the scalar, not a colour */
+    float radius, cut; /* r, and ½·log2 e·r² */
+    float gain;        /* depth of a class → τ, but for the footprint: unit/L */
+    float peak;        /* of a footprint of unit variance: 1/(2π·(1 − e^{−r²/2})) */
+    float flat;        /* half of 1.6 voxels in standard deviations: none */
     struct sp_clip_frame clip;
     int size[2]; /* of the picture, px */
     int rows[2]; /* [first, end) of the picture's rows that are being drawn */

@@ -366,7 +366,8 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
     struct sp_classify_job classify = { .tf = &view->transfer_function,
                                         .level = d->job->coarse,
                                         .axis = axis,
-                                        .normals = view->shading.mode == SP_SHADING_PHONG,
+                                        .normals = view->shading.mode == SP_SHADING_PHONG ||
+                                                   view->transfer_function.gradient_count > 0,
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel };
