@@ -295,21 +295,26 @@ static void write_sums(const struct sp_ewa_frame *f, const struct sp_ewa_run *ru
 
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *f,
                        const uint32_t first[3]) {
+    static const float even[SP_BRICK] = { 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15 };
+    static const float ones[SP_BRICK] = { 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1 };
     const struct sp_grid *grid = f->grid;
     double base[3] = { f->base[0], f->base[1], f->base[2] };
     for (unsigned a = 0; a < 3; a++) {
-        double inv = 1 / grid->spacing[a], start = sp_grid_distance(grid, a, first[a]) * inv;
+        double inv = 1 / grid->spacing[a], start = first[a];
+        brick->at[a] = even;
+        brick->size[a] = ones;
+        if (grid->coordinates[a]) {
+            start = sp_grid_distance(grid, a, first[a]) * inv;
+            for (uint32_t i = 0; i < SP_BRICK && first[a] + i < grid->dims[a]; i++) {
+                double at = sp_grid_distance(grid, a, first[a] + i) * inv;
+                brick->own[a][0][i] = (float)(at - start);
+                brick->own[a][1][i] = (float)(sp_grid_local_spacing(grid, a, first[a] + i) * inv);
+            }
+            brick->at[a] = brick->own[a][0];
+            brick->size[a] = brick->own[a][1];
+        }
         for (int r = 0; r < 3; r++)
             base[r] += f->step_hi[r][a] * start;
-        for (uint32_t i = 0; i < SP_BRICK; i++) {
-            brick->at[a][i] = (float)i;
-            brick->size[a][i] = 1;
-            if (grid->coordinates[a] && first[a] + i < grid->dims[a]) {
-                double at = sp_grid_distance(grid, a, first[a] + i) * inv;
-                brick->at[a][i] = (float)(at - start);
-                brick->size[a][i] = (float)(sp_grid_local_spacing(grid, a, first[a] + i) * inv);
-            }
-        }
     }
     for (int r = 0; r < 3; r++)
         brick->base[r] = bounded(base[r]);

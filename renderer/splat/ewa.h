@@ -114,8 +114,9 @@ void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame 
  */
 struct sp_ewa_brick {
     float base[3];
-    float at[3][SP_BRICK];   /* from the brick's first voxel; evenly spaced: 0, 1, 2, … */
-    float size[3][SP_BRICK]; /* local spacing over the axis's; evenly spaced: 1 */
+    const float *at[3];        /* from the brick's first voxel; evenly spaced: 0, 1, 2, … */
+    const float *size[3];      /* local spacing over the axis's; evenly spaced: 1 */
+    float own[3][2][SP_BRICK]; /* of rectilinear axes; the struct must stay where it is */
 };
 
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *frame,

@@ -19,6 +19,8 @@
 
 #define SP_TRANSMITTANCE_MIN (1.0f / 512)
 
+enum { SP_SLOTS_MAX = 512 }; /* layers open at once */
+
 struct sp_post;
 
 struct sp_blend {

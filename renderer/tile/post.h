@@ -18,13 +18,33 @@
 #include "classify/transfer.h"
 #include "splat/shade.h"
 
-struct sp_post {
-    const struct sp_transfer *transfer;
-    const struct sp_shade *shade; /* NULL = none */
-    double gradient_unit;         /* of N: data unit a world unit */
-    bool perspective;
-    float scale, centre[2]; /* the camera's, px */
+enum { SP_POST_BINS = 1024 };
+
+/* The transfer function for pixels: values relative to the transfer's base, and for each of equal
+ * bins of the value the last point that lies at or before it. */
+struct sp_post_curve {
+    uint32_t count;
+    float value[SP_TF_POINTS_MAX], inverse[SP_TF_POINTS_MAX]; /* 1/(distance to the next) */
+    float color[SP_TF_POINTS_MAX][3], opacity[SP_TF_POINTS_MAX];
+    float bins_per_unit;
+    uint8_t first[SP_POST_BINS + 1];
+    uint32_t gradient_count;
+    float magnitude[SP_GRADIENT_POINTS_MAX], scale[SP_GRADIENT_POINTS_MAX]; /* over gradient_unit */
 };
+
+struct sp_post {
+    struct sp_post_curve curve;
+    const struct sp_shade *shade; /* NULL = none */
+    bool perspective;
+    float focal, centre[2]; /* the camera's scale and centre, px */
+};
+
+/* The transfer function relative to `base`; gradient_unit: of N, data unit a world unit. */
+void sp_post_curve_init(struct sp_post_curve *curve, const struct sp_transfer_function *tf,
+                        double base, double gradient_unit);
+
+/* Class of a value relative to the base, at a gradient's magnitude over gradient_unit. */
+struct sp_class sp_post_class(const struct sp_post_curve *curve, float value, float magnitude);
 
 /* Turns n pixels of a row of sums from (x, y) on, planes SP_TILE · SP_TILE_ROW floats apart, from
  * (W, N, S) into (T, E). */

@@ -16,7 +16,6 @@ enum {
     BAND_TILES = 2304,       /* tiles a band, 36 KiB each: one band up to 1920 × 1080 */
     ENTRIES_MIN = 1 << 20,
     POLL_EVERY = 64, /* splats of a tile between two looks at the cancel flag */
-    SLOTS_MAX = 512, /* slabs open at once */
 };
 /* Sums of the open slabs: of a band, and of a row of tiles at least. */
 #define BAND_BYTES ((size_t)128 << 20)
@@ -312,7 +311,7 @@ static void choose_blend(struct draw *d, const struct cpu_state *state, double *
     *reach = (double)d->ewa.radius * radius[1] / d->ewa.unit;
     double thickness =
         sp_depth_thickness(&d->ewa, view->compositing.slab * spacing / d->ewa.unit, *reach);
-    double most = fmin(SLOTS_MAX, (double)(ROW_BYTES / sums_bytes(&d->blend)) / d->grid.columns);
+    double most = fmin(SP_SLOTS_MAX, (double)(ROW_BYTES / sums_bytes(&d->blend)) / d->grid.columns);
     thickness = fmax(thickness, 2 * *reach / (most - 3));
     d->blend.slots = (uint32_t)ceil(2 * *reach / thickness) + 2;
     d->blend.thickness = (float)thickness;
@@ -348,12 +347,12 @@ static void choose_shading(struct draw *d) {
         return;
     struct sp_gradient_grid gradient;
     sp_gradient_grid_init(&gradient, d->job->volume);
-    d->post = (struct sp_post){ .transfer = &d->level->transfer,
-                                .shade = d->shading,
-                                .gradient_unit = gradient.unit,
+    d->post = (struct sp_post){ .shade = d->shading,
                                 .perspective = view->camera.projection == SP_PERSPECTIVE,
-                                .scale = (float)d->camera.scale,
+                                .focal = (float)d->camera.scale,
                                 .centre = { d->ewa.centre[0], d->ewa.centre[1] } };
+    sp_post_curve_init(&d->post.curve, &view->transfer_function,
+                       sp_transfer_base(&d->level->transfer), gradient.unit);
     d->shading = NULL; /* pixels are shaded, not voxels */
 }
 
