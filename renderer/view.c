@@ -297,6 +297,19 @@ static bool check_filter(const struct sp_filter *f, struct sp_error *err) {
                                            "c_min %g is above c_max %g", f->c_min, f->c_max);
 }
 
+static bool check_compositing(const struct sp_view *view, struct sp_error *err) {
+    const struct sp_compositing_options *c = &view->compositing;
+    if (!check_choice(c->mode, SP_COMPOSITE_SLAB, "/compositing/mode", err) ||
+        !check_choice(c->attenuation, SP_ATTENUATION_LINEAR, "/compositing/attenuation", err) ||
+        !check_range(c->slab, 0.05, 64, err, "/compositing/slab"))
+        return false;
+    if (view->transfer_function.order == SP_TF_POST && c->mode != SP_COMPOSITE_SLAB)
+        return sp_fail(err, SP_ERR_INVALID, "/transfer_function/order",
+                       "\"post\" needs compositing.mode \"slab\": change both at once, or go back "
+                       "to \"pre\"");
+    return true;
+}
+
 static bool check_shading(const struct sp_shading *s, struct sp_error *err) {
     if (!check_choice(s->mode, SP_SHADING_PHONG, "/shading/mode", err) ||
         !check_range(s->ambient, 0, 4, err, "/shading/ambient") ||
@@ -361,13 +374,9 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
     if (!memchr(view->volume, 0, sizeof view->volume))
         return sp_fail(err, SP_ERR_INVALID, "/volume", "the id is longer than %d bytes",
                        SP_NAME_BYTES - 1);
-    const struct sp_compositing_options *c = &view->compositing;
     return check_camera(&view->camera, err) &&
            check_transfer_function(&view->transfer_function, err) &&
-           check_filter(&view->filter, err) &&
-           check_choice(c->mode, SP_COMPOSITE_SLAB, "/compositing/mode", err) &&
-           check_choice(c->attenuation, SP_ATTENUATION_LINEAR, "/compositing/attenuation", err) &&
-           check_range(c->slab, 0.05, 64, err, "/compositing/slab") &&
+           check_filter(&view->filter, err) && check_compositing(view, err) &&
            check_shading(&view->shading, err) &&
            check_choice(view->primitive, SP_PRIMITIVE_VECTOR, "/primitive/type", err) &&
            check_clip(&view->clip, err) &&

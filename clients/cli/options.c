@@ -83,6 +83,17 @@ static const char help_text[] =
     "  --json                  print JSON\n"
     "  --help, --version\n"
     "\n"
+    "A view also chooses filter, compositor and clipping; \"splatctl view ID\" prints all fields:\n"
+    "  filter.mode             adaptive, ewa, reconstruction, lowpass, swan, none\n"
+    "  filter.kernel           gaussian, cubic\n"
+    "  compositing.mode        splat, sheet, slab\n"
+    "  compositing.attenuation exponential, linear\n"
+    "  transfer_function.order pre, post (slab only)\n"
+    "For example slabs of half a voxel, classified after interpolation, of what lies at y >= 64:\n"
+    "  {\"transfer_function\": {\"order\": \"post\"},\n"
+    "   \"compositing\": {\"mode\": \"slab\", \"slab\": 0.5},\n"
+    "   \"clip\": {\"planes\": [{\"normal\": [0, 1, 0], \"offset\": 64}]}}\n"
+    "\n"
     "Exit status: 0 success, 1 failure, 2 usage.\n";
 
 void print_help(void) {

@@ -105,9 +105,17 @@ test('a refused view says where, and leaves no file', async () => {
   };
   await refused('{"camera":{"up":[0,0,0]}}', /^splatctl: \/camera\/up: up is zero/);
   await refused('{"camra":{}}', /^splatctl: \/camra: unknown field; did you mean "camera"\?/);
-  await refused('{"filter":{"mode":"swan"}}', /^splatctl: \/filter\/mode: /);
+  await refused('{"primitive":{"type":"shell"}}', /^splatctl: \/primitive\/type: .*supports volume/);
+  await refused('{"transfer_function":{"order":"post"}}', /^splatctl: \/transfer_function\/order: .*slab/);
   await refused('{"camera":', /^splatctl: standard input: not valid JSON at line 1/);
   assert.deepEqual(readdirSync(folder), before);
+});
+
+test('the example in --help is a view', async () => {
+  const [, example] = /^For example[^{]*(\{[^]*\})\n\nExit/m.exec((await succeeds(['--help'])).toString());
+  const common = ['render', '--local', '--backend', 'null', '--volume', 'demo:engine?size=16', '--size', '16,16', '--out', '-'];
+  assert.equal(JSON.parse(example).transfer_function.order, 'post');
+  assert.ok((await succeeds([...common, '--view', '-'], { input: example })).length > 0);
 });
 
 test('a render loads what it is named', async () => {

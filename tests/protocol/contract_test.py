@@ -4,7 +4,8 @@
 
   contract_test.py SPLATD SOURCE_DIR
 
-Every answer has a documented status and media type, and a body of its schema; every documented operation is asked.
+Every answer has a documented status and media type, and a body of its schema; every documented operation is asked,
+and every documented view is drawn.
 Every invalid example gives 400 or 422 with its pointer, over HTTP too. Exit status 77: skipped.
 """
 import glob
@@ -140,6 +141,9 @@ def walk(daemon, contract):
     ask(404, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     for kind in ('jpeg', 'png', 'webp', 'exr'):
         ask(200, 'POST', f'{api}/render', {'size': [16, 8]}, query=f'?format={kind}&quality=50')
+    bodies = contract.document['paths'][f'{api}/render']['post']['requestBody']['content']
+    for example in bodies['application/json']['examples'].values():
+        ask(200, 'POST', f'{api}/render', {**example['value'], 'size': [16, 8]})
     ask(406, 'POST', f'{api}/render', {}, {'Accept': 'text/html'})
     ask(400, 'POST', f'{api}/render', {}, query='?quality=0')
     _, headers, _ = daemon.ask('POST', f'{api}/render', {'size': [16, 8]})

@@ -154,6 +154,8 @@ def check_bounds(tool, validator, schema):
             patch = make(value)
             if 'c_max' in patch.get('filter', {}):
                 patch['filter']['c_min'] = 5e-324  # at most c_max, whatever that is
+            if patch.get('transfer_function', {}).get('order') == 'post':
+                patch['compositing'] = {'mode': 'slab'}  # which it needs
             if patch.get('camera', {}).keys() & {'position', 'target', 'up'}:
                 # Any finite vector is one; only the type matters, degenerate cameras have their examples.
                 if isinstance(value, (int, float)) and not isinstance(value, bool):

@@ -168,6 +168,7 @@ static void ranges_are_checked(void **state) {
     REFUSED(clip.planes[0].normal[2], 0, "/clip/planes/0/normal");
     REFUSED(clip.plane_count, 9, "/clip/planes");
     REFUSED(primitive, (enum sp_primitive)9, "/primitive/type");
+    REFUSED(transfer_function.order, (enum sp_tf_order)2, "/transfer_function/order");
     struct sp_view crossed = view;
     crossed.clip.box[0][0] = 0.8;
     crossed.clip.box[1][0] = 0.2;
@@ -178,6 +179,20 @@ static void ranges_are_checked(void **state) {
     struct sp_view endless = view;
     memset(endless.volume, 'x', sizeof endless.volume);
     check_refused(&endless, "/volume");
+}
+
+static void only_slabs_are_classified_after_interpolation(void **state) {
+    (void)state;
+    for (unsigned mode = SP_COMPOSITE_SPLAT; mode <= SP_COMPOSITE_SLAB; mode++) {
+        struct sp_view view = make_view();
+        view.compositing.mode = (enum sp_compositing)mode;
+        assert_true(sp_view_validate(&view, NULL));
+        view.transfer_function.order = SP_TF_POST;
+        if (mode == SP_COMPOSITE_SLAB)
+            assert_true(sp_view_validate(&view, NULL));
+        else
+            check_refused(&view, "/transfer_function/order");
+    }
 }
 
 static void degenerate_cameras_are_refused(void **state) {
@@ -208,6 +223,7 @@ int main(void) {
         cmocka_unit_test(the_default_frames_the_volume),
         cmocka_unit_test(the_default_hides_the_background),
         cmocka_unit_test(ranges_are_checked),
+        cmocka_unit_test(only_slabs_are_classified_after_interpolation),
         cmocka_unit_test(degenerate_cameras_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -65,7 +65,7 @@ struct sp_gradient_point {
 };
 struct sp_transfer_function { /* "/transfer_function" */
     double reference_length;  /* world units, > 0; default: the smallest spacing */
-    enum sp_tf_order order;   /* "pre" (default) | "post" */
+    enum sp_tf_order order;   /* "pre" (default) | "post", which needs slabs */
     uint32_t point_count;     /* [1, SP_TF_POINTS_MAX] */
     struct sp_tf_point points[SP_TF_POINTS_MAX]; /* linear between; the end values hold outside */
     uint32_t gradient_count; /* [0, SP_GRADIENT_POINTS_MAX]; 0 = magnitude has no influence */
@@ -75,8 +75,8 @@ struct sp_transfer_function { /* "/transfer_function" */
 struct sp_filter { /* "/filter"; see mathematics: footprint, filters */
     enum sp_filter_mode mode;
     enum sp_kernel kernel;
-    double sigma;        /* voxels, [0.3, 2], default 0.7 */
-    double cutoff;       /* Mahalanobis radius, [1, 6], default 3 */
+    double sigma;        /* voxels, [0.3, 2], default 0.7; gaussian only */
+    double cutoff;       /* Mahalanobis radius, [1, 6], default 3; gaussian only */
     double lowpass;      /* standard deviation in px, [0, 8], default 1 */
     double c_min, c_max; /* adaptive thresholds, > 0, c_min <= c_max; c_max NaN (JSON null) =
                             2(1+2tan²(fov/2)) */
@@ -85,7 +85,7 @@ struct sp_filter { /* "/filter"; see mathematics: footprint, filters */
 struct sp_compositing_options {      /* "/compositing" */
     enum sp_compositing mode;        /* default sheet */
     enum sp_attenuation attenuation; /* default exponential */
-    double slab;                     /* voxels, [0.05, 64], default 1; slab mode only */
+    double slab; /* thickness in smallest (mean) spacings, [0.05, 64], default 1; slab mode only */
 };
 
 struct sp_light {

@@ -181,7 +181,6 @@ static void what_is_not_supported_is_refused_with_its_pointer(void **state) {
     UNSUPPORTED(compositing.mode, SP_COMPOSITE_SLAB, "/compositing/mode");
     UNSUPPORTED(compositing.mode, SP_COMPOSITE_SPLAT, "/compositing/mode");
     UNSUPPORTED(compositing.attenuation, SP_ATTENUATION_LINEAR, "/compositing/attenuation");
-    UNSUPPORTED(transfer_function.order, SP_TF_POST, "/transfer_function/order");
     UNSUPPORTED(transfer_function.gradient_count, 1, "/transfer_function/gradient");
     UNSUPPORTED(primitive, SP_PRIMITIVE_SHELL, "/primitive/type");
     UNSUPPORTED(clip.box[1][2], 0.5, "/clip/box");
