@@ -74,11 +74,7 @@ static bool run_scene(struct run *run, const struct manifest_entry *entry) {
         printf("FAILED %s: out of memory\n", entry->name);
         return false;
     }
-    struct test_phong phong = { &scene.info, scene.voxels, &scene.view };
-    struct test_truth_options options = { .user = &phong };
-    if (scene.view.shading.mode == SP_SHADING_PHONG)
-        options.emission = test_phong_emission;
-    if (!test_truth_integrate(&scene.info, scene.voxels, &scene.view, &options, &rays, &err) ||
+    if (!test_truth_integrate(&scene.info, scene.voxels, &scene.view, NULL, &rays, &err) ||
         !test_truth_image(&rays, 0, scene.view.background, &exact) ||
         !test_truth_image(&rays, 1, scene.view.background, &convolved)) {
         printf("FAILED %s: %s\n", entry->name, err.text);

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/sample.h"
 #include "support/scene.h"
 #include "support/truth.h"
 

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "support/sample.h"
 
 struct formula {
     const struct test_scene *scene;
@@ -62,7 +63,7 @@ static bool set_up(const struct formula *f, const uint32_t i[3], struct footprin
     const uint32_t *dims = scene->info.grid.dims;
     size_t index = i[0] + dims[0] * (i[1] + (size_t)dims[1] * i[2]);
     double value = test_sample(scene->voxels, scene->info.type, index), opacity;
-    test_classify(&view->transfer_function, value, p->emission, &opacity);
+    test_classify(&view->transfer_function, value, 0, p->emission, &opacity);
     struct sp_vec3 t = sp_mat3_apply(&f->to_world, (struct sp_vec3){ { i[0], i[1], i[2] } }), u;
     for (int a = 0; a < 3; a++)
         t.v[a] += scene->info.grid.origin[a] - view->camera.position[a];
@@ -71,8 +72,12 @@ static bool set_up(const struct formula *f, const uint32_t i[3], struct footprin
     if (!isfinite(value) || opacity <= 0 || u.v[2] < view->camera.near)
         return false;
     if (view->shading.mode == SP_SHADING_PHONG) {
-        struct test_phong phong = { &scene->info, scene->voxels, view };
-        test_phong_emission(&phong, i, p->emission);
+        double gradient[3], ahead[3];
+        struct sp_vec3 unit = sp_vec3_normalize(t);
+        for (int c = 0; c < 3; c++)
+            ahead[c] = f->perspective ? unit.v[c] : f->w[2][c];
+        test_gradient(&scene->info, scene->voxels, i, gradient);
+        test_shade(view, ahead, gradient, p->emission);
     }
     struct sp_mat3 j, m;
     double det_j = jacobian(f, &u, &j), v[3] = { 0 }, h2 = pow(view->filter.lowpass, 2);

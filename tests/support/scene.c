@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "volume/grid.h"
 
 void test_view_init(struct sp_view *view) {
     *view = (struct sp_view){
@@ -88,11 +89,12 @@ static void centre(struct sp_grid *grid) {
     }
 }
 
-bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_t dims[3],
-                       const double spacing[3], enum sp_type type, test_value_fn *value,
-                       const void *user) {
+/* All but the samples' values. */
+static bool describe(struct test_scene *scene, const char *name, const uint32_t dims[3],
+                     const double spacing[3], enum sp_type type) {
     struct sp_volume_info *info = &scene->info;
     *info = (struct sp_volume_info){ .type = type, .components = 1 };
+    memset(scene->coordinates, 0, sizeof scene->coordinates);
     snprintf(info->name, sizeof info->name, "%s", name);
     for (int a = 0; a < 3; a++) {
         info->grid.dims[a] = dims[a];
@@ -101,7 +103,13 @@ bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_
     }
     centre(&info->grid);
     scene->voxels = calloc((size_t)dims[0] * dims[1] * dims[2], sizeof(double));
-    if (!scene->voxels)
+    return scene->voxels != NULL;
+}
+
+bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_t dims[3],
+                       const double spacing[3], enum sp_type type, test_value_fn *value,
+                       const void *user) {
+    if (!describe(scene, name, dims, spacing, type))
         return false;
     size_t i = 0;
     for (uint32_t z = 0; z < dims[2]; z++)
@@ -111,9 +119,45 @@ bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_
     return true;
 }
 
+bool test_scene_rectilinear(struct test_scene *scene, const char *name, const uint32_t dims[3],
+                            const double *const coordinates[3], enum sp_type type,
+                            test_value_fn *value, const void *user) {
+    double spacing[3];
+    for (int a = 0; a < 3; a++)
+        spacing[a] = coordinates[a] ? coordinates[a][dims[a] - 1] / (dims[a] - 1) : 1;
+    if (!describe(scene, name, dims, spacing, type))
+        return false;
+    struct sp_grid *grid = &scene->info.grid;
+    for (int a = 0; a < 3; a++) {
+        if (!coordinates[a])
+            continue;
+        scene->coordinates[a] = malloc(dims[a] * sizeof(double));
+        if (!scene->coordinates[a])
+            return false;
+        memcpy(scene->coordinates[a], coordinates[a], dims[a] * sizeof(double));
+        grid->coordinates[a] = scene->coordinates[a];
+    }
+    size_t n = 0;
+    uint32_t i[3];
+    for (i[2] = 0; i[2] < dims[2]; i[2]++)
+        for (i[1] = 0; i[1] < dims[1]; i[1]++)
+            for (i[0] = 0; i[0] < dims[0]; i[0]++) {
+                double p[3];
+                for (unsigned a = 0; a < 3; a++)
+                    p[a] = sp_grid_distance(grid, a, i[a]) - 0.5 * spacing[a] * (dims[a] - 1);
+                store(scene->voxels, type, n++, value(user, p[0], p[1], p[2]));
+            }
+    return true;
+}
+
 void test_scene_finish(struct test_scene *scene) {
     free(scene->voxels);
     scene->voxels = NULL;
+    for (int a = 0; a < 3; a++) {
+        free(scene->coordinates[a]);
+        scene->coordinates[a] = NULL;
+        scene->info.grid.coordinates[a] = NULL;
+    }
 }
 
 void test_scene_direction(struct test_scene *scene, const double degrees[3], double mirror,
@@ -157,6 +201,15 @@ void test_scene_points(struct test_scene *scene, const double (*points)[5], unsi
             { (float)points[i][1], (float)points[i][2], (float)points[i][3] },
             (float)points[i][4],
         };
+}
+
+void test_scene_cut(struct test_scene *scene, const double normal[3], const double point[3]) {
+    struct sp_clip_plane *plane = &scene->view.clip.planes[scene->view.clip.plane_count++];
+    plane->offset = 0;
+    for (int a = 0; a < 3; a++) {
+        plane->normal[a] = normal[a];
+        plane->offset += normal[a] * point[a];
+    }
 }
 
 struct sp_volume *test_scene_volume(const struct test_scene *scene, struct sp_error *err) {

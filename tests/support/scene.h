@@ -14,6 +14,7 @@
 struct test_scene {
     struct sp_volume_info info; /* grid, type and name; range and histogram are not filled */
     void *voxels;               /* owned */
+    double *coordinates[3];     /* owned; of rectilinear axes, info.grid points to them */
     struct sp_view view;
 };
 
@@ -31,6 +32,12 @@ typedef double test_value_fn(const void *user, double x, double y, double z);
 bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_t dims[3],
                        const double spacing[3], enum sp_type type, test_value_fn *value,
                        const void *user);
+
+/* The same on a rectilinear grid: coordinates[a] as in sp_grid (copied), NULL = even with a spacing
+ * of 1. `value` gets the distances along the axes from the grid's middle, world units. */
+bool test_scene_rectilinear(struct test_scene *scene, const char *name, const uint32_t dims[3],
+                            const double *const coordinates[3], enum sp_type type,
+                            test_value_fn *value, const void *user);
 void test_scene_finish(struct test_scene *scene);
 
 /* Sets the grid's direction to rotation·diag(1, 1, mirror) (angles in degrees about the world's x,
@@ -46,6 +53,9 @@ void test_scene_orbit(struct test_scene *scene, const double *target, double azi
 
 /* Points of the transfer function: value, r, g, b, opacity in rows of five. */
 void test_scene_points(struct test_scene *scene, const double (*points)[5], unsigned count);
+
+/* Appends a clip plane with this normal (not normalised) through a point. */
+void test_scene_cut(struct test_scene *scene, const double normal[3], const double point[3]);
 
 /* The scene as a volume of the renderer: one reference, or NULL with *err set. */
 struct sp_volume *test_scene_volume(const struct test_scene *scene, struct sp_error *err);
@@ -66,5 +76,16 @@ bool test_scene_sheared(struct test_scene *scene);       /* a direction matrix n
 bool test_scene_inside(struct test_scene *scene);        /* the eye in the middle of a shell */
 bool test_scene_wide_kernel(struct test_scene *scene);   /* σ 1, cutoff 4, coloured background */
 bool test_scene_lit_shell(struct test_scene *scene);     /* Phong, two lights */
+bool test_scene_layers(struct test_scene *scene);        /* 1×1×3, thin layers, oblique */
+bool test_scene_near_shell(struct test_scene *scene);    /* from one radius above it, 50° */
+bool test_scene_rectilinear_blobs(struct test_scene *scene); /* two graded axes, turned */
+bool test_scene_clip_plane(struct test_scene *scene);        /* blobs, cut obliquely */
+bool test_scene_clip_box(struct test_scene *scene);          /* blobs, four faces cut */
+bool test_scene_clip_edge(struct test_scene *scene);         /* blobs, a plane through the eye */
+bool test_scene_clip_corner(struct test_scene *scene);       /* blobs, a corner of three planes */
+bool test_scene_gradient_axis(struct test_scene *scene);     /* walls alone, by their gradient */
+bool test_scene_post_peak(struct test_scene *scene);         /* order post, a narrow peak; slab */
+bool test_scene_post_lit(struct test_scene *scene);          /* the same with Phong and gradients */
+bool test_scene_cubic(struct test_scene *scene);             /* thin shells, kernel cubic */
 
 #endif

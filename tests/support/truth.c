@@ -4,293 +4,241 @@
 #include <assert.h>
 #include <math.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "base/parallel_for.h"
 #include "base/vec.h"
-
-enum { TAPS_MAX = 41 }; /* radius·σ up to 20 voxels */
-
-/* Σ over kernels is four sums at once: emission R, G, B and extinction. */
-typedef double quad __attribute__((vector_size(32), aligned(32)));
-
-/* The classified voxels in index space, with `pad` empty ones around. */
-struct field {
-    size_t dims[3];
-    int pad, reach;         /* reach: kernels of 2·reach + 1 voxels an axis count at a sample */
-    quad *voxels;           /* (c_k g_k, g_k), i0 fastest */
-    unsigned char *near_by; /* 1 where a sample nearest to this voxel may see something */
-    double sigma;
-    double lattice[TAPS_MAX]; /* exp(-k²/2σ²)/√(2π)σ for k = -reach … reach */
-};
+#include "support/field.h"
+#include "support/sample.h"
+#include "volume/grid.h"
 
 struct march {
-    struct field field;
+    struct test_field field;
     const struct sp_view *view;
-    double w[3][3];             /* world → camera */
-    struct sp_mat3 to_index;    /* M⁻¹ */
-    double origin[3], scale[2]; /* of the grid; px per unit of tangent or of world */
-    double step, sub;           /* voxels; px between rays */
+    double w[3][3];         /* world → camera */
+    struct sp_mat3 to_axes; /* direction⁻¹ */
+    double origin[3];
+    double scale, step, sub; /* px per unit of tangent or of world; voxels; px between rays */
+    double box[2][3]; /* what the clip box keeps, axis space; infinite where it does not cut */
     struct test_rays *rays;
 };
 
-double test_sample(const void *voxels, enum sp_type type, size_t index) {
-    switch (type) {
-    case SP_UINT8:
-        return ((const uint8_t *)voxels)[index];
-    case SP_INT8:
-        return ((const int8_t *)voxels)[index];
-    case SP_UINT16:
-        return ((const uint16_t *)voxels)[index];
-    case SP_INT16:
-        return ((const int16_t *)voxels)[index];
-    case SP_INT32:
-        return ((const int32_t *)voxels)[index];
-    case SP_FLOAT32:
-        return (double)((const float *)voxels)[index];
-    case SP_FLOAT64:
-        return ((const double *)voxels)[index];
-    case SP_TYPE_COUNT:
-        break;
-    }
-    assert(!"a sample type that is none");
-    return 0;
+/* A ray of unit speed, in world and in axis space. */
+struct ray {
+    double start[3], ahead[3]; /* world */
+    double p[3], d[3];         /* axis space */
+};
+
+static double extinction(const struct sp_transfer_function *tf, double opacity) {
+    return -log1p(-opacity) / tf->reference_length;
 }
 
-void test_classify(const struct sp_transfer_function *tf, double value, double color[3],
-                   double *opacity) {
-    const struct sp_tf_point *p = tf->points, *q = p;
-    double f = 0;
-    uint32_t last = tf->point_count - 1;
-    if (value >= p[last].value) {
-        p = q = p + last;
-    } else if (value > p->value) {
-        while (q->value <= value)
-            q++;
-        p = q - 1;
-        f = (value - p->value) / (q->value - p->value);
-    }
-    for (int c = 0; c < 3; c++)
-        color[c] = (1 - f) * (double)p->color[c] + f * (double)q->color[c];
-    *opacity = (1 - f) * (double)p->opacity + f * (double)q->opacity;
+static double length3(const double v[3]) {
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-void test_camera_axes(const struct sp_camera *camera, double w[3][3]) {
-    struct sp_vec3 forward = sp_vec3_normalize(
-        sp_vec3_sub(sp_vec3_from(camera->target), sp_vec3_from(camera->position)));
-    struct sp_vec3 right = sp_vec3_normalize(sp_vec3_cross(forward, sp_vec3_from(camera->up)));
-    struct sp_vec3 down = sp_vec3_cross(forward, right);
-    memcpy(w[0], right.v, sizeof right.v);
-    memcpy(w[1], down.v, sizeof down.v);
-    memcpy(w[2], forward.v, sizeof forward.v);
-}
-
-static struct sp_mat3 index_to_world(const struct sp_grid *grid) {
-    struct sp_mat3 m;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            m.m[r][a] = grid->direction[r][a] * grid->spacing[a];
-    return m;
-}
-
-static struct sp_vec3 voxel_world(const struct sp_grid *grid, const uint32_t i[3]) {
-    struct sp_mat3 m = index_to_world(grid);
-    struct sp_vec3 p = sp_mat3_apply(&m, (struct sp_vec3){ { i[0], i[1], i[2] } });
-    return sp_vec3_add(p, sp_vec3_from(grid->origin));
-}
-
-static size_t field_at(const struct field *f, size_t x, size_t y, size_t z) {
-    return x + f->dims[0] * (y + f->dims[1] * z);
-}
-
-/* Spreads the marks of `near_by` by `reach` along one axis. */
-static bool spread(struct field *f, int axis) {
-    size_t count = f->dims[0] * f->dims[1] * f->dims[2];
-    size_t stride = axis == 0 ? 1 : axis == 1 ? f->dims[0] : f->dims[0] * f->dims[1];
-    unsigned char *was = malloc(count);
-    if (!was)
+/* Classified before it is interpolated: (c_k g_k, g_k). False when nothing is seen of it. */
+static bool set_pre(const struct march *m, double value, const double gradient[3],
+                    const double place[3], test_quad *numbers) {
+    const struct sp_view *view = m->view;
+    double color[3], opacity, ahead[3];
+    test_classify(&view->transfer_function, value, length3(gradient), color, &opacity);
+    if (opacity <= 0)
         return false;
-    memcpy(was, f->near_by, count);
-    for (size_t i = 0; i < count; i++) {
-        if (!was[i])
-            continue;
-        long at = (long)(i / stride % f->dims[axis]);
-        for (long k = -f->reach; k <= f->reach; k++)
-            if (at + k >= 0 && at + k < (long)f->dims[axis])
-                f->near_by[(size_t)((long)i + k * (long)stride)] = 1;
-    }
-    free(was);
+    bool perspective = view->camera.projection == SP_PERSPECTIVE;
+    for (int c = 0; c < 3; c++)
+        ahead[c] = perspective ? place[c] - view->camera.position[c] : m->w[2][c];
+    struct sp_vec3 unit = sp_vec3_normalize(sp_vec3_from(ahead));
+    test_shade(view, unit.v, gradient, color);
+    double g = extinction(&view->transfer_function, opacity);
+    *numbers = (test_quad){ color[0] * g, color[1] * g, color[2] * g, g };
     return true;
 }
 
-static void classify_voxel(struct march *m, const struct sp_volume_info *info, const void *voxels,
-                           const struct test_truth_options *o, const uint32_t i[3]) {
-    const struct sp_grid *grid = &info->grid;
-    const struct sp_camera *camera = &m->view->camera;
-    size_t index = i[0] + grid->dims[0] * (i[1] + (size_t)grid->dims[1] * i[2]);
-    double value = test_sample(voxels, info->type, index), color[3], opacity;
+static void set_voxel(struct march *m, const struct sp_volume_info *info, const void *voxels,
+                      const uint32_t i[3]) {
+    const struct sp_view *view = m->view;
+    const struct sp_camera *camera = &view->camera;
+    double value = test_sample(voxels, info->type, test_sample_index(&info->grid, i));
+    double place[3], gradient[3] = { 0 };
+    test_quad numbers[2];
     if (!isfinite(value))
         return;
-    test_classify(&m->view->transfer_function, value, color, &opacity);
-    if (opacity <= 0)
-        return;
-    struct sp_vec3 u = sp_vec3_sub(voxel_world(grid, i), sp_vec3_from(camera->position));
+    test_sample_place(&info->grid, i, place);
+    struct sp_vec3 u = sp_vec3_sub(sp_vec3_from(place), sp_vec3_from(camera->position));
     if (sp_vec3_dot(u, sp_vec3_from(m->w[2])) < camera->near)
         return;
-    double g = -log1p(-opacity) / m->view->transfer_function.reference_length;
-    if (o->emission)
-        o->emission(o->user, i, color);
-    struct field *f = &m->field;
-    size_t to = field_at(f, i[0] + (size_t)f->pad, i[1] + (size_t)f->pad, i[2] + (size_t)f->pad);
-    f->voxels[to] = (quad){ color[0] * g, color[1] * g, color[2] * g, g };
-    f->near_by[to] = 1;
+    if (test_needs_gradient(view))
+        test_gradient(info, voxels, i, gradient);
+    numbers[0] = (test_quad){ value, 1, 0, 0 };
+    numbers[1] = (test_quad){ gradient[0], gradient[1], gradient[2], 0 };
+    if (view->transfer_function.order == SP_TF_POST || set_pre(m, value, gradient, place, numbers))
+        test_field_set(&m->field, i, numbers);
 }
 
-static bool field_build(struct march *m, const struct sp_volume_info *info, const void *voxels,
-                        const struct test_truth_options *o, double radius, struct sp_error *err) {
-    struct field *f = &m->field;
-    f->sigma = m->view->filter.sigma;
-    /* A sample is at most half a voxel from the nearest one. */
-    f->reach = (int)ceil(radius * f->sigma - 0.5 - 1e-9);
-    f->reach = f->reach < 1 ? 1 : f->reach > TAPS_MAX / 2 ? TAPS_MAX / 2 : f->reach;
-    f->pad = 2 * f->reach + 1;
-    for (int k = -f->reach; k <= f->reach; k++)
-        f->lattice[k + f->reach] =
-            exp(-0.5 * k * k / (f->sigma * f->sigma)) / (sqrt(2 * M_PI) * f->sigma);
-    size_t count = 1;
-    for (int a = 0; a < 3; a++)
-        count *= f->dims[a] = info->grid.dims[a] + 2 * (size_t)f->pad;
-    f->voxels = aligned_alloc(sizeof(quad), count * sizeof(quad));
-    f->near_by = calloc(count, 1);
-    if (!f->voxels || !f->near_by)
-        return sp_fail(err, SP_ERR_MEMORY, "", "the integrator's field of %zu voxels", count);
-    memset(f->voxels, 0, count * sizeof(quad));
-    for (uint32_t z = 0; z < info->grid.dims[2]; z++)
-        for (uint32_t y = 0; y < info->grid.dims[1]; y++)
-            for (uint32_t x = 0; x < info->grid.dims[0]; x++)
-                classify_voxel(m, info, voxels, o, (uint32_t[3]){ x, y, z });
-    for (int a = 0; a < 3; a++)
-        if (!spread(f, a))
-            return sp_fail(err, SP_ERR_MEMORY, "", "the integrator's marks");
-    return true;
+/* Can a value in [low, high] be seen? */
+static bool visible(const void *user, double low, double high) {
+    const struct sp_transfer_function *tf = user;
+    double color[3], opacity[2];
+    for (uint32_t k = 0; k < tf->point_count; k++)
+        if (tf->points[k].opacity > 0 && tf->points[k].value >= low && tf->points[k].value <= high)
+            return true;
+    struct sp_transfer_function flat = *tf;
+    flat.gradient_count = 0;
+    test_classify(&flat, low, 0, color, &opacity[0]);
+    test_classify(&flat, high, 0, color, &opacity[1]);
+    return opacity[0] > 0 || opacity[1] > 0;
 }
 
-/* The normal densities at the 2·reach + 1 lattice points around an offset `d` in [-½, ½]:
- * exp(-(k-d)²/2σ²) = exp(-d²/2σ²)·exp(d/σ²)^k·exp(-k²/2σ²). */
-static void weights(const struct field *f, double d, double *w) {
-    double s = 1 / (f->sigma * f->sigma), middle = exp(-0.5 * d * d * s), up = exp(d * s);
-    double right = middle, left = middle, down = 1 / up;
-    w[f->reach] = middle * f->lattice[f->reach];
-    for (int k = 1; k <= f->reach; k++) {
-        right *= up;
-        left *= down;
-        w[f->reach + k] = right * f->lattice[f->reach + k];
-        w[f->reach - k] = left * f->lattice[f->reach - k];
-    }
-}
-
-/* Σ_k (c_k g_k, g_k) r_k at a point of padded index space; false where nothing is near. */
-static bool field_sample(const struct field *f, const double p[3], quad *sum) {
-    double wx[TAPS_MAX], wy[TAPS_MAX], wz[TAPS_MAX];
-    long base[3];
-    for (int a = 0; a < 3; a++) {
-        base[a] = (long)floor(p[a] + 0.5);
-        if (base[a] < f->reach || base[a] >= (long)f->dims[a] - f->reach)
-            return false;
-    }
-    if (!f->near_by[field_at(f, (size_t)base[0], (size_t)base[1], (size_t)base[2])])
+static bool build_field(struct march *m, const struct sp_volume_info *info, const void *voxels,
+                        double radius) {
+    const uint32_t *dims = info->grid.dims;
+    bool post = m->view->transfer_function.order == SP_TF_POST;
+    if (!test_field_init(&m->field, &info->grid, &m->view->filter, radius,
+                         post && test_needs_gradient(m->view) ? 2 : 1))
         return false;
-    weights(f, p[0] - (double)base[0], wx);
-    weights(f, p[1] - (double)base[1], wy);
-    weights(f, p[2] - (double)base[2], wz);
-    int taps = 2 * f->reach + 1;
-    quad all = { 0 };
-    for (int z = 0; z < taps; z++) {
-        quad plane = { 0 };
-        for (int y = 0; y < taps; y++) {
-            const quad *v = f->voxels + field_at(f, (size_t)(base[0] - f->reach),
-                                                 (size_t)(base[1] - f->reach + y),
-                                                 (size_t)(base[2] - f->reach + z));
-            quad row = { 0 };
-            for (int x = 0; x < taps; x++)
-                row += wx[x] * v[x];
-            plane += wy[y] * row;
-        }
-        all += wz[z] * plane;
-    }
-    *sum = all;
+    for (uint32_t z = 0; z < dims[2]; z++)
+        for (uint32_t y = 0; y < dims[1]; y++)
+            for (uint32_t x = 0; x < dims[0]; x++)
+                set_voxel(m, info, voxels, (uint32_t[3]){ x, y, z });
+    if (!test_field_close(&m->field))
+        return false;
+    if (post)
+        test_field_hide(&m->field, visible, &m->view->transfer_function);
     return true;
 }
 
-/* Where the ray p + l·d lies inside the padded box, l ≥ 0; false if nowhere. */
-static bool clip_to_field(const struct field *f, const double p[3], const double d[3], double *from,
-                          double *to) {
-    *from = 0;
-    *to = INFINITY;
-    for (int a = 0; a < 3; a++) {
-        double low = f->reach, high = (double)f->dims[a] - 1 - f->reach;
-        if (fabs(d[a]) < 1e-300) {
-            if (p[a] < low || p[a] > high)
-                return false;
-            continue;
-        }
-        double l0 = (low - p[a]) / d[a], l1 = (high - p[a]) / d[a];
-        *from = fmax(*from, fmin(l0, l1));
-        *to = fmin(*to, fmax(l0, l1));
+/* Emission and extinction (c g, g) at axis-space point p; false where there is none. */
+static bool medium(const struct march *m, const struct ray *ray, const double p[3],
+                   test_quad *sum) {
+    const struct sp_view *view = m->view;
+    test_quad sums[2];
+    if (!test_field_at(&m->field, p, sums))
+        return false;
+    *sum = sums[0];
+    if (view->transfer_function.order == SP_TF_POST) {
+        double all = sums[0][1], gradient[3] = { 0 }, color[3], opacity;
+        if (!(all > 1e-12))
+            return false;
+        for (int c = 0; c < 3 && m->field.quads > 1; c++)
+            gradient[c] = sums[1][c] / all;
+        test_classify(&view->transfer_function, sums[0][0] / all, length3(gradient), color,
+                      &opacity);
+        double g = extinction(&view->transfer_function, opacity) * all;
+        if (g > 0)
+            test_shade(view, ray->ahead, gradient, color);
+        *sum = (test_quad){ color[0] * g, color[1] * g, color[2] * g, g };
     }
-    return *from < *to;
+    return (*sum)[3] > 0;
 }
 
-/* The integral along one ray; p and d (per world unit) in padded index space. */
-static void march_ray(const struct march *m, const double p[3], const double d[3], double *rgba) {
-    double from, to, through = 1;
-    memset(rgba, 0, 4 * sizeof *rgba);
-    if (!clip_to_field(&m->field, p, d, &from, &to))
-        return;
-    double voxels = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]); /* a world unit */
-    double steps = ceil((to - from) * voxels / m->step), dl = (to - from) / steps;
-    for (double s = 0; s < steps; s++) {
-        double l = from + (s + 0.5) * dl, q[3];
-        quad sum;
-        for (int a = 0; a < 3; a++)
-            q[a] = p[a] + l * d[a];
-        if (!field_sample(&m->field, q, &sum) || sum[3] <= 0)
-            continue;
-        double stopped = -expm1(-sum[3] * dl) * through;
-        for (int c = 0; c < 3; c++)
-            rgba[c] += sum[c] / sum[3] * stopped;
-        rgba[3] += stopped;
-        through -= stopped;
-        if (through < 1e-12)
-            break;
+/* Keeps of [*from, *to] what has a + b·l ≥ 0; true when that is less. */
+static bool keep(double a, double b, double *from, double *to) {
+    double was[2] = { *from, *to };
+    if (b > 0)
+        *from = fmax(*from, -a / b);
+    else if (b < 0)
+        *to = fmin(*to, -a / b);
+    else if (a < 0)
+        *to = *from;
+    return *from > was[0] || *to < was[1];
+}
+
+/* What the clip box and planes keep of an interval of the ray; true when they cut it. */
+static bool clip_ray(const struct march *m, const struct ray *ray, double *from, double *to) {
+    const struct sp_clip *clip = &m->view->clip;
+    bool cut = false;
+    for (int a = 0; a < 3; a++) {
+        if (isfinite(m->box[0][a]))
+            cut |= keep(ray->p[a] - m->box[0][a], ray->d[a], from, to);
+        if (isfinite(m->box[1][a]))
+            cut |= keep(m->box[1][a] - ray->p[a], -ray->d[a], from, to);
     }
+    for (uint32_t i = 0; i < clip->plane_count; i++) {
+        const double *n = clip->planes[i].normal;
+        double a = -clip->planes[i].offset, b = 0;
+        for (int c = 0; c < 3; c++) {
+            a += n[c] * ray->start[c];
+            b += n[c] * ray->ahead[c];
+        }
+        cut |= keep(a, b, from, to);
+    }
+    return cut;
+}
+
+static void march_ray(const struct march *m, const struct ray *ray, double *rgba) {
+    double from, to, through = 1, speed[3]; /* speed: voxels a world unit */
+    memset(rgba, 0, 4 * sizeof *rgba);
+    if (!test_field_span(&m->field, ray->p, ray->d, &from, &to))
+        return;
+    bool cut = clip_ray(m, ray, &from, &to);
+    for (int a = 0; a < 3; a++)
+        speed[a] = ray->d[a] / m->field.axes[a].step;
+    double steps = ceil((to - from) * length3(speed) / m->step), dl = (to - from) / steps;
+    int nodes = cut ? 2 : 1;
+    for (double s = 0; s < steps && through >= 1e-12; s++)
+        for (int k = 0; k < nodes; k++) {
+            double aside = cut ? (k - 0.5) / sqrt(3) : 0, q[3];
+            double l = from + (s + 0.5 + aside) * dl;
+            test_quad sum;
+            for (int a = 0; a < 3; a++)
+                q[a] = ray->p[a] + l * ray->d[a];
+            if (!medium(m, ray, q, &sum))
+                continue;
+            double stopped = -expm1(-sum[3] * dl / nodes) * through;
+            for (int c = 0; c < 3; c++)
+                rgba[c] += sum[c] / sum[3] * stopped;
+            rgba[3] += stopped;
+            through -= stopped;
+        }
+}
+
+static void make_ray(const struct march *m, size_t index, struct ray *ray) {
+    const struct sp_view *view = m->view;
+    const struct test_image *image = &m->rays->image;
+    double x = ((double)(index % image->width) + 0.5) * m->sub - m->rays->margin;
+    double y = ((double)(index / image->width) + 0.5) * m->sub - m->rays->margin;
+    double a = (x - 0.5 * view->size[0]) / m->scale;
+    double b = (y - 0.5 * view->size[1]) / m->scale;
+    bool perspective = view->camera.projection == SP_PERSPECTIVE;
+    double unit = perspective ? 1 / sqrt(a * a + b * b + 1) : 0;
+    struct sp_vec3 start, ahead;
+    for (int c = 0; c < 3; c++) {
+        double aside = m->w[0][c] * a + m->w[1][c] * b;
+        ray->start[c] = view->camera.position[c] + (perspective ? 0 : aside);
+        ray->ahead[c] = perspective ? (aside + m->w[2][c]) * unit : m->w[2][c];
+        start.v[c] = ray->start[c] - m->origin[c];
+        ahead.v[c] = ray->ahead[c];
+    }
+    start = sp_mat3_apply(&m->to_axes, start);
+    ahead = sp_mat3_apply(&m->to_axes, ahead);
+    memcpy(ray->p, start.v, sizeof ray->p);
+    memcpy(ray->d, ahead.v, sizeof ray->d);
 }
 
 static void march_block(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct march *m = user;
-    const struct sp_view *view = m->view;
-    const struct test_image *image = &m->rays->image;
     for (size_t i = begin; i < end; i++) {
-        double x = ((double)(i % image->width) + 0.5) * m->sub - m->rays->margin;
-        double y = ((double)(i / image->width) + 0.5) * m->sub - m->rays->margin;
-        double a = (x - 0.5 * view->size[0]) / m->scale[0];
-        double b = (y - 0.5 * view->size[1]) / m->scale[1];
-        bool perspective = view->camera.projection == SP_PERSPECTIVE;
-        double unit = perspective ? 1 / sqrt(a * a + b * b + 1) : 0;
-        struct sp_vec3 start, ahead;
-        for (int c = 0; c < 3; c++) {
-            double aside = m->w[0][c] * a + m->w[1][c] * b;
-            start.v[c] = view->camera.position[c] - m->origin[c] + (perspective ? 0 : aside);
-            ahead.v[c] = perspective ? (aside + m->w[2][c]) * unit : m->w[2][c];
+        struct ray ray;
+        make_ray(m, i, &ray);
+        march_ray(m, &ray, m->rays->image.rgba + i * 4);
+    }
+}
+
+/* Faces at the fractions 0 and 1 do not cut: kernels reach beyond the cells' box. */
+static void init_box(struct march *m, const struct sp_grid *grid) {
+    for (unsigned a = 0; a < 3; a++) {
+        double extent[2];
+        sp_grid_extent(grid, a, extent);
+        for (int side = 0; side < 2; side++) {
+            double fraction = m->view->clip.box[side][a];
+            bool cuts = side ? fraction < 1 : fraction > 0;
+            m->box[side][a] = cuts   ? extent[0] + fraction * (extent[1] - extent[0])
+                              : side ? INFINITY
+                                     : -INFINITY;
         }
-        start = sp_mat3_apply(&m->to_index, start);
-        ahead = sp_mat3_apply(&m->to_index, ahead);
-        for (int c = 0; c < 3; c++)
-            start.v[c] += m->field.pad;
-        march_ray(m, start.v, ahead.v, image->rgba + i * 4);
     }
 }
 
@@ -298,26 +246,31 @@ bool test_truth_integrate(const struct sp_volume_info *info, const void *voxels,
                           const struct sp_view *view, const struct test_truth_options *options,
                           struct test_rays *rays, struct sp_error *err) {
     struct test_truth_options o = options ? *options : (struct test_truth_options){ 0 };
-    struct march m = { .view = view, .rays = rays, .step = o.step > 0 ? o.step : 0.4 };
-    struct sp_mat3 to_world = index_to_world(&info->grid);
+    struct march m = { .view = view, .rays = rays };
+    struct sp_mat3 direction;
     double det, cores = (double)sysconf(_SC_NPROCESSORS_ONLN);
     *rays = (struct test_rays){ .samples = o.samples ? o.samples : 3,
                                 .margin = o.margin ? o.margin : 5 };
     assert(rays->samples % 2 == 1 && rays->samples <= 15);
-    m.to_index = sp_mat3_inverse(&to_world, &det);
+    memcpy(direction.m, info->grid.direction, sizeof direction.m);
+    m.to_axes = sp_mat3_inverse(&direction, &det);
     if (det == 0)
         return sp_fail(err, SP_ERR_INVALID, "/direction", "the direction matrix is singular");
     memcpy(m.origin, info->grid.origin, sizeof m.origin);
     test_camera_axes(&view->camera, m.w);
-    m.scale[0] = m.scale[1] = view->camera.projection == SP_PERSPECTIVE
-                                  ? 0.5 * view->size[1] / tan(view->camera.fov_y * M_PI / 360)
-                                  : view->size[1] / view->camera.height;
+    m.scale = test_camera_scale(view);
     m.sub = 1.0 / rays->samples;
+    m.step = o.step > 0                                    ? o.step
+             : view->transfer_function.order == SP_TF_POST ? 0.1
+             : view->filter.kernel == SP_KERNEL_CUBIC      ? 0.2
+                                                           : 0.4;
+    init_box(&m, &info->grid);
     struct sp_pool *pool = NULL;
-    bool ok = field_build(&m, info, voxels, &o, o.radius > 0 ? o.radius : 4.5, err);
-    if (ok && !test_image_init(&rays->image, (view->size[0] + 2 * rays->margin) * rays->samples,
-                               (view->size[1] + 2 * rays->margin) * rays->samples))
-        ok = sp_fail(err, SP_ERR_MEMORY, "", "the integrator's rays");
+    bool ok = build_field(&m, info, voxels, o.radius > 0 ? o.radius : 4.5) &&
+              test_image_init(&rays->image, (view->size[0] + 2 * rays->margin) * rays->samples,
+                              (view->size[1] + 2 * rays->margin) * rays->samples);
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, "", "the integrator's field and rays");
     if (ok) {
         unsigned threads = o.threads ? o.threads : (unsigned)fmin(fmax(cores, 1), 64);
         pool = sp_pool_create(threads, err);
@@ -326,8 +279,7 @@ bool test_truth_integrate(const struct sp_volume_info *info, const void *voxels,
     if (ok)
         sp_parallel_for(pool, (size_t)rays->image.width * rays->image.height, 64, march_block, &m);
     sp_pool_destroy(&pool);
-    free(m.field.voxels);
-    free(m.field.near_by);
+    test_field_finish(&m.field);
     if (!ok)
         test_rays_finish(rays);
     return ok;

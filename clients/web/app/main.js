@@ -258,9 +258,10 @@ viewer.on('view', (view) => {
   panels.showView(view);
   panels.showVolumes(connection.volumes, view.volume);
 });
-viewer.on('refused', (error) => notice.show(error.pointer
-  ? `The daemon refused this change: ${error.message} (${error.pointer})`
-  : `The daemon refused this change: ${error.message}`));
+viewer.on('refused', ({ message, pointer }) => {
+  if (pointer && panels.complain(pointer, message)) return;
+  notice.show(`The daemon refused this change: ${message}${pointer ? ` (${pointer})` : ''}`);
+});
 connection.on('volumes', (volumes) => {
   panels.showVolumes(volumes, viewer.view?.volume);
   if (connection.state === 'waiting') showWaiting();

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel: volumes, background, shading, filter.
+// The panel: volumes, how the picture is made, what is cut away.
+import { flatLimit, hideFlat, steepest } from '../core/choices.js';
+import { quadratic } from '../core/slider.js';
+import { ClipPanel } from './clip.js';
+import { Complaints, Fields, showNumber, showValue } from './fields.js';
 
 const byId = (id) => document.getElementById(id);
 
@@ -16,7 +20,7 @@ function describe(volume) {
 }
 
 export class Panels {
-  #viewer; #panel; #list;
+  #viewer; #panel; #list; #fields; #clip; #complaints;
   #key = '';
 
   constructor(viewer, { help }) {
@@ -35,9 +39,13 @@ export class Panels {
     byId('shading').addEventListener('change', (event) => {
       viewer.change({ shading: { mode: event.target.checked ? 'phong' : 'none' } }, event.timeStamp);
     });
-    byId('filter').addEventListener('change', (event) => {
-      viewer.change({ filter: { mode: event.target.value } }, event.timeStamp);
+    byId('flat').addEventListener('input', (event) => {
+      const magnitude = this.#flatScale.at(event.target.valueAsNumber);
+      viewer.change({ transfer_function: { gradient: hideFlat(magnitude) } }, event.timeStamp);
     });
+    this.#fields = new Fields(byId('panel-body'), viewer);
+    this.#clip = new ClipPanel(viewer);
+    this.#complaints = new Complaints(byId('panel-body'));
     this.toggle(!window.matchMedia('(max-width: 640px), (max-height: 480px)').matches);
   }
 
@@ -53,8 +61,28 @@ export class Panels {
     this.#viewer.change({ background: hexToColor(text) }, time);
   }
 
+  /** Says below a field's control why the daemon refused it; false if there is no such control on the screen. */
+  complain(pointer, text) {
+    return this.#complaints.show(pointer, text);
+  }
+
+  /** As far as the volume's samples can rise; without a list of volumes, as the transfer function's points do. */
+  get #flatScale() {
+    const { volume, view } = this.#viewer;
+    if (volume?.range) return quadratic(steepest(volume));
+    const { points = [], reference_length: unit = 1 } = view?.transfer_function ?? {};
+    return quadratic(points.length ? steepest({ range: [points[0].value, points.at(-1).value], spacing: [unit] }) : 0);
+  }
+
+  #showFlat(gradient) {
+    const slider = byId('flat');
+    const limit = flatLimit(gradient);
+    slider.value = this.#flatScale.of(limit ?? gradient.at(-1).magnitude);
+    showValue(slider, limit === null ? 'other' : limit === 0 ? 'off' : showNumber(limit));
+  }
+
   showView(view) {
-    for (const id of ['picture-section', 'moves']) byId(id).inert = !this.#viewer.canControl;
+    for (const id of ['picture-section', 'clip-section', 'plane-section', 'moves']) byId(id).inert = !this.#viewer.canControl;
     const color = colorToHex(view.background ?? [0, 0, 0, 1]);
     byId('background').value = color;
     for (const swatch of document.querySelectorAll('.swatches button')) {
@@ -62,10 +90,9 @@ export class Panels {
     }
     document.body.style.backgroundColor = color;
     byId('shading').checked = view.shading?.mode === 'phong';
-    const filter = byId('filter');
-    const mode = view.filter?.mode ?? 'adaptive';
-    if (![...filter.options].some((option) => option.value === mode)) filter.add(new Option(mode, mode));
-    filter.value = mode;
+    this.#showFlat(view.transfer_function?.gradient);
+    this.#fields.show(view);
+    this.#clip.show();
     document.title = view.volume ? `${view.volume} — splatd` : 'splatd';
   }
 

@@ -2,7 +2,7 @@
 // What the user looks at: the view, the camera as a rig, and what may be done with them. Every change goes out as
 // a patch through the pace. Events: view (the view changed), refused Error.
 import {
-  cameraFromRig, fit, orbit, pan, rigFromCamera, volumeSphere, widen, zoom, zoomLimits,
+  cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
 import { applyPatch } from '../core/merge.js';
@@ -25,6 +25,7 @@ export class Viewer extends Emitter {
   #connection; #viewport;
   #view = null;
   #rig = null;
+  #box = null;
   #sphere = null;
   #home = null;
   #isSwitching = false;
@@ -53,6 +54,10 @@ export class Viewer extends Emitter {
     return { volume: this.#view.volume, background: this.#view.background };
   }
   get orientation() { return this.#rig?.orientation ?? null; }
+  /** The volume as the daemon describes it, or null where there is no list of volumes. */
+  get volume() { return this.#connection.volumes.find((v) => v.id === this.#view?.volume) ?? null; }
+  /** The box {center, half} of the volume, as far as it is known; null without a view. */
+  get box() { return this.#box; }
   /** The canvas in CSS px: what the points given to the functions below refer to. */
   get viewport() { return this.#viewport(); }
   get canControl() { return this.#canControl; }
@@ -80,15 +85,17 @@ export class Viewer extends Emitter {
 
   /** The list of volumes was read (again): the extent of the current one may be known now. */
   #measure() {
-    const volume = this.#connection.volumes.find((v) => v.id === this.#view?.volume);
     try {
-      this.#sphere = volume?.dims ? volumeSphere(volume) : null;
+      this.#box = this.volume?.dims ? volumeBox(this.volume) : null;
     } catch {
-      this.#sphere = null;
+      this.#box = null;
     }
+    this.#sphere = this.#box && sphereAround(this.#box);
     // In a session that was joined by its token alone there is no list: the camera says how large things are.
-    if (!this.#sphere && this.#rig) {
-      this.#sphere = { center: this.#rig.target, radius: this.#rig.distance * Math.sin(this.#rig.fovY * Math.PI / 360) };
+    if (!this.#box && this.#rig) {
+      const radius = this.#rig.distance * Math.sin(this.#rig.fovY * Math.PI / 360);
+      this.#sphere = { center: this.#rig.target, radius };
+      this.#box = { center: this.#rig.target, half: [[radius, 0, 0], [0, radius, 0], [0, 0, radius]] };
     }
   }
 

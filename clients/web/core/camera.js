@@ -98,15 +98,20 @@ export function orbit(rig, yaw, pitch, roll = 0) {
   return { ...rig, orientation: normalizeQuaternion(q) };
 }
 
-/** Sphere {center, radius} around a volume as the protocol describes it (dims, spacing, origin, direction). */
-export function volumeSphere({ dims, spacing, origin = [0, 0, 0], direction }) {
+/** The box {center, half: its three half edges as vectors} of a volume as the protocol describes it (dims, spacing, …). */
+export function volumeBox({ dims, spacing, origin = [0, 0, 0], direction }) {
   const rows = direction ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
   const world = (axes) => rows.map((row) => dot(row, axes));
-  const full = dims.map((n, axis) => n * spacing[axis]);
-  const middle = dims.map((n, axis) => (n - 1) * spacing[axis] / 2);
-  const corners = [[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]];
-  const radius = Math.max(...corners.map((c) => length(world(full.map((f, i) => f * c[i] / 2)))));
-  return { center: add(origin, world(middle)), radius };
+  const edge = (axis) => world([0, 1, 2].map((i) => (i === axis ? dims[i] * spacing[i] / 2 : 0)));
+  return {
+    center: add(origin, world(dims.map((n, i) => (n - 1) * spacing[i] / 2))), half: [edge(0), edge(1), edge(2)],
+  };
+}
+
+/** The sphere {center, radius} around a box. */
+export function sphereAround({ center, half: [a, b, c] }) {
+  const corners = [add(b, c), subtract(b, c), subtract(c, b), scale(add(b, c), -1)];
+  return { center, radius: Math.max(...corners.map((corner) => length(add(a, corner)))) };
 }
 
 /** How near and how far zooming may go around a sphere. */

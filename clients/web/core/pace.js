@@ -7,6 +7,7 @@ import { joinPatches } from './merge.js';
 export class Pace {
   #send; #schedule; #now; #limit; #fail; #done;
   #seq = 0;
+  #taken = 0;
   #drawn = 0;
   #epoch = 0;
   #open = false;
@@ -30,8 +31,8 @@ export class Pace {
     this.#limit = limit;
   }
 
-  /** Newest seq that was sent on this stream; 0 before the first. */
-  get sent() { return this.#seq; }
+  /** Newest seq that was sent on this stream and not refused: a picture will show it; 0 before the first. */
+  get sent() { return Math.max(this.#taken, ...this.#flying.keys()); }
   /** Newest seq that a drawn picture shows. */
   get drawn() { return this.#drawn; }
   /** Updates that were sent and not answered. */
@@ -54,6 +55,7 @@ export class Pace {
   open() {
     this.#open = true;
     this.#seq = 0;
+    this.#taken = 0;
     this.#drawn = 0;
     this.#plan();
   }
@@ -109,6 +111,7 @@ export class Pace {
         this.#times.delete(seq);
         this.#fail(error, patch);
       } else {
+        this.#taken = Math.max(this.#taken, seq);
         this.#done(patch);
       }
       this.#plan();

@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  cameraFromRig, fit, orbit, pan, pointOnPlane, project, rigFromCamera, volumeSphere, widen, zoom, zoomLimits,
+  cameraFromRig, fit, orbit, pan, pointOnPlane, project, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../../../clients/web/core/camera.js';
 import { add, length, rotate, subtract } from '../../../clients/web/core/vector.js';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
@@ -100,10 +100,10 @@ test('orbiting keeps the target in the middle', () => {
 });
 
 test('the sphere of a volume: spacing, origin and direction count', () => {
-  const plain = volumeSphere({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [5, 0, 0] });
+  const plain = sphereAround(volumeBox({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [5, 0, 0] }));
   close(plain.center, [10, 10, 30]);
   close([plain.radius], [Math.hypot(11, 21, 62) / 2]);
-  const turned = volumeSphere({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [0, 0, 0], direction: [[0, -1, 0], [1, 0, 0], [0, 0, 1]] });
+  const turned = sphereAround(volumeBox({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [0, 0, 0], direction: [[0, -1, 0], [1, 0, 0], [0, 0, 1]] }));
   close(turned.center, [-10, 5, 30]);
   close([turned.radius], [plain.radius]);
 });

@@ -67,6 +67,25 @@ test('a refused update is reported and does not hold up the next', async () => {
   assert.equal(it.sent.length, 2);
 });
 
+test('a refused update is not one that a picture will show', async () => {
+  const it = bench();
+  for (const n of [1, 2, 3]) {
+    it.pace.put({ n });
+    it.frame();
+  }
+  assert.equal(it.pace.sent, 3);
+  it.answers[1].resolve({ seq: 2 });
+  it.answers[2].reject(new Error('no'));
+  await it.settle();
+  assert.equal(it.pace.sent, 2);
+  it.answers[0].resolve({ seq: 1 });
+  await it.settle();
+  assert.equal(it.pace.sent, 2);
+  it.pace.put({ n: 4 });
+  it.frame();
+  assert.deepEqual([it.sent.at(-1).seq, it.pace.sent], [4, 4], 'no seq is used twice');
+});
+
 test('what a lost stream did not answer is sent again, joined, on the next one, which counts anew', async () => {
   const it = bench();
   it.pace.put({ a: 1, camera: { position: [1] } });

@@ -90,16 +90,43 @@ test('frames that finish out of order and frames that nobody can decode', async 
   assert.equal(await it.page.evaluate(() => window.splatd.state), 'live');
 });
 
-test('a refused change is explained, and the page goes back to what the daemon shows', async (context) => {
+test('a refused change is explained beside its control, and the page goes back to what the daemon shows', async (context) => {
   const it = await setUp(context);
   await picture(it.page);
   it.daemon.answer = (method, params) => {
     if (method !== 'view.update' || !params.patch.filter) return null;
-    throw Object.assign(new Error('"reconstruction" is not supported by this backend'), { code: -32001, pointer: '/filter/mode' });
+    throw Object.assign(new Error('"swan" is not supported by this backend'), { code: -32001, pointer: '/filter/mode' });
   };
-  await it.page.selectOption('#filter', 'reconstruction');
-  await it.notice('/filter/mode');
+  await it.page.selectOption('#filter', 'swan');
+  await it.page.locator('[data-pointer="/filter/mode"] + .complaint', { hasText: 'is not supported' }).waitFor();
   await until(it.page, 'the filter as before', () => document.getElementById('filter').value === 'adaptive');
+  assert.equal(await it.page.getAttribute('#filter', 'aria-invalid'), 'true');
+  assert.ok(await it.page.locator('#notice').isHidden());
+  await it.page.locator('#shading').click();
+  assert.equal(await it.page.locator('.complaint').count(), 0, 'the next change takes the complaint away');
+  assert.equal(await it.page.getAttribute('#filter', 'aria-invalid'), null);
+  assert.deepEqual(it.said, []);
+});
+
+test('a refused change without a control on the screen is explained in a notice', async (context) => {
+  const it = await setUp(context);
+  await picture(it.page);
+  it.daemon.answer = (method) => {
+    if (method !== 'view.update') return null;
+    throw Object.assign(new Error('too near'), { code: -32000, pointer: '/camera/near' });
+  };
+  await it.page.keyboard.press('ArrowLeft');
+  await it.notice('too near (/camera/near)');
+  it.daemon.answer = (method) => {
+    if (method !== 'view.update') return null;
+    throw Object.assign(new Error('no clipping'), { code: -32001, pointer: '/clip/planes/0/normal' });
+  };
+  await it.page.keyboard.press('ArrowLeft');
+  await it.notice('no clipping (/clip/planes/0/normal)'); // its panel is folded
+  await it.page.locator('#clip summary').click();
+  await it.page.locator('#plane').click();
+  await it.page.locator('#plane-section .complaint', { hasText: 'no clipping' }).waitFor();
+  await until(it.page, 'no plane', () => !document.getElementById('plane').checked);
 });
 
 test('a daemon that tells no roles: the refusal of the first change says that this page may only watch', async (context) => {

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panel "Clip": a box with two sliders an axis, and one plane, whose depth is measured along its normal.
+import { WHOLE, depthOf, moveFace, planeAt, sight } from '../core/clip.js';
+import { showValue } from './fields.js';
+
+const DEPTH = 0.5;
+const byId = (id) => document.getElementById(id);
+const percent = (part) => `${Math.round(part * 100)} %`;
+
+export class ClipPanel {
+  #viewer; #faces; #toggle; #depth; #button;
+  /** The planes that were switched off last, and of which volume: switched on again, they are back. */
+  #kept = null;
+
+  constructor(viewer) {
+    this.#viewer = viewer;
+    this.#faces = [...byId('clip-section').querySelectorAll('input')];
+    this.#toggle = byId('plane');
+    this.#depth = byId('plane-depth');
+    this.#button = byId('plane-sight');
+    for (const face of this.#faces) {
+      face.addEventListener('input', ({ timeStamp }) => {
+        const { corner, axis } = face.dataset;
+        viewer.change({ clip: { box: moveFace(this.#box, Number(corner), Number(axis), face.valueAsNumber) } }, timeStamp);
+      });
+    }
+    this.#toggle.addEventListener('change', ({ timeStamp }) => this.#switch(this.#toggle.checked, timeStamp));
+    this.#depth.addEventListener('input', ({ timeStamp }) => {
+      const [first, ...others] = this.#planes;
+      if (first) this.#set(() => [planeAt(viewer.box, first.normal, this.#depth.valueAsNumber), ...others], timeStamp);
+    });
+    this.#button.addEventListener('click', ({ timeStamp }) => {
+      const [first, ...others] = this.#planes;
+      this.#set(() => [this.#facing(first ? depthOf(viewer.box, first) : DEPTH), ...others], timeStamp);
+    });
+  }
+
+  get #box() { return this.#viewer.view?.clip?.box ?? WHOLE; }
+  get #planes() { return this.#viewer.view?.clip?.planes ?? []; }
+
+  /** make() gives the new planes; it is called when camera and volume are known. */
+  #set(make, time) {
+    if (this.#viewer.isReady) this.#viewer.change({ clip: { planes: make() } }, time);
+  }
+
+  /** A plane at right angles to where the camera looks. */
+  #facing(depth) {
+    return planeAt(this.#viewer.box, sight(this.#viewer.camera), depth);
+  }
+
+  #switch(isOn, time) {
+    const { volume } = this.#viewer.view;
+    if (!isOn) this.#kept = { volume, planes: this.#planes };
+    const kept = this.#kept?.volume === volume ? this.#kept.planes : [];
+    this.#set(() => (!isOn ? [] : kept.length ? kept : [this.#facing(DEPTH)]), time);
+  }
+
+  /** Shows what the view says. */
+  show() {
+    const box = this.#box;
+    for (const face of this.#faces) {
+      const { corner, axis } = face.dataset;
+      const value = box[corner][axis];
+      face.value = value;
+      face.setAttribute('aria-valuetext', percent(value));
+      face.parentElement.style.setProperty(corner === '0' ? '--low' : '--high', value);
+      face.closest('.row').querySelector('output').textContent = `${Math.round(box[0][axis] * 100)}–${percent(box[1][axis])}`;
+    }
+    const [plane] = this.#planes;
+    const depth = plane && this.#viewer.box ? depthOf(this.#viewer.box, plane) : DEPTH;
+    this.#toggle.checked = Boolean(plane);
+    this.#depth.disabled = !plane;
+    this.#depth.closest('.row').toggleAttribute('data-idle', !plane);
+    this.#depth.value = depth;
+    showValue(this.#depth, plane ? percent(depth) : '');
+  }
+}

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rows of the panel that hold one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select or a
+// slider; and what the daemon says about a field, below its row.
+import { choose, isChoice, matters, valueAt } from '../core/choices.js';
+import { logarithmic } from '../core/slider.js';
+
+const IDENTITY = { at: Number, of: Number };
+const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
+
+/** Three digits: 0.7, 12.5, 1790. */
+export const showNumber = (value) => String(Number(value.toPrecision(3)));
+
+/** The text beside a slider, which is also what it says to those who do not see it. */
+export function showValue(slider, text) {
+  slider.setAttribute('aria-valuetext', text);
+  slider.closest('.row').querySelector('output').textContent = text;
+}
+
+/** Sets a select, though a later daemon may know more choices than the page. */
+function showChoice(select, value) {
+  if (![...select.options].some((option) => option.value === value)) select.add(new Option(value, value));
+  select.value = value;
+}
+
+export class Fields {
+  #rows = [];
+
+  /** Takes all rows below `root` whose fields are choices. */
+  constructor(root, viewer) {
+    for (const row of root.querySelectorAll('.row[data-pointer]')) {
+      const { pointer } = row.dataset;
+      if (!isChoice(pointer)) continue;
+      const control = row.querySelector('select, input');
+      const isSlider = control.type === 'range';
+      const scale = SCALES[pointer] ?? IDENTITY;
+      control.addEventListener(isSlider ? 'input' : 'change', (event) => {
+        const value = isSlider ? scale.at(control.valueAsNumber) : control.value;
+        viewer.change(choose(viewer.view, pointer, value), event.timeStamp);
+      });
+      this.#rows.push({ row, pointer, control, isSlider, scale });
+    }
+  }
+
+  show(view) {
+    for (const { row, pointer, control, isSlider, scale } of this.#rows) {
+      const value = valueAt(view, pointer);
+      control.disabled = !matters(view, pointer);
+      row.toggleAttribute('data-idle', control.disabled);
+      if (isSlider) {
+        control.value = scale.of(value);
+        const { unit } = control.dataset;
+        showValue(control, unit ? `${showNumber(value)} ${unit}` : showNumber(value));
+      } else {
+        showChoice(control, value);
+      }
+    }
+  }
+}
+
+/** What the daemon refused, told below the controls that are to blame. */
+export class Complaints {
+  #root;
+
+  /** Below `root`, elements with data-pointer stand for the field there and all below it. */
+  constructor(root) {
+    this.#root = root;
+    root.addEventListener('input', () => this.clear(), { capture: true });
+    root.addEventListener('click', ({ target }) => target.closest('button') && this.clear(), { capture: true });
+  }
+
+  /** Shows `text` beside the field; false if no control on the screen is about it. */
+  show(pointer, text) {
+    const isAbout = (place) => pointer === place || pointer.startsWith(`${place}/`);
+    const place = [...this.#root.querySelectorAll('[data-pointer]')].find((element) => isAbout(element.dataset.pointer));
+    if (!place || place.closest('[hidden], details:not([open])')) return false;
+    this.clear();
+    const complaint = document.createElement('p');
+    complaint.className = 'complaint';
+    complaint.id = 'complaint';
+    complaint.setAttribute('role', 'alert');
+    complaint.textContent = text;
+    if (place.classList.contains('row')) place.after(complaint);
+    else place.append(complaint);
+    for (const control of place.querySelectorAll('select, input')) {
+      control.setAttribute('aria-invalid', 'true');
+      control.setAttribute('aria-describedby', 'complaint');
+    }
+    complaint.scrollIntoView?.({ block: 'nearest' });
+    return true;
+  }
+
+  clear() {
+    document.getElementById('complaint')?.remove();
+    for (const control of this.#root.querySelectorAll('[aria-invalid]')) {
+      control.removeAttribute('aria-invalid');
+      control.removeAttribute('aria-describedby');
+    }
+  }
+}

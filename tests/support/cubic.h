@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The cubic kernel of Crawfis and Max, spherical in index space, from the mathematics page; its
+ * integrals by plain quadrature, so that closed forms and tables elsewhere have a judge.
+ */
+#ifndef TESTS_SUPPORT_CUBIC_H
+#define TESTS_SUPPORT_CUBIC_H
+
+#define TEST_CUBIC_RADIUS 1.556228 /* t, voxels */
+
+/* g(r), r ≥ 0 in voxels; 0 beyond the radius. */
+double test_cubic(double r);
+
+/* ∫ g(√(ρ² + z²)) dz for z from -∞ to `end`: what a ray at distance ρ ≥ 0 from the middle has
+ * gathered there. `end` INFINITY: the footprint F(ρ). Good to 1e-9. */
+double test_cubic_gathered(double rho, double end);
+
+/* Variance along one axis: ∫ x² g / ∫ g over space [voxel²]. */
+double test_cubic_variance(void);
+
+#endif

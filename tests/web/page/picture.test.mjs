@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panels "Picture" and "Clip": what they send, what they show of the view, by keyboard and on a phone.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { launch, openPage, picture, shot, until } from '../support/browser.mjs';
+import { MockDaemon } from '../support/mock-daemon.mjs';
+
+const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
+let browser;
+before(async () => { browser = await launch(); });
+after(async () => { await browser?.close(); });
+
+async function setUp(context, options) {
+  const daemon = await MockDaemon.start();
+  const opened = await openPage(browser, options);
+  context.after(async () => {
+    await opened.context.close();
+    await daemon.kill().catch(() => {});
+  });
+  const { page } = opened;
+  await page.goto(daemon.url);
+  await picture(page);
+  const idle = () => until(page, 'all answered', (s) => s.isIdle);
+  const [session] = daemon.sessions.values();
+  return {
+    daemon, session, ...opened,
+    /** Does something and returns the patches that it sent. */
+    async patches(act) {
+      await idle();
+      const from = daemon.heard.length;
+      await act();
+      await idle();
+      return daemon.heard.slice(from).filter((m) => m.method === 'view.update').map((m) => m.params.patch);
+    },
+    async patch(act) {
+      const all = await this.patches(act);
+      assert.equal(all.length, 1, JSON.stringify(all));
+      return all[0];
+    },
+    /** Somebody else makes `change` to the view. */
+    share(change) {
+      session.view = { ...session.view, ...change };
+      daemon.notifyAll('view.changed', { by: 2, view: session.view });
+    },
+  };
+}
+
+const enabled = (page) => page.evaluate(() => Object.fromEntries(['kernel', 'sigma', 'cutoff', 'lowpass', 'slab', 'order']
+  .map((id) => [id, !document.getElementById(id).disabled])));
+
+test('choices are patches of one field; slabs and classification after interpolation go together', async (context) => {
+  const it = await setUp(context);
+  const { page } = it;
+  const choose = (id, value) => it.patch(() => page.selectOption(id, value));
+  assert.deepEqual(await choose('#filter', 'swan'), { filter: { mode: 'swan' } });
+  assert.deepEqual(await choose('#kernel', 'cubic'), { filter: { kernel: 'cubic' } });
+  assert.deepEqual(await choose('#attenuation', 'linear'), { compositing: { attenuation: 'linear' } });
+  assert.deepEqual(await choose('#compositing', 'splat'), { compositing: { mode: 'splat' } });
+  assert.deepEqual(await choose('#order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'slab' } });
+  assert.equal(await page.inputValue('#compositing'), 'slab');
+  assert.deepEqual(await choose('#compositing', 'sheet'), { compositing: { mode: 'sheet' }, transfer_function: { order: 'pre' } });
+  assert.equal(await page.inputValue('#order'), 'pre');
+  assert.deepEqual(it.said, []);
+});
+
+test('only what applies is enabled', async (context) => {
+  const it = await setUp(context);
+  const { page } = it;
+  const all = { kernel: true, sigma: true, cutoff: true, lowpass: true, slab: false, order: true };
+  assert.deepEqual(await enabled(page), all);
+  await page.selectOption('#kernel', 'cubic');
+  assert.deepEqual(await enabled(page), { ...all, sigma: false, cutoff: false });
+  await page.selectOption('#filter', 'none');
+  assert.deepEqual(await enabled(page), { ...all, kernel: false, sigma: false, cutoff: false, lowpass: false });
+  await page.selectOption('#filter', 'reconstruction');
+  await page.selectOption('#kernel', 'gaussian');
+  await page.selectOption('#compositing', 'slab');
+  assert.deepEqual(await enabled(page), { ...all, lowpass: false, slab: true });
+  await shot(page, 'picture');
+});
+
+test('sliders by keyboard: each step is a value, told beside the slider', async (context) => {
+  const it = await setUp(context);
+  const { page } = it;
+  const press = (id, key) => it.patch(async () => {
+    await page.focus(id);
+    await page.keyboard.press(key);
+  });
+  const told = (id) => page.locator(`.row:has(${id}) output`).textContent();
+  const before_ = await page.evaluate(() => window.splatd.camera);
+  assert.deepEqual(await press('#sigma', 'ArrowRight'), { filter: { sigma: 0.75 } });
+  assert.equal(await told('#sigma'), '0.75');
+  assert.deepEqual(await press('#cutoff', 'End'), { filter: { cutoff: 6 } });
+  assert.deepEqual(await press('#lowpass', 'Home'), { filter: { lowpass: 0 } });
+  assert.equal(await told('#lowpass'), '0 px');
+  assert.equal(await page.getAttribute('#lowpass', 'aria-valuetext'), '0 px');
+  await page.selectOption('#compositing', 'slab');
+  assert.deepEqual(await press('#slab', 'Home'), { compositing: { slab: 0.05 } });
+  assert.deepEqual(await press('#slab', 'End'), { compositing: { slab: 64 } });
+  assert.equal(await told('#flat'), 'off');
+  assert.deepEqual(await press('#flat', 'End'), { transfer_function: { gradient: [{ magnitude: 0, scale: 0 }, { magnitude: 128, scale: 1 }] } });
+  assert.equal(await told('#flat'), '128');
+  assert.deepEqual(await press('#flat', 'Home'), { transfer_function: { gradient: [] } });
+  assert.deepEqual(await page.evaluate(() => window.splatd.camera), before_, 'the arrows moved no camera');
+});
+
+test('the controls follow the view when somebody else changes it', async (context) => {
+  const it = await setUp(context);
+  const { page, session: { view } } = it;
+  it.share({
+    filter: { ...view.filter, mode: 'ewa', kernel: 'cubic', lowpass: 2.5 },
+    compositing: { mode: 'slab', attenuation: 'linear', slab: 0.25 },
+    transfer_function: { ...view.transfer_function, order: 'post', gradient: [{ magnitude: 1, scale: 0.5 }] },
+    clip: { box: [[0.1, 0, 0], [1, 0.75, 1]], planes: [{ normal: [0, 0, 2], offset: 30 }] },
+  });
+  await until(page, 'the order', () => document.getElementById('order').value === 'post');
+  const shown = await page.evaluate(() => {
+    const value = (id) => document.getElementById(id).value;
+    const output = (id) => document.getElementById(id).closest('.row').querySelector('output').textContent;
+    return {
+      choices: ['filter', 'kernel', 'compositing', 'attenuation'].map(value), lowpass: output('lowpass'), slab: output('slab'), flat: output('flat'),
+      box: [...document.querySelectorAll('.pair input')].map((face) => Number(face.value)), plane: document.getElementById('plane').checked,
+      depth: output('plane-depth'),
+    };
+  });
+  // The volume reaches from z = -1 to 63: 30 / 2 = 15 is a quarter of the way.
+  assert.deepEqual(shown, {
+    choices: ['ewa', 'cubic', 'slab', 'linear'], lowpass: '2.5 px', slab: '0.25', flat: 'other', box: [0.1, 1, 0, 0.75, 0, 1], plane: true, depth: '25 %',
+  });
+  assert.deepEqual(await it.patches(async () => {}), [], 'and send nothing back');
+  it.share({ filter: { ...view.filter, mode: 'splendid' } });
+  await until(page, 'a choice that the page does not know', () => document.getElementById('filter').value === 'splendid');
+  assert.deepEqual(it.said, []);
+});
+
+test('the box: faces by keyboard and mouse; a face pushes the one opposite', async (context) => {
+  const it = await setUp(context);
+  const { page } = it;
+  await page.locator('#clip summary').click();
+  const face = (axis, corner) => `.pair input[data-axis="${axis}"][data-corner="${corner}"]`;
+  const press = (at, key) => it.patch(async () => {
+    await page.focus(at);
+    await page.keyboard.press(key);
+  });
+  assert.deepEqual(await press(face(1, 0), 'ArrowRight'), { clip: { box: [[0, 0.01, 0], [1, 1, 1]] } });
+  assert.deepEqual(await press(face(0, 1), 'Home'), { clip: { box: [[0, 0.01, 0], [0, 1, 1]] } });
+  assert.deepEqual(await press(face(0, 0), 'End'), { clip: { box: [[1, 0.01, 0], [1, 1, 1]] } }, 'the upper face gave way');
+  // Both thumbs are at the end now; the one on top can still be taken back.
+  const { x, y, width, height } = await page.locator(face(0, 1)).boundingBox();
+  const sent = await it.patches(async () => {
+    await page.mouse.move(x + width - 7, y + height / 2);
+    await page.mouse.down();
+    await page.mouse.move(x + width / 2, y + height / 2, { steps: 5 });
+    await page.mouse.up();
+  });
+  const { box } = sent.at(-1).clip;
+  assert.ok(Math.abs(box[1][0] - 0.5) < 0.05 && box[0][0] === box[1][0], JSON.stringify(box));
+});
+
+test('the plane: on, towards the viewer, deeper, off and on again', async (context) => {
+  const it = await setUp(context);
+  const { page } = it;
+  await page.locator('#clip summary').click();
+  assert.ok(await page.locator('#plane-depth').isDisabled());
+  const normalOf = ({ clip: { planes: [{ normal }] } }) => normal.map((part) => Number(part.toFixed(9)) + 0);
+  const first = await it.patch(() => page.locator('#plane').click());
+  // The camera looks along -z at a volume from z = -1 to 63.
+  assert.deepEqual(normalOf(first), [0, 0, -1]);
+  assert.ok(Math.abs(first.clip.planes[0].offset + 31) < 1e-9);
+  const deeper = await it.patch(async () => {
+    await page.focus('#plane-depth');
+    await page.keyboard.press('End');
+  });
+  assert.deepEqual(deeper.clip.planes, [{ normal: first.clip.planes[0].normal, offset: 1 }]);
+  await page.keyboard.press('Home');
+  await page.locator('#screen').focus();
+  for (let i = 0; i < 10; i += 1) await page.keyboard.press('ArrowLeft');
+  const turned = await it.patch(() => page.locator('#plane-sight').click());
+  const { position, target } = await page.evaluate(() => window.splatd.camera);
+  const away = Math.hypot(...target.map((part, i) => part - position[i]));
+  assert.deepEqual(normalOf(turned), target.map((part, i) => Number(((part - position[i]) / away).toFixed(9)) + 0));
+  assert.equal(await page.locator('.row:has(#plane-depth) output').textContent(), '0 %', 'the depth stays');
+  await shot(page, 'clip');
+  assert.deepEqual(await it.patch(() => page.locator('#plane').click()), { clip: { planes: [] } });
+  assert.deepEqual(await it.patch(() => page.locator('#plane').click()), turned);
+  assert.deepEqual(it.said, []);
+});
+
+test('on a phone every control is as wide as the panel allows, and can be touched', async (context) => {
+  const it = await setUp(context, PHONE);
+  const { page } = it;
+  await page.tap('#panel-toggle');
+  await page.tap('#clip summary');
+  await shot(page, 'phone-picture');
+  const outside = await page.evaluate(() => {
+    const panel = document.getElementById('panel').getBoundingClientRect();
+    return [...document.querySelectorAll('#panel select, #panel input, #panel button, #panel output')]
+      .filter((control) => {
+        const box = control.getBoundingClientRect();
+        return box.width === 0 || box.left < panel.left || box.right > panel.right || box.right > window.innerWidth;
+      }).map((control) => control.id || control.outerHTML);
+  });
+  assert.deepEqual(outside, []);
+  assert.equal(await page.evaluate(() => document.scrollingElement.scrollWidth > window.innerWidth), false);
+  const { x, y, width, height } = await page.locator('#sigma').boundingBox();
+  const patch = await it.patches(() => page.touchscreen.tap(x + width - 3, y + height / 2));
+  assert.ok(patch.at(-1).filter.sigma > 1.8);
+  await page.locator('#plane-sight').scrollIntoViewIfNeeded();
+  await page.tap('#plane-sight');
+  await until(page, 'the plane', () => document.getElementById('plane').checked);
+  await shot(page, 'phone-clip');
+  assert.deepEqual(it.said, []);
+});
