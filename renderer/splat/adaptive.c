@@ -44,7 +44,7 @@ void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame
     }
     for (int a = 0; a < 3; a++) {
         adaptive->dims[a] = grid->dims[a];
-        adaptive->blocks[a] = (grid->dims[a] + SP_BLOCK - 1) / SP_BLOCK;
+        adaptive->blocks[a] = (grid->dims[a] + SP_BRICK - 1) / SP_BRICK;
     }
     find_radii(&step, filter->sigma, adaptive->radius);
 }
@@ -68,7 +68,7 @@ enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *a, double nearest
 enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *a, const uint32_t block[3]) {
     double nearest = a->base, farthest = a->base;
     for (int i = 0; i < 3; i++) {
-        uint32_t first = block[i] * SP_BLOCK, last = first + SP_BLOCK - 1;
+        uint32_t first = block[i] * SP_BRICK, last = first + SP_BRICK - 1;
         if (last >= a->dims[i])
             last = a->dims[i] - 1;
         double p = a->depth[i] * first, q = a->depth[i] * last;
@@ -81,7 +81,7 @@ enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *a, const uint32_
 uint64_t sp_adaptive_count(const struct sp_grid *grid) {
     uint64_t count = 1;
     for (int a = 0; a < 3; a++)
-        count *= (grid->dims[a] + SP_BLOCK - 1) / SP_BLOCK;
+        count *= (grid->dims[a] + SP_BRICK - 1) / SP_BRICK;
     return count;
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The adaptive filter (Chen et al. 2004, eq. 7): which of the two filters dominates a footprint is
- * decided for blocks of SP_BLOCK³ voxels at a time. With R = f·r_k/u2 the kernel's radius on the
+ * decided for the bricks of the lists (visible.h). With R = f·r_k/u2 the kernel's radius on the
  * screen and r_h the low-pass filter's, both as standard deviations in px:
  *
  *   R·c_min > r_h for the smallest kernel radius and the farthest corner   → reconstruction
@@ -15,10 +15,9 @@
 
 #include <stdint.h>
 
+#include "classify/visible.h"
 #include "sp/view.h"
 #include "splat/camera.h"
-
-enum { SP_BLOCK = 16, SP_BLOCK_SHIFT = 4 };
 
 struct sp_adaptive {
     enum sp_projection projection;

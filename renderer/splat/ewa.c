@@ -10,7 +10,7 @@ static float bounded(double x) {
 }
 
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame *camera,
-                       const struct sp_grid *grid, const struct sp_view *view, unsigned axis) {
+                       const struct sp_grid *grid, const struct sp_view *view) {
     const struct sp_filter *filter = &view->filter;
     struct sp_mat3 step;
     for (int r = 0; r < 3; r++)
@@ -33,8 +33,6 @@ void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame 
         .gain = bounded(unit / (view->transfer_function.reference_length * 2 * M_PI * (1 - lost))),
         .size = { (int)view->size[0], (int)view->size[1] },
         .rows = { 0, (int)view->size[1] },
-        .mode = filter->mode,
-        .axis = axis,
     };
     for (int r = 0; r < 3; r++) {
         frame->base[r] = base.v[r] / unit;
@@ -46,9 +44,6 @@ void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame 
     }
     for (int i = 0; i < 2; i++)
         frame->ratio_max[i] = SP_EWA_MARGIN * (float)camera->tan_half[i] + SP_EWA_SLACK;
-    frame->block_stride[0] = 1;
-    frame->block_stride[1] = (grid->dims[0] + SP_BLOCK - 1) / SP_BLOCK;
-    frame->block_stride[2] = (grid->dims[1] + SP_BLOCK - 1) / SP_BLOCK * frame->block_stride[1];
 }
 
 static inline float clamp(float x, float bound) {
@@ -132,14 +127,6 @@ static inline float place_splat(const struct sp_ewa_frame *f, const float u[3],
     return det_j / root;
 }
 
-static inline enum sp_filter_mode mode_at(const struct sp_ewa_frame *f, const uint32_t i[3]) {
-    if (f->mode != SP_FILTER_ADAPTIVE)
-        return f->mode;
-    return (enum sp_filter_mode)
-        f->blocks[(i[0] >> SP_BLOCK_SHIFT) + (i[1] >> SP_BLOCK_SHIFT) * f->block_stride[1] +
-                  (uint64_t)(i[2] >> SP_BLOCK_SHIFT) * f->block_stride[2]];
-}
-
 static void eye_direction(const struct sp_ewa_frame *f, const float u[3], float to_eye[3]) {
     if (f->projection == SP_ORTHOGRAPHIC) {
         to_eye[0] = to_eye[1] = 0;
@@ -153,21 +140,20 @@ static void eye_direction(const struct sp_ewa_frame *f, const float u[3], float 
 
 uint32_t sp_ewa_set_up(const struct sp_ewa_frame *f, const struct sp_ewa_run *run,
                        struct sp_splat *out) {
-    unsigned axis = f->axis, low = axis == 0 ? 1 : 0, high = axis == 2 ? 1 : 2;
     const struct sp_visible *list = run->list;
     float base[3];
     for (int r = 0; r < 3; r++)
-        base[r] = bounded(f->base[r] + f->step_hi[r][axis] * run->slice);
-    uint32_t written = 0, i[3];
-    i[axis] = run->slice;
-    for (uint64_t e = run->begin; e < run->begin + run->count; e++) {
-        i[low] = list->position[e] & 0xffff;
-        i[high] = list->position[e] >> 16;
-        float u[3], p = (float)i[low], q = (float)i[high];
+        base[r] = bounded(f->base[r] + f->step_hi[r][0] * run->brick[0] +
+                          f->step_hi[r][1] * run->brick[1] + f->step_hi[r][2] * run->brick[2]);
+    uint32_t written = 0;
+    for (uint32_t place = run->begin; place < run->begin + run->count; place++) {
+        uint64_t e = run->first + (run->order ? run->order[place] : place);
+        uint16_t local = list->local[e];
+        float u[3], x = (float)(local & 15), y = (float)(local >> 4 & 15), z = (float)(local >> 8);
         for (int r = 0; r < 3; r++)
-            u[r] = base[r] + f->step[r][low] * p + f->step[r][high] * q;
+            u[r] = base[r] + f->step[r][0] * x + f->step[r][1] * y + f->step[r][2] * z;
         struct sp_splat *s = &out[written];
-        float gain = place_splat(f, u, mode_at(f, i), s);
+        float gain = place_splat(f, u, run->mode, s);
         if (!(gain > 0))
             continue;
         struct sp_class c = sp_transfer_class(run->transfer, list->key[e]);

@@ -63,31 +63,28 @@ struct sp_ewa_frame {
     float centre[2];
     float ratio_max[2]; /* bound of u0/u2, u1/u2 in the Jacobian */
     float near;
-    float lowpass2;           /* h² [px²], at least SP_VARIANCE_MIN */
-    float radius, cut;        /* r, and ½·log2 e·r² */
-    float gain;               /* depth of a class → τ: v/(L·2π·(1 − e^{−r²/2})) */
-    int size[2];              /* of the picture, px */
-    int rows[2];              /* [first, end) of the picture's rows that are being drawn */
-    enum sp_filter_mode mode; /* of all voxels, or ADAPTIVE: look in `blocks` */
-    const uint8_t *blocks;    /* enum sp_filter_mode a block, see adaptive.h */
-    uint32_t block_stride[3];
-    unsigned axis; /* of the sheets */
+    float lowpass2;    /* h² [px²], at least SP_VARIANCE_MIN */
+    float radius, cut; /* r, and ½·log2 e·r² */
+    float gain;        /* depth of a class → τ: v/(L·2π·(1 − e^{−r²/2})) */
+    int size[2];       /* of the picture, px */
+    int rows[2];       /* [first, end) of the picture's rows that are being drawn */
 };
 
-/* Fills everything but rows (= the whole picture), mode and blocks (= the view's mode). The view is
- * valid. */
+/* Fills everything but rows (= the whole picture). The view is valid. */
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame *camera,
-                       const struct sp_grid *grid, const struct sp_view *view, unsigned axis);
+                       const struct sp_grid *grid, const struct sp_view *view);
 
-/* A run of list entries [begin, begin + count) of one slice. */
+/* Entries of one brick: places [begin, begin + count) of its order. */
 struct sp_ewa_run {
     const struct sp_visible *list;
     const struct sp_transfer *transfer;
     const struct sp_shade *shade; /* NULL = none */
-    uint32_t slice;
-    uint64_t begin;
-    uint32_t count;
-    uint32_t sheet; /* order of the slice front to back */
+    uint32_t brick[3];            /* index of its first voxel */
+    uint64_t first;               /* list entry of the brick's entry 0 */
+    const uint16_t *order;        /* of the brick: entry at each place; NULL = identity */
+    uint32_t begin, count;
+    uint32_t sheet;           /* the layer's place, front to back */
+    enum sp_filter_mode mode; /* of the brick; not ADAPTIVE */
 };
 
 /* Sets up the run's splats that touch the rows being drawn, in order; returns how many were

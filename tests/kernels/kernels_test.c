@@ -234,12 +234,13 @@ static void check_set_up(const struct cpu_kernels *kernels) {
     const struct sp_grid grid = { .dims = { 100, 90, 80 },
                                   .spacing = { 1, 2, 0.5 },
                                   .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
-    uint32_t position[COUNT], key[COUNT], normal[COUNT];
+    uint16_t local[COUNT], order[COUNT];
+    uint32_t key[COUNT], normal[COUNT];
     uint64_t first[2] = { 0, COUNT };
     struct sp_class classes[4] = {
         { { 1, 0, 0 }, 0.1f }, { { 0, 1, 0 }, 1 }, { { 0, 0, 1 }, 10 }, { { 1, 1, 1 }, 0.01f }
     };
-    struct sp_visible list = { 1, COUNT, first, position, key, normal };
+    struct sp_visible list = { { 1, 1, 1 }, COUNT, first, local, key, normal };
     struct sp_transfer transfer = { .table = classes, .count = 4 };
     struct sp_splat *a = malloc((COUNT + 2) * sizeof *a), *b = malloc((COUNT + 2) * sizeof *b);
     srand(14);
@@ -257,20 +258,23 @@ static void check_set_up(const struct cpu_kernels *kernels) {
             .filter = { SP_FILTER_EWA, SP_KERNEL_GAUSSIAN, 0.7, 3, 1, 0.3, NAN }
         };
         for (int i = 0; i < COUNT; i++) {
-            position[i] = (uint32_t)(rand() % 80) | (uint32_t)(rand() % 80) << 16;
+            local[i] = (uint16_t)(rand() % 4096);
+            order[i] = (uint16_t)(rand() % COUNT);
             key[i] = (uint32_t)rand() % 4;
             normal[i] = (uint32_t)rand() << 1;
         }
         struct sp_camera_frame camera;
         struct sp_ewa_frame frame;
         sp_camera_frame_init(&camera, &view.camera, view.size);
-        sp_ewa_frame_init(&frame, &camera, &grid, &view, (unsigned)n % 3);
+        sp_ewa_frame_init(&frame, &camera, &grid, &view);
         struct sp_ewa_run run = { .list = &list,
                                   .transfer = &transfer,
-                                  .slice = (uint32_t)n % 80,
-                                  .begin = (uint64_t)n % 5,
+                                  .brick = { (uint32_t)n % 6 * 16, 32, (uint32_t)n % 5 * 16 },
+                                  .order = n % 2 ? order : NULL,
+                                  .begin = (uint32_t)n % 5,
                                   .count = (uint32_t)(COUNT - n % 40 - 5),
-                                  .sheet = 9 };
+                                  .sheet = 9,
+                                  .mode = SP_FILTER_EWA };
         memset(a, 0x5a, (COUNT + 2) * sizeof *a);
         memset(b, 0x5a, (COUNT + 2) * sizeof *b);
         uint32_t got = kernels->set_up(&frame, &run, a + 1),

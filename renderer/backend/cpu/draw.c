@@ -24,6 +24,12 @@ struct block {
     double fragments; /* px of their footprints inside the picture */
 };
 
+/* Where a block begins in the order. */
+struct cut {
+    uint64_t run;
+    uint32_t layer, skip; /* entries of the run that belong to the block before */
+};
+
 struct draw {
     const struct sp_backend_job *job;
     const struct cpu_kernels *kernels;
@@ -39,14 +45,16 @@ struct draw {
     const struct sp_level *level;
     const struct sp_visible *list;
 
-    uint32_t *slices; /* by order; sheet k is slice slices[k] */
-    uint64_t *before; /* [sheets + 1] visible voxels in sheets 0 … k−1 */
+    struct sp_order order;
+    struct cut *cuts;           /* a block of the whole order */
+    enum sp_filter_mode filter; /* of all bricks, or ADAPTIVE: look in `filters` */
+    uint8_t *filters;           /* enum sp_filter_mode a brick */
 
     struct sp_tile_grid grid;
     struct sp_splat *records; /* block b writes from b·BLOCK */
     struct block *blocks;
     struct sp_bins bins;
-    uint64_t batch; /* place of the batch's first voxel in the order */
+    uint64_t batch; /* the batch's first block */
 };
 
 static bool is_cancelled(const struct draw *d) {
@@ -59,42 +67,62 @@ static double add_time(struct draw *d, enum stage stage, double since) {
     return now;
 }
 
-/* The sheet that the voxel at `place` in the order lies in. */
-static uint32_t find_sheet(const struct draw *d, uint64_t place) {
-    uint32_t low = 0, high = d->list->slices;
-    while (high - low > 1) {
-        uint32_t middle = low + (high - low) / 2;
-        if (d->before[middle] <= place)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
+static struct sp_ewa_run make_run(const struct draw *d, const struct sp_run *run, uint32_t layer) {
+    struct sp_ewa_run ewa = { .list = d->list,
+                              .transfer = &d->level->transfer,
+                              .shade = d->shading,
+                              .first = d->list->first[run->brick],
+                              .begin = run->begin,
+                              .count = run->count,
+                              .sheet = layer };
+    sp_visible_corner(d->list, run->brick, ewa.brick);
+    ewa.order = d->order.order ? d->order.order + ewa.first : NULL;
+    ewa.mode =
+        d->filter == SP_FILTER_ADAPTIVE ? (enum sp_filter_mode)d->filters[run->brick] : d->filter;
+    return ewa;
 }
 
-/* Sets up the batch's voxels of one block and keeps the splats that some tile still wants. */
-static void set_up_block(struct draw *d, uint64_t place, uint64_t stop, struct sp_splat *records,
+/* Entries that are not in the order of the list come from all over the brick: asks for those of a
+ * run while the one before it is set up. */
+static void prefetch_run(const struct draw *d, const struct sp_run *run) {
+    uint64_t first = d->list->first[run->brick];
+    const uint16_t *order = d->order.order + first;
+    for (uint32_t p = run->begin; p < (uint32_t)run->begin + run->count; p++) {
+        __builtin_prefetch(&d->list->local[first + (d->order.order ? order[p] : p)]);
+        __builtin_prefetch(&d->list->key[first + (d->order.order ? order[p] : p)]);
+    }
+}
+
+/* Keeps those of n records behind the block's that some tile still wants. */
+static void keep_wanted(const struct draw *d, struct sp_splat *records, uint32_t n,
+                        struct block *block) {
+    for (uint32_t i = 0, from = block->count; i < n; i++) {
+        const struct sp_splat *s = &records[from + i];
+        if (sp_bins_is_hidden(&d->grid, s))
+            continue;
+        float box = (float)(s->x1 - s->x0) * (float)(s->y1 - s->y0);
+        block->fragments += (double)(box < s->area ? box : s->area);
+        records[block->count++] = *s;
+    }
+}
+
+/* Sets up the voxels of one block. */
+static void set_up_block(const struct draw *d, const struct cut *cut, struct sp_splat *records,
                          struct block *block) {
+    uint64_t runs = d->order.first[d->order.layers];
+    uint32_t layer = cut->layer, left = BLOCK, skip = cut->skip;
     *block = (struct block){ 0 };
-    struct sp_ewa_run run = { .list = d->list,
-                              .transfer = &d->level->transfer,
-                              .shade = d->shading };
-    for (uint32_t k = find_sheet(d, place); place < stop; k++) {
-        uint64_t end = d->before[k + 1] < stop ? d->before[k + 1] : stop;
-        run.sheet = k;
-        run.slice = d->slices[k];
-        run.begin = d->list->first[run.slice] + (place - d->before[k]);
-        run.count = (uint32_t)(end - place);
-        uint32_t n = d->kernels->set_up(&d->ewa, &run, records + block->count);
-        place = end;
-        for (uint32_t i = 0, from = block->count; i < n; i++) {
-            const struct sp_splat *s = &records[from + i];
-            if (sp_bins_is_hidden(&d->grid, s))
-                continue;
-            float box = (float)(s->x1 - s->x0) * (float)(s->y1 - s->y0);
-            block->fragments += (double)(box < s->area ? box : s->area);
-            records[block->count++] = *s;
-        }
+    for (uint64_t r = cut->run; r < runs && left > 0; r++, skip = 0) {
+        while (r >= d->order.first[layer + 1])
+            layer++;
+        struct sp_ewa_run run = make_run(d, &d->order.runs[r], layer);
+        run.begin += skip;
+        run.count -= skip;
+        run.count = run.count < left ? run.count : left;
+        left -= run.count;
+        if (left > 0 && r + 1 < runs)
+            prefetch_run(d, &d->order.runs[r + 1]);
+        keep_wanted(d, records, d->kernels->set_up(&d->ewa, &run, records + block->count), block);
     }
 }
 
@@ -102,12 +130,10 @@ static void splat_blocks(void *user, size_t begin, size_t end, unsigned worker) 
     (void)worker;
     struct draw *d = user;
     for (size_t b = begin; b < end; b++) {
-        uint64_t place = d->batch + b * BLOCK, stop = place + BLOCK;
         if (is_cancelled(d))
             d->blocks[b] = (struct block){ 0 };
         else
-            set_up_block(d, place, stop < d->list->count ? stop : d->list->count,
-                         d->records + b * BLOCK, &d->blocks[b]);
+            set_up_block(d, &d->cuts[d->batch + b], d->records + b * BLOCK, &d->blocks[b]);
     }
 }
 
@@ -208,15 +234,31 @@ static int band_rows(const struct draw *d) {
     return rows < 1 ? 1 : rows < needed ? rows : needed;
 }
 
+/* Blocks of the whole order. */
+static uint64_t count_all(const struct draw *d) {
+    return (d->list->count + BLOCK - 1) / BLOCK;
+}
+
+/* Finds where every block begins. */
+static void cut_order(struct draw *d) {
+    uint64_t run = 0, blocks = 0;
+    uint32_t skip = 0; /* entries of the run in hand until the next block begins */
+    for (uint32_t layer = 0; layer < d->order.layers; layer++)
+        for (; run < d->order.first[layer + 1]; run++) {
+            uint32_t count = d->order.runs[run].count;
+            for (; skip < count; skip += BLOCK)
+                d->cuts[blocks++] = (struct cut){ run, layer, skip };
+            skip -= count;
+        }
+}
+
 static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
     d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
     d->grid.rows = band_rows(d);
     uint32_t tiles = (uint32_t)(d->grid.columns * d->grid.rows);
     uint32_t most = tiles * BLOCK; /* entries of one block whose footprints cover everything */
     d->bins = (struct sp_bins){ .capacity = most > ENTRIES_MIN ? most : ENTRIES_MIN };
-    d->slices = sp_arena_alloc(arena, "order of sheets", d->list->slices, sizeof *d->slices);
-    d->before =
-        sp_arena_alloc(arena, "sizes of sheets", d->list->slices + (size_t)1, sizeof *d->before);
+    d->cuts = sp_arena_alloc(arena, "cuts", count_all(d), sizeof *d->cuts);
     d->grid.tiles = sp_arena_alloc(arena, "tiles", tiles, sizeof *d->grid.tiles);
     d->records = sp_arena_alloc(arena, "splats", (size_t)BLOCK * BATCH_BLOCKS, sizeof *d->records);
     d->blocks = sp_arena_alloc(arena, "blocks", BATCH_BLOCKS, sizeof *d->blocks);
@@ -228,17 +270,17 @@ static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *er
     return !arena->failed || fail_memory(arena, err);
 }
 
-static bool choose_filters(struct draw *d, struct sp_arena *arena, const struct sp_grid *grid,
-                           struct sp_error *err) {
-    if (d->job->view->filter.mode != SP_FILTER_ADAPTIVE)
+static bool choose_filters(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
+    const struct sp_grid *grid = &d->level->grid;
+    d->filter = d->job->view->filter.mode;
+    if (d->filter != SP_FILTER_ADAPTIVE)
         return true;
     struct sp_adaptive adaptive;
     sp_adaptive_init(&adaptive, &d->camera, grid, d->job->view);
-    uint8_t *modes = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(grid), 1);
-    if (!modes)
+    d->filters = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(grid), 1);
+    if (!d->filters)
         return fail_memory(arena, err);
-    d->ewa.mode = sp_adaptive_fill(&adaptive, modes);
-    d->ewa.blocks = modes;
+    d->filter = sp_adaptive_fill(&adaptive, d->filters);
     return true;
 }
 
@@ -259,20 +301,16 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
     if (!classification)
         return false;
     d->level = &classification->levels[d->job->coarse];
-    d->list = &d->level->lists[axis];
-    const struct sp_grid *grid = &d->level->grid;
-    sp_ewa_frame_init(&d->ewa, &d->camera, grid, view, axis);
-    if (!allocate(d, &state->arena, err) || !choose_filters(d, &state->arena, grid, err))
+    d->list = &d->level->visible;
+    sp_ewa_frame_init(&d->ewa, &d->camera, &d->level->grid, view);
+    if (!sp_order_sheets(&d->camera, d->level, axis, &state->arena, &d->order))
+        return fail_memory(&state->arena, err);
+    if (!allocate(d, &state->arena, err) || !choose_filters(d, &state->arena, err))
         return false;
+    cut_order(d);
     if (classify.normals) {
         sp_shade_init(&d->shade, &d->camera, &view->shading);
         d->shading = &d->shade;
-    }
-    sp_order_slices(&d->camera, grid, axis, d->slices);
-    d->before[0] = 0;
-    for (uint32_t k = 0; k < d->list->slices; k++) {
-        uint32_t s = d->slices[k];
-        d->before[k + 1] = d->before[k] + d->list->first[s + 1] - d->list->first[s];
     }
     return true;
 }
@@ -296,11 +334,12 @@ static void draw_band(struct draw *d, int y) {
         for (int c = 0; c < d->grid.columns; c++)
             sp_tile_init(&d->grid.tiles[r * d->grid.columns + c], c * SP_TILE, y + r * SP_TILE,
                          d->ewa.size);
-    for (d->batch = 0; d->batch < d->list->count; d->batch += (uint64_t)BLOCK * BATCH_BLOCKS) {
+    uint64_t blocks = count_all(d);
+    for (d->batch = 0; d->batch < blocks; d->batch += BATCH_BLOCKS) {
         if (is_cancelled(d) || all_saturated(d))
             break;
-        uint64_t blocks = (d->list->count - d->batch + BLOCK - 1) / BLOCK;
-        uint32_t count = (uint32_t)(blocks < BATCH_BLOCKS ? blocks : BATCH_BLOCKS);
+        uint64_t rest = blocks - d->batch;
+        uint32_t count = (uint32_t)(rest < BATCH_BLOCKS ? rest : BATCH_BLOCKS);
         double clock = sp_clock_ms();
         sp_parallel_for(d->pool, count, 1, splat_blocks, d);
         for (uint32_t b = 0; b < count; b++) {

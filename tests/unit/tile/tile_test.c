@@ -283,6 +283,82 @@ static void the_major_axis_faces_the_view(void **state) {
     assert_int_equal(order[0], 0); /* the axis points away from +z */
 }
 
+/* Slices by distance from the eye where their gaps differ. */
+static void rectilinear_slices_come_nearest_first(void **state) {
+    (void)state;
+    static const double coordinates[6] = { 0, 1, 2, 10, 11, 40 };
+    const struct sp_grid grid = { .dims = { 4, 4, 6 },
+                                  .spacing = { 1, 1, 8 },
+                                  .origin = { 0, 0, 5 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } },
+                                  .coordinates = { NULL, NULL, coordinates } };
+    struct sp_camera_frame camera;
+    uint32_t order[6];
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 12 }, (double[3]){ 2, 3.5, 90 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 2);
+    sp_order_slices(&camera, &grid, 2, order); /* the eye is 7 from the first */
+    static const uint32_t want[6] = { 3, 4, 2, 1, 0, 5 };
+    assert_memory_equal(order, want, sizeof want);
+}
+
+/* Every visible voxel is in one run, of the layer that its slice is, and none else is. */
+static void sheets_list_every_voxel_once(void **state) {
+    (void)state;
+    enum { X = 35, Y = 18, Z = 20 };
+    static uint8_t values[X * Y * Z];
+    static uint16_t seen[X * Y * Z];
+    srand(11);
+    for (int i = 0; i < X * Y * Z; i++)
+        values[i] = (uint8_t)(rand() % 8 ? 0 : 200);
+    const struct sp_grid grid = { .dims = { X, Y, Z },
+                                  .spacing = { 1, 1, 1 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, values, "v", NULL);
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    struct sp_transfer_function tf = { .reference_length = 1, .point_count = 2 };
+    tf.points[0].value = 100;
+    tf.points[1] = (struct sp_tf_point){ .value = 200, .opacity = 0.5f };
+    struct sp_classification c;
+    sp_classification_init(&c, volume);
+    struct sp_arena arena;
+    sp_arena_init(&arena);
+    for (unsigned axis = 0; axis < 3; axis++) {
+        struct sp_classify_job job = { .tf = &tf, .axis = axis, .pool = pool };
+        assert_true(sp_classification_update(&c, &job, NULL));
+        const struct sp_visible *list = &c.levels[0].visible;
+        struct sp_camera_frame camera;
+        struct sp_order order;
+        uint32_t sheets[X];
+        make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 9, 9, 9.2 }, (double[3]){ 1, 2, 3 });
+        sp_order_slices(&camera, &grid, axis, sheets);
+        sp_arena_reset(&arena);
+        assert_true(sp_order_sheets(&camera, &c.levels[0], axis, &arena, &order));
+        assert_int_equal(order.layers, grid.dims[axis]);
+        memset(seen, 0, sizeof seen);
+        for (uint32_t k = 0; k < order.layers; k++)
+            for (uint64_t r = order.first[k]; r < order.first[k + 1]; r++) {
+                const struct sp_run *run = &order.runs[r];
+                assert_true(run->count > 0);
+                for (uint32_t p = run->begin; p < (uint32_t)run->begin + run->count; p++) {
+                    uint64_t first = list->first[run->brick];
+                    uint64_t e = first + (order.order ? order.order[first + p] : p);
+                    uint32_t i[3];
+                    sp_visible_corner(list, run->brick, i);
+                    for (int a = 0; a < 3; a++)
+                        i[a] += list->local[e] >> (4 * a) & 15;
+                    assert_int_equal(i[axis], sheets[k]);
+                    seen[i[0] + X * (i[1] + Y * i[2])]++;
+                }
+            }
+        for (int i = 0; i < X * Y * Z; i++)
+            assert_int_equal(seen[i], values[i] ? 1 : 0);
+    }
+    sp_arena_finish(&arena);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_touched_tile_gets_the_splat_once_and_in_order),
@@ -291,6 +367,8 @@ int main(void) {
         cmocka_unit_test(tiles_at_the_pictures_edge_can_saturate),
         cmocka_unit_test(sheets_come_nearest_first_on_both_sides_of_the_eye),
         cmocka_unit_test(the_major_axis_faces_the_view),
+        cmocka_unit_test(rectilinear_slices_come_nearest_first),
+        cmocka_unit_test(sheets_list_every_voxel_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
