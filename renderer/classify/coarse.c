@@ -5,17 +5,53 @@
 #include <string.h>
 
 #include "classify/gradient.h"
+#include "volume/grid.h"
 
-enum { CELL = 8 }; /* fine voxels in a coarse one */
+/* Where a cell begins along an axis, from sample 0; i = dims: where the last one ends. */
+static double face(const struct sp_grid *grid, unsigned axis, uint32_t i) {
+    double extent[2];
+    if (i > 0 && i < grid->dims[axis])
+        return 0.5 * (sp_grid_distance(grid, axis, i - 1) + sp_grid_distance(grid, axis, i));
+    sp_grid_extent(grid, axis, extent);
+    return extent[i > 0];
+}
 
-void sp_coarse_grid(const struct sp_grid *fine, struct sp_grid *coarse) {
-    *coarse = *fine;
-    for (int a = 0; a < 3; a++) {
-        coarse->dims[a] = (fine->dims[a] + 1) / 2;
-        coarse->spacing[a] = 2 * fine->spacing[a];
+/* Of fine cells 2·i and 2·i + 1, as far as there are. */
+static double middle(const struct sp_grid *fine, unsigned axis, uint32_t i) {
+    uint32_t end = 2 * i + 2 < fine->dims[axis] ? 2 * i + 2 : fine->dims[axis];
+    return 0.5 * (face(fine, axis, 2 * i) + face(fine, axis, end));
+}
+
+static bool place_samples(struct sp_level *coarse, const struct sp_grid *fine, unsigned axis,
+                          struct sp_error *err) {
+    uint32_t n = coarse->grid.dims[axis];
+    double *c = malloc(n * sizeof *c), first = middle(fine, axis, 0);
+    if (!c)
+        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u coordinates", n);
+    for (uint32_t i = 0; i < n; i++)
+        c[i] = middle(fine, axis, i) - first;
+    coarse->grid.coordinates[axis] = coarse->coordinates[axis] = c;
+    coarse->grid.spacing[axis] =
+        n > 1 ? c[n - 1] / (n - 1) : face(fine, axis, fine->dims[axis]) - face(fine, axis, 0);
+    return true;
+}
+
+bool sp_coarse_grid(struct sp_level *coarse, const struct sp_grid *fine, struct sp_error *err) {
+    struct sp_grid *grid = &coarse->grid;
+    *grid = *fine;
+    for (unsigned a = 0; a < 3; a++) {
+        grid->dims[a] = (fine->dims[a] + 1) / 2;
+        grid->spacing[a] = 2 * fine->spacing[a];
+        double first = 0.5 * fine->spacing[a];
+        if (fine->coordinates[a]) {
+            if (!place_samples(coarse, fine, a, err))
+                return false;
+            first = middle(fine, a, 0);
+        }
         for (int r = 0; r < 3; r++)
-            coarse->origin[r] += fine->direction[r][a] * fine->spacing[a] * 0.5;
+            grid->origin[r] += fine->direction[r][a] * first;
     }
+    return true;
 }
 
 /* What the eight voxels of a cell add up to. */
@@ -23,13 +59,24 @@ struct sum {
     float depth, color[3], normal[3];
 };
 
+/* The cells of one brick; all zero between bricks. */
+struct cells {
+    struct sum sums[SP_BRICK_VOXELS];
+    uint64_t used[SP_BRICK_VOXELS / 64]; /* a bit a cell */
+};
+
 struct merge {
     const struct sp_level *fine;
     struct sp_level *coarse;
-    struct sum *rows; /* one of coarse dims[0] cells a worker, all zero between rows */
-    const atomic_bool *cancel;
-    bool counting; /* first pass: how many entries a slice gets */
+    struct cells *cells; /* one a worker */
+    const struct sp_classify_job *job;
 };
+
+/* Size of a fine voxel along an axis over that of the coarse one that it is part of. */
+static float size_share(const struct merge *m, unsigned axis, uint32_t i) {
+    return (float)(sp_grid_local_spacing(&m->fine->grid, axis, i) /
+                   sp_grid_local_spacing(&m->coarse->grid, axis, i / 2));
+}
 
 /* Shading has two sides, so a normal counts as its opposite does: the two faces of a thin wall
  * agree instead of cancelling. A steep gradient counts more than the noise inside of matter. */
@@ -43,132 +90,164 @@ static void add_normal(uint32_t packed, float depth, float sum[3]) {
         sum[k] += n[k] * weight;
 }
 
-static void add_voxel(const struct merge *m, uint64_t e, struct sum *sum) {
-    const struct sp_visible *list = &m->fine->lists[2];
-    struct sp_class c = sp_transfer_class(&m->fine->transfer, list->key[e]);
-    sum->depth += c.depth;
-    for (int k = 0; k < 3; k++)
-        sum->color[k] += c.color[k] * c.depth;
-    if (list->normal)
-        add_normal(list->normal[e], c.depth, sum->normal);
+/* The fine bricks of a coarse one, and where the cells of each begin in it; returns how many. */
+static uint32_t find_bricks(const struct merge *m, uint32_t coarse, uint32_t fine[8],
+                            uint16_t offset[8]) {
+    const struct sp_visible *list = &m->fine->visible;
+    uint32_t corner[3], count = 0;
+    sp_visible_corner(&m->coarse->visible, coarse, corner);
+    for (uint32_t i = 0; i < 8; i++) {
+        uint32_t half[3] = { i & 1, i >> 1 & 1, i >> 2 }, b[3];
+        bool inside = true;
+        for (int a = 0; a < 3; a++) {
+            b[a] = 2 * (corner[a] >> SP_BRICK_SHIFT) + half[a];
+            inside = inside && b[a] < list->bricks[a];
+        }
+        if (!inside)
+            continue;
+        fine[count] = b[0] + list->bricks[0] * (b[1] + list->bricks[1] * b[2]);
+        offset[count++] = (uint16_t)(half[0] << 3 | half[1] << 7 | half[2] << 11);
+    }
+    return count;
 }
 
-static void write_entry(const struct merge *m, uint64_t out, uint32_t position,
-                        const struct sum *sum) {
+/* The cell of a coarse brick that a voxel of one of its fine bricks is part of. */
+static inline uint32_t cell_of(uint16_t local, uint16_t offset) {
+    return (local >> 1 & 0x777u) + offset;
+}
+
+static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t brick) {
+    const struct sp_visible *list = &m->fine->visible;
+    uint32_t fine[8];
+    uint16_t offset[8];
+    uint32_t bricks = find_bricks(m, brick, fine, offset), count = 0;
+    for (uint32_t i = 0; i < bricks; i++)
+        for (uint64_t e = list->first[fine[i]]; e < list->first[fine[i] + 1]; e++) {
+            uint32_t cell = cell_of(list->local[e], offset[i]);
+            cells->used[cell / 64] |= UINT64_C(1) << cell % 64;
+        }
+    for (size_t w = 0; w < SP_BRICK_VOXELS / 64; w++)
+        count += (uint32_t)__builtin_popcountll(cells->used[w]);
+    memset(cells->used, 0, sizeof cells->used);
+    return count;
+}
+
+static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick, uint16_t offset) {
+    const struct sp_visible *list = &m->fine->visible;
+    float share[3][SP_BRICK];
+    uint32_t corner[3];
+    sp_visible_corner(list, brick, corner);
+    for (unsigned a = 0; a < 3; a++)
+        for (uint32_t i = 0; i < SP_BRICK && corner[a] + i < m->fine->grid.dims[a]; i++)
+            share[a][i] = size_share(m, a, corner[a] + i);
+    for (uint64_t e = list->first[brick]; e < list->first[brick + 1]; e++) {
+        uint16_t local = list->local[e];
+        uint32_t cell = cell_of(local, offset);
+        struct sum *sum = &cells->sums[cell];
+        struct sp_class c = sp_transfer_class(&m->fine->transfer, list->key[e]);
+        c.depth *= share[0][local & 15] * share[1][local >> 4 & 15] * share[2][local >> 8];
+        sum->depth += c.depth;
+        for (int k = 0; k < 3; k++)
+            sum->color[k] += c.color[k] * c.depth;
+        if (list->normal)
+            add_normal(list->normal[e], c.depth, sum->normal);
+        cells->used[cell / 64] |= UINT64_C(1) << cell % 64;
+    }
+}
+
+static void write_entry(const struct merge *m, uint64_t out, uint32_t cell, const struct sum *sum) {
     static const struct sp_gradient_grid unit = { .bound = 1 };
-    struct sp_visible *list = &m->coarse->lists[2];
+    struct sp_visible *list = &m->coarse->visible;
     struct sp_class *c = &m->coarse->transfer.table[out];
-    list->position[out] = position;
+    float inverse = sum->depth > 0 ? 1 / sum->depth : 0;
+    list->local[out] = (uint16_t)cell;
     list->key[out] = (uint32_t)out;
-    c->depth = sum->depth / CELL;
+    c->depth = sum->depth;
     for (int k = 0; k < 3; k++)
-        c->color[k] = sum->color[k] / sum->depth;
+        c->color[k] = sum->color[k] * inverse;
     if (list->normal) {
         double n[3];
         for (int k = 0; k < 3; k++)
-            n[k] = (double)(sum->normal[k] / sum->depth);
+            n[k] = (double)(sum->normal[k] * inverse);
         list->normal[out] = sp_gradient_pack(&unit, n);
     }
 }
 
-/* Merges two slices row by row; entries of a slice are in the order of memory. Returns how many
- * cells got something; writes them from `out` on unless it only counts. */
-static uint64_t merge_slices(const struct merge *m, uint32_t slice, struct sum *row, uint64_t out) {
-    const struct sp_visible *from = &m->fine->lists[2];
-    uint64_t at[2] = { 0, 0 }, end[2] = { 0, 0 }, first = out;
-    for (uint32_t i = 0; i < 2 && 2 * slice + i < from->slices; i++) {
-        at[i] = from->first[2 * slice + i];
-        end[i] = from->first[2 * slice + i + 1];
-    }
-    while (at[0] < end[0] || at[1] < end[1]) {
-        uint32_t y = UINT32_MAX, left = UINT32_MAX, right = 0;
-        for (int i = 0; i < 2; i++)
-            if (at[i] < end[i] && from->position[at[i]] >> 17 < y)
-                y = from->position[at[i]] >> 17;
-        for (int i = 0; i < 2; i++)
-            for (; at[i] < end[i] && from->position[at[i]] >> 17 == y; at[i]++) {
-                uint32_t x = (from->position[at[i]] & 0xffff) >> 1;
-                add_voxel(m, at[i], &row[x]);
-                left = x < left ? x : left;
-                right = x > right ? x : right;
-            }
-        for (uint32_t x = left; x <= right; x++) {
-            if (!(row[x].depth > 0))
-                continue;
-            if (!m->counting)
-                write_entry(m, out, x | y << 16, &row[x]);
-            out++;
+static void fill_brick(const struct merge *m, struct cells *cells, uint32_t brick) {
+    uint32_t fine[8];
+    uint16_t offset[8];
+    uint64_t out = m->coarse->visible.first[brick];
+    uint32_t bricks = find_bricks(m, brick, fine, offset);
+    for (uint32_t i = 0; i < bricks; i++)
+        add_brick(m, cells, fine[i], offset[i]);
+    for (uint32_t w = 0; w < SP_BRICK_VOXELS / 64; w++)
+        for (; cells->used[w]; cells->used[w] &= cells->used[w] - 1) {
+            uint32_t cell = 64 * w + (uint32_t)__builtin_ctzll(cells->used[w]);
+            write_entry(m, out++, cell, &cells->sums[cell]);
+            cells->sums[cell] = (struct sum){ 0 };
         }
-        memset(row + left, 0, (right - left + (size_t)1) * sizeof *row);
-    }
-    return out - first;
 }
 
-static void merge_block(void *user, size_t begin, size_t end, unsigned worker) {
+static void count_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     const struct merge *m = user;
-    struct sp_visible *list = &m->coarse->lists[2];
-    struct sum *row = m->rows + (size_t)worker * m->coarse->grid.dims[0];
-    for (size_t s = begin; s < end; s++) {
-        if (m->cancel && atomic_load_explicit(m->cancel, memory_order_relaxed))
-            return;
-        uint64_t n = merge_slices(m, (uint32_t)s, row, m->counting ? 0 : list->first[s]);
-        if (m->counting)
-            list->first[s + 1] = n;
-    }
+    for (size_t b = begin; b < end && !sp_classify_cancelled(m->job, NULL); b++)
+        m->coarse->visible.first[b + 1] = count_brick(m, &m->cells[worker], (uint32_t)b);
 }
 
-static bool was_cancelled(const struct sp_classify_job *job, struct sp_error *err) {
-    if (!job->cancel || !atomic_load_explicit(job->cancel, memory_order_relaxed))
-        return false;
-    sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    return true;
+static void fill_bricks(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct merge *m = user;
+    for (size_t b = begin; b < end && !sp_classify_cancelled(m->job, NULL); b++)
+        fill_brick(m, &m->cells[worker], (uint32_t)b);
 }
 
-static bool merge_level(struct merge *m, const struct sp_classify_job *job, struct sp_error *err) {
-    struct sp_visible *list = &m->coarse->lists[2];
+static bool allocate_entries(struct merge *m, struct sp_error *err) {
+    const struct sp_classify_job *job = m->job;
+    struct sp_visible *list = &m->coarse->visible;
     struct sp_transfer *transfer = &m->coarse->transfer;
-    m->counting = true;
-    sp_parallel_for(job->pool, list->slices, 1, merge_block, m);
-    if (was_cancelled(job, err))
-        return false;
-    for (uint32_t s = 0; s < list->slices; s++)
-        list->first[s + 1] += list->first[s];
-    list->count = list->first[list->slices];
+    bool normals = m->fine->visible.normal != NULL;
     if (list->count > UINT32_MAX)
         return sp_fail(err, SP_ERR_MEMORY, "", "too many visible voxels for a coarse level: %llu",
                        (unsigned long long)list->count);
-    uint64_t entry = sizeof *list->position + sizeof *list->key + sizeof *transfer->table +
-                     (m->fine->lists[2].normal ? sizeof *list->normal : 0);
-    if (job->bytes_max && list->count * entry > job->bytes_max)
+    uint64_t need =
+        sp_visible_entry_bytes(list->count, normals) + list->count * sizeof *transfer->table;
+    if (job->bytes_max && need > job->bytes_max)
         return sp_fail(
             err, SP_ERR_BUDGET, "/transfer_function",
             "a coarse level of %llu voxels takes %llu bytes and %llu are left: make fewer "
             "voxels visible, or allow more memory",
-            (unsigned long long)list->count, (unsigned long long)(list->count * entry),
+            (unsigned long long)list->count, (unsigned long long)need,
             (unsigned long long)job->bytes_max);
-    if (!sp_visible_allocate(list, m->fine->lists[2].normal != NULL, err))
+    if (!sp_visible_allocate(list, normals, err))
         return false;
     transfer->table = malloc((list->count ? list->count : 1) * sizeof *transfer->table);
     if (!transfer->table)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %llu classes of a coarse level",
                        (unsigned long long)list->count);
     transfer->count = (uint32_t)list->count;
-    m->counting = false;
-    sp_parallel_for(job->pool, list->slices, 1, merge_block, m);
-    return !was_cancelled(job, err);
+    return true;
+}
+
+static bool merge_level(struct merge *m, struct sp_error *err) {
+    struct sp_visible *list = &m->coarse->visible;
+    sp_parallel_for(m->job->pool, sp_visible_bricks(list), 1, count_bricks, m);
+    if (sp_classify_cancelled(m->job, err))
+        return false;
+    sp_visible_sum(list);
+    if (!allocate_entries(m, err))
+        return false;
+    sp_parallel_for(m->job->pool, sp_visible_bricks(list), 1, fill_bricks, m);
+    return !sp_classify_cancelled(m->job, err);
 }
 
 bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
                     const struct sp_classify_job *job, struct sp_error *err) {
-    sp_coarse_grid(&fine->grid, &coarse->grid);
-    struct sp_visible *list = &coarse->lists[2];
-    struct merge m = { .fine = fine, .coarse = coarse, .cancel = job->cancel };
-    m.rows = calloc((size_t)coarse->grid.dims[0] * sp_pool_threads(job->pool), sizeof *m.rows);
-    list->first = calloc(coarse->grid.dims[2] + (size_t)1, sizeof *list->first);
-    list->slices = coarse->grid.dims[2];
-    bool ok = m.rows && list->first
-                  ? merge_level(&m, job, err)
-                  : sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u slices", list->slices);
-    free(m.rows);
+    if (!sp_coarse_grid(coarse, &fine->grid, err) ||
+        !sp_visible_init(&coarse->visible, coarse->grid.dims, err))
+        return false;
+    struct merge m = { .fine = fine, .coarse = coarse, .job = job };
+    m.cells = calloc(sp_pool_threads(job->pool), sizeof *m.cells);
+    bool ok = m.cells ? merge_level(&m, err)
+                      : sp_fail(err, SP_ERR_MEMORY, "", "no memory for a brick of a coarse level");
+    free(m.cells);
     return ok;
 }

@@ -25,12 +25,24 @@ static double sample(const struct sp_gradient_grid *grid, uint64_t at) {
     return 0;
 }
 
+/* The longest difference over one gap of an axis, in differences over its mean one. */
+static double steepest(const struct sp_grid *grid, unsigned axis) {
+    const double *c = grid->coordinates[axis];
+    double least = grid->spacing[axis];
+    for (uint32_t i = 1; c && i < grid->dims[axis]; i++)
+        least = fmin(least, c[i] - c[i - 1]);
+    return grid->spacing[axis] / least;
+}
+
 void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume) {
     const struct sp_volume_info *info = sp_volume_info(volume);
-    *grid = (struct sp_gradient_grid){ .voxels = sp_volume_voxels(volume), .type = info->type };
+    *grid = (struct sp_gradient_grid){ .voxels = sp_volume_voxels(volume),
+                                       .type = info->type,
+                                       .grid = &info->grid };
     struct sp_mat3 step;
-    for (int a = 0; a < 3; a++) {
-        grid->dims[a] = info->grid.dims[a];
+    double most[3];
+    for (unsigned a = 0; a < 3; a++) {
+        most[a] = steepest(&info->grid, a);
         for (int r = 0; r < 3; r++)
             step.m[r][a] = info->grid.direction[r][a] * info->grid.spacing[a];
     }
@@ -42,9 +54,10 @@ void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++) {
             grid->to_world[r][a] = inverse.m[a][r];
-            norm2 += inverse.m[a][r] * inverse.m[a][r];
+            norm2 += pow(inverse.m[a][r] * most[a], 2);
         }
-    /* Each difference is at most the span, so their vector at most √3 spans long. */
+    /* Each difference is at most the span over the shortest gap, so their vector at most √3 of
+     * those long. */
     grid->bound = span * sqrt(3 * norm2);
     if (!(grid->bound > 0))
         grid->bound = 1;
@@ -52,27 +65,30 @@ void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume
 }
 
 void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], double gradient[3]) {
-    uint64_t stride[3] = { 1, grid->dims[0], (uint64_t)grid->dims[0] * grid->dims[1] };
+    const uint32_t *dims = grid->grid->dims;
+    uint64_t stride[3] = { 1, dims[0], (uint64_t)dims[0] * dims[1] };
     uint64_t at = i[0] + stride[1] * i[1] + stride[2] * i[2];
     double middle = sample(grid, at) * grid->scale, difference[3];
-    for (int a = 0; a < 3; a++) {
+    for (unsigned a = 0; a < 3; a++) {
         double low = middle, high = middle;
-        int steps = 0;
+        uint32_t from = i[a], to = i[a];
         if (i[a] > 0) {
             double s = sample(grid, at - stride[a]) * grid->scale;
             if (isfinite(s)) {
                 low = s;
-                steps++;
+                from--;
             }
         }
-        if (i[a] + 1 < grid->dims[a]) {
+        if (i[a] + 1 < dims[a]) {
             double s = sample(grid, at + stride[a]) * grid->scale;
             if (isfinite(s)) {
                 high = s;
-                steps++;
+                to++;
             }
         }
-        difference[a] = steps ? (high - low) / steps : 0;
+        const double *c = grid->grid->coordinates[a];
+        double gaps = c ? (c[to] - c[from]) / grid->grid->spacing[a] : to - from;
+        difference[a] = from < to ? (high - low) / gaps : 0;
     }
     for (int r = 0; r < 3; r++)
         gradient[r] = grid->to_world[r][0] * difference[0] + grid->to_world[r][1] * difference[1] +

@@ -16,7 +16,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "sp/volume.h"
+#include "volume/grid.h"
 
 enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023 };
 
@@ -24,8 +24,8 @@ enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023 };
 struct sp_gradient_grid {
     const void *voxels;
     enum sp_type type;
-    uint32_t dims[3];
-    double to_world[3][3]; /* (direction · spacing)⁻ᵀ: index differences to a world gradient */
+    const struct sp_grid *grid;
+    double to_world[3][3]; /* (direction · spacing)⁻ᵀ: differences a spacing to a world gradient */
     double scale;          /* brings samples to order 1 before they are subtracted */
     double bound;          /* largest magnitude possible, scaled; > 0 */
     double unit;           /* magnitude in data units a world unit = unit · stored fraction² */

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Lists of the visible voxels, slice by slice along one axis of the grid: what sheets are made of.
+ * The visible voxels of one level, in bricks of 16³.
  *
- *   slice s ─► entries [first[s], first[s+1])      entry e: position[e], key[e], normal[e]
+ *   brick b ─► entries [first[b], first[b+1])      entry e: local[e], key[e], normal[e]
  *
- * The list along axis 2 is made by one pass over the volume; the other two are permutations of it
- * and are made when a view first needs them. 8 bytes an entry, 12 with normals.
+ * A brick can be made anew without the others, be skipped as a whole, and be sorted for a view
+ * while it is in the cache. 6 bytes an entry, 10 with normals.
  */
 #ifndef SP_CLASSIFY_VISIBLE_H
 #define SP_CLASSIFY_VISIBLE_H
@@ -17,61 +17,62 @@
 #include "base/parallel_for.h"
 #include "classify/transfer.h"
 
+enum { SP_BRICK = 16, SP_BRICK_SHIFT = 4, SP_BRICK_VOXELS = 4096 };
+
 struct sp_visible {
-    uint32_t slices;    /* dims[axis]; 0 = no list */
+    uint32_t bricks[3]; /* an axis, axis 0 fastest; 0 = no list */
     uint64_t count;     /* entries */
-    uint64_t *first;    /* slices + 1 */
-    uint32_t *position; /* index along the lower of the other two axes, the higher one << 16 */
+    uint64_t *first;    /* [bricks + 1] */
+    uint16_t *local;    /* i0 | i1 << 4 | i2 << 8 inside the brick, rising */
     uint32_t *key;      /* see transfer.h */
     uint32_t *normal;   /* packed gradient (gradient.h); NULL = not made */
 };
 
-void sp_visible_finish(struct sp_visible *list);
-
-/* The visible voxels at one resolution. */
-struct sp_level {
-    struct sp_grid grid;
-    struct sp_transfer transfer; /* of the lists' keys */
-    struct sp_visible lists[3];  /* by axis */
-};
-enum { SP_LEVELS = 3 };
-
-/* Everything derived from one volume under one transfer function: all voxels in levels[0], then
- * coarser and coarser ones (coarse.h), made when they are first asked for. */
-struct sp_classification {
-    struct sp_volume *volume; /* one reference */
-    struct sp_level levels[SP_LEVELS];
+/* Each brick's entries sorted by their index along one axis, stably. */
+struct sp_slices {
+    uint16_t (*start)[SP_BRICK + 1]; /* [bricks]: slice s of a brick is the places [start[s],
+                                        start[s+1]); NULL = not made */
+    uint16_t *place; /* [entries], by visible.first: the entry of the brick at each place; NULL =
+                        each its own (axis 2) */
+    uint64_t runs;   /* slices of bricks that are not empty */
 };
 
-/* Frees what the level holds; it is then empty. */
-void sp_level_finish(struct sp_level *level);
+/* Number of bricks; under 2^25, as volumes go. */
+static inline uint32_t sp_visible_bricks(const struct sp_visible *visible) {
+    return visible->bricks[0] * visible->bricks[1] * visible->bricks[2];
+}
 
-/* One reference to the volume is taken. */
-void sp_classification_init(struct sp_classification *c, struct sp_volume *volume);
-void sp_classification_finish(struct sp_classification *c);
+/* Index of the first voxel of a brick. */
+static inline void sp_visible_corner(const struct sp_visible *visible, uint32_t brick,
+                                     uint32_t corner[3]) {
+    uint32_t row = brick / visible->bricks[0];
+    corner[0] = brick % visible->bricks[0] << SP_BRICK_SHIFT;
+    corner[1] = row % visible->bricks[1] << SP_BRICK_SHIFT;
+    corner[2] = row / visible->bricks[1] << SP_BRICK_SHIFT;
+}
 
-/* What an update needs beside the classification. */
-struct sp_classify_job {
-    const struct sp_transfer_function *tf;
-    unsigned level;     /* that will be used, below SP_LEVELS */
-    unsigned axis;      /* of its list that will be used, 0 … 2 */
-    bool normals;       /* that list must have them */
-    uint64_t bytes_max; /* of the whole classification; 0 = no limit */
-    struct sp_pool *pool;
-    const atomic_bool *cancel; /* NULL = never */
-};
+/* Sets bricks and takes memory for `first`, all zero; SP_ERR_MEMORY. */
+bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], struct sp_error *err);
 
-/* Brings the list of job->level and job->axis up to date, doing only what the changes ask for: a
- * new colour costs a table (and the coarse levels), a new set of visible values a pass over the
- * volume. On failure what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED. */
-bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
-                              struct sp_error *err);
+/* Turns first[b + 1] = entries of brick b into places and sets count. */
+void sp_visible_sum(struct sp_visible *visible);
 
-/* Memory for list->count entries, with normals or without; SP_ERR_MEMORY. */
-bool sp_visible_allocate(struct sp_visible *list, bool normals, struct sp_error *err);
+/* Memory for visible->count entries, with normals or without; SP_ERR_MEMORY. */
+bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_error *err);
 
-/* Bytes kept, without the volume itself. */
-uint64_t sp_classification_bytes(const struct sp_classification *c);
+void sp_visible_finish(struct sp_visible *visible);
+uint64_t sp_visible_bytes(const struct sp_visible *visible);
+
+/* Bytes of `count` entries. */
+uint64_t sp_visible_entry_bytes(uint64_t count, bool normals);
+
+/* Sorts the bricks along `axis`; SP_ERR_MEMORY. *slices is empty before, and after a failure. */
+bool sp_slices_make(struct sp_slices *slices, const struct sp_visible *visible, unsigned axis,
+                    struct sp_pool *pool, struct sp_error *err);
+
+void sp_slices_finish(struct sp_slices *slices);
+
+/* Bytes of the slices of a list along an axis. */
+uint64_t sp_slices_bytes(const struct sp_visible *visible, unsigned axis);
 
 #endif

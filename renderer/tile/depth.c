@@ -118,7 +118,7 @@ static void join_runs(const struct sort *s, uint32_t bricks, int64_t first,
 
 bool sp_order_distance(const struct sp_depth_job *job, struct sp_order *order, double *nearest) {
     const struct sp_visible *list = job->list;
-    uint32_t bricks = list->bricks[0] * list->bricks[1] * list->bricks[2];
+    uint32_t bricks = sp_visible_bricks(list);
     unsigned threads = sp_pool_threads(job->pool);
     size_t counts = (size_t)threads * (LAYERS_MAX + 1);
     struct sort s = { .job = job,

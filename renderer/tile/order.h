@@ -1,5 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
+ * The order in which a frame draws the visible voxels: layers, front to back, each of them a few
+ * entries of many bricks.
+ *
+ *   layer k ─► runs [first[k], first[k+1]) ─► places of a brick's order ─► entries of the list
+ *
  * Which slices of the grid are the sheets, and in which order they are composited.
  *
  * Sheets lie perpendicular to the view as far as the grid allows: along the axis whose slices'
@@ -17,7 +22,23 @@
 
 #include <stdint.h>
 
+#include "base/arena.h"
+#include "classify/classification.h"
 #include "splat/camera.h"
+
+/* Places [begin, begin + count) of one brick's order; count > 0. */
+struct sp_run {
+    uint32_t brick;
+    uint16_t begin, count;
+};
+
+struct sp_order {
+    uint32_t layers;       /* front to back */
+    uint64_t *first;       /* [layers + 1] */
+    struct sp_run *runs;   /* [first[layers]] */
+    const uint16_t *order; /* the entry of the brick at each place, from visible.first[brick] on;
+                              NULL = each its own */
+};
 
 /* The major axis, 0 … 2; of equal ones the highest. */
 unsigned sp_order_axis(const struct sp_camera_frame *camera, const struct sp_grid *grid);
@@ -25,5 +46,10 @@ unsigned sp_order_axis(const struct sp_camera_frame *camera, const struct sp_gri
 /* Fills slices[dims[axis]]: element k is the index of the sheet that comes k-th, front to back. */
 void sp_order_slices(const struct sp_camera_frame *camera, const struct sp_grid *grid,
                      unsigned axis, uint32_t *slices);
+
+/* The slices along `axis`, made in level->slices, as layers. Memory is the arena's; the order of
+ * the bricks is borrowed. False when the arena could not allocate. */
+bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *level,
+                     unsigned axis, struct sp_arena *arena, struct sp_order *order);
 
 #endif

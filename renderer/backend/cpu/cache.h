@@ -7,7 +7,7 @@
 #ifndef SP_BACKEND_CPU_CACHE_H
 #define SP_BACKEND_CPU_CACHE_H
 
-#include "classify/visible.h"
+#include "classify/classification.h"
 
 enum { CPU_CACHE_SLOTS = 8 };
 

@@ -111,7 +111,6 @@ static void keep_seen(struct draw *d, struct block *block, size_t from, uint32_t
 
 static void set_up_block(struct draw *d, size_t b) {
     struct block *block = &d->blocks[b];
-    const uint32_t *bricks = d->list->bricks;
     struct sp_ewa_run run = { .list = d->list,
                               .transfer = &d->level->transfer,
                               .shade = d->shading,
@@ -121,9 +120,7 @@ static void set_up_block(struct draw *d, size_t b) {
         const struct sp_run *from = &d->order.runs[k];
         while (k >= d->order.first[run.sheet + 1])
             run.sheet++;
-        run.brick[0] = from->brick % bricks[0] * SP_BRICK;
-        run.brick[1] = from->brick / bricks[0] % bricks[1] * SP_BRICK;
-        run.brick[2] = from->brick / bricks[0] / bricks[1] * SP_BRICK;
+        sp_visible_corner(d->list, from->brick, run.brick);
         run.first = d->list->first[from->brick];
         run.order = d->order.order ? d->order.order + run.first : NULL;
         run.begin = from->begin;
@@ -361,7 +358,8 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
     const struct sp_view *view = d->job->view;
     const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
     sp_camera_frame_init(&d->camera, &view->camera, view->size);
-    unsigned axis = sp_order_axis(&d->camera, grid);
+    unsigned axis =
+        view->compositing.mode == SP_COMPOSITE_SHEET ? sp_order_axis(&d->camera, grid) : SP_NO_AXIS;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
                                         .level = d->job->coarse,
                                         .axis = axis,

@@ -10,9 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "classify/classification.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
-#include "classify/visible.h"
 
 static const struct sp_transfer_function ramp = {
     .reference_length = 1,
@@ -167,6 +167,38 @@ static void gradients_of_linear_fields_are_exact(void **state) {
     }
 }
 
+/* A field that is linear in the world has one gradient, however far apart its samples are. */
+static void gradients_of_rectilinear_grids_are_those_of_the_world(void **state) {
+    (void)state;
+    enum { N = 6 };
+    static const double coordinates[N] = { 0, 1, 1.25, 5, 7, 7.5 };
+    const struct sp_grid grid = { .dims = { N, N, N },
+                                  .spacing = { 1.5, 2, 1.5 },
+                                  .direction = { { 0, 0.6, 1 }, { 1, 0, 0 }, { 0, 0.8, 0 } },
+                                  .coordinates = { coordinates, NULL, coordinates } };
+    const double slope[3] = { 2, -1, 0.5 };
+    static double values[N * N * N];
+    for (uint32_t n = 0; n < N * N * N; n++) {
+        uint32_t i[3] = { n % N, n / N % N, n / N / N };
+        for (unsigned a = 0; a < 3; a++)
+            for (int r = 0; r < 3; r++)
+                values[n] += slope[r] * grid.direction[r][a] * sp_grid_distance(&grid, a, i[a]);
+    }
+    struct sp_volume *v = sp_volume_create(&grid, SP_FLOAT64, values, "", NULL);
+    assert_non_null(v);
+    struct sp_gradient_grid gradients;
+    sp_gradient_grid_init(&gradients, v);
+    for (uint32_t n = 0; n < N * N * N; n++) {
+        double gradient[3];
+        sp_gradient_at(&gradients, (uint32_t[3]){ n % N, n / N % N, n / N / N }, gradient);
+        for (int r = 0; r < 3; r++)
+            assert_true(fabs(gradient[r] / gradients.scale - slope[r]) < 1e-9);
+        uint32_t packed = sp_gradient_pack(&gradients, gradient);
+        assert_true(packed >> 22 > 0 && packed >> 22 < SP_GRADIENT_MAGNITUDES);
+    }
+    sp_volume_unref(&v);
+}
+
 static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
     (void)state;
     struct sp_gradient_grid grid = { .bound = 1, .unit = 1, .scale = 1 };
@@ -216,16 +248,21 @@ static int by_value(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The list's entries as index and key, sorted. */
-static uint64_t *flatten(const struct sp_visible *list, unsigned axis, const uint32_t dims[3]) {
+/* Index of the voxel of entry e of brick b. */
+static void find_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, uint32_t i[3]) {
+    sp_visible_corner(list, b, i);
+    for (int a = 0; a < 3; a++)
+        i[a] += list->local[e] >> (4 * a) & 15;
+}
+
+/* The list's entries as index and key, sorted; inside of a brick they are already. */
+static uint64_t *flatten(const struct sp_visible *list, const uint32_t dims[3]) {
     uint64_t *flat = malloc((list->count + 1) * sizeof *flat), n = 0;
-    unsigned low = axis == 0 ? 1 : 0, high = axis == 2 ? 1 : 2;
-    for (uint32_t s = 0; s < list->slices; s++)
-        for (uint64_t e = list->first[s]; e < list->first[s + 1]; e++) {
+    for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
+        for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint32_t i[3];
-            i[axis] = s;
-            i[low] = list->position[e] & 0xffff;
-            i[high] = list->position[e] >> 16;
+            assert_true(e == list->first[b] || list->local[e] > list->local[e - 1]);
+            find_voxel(list, b, e, i);
             flat[n++] =
                 ((uint64_t)i[0] + dims[0] * (i[1] + (uint64_t)dims[1] * i[2])) << 8 | list->key[e];
         }
@@ -234,11 +271,32 @@ static uint64_t *flatten(const struct sp_visible *list, unsigned axis, const uin
     return flat;
 }
 
+/* The slices of every brick hold each of its entries once, in order, at the right index. */
+static void check_slices(const struct sp_visible *list, const struct sp_slices *slices,
+                         unsigned axis) {
+    uint64_t runs = 0;
+    for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
+        uint64_t first = list->first[b];
+        assert_int_equal(slices->start[b][0], 0);
+        assert_int_equal(slices->start[b][SP_BRICK], list->first[b + 1] - first);
+        for (uint32_t s = 0; s < SP_BRICK; s++) {
+            uint32_t begin = slices->start[b][s], end = slices->start[b][s + 1];
+            runs += begin < end;
+            for (uint32_t p = begin; p < end; p++) {
+                uint32_t e = slices->place ? slices->place[first + p] : p;
+                assert_int_equal(list->local[first + e] >> (4 * axis) & 15, s);
+                assert_true(p == begin || !slices->place || e > slices->place[first + p - 1]);
+            }
+        }
+    }
+    assert_int_equal(slices->runs, runs);
+}
+
 static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
     (void)state;
-    enum { X = 13, Y = 7, Z = 9 };
+    enum { X = 37, Y = 16, Z = 19 };
     const uint32_t dims[3] = { X, Y, Z };
-    uint8_t values[X * Y * Z];
+    static uint8_t values[X * Y * Z];
     srand(2);
     uint64_t visible = 0;
     values[0] = 0;
@@ -248,32 +306,33 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
     struct sp_pool *pool = sp_pool_create(3, NULL);
     struct sp_classification c;
     sp_classification_init(&c, v);
-    for (unsigned axis = 0; axis < 3; axis++) {
+    const struct sp_visible *list = &c.levels[0].visible;
+    for (unsigned axis = 0; axis <= SP_NO_AXIS; axis++) {
         struct sp_classify_job job = {
             .tf = &ramp, .axis = axis, .pool = pool, .normals = axis == 1
         };
         assert_true(sp_classification_update(&c, &job, NULL));
-        const struct sp_visible *list = &c.levels[0].lists[axis];
         assert_int_equal(list->count, visible);
-        assert_int_equal(list->slices, dims[axis]);
-        uint64_t *flat = flatten(list, axis, dims), n = 0;
+        assert_int_equal(sp_visible_bricks(list), 3 * 1 * 2);
+        if (axis < 3)
+            check_slices(list, &c.levels[0].slices[axis], axis);
+        uint64_t *flat = flatten(list, dims), n = 0;
         for (uint64_t i = 0; i < X * Y * Z; i++)
             if (values[i] > 10)
                 assert_int_equal(flat[n++], i << 8 | values[i]);
         free(flat);
     }
-    /* Normals travel with their voxels. */
     struct sp_gradient_grid grid;
     sp_gradient_grid_init(&grid, v);
-    for (uint32_t s = 0; s < Y; s++)
-        for (uint64_t e = c.levels[0].lists[1].first[s]; e < c.levels[0].lists[1].first[s + 1];
-             e++) {
-            uint32_t p = c.levels[0].lists[1].position[e];
+    for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
+        for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
+            uint32_t i[3];
             double gradient[3];
-            sp_gradient_at(&grid, (uint32_t[3]){ p & 0xffff, s, p >> 16 }, gradient);
-            assert_int_equal(c.levels[0].lists[1].normal[e], sp_gradient_pack(&grid, gradient));
+            find_voxel(list, b, e, i);
+            sp_gradient_at(&grid, i, gradient);
+            assert_int_equal(list->normal[e], sp_gradient_pack(&grid, gradient));
         }
-    assert_true(sp_classification_bytes(&c) > visible * 3 * 8);
+    assert_true(sp_classification_bytes(&c) > visible * 14);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
@@ -302,9 +361,9 @@ static struct sp_class average(const uint8_t *values, const uint32_t dims[3], un
 
 static void coarse_levels_average_what_was_classified(void **state) {
     (void)state;
-    enum { X = 13, Y = 6, Z = 9 };
+    enum { X = 69, Y = 6, Z = 41 };
     const uint32_t dims[3] = { X, Y, Z };
-    uint8_t values[X * Y * Z];
+    static uint8_t values[X * Y * Z];
     srand(3);
     for (int i = 0; i < X * Y * Z; i++)
         values[i] = (uint8_t)(rand() % 6 ? 0 : rand() % 60);
@@ -316,27 +375,79 @@ static void coarse_levels_average_what_was_classified(void **state) {
         struct sp_classify_job job = { .tf = &ramp, .level = l, .axis = l, .pool = pool };
         assert_true(sp_classification_update(&c, &job, NULL));
         const struct sp_level *level = &c.levels[l];
-        const struct sp_visible *list = &level->lists[2];
+        const struct sp_visible *list = &level->visible;
         const uint32_t *d = level->grid.dims;
-        assert_int_equal(level->lists[l].count, list->count);
-        uint64_t e = 0;
-        for (uint32_t i = 0; i < d[0] * d[1] * d[2]; i++) {
-            uint32_t cell[3] = { i % d[0], i / d[0] % d[1], i / d[0] / d[1] };
-            struct sp_class want = average(values, dims, l, cell);
-            if (!(want.depth > 0))
-                continue;
-            assert_true(e >= list->first[cell[2]] && e < list->first[cell[2] + 1]);
-            assert_int_equal(list->position[e], cell[0] | cell[1] << 16);
-            struct sp_class got = sp_transfer_class(&level->transfer, list->key[e++]);
-            assert_true(fabsf(got.depth - want.depth) < 1e-6f);
-            for (int k = 0; k < 3; k++)
-                assert_true(fabsf(got.color[k] - want.color[k]) < 1e-5f);
-        }
-        assert_int_equal(e, list->count);
+        check_slices(list, &level->slices[l], l);
+        uint64_t cells = 0;
+        for (uint32_t i = 0; i < d[0] * d[1] * d[2]; i++)
+            cells += average(values, dims, l,
+                             (uint32_t[3]){ i % d[0], i / d[0] % d[1], i / d[0] / d[1] })
+                         .depth > 0;
+        assert_int_equal(cells, list->count);
+        for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
+            for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
+                uint32_t cell[3];
+                assert_true(e == list->first[b] || list->local[e] > list->local[e - 1]);
+                find_voxel(list, b, e, cell);
+                struct sp_class want = average(values, dims, l, cell);
+                struct sp_class got = sp_transfer_class(&level->transfer, list->key[e]);
+                assert_true(fabsf(got.depth - want.depth) < 1e-6f);
+                for (int k = 0; k < 3; k++)
+                    assert_true(fabsf(got.color[k] - want.color[k]) < 1e-5f);
+            }
     }
     /* The first sample of a cell of two voxels lies half a voxel in, of four one and a half. */
     assert_true(c.levels[1].grid.origin[0] == 0.5 && c.levels[2].grid.origin[1] == 1.5);
-    assert_true(c.levels[2].grid.spacing[2] == 4 && c.levels[2].grid.dims[0] == 4);
+    assert_true(c.levels[2].grid.spacing[2] == 4 && c.levels[2].grid.dims[0] == 18);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
+/* On a grid whose gaps differ, the coarse one keeps each cell's energy and its place. */
+static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
+    (void)state;
+    static const double coordinates[7] = { 0, 1, 4, 5, 8, 9, 15 };
+    struct sp_grid grid = { .dims = { 7, 2, 1 },
+                            .spacing = { 2.5, 1, 3 },
+                            .origin = { 10, 0, 0 },
+                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } },
+                            .coordinates = { coordinates, NULL, NULL } };
+    uint8_t values[14];
+    for (int i = 0; i < 14; i++)
+        values[i] = (uint8_t)(15 + i);
+    struct sp_volume *v = sp_volume_create(&grid, SP_UINT8, values, "", NULL);
+    assert_non_null(v);
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    struct sp_classify_job job = { .tf = &ramp, .level = 2, .pool = pool };
+    assert_true(sp_classification_update(&c, &job, NULL));
+    /* Cells reach over [-0.5, 2.5], [2.5, 6.5], [6.5, 12], [12, 18] from the first sample on. */
+    static const double middles[4] = { 1, 4.5, 9.25, 15 };
+    const struct sp_grid *coarse = &c.levels[1].grid;
+    assert_int_equal(coarse->dims[0], 4);
+    assert_true(coarse->origin[0] == 11 && coarse->origin[1] == 0.5);
+    for (int i = 0; i < 4; i++)
+        assert_true(coarse->coordinates[0][i] == middles[i] - 1);
+    assert_null(coarse->coordinates[1]);
+    double mass[3] = { 0 }, moment[2] = { 0 };
+    for (int l = 0; l < 3; l++) {
+        const struct sp_level *level = &c.levels[l];
+        for (uint64_t e = 0; e < level->visible.count; e++) {
+            double m = (double)sp_transfer_class(&level->transfer, level->visible.key[e]).depth;
+            uint32_t p = level->visible.local[e];
+            for (unsigned a = 0; a < 3; a++)
+                m *= sp_grid_local_spacing(&level->grid, a, p >> (4 * a) & 15);
+            mass[l] += m;
+            if (l < 2)
+                moment[l] +=
+                    m * (level->grid.origin[0] + sp_grid_distance(&level->grid, 0, p & 15));
+        }
+    }
+    assert_true(fabs(mass[1] - mass[0]) < 1e-5 * mass[0]);
+    assert_true(fabs(mass[2] - mass[0]) < 1e-5 * mass[0]);
+    assert_true(fabs(moment[1] - moment[0]) < 0.5 * mass[0]); /* half a unit at most */
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
@@ -355,14 +466,14 @@ static void coarse_normals_are_those_of_the_surface(void **state) {
     sp_classification_init(&c, v);
     struct sp_classify_job job = { .tf = &ramp, .axis = 2, .level = 1, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_null(c.levels[1].lists[2].normal);
+    assert_null(c.levels[1].visible.normal);
     job.normals = true;
     assert_true(sp_classification_update(&c, &job, NULL));
-    const struct sp_visible *list = &c.levels[1].lists[2];
+    const struct sp_visible *list = &c.levels[1].visible;
     for (uint64_t e = 0; e < list->count; e++) {
         float n[3];
         sp_gradient_unpack(list->normal[e], n);
-        bool surface = (list->position[e] & 0xffff) == N / 4;
+        bool surface = (list->local[e] & 15) == N / 4;
         assert_true(surface ? n[0] > 0.999f : n[0] == 0);
     }
     /* Another colour makes them anew. */
@@ -373,7 +484,7 @@ static void coarse_normals_are_those_of_the_surface(void **state) {
     struct sp_class want;
     sp_transfer_function_eval(&other, 30, &want);
     struct sp_class got =
-        sp_transfer_class(&c.levels[1].transfer, c.levels[1].lists[2].key[list->count - 1]);
+        sp_transfer_class(&c.levels[1].transfer, c.levels[1].visible.key[list->count - 1]);
     assert_true(fabsf(got.color[1] - want.color[1]) < 1e-5f);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
@@ -389,12 +500,12 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
     struct sp_volume *v = make_volume((uint32_t[3]){ N, N, N }, SP_UINT8, values);
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_error err;
-    /* Entries of 8 bytes, 12 with normals, a list or two; the rest is slices and classes. */
+    /* Entries of 6 bytes, 10 with normals, 2 more for an axis; the rest is bricks and classes. */
     const struct {
         unsigned axis;
         bool normals;
         uint64_t entries; /* bytes */
-    } cases[] = { { 2, false, 8 }, { 2, true, 12 }, { 0, false, 16 }, { 1, true, 24 } };
+    } cases[] = { { 2, false, 6 }, { 2, true, 10 }, { 0, false, 8 }, { 1, true, 12 } };
     for (int i = 0; i < 4; i++) {
         struct sp_classification c;
         sp_classification_init(&c, v);
@@ -434,19 +545,19 @@ static void only_what_changed_is_redone(void **state) {
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));
-    const uint32_t *kept = c.levels[0].lists[2].position;
+    const uint16_t *kept = c.levels[0].visible.local;
     tf.points[1].color[0] = 0.25f; /* a colour */
     tf.points[2].opacity = 0.75f;  /* an opacity that stays above 0 */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].lists[2].position, kept);
+    assert_ptr_equal(c.levels[0].visible.local, kept);
     assert_true(sp_transfer_class(&c.levels[0].transfer, 20).color[0] == 0.25f);
     job.normals = true; /* shading is switched on: gradients, not a pass over the volume */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].lists[2].position, kept);
-    assert_non_null(c.levels[0].lists[0].normal);
+    assert_ptr_equal(c.levels[0].visible.local, kept);
+    assert_non_null(c.levels[0].visible.normal);
     tf.points[0].value = 12; /* other voxels */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(c.levels[0].lists[0].count, 64 - 13);
+    assert_int_equal(c.levels[0].visible.count, 64 - 13);
     /* Cancelled: nothing half made stays. */
     atomic_bool cancel = true;
     job.cancel = &cancel;
@@ -456,7 +567,7 @@ static void only_what_changed_is_redone(void **state) {
     assert_int_equal(err.code, SP_ERR_CANCELLED);
     cancel = false;
     assert_true(sp_classification_update(&c, &job, &err));
-    assert_int_equal(c.levels[0].lists[0].count, 64 - 12);
+    assert_int_equal(c.levels[0].visible.count, 64 - 12);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
@@ -467,10 +578,12 @@ int main(void) {
         cmocka_unit_test(every_type_is_classified_by_the_same_law),
         cmocka_unit_test(steps_of_a_real_field_stay_sharp),
         cmocka_unit_test(gradients_of_linear_fields_are_exact),
+        cmocka_unit_test(gradients_of_rectilinear_grids_are_those_of_the_world),
         cmocka_unit_test(packed_directions_are_within_an_eighth_of_a_degree),
         cmocka_unit_test(gradients_pass_by_what_is_not_a_number),
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
         cmocka_unit_test(coarse_levels_average_what_was_classified),
+        cmocka_unit_test(coarse_rectilinear_levels_keep_energy_and_place),
         cmocka_unit_test(coarse_normals_are_those_of_the_surface),
         cmocka_unit_test(a_budget_is_kept_before_memory_is_taken),
         cmocka_unit_test(only_what_changed_is_redone),

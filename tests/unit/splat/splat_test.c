@@ -78,21 +78,26 @@ static struct sp_vec3 project(const struct sp_view *view, struct sp_vec3 t) {
 
 /* Sets up one voxel of constant value 1 at index i; false if it is culled. */
 static bool set_up(const struct sp_grid *grid, const struct sp_view *view, const uint32_t i[3],
-                   unsigned axis, struct sp_splat *splat) {
+                   struct sp_splat *splat) {
     struct sp_camera_frame camera;
     struct sp_ewa_frame frame;
     sp_camera_frame_init(&camera, &view->camera, view->size);
-    sp_ewa_frame_init(&frame, &camera, grid, view, axis);
-    unsigned low = axis == 0 ? 1 : 0, high = axis == 2 ? 1 : 2;
-    uint32_t position = i[low] | i[high] << 16, key = 0, normal = 0;
+    sp_ewa_frame_init(&frame, &camera, grid, view);
+    uint16_t local = (uint16_t)(i[0] % 16 | i[1] % 16 << 4 | i[2] % 16 << 8);
+    uint32_t key = 0, normal = 0;
     uint64_t first[2] = { 0, 1 };
-    struct sp_visible list = { 1, 1, first, &position, &key, &normal };
+    struct sp_visible list = { { 1, 1, 1 }, 1, first, &local, &key, &normal };
     struct sp_class class = { { 0.25f, 0.5f, 1 }, (float)-log1p(-0.01) };
     struct sp_transfer transfer = { .tf = thin, .table = &class, .count = 1 };
     struct sp_ewa_run run = {
-        .list = &list, .transfer = &transfer, .slice = i[axis], .count = 1, .sheet = 7
+        .list = &list,
+        .transfer = &transfer,
+        .brick = { i[0] & ~15u, i[1] & ~15u, i[2] & ~15u },
+        .count = 1,
+        .sheet = 7,
+        .mode = view->filter.mode,
     };
-    return sp_ewa_set_up(&frame, &run, splat) == 1;
+    return sp_ewa_set_up(&frame, &run, &(struct sp_splats){ .splat = splat }) == 1;
 }
 
 /* Central differences of the projection by index, which is J·W·direction·spacing. */
@@ -117,7 +122,7 @@ static void variance_is_that_of_the_projection(void **state) {
             const struct sp_grid *g = &grids[n];
             const uint32_t i[3] = { 1, 7, 3 };
             struct sp_splat s;
-            assert_true(set_up(g, &view, i, (unsigned)n % 3, &s));
+            assert_true(set_up(g, &view, i, &s));
             struct sp_vec3 x = project(&view, world(g, (double[3]){ 1, 7, 3 }));
             assert_true(fabs((double)s.x - x.v[0]) < 1e-3 && fabs((double)s.y - x.v[1]) < 1e-3);
             assert_int_equal(s.sheet, 7);
@@ -162,7 +167,7 @@ static void variance_is_that_of_a_cloud(void **state) {
     view.filter.mode = SP_FILTER_RECONSTRUCTION;
     const struct sp_grid *g = &grids[3];
     struct sp_splat s;
-    assert_true(set_up(g, &view, (uint32_t[3]){ 4, 4, 4 }, 2, &s));
+    assert_true(set_up(g, &view, (uint32_t[3]){ 4, 4, 4 }, &s));
     enum { POINTS = 200000 };
     double sum[2] = { 0 }, square[3] = { 0 };
     srand(3);
@@ -199,7 +204,7 @@ static void filters_keep_the_footprints_energy(void **state) {
             view.filter.mode = modes[m];
             view.filter.lowpass = 1.5;
             struct sp_splat s;
-            assert_true(set_up(&grids[1], &view, (uint32_t[3]){ 5, 3, 6 }, 1, &s));
+            assert_true(set_up(&grids[1], &view, (uint32_t[3]){ 5, 3, 6 }, &s));
             /* The integral of a Gaussian is its top times 2π√det, and √det follows the conic. */
             double root =
                 0.5 / log(2) / sqrt((double)s.a * (double)s.c - 0.25 * (double)s.b * (double)s.b);
@@ -216,16 +221,16 @@ static void voxels_out_of_sight_are_culled(void **state) {
     struct sp_view view = make_view(SP_PERSPECTIVE);
     struct sp_splat s;
     const uint32_t i[3] = { 4, 4, 4 };
-    assert_true(set_up(&grids[0], &view, i, 2, &s));
+    assert_true(set_up(&grids[0], &view, i, &s));
     view.camera.near = 1000; /* nearer than the near plane */
-    assert_false(set_up(&grids[0], &view, i, 2, &s));
+    assert_false(set_up(&grids[0], &view, i, &s));
     view = make_view(SP_PERSPECTIVE); /* behind the eye */
     for (int k = 0; k < 3; k++)
         view.camera.target[k] = 2 * view.camera.position[k] - view.camera.target[k];
-    assert_false(set_up(&grids[0], &view, i, 2, &s));
+    assert_false(set_up(&grids[0], &view, i, &s));
     view = make_view(SP_ORTHOGRAPHIC); /* beside the picture */
     view.camera.height = 2;
-    assert_false(set_up(&grids[0], &view, (uint32_t[3]){ 0, 0, 0 }, 2, &s));
+    assert_false(set_up(&grids[0], &view, (uint32_t[3]){ 0, 0, 0 }, &s));
 }
 
 static float random_extreme(void) {
@@ -263,8 +268,7 @@ static void extreme_views_give_finite_splats(void **state) {
         view.size[1] = n % 11 ? 160 : 1;
         struct sp_splat s;
         if (!sp_view_validate(&view, NULL) ||
-            !set_up(&g, &view, (uint32_t[3]){ (uint32_t)n % 9, (uint32_t)n % 5, 4 },
-                    (unsigned)n % 3, &s))
+            !set_up(&g, &view, (uint32_t[3]){ (uint32_t)n % 9, (uint32_t)n % 5, 4 }, &s))
             continue;
         drawn++;
         const float numbers[] = { s.x, s.y, s.a, s.b, s.c, s.depth, s.emission[0], s.emission[2] };
@@ -307,7 +311,8 @@ static void adaptive_rule_is_conservative(void **state) {
                         uint8_t mode = modes[i / 16 + 5 * (j / 16 + 3 * (k / 16))];
                         struct sp_vec3 t = world(&g, (double[3]){ i, j, k });
                         double u2 = sp_mat3_apply(&camera.w, sp_vec3_sub(t, camera.eye)).v[2];
-                        enum sp_filter_mode own = sp_adaptive_mode(&adaptive, u2, u2);
+                        enum sp_filter_mode own =
+                            sp_adaptive_mode(&adaptive, adaptive.radius, u2, u2);
                         differ += mode != modes[0];
                         if (mode != SP_FILTER_EWA && u2 > 0)
                             assert_int_equal(own, mode);
@@ -325,13 +330,13 @@ static void adaptive_thresholds_are_those_of_the_definition(void **state) {
                              .c_min = 0.3,
                              .c_max = 2 };
     /* R = 70/u2: reconstruction while R·0.3 > 1, lowpass once R·2 < 1. */
-    assert_int_equal(sp_adaptive_mode(&a, 1, 20.9), SP_FILTER_RECONSTRUCTION);
-    assert_int_equal(sp_adaptive_mode(&a, 1, 21.1), SP_FILTER_EWA);
-    assert_int_equal(sp_adaptive_mode(&a, 139, 200), SP_FILTER_EWA);
-    assert_int_equal(sp_adaptive_mode(&a, 141, 200), SP_FILTER_LOWPASS);
-    assert_int_equal(sp_adaptive_mode(&a, -5, 200), SP_FILTER_EWA);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 1, 20.9), SP_FILTER_RECONSTRUCTION);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 1, 21.1), SP_FILTER_EWA);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 139, 200), SP_FILTER_EWA);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 141, 200), SP_FILTER_LOWPASS);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, -5, 200), SP_FILTER_EWA);
     a.lowpass = 0;
-    assert_int_equal(sp_adaptive_mode(&a, 141, 200), SP_FILTER_RECONSTRUCTION);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 141, 200), SP_FILTER_RECONSTRUCTION);
 }
 
 static void shading_follows_its_formula(void **state) {

@@ -45,15 +45,38 @@ static struct sp_splat random_splat(uint32_t sheet, float cut) {
     }
 }
 
+static const struct sp_blend blending = {
+    .mode = SP_COMPOSITE_SHEET, .planes = SP_PLANES, .slots = 1, .cut = 6.5f
+};
+
+/* A tile of sheets with memory of its own. */
+static void start_tile(struct sp_tile *tile, int x, int y, const int size[2]) {
+    tile->sums = malloc(SP_PLANES * sizeof *tile->sums);
+    tile->dirty = malloc(sizeof *tile->dirty);
+    assert_true(tile->sums && tile->dirty);
+    sp_tile_init(tile, x, y, size, &blending);
+}
+
+static void stop_tile(struct sp_tile *tile) {
+    free(tile->sums);
+    free(tile->dirty);
+}
+
 static struct sp_tile_grid make_grid(void) {
     struct sp_tile_grid grid = { .columns = COLUMNS, .rows = ROWS };
     grid.tiles = aligned_alloc(64, COLUMNS * ROWS * sizeof *grid.tiles);
     assert_non_null(grid.tiles);
     for (int r = 0; r < ROWS; r++)
         for (int c = 0; c < COLUMNS; c++)
-            sp_tile_init(&grid.tiles[r * COLUMNS + c], c * SP_TILE, r * SP_TILE,
-                         (int[2]){ WIDTH, HEIGHT });
+            start_tile(&grid.tiles[r * COLUMNS + c], c * SP_TILE, r * SP_TILE,
+                       (int[2]){ WIDTH, HEIGHT });
     return grid;
+}
+
+static void free_grid(struct sp_tile_grid *grid) {
+    for (int t = 0; t < COLUMNS * ROWS; t++)
+        stop_tile(&grid->tiles[t]);
+    free(grid->tiles);
 }
 
 struct bench {
@@ -120,7 +143,7 @@ static void every_touched_tile_gets_the_splat_once_and_in_order(void **state) {
             assert_int_equal(e, stop);
         }
     free_bench(&b);
-    free(grid.tiles);
+    free_grid(&grid);
 }
 
 /* The whole picture without tiles, in double precision. */
@@ -160,11 +183,14 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
         double(*truth)[4] = calloc(WIDTH * HEIGHT, sizeof *truth);
         draw_untiled(b.records, cuts[k], truth);
         double worst = 0;
+        struct sp_blend blend = blending;
+        blend.cut = cuts[k];
         for (int t = 0; t < COLUMNS * ROWS; t++) {
             struct sp_tile *tile = &grid.tiles[t];
             for (uint32_t e = b.bins.first[t]; e < b.bins.first[t + 1]; e++)
-                sp_sheet_add(tile, &b.records[b.bins.entries[e]], cuts[k]);
-            sp_sheet_close(tile);
+                sp_sheet_add(tile, &blend, &(struct sp_splats){ .splat = b.records },
+                             b.bins.entries[e]);
+            sp_tile_close(tile, &blend);
             for (int y = 0; y < SP_TILE; y++)
                 for (int x = 0; x < SP_TILE; x++) {
                     int px = tile->x + x, py = tile->y + y;
@@ -179,7 +205,7 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
         assert_true(worst < (k == 0 ? 3e-3 : 2e-5));
         free(truth);
         free_bench(&b);
-        free(grid.tiles);
+        free_grid(&grid);
     }
 }
 
@@ -193,29 +219,30 @@ static void saturated_tiles_hide_splats(void **state) {
     assert_false(sp_bins_is_hidden(&grid, &wall));
     for (wall.sheet = 0; wall.sheet < 8; wall.sheet++) {
         assert_false(tile->saturated); /* e^-7 is more than 1/512 > e^-8 … */
-        sp_sheet_add(tile, &wall, 6.5f);
-        sp_sheet_close(tile);
+        sp_sheet_add(tile, &blending, &(struct sp_splats){ .splat = &wall }, 0);
+        sp_tile_close(tile, &blending);
     }
     assert_true(tile->saturated);
     assert_true(sp_bins_is_hidden(&grid, &wall));
     wall.x1 = SP_TILE + 1; /* reaches the next tile */
     assert_false(sp_bins_is_hidden(&grid, &wall));
-    free(grid.tiles);
+    free_grid(&grid);
 }
 
 static void tiles_at_the_pictures_edge_can_saturate(void **state) {
     (void)state;
     struct sp_tile tile;
-    sp_tile_init(&tile, 8160, 0, (int[2]){ 8192 - 20, 3 });
+    start_tile(&tile, 8160, 0, (int[2]){ 8192 - 20, 3 });
     struct sp_splat wall = {
         .x = 8165, .y = 1, .a = 1e-9f, .c = 1e-9f, .depth = 20, .x0 = 8160, .x1 = 8172, .y1 = 3
     };
     for (wall.sheet = 0; wall.sheet < 4; wall.sheet++) {
-        sp_sheet_add(&tile, &wall, 6.5f);
-        sp_sheet_close(&tile);
+        sp_sheet_add(&tile, &blending, &(struct sp_splats){ .splat = &wall }, 0);
+        sp_tile_close(&tile, &blending);
     }
     assert_true(tile.saturated);
     assert_true(tile.done[0][0][0] < 1e-8f);
+    stop_tile(&tile);
 }
 
 static void make_camera(struct sp_camera_frame *frame, enum sp_projection projection,
@@ -283,6 +310,82 @@ static void the_major_axis_faces_the_view(void **state) {
     assert_int_equal(order[0], 0); /* the axis points away from +z */
 }
 
+/* Slices by distance from the eye where their gaps differ. */
+static void rectilinear_slices_come_nearest_first(void **state) {
+    (void)state;
+    static const double coordinates[6] = { 0, 1, 2, 10, 11, 40 };
+    const struct sp_grid grid = { .dims = { 4, 4, 6 },
+                                  .spacing = { 1, 1, 8 },
+                                  .origin = { 0, 0, 5 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } },
+                                  .coordinates = { NULL, NULL, coordinates } };
+    struct sp_camera_frame camera;
+    uint32_t order[6];
+    make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 12 }, (double[3]){ 2, 3.5, 90 });
+    assert_int_equal(sp_order_axis(&camera, &grid), 2);
+    sp_order_slices(&camera, &grid, 2, order); /* the eye is 7 from the first */
+    static const uint32_t want[6] = { 3, 4, 2, 1, 0, 5 };
+    assert_memory_equal(order, want, sizeof want);
+}
+
+/* Every visible voxel is in one run, of the layer that its slice is, and none else is. */
+static void sheets_list_every_voxel_once(void **state) {
+    (void)state;
+    enum { X = 35, Y = 18, Z = 20 };
+    static uint8_t values[X * Y * Z];
+    static uint16_t seen[X * Y * Z];
+    srand(11);
+    for (int i = 0; i < X * Y * Z; i++)
+        values[i] = (uint8_t)(rand() % 8 ? 0 : 200);
+    const struct sp_grid grid = { .dims = { X, Y, Z },
+                                  .spacing = { 1, 1, 1 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, values, "v", NULL);
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    struct sp_transfer_function tf = { .reference_length = 1, .point_count = 2 };
+    tf.points[0].value = 100;
+    tf.points[1] = (struct sp_tf_point){ .value = 200, .opacity = 0.5f };
+    struct sp_classification c;
+    sp_classification_init(&c, volume);
+    struct sp_arena arena;
+    sp_arena_init(&arena);
+    for (unsigned axis = 0; axis < 3; axis++) {
+        struct sp_classify_job job = { .tf = &tf, .axis = axis, .pool = pool };
+        assert_true(sp_classification_update(&c, &job, NULL));
+        const struct sp_visible *list = &c.levels[0].visible;
+        struct sp_camera_frame camera;
+        struct sp_order order;
+        uint32_t sheets[X];
+        make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 9, 9, 9.2 }, (double[3]){ 1, 2, 3 });
+        sp_order_slices(&camera, &grid, axis, sheets);
+        sp_arena_reset(&arena);
+        assert_true(sp_order_sheets(&camera, &c.levels[0], axis, &arena, &order));
+        assert_int_equal(order.layers, grid.dims[axis]);
+        memset(seen, 0, sizeof seen);
+        for (uint32_t k = 0; k < order.layers; k++)
+            for (uint64_t r = order.first[k]; r < order.first[k + 1]; r++) {
+                const struct sp_run *run = &order.runs[r];
+                assert_true(run->count > 0);
+                for (uint32_t p = run->begin; p < (uint32_t)run->begin + run->count; p++) {
+                    uint64_t first = list->first[run->brick];
+                    uint64_t e = first + (order.order ? order.order[first + p] : p);
+                    uint32_t i[3];
+                    sp_visible_corner(list, run->brick, i);
+                    for (int a = 0; a < 3; a++)
+                        i[a] += list->local[e] >> (4 * a) & 15;
+                    assert_int_equal(i[axis], sheets[k]);
+                    seen[i[0] + X * (i[1] + Y * i[2])]++;
+                }
+            }
+        for (int i = 0; i < X * Y * Z; i++)
+            assert_int_equal(seen[i], values[i] ? 1 : 0);
+    }
+    sp_arena_finish(&arena);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_touched_tile_gets_the_splat_once_and_in_order),
@@ -291,6 +394,8 @@ int main(void) {
         cmocka_unit_test(tiles_at_the_pictures_edge_can_saturate),
         cmocka_unit_test(sheets_come_nearest_first_on_both_sides_of_the_eye),
         cmocka_unit_test(the_major_axis_faces_the_view),
+        cmocka_unit_test(rectilinear_slices_come_nearest_first),
+        cmocka_unit_test(sheets_list_every_voxel_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

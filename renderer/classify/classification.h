@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Everything derived from one volume under one transfer function, kept from frame to frame and
+ * brought up to date with as little work as a change asks for.
+ */
+#ifndef SP_CLASSIFY_CLASSIFICATION_H
+#define SP_CLASSIFY_CLASSIFICATION_H
+
+#include "classify/visible.h"
+
+/* The visible voxels at one resolution. */
+struct sp_level {
+    struct sp_grid grid;
+    double *coordinates[3];      /* of `grid`, where they are the level's own */
+    struct sp_transfer transfer; /* of the list's keys */
+    struct sp_visible visible;
+    struct sp_slices slices[3]; /* by axis */
+};
+enum { SP_LEVELS = 3 };
+
+/* All voxels in levels[0], then coarser and coarser ones (coarse.h), made when they are first asked
+ * for. */
+struct sp_classification {
+    struct sp_volume *volume; /* one reference */
+    struct sp_level levels[SP_LEVELS];
+};
+
+/* Frees what the level holds; it is then empty. */
+void sp_level_finish(struct sp_level *level);
+
+/* One reference to the volume is taken. */
+void sp_classification_init(struct sp_classification *c, struct sp_volume *volume);
+void sp_classification_finish(struct sp_classification *c);
+
+enum { SP_NO_AXIS = 3 };
+
+/* What an update needs beside the classification. */
+struct sp_classify_job {
+    const struct sp_transfer_function *tf;
+    unsigned level;     /* that will be used, below SP_LEVELS */
+    unsigned axis;      /* of the slices that will be used, 0 … 2, or SP_NO_AXIS */
+    bool normals;       /* its list must have them */
+    uint64_t bytes_max; /* of the whole classification; 0 = no limit */
+    struct sp_pool *pool;
+    const atomic_bool *cancel; /* NULL = never */
+};
+
+/* Brings the list and the slices of job->level up to date, doing only what the changes ask for: a
+ * new colour costs a table (and the coarse levels), a new set of visible values a pass over the
+ * volume. On failure what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED. */
+bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
+                              struct sp_error *err);
+
+/* Bytes kept, without the volume itself. */
+uint64_t sp_classification_bytes(const struct sp_classification *c);
+
+/* Whether the job is to stop; SP_ERR_CANCELLED is then set. */
+bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err);
+
+#endif
