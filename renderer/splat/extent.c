@@ -70,8 +70,8 @@ static float cross2(const float a[3], const float b[3]) {
            square(a[0] * b[1] - a[1] * b[0]);
 }
 
-/* Variance along the ray given the pixel: det(V + h²·diag(1,1,0)) / det(V̂ + h²I), a sum of positive
- * terms. */
+/* Variance along the ray given the pixel: det(V + h²·diag(1,1,0)) / det(V̂ + h²I), a sum of
+ * positive terms. */
 static float depth_variance(const struct sp_kernel_place *p) {
     const float(*m)[3] = p->m;
     float volume = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -

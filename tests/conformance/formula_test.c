@@ -111,7 +111,7 @@ static bool check(const struct test_renderer *r, const char *name, unsigned seed
     struct test_scene scene;
     struct test_image image, wanted;
     struct sp_error err;
-    if (!draw(&scene, seed) || !test_formula_render(&scene, &wanted))
+    if (!draw(&scene, seed) || !test_formula_render(&scene, 0, &wanted))
         return false;
     if (!test_render_scene(r, &scene, &image, &err)) {
         printf("FAILED %s seed %u: %s: %s\n", name, seed, err.place, err.text);

@@ -6,183 +6,238 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/vec.h"
+#include "support/footprint.h"
 #include "support/sample.h"
+
+/* A voxel that is drawn, and where it comes among the others. */
+struct entry {
+    struct test_footprint foot;
+    double key; /* sheet, or distance or its range, front to back */
+    size_t list;
+};
 
 struct formula {
     const struct test_scene *scene;
-    struct sp_mat3 to_world, to_camera; /* index → world, index → camera, without the offsets */
-    double w[3][3];
-    double volume; /* v_k */
-    double scale;  /* f or s, px */
-    bool perspective;
-    struct test_image *sheet; /* E and T */
+    struct test_projection projection;
+    struct entry *entries; /* sorted */
+    size_t count;
+    double thickness;   /* of a slab, world units */
+    long first, layers; /* number of the first slab or sheet; how many */
+    double *sums;       /* [layers][height][width][TEST_NUMBERS] */
+    struct test_image *image;
 };
-
-struct footprint {
-    double x, y;       /* centre, px */
-    double qa, qb, qc; /* conic */
-    double rx, ry;     /* half sides of the box, px */
-    double peak, r2;   /* τ_k(x_k), cutoff² */
-    double emission[3];
-};
-
-static void init(struct formula *f, const struct test_scene *scene) {
-    const struct sp_grid *grid = &scene->info.grid;
-    const struct sp_camera *camera = &scene->view.camera;
-    struct sp_mat3 w;
-    double height = scene->view.size[1];
-    f->scene = scene;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            f->to_world.m[r][a] = grid->direction[r][a] * grid->spacing[a];
-    test_camera_axes(camera, f->w);
-    memcpy(w.m, f->w, sizeof w.m);
-    f->to_camera = sp_mat3_multiply(&w, &f->to_world);
-    f->volume = fabs(sp_mat3_determinant(&f->to_world));
-    f->perspective = camera->projection == SP_PERSPECTIVE;
-    f->scale =
-        f->perspective ? 0.5 * height / tan(camera->fov_y * M_PI / 360) : height / camera->height;
-}
-
-/* The Jacobian at camera position u and its determinant. */
-static double jacobian(const struct formula *f, const struct sp_vec3 *u, struct sp_mat3 *j) {
-    double s = f->scale, z = u->v[2], l = sp_vec3_length(*u);
-    *j = (struct sp_mat3){ { { s, 0, 0 }, { 0, s, 0 }, { 0, 0, 1 } } };
-    if (f->perspective)
-        *j = (struct sp_mat3){ { { s / z, 0, -s * u->v[0] / (z * z) },
-                                 { 0, s / z, -s * u->v[1] / (z * z) },
-                                 { u->v[0] / l, u->v[1] / l, z / l } } };
-    return sp_mat3_determinant(j);
-}
-
-/* False when the voxel is not drawn. */
-static bool set_up(const struct formula *f, const uint32_t i[3], struct footprint *p) {
-    const struct test_scene *scene = f->scene;
-    const struct sp_view *view = &scene->view;
-    const uint32_t *dims = scene->info.grid.dims;
-    size_t index = i[0] + dims[0] * (i[1] + (size_t)dims[1] * i[2]);
-    double value = test_sample(scene->voxels, scene->info.type, index), opacity;
-    test_classify(&view->transfer_function, value, 0, p->emission, &opacity);
-    struct sp_vec3 t = sp_mat3_apply(&f->to_world, (struct sp_vec3){ { i[0], i[1], i[2] } }), u;
-    for (int a = 0; a < 3; a++)
-        t.v[a] += scene->info.grid.origin[a] - view->camera.position[a];
-    for (int r = 0; r < 3; r++)
-        u.v[r] = f->w[r][0] * t.v[0] + f->w[r][1] * t.v[1] + f->w[r][2] * t.v[2];
-    if (!isfinite(value) || opacity <= 0 || u.v[2] < view->camera.near)
-        return false;
-    if (view->shading.mode == SP_SHADING_PHONG) {
-        double gradient[3], ahead[3];
-        struct sp_vec3 unit = sp_vec3_normalize(t);
-        for (int c = 0; c < 3; c++)
-            ahead[c] = f->perspective ? unit.v[c] : f->w[2][c];
-        test_gradient(&scene->info, scene->voxels, i, gradient);
-        test_shade(view, ahead, gradient, p->emission);
-    }
-    struct sp_mat3 j, m;
-    double det_j = jacobian(f, &u, &j), v[3] = { 0 }, h2 = pow(view->filter.lowpass, 2);
-    double sigma2 = pow(view->filter.sigma, 2), cutoff = view->filter.cutoff;
-    m = sp_mat3_multiply(&j, &f->to_camera);
-    for (int a = 0; a < 3; a++) {
-        v[0] += sigma2 * m.m[0][a] * m.m[0][a];
-        v[1] += sigma2 * m.m[0][a] * m.m[1][a];
-        v[2] += sigma2 * m.m[1][a] * m.m[1][a];
-    }
-    if (view->filter.mode == SP_FILTER_LOWPASS)
-        v[0] = v[1] = v[2] = 0;
-    if (view->filter.mode != SP_FILTER_RECONSTRUCTION) {
-        v[0] += h2;
-        v[2] += h2;
-    }
-    double det = v[0] * v[2] - v[1] * v[1], z = f->perspective ? u.v[2] : 1;
-    double g = -log1p(-opacity) / view->transfer_function.reference_length;
-    p->x = 0.5 * view->size[0] + f->scale * u.v[0] / z;
-    p->y = 0.5 * view->size[1] + f->scale * u.v[1] / z;
-    p->qa = v[2] / det;
-    p->qb = -v[1] / det;
-    p->qc = v[0] / det;
-    p->r2 = cutoff * cutoff;
-    p->rx = cutoff * sqrt(v[0]);
-    p->ry = cutoff * sqrt(v[2]);
-    p->peak = g * f->volume * det_j / (2 * M_PI * sqrt(det)) / -expm1(-0.5 * p->r2);
-    return true;
-}
-
-static void add(const struct formula *f, const struct footprint *p) {
-    double width = f->sheet->width, height = f->sheet->height;
-    double x0 = fmax(ceil(p->x - p->rx - 0.5), 0), x1 = fmin(p->x + p->rx - 0.5, width - 1);
-    double y0 = fmax(ceil(p->y - p->ry - 0.5), 0), y1 = fmin(p->y + p->ry - 0.5, height - 1);
-    for (double y = y0; y <= y1; y++)
-        for (double x = x0; x <= x1; x++) {
-            double dx = x + 0.5 - p->x, dy = y + 0.5 - p->y;
-            double r2 = p->qa * dx * dx + 2 * p->qb * dx * dy + p->qc * dy * dy;
-            if (r2 > p->r2)
-                continue;
-            double *to = test_image_at(f->sheet, (unsigned)x, (unsigned)y);
-            double tau = p->peak * exp(-0.5 * r2);
-            for (int c = 0; c < 3; c++)
-                to[c] += p->emission[c] * tau;
-            to[3] += tau;
-        }
-}
 
 /* The axis whose slices' normal is nearest to the direction of view; *rising: the nearest slice is
  * the first. */
 static int major_axis(const struct formula *f, bool *rising) {
-    double det, best = -1;
-    struct sp_mat3 inverse = sp_mat3_inverse(&f->to_camera, &det);
+    double best = -1, det;
+    struct sp_mat3 direction;
+    memcpy(direction.m, f->scene->info.grid.direction, sizeof direction.m);
+    struct sp_mat3 inverse = sp_mat3_inverse(&direction, &det);
     int axis = 0;
     for (int a = 0; a < 3; a++) {
         /* Row a of the inverse is normal to the slices of axis a. */
         struct sp_vec3 normal = sp_vec3_normalize(sp_vec3_from(inverse.m[a]));
-        if (fabs(normal.v[2]) > best) {
-            best = fabs(normal.v[2]);
+        double facing = sp_vec3_dot(normal, sp_vec3_from(f->projection.w[2]));
+        if (fabs(facing) > best) {
+            best = fabs(facing);
             axis = a;
-            *rising = normal.v[2] > 0;
+            *rising = facing > 0;
         }
     }
     return axis;
 }
 
-static void composite(const struct test_image *sheet, struct test_image *image) {
-    for (size_t i = 0; i < (size_t)sheet->width * sheet->height; i++) {
-        double *from = sheet->rgba + i * 4, *to = image->rgba + i * 4;
-        if (from[3] <= 0)
-            continue;
-        double alpha = -expm1(-from[3]) * (1 - to[3]);
-        for (int c = 0; c < 3; c++)
-            to[c] += from[c] / from[3] * alpha;
-        to[3] += alpha;
-        memset(from, 0, 4 * sizeof *from);
+/* Place in a list of bricks of 16³, i0 fastest among bricks and inside them. */
+static size_t list_place(const uint32_t dims[3], const uint32_t i[3]) {
+    size_t brick = 0, inside = 0;
+    for (int a = 2; a >= 0; a--) {
+        brick = brick * ((dims[a] + 15) / 16) + i[a] / 16;
+        inside = inside * 16 + i[a] % 16;
+    }
+    return brick * 4096 + inside;
+}
+
+static int compare(const void *a, const void *b) {
+    const struct entry *p = a, *q = b;
+    if (p->key != q->key)
+        return p->key < q->key ? -1 : 1;
+    return p->list < q->list ? -1 : p->list > q->list;
+}
+
+/* Fills and sorts the entries; false when out of memory. */
+static bool collect(struct formula *f, double range) {
+    const uint32_t *dims = f->scene->info.grid.dims;
+    enum sp_compositing mode = f->scene->view.compositing.mode;
+    bool rising = true;
+    int axis = major_axis(f, &rising);
+    f->entries = malloc(((size_t)dims[0] * dims[1] * dims[2] + 1) * sizeof *f->entries);
+    if (!f->entries)
+        return false;
+    uint32_t i[3];
+    for (i[2] = 0; i[2] < dims[2]; i[2]++)
+        for (i[1] = 0; i[1] < dims[1]; i[1]++)
+            for (i[0] = 0; i[0] < dims[0]; i[0]++) {
+                struct entry *e = &f->entries[f->count];
+                if (!test_footprint_init(&f->projection, i, &e->foot))
+                    continue;
+                e->list = list_place(dims, i);
+                e->key = rising ? i[axis] : dims[axis] - 1.0 - i[axis];
+                if (mode != SP_COMPOSITE_SHEET)
+                    e->key = range > 0 ? floor(e->foot.distance / range) : e->foot.distance;
+                f->count++;
+            }
+    qsort(f->entries, f->count, sizeof *f->entries, compare);
+    return true;
+}
+
+/* First and last slab of a kernel. */
+static void slab_range(const struct formula *f, const struct test_footprint *foot, long *first,
+                       long *last) {
+    *first = (long)floor((foot->distance - foot->reach) / f->thickness);
+    *last = (long)floor((foot->distance + foot->reach) / f->thickness);
+}
+
+/* Makes room for the sums of all layers. */
+static bool open_layers(struct formula *f) {
+    const struct sp_view *view = &f->scene->view;
+    const double *spacing = f->scene->info.grid.spacing;
+    long first = 0, last = 0;
+    f->thickness = view->compositing.slab * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+    for (size_t n = 0; n < f->count; n++) {
+        long low = (long)f->entries[n].key, high = low;
+        if (view->compositing.mode == SP_COMPOSITE_SLAB)
+            slab_range(f, &f->entries[n].foot, &low, &high);
+        if (view->compositing.mode == SP_COMPOSITE_SPLAT)
+            low = high = 0;
+        first = n == 0 || low < first ? low : first;
+        last = n == 0 || high > last ? high : last;
+    }
+    f->first = first;
+    f->layers = last - first + 1;
+    f->sums =
+        calloc((size_t)f->layers * view->size[0] * view->size[1] * TEST_NUMBERS, sizeof *f->sums);
+    return f->sums != NULL;
+}
+
+static double *sums_at(const struct formula *f, long layer, size_t pixel) {
+    size_t pixels = (size_t)f->image->width * f->image->height;
+    return f->sums + ((size_t)(layer - f->first) * pixels + pixel) * TEST_NUMBERS;
+}
+
+static void add_numbers(double *sums, const double *numbers, double length) {
+    for (int k = 0; k < TEST_NUMBERS; k++)
+        sums[k] += numbers[k] * length;
+}
+
+/* The slabs' shares of a kernel on the ray of one pixel. */
+static void add_slabs(const struct formula *f, const struct test_footprint *foot, const double d[2],
+                      const struct test_crossing *c, size_t pixel) {
+    const struct test_projection *p = &f->projection;
+    double mean = foot->distance + foot->slope[0] * d[0] + foot->slope[1] * d[1];
+    double before = isinf(c->low) ? 0 : test_footprint_share(p, c, c->low);
+    double all = isinf(c->high) ? 1 : test_footprint_share(p, c, c->high);
+    long first, last;
+    slab_range(f, foot, &first, &last);
+    for (long k = first; k <= last; k++) {
+        double face = ((double)(k + 1) * f->thickness - mean) / foot->deviation, share = all;
+        if (k < last)
+            share = fmin(fmax(test_footprint_share(p, c, face), before), all);
+        add_numbers(sums_at(f, k, pixel), foot->numbers, c->length * (share - before));
+        before = share;
     }
 }
 
-bool test_formula_render(const struct test_scene *scene, struct test_image *image) {
-    const uint32_t *dims = scene->info.grid.dims;
-    struct formula f;
-    struct test_image sheet;
-    bool rising = true;
-    assert(scene->view.filter.mode <= SP_FILTER_LOWPASS);
-    init(&f, scene);
+/* Post: turns (N, W, S) of a pixel into (E, T). */
+static void classify_pixel(const struct formula *f, size_t pixel, double *sums) {
+    const struct sp_view *view = &f->scene->view;
+    const struct test_projection *p = &f->projection;
+    double color[3], opacity, gradient[3], ahead[3], all = sums[3], u[2] = { 0 };
+    if (!(all > 1e-12))
+        return;
+    for (int c = 0; c < 3; c++)
+        gradient[c] = sums[c] / all;
+    double magnitude =
+        sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
+    test_classify(&view->transfer_function, sums[4] / all, magnitude, color, &opacity);
+    if (p->perspective) {
+        u[0] = ((double)(pixel % f->image->width) + 0.5 - 0.5 * view->size[0]) / p->scale;
+        u[1] = ((double)(pixel / f->image->width) + 0.5 - 0.5 * view->size[1]) / p->scale;
+    }
+    for (int c = 0; c < 3; c++)
+        ahead[c] = (u[0] * p->w[0][c] + u[1] * p->w[1][c] + p->w[2][c]) /
+                   sqrt(u[0] * u[0] + u[1] * u[1] + 1);
+    test_shade(view, ahead, gradient, color);
+    sums[3] = -log1p(-opacity) / view->transfer_function.reference_length * all;
+    for (int c = 0; c < 3; c++)
+        sums[c] = color[c] * sums[3];
+}
+
+/* Composites a pixel's sums of one layer and clears them. */
+static void close_pixel(const struct formula *f, size_t pixel, double *sums) {
+    double *to = f->image->rgba + pixel * 4;
+    if (f->projection.post)
+        classify_pixel(f, pixel, sums);
+    if (sums[3] > 0) {
+        bool linear = f->scene->view.compositing.attenuation == SP_ATTENUATION_LINEAR;
+        double alpha = (linear ? fmin(sums[3], 1) : -expm1(-sums[3])) * (1 - to[3]);
+        for (int c = 0; c < 3; c++)
+            to[c] += sums[c] / sums[3] * alpha;
+        to[3] += alpha;
+    }
+    memset(sums, 0, TEST_NUMBERS * sizeof *sums);
+}
+
+static void add_pixel(const struct formula *f, const struct entry *e, unsigned x, unsigned y) {
+    enum sp_compositing mode = f->scene->view.compositing.mode;
+    const struct test_projection *p = &f->projection;
+    double d[2] = { x + 0.5 - e->foot.x, y + 0.5 - e->foot.y };
+    size_t pixel = x + (size_t)y * f->image->width;
+    struct test_crossing c;
+    if (!test_footprint_cross(p, &e->foot, d, &c))
+        return;
+    if (mode == SP_COMPOSITE_SLAB) {
+        add_slabs(f, &e->foot, d, &c, pixel);
+        return;
+    }
+    double share = (isinf(c.high) ? 1 : test_footprint_share(p, &c, c.high)) -
+                   (isinf(c.low) ? 0 : test_footprint_share(p, &c, c.low));
+    double *sums = sums_at(f, mode == SP_COMPOSITE_SHEET ? (long)e->key : f->first, pixel);
+    add_numbers(sums, e->foot.numbers, c.length * share);
+    if (mode == SP_COMPOSITE_SPLAT)
+        close_pixel(f, pixel, sums);
+}
+
+static void add_entry(const struct formula *f, const struct entry *e) {
+    const struct test_footprint *foot = &e->foot;
+    double width = f->image->width, height = f->image->height;
+    double x0 = fmax(ceil(foot->x - foot->rx - 0.5), 0);
+    double x1 = fmin(foot->x + foot->rx - 0.5, width - 1);
+    double y0 = fmax(ceil(foot->y - foot->ry - 0.5), 0);
+    double y1 = fmin(foot->y + foot->ry - 0.5, height - 1);
+    for (double y = y0; y <= y1; y++)
+        for (double x = x0; x <= x1; x++)
+            add_pixel(f, e, (unsigned)x, (unsigned)y);
+}
+
+bool test_formula_render(const struct test_scene *scene, double range, struct test_image *image) {
+    struct formula f = { .scene = scene, .image = image };
+    assert(scene->view.filter.mode != SP_FILTER_ADAPTIVE);
+    test_projection_init(&f.projection, scene);
     if (!test_image_init(image, scene->view.size[0], scene->view.size[1]))
         return false;
-    if (!test_image_init(&sheet, image->width, image->height)) {
+    bool ok = collect(&f, range) && open_layers(&f);
+    for (size_t n = 0; ok && n < f.count; n++)
+        add_entry(&f, &f.entries[n]);
+    size_t pixels = (size_t)image->width * image->height;
+    for (long k = 0; ok && k < f.layers; k++)
+        for (size_t n = 0; n < pixels; n++)
+            close_pixel(&f, n, sums_at(&f, f.first + k, n));
+    free(f.entries);
+    free(f.sums);
+    if (!ok)
         test_image_finish(image);
-        return false;
-    }
-    f.sheet = &sheet;
-    int axis = major_axis(&f, &rising), p = (axis + 1) % 3, q = (axis + 2) % 3;
-    for (uint32_t n = 0; n < dims[axis]; n++) {
-        uint32_t i[3];
-        struct footprint foot;
-        i[axis] = rising ? n : dims[axis] - 1 - n;
-        for (i[p] = 0; i[p] < dims[p]; i[p]++)
-            for (i[q] = 0; i[q] < dims[q]; i[q]++)
-                if (set_up(&f, i, &foot))
-                    add(&f, &foot);
-        composite(&sheet, image);
-    }
-    test_image_over(image, scene->view.background);
-    test_image_finish(&sheet);
-    return true;
+    else
+        test_image_over(image, scene->view.background);
+    return ok;
 }

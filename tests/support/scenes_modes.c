@@ -22,15 +22,15 @@ static double waved_layers(const void *user, double x, double y, double z) {
 bool test_scene_layers(struct test_scene *scene) {
     static const double points[][5] = {
         { 0.2, 0.2, 0.4, 0.9, 0 },
-        { 0.6, 0.3, 0.9, 0.5, 0.08 },
-        { 1.0, 1.0, 0.6, 0.2, 0.3 },
+        { 0.6, 0.3, 0.9, 0.5, 0.055 },
+        { 1.0, 1.0, 0.6, 0.2, 0.2 },
     };
     test_view_init(&scene->view);
     test_scene_points(scene, points, 3);
     if (!test_scene_voxels(scene, "layers", (uint32_t[]){ 40, 40, 16 }, (double[]){ 1, 1, 3 },
                            SP_FLOAT32, waved_layers, NULL))
         return false;
-    test_scene_orbit(scene, NULL, 35, 30, 88);
+    test_scene_orbit(scene, NULL, 45, 35, 88);
     return true;
 }
 

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "quality.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "sp/log.h"
+#include "support/data.h"
+
+int quality_main(void (*measure)(struct quality *q)) {
+    struct quality q = { .checks = 0 };
+    sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
+    for (unsigned i = 0; test_target_at(i, &q.target); i++) {
+        struct sp_error err;
+        if (!test_renderer_open(&q.renderer, &q.target, 2, &err)) {
+            printf("skipped: %s/%s: %s\n", q.target.backend, q.target.isa, err.text);
+            continue;
+        }
+        printf("%s/%s\n", q.target.backend, q.target.isa);
+        measure(&q);
+        test_renderer_close(&q.renderer);
+    }
+    printf("%u of %u claims failed\n", q.failed, q.checks);
+    return q.failed ? EXIT_FAILURE : q.checks ? EXIT_SUCCESS : TEST_SKIPPED;
+}
+
+void quality_expect(struct quality *q, bool holds, const char *format, ...) {
+    q->checks++;
+    if (holds)
+        return;
+    q->failed++;
+    va_list arguments;
+    va_start(arguments, format);
+    printf("FAILED ");
+    vprintf(format, arguments);
+    printf("\n");
+    va_end(arguments);
+}
+
+static void stop(const char *what, const struct sp_error *err) {
+    printf("FAILED %s: %s: %s\n", what, err->place, err->text);
+    exit(EXIT_FAILURE);
+}
+
+struct test_image quality_render(const struct quality *q, struct sp_volume *volume,
+                                 const struct sp_view *view) {
+    struct test_image image;
+    struct sp_error err;
+    if (!test_render(&q->renderer, volume, view, &image, &err))
+        stop(sp_volume_info(volume)->name, &err);
+    return image;
+}
+
+struct sp_volume *quality_volume(const struct test_scene *scene) {
+    struct sp_error err;
+    struct sp_volume *volume = test_scene_volume(scene, &err);
+    if (!volume)
+        stop(scene->info.name, &err);
+    return volume;
+}
+
+void quality_forget(const struct quality *q, struct sp_volume **volume) {
+    sp_renderer_forget(q->renderer.renderer, *volume);
+    sp_volume_unref(volume);
+}
+
+const char *quality_filter_name(enum sp_filter_mode mode) {
+    switch (mode) {
+    case SP_FILTER_ADAPTIVE:
+        return "adaptive";
+    case SP_FILTER_EWA:
+        return "ewa";
+    case SP_FILTER_RECONSTRUCTION:
+        return "reconstruction";
+    case SP_FILTER_LOWPASS:
+        return "lowpass";
+    case SP_FILTER_SWAN:
+        return "swan";
+    case SP_FILTER_NONE:
+        return "none";
+    }
+    return "";
+}

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the proofs of quality share. Each is a program of its own that prints its tables of numbers
+ * and compares them with what is claimed, on every backend and instruction set by turns.
+ */
+#ifndef TESTS_CONFORMANCE_QUALITY_H
+#define TESTS_CONFORMANCE_QUALITY_H
+
+#include <stdbool.h>
+
+#include "support/render.h"
+
+struct quality {
+    struct test_target target;
+    struct test_renderer renderer; /* two threads */
+    unsigned checks, failed;
+};
+
+/* Runs `measure` on every target that starts here; the exit status of main(). */
+int quality_main(void (*measure)(struct quality *q));
+
+/* Counts a claim, and prints the text as a failure when it does not hold. */
+__attribute__((format(printf, 3, 4))) void quality_expect(struct quality *q, bool holds,
+                                                          const char *format, ...);
+
+/* Renders, and ends the program with the renderer's error where that fails. */
+struct test_image quality_render(const struct quality *q, struct sp_volume *volume,
+                                 const struct sp_view *view);
+struct sp_volume *quality_volume(const struct test_scene *scene);
+
+/* Drops what was derived from the volume, and the reference. */
+void quality_forget(const struct quality *q, struct sp_volume **volume);
+
+/* "ewa", "swan", …: as in the protocol. */
+const char *quality_filter_name(enum sp_filter_mode mode);
+
+#endif
