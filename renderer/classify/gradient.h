@@ -55,6 +55,12 @@ static inline void sp_gradient_unpack(uint32_t packed, float direction[3]) {
     direction[2] = w * scale;
 }
 
+/* Magnitude over grid->unit, in [0, 1]. */
+static inline float sp_gradient_share(uint32_t packed) {
+    float f = (float)(packed >> 22) * (1.0f / SP_GRADIENT_MAGNITUDES);
+    return f * f;
+}
+
 /* Magnitude in data units a world unit. */
 static inline double sp_gradient_magnitude(const struct sp_gradient_grid *grid, uint32_t packed) {
     double f = (double)(packed >> 22) / SP_GRADIENT_MAGNITUDES;

@@ -60,6 +60,20 @@ void sp_transfer_function_eval(const struct sp_transfer_function *tf, double val
 void sp_transfer_keys(const struct sp_transfer *transfer, const void *voxels, size_t begin,
                       size_t count, uint32_t *keys, uint8_t *visible);
 
+/* What the values of sp_transfer_value() are counted from, in data units. */
+static inline double sp_transfer_base(const struct sp_transfer *transfer) {
+    return transfer->table ? (double)transfer->first : transfer->base;
+}
+
+/* The value of a key, from the base on. */
+static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32_t key) {
+    union {
+        uint32_t bits;
+        float value;
+    } u = { .bits = key };
+    return transfer->table ? (float)key : u.value;
+}
+
 /* Class of a key. */
 static inline struct sp_class sp_transfer_class(const struct sp_transfer *transfer, uint32_t key) {
     struct sp_class c;

@@ -21,7 +21,25 @@ void import_grid_init(struct sp_grid *grid) {
     for (int axis = 0; axis < 3; axis++) {
         grid->spacing[axis] = 1;
         grid->origin[axis] = 0;
+        grid->coordinates[axis] = NULL;
         for (int row = 0; row < 3; row++)
             grid->direction[row][axis] = row == axis;
     }
+}
+
+void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions) {
+    uint32_t last = grid->dims[axis] - 1;
+    double first = positions[0], sign = positions[last] < first ? -1 : 1;
+    for (int row = 0; row < 3; row++) {
+        grid->origin[row] += grid->direction[row][axis] * first;
+        if (sign < 0)
+            grid->direction[row][axis] = 0 - grid->direction[row][axis]; /* never -0 */
+    }
+    if (last == 0)
+        return;
+    for (uint32_t i = 0; i <= last; i++)
+        positions[i] = sign * (positions[i] - first);
+    positions[0] = 0; /* not -0 */
+    grid->spacing[axis] = positions[last] / last;
+    grid->coordinates[axis] = positions;
 }

@@ -24,8 +24,8 @@ struct import_file {
     const char *folder; /* of this file; resolved; relative names start here */
 };
 
-struct import_header { /* what a reader's open() gives */
-    struct sp_grid grid;
+struct import_header {   /* what a reader's open() gives */
+    struct sp_grid grid; /* its coordinates are the reader's, until close */
     enum sp_type type;
     char unit[SP_UNIT_BYTES];
     uint64_t bytes; /* of all samples */
@@ -64,7 +64,13 @@ __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enu
                                                        const char *shown, uint64_t byte,
                                                        const char *field, const char *format, ...);
 
-/* Sets a grid to spacing 1, origin 0, identity. Dims stay. */
+/* Sets a grid to spacing 1, origin 0, identity, even axes. Dims stay. */
 void import_grid_init(struct sp_grid *grid);
+
+/* Makes an axis rectilinear. `positions` are the places of its dims[axis] samples along the axis,
+ * in world units: they become distances from the first one, in place, and stay the caller's; the
+ * origin moves to the first. If they fall, the axis's direction is turned round. A single sample
+ * moves the origin and no more. sp_grid_check() judges the result. */
+void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions);
 
 #endif

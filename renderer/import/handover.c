@@ -29,6 +29,18 @@ void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind) {
     message->kind = (uint16_t)kind;
 }
 
+uint64_t sp_handover_layout(const struct sp_handover_header *header, uint64_t offset[3]) {
+    uint64_t end = header->bytes;
+    for (int axis = 0; axis < 3; axis++) {
+        offset[axis] = 0;
+        if (header->rectilinear >> axis & 1) {
+            offset[axis] = (end + 7) & ~UINT64_C(7);
+            end = offset[axis] + header->dims[axis] * sizeof(double);
+        }
+    }
+    return end;
+}
+
 /* Ends with 0 inside its room; control characters are made harmless. */
 static bool clean_text(char *text, size_t room) {
     if (!memchr(text, 0, room))
@@ -44,7 +56,7 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     if (header->type >= SP_TYPE_COUNT)
         return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over sample type %" PRIu32,
                        header->type);
-    struct sp_grid grid;
+    struct sp_grid grid = { .coordinates = { NULL } };
     memcpy(grid.dims, header->dims, sizeof grid.dims);
     memcpy(grid.spacing, header->spacing, sizeof grid.spacing);
     memcpy(grid.origin, header->origin, sizeof grid.origin);
@@ -58,6 +70,8 @@ static bool check_header(struct sp_handover_header *header, const char *place,
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the reader handed over %" PRIu64 " bytes for a grid of %" PRIu64,
                        header->bytes, bytes);
+    if (header->rectilinear > 7 || header->zero)
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over axes of unknown kind");
     if (!clean_text(header->unit, sizeof header->unit))
         return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over a unit without end");
     return true;

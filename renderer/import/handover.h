@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What the child process `splat-import` and its parent say to each other, over a socket that keeps
- * message boundaries. The samples themselves go through a memfd that the parent sizes and seals, so
- * that the child cannot lie about memory:
+ * message boundaries. The samples themselves, and the coordinates of rectilinear axes behind them,
+ * go through a memfd that the parent sizes and seals, so that the child cannot lie about memory:
  *
  *   parent                                child
  *     socket, empty memfd, file ───────────►  reads the file's header
  *     checks every field, reserve()   ◄────  HEADER   (or ERROR)
- *     sizes and seals the memfd      GO ───►  maps it, reads, swaps bytes
+ *     sizes and seals the memfd      GO ───►  maps it, copies coordinates, reads, swaps bytes
  *     progress()                      ◄────  PROGRESS …
- *     waits for its end, maps         ◄────  DONE     (or ERROR)
+ *     waits for its end, maps,        ◄────  DONE     (or ERROR)
+ *     checks coordinates
  *
  * A parent that says nothing but closes the socket means: stop. The parent trusts nothing here: a
  * reader of a hostile file may have been taken over by it.
@@ -21,7 +22,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 1,
+    SP_HANDOVER_VERSION = 2,
 };
 
 enum sp_handover_kind {
@@ -35,6 +36,8 @@ enum sp_handover_kind {
 struct sp_handover_header {
     uint32_t type; /* enum sp_type */
     uint32_t dims[3];
+    uint32_t rectilinear; /* bit a: dims[a] coordinates of axis a follow the samples */
+    uint32_t zero;
     double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
     uint64_t bytes;                                /* product(dims) · size of the type */
     char unit[SP_UNIT_BYTES];                      /* printable, ends with 0 */
@@ -52,7 +55,7 @@ struct sp_handover {
     uint16_t version, kind;
     union {
         struct sp_handover_header header;
-        uint64_t bytes; /* PROGRESS: read so far; GO: size of the memfd's samples */
+        uint64_t bytes; /* PROGRESS: of the samples, read so far; GO: size of the memfd */
         struct sp_handover_error error;
     };
 };
@@ -63,9 +66,14 @@ size_t sp_handover_size(enum sp_handover_kind kind);
 /* A message of that kind, everything else zero. */
 void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind);
 
+/* Where the memfd holds coordinates: offset[axis] in bytes, a multiple of 8, for axes that have
+ * some, else 0. Returns the size of the memfd. The header has been checked. */
+uint64_t sp_handover_layout(const struct sp_handover_header *header, uint64_t offset[3]);
+
 /* Copies `size` bytes received into *message and checks every field, ERROR's strings and HEADER's
- * grid included. SP_ERR_CRASHED with `place` otherwise, for a reader that sends such a thing is not
- * to be believed. Control characters in texts become '?'. */
+ * grid included, though not its coordinates, which come later. SP_ERR_CRASHED with `place`
+ * otherwise, for a reader that sends such a thing is not to be believed. Control characters in
+ * texts become '?'. */
 bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
                         const char *place, struct sp_error *err);
 

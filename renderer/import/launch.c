@@ -288,7 +288,7 @@ static bool receive_header(struct import *im, struct sp_error *err) {
 
 /* Memory is taken now, so that a lack of it is an error here and no signal later. */
 static bool provide_memory(struct import *im, struct sp_error *err) {
-    uint64_t bytes = im->header.bytes;
+    uint64_t unused[3], bytes = sp_handover_layout(&im->header, unused);
     if (im->options->reserve && !im->options->reserve(im->options->user, bytes, err))
         return false;
     int failed;
@@ -359,14 +359,16 @@ static void describe(const struct import *im, struct sp_volume_info *info) {
     snprintf(info->source, sizeof info->source, "%s", im->path);
 }
 
-/* Sealed against writing, which fails while anybody still has it mapped for that. */
+/* Sealed against writing, which fails while anybody still has it mapped for that: coordinates that
+ * have been checked stay as they are. */
 static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
     if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
         sp_fail(err, SP_ERR_CRASHED, im->path, "the reader still holds the samples: %s",
                 strerror(errno));
         return NULL;
     }
-    size_t bytes = (size_t)im->header.bytes;
+    uint64_t offset[3];
+    size_t bytes = (size_t)sp_handover_layout(&im->header, offset);
     void *voxels = mmap(NULL, bytes, PROT_READ, MAP_SHARED, im->memory, 0);
     if (voxels == MAP_FAILED) {
         sp_fail(err, SP_ERR_MEMORY, im->path, "cannot map %zu bytes of samples: %s", bytes,
@@ -375,6 +377,16 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
     }
     struct sp_volume_info info;
     describe(im, &info);
+    uint64_t samples;
+    struct sp_error why;
+    for (int axis = 0; axis < 3; axis++)
+        if (im->header.rectilinear >> axis & 1)
+            info.grid.coordinates[axis] = (double *)((char *)voxels + offset[axis]);
+    if (!sp_grid_check(&info.grid, info.type, im->path, &samples, &why)) {
+        munmap(voxels, bytes);
+        sp_fail(err, SP_ERR_CRASHED, im->path, "the reader handed over a bad grid: %s", why.text);
+        return NULL;
+    }
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, bytes, release_mapping, err);
     if (volume && im->options->progress)
         im->options->progress(im->options->user, 1);

@@ -22,7 +22,9 @@ struct job {
     struct import_file file;
     const struct import_format *format;
     struct import_header header;
-    uint64_t reported; /* bytes, in the last message */
+    uint64_t room;      /* bytes of the shared memory: samples and coordinates */
+    uint64_t offset[3]; /* of the coordinates in it */
+    uint64_t reported;  /* bytes, in the last message */
 };
 
 static bool say(const struct sp_handover *message) {
@@ -99,7 +101,7 @@ static bool await_go(const struct job *job) {
         n = recv(SP_IMPORT_SOCKET, &go, sizeof go, 0);
     while (n < 0 && errno == EINTR);
     return n == (ssize_t)sp_handover_size(SP_HANDOVER_GO) && go.magic == SP_HANDOVER_MAGIC &&
-           go.kind == SP_HANDOVER_GO && go.bytes == job->header.bytes;
+           go.kind == SP_HANDOVER_GO && go.bytes == job->room;
 }
 
 /* A message a hundredth, so that neither side spends its time on it. */
@@ -115,7 +117,7 @@ static void report(void *user, uint64_t bytes_done) {
         exit(1);
 }
 
-static bool say_header(const struct job *job) {
+static bool say_header(struct job *job) {
     struct sp_handover message;
     sp_handover_init(&message, SP_HANDOVER_HEADER);
     const struct import_header *h = &job->header;
@@ -124,9 +126,20 @@ static bool say_header(const struct job *job) {
     memcpy(message.header.spacing, h->grid.spacing, sizeof h->grid.spacing);
     memcpy(message.header.origin, h->grid.origin, sizeof h->grid.origin);
     memcpy(message.header.direction, h->grid.direction, sizeof h->grid.direction);
+    for (int axis = 0; axis < 3; axis++)
+        message.header.rectilinear |= (uint32_t)(h->grid.coordinates[axis] != NULL) << axis;
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
+    job->room = sp_handover_layout(&message.header, job->offset);
     return say(&message);
+}
+
+static void copy_coordinates(const struct job *job, char *memory) {
+    const struct sp_grid *grid = &job->header.grid;
+    for (int axis = 0; axis < 3; axis++)
+        if (grid->coordinates[axis])
+            memcpy(memory + job->offset[axis], grid->coordinates[axis],
+                   grid->dims[axis] * sizeof(double));
 }
 
 static int run(struct job *job) {
@@ -139,17 +152,17 @@ static int run(struct job *job) {
         job->format->close(reader);
         return 0; /* refused, or nobody left: not our failure */
     }
-    if (!import_limits_for_samples(job->header.bytes, job->file.shown, &err)) {
+    if (!import_limits_for_samples(job->room, job->file.shown, &err)) {
         job->format->close(reader);
         return say_error(&err);
     }
-    void *voxels =
-        mmap(NULL, job->header.bytes, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    void *voxels = mmap(NULL, job->room, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     bool ok = voxels != MAP_FAILED;
     if (ok) {
         const struct import_progress progress = { report, job };
+        copy_coordinates(job, voxels);
         ok = job->format->read(reader, voxels, &progress, &err);
-        munmap(voxels, job->header.bytes);
+        munmap(voxels, job->room);
     } else {
         sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
                 strerror(errno));

@@ -18,11 +18,17 @@
 
 enum { SIDECAR_MAX = 1 << 20 }; /* bytes */
 
+struct raw {
+    struct import_samples samples;
+    double *coordinates[3]; /* owned; NULL = an even axis */
+};
+
 struct sidecar { /* being read */
     const struct import_file *file;
     const json_t *root;
     struct import_header *header;
     struct import_samples *samples;
+    double **coordinates;
     struct sp_error *err;
 };
 
@@ -95,6 +101,40 @@ static bool read_direction(const struct sidecar *s) {
     return true;
 }
 
+static bool read_axis(const struct sidecar *s, size_t axis, const json_t *array) {
+    uint32_t count = s->header->grid.dims[axis];
+    char pointer[40];
+    snprintf(pointer, sizeof pointer, "coordinates/%zu", axis);
+    if (json_is_null(array))
+        return true;
+    if (!json_is_array(array) || json_array_size(array) != count)
+        return refuse(s, pointer, "must be null or %" PRIu32 " numbers, one a sample", count);
+    double *positions = s->coordinates[axis] = malloc(count * sizeof *positions);
+    if (!positions)
+        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "no memory for coordinates");
+    for (size_t i = 0; i < count; i++) {
+        const json_t *n = json_array_get(array, i);
+        if (!json_is_number(n))
+            return refuse(s, pointer, "number %zu is not a number", i);
+        positions[i] = json_number_value(n);
+    }
+    import_grid_place(&s->header->grid, (unsigned)axis, positions);
+    return true;
+}
+
+/* After the rest of the geometry, which it changes. */
+static bool read_coordinates(const struct sidecar *s) {
+    const json_t *axes = json_object_get(s->root, "coordinates");
+    if (!axes)
+        return true;
+    if (json_array_size(axes) != 3)
+        return refuse(s, "coordinates", "must be three arrays, one an axis, null for an even one");
+    for (size_t axis = 0; axis < 3; axis++)
+        if (!read_axis(s, axis, json_array_get(axes, axis)))
+            return false;
+    return true;
+}
+
 static bool read_geometry(const struct sidecar *s) {
     const json_t *spacing = json_object_get(s->root, "spacing");
     const json_t *origin = json_object_get(s->root, "origin");
@@ -103,7 +143,7 @@ static bool read_geometry(const struct sidecar *s) {
     if (!read_dims(s) ||
         (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
         (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
-        !read_direction(s))
+        !read_direction(s) || !read_coordinates(s))
         return false;
     if (!unit)
         return true;
@@ -170,8 +210,9 @@ static bool read_file_name(const struct sidecar *s) {
 }
 
 static bool check_members(const struct sidecar *s) {
-    static const char *const known[] = { "dims",      "type", "endian", "spacing", "origin",
-                                         "direction", "unit", "file",   "offset",  "encoding" };
+    static const char *const known[] = { "dims",        "type",   "endian",    "spacing",
+                                         "coordinates", "origin", "direction", "unit",
+                                         "file",        "offset", "encoding" };
     const char *key;
     json_t *value, *object = (json_t *)s->root; /* jansson's loop wants it so; nothing is changed */
     json_object_foreach(object, key, value) {
@@ -179,19 +220,20 @@ static bool check_members(const struct sidecar *s) {
         for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
             found |= strcmp(key, known[i]) == 0;
         if (!found)
-            return refuse(s, key,
-                          "is not known; there are dims, type, endian, spacing, origin, direction, "
-                          "unit, file, offset, encoding");
+            return refuse(
+                s, key,
+                "is not known; there are dims, type, endian, spacing, coordinates, origin, "
+                "direction, unit, file, offset, encoding");
     }
     return true;
 }
 
 static bool check_grid(const struct sidecar *s) {
-    static const char *const members[] = { [SP_GRID_GOOD] = "dims",
-                                           [SP_GRID_DIMS] = "dims",
-                                           [SP_GRID_SPACING] = "spacing",
-                                           [SP_GRID_ORIGIN] = "origin",
-                                           [SP_GRID_DIRECTION] = "direction" };
+    static const char *const members[] = {
+        [SP_GRID_GOOD] = "dims",       [SP_GRID_DIMS] = "dims",
+        [SP_GRID_SPACING] = "spacing", [SP_GRID_COORDINATES] = "coordinates",
+        [SP_GRID_ORIGIN] = "origin",   [SP_GRID_DIRECTION] = "direction"
+    };
     char place[SP_ERROR_PLACE];
     snprintf(place, sizeof place, "%.180s: /%s", s->file->shown,
              members[sp_grid_bad_part(&s->header->grid)]);
@@ -229,9 +271,11 @@ static json_t *parse(const struct import_file *file, struct sp_error *err) {
 }
 
 static void close_raw(void *reader) {
-    struct import_samples *samples = reader;
-    import_samples_finish(samples);
-    free(samples);
+    struct raw *raw = reader;
+    import_samples_finish(&raw->samples);
+    for (int axis = 0; axis < 3; axis++)
+        free(raw->coordinates[axis]);
+    free(raw);
 }
 
 static void *open_raw(const struct import_file *file, struct import_header *header,
@@ -239,27 +283,29 @@ static void *open_raw(const struct import_file *file, struct import_header *head
     json_t *root = parse(file, err);
     if (!root)
         return NULL;
-    struct import_samples *samples = calloc(1, sizeof *samples);
-    if (samples) {
+    struct raw *raw = calloc(1, sizeof *raw);
+    if (raw) {
+        struct import_samples *samples = &raw->samples;
         samples->file = file;
         samples->field = "dims";
-        struct sidecar s = { file, root, header, samples, err };
+        struct sidecar s = { file, root, header, samples, raw->coordinates, err };
         if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) || !read_file_name(&s) ||
             !check_grid(&s) ||
             (samples->bytes = header->bytes, !import_samples_check(samples, err))) {
-            close_raw(samples);
-            samples = NULL;
+            close_raw(raw);
+            raw = NULL;
         }
     } else {
         sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
     }
     json_decref(root);
-    return samples;
+    return raw;
 }
 
 static bool read_raw(void *reader, void *voxels, const struct import_progress *progress,
                      struct sp_error *err) {
-    return import_samples_read(reader, voxels, progress, err);
+    struct raw *raw = reader;
+    return import_samples_read(&raw->samples, voxels, progress, err);
 }
 
 const struct import_format import_raw = {

@@ -1,9 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/adaptive.h"
 
-/* Smallest and largest singular value of `a` times sigma: the semi-axes of the kernel. Jacobi
- * rotations of aᵀa, which converge quadratically. */
-static void find_radii(const struct sp_mat3 *a, double sigma, double radius[2]) {
+#include "splat/cubic.h"
+#include "volume/grid.h"
+
+/* Smallest and largest singular value of `a`. Jacobi rotations of aᵀa, which converge
+ * quadratically. */
+static void singular_values(const struct sp_mat3 *a, double value[2]) {
     struct sp_mat3 t = sp_mat3_transpose(a), s = sp_mat3_multiply(&t, a);
     for (int sweep = 0; sweep < 12; sweep++)
         for (int p = 0; p < 2; p++)
@@ -18,8 +21,43 @@ static void find_radii(const struct sp_mat3 *a, double sigma, double radius[2]) 
                 struct sp_mat3 rt = sp_mat3_transpose(&r), half = sp_mat3_multiply(&rt, &s);
                 s = sp_mat3_multiply(&half, &r);
             }
-    radius[0] = sigma * sqrt(fmax(0, fmin(s.m[0][0], fmin(s.m[1][1], s.m[2][2]))));
-    radius[1] = sigma * sqrt(fmax(s.m[0][0], fmax(s.m[1][1], s.m[2][2])));
+    value[0] = sqrt(fmax(0, fmin(s.m[0][0], fmin(s.m[1][1], s.m[2][2]))));
+    value[1] = sqrt(fmax(s.m[0][0], fmax(s.m[1][1], s.m[2][2])));
+}
+
+/* Smallest and largest local spacing of the voxels [first, last] of an axis, over the axis's own.
+ */
+static void stretch_of(const struct sp_grid *grid, unsigned axis, uint32_t first, uint32_t last,
+                       double stretch[2]) {
+    stretch[0] = stretch[1] = 1;
+    if (!grid->coordinates[axis])
+        return;
+    for (uint32_t i = first; i <= last; i++) {
+        double s = sp_grid_local_spacing(grid, axis, i) / grid->spacing[axis];
+        stretch[0] = i == first ? s : fmin(stretch[0], s);
+        stretch[1] = i == first ? s : fmax(stretch[1], s);
+    }
+}
+
+double sp_kernel_sigma(const struct sp_filter *filter) {
+    return filter->kernel == SP_KERNEL_CUBIC ? SP_CUBIC_SIGMA : filter->sigma;
+}
+
+void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]) {
+    struct sp_mat3 step;
+    double low = INFINITY, high = 0;
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            step.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+    for (unsigned a = 0; a < 3; a++) {
+        double stretch[2];
+        stretch_of(grid, a, 0, grid->dims[a] - 1, stretch);
+        low = fmin(low, stretch[0]);
+        high = fmax(high, stretch[1]);
+    }
+    singular_values(&step, radius);
+    radius[0] *= sigma * low;
+    radius[1] *= sigma * high;
 }
 
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame *camera,
@@ -28,6 +66,7 @@ void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame
     double tangent = tan(view->camera.fov_y * (M_PI / 360));
     *adaptive = (struct sp_adaptive){ .projection = camera->projection,
                                       .scale = camera->scale,
+                                      .grid = grid,
                                       .lowpass = filter->lowpass,
                                       .c_min = filter->c_min,
                                       .c_max = filter->c_max };
@@ -38,25 +77,27 @@ void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame
     for (int r = 0; r < 3; r++) {
         for (int a = 0; a < 3; a++) {
             step.m[r][a] = grid->direction[r][a] * grid->spacing[a];
-            adaptive->depth[a] += camera->w.m[2][r] * step.m[r][a];
+            adaptive->depth[a] += camera->w.m[2][r] * grid->direction[r][a];
         }
         adaptive->base += camera->w.m[2][r] * (grid->origin[r] - camera->eye.v[r]);
     }
     for (int a = 0; a < 3; a++) {
-        adaptive->dims[a] = grid->dims[a];
         adaptive->blocks[a] = (grid->dims[a] + SP_BRICK - 1) / SP_BRICK;
     }
-    find_radii(&step, filter->sigma, adaptive->radius);
+    singular_values(&step, adaptive->radius);
+    for (int i = 0; i < 2; i++)
+        adaptive->radius[i] *= sp_kernel_sigma(filter);
 }
 
-enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *a, double nearest, double farthest) {
+enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *a, const double radius[2],
+                                     double nearest, double farthest) {
     double low, high; /* R of the smallest radius at its farthest, of the largest at its nearest */
     if (a->projection == SP_ORTHOGRAPHIC) {
-        low = a->scale * a->radius[0];
-        high = a->scale * a->radius[1];
+        low = a->scale * radius[0];
+        high = a->scale * radius[1];
     } else {
-        low = farthest > 0 ? a->scale * a->radius[0] / farthest : INFINITY;
-        high = nearest > 0 ? a->scale * a->radius[1] / nearest : INFINITY;
+        low = farthest > 0 ? a->scale * radius[0] / farthest : INFINITY;
+        high = nearest > 0 ? a->scale * radius[1] / nearest : INFINITY;
     }
     if (low * a->c_min > a->lowpass)
         return SP_FILTER_RECONSTRUCTION;
@@ -66,16 +107,21 @@ enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *a, double nearest
 }
 
 enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *a, const uint32_t block[3]) {
-    double nearest = a->base, farthest = a->base;
-    for (int i = 0; i < 3; i++) {
+    double nearest = a->base, farthest = a->base, low = INFINITY, high = 0;
+    for (unsigned i = 0; i < 3; i++) {
         uint32_t first = block[i] * SP_BRICK, last = first + SP_BRICK - 1;
-        if (last >= a->dims[i])
-            last = a->dims[i] - 1;
-        double p = a->depth[i] * first, q = a->depth[i] * last;
+        if (last >= a->grid->dims[i])
+            last = a->grid->dims[i] - 1;
+        double p = a->depth[i] * sp_grid_distance(a->grid, i, first), stretch[2];
+        double q = a->depth[i] * sp_grid_distance(a->grid, i, last);
         nearest += fmin(p, q);
         farthest += fmax(p, q);
+        stretch_of(a->grid, i, first, last, stretch);
+        low = fmin(low, stretch[0]);
+        high = fmax(high, stretch[1]);
     }
-    return sp_adaptive_mode(a, nearest, farthest);
+    double radius[2] = { a->radius[0] * low, a->radius[1] * high };
+    return sp_adaptive_mode(a, radius, nearest, farthest);
 }
 
 uint64_t sp_adaptive_count(const struct sp_grid *grid) {

@@ -21,21 +21,31 @@
 
 struct sp_adaptive {
     enum sp_projection projection;
-    double scale;     /* f [px] or s [px per world unit] */
-    double radius[2]; /* smallest and largest standard deviation of the kernel, world units */
+    double scale; /* f [px] or s [px per world unit] */
+    const struct sp_grid *grid;
+    double radius[2]; /* smallest and largest standard deviation of a kernel at the mean spacing,
+                         world units */
     double lowpass;   /* r_h, px */
     double c_min, c_max;
-    double depth[3], base; /* u2 of voxel i = base + depth·i */
-    uint32_t dims[3];      /* voxels */
-    uint32_t blocks[3];
+    double depth[3], base; /* u2 = base + Σ depth·distance along the axis */
+    uint32_t blocks[3];    /* bricks an axis */
 };
 
+/* Standard deviation of the view's kernel, voxels. */
+double sp_kernel_sigma(const struct sp_filter *filter);
+
+/* Smallest and largest standard deviation of any kernel of the grid in any direction, world units.
+ */
+void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]);
+
+/* The grid is borrowed. */
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame *camera,
                       const struct sp_grid *grid, const struct sp_view *view);
 
-/* The filter of a kernel whose u2 lies in [nearest, farthest] [world units]. */
-enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *adaptive, double nearest,
-                                     double farthest);
+/* The filter of kernels of standard deviations in [radius[0], radius[1]] whose u2 lies in
+ * [nearest, farthest]; world units. */
+enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *adaptive, const double radius[2],
+                                     double nearest, double farthest);
 
 /* The filter of one block. */
 enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *adaptive, const uint32_t block[3]);

@@ -22,6 +22,17 @@
  * (SP_EWA_MARGIN, SP_EWA_SLACK), which only touches voxels whose centre lies outside the picture,
  * and voxels nearer than the near plane or a thousandth of a cell are not drawn. Footprints are
  * clipped to the picture, depths to SP_DEPTH_MAX, and whatever is not finite is not drawn.
+ *
+ * Along the ray. With m2, the third row of J·K, the kernel's distribution along the ray of a pixel
+ * at d from the centre is normal with (slab and clip want it) mean μ(d) = x2 + s·d,  s = (V̂ +
+ * h²I)⁻¹ (V02, V12)         variance V22 − (V02, V12)·s and a half-space n·t ≥ o, whose value at
+ * the voxel is e = n·t_k − o, keeps of it the share Φ((e + k·d)/w),  k = (V̂ + h²I)⁻¹ c,  c_i =
+ * m_i·Kᵀn,  w² = |Kᵀn|² − c·k which is the probability to lie inside given the pixel: the plane's
+ * edge gets the low-pass filter as well.
+ *
+ * Other filters scale or replace rows of this: swan multiplies m0 and m1 so that the smaller
+ * variance is h², and none draws a flat rectangle of max(1.6 voxels, 1 px) an axis. The cubic
+ * kernel (cubic.h) has its own standard deviation and profile, and the same formulas.
  */
 #ifndef SP_SPLAT_EWA_H
 #define SP_SPLAT_EWA_H
@@ -31,6 +42,8 @@
 #include "classify/visible.h"
 #include "splat/adaptive.h"
 #include "splat/camera.h"
+#include "splat/cubic.h"
+#include "splat/extent.h"
 #include "splat/shade.h"
 
 #define SP_EWA_MARGIN 1.3f /* the frustum's tangents times this … */
@@ -40,39 +53,88 @@
     1e-6f /* px², the least low-pass: keeps a footprint without one invertible */
 
 /* One splat, ready to be added to the pixels of its box:
- * weight(dx, dy) = 2^−(a·dx² + b·dx·dy + c·dy²) where the exponent is at most the frame's `cut`,
- * with dx, dy from the centre to a pixel's centre. */
+ * weight(dx, dy) = 2^−p, p = a·dx² + b·dx·dy + c·dy², where p is at most the frame's `cut`, with
+ * dx, dy from the centre to a pixel's centre; cubic: F(ρ)/F(0) with (ρ/t)² = p/cut. */
 struct sp_splat {
     float x, y;             /* centre, px */
-    float a, b, c;          /* ½·log2 e times the conic's xx, 2·xy and yy */
-    float depth;            /* optical depth τ at the centre */
-    float emission[3];      /* colour · depth */
-    uint32_t sheet;         /* its sheet's place in the order front to back */
+    float a, b, c;          /* ½·log2 e times the conic's xx, 2·xy and yy; flat: 0 */
+    float depth;            /* optical depth τ at the centre; post: its length over L */
+    float emission[3];      /* colour · depth; post: gradient · depth */
+    float value;            /* post: scalar · depth */
+    uint32_t sheet;         /* its layer's place in the order front to back */
     int16_t x0, y0, x1, y1; /* box in px, half open, inside the picture, not empty */
     float area;             /* px inside the cutoff, without clipping to the picture */
-    uint32_t unused[3];
+    uint32_t cuts;          /* planes that cut it: so many of its sp_cut count */
+    uint32_t unused;
 };
+
+/* Where splats are written: arrays in step. */
+struct sp_splats {
+    struct sp_splat *splat;
+    struct sp_span *span; /* NULL = not wanted */
+    struct sp_cut *cut;   /* NULL = nothing is clipped */
+};
+
+/* The arrays from element n on. */
+static inline struct sp_splats sp_splats_from(const struct sp_splats *all, size_t n) {
+    return (struct sp_splats){ all->splat + n, all->span ? all->span + n : NULL,
+                               all->cut ? all->cut + n : NULL };
+}
 
 /* Constants of a frame. */
 struct sp_ewa_frame {
     enum sp_projection projection;
+    const struct sp_grid *grid;    /* of the level that is drawn */
+    double unit;                   /* edge of a cube with a cell's volume, world units: a "cell" */
     float step[3][3];              /* C: column a = camera-space step along index axis a */
     double step_hi[3][3], base[3]; /* C again, and u of voxel (0,0,0) */
     float kernel[3][3];            /* rows of K */
     float scale;                   /* f, or s times the unit */
     float centre[2];
+    double diameter;    /* of the volume, cells */
     float ratio_max[2]; /* bound of u0/u2, u1/u2 in the Jacobian */
     float near;
     float lowpass2;    /* h² [px²], at least SP_VARIANCE_MIN */
+    bool post;         /* splats carry the scalar, not a colour */
     float radius, cut; /* r, and ½·log2 e·r² */
-    float gain;        /* depth of a class → τ: v/(L·2π·(1 − e^{−r²/2})) */
-    int size[2];       /* of the picture, px */
-    int rows[2];       /* [first, end) of the picture's rows that are being drawn */
+    float gain;        /* depth of a class → τ, but for the footprint: unit/L */
+    float peak;        /* of a footprint of unit variance: 1/(2π·(1 − e^{−r²/2})) */
+    float flat;        /* half of 1.6 voxels in standard deviations: none */
+    struct sp_clip_frame clip;
+    int size[2]; /* of the picture, px */
+    int rows[2]; /* [first, end) of the picture's rows that are being drawn */
 };
 
-/* Fills everything but rows (= the whole picture). The view is valid. */
+/* Fills everything but rows (= the whole picture) and clip (= nothing is clipped). The view is
+ * valid; the grid is borrowed. */
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame *camera,
                        const struct sp_grid *grid, const struct sp_view *view);
+
+/* The voxels of one brick: u = base + Σ step·at[axis][i], kernel column `axis` times size[axis][i].
+ */
+struct sp_ewa_brick {
+    float base[3];
+    const float *at[3];        /* from the brick's first voxel; evenly spaced: 0, 1, 2, … */
+    const float *size[3];      /* local spacing over the axis's; evenly spaced: 1 */
+    float own[3][2][SP_BRICK]; /* of rectilinear axes; the struct must stay where it is */
+};
+
+void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *frame,
+                       const uint32_t first[3]);
+
+/* u of the voxel at `local` (visible.h) of the brick. */
+static inline void sp_ewa_brick_place(const struct sp_ewa_brick *brick,
+                                      const struct sp_ewa_frame *frame, uint16_t local,
+                                      float u[3]) {
+    float x = brick->at[0][local & 15], y = brick->at[1][local >> 4 & 15],
+          z = brick->at[2][local >> 8];
+    for (int r = 0; r < 3; r++)
+        u[r] =
+            brick->base[r] + frame->step[r][0] * x + frame->step[r][1] * y + frame->step[r][2] * z;
+}
+
+/* x2: distance from the eye, orthographic: from its plane. Cells. */
+float sp_ewa_distance(const struct sp_ewa_frame *frame, const float u[3]);
 
 /* Entries of one brick: places [begin, begin + count) of its order. */
 struct sp_ewa_run {
@@ -90,6 +152,6 @@ struct sp_ewa_run {
 /* Sets up the run's splats that touch the rows being drawn, in order; returns how many were
  * written, at most run->count. */
 uint32_t sp_ewa_set_up(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
-                       struct sp_splat *out);
+                       const struct sp_splats *out);
 
 #endif

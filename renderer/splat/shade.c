@@ -33,15 +33,14 @@ static float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-void sp_shade_apply(const struct sp_shade *shade, uint32_t packed_gradient, const float to_eye[3],
-                    float color[3]) {
-    float world[3], n[3], lit[3], shine[3] = { 0, 0, 0 };
-    sp_gradient_unpack(packed_gradient, world);
+void sp_shade_direction(const struct sp_shade *shade, const float world[3], const float to_eye[3],
+                        float color[3]) {
+    float n[3], lit[3], shine[3] = { 0, 0, 0 };
     for (int r = 0; r < 3; r++) {
         n[r] = dot(shade->to_camera[r], world);
         lit[r] = shade->ambient;
     }
-    int has_side = packed_gradient >> 22 != 0;
+    int has_side = world[0] != 0 || world[1] != 0 || world[2] != 0;
     for (int i = 0; i < shade->light_count; i++) {
         const float *l = shade->lights[i].direction, *strength = shade->lights[i].color;
         float facing = has_side ? fabsf(dot(n, l)) : 1, glint = 0;
@@ -56,4 +55,11 @@ void sp_shade_apply(const struct sp_shade *shade, uint32_t packed_gradient, cons
     }
     for (int c = 0; c < 3; c++)
         color[c] = color[c] * lit[c] + shine[c];
+}
+
+void sp_shade_apply(const struct sp_shade *shade, uint32_t packed_gradient, const float to_eye[3],
+                    float color[3]) {
+    float world[3];
+    sp_gradient_unpack(packed_gradient, world);
+    sp_shade_direction(shade, world, to_eye, color);
 }

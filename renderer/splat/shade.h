@@ -27,8 +27,13 @@ struct sp_shade {
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
                    const struct sp_shading *shading);
 
-/* color in: the class's colour; out: shaded. `to_eye` is the unit vector from the voxel to the eye
- * in camera space. */
+/* color in: the class's colour; out: shaded. `world` is the gradient's unit direction in world
+ * space, or zero: no side. `to_eye` is the unit vector from the voxel to the eye in camera space.
+ */
+void sp_shade_direction(const struct sp_shade *shade, const float world[3], const float to_eye[3],
+                        float color[3]);
+
+/* The same with a packed gradient. */
 void sp_shade_apply(const struct sp_shade *shade, uint32_t packed_gradient, const float to_eye[3],
                     float color[3]);
 

@@ -1,52 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "tile/sheet.h"
 
-#include <string.h>
-
 #include "base/wide.h"
 #include "splat/exp2.h"
+#include "tile/footprint.h"
 
-enum {
-    WIDE = 16,       /* px: rows of wider boxes are narrowed to the ellipse */
-    CHECK_EVERY = 4, /* sheets between two looks at the transmittance of a whole tile */
-};
-
-void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2]) {
-    memset(tile->sums, 0, sizeof tile->sums);
-    memset(tile->done, 0, sizeof tile->done);
-    tile->x = x;
-    tile->y = y;
-    tile->sheet = SP_NO_SHEET;
-    tile->closed = 0;
-    tile->saturated = false;
-    int width = size[0] - x < SP_TILE ? size[0] - x : SP_TILE;
-    int height = size[1] - y < SP_TILE ? size[1] - y : SP_TILE;
-    for (int row = 0; row < height; row++)
-        for (int i = 0; i < width; i++)
-            tile->done[0][row][i] = 1;
-}
-
-static inline int smaller(int a, int b) {
-    return a < b ? a : b;
-}
-
-static inline int larger(int a, int b) {
-    return a > b ? a : b;
-}
-
-/* Opens the splat's sheet if another one is open, and grows the dirty box by `box`. */
-static void open_sheet(struct sp_tile *tile, uint32_t sheet, const int box[4]) {
-    if (tile->sheet != sheet) {
-        sp_sheet_close(tile);
-        tile->sheet = sheet;
-        memcpy(tile->dirty, box, sizeof tile->dirty);
-        return;
-    }
-    for (int i = 0; i < 2; i++) {
-        tile->dirty[i] = smaller(tile->dirty[i], box[i]);
-        tile->dirty[2 + i] = larger(tile->dirty[2 + i], box[2 + i]);
-    }
-}
+enum { WIDE = 16 }; /* px: rows of wider boxes are narrowed to the ellipse */
 
 /* One row of a footprint: exponent (a·dx + l)·dx + q at pixels dx0, dx0 + 1, …; n is a multiple of
  * SP_TILE_STEP. */
@@ -109,79 +68,67 @@ static inline void add_columns(const struct sp_splat *s, float floor, float shri
 }
 
 /* The recurrence starts at the box's edge: it holds where no corner's weight underflows. */
-static bool is_compact(const struct sp_splat *s, const int box[4], float dx, float dy) {
-    float x = fmaxf(fabsf(dx), fabsf(dx + (float)(box[2] - box[0] - 1)));
-    float y = fmaxf(fabsf(dy), fabsf(dy + (float)(box[3] - box[1] - 1)));
+static bool is_compact(const struct sp_splat *s, const struct sp_box *box, float dx, float dy) {
+    float x = fmaxf(fabsf(dx), fabsf(dx + (float)(box->x1 - box->x0 - 1)));
+    float y = fmaxf(fabsf(dy), fabsf(dy + (float)(box->y1 - box->y0 - 1)));
     return (s->a * x + fabsf(s->b) * y) * x + s->c * y * y < 100;
 }
 
-void sp_sheet_add(struct sp_tile *tile, const struct sp_splat *s, float cut) {
-    int box[4] = { larger(s->x0 - tile->x, 0), larger(s->y0 - tile->y, 0),
-                   smaller(s->x1 - tile->x, SP_TILE), smaller(s->y1 - tile->y, SP_TILE) };
-    open_sheet(tile, s->sheet, box);
-    float dx0 = (float)(box[0] + tile->x) + 0.5f - s->x;
-    float dy0 = (float)(box[1] + tile->y) + 0.5f - s->y;
+/* A Gaussian that nothing cuts. */
+static void add_gaussian(struct sp_tile *tile, const struct sp_splat *s, float cut,
+                         const struct sp_box *box) {
+    float dx0 = (float)(box->x0 + tile->x) + 0.5f - s->x;
+    float dy0 = (float)(box->y0 + tile->y) + 0.5f - s->y;
     if (is_compact(s, box, dx0, dy0)) {
         sp_wide shared = sp_wide_exp2((sp_wide){ -cut, -2 * s->c });
-        for (int x = box[0]; x < box[2]; x += SP_WIDE)
-            add_columns(s, shared[0], shared[1], dx0 + (float)(x - box[0]), dy0, box[2] - x,
-                        box[3] - box[1], &tile->sums[0][box[1]][x]);
+        for (int x = box->x0; x < box->x1; x += SP_WIDE)
+            add_columns(s, shared[0], shared[1], dx0 + (float)(x - box->x0), dy0, box->x1 - x,
+                        box->y1 - box->y0, &tile->sums[0][box->y0][x]);
         return;
     }
-    for (int y = box[1]; y < box[3]; y++) {
+    for (int y = box->y0; y < box->y1; y++) {
         float dy = (float)(y + tile->y) + 0.5f - s->y, l = s->b * dy, q = s->c * dy * dy;
-        int x0 = box[0], x1 = box[2];
+        int x0 = box->x0, x1 = box->x1;
         if (x1 - x0 > WIDE)
             narrow_row(s, cut, dx0, l, q, &x0, &x1);
         int n = (x1 - x0 + SP_TILE_STEP - 1) & -SP_TILE_STEP;
         if (n > 0)
-            add_row(s, cut, dx0 + (float)(x0 - box[0]), l, q, n, &tile->sums[0][y][x0],
+            add_row(s, cut, dx0 + (float)(x0 - box->x0), l, q, n, &tile->sums[0][y][x0],
                     &tile->sums[1][y][x0], &tile->sums[2][y][x0], &tile->sums[3][y][x0]);
     }
 }
 
-/* (1 − e^{−T})/T, which E is multiplied by, and e^{−T}. */
-static inline float attenuate(float t, float *transmittance) {
-    float e = sp_exp2(-SP_LOG2E * t);
-    float exact = (1 - e) / (t > 1e-20f ? t : 1e-20f);
-    float series = 1 - t * (0.5f - t * (1.0f / 6));
-    *transmittance = t < 0.01f ? 1 - t * series : e;
-    return t < 0.01f ? series : exact;
-}
-
-static inline void close_row(float *restrict sum, float *restrict done, int n) {
-    enum { S = SP_TILE * SP_TILE_ROW, D = SP_TILE * SP_TILE };
-    for (int i = 0; i < n; i++) {
-        float pass, f = attenuate(sum[i], &pass) * done[i];
-        done[D + i] += f * sum[S + i];
-        done[2 * D + i] += f * sum[2 * S + i];
-        done[3 * D + i] += f * sum[3 * S + i];
-        done[i] *= pass;
+/* Any kernel, cut or not. */
+static void add_general(struct sp_tile *tile, const struct sp_blend *blend,
+                        const struct sp_splat *s, const struct sp_cut *cut,
+                        const struct sp_box *box) {
+    enum { P = SP_TILE * SP_TILE_ROW };
+    for (int y = box->y0; y < box->y1; y++) {
+        struct sp_row row;
+        float *sums = &tile->sums[0][y][box->x0];
+        sp_footprint_weights(blend, tile, s, cut, box, y, &row);
+        for (int i = 0; i < row.n; i++) {
+            sums[i] += row.weight[i] * s->depth;
+            sums[P + i] += row.weight[i] * s->emission[0];
+            sums[2 * P + i] += row.weight[i] * s->emission[1];
+            sums[3 * P + i] += row.weight[i] * s->emission[2];
+        }
     }
 }
 
-static bool is_saturated(const struct sp_tile *tile) {
-    float most[SP_TILE] = { 0 };
-    for (int y = 0; y < SP_TILE; y++)
-        for (int x = 0; x < SP_TILE; x++)
-            most[x] = tile->done[0][y][x] > most[x] ? tile->done[0][y][x] : most[x];
-    for (int x = 0; x < SP_TILE; x++)
-        if (!(most[x] < SP_TRANSMITTANCE_MIN))
-            return false;
-    return true;
-}
-
-void sp_sheet_close(struct sp_tile *tile) {
-    if (tile->sheet == SP_NO_SHEET)
-        return;
-    int x0 = tile->dirty[0], n = tile->dirty[2] - x0;
-    for (int y = tile->dirty[1]; y < tile->dirty[3]; y++) {
-        close_row(&tile->sums[0][y][x0], &tile->done[0][y][x0], n);
-        /* Over the right edge too: rows of footprints were rounded up. */
-        for (int p = 0; p < SP_PLANES; p++)
-            memset(&tile->sums[p][y][x0], 0, (size_t)(n + SP_TILE_STEP) * sizeof(float));
+void sp_sheet_add(struct sp_tile *tile, const struct sp_blend *blend,
+                  const struct sp_splats *records, uint32_t n) {
+    const struct sp_splat *s = &records->splat[n];
+    if (tile->sheet != s->sheet) {
+        sp_layer_close(tile, blend, 0);
+        tile->sheet = s->sheet;
+        if (tile->saturated)
+            return;
     }
-    tile->sheet = SP_NO_SHEET;
-    if (++tile->closed % CHECK_EVERY == 0)
-        tile->saturated = is_saturated(tile);
+    struct sp_box box = sp_tile_box(tile, s);
+    sp_slot_touch(&tile->dirty[0], &box);
+    if (blend->cubic || s->cuts)
+        add_general(tile, blend, s, records->cut ? &records->cut[n] : NULL, &box);
+    else
+        add_gaussian(tile, s, blend->cut, &box);
 }

@@ -41,4 +41,24 @@ static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
     return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
 }
 
+/* Checks what a header says, whoever wrote it: dims and their product; spacing in [1e-12, 1e12];
+ * coordinates that begin at 0 and rise by gaps in [1e-12, 1e12], the largest at most 10^6 times the
+ * smallest of its axis, with their mean (to 1e-9) as spacing; origin within 1e15 and 2^40 of the
+ * smallest gap (views would be too coarse there); direction columns of unit length (to 1e-6) and
+ * not singular. On success *bytes is the size of the samples. SP_ERR_FORMAT otherwise, with `place`
+ * as err->place and the field in the text. */
+bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
+                   uint64_t *bytes, struct sp_error *err);
+
+/* The part of a grid that sp_grid_check() refuses, for readers whose places name fields. */
+enum sp_grid_part {
+    SP_GRID_GOOD,
+    SP_GRID_DIMS,
+    SP_GRID_SPACING,
+    SP_GRID_COORDINATES,
+    SP_GRID_ORIGIN,
+    SP_GRID_DIRECTION
+};
+enum sp_grid_part sp_grid_bad_part(const struct sp_grid *grid);
+
 #endif

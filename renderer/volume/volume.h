@@ -9,36 +9,18 @@
 #ifndef SP_VOLUME_VOLUME_H
 #define SP_VOLUME_VOLUME_H
 
-#include "sp/volume.h"
+#include "volume/grid.h"
 
 /* Gives the samples back when the last reference goes. Called once, from any thread. */
 typedef void sp_voxels_release(void *voxels, size_t bytes);
 
 /* Makes a volume of samples that exist already, without copying. `info` gives grid, type, unit,
- * name and source; range, histogram, nonfinite, components and voxel_bytes are filled in. The grid
- * must have passed sp_grid_check(). `voxels` is 64-byte aligned and `bytes` long; the volume owns
- * it from now on, also when the call fails (then it is released at once). One reference, or NULL
- * with *err set. */
+ * name and source (coordinates are copied); range, histogram, nonfinite, components and voxel_bytes
+ * are filled in. The grid must have passed sp_grid_check(). `voxels` is 64-byte aligned and `bytes`
+ * long; the volume owns it from now on, also when the call fails (then it is released at once). One
+ * reference, or NULL with *err set. */
 struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
                                   sp_voxels_release *release, struct sp_error *err);
-
-/* Checks what a header says, whoever wrote it: dims, their product, spacing in [1e-12, 1e12],
- * origin within 1e15 and 2^40 samples of the smallest spacing (views would be too coarse there),
- * direction columns of unit length (to 1e-6) and not singular. On success
- * *bytes is the size of the samples. SP_ERR_FORMAT otherwise, with `place` as err->place and the
- * field in the text. */
-bool sp_grid_check(const struct sp_grid *grid, enum sp_type type, const char *place,
-                   uint64_t *bytes, struct sp_error *err);
-
-/* The part of a grid that sp_grid_check() refuses, for readers whose places name fields. */
-enum sp_grid_part {
-    SP_GRID_GOOD,
-    SP_GRID_DIMS,
-    SP_GRID_SPACING,
-    SP_GRID_ORIGIN,
-    SP_GRID_DIRECTION
-};
-enum sp_grid_part sp_grid_bad_part(const struct sp_grid *grid);
 
 /* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
  * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False

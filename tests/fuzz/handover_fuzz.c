@@ -17,14 +17,16 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
                                         !memchr(m.error.place, 0, sizeof m.error.place)))
         abort();
     if (m.kind == SP_HANDOVER_HEADER) {
-        struct sp_grid grid;
-        uint64_t bytes;
+        struct sp_grid grid = { .coordinates = { NULL } };
+        uint64_t bytes, offset[3], end = sp_handover_layout(&m.header, offset);
         memcpy(grid.dims, m.header.dims, sizeof grid.dims);
         memcpy(grid.spacing, m.header.spacing, sizeof grid.spacing);
         memcpy(grid.origin, m.header.origin, sizeof grid.origin);
         memcpy(grid.direction, m.header.direction, sizeof grid.direction);
         if (!sp_grid_check(&grid, (enum sp_type)m.header.type, "input", &bytes, &err) ||
-            bytes != m.header.bytes || !memchr(m.header.unit, 0, sizeof m.header.unit))
+            bytes != m.header.bytes || end < bytes ||
+            end > bytes + UINT64_C(3) * 8 * SP_DIM_MAX + 24 ||
+            !memchr(m.header.unit, 0, sizeof m.header.unit))
             abort();
     }
     return 0;

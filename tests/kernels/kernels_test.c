@@ -36,27 +36,45 @@ static double uniform(double low, double high) {
     return low + (high - low) * (rand() / (double)RAND_MAX);
 }
 
-/* A tile with guard zones on both sides. */
+/* A tile and its sums, with guard zones around both. */
 struct guarded {
-    unsigned char *memory;
+    unsigned char *memory, *sums;
+    struct sp_box dirty;
     struct sp_tile *tile;
+    struct sp_blend blend;
 };
+enum { SUMS_BYTES = SP_PLANES * sizeof(sp_plane) };
 
-static struct guarded make_guarded(int x, int y) {
-    struct guarded g = { .memory = aligned_alloc(64, 2 * GUARD + sizeof(struct sp_tile)) };
-    assert_non_null(g.memory);
-    memset(g.memory, 0x5a, 2 * GUARD + sizeof(struct sp_tile));
-    g.tile = (struct sp_tile *)(void *)(g.memory + GUARD);
-    sp_tile_init(g.tile, x, y, (int[2]){ 8192, 8192 });
-    return g;
+static unsigned char *make_zone(size_t size) {
+    unsigned char *memory = aligned_alloc(64, 2 * GUARD + size);
+    assert_non_null(memory);
+    memset(memory, 0x5a, 2 * GUARD + size);
+    return memory;
+}
+
+static void free_zone(unsigned char *memory, size_t size) {
+    for (size_t i = 0; i < GUARD; i++) {
+        assert_int_equal(memory[i], 0x5a);
+        assert_int_equal(memory[GUARD + size + i], 0x5a);
+    }
+    free(memory);
+}
+
+static void make_guarded(struct guarded *g, int x, int y, float cut) {
+    *g = (struct guarded){
+        .blend = { .mode = SP_COMPOSITE_SHEET, .planes = SP_PLANES, .slots = 1, .cut = cut }
+    };
+    g->memory = make_zone(sizeof(struct sp_tile));
+    g->sums = make_zone(SUMS_BYTES);
+    g->tile = (struct sp_tile *)(void *)(g->memory + GUARD);
+    g->tile->sums = (sp_plane *)(void *)(g->sums + GUARD);
+    g->tile->dirty = &g->dirty;
+    sp_tile_init(g->tile, x, y, (int[2]){ 8192, 8192 }, &g->blend);
 }
 
 static void free_guarded(struct guarded *g) {
-    for (size_t i = 0; i < GUARD; i++) {
-        assert_int_equal(g->memory[i], 0x5a);
-        assert_int_equal(g->memory[GUARD + sizeof(struct sp_tile) + i], 0x5a);
-    }
-    free(g->memory);
+    free_zone(g->memory, sizeof(struct sp_tile));
+    free_zone(g->sums, SUMS_BYTES);
 }
 
 /* A splat of any shape over the tile; `wild` takes the exponents to the limits of float. */
@@ -98,12 +116,14 @@ static void check_add(const struct cpu_kernels *kernels) {
     srand(11);
     static const float cuts[] = { 0.7213f, 6.492f, 25.97f }; /* cutoffs 1, 3, 6 */
     for (int n = 0; n < 8000; n++) {
-        struct guarded g = make_guarded(n % 2 ? 0 : 4096, n % 3 ? 0 : 8160);
+        struct guarded g;
         int wild = n % 5 == 0;
         float cut = cuts[n % 3];
+        make_guarded(&g, n % 2 ? 0 : 4096, n % 3 ? 0 : 8160, cut);
         struct sp_splat s = random_splat(g.tile, cut, wild);
         if (overlaps(&s, g.tile)) {
-            kernels->sheet_add(g.tile, &s, cut);
+            kernels->add[SP_COMPOSITE_SHEET](g.tile, &g.blend, &(struct sp_splats){ .splat = &s },
+                                             0);
             for (int y = 0; y < SP_TILE; y++)
                 for (int x = 0; x < SP_TILE; x++) {
                     double e = exponent(&s, g.tile->x + x, g.tile->y + y);
@@ -123,7 +143,7 @@ static void check_add(const struct cpu_kernels *kernels) {
                         assert_true(fabs((double)g.tile->sums[1 + c][y][x] * top -
                                          got * (double)s.emission[c]) <= 1e-6 * top * top * 3);
                 }
-            kernels->sheet_close(g.tile);
+            kernels->tile_close(g.tile, &g.blend);
             for (int p = 0; p < SP_PLANES; p++)
                 for (int y = 0; y < SP_TILE; y++)
                     for (int x = 0; x < SP_TILE_ROW; x++)
@@ -141,18 +161,19 @@ static void footprints(void **state) {
 static void check_close(const struct cpu_kernels *kernels) {
     srand(12);
     for (int n = 0; n < 1000; n++) {
-        struct guarded g = make_guarded(32, 64);
+        struct guarded g;
+        make_guarded(&g, 32, 64, 6.5f);
         struct sp_tile *t = g.tile;
         static const double powers[] = { -30, -12, -4, -2.1, -1.9, 0, 2, 12 };
         double top = pow(10, powers[n % 8]);
         t->sheet = 1;
-        t->dirty[0] = rand() % 16;
-        t->dirty[1] = rand() % 16;
-        t->dirty[2] = t->dirty[0] + 1 + rand() % (SP_TILE - t->dirty[0]);
-        t->dirty[3] = t->dirty[1] + 1 + rand() % (SP_TILE - t->dirty[1]);
+        struct sp_box box = { .x0 = rand() % 16, .y0 = rand() % 16 };
+        box.x1 = box.x0 + 1 + rand() % (SP_TILE - box.x0);
+        box.y1 = box.y0 + 1 + rand() % (SP_TILE - box.y0);
+        t->dirty[0] = box;
         double depth[SP_TILE][SP_TILE] = { { 0 } };
-        for (int y = t->dirty[1]; y < t->dirty[3]; y++)
-            for (int x = t->dirty[0]; x < t->dirty[2]; x++)
+        for (int y = box.y0; y < box.y1; y++)
+            for (int x = box.x0; x < box.x1; x++)
                 if (rand() % 4) {
                     t->sums[0][y][x] = (float)uniform(0, top);
                     depth[y][x] = (double)t->sums[0][y][x];
@@ -164,7 +185,7 @@ static void check_close(const struct cpu_kernels *kernels) {
                 t->done[0][y][x] = 0.5f;
                 t->done[2][y][x] = 0.125f;
             }
-        kernels->sheet_close(t);
+        kernels->tile_close(t, &g.blend);
         for (int y = 0; y < SP_TILE; y++)
             for (int x = 0; x < SP_TILE; x++) {
                 double pass = exp(-depth[y][x]), alpha = -expm1(-depth[y][x]);
@@ -243,6 +264,8 @@ static void check_set_up(const struct cpu_kernels *kernels) {
     struct sp_visible list = { { 1, 1, 1 }, COUNT, first, local, key, normal };
     struct sp_transfer transfer = { .table = classes, .count = 4 };
     struct sp_splat *a = malloc((COUNT + 2) * sizeof *a), *b = malloc((COUNT + 2) * sizeof *b);
+    static struct sp_span spans[2][COUNT];
+    static struct sp_cut cuts[2][COUNT];
     srand(14);
     for (int n = 0; n < 300; n++) {
         struct sp_view view = {
@@ -255,7 +278,10 @@ static void check_set_up(const struct cpu_kernels *kernels) {
                         .height = pow(10, uniform(-3, 4)),
                         .near = 0.1 },
             .transfer_function = { .reference_length = 1 },
-            .filter = { SP_FILTER_EWA, SP_KERNEL_GAUSSIAN, 0.7, 3, 1, 0.3, NAN }
+            .filter = { SP_FILTER_EWA, (enum sp_kernel)(n / 2 % 2), 0.7, 3, 1, 0.3, NAN },
+            .clip = { .box = { { 0, 0.4, 0 }, { 1, 1, 1 } },
+                      .plane_count = 1,
+                      .planes = { { { 1, 0, 1 }, 70 } } }
         };
         for (int i = 0; i < COUNT; i++) {
             local[i] = (uint16_t)(rand() % 4096);
@@ -267,6 +293,7 @@ static void check_set_up(const struct cpu_kernels *kernels) {
         struct sp_ewa_frame frame;
         sp_camera_frame_init(&camera, &view.camera, view.size);
         sp_ewa_frame_init(&frame, &camera, &grid, &view);
+        sp_clip_frame_init(&frame.clip, &camera, &grid, &view.clip, frame.unit);
         struct sp_ewa_run run = { .list = &list,
                                   .transfer = &transfer,
                                   .brick = { (uint32_t)n % 6 * 16, 32, (uint32_t)n % 5 * 16 },
@@ -274,17 +301,25 @@ static void check_set_up(const struct cpu_kernels *kernels) {
                                   .begin = (uint32_t)n % 5,
                                   .count = (uint32_t)(COUNT - n % 40 - 5),
                                   .sheet = 9,
-                                  .mode = SP_FILTER_EWA };
+                                  .mode = (enum sp_filter_mode)(1 + n % 5) };
         memset(a, 0x5a, (COUNT + 2) * sizeof *a);
         memset(b, 0x5a, (COUNT + 2) * sizeof *b);
-        uint32_t got = kernels->set_up(&frame, &run, a + 1),
-                 want = scalar.set_up(&frame, &run, b + 1);
+        struct sp_splats to = { .splat = a + 1, .span = spans[0], .cut = cuts[0] },
+                         from = { .splat = b + 1, .span = spans[1], .cut = cuts[1] };
+        uint32_t got = kernels->set_up(&frame, &run, &to),
+                 want = scalar.set_up(&frame, &run, &from);
         assert_int_equal(got, want);
         assert_true(got <= run.count);
         for (uint32_t i = 1; i <= got; i++) {
             assert_true(fabsf(a[i].x - b[i].x) < 1e-3f &&
                         fabsf(a[i].depth - b[i].depth) <= 1e-4f * b[i].depth);
             assert_int_equal(a[i].sheet, 9);
+            assert_int_equal(a[i].cuts, b[i].cuts);
+            const struct sp_span *p = &spans[0][i - 1], *q = &spans[1][i - 1];
+            assert_true(fabsf(p->distance - q->distance) <= 1e-5f * q->distance &&
+                        fabsf(p->sharpness - q->sharpness) <= 1e-4f * q->sharpness);
+            for (uint32_t k = 0; k < a[i].cuts; k++)
+                assert_true(fabsf(cuts[0][i - 1].planes[k].e - cuts[1][i - 1].planes[k].e) < 1e-2f);
         }
         for (size_t k = 0; k < sizeof *a; k++) { /* before the first and past the last possible */
             assert_int_equal(((unsigned char *)a)[k], 0x5a);

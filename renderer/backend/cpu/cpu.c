@@ -39,6 +39,7 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
         return NULL;
     }
     sp_arena_init(&state->arena);
+    sp_cubic_table_init(&state->cubic);
     state->cache.limit_bytes = options->memory_bytes;
     if (cpu_kernels_init(&state->kernels, options->isa, err))
         state->pool = sp_pool_create(options->threads, err);
@@ -76,15 +77,17 @@ extern const struct sp_backend cpu_backend;
 const struct sp_backend cpu_backend = {
     .entry = { "cpu", "EWA splatting on the processor, the reference of all backends" },
     .capabilities = { .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC),
-                      .filters = SP_CAN(SP_FILTER_ADAPTIVE) | SP_CAN(SP_FILTER_EWA) |
-                                 SP_CAN(SP_FILTER_RECONSTRUCTION) | SP_CAN(SP_FILTER_LOWPASS),
-                      .kernels = SP_CAN(SP_KERNEL_GAUSSIAN),
-                      .compositings = SP_CAN(SP_COMPOSITE_SHEET),
-                      .attenuations = SP_CAN(SP_ATTENUATION_EXPONENTIAL),
+                      .filters = SP_CAN_ALL,
+                      .kernels = SP_CAN_ALL,
+                      .compositings = SP_CAN_ALL,
+                      .attenuations = SP_CAN_ALL,
                       .orders = SP_CAN(SP_TF_PRE),
                       .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),
                       .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),
-                      .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF) },
+                      .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF),
+                      .gradient_axis = false,
+                      .clip_box = true,
+                      .clip_planes = true },
     .create = cpu_create,
     .destroy = cpu_destroy,
     .info = cpu_info,

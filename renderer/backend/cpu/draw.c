@@ -1,33 +1,38 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/cpu/draw.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "tile/bin.h"
+#include "tile/depth.h"
 #include "tile/order.h"
+#include "tile/post.h"
 
 enum {
-    BLOCK = 2048,      /* voxels set up at a time */
-    BATCH_BLOCKS = 64, /* blocks a batch: 131,072 records of 64 bytes */
-    BAND_TILES = 2304, /* tiles a band, 36 KiB each: one band up to 1920 × 1080 */
+    BLOCK = SP_BRICK_VOXELS, /* voxels set up at a time: at least those of a run */
+    BATCH_BLOCKS = 32,       /* blocks a batch: 131,072 records of 64 bytes */
+    BAND_TILES = 2304,       /* tiles a band, 36 KiB each: one band up to 1920 × 1080 */
     ENTRIES_MIN = 1 << 20,
     POLL_EVERY = 64, /* splats of a tile between two looks at the cancel flag */
 };
+/* Sums of the open slabs: of a band, and of a row of tiles at least. */
+#define BAND_BYTES ((size_t)128 << 20)
+#define ROW_BYTES ((size_t)512 << 20)
+
+#define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
 
 _Static_assert((int)SP_COARSE_MAX < (int)SP_LEVELS, "a level for each value of coarse");
 
 enum stage { CLASSIFY, SPLAT, BIN, TILE, RESOLVE, STAGES };
 
+/* Consecutive runs of the order, and what became of them. */
 struct block {
+    uint64_t run; /* its first */
+    uint32_t runs, layer;
     uint32_t count;   /* records written */
     double fragments; /* px of their footprints inside the picture */
-};
-
-/* Where a block begins in the order. */
-struct cut {
-    uint64_t run;
-    uint32_t layer, skip; /* entries of the run that belong to the block before */
 };
 
 struct draw {
@@ -44,17 +49,16 @@ struct draw {
     const struct sp_shade *shading; /* &shade, or NULL */
     const struct sp_level *level;
     const struct sp_visible *list;
+    const uint8_t *modes; /* by brick: adaptive; or NULL */
 
     struct sp_order order;
-    struct cut *cuts;           /* a block of the whole order */
-    enum sp_filter_mode filter; /* of all bricks, or ADAPTIVE: look in `filters` */
-    uint8_t *filters;           /* enum sp_filter_mode a brick */
+    struct sp_blend blend;
+    struct sp_post post;
 
     struct sp_tile_grid grid;
-    struct sp_splat *records; /* block b writes from b·BLOCK */
+    struct sp_splats records; /* block b writes from b·BLOCK */
     struct block *blocks;
     struct sp_bins bins;
-    uint64_t batch; /* the batch's first block */
 };
 
 static bool is_cancelled(const struct draw *d) {
@@ -67,26 +71,22 @@ static double add_time(struct draw *d, enum stage stage, double since) {
     return now;
 }
 
-static struct sp_ewa_run make_run(const struct draw *d, const struct sp_run *run, uint32_t layer) {
-    struct sp_ewa_run ewa = { .list = d->list,
-                              .transfer = &d->level->transfer,
-                              .shade = d->shading,
-                              .first = d->list->first[run->brick],
-                              .begin = run->begin,
-                              .count = run->count,
-                              .sheet = layer };
-    sp_visible_corner(d->list, run->brick, ewa.brick);
-    ewa.order = d->order.order ? d->order.order + ewa.first : NULL;
-    ewa.mode =
-        d->filter == SP_FILTER_ADAPTIVE ? (enum sp_filter_mode)d->filters[run->brick] : d->filter;
-    return ewa;
-}
-
-static inline void prefetch_entry(const struct draw *d, uint64_t e) {
-    __builtin_prefetch(&d->list->local[e]);
-    __builtin_prefetch(&d->list->key[e]);
-    if (d->shading)
-        __builtin_prefetch(&d->list->normal[e]);
+/* Cuts the runs from *run on into blocks; returns how many. Where they are cut depends on the order
+ * alone. */
+static uint32_t make_batch(struct draw *d, uint64_t *run, uint32_t *layer) {
+    uint64_t end = d->order.first[d->order.layers];
+    uint32_t count = 0;
+    for (; count < BATCH_BLOCKS && *run < end; count++) {
+        while (*run >= d->order.first[*layer + 1])
+            (*layer)++;
+        struct block *b = &d->blocks[count];
+        *b = (struct block){ .run = *run, .layer = *layer };
+        for (uint32_t n = 0; *run < end && n + d->order.runs[*run].count <= BLOCK; (*run)++) {
+            n += d->order.runs[*run].count;
+            b->runs++;
+        }
+    }
+    return count;
 }
 
 /* Asks for the entries of a run while the one before it is set up: from brick to brick they lie far
@@ -94,64 +94,76 @@ static inline void prefetch_entry(const struct draw *d, uint64_t e) {
 static void prefetch_run(const struct draw *d, const struct sp_run *run) {
     enum { LINE = 16 }; /* keys that come together */
     uint64_t first = d->list->first[run->brick];
+    const uint16_t *order = d->order.order ? d->order.order + first : NULL;
     uint32_t end = (uint32_t)run->begin + run->count;
-    if (d->order.order)
-        for (uint32_t p = run->begin; p < end; p++)
-            prefetch_entry(d, first + d->order.order[first + p]);
-    else
-        for (uint32_t p = run->begin; p < end; p += LINE)
-            prefetch_entry(d, first + p);
+    for (uint32_t p = run->begin; p < end; p += order ? 1 : LINE) {
+        uint64_t e = first + (order ? order[p] : p);
+        __builtin_prefetch(&d->list->local[e]);
+        __builtin_prefetch(&d->list->key[e]);
+        if (d->list->normal)
+            __builtin_prefetch(&d->list->normal[e]);
+    }
 }
 
-/* Keeps those of n records behind the block's that some tile still wants. */
-static void keep_wanted(const struct draw *d, struct sp_splat *records, uint32_t n,
-                        struct block *block) {
-    for (uint32_t i = 0, from = block->count; i < n; i++) {
-        const struct sp_splat *s = &records[from + i];
+/* Keeps those of `n` new records from `from` on that some tile still wants. */
+static void keep_seen(struct draw *d, struct block *block, size_t from, uint32_t n) {
+    const struct sp_splats *r = &d->records;
+    size_t to = from;
+    for (size_t i = from; i < from + n; i++) {
+        const struct sp_splat *s = &r->splat[i];
         if (sp_bins_is_hidden(&d->grid, s))
             continue;
         float box = (float)(s->x1 - s->x0) * (float)(s->y1 - s->y0);
         block->fragments += (double)(box < s->area ? box : s->area);
-        records[block->count++] = *s;
+        r->splat[to] = *s;
+        if (r->span)
+            r->span[to] = r->span[i];
+        if (r->cut && s->cuts)
+            r->cut[to] = r->cut[i];
+        to++;
     }
+    block->count += (uint32_t)(to - from);
 }
 
-/* Sets up the voxels of one block. */
-static void set_up_block(const struct draw *d, const struct cut *cut, struct sp_splat *records,
-                         struct block *block) {
-    uint64_t runs = d->order.first[d->order.layers];
-    uint32_t layer = cut->layer, left = BLOCK, skip = cut->skip;
-    *block = (struct block){ 0 };
-    for (uint64_t r = cut->run; r < runs && left > 0; r++, skip = 0) {
-        while (r >= d->order.first[layer + 1])
-            layer++;
-        struct sp_ewa_run run = make_run(d, &d->order.runs[r], layer);
-        run.begin += skip;
-        run.count -= skip;
-        run.count = run.count < left ? run.count : left;
-        left -= run.count;
-        if (left > 0 && r + 1 < runs)
-            prefetch_run(d, &d->order.runs[r + 1]);
-        keep_wanted(d, records, d->kernels->set_up(&d->ewa, &run, records + block->count), block);
+static void set_up_block(struct draw *d, size_t b) {
+    struct block *block = &d->blocks[b];
+    struct sp_ewa_run run = { .list = d->list,
+                              .transfer = &d->level->transfer,
+                              .shade = d->shading,
+                              .sheet = block->layer,
+                              .mode = d->job->view->filter.mode };
+    for (uint64_t k = block->run; k < block->run + block->runs; k++) {
+        const struct sp_run *from = &d->order.runs[k];
+        while (k >= d->order.first[run.sheet + 1])
+            run.sheet++;
+        sp_visible_corner(d->list, from->brick, run.brick);
+        run.first = d->list->first[from->brick];
+        run.order = d->order.order ? d->order.order + run.first : NULL;
+        run.begin = from->begin;
+        run.count = from->count;
+        if (k + 1 < block->run + block->runs)
+            prefetch_run(d, from + 1);
+        if (d->modes)
+            run.mode = (enum sp_filter_mode)d->modes[from->brick];
+        size_t at = b * BLOCK + block->count;
+        struct sp_splats out = sp_splats_from(&d->records, at);
+        keep_seen(d, block, at, d->kernels->set_up(&d->ewa, &run, &out));
     }
 }
 
 static void splat_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct draw *d = user;
-    for (size_t b = begin; b < end; b++) {
-        if (is_cancelled(d))
-            d->blocks[b] = (struct block){ 0 };
-        else
-            set_up_block(d, &d->cuts[d->batch + b], d->records + b * BLOCK, &d->blocks[b]);
-    }
+    for (size_t b = begin; b < end && !is_cancelled(d); b++)
+        set_up_block(d, b);
 }
 
 static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct draw *d = user;
     for (size_t b = begin; b < end; b++)
-        sp_bins_count(&d->bins, (uint32_t)b, &d->grid, d->records + b * BLOCK, d->blocks[b].count);
+        sp_bins_count(&d->bins, (uint32_t)b, &d->grid, d->records.splat + b * BLOCK,
+                      d->blocks[b].count);
 }
 
 struct fill {
@@ -165,8 +177,8 @@ static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     struct draw *d = fill->draw;
     for (size_t i = begin; i < end; i++) {
         uint32_t b = fill->first + (uint32_t)i;
-        sp_bins_fill(&d->bins, b, &d->grid, d->records + (size_t)b * BLOCK, d->blocks[b].count,
-                     b * BLOCK);
+        sp_bins_fill(&d->bins, b, &d->grid, d->records.splat + (size_t)b * BLOCK,
+                     d->blocks[b].count, b * BLOCK);
     }
 }
 
@@ -179,11 +191,7 @@ static void add_tiles(void *user, size_t begin, size_t end, unsigned worker) {
         for (uint32_t e = d->bins.first[t]; e < stop && !tile->saturated; e++) {
             if (e % POLL_EVERY == 0 && is_cancelled(d))
                 return;
-            const struct sp_splat *s = &d->records[d->bins.entries[e]];
-            if (tile->sheet != SP_NO_SHEET && tile->sheet != s->sheet)
-                d->kernels->sheet_close(tile);
-            if (!tile->saturated)
-                d->kernels->sheet_add(tile, s, d->ewa.cut);
+            d->kernels->add[d->blend.mode](tile, &d->blend, &d->records, d->bins.entries[e]);
         }
     }
 }
@@ -216,7 +224,7 @@ static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker)
     const float *background = d->job->view->background;
     for (size_t t = begin; t < end; t++) {
         struct sp_tile *tile = &d->grid.tiles[t];
-        d->kernels->sheet_close(tile);
+        d->kernels->tile_close(tile, &d->blend);
         int left = (int)frame->width - tile->x, below = (int)frame->height - tile->y;
         uint32_t n = (uint32_t)(left < SP_TILE ? left : SP_TILE);
         for (int row = 0; row < SP_TILE && row < below; row++) {
@@ -238,39 +246,41 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
                    arena->failed ? arena->failed : "data");
 }
 
+/* Bytes of a tile's sums. */
+static size_t sums_bytes(const struct sp_blend *blend) {
+    return (size_t)blend->slots * blend->planes * sizeof(sp_plane);
+}
+
 static int band_rows(const struct draw *d) {
-    int rows = BAND_TILES / d->grid.columns;
+    size_t tiles = BAND_BYTES / sums_bytes(&d->blend);
+    int rows = (int)(tiles < BAND_TILES ? tiles : BAND_TILES) / d->grid.columns;
     int needed = (d->ewa.size[1] + SP_TILE - 1) / SP_TILE;
     return rows < 1 ? 1 : rows < needed ? rows : needed;
 }
 
-/* Blocks of the whole order. */
-static uint64_t count_all(const struct draw *d) {
-    return (d->list->count + BLOCK - 1) / BLOCK;
-}
-
-/* Finds where every block begins. */
-static void cut_order(struct draw *d) {
-    uint64_t run = 0, blocks = 0;
-    uint32_t skip = 0; /* entries of the run in hand until the next block begins */
-    for (uint32_t layer = 0; layer < d->order.layers; layer++)
-        for (; run < d->order.first[layer + 1]; run++) {
-            uint32_t count = d->order.runs[run].count;
-            for (; skip < count; skip += BLOCK)
-                d->cuts[blocks++] = (struct cut){ run, layer, skip };
-            skip -= count;
-        }
+static void allocate_tiles(struct draw *d, struct sp_arena *arena, uint32_t tiles) {
+    size_t layers = (size_t)tiles * d->blend.slots;
+    sp_plane *sums = sp_arena_alloc(arena, "sums", layers * d->blend.planes, sizeof *sums);
+    struct sp_box *dirty = sp_arena_alloc(arena, "layers of tiles", layers, sizeof *dirty);
+    d->grid.tiles = sp_arena_alloc(arena, "tiles", tiles, sizeof *d->grid.tiles);
+    for (uint32_t t = 0; !arena->failed && t < tiles; t++) {
+        d->grid.tiles[t].sums = sums + (size_t)t * d->blend.slots * d->blend.planes;
+        d->grid.tiles[t].dirty = dirty + (size_t)t * d->blend.slots;
+    }
 }
 
 static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
-    d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
+    enum { RECORDS = BLOCK * BATCH_BLOCKS };
     d->grid.rows = band_rows(d);
     uint32_t tiles = (uint32_t)(d->grid.columns * d->grid.rows);
     uint32_t most = tiles * BLOCK; /* entries of one block whose footprints cover everything */
     d->bins = (struct sp_bins){ .capacity = most > ENTRIES_MIN ? most : ENTRIES_MIN };
-    d->cuts = sp_arena_alloc(arena, "cuts", count_all(d), sizeof *d->cuts);
-    d->grid.tiles = sp_arena_alloc(arena, "tiles", tiles, sizeof *d->grid.tiles);
-    d->records = sp_arena_alloc(arena, "splats", (size_t)BLOCK * BATCH_BLOCKS, sizeof *d->records);
+    allocate_tiles(d, arena, tiles);
+    d->records.splat = sp_arena_alloc(arena, "splats", RECORDS, sizeof *d->records.splat);
+    if (d->blend.mode == SP_COMPOSITE_SLAB)
+        d->records.span = sp_arena_alloc(arena, "spans", RECORDS, sizeof *d->records.span);
+    if (d->ewa.clip.count)
+        d->records.cut = sp_arena_alloc(arena, "cuts", RECORDS, sizeof *d->records.cut);
     d->blocks = sp_arena_alloc(arena, "blocks", BATCH_BLOCKS, sizeof *d->blocks);
     d->bins.counts =
         sp_arena_alloc(arena, "bin counts", (size_t)tiles * BATCH_BLOCKS, sizeof *d->bins.counts);
@@ -281,28 +291,98 @@ static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *er
 }
 
 static bool choose_filters(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
-    const struct sp_grid *grid = &d->level->grid;
-    d->filter = d->job->view->filter.mode;
-    if (d->filter != SP_FILTER_ADAPTIVE)
+    if (d->job->view->filter.mode != SP_FILTER_ADAPTIVE)
         return true;
     struct sp_adaptive adaptive;
-    sp_adaptive_init(&adaptive, &d->camera, grid, d->job->view);
-    d->filters = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(grid), 1);
-    if (!d->filters)
+    sp_adaptive_init(&adaptive, &d->camera, &d->level->grid, d->job->view);
+    uint8_t *modes = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(&d->level->grid), 1);
+    if (!modes)
         return fail_memory(arena, err);
-    d->filter = sp_adaptive_fill(&adaptive, d->filters);
+    sp_adaptive_fill(&adaptive, modes);
+    d->modes = modes;
     return true;
+}
+
+/* What the compositor needs to know; slabs get as many slots as a kernel may span, and as thick as
+ * memory for them asks. *reach: of a kernel along the ray [cells]. */
+static void choose_blend(struct draw *d, const struct cpu_state *state, double *reach) {
+    const struct sp_view *view = d->job->view;
+    const struct sp_grid *grid = &d->level->grid;
+    bool is_post = view->transfer_function.order == SP_TF_POST;
+    d->blend = (struct sp_blend){
+        .mode = view->compositing.mode,
+        .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .planes = is_post ? SP_PLANES + 1 : SP_PLANES,
+        .slots = 1,
+        .cut = d->ewa.cut,
+        .cubic = view->filter.kernel == SP_KERNEL_CUBIC ? &state->cubic : NULL,
+        .post = is_post ? &d->post : NULL,
+    };
+    *reach = 0;
+    if (d->blend.mode != SP_COMPOSITE_SLAB)
+        return;
+    double radius[2], spacing = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
+    *reach = (double)d->ewa.radius * radius[1] / d->ewa.unit;
+    double thickness =
+        sp_depth_thickness(&d->ewa, view->compositing.slab * spacing / d->ewa.unit, *reach);
+    double most = fmin(SP_SLOTS_MAX, (double)(ROW_BYTES / sums_bytes(&d->blend)) / d->grid.columns);
+    thickness = fmax(thickness, 2 * *reach / (most - 3));
+    d->blend.slots = (uint32_t)ceil(2 * *reach / thickness) + 2;
+    d->blend.thickness = (float)thickness;
+}
+
+static bool choose_order(struct draw *d, struct cpu_state *state, unsigned axis, double reach,
+                         struct sp_error *err) {
+    double nearest = 0;
+    struct sp_depth_job job = { .frame = &d->ewa,
+                                .list = d->list,
+                                .thickness = SPLAT_RANGE,
+                                .reach = reach,
+                                .pool = d->pool,
+                                .arena = &state->arena };
+    if (d->blend.mode == SP_COMPOSITE_SHEET)
+        return sp_order_sheets(&d->camera, d->level, axis, &state->arena, &d->order) ||
+               fail_memory(&state->arena, err);
+    if (d->blend.mode == SP_COMPOSITE_SLAB)
+        job.thickness = (double)d->blend.thickness;
+    if (!sp_order_distance(&job, &d->order, &nearest))
+        return fail_memory(&state->arena, err);
+    d->blend.nearest = (float)nearest;
+    return true;
+}
+
+static void choose_shading(struct draw *d) {
+    const struct sp_view *view = d->job->view;
+    if (view->shading.mode == SP_SHADING_PHONG) {
+        sp_shade_init(&d->shade, &d->camera, &view->shading);
+        d->shading = &d->shade;
+    }
+    if (!d->blend.post)
+        return;
+    struct sp_gradient_grid gradient;
+    sp_gradient_grid_init(&gradient, d->job->volume);
+    d->post = (struct sp_post){ .shade = d->shading,
+                                .perspective = view->camera.projection == SP_PERSPECTIVE,
+                                .focal = (float)d->camera.scale,
+                                .centre = { d->ewa.centre[0], d->ewa.centre[1] } };
+    sp_post_curve_init(&d->post.curve, &view->transfer_function,
+                       sp_transfer_base(&d->level->transfer), gradient.unit);
+    d->shading = NULL; /* pixels are shaded, not voxels */
 }
 
 /* Everything between the view and the first batch. */
 static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *err) {
     const struct sp_view *view = d->job->view;
+    const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
     sp_camera_frame_init(&d->camera, &view->camera, view->size);
-    unsigned axis = sp_order_axis(&d->camera, &sp_volume_info(d->job->volume)->grid);
+    unsigned axis =
+        view->compositing.mode == SP_COMPOSITE_SHEET ? sp_order_axis(&d->camera, grid) : SP_NO_AXIS;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
                                         .level = d->job->coarse,
                                         .axis = axis,
-                                        .normals = view->shading.mode == SP_SHADING_PHONG,
+                                        .normals = view->shading.mode == SP_SHADING_PHONG ||
+                                                   view->transfer_function.gradient_count > 0,
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel };
@@ -313,16 +393,13 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
     d->level = &classification->levels[d->job->coarse];
     d->list = &d->level->visible;
     sp_ewa_frame_init(&d->ewa, &d->camera, &d->level->grid, view);
-    if (!sp_order_sheets(&d->camera, d->level, axis, &state->arena, &d->order))
-        return fail_memory(&state->arena, err);
-    if (!allocate(d, &state->arena, err) || !choose_filters(d, &state->arena, err))
-        return false;
-    cut_order(d);
-    if (classify.normals) {
-        sp_shade_init(&d->shade, &d->camera, &view->shading);
-        d->shading = &d->shade;
-    }
-    return true;
+    sp_clip_frame_init(&d->ewa.clip, &d->camera, grid, &view->clip, d->ewa.unit);
+    d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
+    double reach;
+    choose_blend(d, state, &reach);
+    choose_shading(d);
+    return choose_order(d, state, axis, reach, err) && allocate(d, &state->arena, err) &&
+           choose_filters(d, &state->arena, err);
 }
 
 static bool all_saturated(const struct draw *d) {
@@ -343,13 +420,10 @@ static void draw_band(struct draw *d, int y) {
     for (int r = 0; r < d->grid.rows; r++)
         for (int c = 0; c < d->grid.columns; c++)
             sp_tile_init(&d->grid.tiles[r * d->grid.columns + c], c * SP_TILE, y + r * SP_TILE,
-                         d->ewa.size);
-    uint64_t blocks = count_all(d);
-    for (d->batch = 0; d->batch < blocks; d->batch += BATCH_BLOCKS) {
-        if (is_cancelled(d) || all_saturated(d))
-            break;
-        uint64_t rest = blocks - d->batch;
-        uint32_t count = (uint32_t)(rest < BATCH_BLOCKS ? rest : BATCH_BLOCKS);
+                         d->ewa.size, &d->blend);
+    uint64_t run = 0;
+    uint32_t layer = 0, count;
+    while (!is_cancelled(d) && !all_saturated(d) && (count = make_batch(d, &run, &layer)) > 0) {
         double clock = sp_clock_ms();
         sp_parallel_for(d->pool, count, 1, splat_blocks, d);
         for (uint32_t b = 0; b < count; b++) {

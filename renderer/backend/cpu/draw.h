@@ -25,6 +25,7 @@ struct cpu_state {
     struct sp_arena arena; /* of one frame */
     struct cpu_kernels kernels;
     struct cpu_cache cache;
+    struct sp_cubic_table cubic;
     char device[96];
 };
 

@@ -9,15 +9,16 @@
 #define SP_BACKEND_CPU_KERNELS_H
 
 #include "splat/ewa.h"
-#include "tile/tile.h"
+#include "tile/blend.h"
 
 struct cpu_kernels {
     const char *isa; /* the most advanced set in the table */
     uint32_t (*set_up)(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
-                       struct sp_splat *out); /* sp_ewa_set_up() */
-    void (*sheet_add)(struct sp_tile *tile, const struct sp_splat *splat,
-                      float cut);              /* sp_sheet_add() */
-    void (*sheet_close)(struct sp_tile *tile); /* sp_sheet_close() */
+                       const struct sp_splats *out); /* sp_ewa_set_up() */
+    /* By enum sp_compositing: sp_splat_add(), sp_sheet_add(), sp_slab_add(). */
+    void (*add[3])(struct sp_tile *tile, const struct sp_blend *blend,
+                   const struct sp_splats *records, uint32_t n);
+    void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
     void (*resolve_rgba8)(const float *const planes[4], uint32_t count, const float background[4],
                           unsigned char *out); /* sp_resolve_rgba8() */
     void (*resolve_rgbaf32)(const float *const planes[4], uint32_t count, const float background[4],

@@ -44,8 +44,9 @@ struct sp_grid {
     double direction[3][3]; /* direction[row][axis]: column `axis` is the unit vector along that
                                axis; not singular; identity when the file says nothing */
     const double *coordinates[3]; /* NULL = evenly spaced. Else dims[a] rising distances along the
-                                     axis from sample 0, the first of them 0, world units; they
-                                     belong to the volume and live as long as it does */
+                                     axis from sample 0, the first of them 0, world units, the
+                                     largest gap at most 10^6 times the smallest; a volume's belong
+                                     to it and live as long as it does */
 };
 
 struct sp_volume_info {
@@ -84,14 +85,15 @@ struct sp_load_options {
     int timeout_ms;       /* > 0, for the whole import; 0 = 300,000 */
 };
 
-/* Loads `source`: a path (NRRD .nrrd/.nhdr, raw with a JSON sidecar .json, TIFF stack .tif/.tiff)
- * or "demo:NAME[?size=N]". Blocks until done; returns one reference, or NULL with *err set.
- * `options` may be NULL. */
+/* Loads `source`: a path (NRRD .nrrd/.nhdr, VTK .vtk/.vti/.vtr, raw with a JSON sidecar .json, TIFF
+ * stack .tif/.tiff) or "demo:NAME[?size=N]". Blocks until done; returns one reference, or NULL with
+ * *err set. `options` may be NULL. */
 struct sp_volume *sp_volume_load(const char *source, const struct sp_load_options *options,
                                  struct sp_error *err);
 
-/* Wraps samples made in memory (tests, procedural volumes). Copies `voxels` (i0 fastest, native
- * byte order, product(dims)·size bytes) and computes range and histogram. One reference, or NULL
+/* Wraps samples made in memory (tests, procedural volumes). Copies the grid's coordinates and
+ * `voxels` (i0 fastest, native byte order, product(dims)·size bytes), and computes range and
+ * histogram. One reference, or NULL
  * with *err set. */
 struct sp_volume *sp_volume_create(const struct sp_grid *grid, enum sp_type type,
                                    const void *voxels, const char *name, struct sp_error *err);

@@ -175,25 +175,13 @@ static void what_is_not_supported_is_refused_with_its_pointer(void **state) {
             sp_renderer_render(rig.renderer, rig.volume, &rig.view, rig.pool, NULL, &err));        \
         assert_int_equal(err.code, SP_ERR_UNSUPPORTED);                                            \
     } while (0)
-    UNSUPPORTED(filter.mode, SP_FILTER_SWAN, "/filter/mode");
-    UNSUPPORTED(filter.mode, SP_FILTER_NONE, "/filter/mode");
-    UNSUPPORTED(filter.kernel, SP_KERNEL_CUBIC, "/filter/kernel");
-    UNSUPPORTED(compositing.mode, SP_COMPOSITE_SLAB, "/compositing/mode");
-    UNSUPPORTED(compositing.mode, SP_COMPOSITE_SPLAT, "/compositing/mode");
-    UNSUPPORTED(compositing.attenuation, SP_ATTENUATION_LINEAR, "/compositing/attenuation");
-    UNSUPPORTED(transfer_function.gradient_count, 1, "/transfer_function/gradient");
+    UNSUPPORTED(primitive, SP_PRIMITIVE_SURFACE, "/primitive/type");
     UNSUPPORTED(primitive, SP_PRIMITIVE_SHELL, "/primitive/type");
-    UNSUPPORTED(clip.box[1][2], 0.5, "/clip/box");
     struct sp_error err;
     rig.view = good;
-    rig.view.filter.mode = SP_FILTER_SWAN;
+    rig.view.primitive = SP_PRIMITIVE_VECTOR;
     sp_renderer_supports(rig.renderer, &rig.view, &err);
-    assert_non_null(strstr(err.text, "adaptive, ewa, reconstruction, lowpass"));
-    rig.view = good;
-    rig.view.clip.plane_count = 1;
-    rig.view.clip.planes[0].normal[0] = 1;
-    assert_false(sp_renderer_supports(rig.renderer, &rig.view, &err));
-    assert_string_equal(err.place, "/clip/planes");
+    assert_non_null(strstr(err.text, "\"vector\"; it supports volume"));
     rig.view = good;
     rig.view.camera.fov_y = 0;
     assert_null(sp_renderer_render(rig.renderer, rig.volume, &rig.view, rig.pool, NULL, &err));

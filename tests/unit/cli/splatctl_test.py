@@ -129,8 +129,8 @@ class Local(unittest.TestCase):
                      stdin=b'{"camera":{"up":[0,0,0]}}')
         self.refused('/camra: unknown field; did you mean "camera"', '--volume', 'demo:phantom?size=16', '--view', '-',
                      stdin=b'{"camra":{}}')
-        self.refused('/filter/mode', '--volume', 'demo:phantom?size=16', '--view', '-',
-                     stdin=b'{"filter":{"mode":"swan"}}')
+        self.refused('/primitive/type', '--volume', 'demo:phantom?size=16', '--view', '-',
+                     stdin=b'{"primitive":{"type":"shell"}}')
         for text, why in ((b'{\n', 'not valid JSON at line 2'), (b'[]', 'a view is a JSON object'),
                           (b' ' * (2 << 20), 'is larger than')):
             self.refused(f'standard input: {why}', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=text)

@@ -82,8 +82,23 @@ static void no_byte_gets_an_unsound_grid_through(void **state) {
             for (int a = 0; a < 3; a++)
                 assert_true(h->spacing[a] > 0 && isfinite(h->spacing[a]) && isfinite(h->origin[a]));
             assert_true(memchr(h->unit, 0, sizeof h->unit) != NULL);
+            assert_true(h->rectilinear < 8 && h->zero == 0);
         }
     assert_true(refused > 200);
+}
+
+static void coordinates_follow_the_samples(void **state) {
+    (void)state;
+    struct sp_handover m = good_header();
+    uint64_t offset[3];
+    assert_int_equal(sp_handover_layout(&m.header, offset), 120);
+    assert_true(offset[0] == 0 && offset[1] == 0 && offset[2] == 0);
+    m.header.rectilinear = 5;
+    assert_int_equal(sp_handover_layout(&m.header, offset), 120 + 3 * 8 + 5 * 8);
+    assert_true(offset[0] == 120 && offset[1] == 0 && offset[2] == 144);
+    m.header.bytes = 121; /* from the next double on */
+    assert_int_equal(sp_handover_layout(&m.header, offset), 128 + 3 * 8 + 5 * 8);
+    assert_true(offset[0] == 128 && offset[2] == 152);
 }
 
 static void below_means_below(void **state) {
@@ -104,6 +119,7 @@ int main(void) {
         cmocka_unit_test(good_messages_pass_unchanged),
         cmocka_unit_test(every_other_size_is_refused),
         cmocka_unit_test(no_byte_gets_an_unsound_grid_through),
+        cmocka_unit_test(coordinates_follow_the_samples),
         cmocka_unit_test(below_means_below),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -137,6 +137,8 @@ static bool with_the_header(const char *what, struct sp_handover *m) {
         h->origin[0] = INFINITY;
     else if (strcmp(what, "direction") == 0)
         memset(h->direction, 0, sizeof h->direction);
+    else if (strcmp(what, "axes") == 0)
+        h->rectilinear = 8;
     else if (strcmp(what, "unit") == 0)
         memset(h->unit, 'm', sizeof h->unit);
     else
@@ -144,7 +146,25 @@ static bool with_the_header(const char *what, struct sp_handover *m) {
     return true;
 }
 
+/* Coordinates of the second axis, which come too late to be refused before the samples. */
+static void lay_coordinates(const char *what) {
+    double *c = mmap(NULL, BYTES + 64, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    if (c == MAP_FAILED)
+        _exit(8);
+    for (int i = 0; i < 8; i++)
+        c[BYTES / 8 + i] = i < 4 ? 0.5 * i : 1.25 * i - 1.75;
+    if (strcmp(what, "coordinates-fall") == 0)
+        c[BYTES / 8 + 3] = -1;
+    else if (strcmp(what, "coordinates-nan") == 0)
+        c[BYTES / 8 + 7] = NAN;
+    else if (strcmp(what, "coordinates-none") == 0)
+        memset(c + BYTES / 8, 0, 64);
+    munmap(c, BYTES + 64);
+}
+
 static void after_go(const char *what) {
+    if (strncmp(what, "coordinates", 11) == 0)
+        lay_coordinates(what);
     unsigned char *p = map();
     memset(p, 42, BYTES);
     if (strcmp(what, "abort-late") == 0) {
@@ -201,6 +221,7 @@ int main(int argc, char **argv) {
     if (before_the_header(what))
         wait_for_ever();
     struct sp_handover m = good_header();
+    m.header.rectilinear = strncmp(what, "coordinates", 11) == 0 ? 2 : 0;
     if (with_the_header(what, &m)) {
         say(&m);
         wait_for_ever();

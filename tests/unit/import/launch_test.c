@@ -60,7 +60,7 @@ static void bad_readers_are_errors(void **state) {
         { "error-ok", SP_ERR_CRASHED, "failed with code 0" },
         { "error-endless", SP_ERR_CRASHED, "error message has no end" },
         { "error-escape", SP_ERR_FORMAT, "bad??[2Jfile" },
-        { "version", SP_ERR_CRASHED, "version 77 of the hand-over and this program 1" },
+        { "version", SP_ERR_CRASHED, "version 77 of the hand-over and this program 2" },
         { "magic", SP_ERR_CRASHED, "message starts with 00000000" },
         { "type", SP_ERR_CRASHED, "sample type 12" },
         { "zero", SP_ERR_CRASHED, "dims[1] is 0" },
@@ -71,7 +71,11 @@ static void bad_readers_are_errors(void **state) {
         { "spacing", SP_ERR_CRASHED, "spacing[2]" },
         { "origin", SP_ERR_CRASHED, "origin[0]" },
         { "direction", SP_ERR_CRASHED, "length 0" },
+        { "axes", SP_ERR_CRASHED, "axes of unknown kind" },
         { "unit", SP_ERR_CRASHED, "unit without end" },
+        { "coordinates-fall", SP_ERR_CRASHED, "coordinates[1] do not rise" },
+        { "coordinates-nan", SP_ERR_CRASHED, "coordinates[1] do not rise" },
+        { "coordinates-none", SP_ERR_CRASHED, "bad grid: coordinates[1] do not rise" },
         { "abort-late", SP_ERR_CRASHED, "killed by signal 6 (SIGABRT)" },
         { "quit-late", SP_ERR_CRASHED, "ended with status 5" },
         { "header-again", SP_ERR_CRASHED, "message 1 out of turn" },
@@ -107,7 +111,7 @@ static void readers_that_never_end_are_stopped(void **state) {
 /* What a reader may do: flood with progress beyond the end, try to change the sealed size. */
 static void odd_but_harmless_readers_are_served(void **state) {
     (void)state;
-    static const char *const whats[] = { "good", "flood", "truncate" };
+    static const char *const whats[] = { "good", "flood", "truncate", "coordinates" };
     for (size_t i = 0; i < sizeof whats / sizeof whats[0]; i++) {
         struct sp_error err;
         struct sp_volume *volume = load_hostile(whats[i], 60000, &err);
@@ -116,6 +120,9 @@ static void odd_but_harmless_readers_are_served(void **state) {
         assert_int_equal(sp_volume_info(volume)->voxel_bytes, 512);
         assert_true(sp_volume_info(volume)->range[0] == 42);
         assert_int_equal(((const uint8_t *)sp_volume_voxels(volume))[511], 42);
+        const double *c = sp_volume_info(volume)->grid.coordinates[1];
+        assert_int_equal(c != NULL, strcmp(whats[i], "coordinates") == 0);
+        assert_true(!c || (c[1] == 0.5 && c[3] == 1.5 && c[7] == 7));
         sp_volume_unref(&volume);
         assert_no_children();
     }

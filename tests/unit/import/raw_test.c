@@ -64,6 +64,39 @@ static void geometry_is_kept(void **state) {
     sp_volume_unref(&volume);
 }
 
+static void axes_may_be_rectilinear(void **state) {
+    (void)state;
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    write_file("v.bin", samples, COUNT);
+    write_text("v.json", "{\"dims\": [5, 4, 3], \"type\": \"uint8\", \"file\": \"v.bin\",\n"
+                         " \"spacing\": [9, 2, 9], \"origin\": [10, 20, 30],\n"
+                         " \"coordinates\": [[-1, 0, 2, 4.5, 7], null, [8, 7.5, 5]],\n"
+                         " \"direction\": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}\n");
+    struct sp_volume *volume = load("v.json");
+    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    static const double x[] = { 0, 1, 3, 5.5, 8 }, z[] = { 0, 0.5, 3 };
+    assert_memory_equal(grid->coordinates[0], x, sizeof x);
+    assert_null(grid->coordinates[1]);
+    assert_memory_equal(grid->coordinates[2], z, sizeof z); /* falling: turned round */
+    assert_true(grid->spacing[0] == 2 && grid->spacing[1] == 2 && grid->spacing[2] == 1.5);
+    assert_true(grid->direction[1][0] == 1 && grid->direction[2][2] == -1);
+    assert_true(!signbit(grid->direction[0][2]) && !signbit(grid->direction[1][2]));
+    assert_true(grid->origin[0] == 10 && grid->origin[1] == 19 && grid->origin[2] == 38);
+    assert_is_ramp(volume, COUNT);
+    sp_volume_unref(&volume);
+    /* A single sample has a place and no gap. */
+    write_text("v.json", "{\"dims\": [60, 1, 1], \"type\": \"uint8\", \"file\": \"v.bin\","
+                         " \"coordinates\": [null, [-3], null]}");
+    volume = load("v.json");
+    grid = &sp_volume_info(volume)->grid;
+    assert_null(grid->coordinates[1]);
+    assert_true(grid->origin[1] == -3 && grid->spacing[1] == 1);
+    sp_volume_unref(&volume);
+}
+
+#define GRADED "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"coordinates\": "
+
 static void hostile_sidecars_are_explained(void **state) {
     (void)state;
     static const struct {
@@ -137,6 +170,21 @@ static void hostile_sidecars_are_explained(void **state) {
           SP_ERR_FORMAT, "/encoding", "raw, gzip" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\\u0000x\"}", SP_ERR_FORMAT,
           "byte", "\\u0000" },
+        { GRADED "5}", SP_ERR_FORMAT, "h.json: /coordinates", "three arrays" },
+        { GRADED "[null, null]}", SP_ERR_FORMAT, "/coordinates", "three arrays" },
+        { GRADED "[null, [1, 2, 3], null]}", SP_ERR_FORMAT, "h.json: /coordinates/1", "4 numbers" },
+        { GRADED "[null, null, 2]}", SP_ERR_FORMAT, "/coordinates/2", "null or 3 numbers" },
+        { GRADED "[null, null, [0, null, 2]]}", SP_ERR_FORMAT, "/coordinates/2",
+          "number 1 is not" },
+        { GRADED "[null, null, [0, 0, 2]]}", SP_ERR_FORMAT, "h.json: /coordinates",
+          "coordinates[2] do not rise" },
+        { GRADED "[null, null, [0, 3, 2]]}", SP_ERR_FORMAT, "/coordinates", "from number 1, 3" },
+        { GRADED "[null, null, [1, 1, 1]]}", SP_ERR_FORMAT, "/coordinates", "from number 0, 0" },
+        { GRADED "[null, null, [0, 1, 1e7]]}", SP_ERR_FORMAT, "/coordinates", "a factor of 1e+06" },
+        { GRADED "[null, null, [1e300, 1e301, 1e302]]}", SP_ERR_FORMAT, "/coordinates", "1e12" },
+        { GRADED "[null, null, [1e17, 1.1e17, 1.2e17]]}", SP_ERR_FORMAT, "/coordinates", "1e12" },
+        { GRADED "[null, null, [1e14, 1.0000000001e14, 1.0000000002e14]]}", SP_ERR_FORMAT,
+          "h.json: /origin", "more than 2^40" },
     };
     uint8_t samples[COUNT];
     make_ramp(SP_UINT8, COUNT, samples);
@@ -163,6 +211,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_order_and_encoding),
         cmocka_unit_test(geometry_is_kept),
+        cmocka_unit_test(axes_may_be_rectilinear),
         cmocka_unit_test(hostile_sidecars_are_explained),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -97,7 +97,7 @@ static bool set_up(const struct sp_grid *grid, const struct sp_view *view, const
         .sheet = 7,
         .mode = view->filter.mode,
     };
-    return sp_ewa_set_up(&frame, &run, splat) == 1;
+    return sp_ewa_set_up(&frame, &run, &(struct sp_splats){ .splat = splat }) == 1;
 }
 
 /* Central differences of the projection by index, which is J·W·direction·spacing. */
@@ -311,7 +311,8 @@ static void adaptive_rule_is_conservative(void **state) {
                         uint8_t mode = modes[i / 16 + 5 * (j / 16 + 3 * (k / 16))];
                         struct sp_vec3 t = world(&g, (double[3]){ i, j, k });
                         double u2 = sp_mat3_apply(&camera.w, sp_vec3_sub(t, camera.eye)).v[2];
-                        enum sp_filter_mode own = sp_adaptive_mode(&adaptive, u2, u2);
+                        enum sp_filter_mode own =
+                            sp_adaptive_mode(&adaptive, adaptive.radius, u2, u2);
                         differ += mode != modes[0];
                         if (mode != SP_FILTER_EWA && u2 > 0)
                             assert_int_equal(own, mode);
@@ -329,13 +330,13 @@ static void adaptive_thresholds_are_those_of_the_definition(void **state) {
                              .c_min = 0.3,
                              .c_max = 2 };
     /* R = 70/u2: reconstruction while R·0.3 > 1, lowpass once R·2 < 1. */
-    assert_int_equal(sp_adaptive_mode(&a, 1, 20.9), SP_FILTER_RECONSTRUCTION);
-    assert_int_equal(sp_adaptive_mode(&a, 1, 21.1), SP_FILTER_EWA);
-    assert_int_equal(sp_adaptive_mode(&a, 139, 200), SP_FILTER_EWA);
-    assert_int_equal(sp_adaptive_mode(&a, 141, 200), SP_FILTER_LOWPASS);
-    assert_int_equal(sp_adaptive_mode(&a, -5, 200), SP_FILTER_EWA);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 1, 20.9), SP_FILTER_RECONSTRUCTION);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 1, 21.1), SP_FILTER_EWA);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 139, 200), SP_FILTER_EWA);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 141, 200), SP_FILTER_LOWPASS);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, -5, 200), SP_FILTER_EWA);
     a.lowpass = 0;
-    assert_int_equal(sp_adaptive_mode(&a, 141, 200), SP_FILTER_RECONSTRUCTION);
+    assert_int_equal(sp_adaptive_mode(&a, a.radius, 141, 200), SP_FILTER_RECONSTRUCTION);
 }
 
 static void shading_follows_its_formula(void **state) {

@@ -45,15 +45,38 @@ static struct sp_splat random_splat(uint32_t sheet, float cut) {
     }
 }
 
+static const struct sp_blend blending = {
+    .mode = SP_COMPOSITE_SHEET, .planes = SP_PLANES, .slots = 1, .cut = 6.5f
+};
+
+/* A tile of sheets with memory of its own. */
+static void start_tile(struct sp_tile *tile, int x, int y, const int size[2]) {
+    tile->sums = malloc(SP_PLANES * sizeof *tile->sums);
+    tile->dirty = malloc(sizeof *tile->dirty);
+    assert_true(tile->sums && tile->dirty);
+    sp_tile_init(tile, x, y, size, &blending);
+}
+
+static void stop_tile(struct sp_tile *tile) {
+    free(tile->sums);
+    free(tile->dirty);
+}
+
 static struct sp_tile_grid make_grid(void) {
     struct sp_tile_grid grid = { .columns = COLUMNS, .rows = ROWS };
     grid.tiles = aligned_alloc(64, COLUMNS * ROWS * sizeof *grid.tiles);
     assert_non_null(grid.tiles);
     for (int r = 0; r < ROWS; r++)
         for (int c = 0; c < COLUMNS; c++)
-            sp_tile_init(&grid.tiles[r * COLUMNS + c], c * SP_TILE, r * SP_TILE,
-                         (int[2]){ WIDTH, HEIGHT });
+            start_tile(&grid.tiles[r * COLUMNS + c], c * SP_TILE, r * SP_TILE,
+                       (int[2]){ WIDTH, HEIGHT });
     return grid;
+}
+
+static void free_grid(struct sp_tile_grid *grid) {
+    for (int t = 0; t < COLUMNS * ROWS; t++)
+        stop_tile(&grid->tiles[t]);
+    free(grid->tiles);
 }
 
 struct bench {
@@ -120,7 +143,7 @@ static void every_touched_tile_gets_the_splat_once_and_in_order(void **state) {
             assert_int_equal(e, stop);
         }
     free_bench(&b);
-    free(grid.tiles);
+    free_grid(&grid);
 }
 
 /* The whole picture without tiles, in double precision. */
@@ -160,11 +183,14 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
         double(*truth)[4] = calloc(WIDTH * HEIGHT, sizeof *truth);
         draw_untiled(b.records, cuts[k], truth);
         double worst = 0;
+        struct sp_blend blend = blending;
+        blend.cut = cuts[k];
         for (int t = 0; t < COLUMNS * ROWS; t++) {
             struct sp_tile *tile = &grid.tiles[t];
             for (uint32_t e = b.bins.first[t]; e < b.bins.first[t + 1]; e++)
-                sp_sheet_add(tile, &b.records[b.bins.entries[e]], cuts[k]);
-            sp_sheet_close(tile);
+                sp_sheet_add(tile, &blend, &(struct sp_splats){ .splat = b.records },
+                             b.bins.entries[e]);
+            sp_tile_close(tile, &blend);
             for (int y = 0; y < SP_TILE; y++)
                 for (int x = 0; x < SP_TILE; x++) {
                     int px = tile->x + x, py = tile->y + y;
@@ -179,7 +205,7 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
         assert_true(worst < (k == 0 ? 3e-3 : 2e-5));
         free(truth);
         free_bench(&b);
-        free(grid.tiles);
+        free_grid(&grid);
     }
 }
 
@@ -193,29 +219,30 @@ static void saturated_tiles_hide_splats(void **state) {
     assert_false(sp_bins_is_hidden(&grid, &wall));
     for (wall.sheet = 0; wall.sheet < 8; wall.sheet++) {
         assert_false(tile->saturated); /* e^-7 is more than 1/512 > e^-8 … */
-        sp_sheet_add(tile, &wall, 6.5f);
-        sp_sheet_close(tile);
+        sp_sheet_add(tile, &blending, &(struct sp_splats){ .splat = &wall }, 0);
+        sp_tile_close(tile, &blending);
     }
     assert_true(tile->saturated);
     assert_true(sp_bins_is_hidden(&grid, &wall));
     wall.x1 = SP_TILE + 1; /* reaches the next tile */
     assert_false(sp_bins_is_hidden(&grid, &wall));
-    free(grid.tiles);
+    free_grid(&grid);
 }
 
 static void tiles_at_the_pictures_edge_can_saturate(void **state) {
     (void)state;
     struct sp_tile tile;
-    sp_tile_init(&tile, 8160, 0, (int[2]){ 8192 - 20, 3 });
+    start_tile(&tile, 8160, 0, (int[2]){ 8192 - 20, 3 });
     struct sp_splat wall = {
         .x = 8165, .y = 1, .a = 1e-9f, .c = 1e-9f, .depth = 20, .x0 = 8160, .x1 = 8172, .y1 = 3
     };
     for (wall.sheet = 0; wall.sheet < 4; wall.sheet++) {
-        sp_sheet_add(&tile, &wall, 6.5f);
-        sp_sheet_close(&tile);
+        sp_sheet_add(&tile, &blending, &(struct sp_splats){ .splat = &wall }, 0);
+        sp_tile_close(&tile, &blending);
     }
     assert_true(tile.saturated);
     assert_true(tile.done[0][0][0] < 1e-8f);
+    stop_tile(&tile);
 }
 
 static void make_camera(struct sp_camera_frame *frame, enum sp_projection projection,

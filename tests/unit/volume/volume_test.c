@@ -209,6 +209,96 @@ static void bad_grids_are_refused(void **state) {
     assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", NULL));
 }
 
+static void coordinates_are_the_volume_s_own(void **state) {
+    (void)state;
+    double x[4] = { 0, 1, 3, 6 }, z[2] = { 0, 0.5 };
+    struct sp_grid grid = grid_of(4, 3, 2);
+    grid.coordinates[0] = x;
+    grid.coordinates[2] = z;
+    grid.spacing[0] = 2;
+    grid.spacing[2] = 0.5;
+    const uint8_t samples[24] = { 0 };
+    struct sp_error err;
+    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, samples, "graded", &err);
+    assert_non_null(volume);
+    const struct sp_grid *kept = &sp_volume_info(volume)->grid;
+    memset(x, 0, sizeof x);
+    memset(z, 0, sizeof z);
+    assert_memory_equal(kept->coordinates[0], ((double[]){ 0, 1, 3, 6 }), sizeof x);
+    assert_null(kept->coordinates[1]);
+    assert_memory_equal(kept->coordinates[2], ((double[]){ 0, 0.5 }), sizeof z);
+    sp_volume_unref(&volume);
+}
+
+static void samples_lie_where_the_coordinates_say(void **state) {
+    (void)state;
+    const double x[4] = { 0, 1, 3, 6 };
+    struct sp_grid grid = grid_of(4, 3, 1);
+    assert_false(sp_grid_is_rectilinear(&grid));
+    grid.coordinates[0] = x;
+    grid.spacing[0] = 2;
+    grid.spacing[2] = 5;
+    assert_true(sp_grid_is_rectilinear(&grid));
+    double extent[2];
+    sp_grid_extent(&grid, 0, extent);
+    assert_true(extent[0] == -0.5 && extent[1] == 7.5);
+    sp_grid_extent(&grid, 1, extent);
+    assert_true(extent[0] == -0.5 && extent[1] == 2.5);
+    sp_grid_extent(&grid, 2, extent);
+    assert_true(extent[0] == -2.5 && extent[1] == 2.5);
+    static const double local[4] = { 1, 1.5, 2.5, 3 };
+    for (uint32_t i = 0; i < 4; i++) {
+        assert_true(sp_grid_distance(&grid, 0, i) == x[i]);
+        assert_true(sp_grid_local_spacing(&grid, 0, i) == local[i]);
+    }
+    assert_true(sp_grid_distance(&grid, 1, 2) == 2 && sp_grid_local_spacing(&grid, 1, 2) == 1);
+    assert_true(sp_grid_local_spacing(&grid, 2, 0) == 5);
+}
+
+static void bad_coordinates_are_refused(void **state) {
+    (void)state;
+    static const struct {
+        double x[4], spacing;
+        const char *text;
+    } cases[] = {
+        { { 1, 2, 3, 4 }, 1, "coordinates[1] begin at 1 instead of 0" },
+        { { NAN, 1, 2, 3 }, 1, "begin at nan" },
+        { { 0, 1, 1, 3 }, 1, "do not rise by 1e-12 to 1e12 from number 1, 1, to the next, 1" },
+        { { 0, 2, 1, 3 }, 1, "from number 1, 2, to the next, 1" },
+        { { 0, 1, 2, NAN }, 1, "from number 2" },
+        { { 0, 1, INFINITY, INFINITY }, 1, "from number 1" },
+        { { 0, 1e-13, 1, 3 }, 1, "from number 0" },
+        { { 0, 1, 2, 2e12 }, 1, "from number 2" },
+        { { 0, 1e-7, 1, 3 }, 1, "gaps from 1e-07 to 2, more than a factor of 1e+06" },
+        { { 0, 1, 2, 3 }, 1.01, "spacing[1] is 1.01 instead of the coordinates' mean, 1" },
+        { { 0, 1, 2, 3 }, NAN, "spacing[1] is nan instead" },
+        { { 0, 1, 2, 3 }, 1, NULL },
+    };
+    const uint8_t samples[8] = { 0 };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        struct sp_grid grid = grid_of(2, 4, 1);
+        struct sp_error err = { .text = "" };
+        grid.coordinates[1] = cases[i].x;
+        grid.spacing[1] = cases[i].spacing;
+        struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, samples, "x", &err);
+        if (!volume != !!cases[i].text || (cases[i].text && !strstr(err.text, cases[i].text)))
+            fail_msg("case %zu: %s", i, err.text);
+        if (cases[i].text) {
+            assert_int_equal(err.code, SP_ERR_FORMAT);
+            assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_COORDINATES);
+        }
+        sp_volume_unref(&volume);
+    }
+    /* The origin is measured by the smallest gap, which is not the mean. */
+    const double x[4] = { 0, 1e-3, 1, 3 };
+    struct sp_grid grid = grid_of(2, 4, 1);
+    grid.coordinates[1] = x;
+    grid.origin[0] = 0x1p31;
+    assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_ORIGIN);
+    grid.origin[0] = 0x1p30;
+    assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_GOOD);
+}
+
 static void *share(void *arg) {
     struct sp_volume *volume = arg;
     for (int i = 0; i < 10000; i++) {
@@ -254,6 +344,9 @@ int main(void) {
         cmocka_unit_test(histograms_follow_their_definition),
         cmocka_unit_test(odd_contents_have_a_range),
         cmocka_unit_test(bad_grids_are_refused),
+        cmocka_unit_test(coordinates_are_the_volume_s_own),
+        cmocka_unit_test(samples_lie_where_the_coordinates_say),
+        cmocka_unit_test(bad_coordinates_are_refused),
         cmocka_unit_test(last_reference_releases_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

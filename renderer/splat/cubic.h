@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The cubic reconstruction kernel (Crawfis & Max 1993, in the coefficients of the mathematics
+ * page): spherical in index space, with a compact support and no ripple worth seeing.
+ *
+ *   g(r) = 0.557526 − 1.157743 r² + 0.671033 r³           r ≤ 0.889392
+ *          0.067599 (t−r)² + 0.282474 (t−r)³              0.889392 < r ≤ t = 1.556228      [voxels]
+ *
+ *   footprint F(ρ) = ∫ g(√(ρ²+z²)) dz, and the part of it before z: both in closed form
+ *
+ * A linear map turns the sphere into an ellipsoid, so that one table by ρ serves every footprint.
+ * To share the code of the Gaussian, lengths are counted in the kernel's standard deviation s =
+ * 0.44655 voxels an axis: the footprint has the variance V̂ = s²·M Mᵀ, and the Mahalanobis radius m
+ * of a pixel is ρ/s. A low-pass filter of variance h² adds to V̂, as it does for a Gaussian: the
+ * variance of the convolution is exact, its shape stays the cubic's.
+ */
+#ifndef SP_SPLAT_CUBIC_H
+#define SP_SPLAT_CUBIC_H
+
+#define SP_CUBIC_RADIUS 1.556228        /* t, voxels */
+#define SP_CUBIC_SIGMA 0.44654961306714 /* s, voxels: √(⅓ ∫ g r² dV / ∫ g dV) */
+
+/* g(r), r ≥ 0 in voxels; 0 beyond the radius. */
+double sp_cubic(double r);
+
+/* ∫ g(√(ρ²+ζ²)) dζ over [0, z]; z ≥ 0. */
+double sp_cubic_part(double rho, double z);
+
+/* F(ρ) = 2·sp_cubic_part(ρ, ∞) [per voxel²]. */
+double sp_cubic_footprint(double rho);
+
+enum { SP_CUBIC_STEPS = 512, SP_CUBIC_ROWS = 32, SP_CUBIC_COLUMNS = 64 };
+
+/* Tables for loops over pixels, by q = (ρ/t)²; linear between entries. */
+struct sp_cubic_table {
+    float weight[SP_CUBIC_STEPS + 2];                     /* F(ρ)/F(0) */
+    float share[SP_CUBIC_ROWS + 2][SP_CUBIC_COLUMNS + 2]; /* ∫₀^z / F(ρ), by z/√(t²−ρ²) */
+};
+
+void sp_cubic_table_init(struct sp_cubic_table *table);
+
+/* F(ρ)/F(0) at q in [0, 1]; 0 beyond. */
+static inline float sp_cubic_weight(const struct sp_cubic_table *table, float q) {
+    if (!(q < 1))
+        return 0;
+    float at = q * SP_CUBIC_STEPS;
+    int i = (int)at;
+    return table->weight[i] + (at - (float)i) * (table->weight[i + 1] - table->weight[i]);
+}
+
+/* The share of a ray's way through the kernel that lies before ζ: ½ at 0, 1 where it leaves.
+ * q = (ρ/t)² in [0, 1); ζ in standard deviations. */
+float sp_cubic_share(const struct sp_cubic_table *table, float q, float zeta);
+
+#endif

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Compositing: what a view chose, as constants of a frame, and what all compositors share.
+ *
+ *   sheet   splats of one slice of the grid are added, then composited        (sheet.h)
+ *   slab    the same for slabs of equal distance from the eye                 (slab.h)
+ *   splat   every splat is composited on its own                              (splat.h)
+ *
+ *   T = Σ τ_k,  E = Σ c_k τ_k,  α = 1 − e^{−T} (linear: min(T, 1)),  C = (E/T)·α
+ *   colour += transmittance·C,  transmittance ·= 1 − α
+ *
+ * A tile whose pixels all let less than 1/512 through is saturated and takes no more splats.
+ */
+#ifndef SP_TILE_BLEND_H
+#define SP_TILE_BLEND_H
+
+#include "sp/view.h"
+#include "tile/tile.h"
+
+#define SP_TRANSMITTANCE_MIN (1.0f / 512)
+
+enum { SP_SLOTS_MAX = 512 }; /* layers open at once */
+
+struct sp_post;
+
+struct sp_blend {
+    enum sp_compositing mode;
+    bool linear;                        /* attenuation */
+    uint32_t planes;                    /* that a layer sums: 4, post: 5 */
+    uint32_t slots;                     /* layers that may be open at once: 1, slab: more */
+    float cut;                          /* as in sp_ewa_frame */
+    const struct sp_cubic_table *cubic; /* NULL = Gaussian */
+    float thickness;                    /* of a slab, cells; layer k is the slab … */
+    float nearest;                      /* … from nearest + k·thickness on; cells from the eye */
+    const struct sp_post *post;         /* NULL = splats are classified already */
+};
+
+/* (1 − e^{−t})/t, which E is multiplied by, and e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1). */
+float sp_attenuate(bool linear, float t, float *transmittance);
+
+/* Composites the sums in a slot, if there are any, and clears them; looks now and then whether the
+ * tile is saturated. */
+void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t slot);
+
+/* Sets tile->saturated. */
+void sp_tile_check(struct sp_tile *tile);
+
+/* Grows a slot's dirty box. */
+void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box);
+
+/* The part of the splat's box that lies in the tile, tile px. They overlap. */
+struct sp_box sp_tile_box(const struct sp_tile *tile, const struct sp_splat *splat);
+
+/* Composites everything that is still open. */
+void sp_tile_close(struct sp_tile *tile, const struct sp_blend *blend);
+
+#endif

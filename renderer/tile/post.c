@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "tile/post.h"
+
+#include <float.h>
+
+#include "splat/exp2.h"
+#include "tile/tile.h"
+
+static float bounded(double x) {
+    return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));
+}
+
+void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_function *tf, double base,
+                        double gradient_unit) {
+    *c = (struct sp_post_curve){ .count = tf->point_count, .gradient_count = tf->gradient_count };
+    for (uint32_t i = 0; i < c->count; i++) {
+        const struct sp_tf_point *p = &tf->points[i];
+        c->value[i] = bounded(p->value - base);
+        c->opacity[i] = p->opacity;
+        for (int k = 0; k < 3; k++)
+            c->color[i][k] = p->color[k];
+        if (i + 1 < c->count)
+            c->inverse[i] = bounded(1 / (p[1].value - p->value));
+    }
+    float span = c->value[c->count - 1] - c->value[0];
+    c->bins_per_unit = span > 0 && span < FLT_MAX ? SP_POST_BINS / span : 0;
+    for (uint32_t b = 0, i = 0; b <= SP_POST_BINS; b++) {
+        while (i + 1 < c->count && (c->value[i + 1] - c->value[0]) * c->bins_per_unit < (float)b)
+            i++;
+        c->first[b] = (uint8_t)i;
+    }
+    for (uint32_t i = 0; i < c->gradient_count; i++) {
+        c->magnitude[i] = bounded(tf->gradient[i].magnitude / gradient_unit);
+        c->scale[i] = tf->gradient[i].scale;
+    }
+}
+
+static float gradient_scale(const struct sp_post_curve *c, float magnitude) {
+    uint32_t n = c->gradient_count, i = 1;
+    if (n == 0)
+        return 1;
+    if (!(magnitude > c->magnitude[0]))
+        return c->scale[0];
+    while (i < n && c->magnitude[i] <= magnitude)
+        i++;
+    if (i == n)
+        return c->scale[n - 1];
+    float f = (magnitude - c->magnitude[i - 1]) / (c->magnitude[i] - c->magnitude[i - 1]);
+    return c->scale[i - 1] + f * (c->scale[i] - c->scale[i - 1]);
+}
+
+/* −ln(1 − a), a in [0, 1). */
+static float depth_of(float a) {
+    if (a < 0.03f)
+        return a * (1 + a * (0.5f + a * (1.0f / 3 + a * 0.25f)));
+    return -0.693147181f * sp_log2(1 - a);
+}
+
+struct sp_class sp_post_class(const struct sp_post_curve *c, float value, float magnitude) {
+    uint32_t i = 0, j = 0;
+    float f = 0;
+    struct sp_class class = { { 0 }, 0 };
+    if (value > c->value[0]) {
+        float bin = (value - c->value[0]) * c->bins_per_unit;
+        i = c->first[bin < SP_POST_BINS ? (int)bin : SP_POST_BINS];
+        while (i + 1 < c->count && c->value[i + 1] <= value)
+            i++;
+        while (i > 0 && c->value[i] > value) /* rounding put it into the next bin */
+            i--;
+        j = i + 1 < c->count ? i + 1 : i;
+        f = (value - c->value[i]) * c->inverse[i];
+        f = f < 1 ? f : 1;
+    }
+    float opacity = c->opacity[i] + f * (c->opacity[j] - c->opacity[i]);
+    if (!(opacity > 0))
+        return class;
+    opacity *= gradient_scale(c, magnitude);
+    class.depth = depth_of(opacity);
+    for (int k = 0; k < 3; k++)
+        class.color[k] = c->color[i][k] + f * (c->color[j][k] - c->color[i][k]);
+    return class;
+}
+
+/* The unit vector towards the eye along the ray of a pixel, in camera space. */
+static void eye_direction(const struct sp_post *post, int x, int y, float to_eye[3]) {
+    float u = 0, v = 0;
+    if (post->perspective) {
+        u = ((float)x + 0.5f - post->centre[0]) / post->focal;
+        v = ((float)y + 0.5f - post->centre[1]) / post->focal;
+    }
+    float inv = -1 / sqrtf(u * u + v * v + 1);
+    to_eye[0] = u * inv;
+    to_eye[1] = v * inv;
+    to_eye[2] = inv;
+}
+
+static struct sp_class classify(const struct sp_post *post, int x, int y, const float sums[5]) {
+    float gradient[3], inv = 1 / sums[0];
+    for (int k = 0; k < 3; k++)
+        gradient[k] = sums[k + 1] * inv;
+    float length =
+        sqrtf(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
+    struct sp_class c = sp_post_class(&post->curve, sums[4] * inv, length);
+    if (post->shade && c.depth > 0) {
+        float to_eye[3], normal[3], scale = length > 1e-12f ? 1 / length : 0;
+        eye_direction(post, x, y, to_eye);
+        for (int k = 0; k < 3; k++)
+            normal[k] = gradient[k] * scale;
+        sp_shade_direction(post->shade, normal, to_eye, c.color);
+    }
+    return c;
+}
+
+void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int n) {
+    enum { S = SP_TILE * SP_TILE_ROW };
+    for (int i = 0; i < n; i++) {
+        float at[5];
+        struct sp_class c = { { 0 }, 0 };
+        for (int k = 0; k < 5; k++)
+            at[k] = sums[k * S + i];
+        if (at[0] > 1e-12f)
+            c = classify(post, x + i, y, at);
+        sums[i] = c.depth * at[0];
+        for (int k = 0; k < 3; k++)
+            sums[(k + 1) * S + i] = c.color[k] * sums[i];
+    }
+}

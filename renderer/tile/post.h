@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Post-classification: the pixel of a slab is classified, not the voxel. Splats add
+ *
+ *   W = Σ ρ_k·share [length over the reference length],  S = Σ f_k ρ_k·share,  N = Σ ∇f_k ρ_k·share
+ *
+ * so that S/W is the scalar field and N/W its gradient, both averaged along the ray through the
+ * slab:
+ *
+ *   T = −ln(1 − opacity(S/W)·scale(|N/W|))·W        E = shaded colour(S/W)·T
+ *
+ * W is the length of the slab inside the volume and falls off softly at its border, as the
+ * extinction of classified voxels does.
+ */
+#ifndef SP_TILE_POST_H
+#define SP_TILE_POST_H
+
+#include "classify/transfer.h"
+#include "splat/shade.h"
+
+enum { SP_POST_BINS = 1024 };
+
+/* The transfer function for pixels: values relative to the transfer's base, and for each of equal
+ * bins of the value the last point that lies at or before it. */
+struct sp_post_curve {
+    uint32_t count;
+    float value[SP_TF_POINTS_MAX], inverse[SP_TF_POINTS_MAX]; /* 1/(distance to the next) */
+    float color[SP_TF_POINTS_MAX][3], opacity[SP_TF_POINTS_MAX];
+    float bins_per_unit;
+    uint8_t first[SP_POST_BINS + 1];
+    uint32_t gradient_count;
+    float magnitude[SP_GRADIENT_POINTS_MAX], scale[SP_GRADIENT_POINTS_MAX]; /* over gradient_unit */
+};
+
+struct sp_post {
+    struct sp_post_curve curve;
+    const struct sp_shade *shade; /* NULL = none */
+    bool perspective;
+    float focal, centre[2]; /* the camera's scale and centre, px */
+};
+
+/* The transfer function relative to `base`; gradient_unit: of N, data unit a world unit. */
+void sp_post_curve_init(struct sp_post_curve *curve, const struct sp_transfer_function *tf,
+                        double base, double gradient_unit);
+
+/* Class of a value relative to the base, at a gradient's magnitude over gradient_unit. */
+struct sp_class sp_post_class(const struct sp_post_curve *curve, float value, float magnitude);
+
+/* Turns n pixels of a row of sums from (x, y) on, planes SP_TILE · SP_TILE_ROW floats apart, from
+ * (W, N, S) into (T, E). */
+void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int n);
+
+#endif

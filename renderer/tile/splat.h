@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Compositing splat by splat (Westover 1989; Chen et al. 2004: splat-every-sample): each is
+ * attenuated and composited on its own, in the order that it comes. Overlapping splats hide each
+ * other although they belong to one field, so that colours bleed and darken.
+ */
+#ifndef SP_TILE_SPLAT_H
+#define SP_TILE_SPLAT_H
+
+#include "tile/blend.h"
+
+/* Composites splat n of the records. */
+void sp_splat_add(struct sp_tile *tile, const struct sp_blend *blend,
+                  const struct sp_splats *records, uint32_t n);
+
+#endif
