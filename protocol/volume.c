@@ -21,6 +21,19 @@ static proto_json *dims(const struct sp_grid *grid) {
     return array;
 }
 
+/* An array an axis, null for an even one. */
+static proto_json *coordinates(const struct sp_grid *grid) {
+    proto_json *axes = proto_json_array();
+    for (int i = 0; i < 3; i++)
+        if (!proto_json_append(axes, grid->coordinates[i]
+                                         ? numbers(grid->coordinates[i], grid->dims[i])
+                                         : proto_json_new_null())) {
+            proto_json_free(&axes);
+            return NULL;
+        }
+    return axes;
+}
+
 static proto_json *direction(const struct sp_grid *grid) {
     proto_json *rows = proto_json_array();
     for (int i = 0; i < 3; i++)
@@ -44,12 +57,14 @@ static proto_json *histogram(const struct sp_volume_info *info) {
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram) {
     const struct sp_grid *grid = &info->grid;
+    bool rectilinear = grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
     proto_json *volume = proto_json_object();
     bool ok = proto_json_set_string(volume, "id", id) &&
               proto_json_set_string(volume, "name", info->name) &&
               proto_json_set_string(volume, "source", info->source) &&
               proto_json_set(volume, "dims", dims(grid)) &&
               proto_json_set(volume, "spacing", numbers(grid->spacing, 3)) &&
+              (!rectilinear || proto_json_set(volume, "coordinates", coordinates(grid))) &&
               proto_json_set(volume, "origin", numbers(grid->origin, 3)) &&
               proto_json_set(volume, "direction", direction(grid)) &&
               proto_json_set_string(volume, "unit", info->unit) &&

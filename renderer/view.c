@@ -8,16 +8,19 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "volume/grid.h"
 
 /* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
 static struct sp_vec3 find_box(const struct sp_grid *grid, struct sp_vec3 half[3]) {
     struct sp_vec3 middle = sp_vec3_from(grid->origin);
-    for (int a = 0; a < 3; a++)
+    for (unsigned a = 0; a < 3; a++) {
+        double extent[2];
+        sp_grid_extent(grid, a, extent);
         for (int r = 0; r < 3; r++) {
-            double edge = grid->direction[r][a] * grid->spacing[a];
-            half[a].v[r] = 0.5 * grid->dims[a] * edge;
-            middle.v[r] += 0.5 * (grid->dims[a] - 1.0) * edge;
+            half[a].v[r] = 0.5 * (extent[1] - extent[0]) * grid->direction[r][a];
+            middle.v[r] += 0.5 * (extent[1] + extent[0]) * grid->direction[r][a];
         }
+    }
     return middle;
 }
 

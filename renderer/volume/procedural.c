@@ -10,8 +10,8 @@
 #include "base/parallel_for.h"
 
 static const struct sp_demo_maker *const makers[] = {
-    &sp_demo_phantom,        &sp_demo_engine,       &sp_demo_vessels,
-    &sp_demo_marschner_lobb, &sp_demo_checkerboard, &sp_demo_hydrogen,
+    &sp_demo_phantom,      &sp_demo_engine,   &sp_demo_vessels, &sp_demo_marschner_lobb,
+    &sp_demo_checkerboard, &sp_demo_hydrogen, &sp_demo_galaxy,
 };
 enum { MAKERS = sizeof makers / sizeof makers[0] };
 
@@ -118,6 +118,34 @@ static void release_heap(void *voxels, size_t bytes) {
     free(voxels);
 }
 
+static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
+                                     const struct sp_volume_info *info,
+                                     const struct sp_load_options *options, struct sp_error *err) {
+    uint64_t bytes;
+    if (!sp_grid_check(&info->grid, maker->type, info->source, &bytes, err))
+        return NULL;
+    if (options && options->reserve && !options->reserve(options->user, bytes, err))
+        return NULL;
+    size_t room = (bytes + 63) & ~(uint64_t)63;
+    struct making making = { .maker = maker,
+                             .dims = info->grid.dims,
+                             .options = options,
+                             .voxels = aligned_alloc(64, room) };
+    if (!making.voxels) {
+        sp_fail(err, SP_ERR_MEMORY, info->source, "no memory for %" PRIu64 " bytes of samples",
+                bytes);
+        return NULL;
+    }
+    if (!make_voxels(&making, err)) {
+        free(making.voxels);
+        return NULL;
+    }
+    struct sp_volume *volume = sp_volume_adopt(info, making.voxels, room, release_heap, err);
+    if (volume && options && options->progress)
+        options->progress(options->user, 1);
+    return volume;
+}
+
 struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
                                struct sp_error *err) {
     uint32_t size;
@@ -136,25 +164,11 @@ struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options 
     snprintf(info.name, sizeof info.name, "%s", maker->demo.name);
     snprintf(info.source, sizeof info.source, "%s", source);
 
-    uint64_t bytes;
-    if (!sp_grid_check(grid, maker->type, source, &bytes, err))
-        return NULL;
-    if (options && options->reserve && !options->reserve(options->user, bytes, err))
-        return NULL;
-    size_t room = (bytes + 63) & ~(uint64_t)63;
-    struct making making = {
-        .maker = maker, .dims = grid->dims, .options = options, .voxels = aligned_alloc(64, room)
-    };
-    if (!making.voxels) {
-        sp_fail(err, SP_ERR_MEMORY, source, "no memory for %" PRIu64 " bytes of samples", bytes);
-        return NULL;
+    double coordinates[3][SP_DEMO_SIZE_MAX];
+    for (int axis = 0; axis < 3 && maker->grade; axis++) {
+        for (uint32_t i = 0; i < grid->dims[axis]; i++)
+            coordinates[axis][i] = maker->grade(grid->dims[axis], i);
+        grid->coordinates[axis] = coordinates[axis];
     }
-    if (!make_voxels(&making, err)) {
-        free(making.voxels);
-        return NULL;
-    }
-    struct sp_volume *volume = sp_volume_adopt(&info, making.voxels, room, release_heap, err);
-    if (volume && options && options->progress)
-        options->progress(options->user, 1);
-    return volume;
+    return make_volume(maker, &info, options, err);
 }

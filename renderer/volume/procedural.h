@@ -28,6 +28,8 @@ struct sp_demo_maker {
     struct sp_demo demo;
     enum sp_type type;
     void (*shape)(uint32_t size, uint32_t dims[3]); /* NULL = a cube */
+    double (*grade)(uint32_t n, uint32_t i);        /* distance of sample i of n from sample 0 along
+                                                       each axis, n − 1 the last; NULL = i */
     void *(*prepare)(const uint32_t dims[3]); /* malloc'ed table shared by all slices, NULL when out
                                                  of memory; the slot is NULL when there is none */
     sp_demo_fill *fill;
@@ -36,8 +38,8 @@ struct sp_demo_maker {
 /* procedural_formulas.c: phantom, marschner-lobb, checkerboard, hydrogen */
 extern const struct sp_demo_maker sp_demo_phantom, sp_demo_marschner_lobb, sp_demo_checkerboard,
     sp_demo_hydrogen;
-/* procedural_engine.c and procedural_vessels.c */
-extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels;
+/* procedural_engine.c, procedural_vessels.c and procedural_galaxy.c */
+extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels, sp_demo_galaxy;
 
 /* Share of the inside at a sample that lies `distance` voxels outside a surface (negative =
  * inside): a smooth step over two voxels, as a scanner blurs it, so that gradients are smooth as

@@ -126,9 +126,13 @@ def walk(daemon, contract):
     ask(200, 'GET', f'{api}/view.schema.json')
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
     ask(201, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p'})
-    for volume in ('engine', 'p'):
+    ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:galaxy?size=16', 'id': 'graded'})
+    for volume in ('engine', 'p', 'graded'):
         while ask(200, 'GET', f'{api}/volumes/{{id}}', id=volume)['state'] == 'loading':
             pass
+    check([len(c) for c in ask(200, 'GET', f'{api}/volumes/{{id}}', id='graded')['coordinates']] == [16, 16, 8],
+          'a rectilinear volume tells its coordinates')
+    check('coordinates' not in ask(200, 'GET', f'{api}/volumes/{{id}}', id='p'), 'an even volume has none')
     ask(409, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=17', 'id': 'p'})
     ask(400, 'POST', f'{api}/volumes', '{')
     ask(422, 'POST', f'{api}/volumes', {'path': 'a', 'uri': 'demo:engine'})

@@ -91,7 +91,9 @@ static bool encode_view(void) {
 }
 
 static bool encode_volume(void) {
-    const struct sp_volume_info info = fixture_info();
+    struct sp_volume_info info = fixture_info();
+    double z[32] = { 0 };
+    info.grid.coordinates[2] = z;
     proto_json *json = proto_volume_encode(&info, "id", true);
     bool ok = json != NULL;
     proto_json_free(&json);

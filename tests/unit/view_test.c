@@ -26,6 +26,31 @@ static void make_info(struct sp_volume_info *info) {
         info->histogram[b] = b < 20 ? 10000 : b > 90 && b < 110 ? 500 : b > 180 && b < 190 ? 50 : 1;
 }
 
+/* All eight corners lie inside the picture and fill more than half of it one way. `ends` are the
+ * distances along each axis between which the volume's cells lie. */
+static void check_framing(const struct sp_view *view, const struct sp_grid *grid,
+                          const double ends[3][2]) {
+    struct sp_camera_frame camera;
+    sp_camera_frame_init(&camera, &view->camera, view->size);
+    double low[2] = { 1e9, 1e9 }, high[2] = { -1e9, -1e9 };
+    for (int corner = 0; corner < 8; corner++) {
+        struct sp_vec3 t = sp_vec3_from(grid->origin);
+        for (int a = 0; a < 3; a++)
+            for (int r = 0; r < 3; r++)
+                t.v[r] += grid->direction[r][a] * ends[a][corner >> a & 1];
+        struct sp_vec3 u = sp_mat3_apply(&camera.w, sp_vec3_sub(t, camera.eye));
+        assert_true(u.v[2] > view->camera.near);
+        for (int k = 0; k < 2; k++) {
+            double x = camera.centre[k] + camera.scale * u.v[k] / u.v[2];
+            low[k] = fmin(low[k], x);
+            high[k] = fmax(high[k], x);
+        }
+    }
+    for (int k = 0; k < 2; k++)
+        assert_true(low[k] > 0 && high[k] < 512);
+    assert_true(high[0] - low[0] > 256 || high[1] - low[1] > 256);
+}
+
 static void the_default_frames_the_volume(void **state) {
     (void)state;
     struct sp_volume_info info;
@@ -40,28 +65,35 @@ static void the_default_frames_the_volume(void **state) {
     assert_int_equal(view.filter.mode, SP_FILTER_ADAPTIVE);
     assert_int_equal(view.shading.mode, SP_SHADING_PHONG);
     assert_true(isnan(view.filter.c_max));
+    check_framing(&view, &info.grid,
+                  (const double[3][2]){ { -0.5, 39.5 }, { -1, 59 }, { -0.25, 9.75 } });
+}
 
-    struct sp_camera_frame camera;
-    sp_camera_frame_init(&camera, &view.camera, view.size);
-    double low[2] = { 1e9, 1e9 }, high[2] = { -1e9, -1e9 };
-    for (int corner = 0; corner < 8; corner++) {
-        struct sp_vec3 t = sp_vec3_from(info.grid.origin);
-        for (int a = 0; a < 3; a++) {
-            double i = corner >> a & 1 ? info.grid.dims[a] - 0.5 : -0.5;
-            for (int r = 0; r < 3; r++)
-                t.v[r] += info.grid.direction[r][a] * info.grid.spacing[a] * i;
-        }
-        struct sp_vec3 u = sp_mat3_apply(&camera.w, sp_vec3_sub(t, camera.eye));
-        assert_true(u.v[2] > view.camera.near);
-        for (int k = 0; k < 2; k++) {
-            double x = camera.centre[k] + camera.scale * u.v[k] / u.v[2];
-            low[k] = fmin(low[k], x);
-            high[k] = fmax(high[k], x);
-        }
+static void the_default_frames_a_rectilinear_volume(void **state) {
+    (void)state;
+    struct sp_volume_info info;
+    struct sp_view view;
+    make_info(&info);
+    double x[40] = { 0 }, z[20] = { 0 }; /* the last gaps are as long as all others together */
+    for (int i = 1; i < 40; i++)
+        x[i] = i < 39 ? i : 76;
+    for (int i = 1; i < 20; i++)
+        z[i] = i == 1 ? 36 : 36 + 2.0 * (i - 1);
+    info.grid.coordinates[0] = x;
+    info.grid.coordinates[2] = z;
+    info.grid.spacing[0] = 76 / 39.0;
+    info.grid.spacing[2] = 72 / 19.0;
+    sp_view_init(&view, &info, "x");
+    assert_true(sp_view_validate(&view, NULL));
+    assert_true(view.transfer_function.reference_length == 76 / 39.0); /* the smallest mean */
+    const double ends[3][2] = { { -0.5, 95 }, { -1, 59 }, { -18, 73 } };
+    check_framing(&view, &info.grid, ends);
+    for (int r = 0; r < 3; r++) { /* the middle of the box, not of the samples */
+        double middle = info.grid.origin[r];
+        for (int a = 0; a < 3; a++)
+            middle += info.grid.direction[r][a] * 0.5 * (ends[a][0] + ends[a][1]);
+        assert_float_equal(view.camera.target[r], middle, 1e-9);
     }
-    for (int k = 0; k < 2; k++)
-        assert_true(low[k] > 0 && high[k] < 512);
-    assert_true(high[0] - low[0] > 256 || high[1] - low[1] > 256);
 }
 
 static void the_default_hides_the_background(void **state) {
@@ -221,6 +253,7 @@ static void degenerate_cameras_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_default_frames_the_volume),
+        cmocka_unit_test(the_default_frames_a_rectilinear_volume),
         cmocka_unit_test(the_default_hides_the_background),
         cmocka_unit_test(ranges_are_checked),
         cmocka_unit_test(only_slabs_are_classified_after_interpolation),

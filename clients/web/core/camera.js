@@ -98,13 +98,21 @@ export function orbit(rig, yaw, pitch, roll = 0) {
   return { ...rig, orientation: normalizeQuaternion(q) };
 }
 
+/** Where a volume begins and ends along an axis: half a gap beyond its samples, measured from the first one. */
+function extent({ dims, spacing, coordinates }, axis) {
+  const at = coordinates?.[axis];
+  if (!at || at.length < 2) return [-spacing[axis] / 2, (dims[axis] - 0.5) * spacing[axis]];
+  return [(at[0] - at[1]) / 2, at.at(-1) + (at.at(-1) - at.at(-2)) / 2];
+}
+
 /** The box {center, half: its three half edges as vectors} of a volume as the protocol describes it (dims, spacing, …). */
-export function volumeBox({ dims, spacing, origin = [0, 0, 0], direction }) {
-  const rows = direction ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+export function volumeBox(volume) {
+  const { origin = [0, 0, 0], direction: rows = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] } = volume;
   const world = (axes) => rows.map((row) => dot(row, axes));
-  const edge = (axis) => world([0, 1, 2].map((i) => (i === axis ? dims[i] * spacing[i] / 2 : 0)));
+  const extents = [0, 1, 2].map((axis) => extent(volume, axis));
+  const edge = (axis) => world(extents.map(([low, high], i) => (i === axis ? (high - low) / 2 : 0)));
   return {
-    center: add(origin, world(dims.map((n, i) => (n - 1) * spacing[i] / 2))), half: [edge(0), edge(1), edge(2)],
+    center: add(origin, world(extents.map(([low, high]) => (low + high) / 2))), half: [edge(0), edge(1), edge(2)],
   };
 }
 

@@ -47,6 +47,7 @@ static void every_demo_is_as_announced(void **state) {
         { "marschner-lobb", { 41, 41, 41 }, SP_FLOAT32, 0, 1 },
         { "checkerboard", { 512, 512, 3 }, SP_UINT8, 64, 192 },
         { "hydrogen", { 128, 128, 128 }, SP_UINT8, 0, 255 },
+        { "galaxy", { 96, 96, 48 }, SP_UINT16, 0, 4000 },
     };
     size_t count = sizeof expected / sizeof expected[0];
     assert_null(sp_demo_at(count));
@@ -143,7 +144,7 @@ static void bad_sources_are_explained(void **state) {
         const char *text;
     } cases[] = {
         { "demo:", SP_ERR_NOT_FOUND, "phantom, engine, vessels, marschner-lobb" },
-        { "demo:Phantom", SP_ERR_NOT_FOUND, "checkerboard, hydrogen" },
+        { "demo:Phantom", SP_ERR_NOT_FOUND, "checkerboard, hydrogen, galaxy" },
         { "demo:phantom ", SP_ERR_NOT_FOUND, "no such built-in volume" },
         { "demo:phantom?", SP_ERR_INVALID, "?size=N" },
         { "demo:phantom?size=", SP_ERR_INVALID, "[8, 1024]" },
@@ -278,6 +279,41 @@ static void engine_is_made_of_three_materials(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* Fine in the middle, coarse outside, mirrored; the same shape for any number of samples. */
+static void galaxy_is_graded(void **state) {
+    (void)state;
+    struct sp_volume *volume = load("demo:galaxy"), *fine = load("demo:galaxy?size=191");
+    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    for (int axis = 0; axis < 3; axis++) {
+        const double *c = grid->coordinates[axis];
+        uint32_t last = grid->dims[axis] - 1;
+        assert_non_null(c);
+        assert_near(c[last], last, 1e-12 * last);
+        for (uint32_t i = 0; i < last; i++) {
+            assert_near(c[i] + c[last - i], last, 1e-12 * last);
+            double gap = c[i + 1] - c[i], before = i ? gap - (c[i] - c[i - 1]) : -1;
+            assert_true(i > last / 2 ? before > 0 : before < 0);
+        }
+        assert_near((c[1] - c[0]) / (c[last / 2 + 1] - c[last / 2]), cosh(3), 1.2);
+    }
+    /* Every second sample of the finer one lies at the same place of the whole. */
+    for (uint32_t i = 0; i < 96; i += 5)
+        assert_near(grid->coordinates[0][i] / 95,
+                    sp_volume_info(fine)->grid.coordinates[0][2 * i] / 190, 1e-12);
+    assert_near(sample(volume, 48, 48, 24), 4000, 20); /* the core */
+    /* Two arms: half a turn about the axis changes nothing. */
+    uint32_t arms = 0;
+    for (uint32_t i = 0; i < 96; i++)
+        for (uint32_t j = 0; j < 96; j++) {
+            assert_near(sample(volume, i, j, 20), sample(volume, 95 - i, 95 - j, 20), 1);
+            assert_near(sample(volume, i, j, 20), sample(volume, i, j, 27), 1);
+            arms += sample(volume, i, j, 20) > 1000;
+        }
+    assert_true(arms > 500 && arms < 96 * 96 / 2);
+    sp_volume_unref(&volume);
+    sp_volume_unref(&fine);
+}
+
 /* Six-connected flood from the trunk's root: all of the tree hangs together. */
 static void vessels_are_one_piece(void **state) {
     (void)state;
@@ -374,6 +410,7 @@ int main(void) {
         cmocka_unit_test(phantom_has_the_table_s_values),
         cmocka_unit_test(checkerboard_alternates),
         cmocka_unit_test(engine_is_made_of_three_materials),
+        cmocka_unit_test(galaxy_is_graded),
         cmocka_unit_test(vessels_are_one_piece),
         cmocka_unit_test(budget_progress_and_cancel),
     };

@@ -30,6 +30,14 @@ test('a box reaches along a normal as far as its corners', () => {
   }
 });
 
+test('a rectilinear volume ends half a gap beyond its samples', () => {
+  const volume = { dims: [4, 3, 2], spacing: [2, 1, 5], origin: [10, 0, 0], coordinates: [[0, 1, 2, 6], null, [0, 5]] };
+  const box = volumeBox(volume);
+  close(reach(box, [1, 0, 0]), [9.5, 18]);
+  close(reach(box, [0, 1, 0]), [-0.5, 2.5]);
+  close(reach(box, [0, 0, 1]), [-2.5, 7.5]);
+});
+
 test('a plane\'s depth is the part of the volume that it cuts away, whatever the normal\'s length', () => {
   const box = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0.5, 0.5, 1] });
   assert.deepEqual(planeAt(box, [0, 0, 1], 0.25), { normal: [0, 0, 1], offset: 15 });

@@ -206,6 +206,49 @@ test('background, shading and filter reach the picture', async (context) => {
   assert.deepEqual(said, []);
 });
 
+test('every choice of the picture is drawn, and what a plane and a box cut away is gone', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 700, height: 500 } });
+  const choose = async (id, value) => {
+    await page.selectOption(id, value);
+    await rest(page);
+    assert.equal(await page.locator('.complaint').count(), 0, `${id} ${value}`);
+    assert.equal(await page.inputValue(id), value);
+  };
+  for (const mode of ['ewa', 'reconstruction', 'lowpass', 'swan', 'none', 'adaptive']) await choose('#filter', mode);
+  const plain = await pixels(page);
+  await choose('#kernel', 'cubic');
+  await choose('#kernel', 'gaussian');
+  for (const mode of ['splat', 'slab']) await choose('#compositing', mode);
+  await choose('#attenuation', 'linear');
+  await choose('#attenuation', 'exponential');
+  await choose('#compositing', 'sheet');
+  assert.ok(difference(plain, await pixels(page)) < 0.001, 'back where it began');
+  const lit = ({ width, height, at }) => {
+    let count = 0;
+    for (let y = 0; y < height; y += 4) for (let x = 0; x < width; x += 4) if (Math.max(...at(x, y).slice(0, 3)) > 40) count += 1;
+    return count;
+  };
+  const whole = lit(await pixels(page));
+  await page.locator('#clip summary').click();
+  await changes(page, () => page.locator('#plane').click());
+  await shot(page, 'plane');
+  await changes(page, async () => {
+    await page.focus('#plane-depth');
+    await page.keyboard.press('End');
+  });
+  assert.equal(lit(await pixels(page)), 0, 'a plane behind everything leaves nothing');
+  await page.locator('#plane').click();
+  await rest(page);
+  await changes(page, async () => {
+    await page.focus('.pair input[data-axis="2"][data-corner="1"]');
+    for (let i = 0; i < 5; i += 1) await page.keyboard.press('PageDown');
+  });
+  const half = lit(await pixels(page));
+  assert.ok(half > 0.1 * whole && half < 0.9 * whole, `${half} of ${whole} samples are lit`);
+  await shot(page, 'box');
+  assert.deepEqual(said, []);
+});
+
 test('two windows on one session see each other\'s changes', async (context) => {
   const { page, said } = await setUp(context);
   const join = await page.evaluate(() => JSON.parse(Object.entries(sessionStorage).find(([k]) => k.endsWith('session'))[1]));
