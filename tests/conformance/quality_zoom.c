@@ -32,19 +32,23 @@ struct zoom {
     double azimuth, elevation;
     double radius;  /* of a ball around what is seen, world units */
     double focal;   /* px */
+    double largest; /* scale, where the eye is still outside */
     double opacity; /* the scene's times this */
 };
 static const struct zoom zooms[] = {
-    { test_scene_blobs, -30, 20, 20, 1000, 1 },   { test_scene_thin_shells, 20, 15, 20, 1000, 1 },
-    { test_scene_layers, 35, 30, 24, 1000, 0.2 }, { test_scene_checkerboard, 20, 50, 64, 1000, 1 },
-    { test_scene_blobs, -30, 20, 20, 20, 1 }, /* as wide as 90 degrees */
+    { test_scene_blobs, -30, 20, 20, 800, 28, 1 },
+    { test_scene_thin_shells, 20, 15, 20, 800, 28, 1 },
+    { test_scene_layers, 35, 30, 24, 800, 28, 0.2 },
+    { test_scene_checkerboard, 20, 50, 64, 800, 28, 1 },
+    { test_scene_blobs, -30, 20, 20, 20, 0.8, 1 }, /* seen at 70 degrees and less */
 };
-static const double scales[] = { 32,    22.6, 16,    8,     5.66, 4,     2.83, 2,
-                                 1.414, 1,    0.707, 0.595, 0.5,  0.354, 0.25, 0.125 };
+static const double scales[] = {
+    28, 16, 8, 4, 2, 1.414, 1, 0.707, 0.595, 0.5, 0.354, 0.25, 0.125
+}; /* px a voxel */
 
 /* The eye where a voxel of spacing 1 in the middle is `scale` px wide. */
 static void place(struct test_scene *scene, const struct zoom *zoom, double scale) {
-    unsigned size = (unsigned)fmin(2 * zoom->radius * scale + 6, 40);
+    unsigned size = (unsigned)fmin(fmax(2 * zoom->radius * scale + 6, 16), 32);
     scene->view.size[0] = scene->view.size[1] = size;
     scene->view.camera.fov_y = 360 / M_PI * atan(0.5 * size / zoom->focal);
     test_scene_orbit(scene, NULL, zoom->azimuth, zoom->elevation, zoom->focal / scale);
@@ -103,10 +107,10 @@ static void measure(struct quality *q) {
         for (uint32_t i = 0; i < scene.view.transfer_function.point_count; i++)
             scene.view.transfer_function.points[i].opacity *= (float)zooms[z].opacity;
         scene.view.filter.c_min = 0.07;
-        scene.view.filter.c_max = NAN;
+        scene.view.filter.c_max = 2.5;
         struct sp_volume *volume = quality_volume(&scene);
         for (size_t i = 0; i < sizeof scales / sizeof *scales; i++)
-            if (zooms[z].focal / scales[i] > zooms[z].radius) {
+            if (scales[i] <= zooms[z].largest) {
                 place(&scene, &zooms[z], scales[i]);
                 step(q, &scene, volume, scales[i]);
             }

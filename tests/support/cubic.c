@@ -12,8 +12,7 @@ double test_cubic(double r) {
     return q > 0 ? q * q * (0.067599 + 0.282474 * q) : 0;
 }
 
-/* Gauss and Legendre's rule of eight points on [a, b] for g along the ray; exact to 1e-12 where g
- * is one polynomial of r and the panel is short. */
+/* Gauss and Legendre's rule of eight points on [a, b] for g along the ray. */
 static double panel(double rho, double a, double b) {
     static const double x[4] = { 0.1834346424956498, 0.5255324099163290, 0.7966664774136267,
                                  0.9602898564975363 };
@@ -32,8 +31,9 @@ static double from_middle(double rho, double end) {
     for (int i = 0; i < 2; i++) {
         double stop = rho < stops[i] ? sqrt(stops[i] * stops[i] - rho * rho) : 0;
         double last = fmin(stop, end);
-        for (int k = 0; k < 4 && last > begin; k++)
-            sum += panel(rho, begin + (last - begin) * k / 4, begin + (last - begin) * (k + 1) / 4);
+        double middle = 0.5 * (begin + last);
+        if (last > begin)
+            sum += panel(rho, begin, middle) + panel(rho, middle, last);
         begin = fmax(begin, last);
     }
     return sum;

@@ -12,7 +12,7 @@
 double test_cubic(double r);
 
 /* ∫ g(√(ρ² + z²)) dz for z from -∞ to `end`: what a ray at distance ρ ≥ 0 from the middle has
- * gathered there. `end` INFINITY: the footprint F(ρ). Good to 1e-9. */
+ * gathered there. `end` INFINITY: the footprint F(ρ). Good to 1e-8. */
 double test_cubic_gathered(double rho, double end);
 
 /* Variance along one axis: ∫ x² g / ∫ g over space [voxel²]. */

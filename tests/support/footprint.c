@@ -238,24 +238,28 @@ double test_footprint_share(const struct test_projection *p, const struct test_c
                             double depth) {
     if (!p->cubic)
         return 0.5 * erfc(-depth / sqrt(2));
-    double rho = p->sigma * sqrt(c->m2);
-    return test_cubic_gathered(rho, p->sigma * depth) / test_cubic_gathered(rho, INFINITY);
+    return test_cubic_gathered(c->rho, p->sigma * depth) / c->all;
 }
 
 bool test_footprint_cross(const struct test_projection *p, const struct test_footprint *f,
                           const double d[2], struct test_crossing *c) {
     double t[2];
     apply(f->conic, d, t);
-    *c = (struct test_crossing){ f->peak, d[0] * t[0] + d[1] * t[1], -INFINITY, INFINITY };
+    double m2 = d[0] * t[0] + d[1] * t[1];
+    *c = (struct test_crossing){ .length = f->peak, .low = -INFINITY, .high = INFINITY };
+    if (p->cubic) {
+        c->rho = p->sigma * sqrt(m2);
+        c->all = test_cubic_gathered(c->rho, INFINITY);
+    }
     if (f->flat) {
         if (d[0] < -f->rx || d[0] >= f->rx || d[1] < -f->ry || d[1] >= f->ry)
             return false;
-    } else if (c->m2 > p->radius * p->radius) {
+    } else if (m2 > p->radius * p->radius) {
         return false;
     } else if (p->cubic) {
-        c->length *= test_cubic_gathered(p->sigma * sqrt(c->m2), INFINITY);
+        c->length *= c->all;
     } else {
-        c->length *= exp(-0.5 * c->m2);
+        c->length *= exp(-0.5 * m2);
     }
     for (int i = 0; i < f->planes; i++) {
         const struct test_cut *cut = &f->cut[i];

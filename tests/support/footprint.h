@@ -52,7 +52,7 @@ bool test_footprint_init(const struct test_projection *p, const uint32_t voxel[3
  * the interval of depth that clip planes leave, in deviations around the ray's mean. False when
  * nothing does. */
 struct test_crossing {
-    double length, m2; /* m2: squared Mahalanobis radius */
+    double length, rho, all; /* cubic: distance from the middle [voxels], F(ρ) */
     double low, high;
 };
 bool test_footprint_cross(const struct test_projection *p, const struct test_footprint *f,

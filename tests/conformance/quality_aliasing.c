@@ -1,0 +1,310 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Aliasing on planes that recede to the horizon: how much of a picture's energy lies above the
+ * Nyquist rate, and how much the picture flickers when the camera moves slowly.
+ *
+ * The pattern on the plane is periodic, so that moving the camera by a period along the plane
+ * gives the same picture again. In between, the value of a pixel is a function p(s, t) of the two
+ * moves, periodic in both, and its Fourier series separates by itself what a picture mixes up:
+ *
+ *   p(s, t) = Σ c_kl e^{2πi (k s + l t)}     component (k, l) of the pattern, as the filter left it
+ *
+ *   frequency of (k, l) in the picture = k ∇s(x) + l ∇t(x)     [1/px], from the geometry alone
+ *
+ * A component of more than half a cycle a pixel along either side of a pixel cannot be shown:
+ * what is left of it appears as something else. Its energy |c_kl|² is what is counted here as above
+ * the Nyquist rate, and what lies below it, the contrast that was kept. That is the condition of
+ * Swan et al., section 4.2, eq. 2 (sampling frequency ≥ 2·highest frequency), taken pixel by pixel.
+ * It asks for no reference picture, and holds for any filter and for compositing that is not
+ * linear. Moves of less than a voxel show the components of the voxels themselves, too.
+ *
+ * Flicker is the mean change from one picture to the next along the moves, less that of the same
+ * pictures without what lies above the Nyquist rate: their true motion.
+ *
+ * Pictures and volumes are those of Swan et al. (498×398×1, 270×157 px), Chen et al. (512×512×3)
+ * and Zwicker et al., figure 8 (a square zebra of 1024×512×3 and 1024×256×3, 400×150 px).
+ */
+#include <complex.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "quality.h"
+
+enum { MOVES_MAX = 8 };
+
+struct plane {
+    const char *name;
+    uint32_t dims[3];
+    double spacing[3];
+    test_value_fn *value;
+    unsigned ahead;    /* the axis that the camera looks along, 0 or 1; the other is sideways */
+    double period[2];  /* of the pattern sideways and ahead, world units */
+    unsigned moves[2]; /* pictures a period, at most MOVES_MAX */
+    unsigned size[2];  /* px */
+    double focal;      /* px */
+    double height;     /* of the eye above the plane, world units */
+};
+
+static double squares(const void *user, double x, double y, double z) {
+    (void)user, (void)z;
+    return (((int)x >> 1) + ((int)y >> 1)) & 1 ? 255 : 0;
+}
+
+/* Stripes across the line of sight that wave sideways, with a period of 32 world units both ways.
+ * Sinusoids, so that no component is too fast for four moves a period. */
+static double zebra(const void *user, double x, double y, double z) {
+    (void)z;
+    double ahead = x / 32, sideways = y * *(const double *)user / 32;
+    return 127.5 + 127.5 * sin(2 * M_PI * (ahead + 0.15 * sin(2 * M_PI * sideways)));
+}
+
+/* Where the plane is hit, from the point below the eye, by the ray of a point of the picture [px];
+ * and how that changes by px to the right and downwards. */
+struct hit {
+    double at[2], right[2], down[2]; /* sideways and ahead, world units */
+};
+
+static double pitch(const struct plane *p) { /* the horizon lies a sixteenth below the top */
+    return atan(0.4375 * p->size[1] / p->focal);
+}
+
+static void hit_plane(const struct plane *p, double x, double y, double at[2]) {
+    double a = pitch(p), sine = sin(a), cosine = cos(a);
+    x -= 0.5 * p->size[0];
+    y -= 0.5 * p->size[1];
+    double along = p->height / (y * cosine + p->focal * sine);
+    at[0] = along * x;
+    at[1] = along * (p->focal * cosine - y * sine);
+}
+
+static struct hit hit_around(const struct plane *p, double x, double y) {
+    const double h = 1e-4;
+    struct hit hit;
+    double a[2], b[2], c[2], d[2];
+    hit_plane(p, x, y, hit.at);
+    hit_plane(p, x - h, y, a);
+    hit_plane(p, x + h, y, b);
+    hit_plane(p, x, y - h, c);
+    hit_plane(p, x, y + h, d);
+    for (int i = 0; i < 2; i++) {
+        hit.right[i] = (b[i] - a[i]) / (2 * h);
+        hit.down[i] = (d[i] - c[i]) / (2 * h);
+    }
+    return hit;
+}
+
+/* Ahead of the eye, the plane begins here: a little below the lowest row. */
+static double begin(const struct plane *p) {
+    double at[2];
+    hit_plane(p, 0.5 * p->size[0], p->size[1], at);
+    return at[1] - 5 * p->spacing[p->ahead];
+}
+
+static void look(const struct plane *p, struct sp_camera *camera, double sideways, double ahead) {
+    unsigned f = p->ahead, s = 1 - f;
+    double near = -0.5 * p->spacing[f] * p->dims[f];
+    camera->position[f] = near - begin(p) + ahead;
+    camera->position[s] = sideways;
+    camera->position[2] = p->height;
+    for (int a = 0; a < 3; a++)
+        camera->target[a] = camera->position[a];
+    camera->target[f] += cos(pitch(p));
+    camera->target[2] -= sin(pitch(p));
+    camera->up[0] = camera->up[1] = 0;
+    camera->up[2] = 1;
+    camera->fov_y = 360 / M_PI * atan(0.5 * p->size[1] / p->focal);
+}
+
+static bool build(const struct plane *p, struct test_scene *scene) {
+    test_view_init(&scene->view);
+    test_scene_points(scene, (const double[][5]){ { 0, 0, 0, 0, 0.9 }, { 255, 1, 1, 1, 0.9 } }, 2);
+    scene->view.size[0] = p->size[0];
+    scene->view.size[1] = p->size[1];
+    return test_scene_voxels(scene, p->name, p->dims, p->spacing, SP_UINT8, p->value,
+                             &p->spacing[1]);
+}
+
+/* The pictures of all moves, one number a pixel. */
+struct pictures {
+    const struct plane *plane;
+    float *value; /* [moves ahead][moves sideways][height][width] */
+};
+
+static float *picture(const struct pictures *p, unsigned s, unsigned t) {
+    const struct plane *plane = p->plane;
+    return p->value + (size_t)(t * plane->moves[0] + s) * plane->size[0] * plane->size[1];
+}
+
+static struct pictures take_pictures(const struct quality *q, const struct plane *p,
+                                     struct sp_volume *volume, struct sp_view *view) {
+    size_t pixels = (size_t)p->size[0] * p->size[1];
+    struct pictures all = { p, malloc(pixels * p->moves[0] * p->moves[1] * sizeof(float)) };
+    if (!all.value)
+        exit(EXIT_FAILURE);
+    for (unsigned t = 0; t < p->moves[1]; t++)
+        for (unsigned s = 0; s < p->moves[0]; s++) {
+            look(p, &view->camera, p->period[0] * s / p->moves[0], p->period[1] * t / p->moves[1]);
+            struct test_image image = quality_render(q, volume, view);
+            for (size_t i = 0; i < pixels; i++)
+                picture(&all, s, t)[i] = (float)image.rgba[4 * i];
+            test_image_finish(&image);
+        }
+    return all;
+}
+
+/* Discrete Fourier transform of n rows and m columns in place; sign -1 forward, unscaled. */
+static void transform(double complex *v, unsigned n, unsigned m, int sign) {
+    for (unsigned axis = 0; axis < 2; axis++) {
+        unsigned length = axis ? n : m, lines = axis ? m : n, step = axis ? m : 1;
+        double complex root[MOVES_MAX], sum[MOVES_MAX];
+        for (unsigned i = 0; i < length; i++)
+            root[i] = cexp(sign * 2 * M_PI * I * i / length);
+        for (unsigned line = 0; line < lines; line++) {
+            double complex *at = v + (axis ? line : line * m);
+            for (unsigned k = 0; k < length; k++) {
+                sum[k] = 0;
+                for (unsigned i = 0; i < length; i++)
+                    sum[k] += at[i * step] * root[i * k % length];
+            }
+            for (unsigned k = 0; k < length; k++)
+                at[k * step] = sum[k];
+        }
+    }
+}
+
+/* Signed order of a component; of the highest one, whose sign is open, +. */
+static int order(unsigned k, unsigned n) {
+    return 2 * k <= n ? (int)k : (int)k - (int)n;
+}
+
+static bool is_above(const struct plane *p, const struct hit *hit, unsigned k, unsigned l) {
+    double s = order(k, p->moves[0]) / p->period[0], t = order(l, p->moves[1]) / p->period[1];
+    return fabs(s * hit->right[0] + t * hit->right[1]) > 0.5 ||
+           fabs(s * hit->down[0] + t * hit->down[1]) > 0.5;
+}
+
+struct spectrum {
+    double above, below; /* mean energy a pixel */
+    double flicker;      /* mean change from picture to picture */
+    double motion;       /* what of it is true */
+    unsigned pixels;
+};
+
+static double change(const double complex *v, const struct plane *p) {
+    unsigned n = p->moves[1], m = p->moves[0];
+    double sum = 0;
+    for (unsigned t = 0; t < n; t++)
+        for (unsigned s = 0; s < m; s++)
+            sum += fabs(creal(v[t * m + s] - v[t * m + (s + 1) % m])) +
+                   fabs(creal(v[t * m + s] - v[(t + 1) % n * m + s]));
+    return sum / (2 * n * m);
+}
+
+static void add_pixel(const struct pictures *all, unsigned x, unsigned y, const struct hit *hit,
+                      struct spectrum *sum) {
+    const struct plane *p = all->plane;
+    unsigned n = p->moves[1], m = p->moves[0];
+    double complex v[MOVES_MAX * MOVES_MAX];
+    for (unsigned t = 0; t < n; t++)
+        for (unsigned s = 0; s < m; s++)
+            v[t * m + s] = (double)picture(all, s, t)[(size_t)y * p->size[0] + x];
+    double all_change = change(v, p);
+    transform(v, n, m, -1);
+    for (unsigned l = 0; l < n; l++)
+        for (unsigned k = 0; k < m; k++) {
+            double complex *c = &v[l * m + k];
+            *c /= n * m;
+            double energy = creal(*c * conj(*c));
+            if (is_above(p, hit, k, l)) {
+                sum->above += energy;
+                *c = 0;
+            } else if (k || l) {
+                sum->below += energy;
+            }
+        }
+    transform(v, n, m, 1);
+    sum->motion += change(v, p);
+    sum->flicker += all_change;
+    sum->pixels++;
+}
+
+/* Over the pixels that see the inside of the plane during all moves. */
+static struct spectrum measure_spectrum(const struct pictures *all) {
+    const struct plane *p = all->plane;
+    unsigned f = p->ahead, s = 1 - f;
+    double side = 0.5 * p->spacing[s] * p->dims[s] - p->period[0] - 5 * p->spacing[s];
+    double far = begin(p) + p->spacing[f] * p->dims[f] - p->period[1] - 5 * p->spacing[f];
+    struct spectrum sum = { 0 };
+    for (unsigned y = 0; y < p->size[1]; y++)
+        for (unsigned x = 0; x < p->size[0]; x++) {
+            struct hit hit = hit_around(p, x + 0.5, y + 0.5);
+            if (hit.at[1] > 0 && hit.at[1] < far && fabs(hit.at[0]) < side)
+                add_pixel(all, x, y, &hit, &sum);
+        }
+    sum.above /= sum.pixels;
+    sum.below /= sum.pixels;
+    sum.motion /= sum.pixels;
+    sum.flicker = sum.flicker / sum.pixels - sum.motion;
+    return sum;
+}
+
+static struct spectrum run(const struct quality *q, const struct plane *p, struct sp_volume *volume,
+                           struct sp_view *view) {
+    struct pictures all = take_pictures(q, p, volume, view);
+    struct spectrum spectrum = measure_spectrum(&all);
+    free(all.value);
+    printf("  %-9s %-14s h %.2f  %9.6f  %9.6f  %9.6f  %9.6f\n", p->name,
+           quality_filter_name(view->filter.mode), view->filter.lowpass, spectrum.above,
+           spectrum.below, spectrum.flicker, spectrum.motion);
+    fflush(stdout);
+    return spectrum;
+}
+
+static const struct plane planes[] = {
+    { "swan", { 498, 398, 1 }, { 1, 1, 1 }, squares, 1, { 4, 4 }, { 8, 8 }, { 270, 157 }, 135, 40 },
+    { "chen", { 512, 512, 3 }, { 1, 1, 1 }, squares, 1, { 4, 4 }, { 4, 4 }, { 256, 160 }, 128, 40 },
+    { "zebra 2:1",
+      { 1024, 512, 3 },
+      { 1, 2, 1 },
+      zebra,
+      0,
+      { 32, 32 },
+      { 4, 4 },
+      { 400, 150 },
+      200,
+      150 },
+    { "zebra 4:1",
+      { 1024, 256, 3 },
+      { 1, 4, 1 },
+      zebra,
+      0,
+      { 32, 32 },
+      { 4, 4 },
+      { 400, 150 },
+      200,
+      150 },
+};
+
+static void measure(struct quality *q) {
+    static const enum sp_filter_mode modes[] = { SP_FILTER_NONE, SP_FILTER_RECONSTRUCTION,
+                                                 SP_FILTER_SWAN, SP_FILTER_EWA };
+    printf("  plane     filter                 above      below    flicker     motion\n");
+    for (size_t i = 0; i < sizeof planes / sizeof *planes; i++) {
+        struct test_scene scene;
+        if (!build(&planes[i], &scene))
+            exit(EXIT_FAILURE);
+        struct sp_volume *volume = quality_volume(&scene);
+        for (int m = planes[i].value == zebra ? 2 : 0; m < 4; m++) {
+            scene.view.filter.mode = modes[m];
+            run(q, &planes[i], volume, &scene.view);
+        }
+        quality_forget(q, &volume);
+        test_scene_finish(&scene);
+    }
+}
+
+int main(void) {
+    return quality_main(measure);
+}
