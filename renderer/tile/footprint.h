@@ -8,7 +8,7 @@
 
 #include "tile/blend.h"
 
-/* Pixels of a row, from its first on. */
+/* Pixels of a row, from its first on. Weights go on with zeros up to a multiple of SP_TILE_STEP. */
 struct sp_row {
     int n;
     float weight[SP_TILE];

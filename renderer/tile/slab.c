@@ -31,12 +31,13 @@ static struct range find_slabs(const struct sp_blend *blend, const struct sp_spl
     return (struct range){ (uint32_t)from, (uint32_t)to };
 }
 
-/* Adds weights times what the splat adds; `share` of all of it. */
+/* Adds n weights, a multiple of SP_TILE_STEP, times what the splat adds; `share` of all of it. */
 static inline void add_weights(const struct sp_splat *s, const float *restrict w, int n,
                                float share, bool post, float *restrict sums) {
     enum { P = SP_TILE * SP_TILE_ROW };
     float depth = s->depth * share, e0 = s->emission[0] * share, e1 = s->emission[1] * share,
           e2 = s->emission[2] * share, value = s->value * share;
+    n &= -SP_TILE_STEP;
     for (int i = 0; i < n; i++) {
         sums[i] += w[i] * depth;
         sums[P + i] += w[i] * e0;
@@ -65,7 +66,8 @@ static void find_shares(const struct sp_blend *blend, const struct sp_span *span
 static void add_row(struct sp_tile *tile, const struct sp_blend *blend, const struct sp_splat *s,
                     const struct sp_span *span, const struct range *slabs, const struct sp_row *row,
                     int x, int y) {
-    float before[SP_TILE], share[SP_TILE];
+    float before[SP_TILE], share[SP_TILE] = { 0 };
+    int whole = (row->n + SP_TILE_STEP - 1) & -SP_TILE_STEP;
     float dx = (float)(x + tile->x) + 0.5f - s->x, dy = (float)(y + tile->y) + 0.5f - s->y;
     for (int i = 0; i < row->n; i++)
         before[i] = row->bounded ? sp_footprint_share(blend, row->exponent[i], row->low[i]) : 0;
@@ -83,7 +85,7 @@ static void add_row(struct sp_tile *tile, const struct sp_blend *blend, const st
         for (int i = 0; i < row->n; i++)
             share[i] = (share[i] + before[i]) * row->weight[i];
         sp_plane *sums = tile->sums + (size_t)(k % blend->slots) * blend->planes;
-        add_weights(s, share, row->n, 1, blend->post != NULL, &sums[0][y][x]);
+        add_weights(s, share, whole, 1, blend->post != NULL, &sums[0][y][x]);
     }
 }
 
@@ -110,9 +112,10 @@ static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const s
     for (int y = box->y0; y < box->y1; y++) {
         struct sp_row row;
         sp_footprint_row(blend, tile, s, NULL, box, y, &row);
+        int whole = (row.n + SP_TILE_STEP - 1) & -SP_TILE_STEP;
         for (uint32_t k = slabs->first; k <= slabs->last; k++) {
             sp_plane *sums = tile->sums + (size_t)(k % blend->slots) * blend->planes;
-            add_weights(s, row.weight, row.n, share[k - slabs->first], blend->post != NULL,
+            add_weights(s, row.weight, whole, share[k - slabs->first], blend->post != NULL,
                         &sums[0][y][box->x0]);
         }
     }
