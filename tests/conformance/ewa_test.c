@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every scene of the manifest, by every backend and instruction set, against the integral.
+ * Every scene of the manifest with every choice of its rows, by every backend and instruction set,
+ * against the integral.
  *
  *   test_conformance_ewa [SCENE]      one scene alone
  *
  * What falls below its floor is written as a picture (support/image.h: test_image_dump).
  */
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,13 +19,20 @@
 #include "support/render.h"
 #include "support/truth.h"
 
-enum { TARGETS_MAX = 16 };
+enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64 };
 
 struct run {
     struct test_target targets[TARGETS_MAX];
     struct test_renderer renderers[TARGETS_MAX];
     unsigned count;
     unsigned checks, failed;
+};
+
+/* The integral of a scene, convolved as the rows want it. */
+struct truth {
+    double lowpass[LOWPASSES_MAX];
+    struct test_image image[LOWPASSES_MAX];
+    int count;
 };
 
 static void open_all(struct run *run) {
@@ -37,26 +46,51 @@ static void open_all(struct run *run) {
     }
 }
 
-/* One render against one image of the truth; the PSNR, or NAN when nothing was rendered. */
-static double check(struct run *run, unsigned t, const struct test_scene *scene, const char *what,
-                    const struct manifest_floor *floor, const struct test_image *truth) {
+static void choose(struct sp_view *view, const struct manifest_row *row,
+                   const struct sp_view *own) {
+    view->filter.mode = row->filter;
+    view->filter.lowpass = row->lowpass;
+    view->filter.cutoff = row->cutoff > 0 ? row->cutoff : own->filter.cutoff;
+    view->compositing.mode = row->compositing;
+    view->compositing.slab = row->slab > 0 ? row->slab : 1;
+    view->compositing.attenuation = row->attenuation;
+}
+
+static void name_row(const struct manifest_row *row, char *name, size_t size) {
+    static const char *const filters[] = { "adaptive", "ewa",  "reconstruction",
+                                           "lowpass",  "swan", "none" };
+    static const char *const compositings[] = { "splat", "sheet", "slab" };
+    char slab[32] = "", cutoff[32] = "";
+    if (row->slab > 0)
+        snprintf(slab, sizeof slab, "-%g", row->slab);
+    if (row->cutoff > 0)
+        snprintf(cutoff, sizeof cutoff, "-cutoff-%g", row->cutoff);
+    snprintf(name, size, "%s-%g-%s%s%s%s", filters[row->filter], row->lowpass,
+             compositings[row->compositing], slab, cutoff,
+             row->attenuation == SP_ATTENUATION_LINEAR ? "-linear" : "");
+}
+
+/* One picture against the truth; the PSNR, or NAN when nothing was rendered. */
+static double check(struct run *run, unsigned t, const struct test_scene *scene,
+                    const struct manifest_row *row, const struct test_image *truth) {
     struct test_image image;
     struct sp_error err;
-    char name[256];
-    snprintf(name, sizeof name, "%s-%s-%s-%s", scene->info.name, what, run->targets[t].backend,
+    char choice[128], name[400];
+    name_row(row, choice, sizeof choice);
+    snprintf(name, sizeof name, "%s-%s-%s-%s", scene->info.name, choice, run->targets[t].backend,
              run->targets[t].isa);
     run->checks++;
     if (!test_render_scene(&run->renderers[t], scene, &image, &err)) {
-        printf("FAILED %-40s %s: %s\n", name, err.place, err.text);
+        printf("FAILED %-50s %s: %s\n", name, err.place, err.text);
         run->failed++;
         return NAN;
     }
     double psnr = test_image_psnr(&image, truth);
-    bool ok = psnr >= floor->floor;
+    bool ok = psnr >= row->floor;
     struct test_difference d = test_image_difference(&image, truth);
-    printf("%-6s %-40s %6.2f dB, floor %.1f, measured %.1f; worst %.4f at (%u,%u) channel %u: "
+    printf("%-6s %-50s %6.2f dB, floor %.1f, measured %.2f; worst %.4f at (%u,%u) channel %u: "
            "%.4f for %.4f\n",
-           ok ? "ok" : "FAILED", name, psnr, floor->floor, floor->measured, d.largest, d.x, d.y,
+           ok ? "ok" : "FAILED", name, psnr, row->floor, row->measured, d.largest, d.x, d.y,
            d.channel, d.a, d.b);
     if (!ok || getenv("SPLATD_TEST_DUMP"))
         test_image_dump(name, &image, truth, 8);
@@ -65,38 +99,71 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     return psnr;
 }
 
-static bool run_scene(struct run *run, const struct manifest_entry *entry) {
-    struct test_scene scene;
+/* Adaptive against ewa with everything else alike. */
+static void compare_adaptive(struct run *run, const struct manifest_scene *entry,
+                             const double *psnr) {
+    for (size_t i = 0; i < entry->count; i++)
+        for (size_t j = 0; j < entry->count; j++) {
+            struct manifest_row a = entry->rows[i], b = entry->rows[j];
+            if (a.filter != SP_FILTER_ADAPTIVE || b.filter != SP_FILTER_EWA ||
+                a.lowpass != b.lowpass || a.compositing != b.compositing || a.slab != b.slab ||
+                a.cutoff != b.cutoff || a.attenuation != b.attenuation)
+                continue;
+            if (psnr[i] >= fmin(psnr[j] - MANIFEST_ADAPTIVE_LOSS, MANIFEST_ALIKE))
+                continue;
+            printf("FAILED %s: adaptive %.2f dB, ewa %.2f dB\n", entry->name, psnr[i], psnr[j]);
+            run->failed++;
+        }
+}
+
+static bool find_truth(const struct test_scene *scene, const struct manifest_scene *entry,
+                       struct truth *truth, struct sp_error *err) {
     struct test_rays rays;
-    struct test_image exact, convolved;
-    struct sp_error err;
-    if (!entry->build(&scene)) {
-        printf("FAILED %s: out of memory\n", entry->name);
+    *truth = (struct truth){ .count = 0 };
+    if (!test_truth_integrate(&scene->info, scene->voxels, &scene->view, NULL, &rays, err))
         return false;
+    bool ok = true;
+    for (size_t i = 0; i < entry->count && ok; i++) {
+        double h = entry->rows[i].lowpass;
+        int k = 0;
+        while (k < truth->count && truth->lowpass[k] != h)
+            k++;
+        if (k < truth->count)
+            continue;
+        assert(k < LOWPASSES_MAX);
+        truth->lowpass[truth->count++] = h;
+        ok = test_truth_image(&rays, h, scene->view.background, &truth->image[k]) ||
+             sp_fail(err, SP_ERR_MEMORY, "", "the convolved integral");
     }
-    if (!test_truth_integrate(&scene.info, scene.voxels, &scene.view, NULL, &rays, &err) ||
-        !test_truth_image(&rays, 0, scene.view.background, &exact) ||
-        !test_truth_image(&rays, 1, scene.view.background, &convolved)) {
+    test_rays_finish(&rays);
+    return ok;
+}
+
+static bool run_scene(struct run *run, const struct manifest_scene *entry) {
+    struct test_scene scene;
+    struct truth truth;
+    struct sp_error err = { .text = "out of memory" };
+    bool ok = entry->build(&scene) && find_truth(&scene, entry, &truth, &err);
+    if (!ok) {
         printf("FAILED %s: %s\n", entry->name, err.text);
         return false;
     }
+    const struct sp_view own = scene.view;
+    assert(entry->count <= ROWS_MAX);
     for (unsigned t = 0; t < run->count; t++) {
-        scene.view.filter.mode = SP_FILTER_EWA;
-        scene.view.filter.lowpass = 0;
-        check(run, t, &scene, "exact", &entry->exact, &exact);
-        scene.view.filter.lowpass = 1;
-        double ewa = check(run, t, &scene, "lowpass", &entry->lowpass, &convolved);
-        scene.view.filter.mode = SP_FILTER_ADAPTIVE;
-        double adaptive = check(run, t, &scene, "adaptive", &entry->adaptive, &convolved);
-        if (!(adaptive >= fmin(ewa - MANIFEST_ADAPTIVE_LOSS, MANIFEST_ALIKE))) {
-            printf("FAILED %s: adaptive %.2f dB, ewa %.2f dB\n", entry->name, adaptive, ewa);
-            run->failed++;
+        double psnr[ROWS_MAX];
+        for (size_t i = 0; i < entry->count; i++) {
+            int k = 0;
+            while (truth.lowpass[k] != entry->rows[i].lowpass)
+                k++;
+            choose(&scene.view, &entry->rows[i], &own);
+            psnr[i] = check(run, t, &scene, &entry->rows[i], &truth.image[k]);
         }
+        compare_adaptive(run, entry, psnr);
         fflush(stdout);
     }
-    test_image_finish(&exact);
-    test_image_finish(&convolved);
-    test_rays_finish(&rays);
+    for (int k = 0; k < truth.count; k++)
+        test_image_finish(&truth.image[k]);
     test_scene_finish(&scene);
     return true;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The one place of the floors: what every backend and instruction set must reach against the
- * integral, scene by scene, in dB (support/image.h says what PSNR is here).
+ * integral, scene by scene and choice by choice, in dB (support/image.h says what PSNR is here).
  *
  * `measured` is what the scalar CPU reference reached when the floor was written, floor ≈ measured
  * - 0.5. A floor is lowered only with a reason beside it; when a change raises a measured value by
@@ -14,16 +14,23 @@
 
 #include "support/scene.h"
 
-struct manifest_floor {
+/* One picture of a scene: what differs from the scene's own view. Held to the integral, which is
+ * convolved with the low-pass. */
+struct manifest_row {
+    enum sp_filter_mode filter;
+    double lowpass; /* px */
+    enum sp_compositing compositing;
+    double slab;   /* voxels; slabs only */
+    double cutoff; /* 0 = the scene's */
+    enum sp_attenuation attenuation;
     double floor, measured; /* dB */
 };
 
-struct manifest_entry {
-    const char *name;
+struct manifest_scene {
+    const char *name; /* as in scene.info.name */
     test_scene_fn *build;
-    struct manifest_floor exact;    /* filter ewa, lowpass 0, against the integral */
-    struct manifest_floor lowpass;  /* filter ewa, lowpass 1, against the convolved integral */
-    struct manifest_floor adaptive; /* filter adaptive, lowpass 1, against the same */
+    const struct manifest_row *rows;
+    size_t count;
 };
 
 /* Adaptive may lose this much against ewa, both held to the integral; above MANIFEST_ALIKE dB the
@@ -31,7 +38,7 @@ struct manifest_entry {
 enum { MANIFEST_ALIKE = 60 };
 #define MANIFEST_ADAPTIVE_LOSS 0.5
 
-extern const struct manifest_entry manifest[];
+extern const struct manifest_scene manifest[];
 extern const size_t manifest_count;
 
 #endif

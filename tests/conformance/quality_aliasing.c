@@ -106,7 +106,7 @@ static void look(const struct plane *p, struct sp_camera *camera, double sideway
     unsigned f = p->ahead, s = 1 - f;
     double near = -0.5 * p->spacing[f] * p->dims[f];
     camera->position[f] = near - begin(p) + ahead;
-    camera->position[s] = sideways;
+    camera->position[s] = f ? sideways : -sideways; /* to the right */
     camera->position[2] = p->height;
     for (int a = 0; a < 3; a++)
         camera->target[a] = camera->position[a];
