@@ -50,46 +50,77 @@ static void same(const char *name, struct test_image *got, struct test_image *wa
     test_image_finish(wanted);
 }
 
+enum { MODES = 3 };
+static const enum sp_compositing modes[MODES] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB,
+                                                  SP_COMPOSITE_SPLAT };
+
+/* Views that take different ways through the renderer. */
+enum { WAYS = 8 };
+
+static void choose_way(struct sp_view *view, int way) {
+    static const enum sp_filter_mode filters[WAYS] = { SP_FILTER_EWA,     SP_FILTER_ADAPTIVE,
+                                                       SP_FILTER_EWA,     SP_FILTER_ADAPTIVE,
+                                                       SP_FILTER_SWAN,    SP_FILTER_NONE,
+                                                       SP_FILTER_LOWPASS, SP_FILTER_EWA };
+    static const enum sp_compositing compositors[WAYS] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SHEET,
+                                                           SP_COMPOSITE_SLAB,  SP_COMPOSITE_SLAB,
+                                                           SP_COMPOSITE_SPLAT, SP_COMPOSITE_SLAB,
+                                                           SP_COMPOSITE_SPLAT, SP_COMPOSITE_SLAB };
+    view->filter.mode = filters[way];
+    view->filter.kernel = way >= 6 ? SP_KERNEL_CUBIC : SP_KERNEL_GAUSSIAN;
+    view->compositing.mode = compositors[way];
+    view->compositing.slab = way == 3 ? 0.3 : 1.2;
+    view->compositing.attenuation = way & 1 ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
+}
+
+static void same_with_threads(struct context *c, const struct test_scene *scene,
+                              enum sp_pixel_format format) {
+    static const unsigned threads[] = { 2, 7, 16 };
+    struct sp_render_options o = { .format = format };
+    struct sp_error err = { 0 };
+    struct test_renderer alone, many;
+    struct sp_volume *volume = test_scene_volume(scene, &err);
+    assert_non_null(volume);
+    assert_true(test_renderer_open(&alone, &c->target, 1, &err));
+    struct sp_frame *one =
+        sp_renderer_render(alone.renderer, volume, &scene->view, alone.pool, &o, &err);
+    if (!one)
+        fail_msg("%s: %s: %s", scene->info.name, err.place, err.text);
+    for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
+        assert_true(test_renderer_open(&many, &c->target, threads[t], &err));
+        for (int again = 0; again < (t ? 1 : 2); again++) {
+            struct sp_frame *frame =
+                sp_renderer_render(many.renderer, volume, &scene->view, many.pool, &o, &err);
+            assert_non_null(frame);
+            if (!test_frames_equal(one, frame))
+                fail_msg("%s: %u threads differ from one, frame %d", scene->info.name, threads[t],
+                         again);
+            sp_frame_unref(&frame);
+        }
+        test_renderer_close(&many);
+    }
+    sp_frame_unref(&one);
+    test_renderer_close(&alone);
+    sp_volume_unref(&volume);
+}
+
 static void threads_do_not_matter(void **state) {
     struct context *c = *state;
     static test_scene_fn *const builds[] = {
-        test_scene_thin_shells, test_scene_anisotropic, test_scene_checkerboard,
-        test_scene_oblique,     test_scene_inside,      test_scene_lit_shell,
+        test_scene_thin_shells,  test_scene_anisotropic,
+        test_scene_checkerboard, test_scene_oblique,
+        test_scene_inside,       test_scene_lit_shell,
+        test_scene_clip_corner,  test_scene_rectilinear_blobs,
     };
-    static const unsigned threads[] = { 2, 3, 4, 7, 16 };
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b++)
-        for (int mode = 0; mode < 4; mode++) {
+        for (int way = (int)b % 2; way < WAYS; way += 2) {
             struct test_scene scene;
-            struct sp_error err = { 0 };
-            struct test_renderer alone, many;
             assert_true(builds[b](&scene));
             /* Sides that no tile divides, and enough of it that workers meet. */
-            scene.view.size[0] = 213;
-            scene.view.size[1] = 131;
-            scene.view.filter.mode = mode & 1 ? SP_FILTER_ADAPTIVE : SP_FILTER_EWA;
-            struct sp_render_options o = { .format = mode & 2 ? SP_RGBA8 : SP_RGBAF32 };
-            struct sp_volume *volume = test_scene_volume(&scene, &err);
-            assert_non_null(volume);
-            assert_true(test_renderer_open(&alone, &c->target, 1, &err));
-            struct sp_frame *one =
-                sp_renderer_render(alone.renderer, volume, &scene.view, alone.pool, &o, &err);
-            assert_non_null(one);
-            for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
-                assert_true(test_renderer_open(&many, &c->target, threads[t], &err));
-                for (int again = 0; again < 2; again++) {
-                    struct sp_frame *frame =
-                        sp_renderer_render(many.renderer, volume, &scene.view, many.pool, &o, &err);
-                    assert_non_null(frame);
-                    if (!test_frames_equal(one, frame))
-                        fail_msg("%s: %u threads differ from one, frame %d", scene.info.name,
-                                 threads[t], again);
-                    sp_frame_unref(&frame);
-                }
-                test_renderer_close(&many);
-            }
-            sp_frame_unref(&one);
-            test_renderer_close(&alone);
-            sp_volume_unref(&volume);
+            scene.view.size[0] = 149;
+            scene.view.size[1] = 101;
+            choose_way(&scene.view, way);
+            same_with_threads(c, &scene, way & 2 ? SP_RGBA8 : SP_RGBAF32);
             test_scene_finish(&scene);
         }
 }
@@ -122,10 +153,11 @@ static void a_symmetric_volume_gives_a_symmetric_picture(void **state) {
 static void a_mirrored_direction_gives_the_mirrored_picture(void **state) {
     struct context *c = *state;
     static test_scene_fn *const builds[] = { test_scene_rotated, test_scene_sheared,
-                                             test_scene_blobs };
-    for (size_t i = 0; i < sizeof builds / sizeof *builds; i++) {
+                                             test_scene_clip_corner };
+    for (size_t i = 0; i < sizeof builds / sizeof *builds * MODES; i++) {
         struct test_scene s;
-        assert_true(builds[i](&s));
+        assert_true(builds[i / MODES](&s));
+        s.view.compositing.mode = modes[i % MODES];
         struct test_image a = render(c, &s);
         for (int axis = 0; axis < 3; axis++)
             s.info.grid.direction[0][axis] *= -1;
@@ -133,6 +165,8 @@ static void a_mirrored_direction_gives_the_mirrored_picture(void **state) {
         s.view.camera.position[0] *= -1;
         s.view.camera.target[0] *= -1;
         s.view.camera.up[0] *= -1;
+        for (uint32_t k = 0; k < s.view.clip.plane_count; k++)
+            s.view.clip.planes[k].normal[0] *= -1;
         struct test_image b = render(c, &s);
         test_image_mirror(&b);
         char name[160];
@@ -146,11 +180,13 @@ static void the_unit_of_length_does_not_matter(void **state) {
     struct context *c = *state;
     static const double scales[] = { 2, 0.001, 1000 };
     static test_scene_fn *const builds[] = { test_scene_anisotropic, test_scene_orthographic,
-                                             test_scene_oblique, test_scene_lit_shell };
-    for (size_t i = 0; i < sizeof builds / sizeof *builds; i++)
+                                             test_scene_oblique, test_scene_lit_shell,
+                                             test_scene_clip_box };
+    for (size_t i = 0; i < sizeof builds / sizeof *builds * MODES; i++)
         for (int k = 0; k < 3; k++) {
             struct test_scene s;
-            assert_true(builds[i](&s));
+            assert_true(builds[i / MODES](&s));
+            s.view.compositing.mode = modes[i % MODES];
             struct test_image a = render(c, &s);
             struct sp_camera *camera = &s.view.camera;
             for (int axis = 0; axis < 3; axis++) {
@@ -175,11 +211,16 @@ static void the_place_in_the_world_does_not_matter(void **state) {
     struct context *c = *state;
     static const double far[3] = { 100000, -250000, 70000 };
     static test_scene_fn *const builds[] = { test_scene_rotated, test_scene_orthographic,
-                                             test_scene_inside };
-    for (size_t i = 0; i < sizeof builds / sizeof *builds; i++) {
+                                             test_scene_inside, test_scene_clip_plane,
+                                             test_scene_rectilinear_blobs };
+    for (size_t i = 0; i < sizeof builds / sizeof *builds * MODES; i++) {
         struct test_scene s;
-        assert_true(builds[i](&s));
+        assert_true(builds[i / MODES](&s));
+        s.view.compositing.mode = modes[i % MODES];
         struct test_image a = render(c, &s);
+        for (uint32_t k = 0; k < s.view.clip.plane_count; k++)
+            for (int axis = 0; axis < 3; axis++)
+                s.view.clip.planes[k].offset += s.view.clip.planes[k].normal[axis] * far[axis];
         for (int axis = 0; axis < 3; axis++) {
             s.info.grid.origin[axis] += far[axis];
             s.view.camera.position[axis] += far[axis];
@@ -197,9 +238,12 @@ static void the_place_in_the_world_does_not_matter(void **state) {
 static void the_order_of_axes_does_not_matter(void **state) {
     struct context *c = *state;
     static const int orders[][3] = { { 1, 2, 0 }, { 2, 0, 1 }, { 1, 0, 2 } };
-    for (size_t k = 0; k < sizeof orders / sizeof *orders; k++) {
+    /* Single splats at the same distance come in the order of the list, hence sheets and slabs. */
+    for (size_t n = 0; n < sizeof orders / sizeof *orders * 2; n++) {
         struct test_scene s;
+        size_t k = n / 2;
         assert_true(test_scene_rotated(&s));
+        s.view.compositing.mode = n % 2 ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET;
         struct test_image a = render(c, &s);
         const struct sp_grid was = s.info.grid;
         struct sp_grid *now = &s.info.grid;
@@ -255,22 +299,103 @@ static void filters_keep_the_energy(void **state) {
     for (uint32_t i = 0; i < s.view.transfer_function.point_count; i++)
         s.view.transfer_function.points[i].opacity *= 0.01F;
     test_scene_orbit(&s, NULL, -30, 20, 90); /* nothing reaches the border */
-    static const enum sp_filter_mode modes[] = { SP_FILTER_EWA, SP_FILTER_RECONSTRUCTION,
-                                                 SP_FILTER_LOWPASS, SP_FILTER_ADAPTIVE };
-    for (int k = 0; k < 4; k++) {
-        s.view.filter.mode = modes[k];
+    static const enum sp_filter_mode filters[] = { SP_FILTER_EWA,     SP_FILTER_RECONSTRUCTION,
+                                                   SP_FILTER_LOWPASS, SP_FILTER_ADAPTIVE,
+                                                   SP_FILTER_SWAN,    SP_FILTER_NONE };
+    for (int k = 0; k < 12; k++) {
+        s.view.filter.mode = filters[k % 6];
+        s.view.filter.kernel = k < 6 ? SP_KERNEL_GAUSSIAN : SP_KERNEL_CUBIC;
         struct test_image a = render(c, &s);
         double sum = 0;
         for (size_t p = 0; p < (size_t)a.width * a.height; p++)
             sum -= log1p(-a.rgba[p * 4 + 3]);
         if (!k)
             reference = sum;
-        print_message("  filter %d: summed depth %.4f\n", (int)modes[k], sum);
+        print_message("  filter %d, kernel %d: summed depth %.4f\n", k % 6, k / 6, sum);
         assert_true(reference > 1);
         assert_true(fabs(sum / reference - 1) < 0.005);
         test_image_finish(&a);
     }
     test_scene_finish(&s);
+}
+
+/* Attenuation that is exponential multiplies up to the same whatever is added first: compositors
+ * differ in colour alone. */
+static void compositors_agree_on_the_opacity(void **state) {
+    struct context *c = *state;
+    static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_layers, test_scene_cubic,
+                                             test_scene_rectilinear_blobs, test_scene_clip_corner };
+    for (size_t b = 0; b < sizeof builds / sizeof *builds * MODES; b++) {
+        struct test_scene s;
+        assert_true(builds[b / MODES](&s));
+        for (uint32_t i = 0; i < s.view.transfer_function.point_count; i++)
+            memset(s.view.transfer_function.points[i].color, 0, 3 * sizeof(float));
+        struct test_image a = render(c, &s);
+        s.view.compositing.mode = modes[b % MODES];
+        s.view.compositing.slab = 0.7;
+        struct test_image d = render(c, &s);
+        char name[160];
+        snprintf(name, sizeof name, "%s-opacity-%zu", s.info.name, b % MODES);
+        same(name, &d, &a, 80);
+        test_scene_finish(&s);
+    }
+}
+
+/* What a plane keeps and what it takes away are the whole: their optical depths add up. */
+static void a_plane_and_its_opposite_make_the_whole(void **state) {
+    struct context *c = *state;
+    for (int way = 0; way < WAYS; way++) {
+        struct test_scene s;
+        struct test_image parts[3];
+        assert_true(test_scene_blobs(&s));
+        choose_way(&s.view, way);
+        s.view.compositing.attenuation = SP_ATTENUATION_EXPONENTIAL;
+        parts[2] = render(c, &s);
+        test_scene_cut(&s, (double[]){ 0.3, -0.2, 0.7 }, (double[]){ 1, 0, 2 });
+        struct sp_clip_plane *plane = s.view.clip.planes;
+        for (int k = 0; k < 2; k++) {
+            parts[k] = render(c, &s);
+            for (int a = 0; a < 3; a++)
+                plane->normal[a] *= -1;
+            plane->offset *= -1;
+        }
+        double worst = 0, most = 0;
+        for (size_t p = 0; p < (size_t)parts[0].width * parts[0].height; p++) {
+            double depth[3];
+            for (int k = 0; k < 3; k++)
+                depth[k] = -log1p(-parts[k].rgba[p * 4 + 3]);
+            worst = fmax(worst, fabs(depth[0] + depth[1] - depth[2]));
+            most = fmax(most, depth[2]);
+        }
+        print_message("  way %d: depths up to %.2f add up within %.1g\n", way, most, worst);
+        assert_true(most > 0.5 && worst < 2e-4 * most);
+        for (int k = 0; k < 3; k++)
+            test_image_finish(&parts[k]);
+        test_scene_finish(&s);
+    }
+}
+
+/* Coordinates that are even after all. */
+static void even_coordinates_are_an_even_grid(void **state) {
+    struct context *c = *state;
+    double places[3][40];
+    for (int way = 0; way < WAYS; way++) {
+        struct test_scene s;
+        assert_true(test_scene_rotated(&s));
+        s.view.shading.mode = SP_SHADING_PHONG;
+        choose_way(&s.view, way);
+        struct test_image a = render(c, &s);
+        for (int axis = 0; axis < 3; axis++) {
+            for (int i = 0; i < 40; i++)
+                places[axis][i] = i * s.info.grid.spacing[axis];
+            s.info.grid.coordinates[axis] = places[axis];
+        }
+        struct test_image b = render(c, &s);
+        char name[64];
+        snprintf(name, sizeof name, "even-coordinates-%d", way);
+        same(name, &b, &a, 80);
+        test_scene_finish(&s);
+    }
 }
 
 static void eight_bits_are_the_rounded_floats(void **state) {
@@ -368,6 +493,9 @@ static int run_target(struct context *c) {
         ON(the_order_of_axes_does_not_matter),
         ON(reconstruction_is_ewa_without_low_pass),
         ON(filters_keep_the_energy),
+        ON(compositors_agree_on_the_opacity),
+        ON(a_plane_and_its_opposite_make_the_whole),
+        ON(even_coordinates_are_an_even_grid),
         ON(eight_bits_are_the_rounded_floats),
         ON(nothing_to_see_is_the_background),
         ON(not_a_number_is_transparent),
