@@ -29,6 +29,8 @@ static bool may_grow(const struct sp_classification *c, const struct sp_classify
 
 static void drop_lists(struct sp_level *level) {
     sp_visible_finish(&level->visible);
+    free(level->cells);
+    level->cells = NULL;
     for (int axis = 0; axis < 3; axis++)
         sp_slices_finish(&level->slices[axis]);
 }
@@ -67,6 +69,18 @@ static bool update_transfer(struct sp_classification *c, const struct sp_transfe
     sp_transfer_finish(&all->transfer);
     all->transfer = next;
     return true;
+}
+
+/* Lists for post-classification are made for a kernel: a wider one needs more voxels, and for a
+ * much narrower one it pays to leave some out. */
+static void check_reach(struct sp_classification *c, const struct sp_classify_job *job) {
+    struct sp_level *all = &c->levels[0];
+    if (job->tf->order != SP_TF_POST || (job->reach <= all->reach && job->reach > 0.5 * all->reach))
+        return;
+    drop_lists(all);
+    for (int l = 1; l < SP_LEVELS; l++)
+        sp_level_finish(&c->levels[l]);
+    all->reach = job->reach;
 }
 
 static bool collect_voxels(struct sp_classification *c, const struct sp_classify_job *job,
@@ -132,7 +146,10 @@ static bool update_slices(struct sp_classification *c, const struct sp_classify_
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err) {
     assert(job->axis <= SP_NO_AXIS && job->level < SP_LEVELS);
-    if (!update_transfer(c, job->tf, err) || !update_all(c, job, err))
+    if (!update_transfer(c, job->tf, err))
+        return false;
+    check_reach(c, job);
+    if (!update_all(c, job, err))
         return false;
     for (unsigned l = 1; l <= job->level; l++)
         if (!update_coarse(c, l, job, err))

@@ -15,6 +15,8 @@ struct sp_level {
     struct sp_transfer transfer; /* of the list's keys */
     struct sp_visible visible;
     struct sp_slices slices[3]; /* by axis */
+    double reach;               /* order post: the kernel's radius that the list was made for */
+    uint64_t *cells; /* order post: reach.h, by brick; while the list is being made, else NULL */
 };
 enum { SP_LEVELS = 3 };
 
@@ -40,6 +42,7 @@ struct sp_classify_job {
     unsigned level;     /* that will be used, below SP_LEVELS */
     unsigned axis;      /* of the slices that will be used, 0 … 2, or SP_NO_AXIS */
     bool normals;       /* its list must have them */
+    double reach;       /* order post: the kernel's radius, voxels */
     uint64_t bytes_max; /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */

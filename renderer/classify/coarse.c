@@ -56,7 +56,7 @@ bool sp_coarse_grid(struct sp_level *coarse, const struct sp_grid *fine, struct 
 
 /* What the eight voxels of a cell add up to. */
 struct sum {
-    float depth, color[3], normal[3];
+    float depth, color[3], normal[3]; /* order post: share, value in color[0], gradient */
 };
 
 /* The cells of one brick; all zero between bricks. */
@@ -69,6 +69,7 @@ struct merge {
     const struct sp_level *fine;
     struct sp_level *coarse;
     struct cells *cells; /* one a worker */
+    bool is_post;        /* order post: scalars, not classes */
     const struct sp_classify_job *job;
 };
 
@@ -132,6 +133,32 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
     return count;
 }
 
+/* A classified voxel, which takes `part` of its cell. */
+static void add_class(const struct merge *m, uint64_t e, float part, struct sum *sum) {
+    const struct sp_visible *list = &m->fine->visible;
+    uint32_t gradient = list->normal ? list->normal[e] : 0;
+    struct sp_class c = sp_transfer_class_at(&m->fine->transfer, list->key[e], gradient);
+    c.depth *= part;
+    sum->depth += c.depth;
+    for (int k = 0; k < 3; k++)
+        sum->color[k] += c.color[k] * c.depth;
+    if (list->normal)
+        add_normal(gradient, c.depth, sum->normal);
+}
+
+/* A voxel of a scalar that pixels will classify: value and gradient are averaged as they are. */
+static void add_scalar(const struct merge *m, uint64_t e, float part, struct sum *sum) {
+    const struct sp_visible *list = &m->fine->visible;
+    sum->depth += part;
+    sum->color[0] += part * sp_transfer_value(&m->fine->transfer, list->key[e]);
+    if (!list->normal)
+        return;
+    float n[3];
+    sp_gradient_unpack(list->normal[e], n);
+    for (int k = 0; k < 3; k++)
+        sum->normal[k] += n[k] * sp_gradient_share(list->normal[e]) * part;
+}
+
 static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick, uint16_t offset) {
     const struct sp_visible *list = &m->fine->visible;
     float share[3][SP_BRICK];
@@ -144,13 +171,11 @@ static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick
         uint16_t local = list->local[e];
         uint32_t cell = cell_of(local, offset);
         struct sum *sum = &cells->sums[cell];
-        struct sp_class c = sp_transfer_class(&m->fine->transfer, list->key[e]);
-        c.depth *= share[0][local & 15] * share[1][local >> 4 & 15] * share[2][local >> 8];
-        sum->depth += c.depth;
-        for (int k = 0; k < 3; k++)
-            sum->color[k] += c.color[k] * c.depth;
-        if (list->normal)
-            add_normal(list->normal[e], c.depth, sum->normal);
+        float part = share[0][local & 15] * share[1][local >> 4 & 15] * share[2][local >> 8];
+        if (m->is_post)
+            add_scalar(m, e, part, sum);
+        else
+            add_class(m, e, part, sum);
         cells->used[cell / 64] |= UINT64_C(1) << cell % 64;
     }
 }
@@ -158,13 +183,21 @@ static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick
 static void write_entry(const struct merge *m, uint64_t out, uint32_t cell, const struct sum *sum) {
     static const struct sp_gradient_grid unit = { .bound = 1 };
     struct sp_visible *list = &m->coarse->visible;
-    struct sp_class *c = &m->coarse->transfer.table[out];
     float inverse = sum->depth > 0 ? 1 / sum->depth : 0;
     list->local[out] = (uint16_t)cell;
-    list->key[out] = (uint32_t)out;
-    c->depth = sum->depth;
-    for (int k = 0; k < 3; k++)
-        c->color[k] = sum->color[k] * inverse;
+    if (m->is_post) {
+        union {
+            float value;
+            uint32_t bits;
+        } u = { .value = sum->color[0] * inverse };
+        list->key[out] = u.bits;
+    } else {
+        struct sp_class *c = &m->coarse->transfer.table[out];
+        list->key[out] = (uint32_t)out;
+        c->depth = sum->depth;
+        for (int k = 0; k < 3; k++)
+            c->color[k] = sum->color[k] * inverse;
+    }
     if (list->normal) {
         double n[3];
         for (int k = 0; k < 3; k++)
@@ -208,8 +241,8 @@ static bool allocate_entries(struct merge *m, struct sp_error *err) {
     if (list->count > UINT32_MAX)
         return sp_fail(err, SP_ERR_MEMORY, "", "too many visible voxels for a coarse level: %llu",
                        (unsigned long long)list->count);
-    uint64_t need =
-        sp_visible_entry_bytes(list->count, normals) + list->count * sizeof *transfer->table;
+    uint64_t table = m->is_post ? 0 : list->count * sizeof *transfer->table;
+    uint64_t need = sp_visible_entry_bytes(list->count, normals) + table;
     if (job->bytes_max && need > job->bytes_max)
         return sp_fail(
             err, SP_ERR_BUDGET, "/transfer_function",
@@ -219,6 +252,11 @@ static bool allocate_entries(struct merge *m, struct sp_error *err) {
             (unsigned long long)job->bytes_max);
     if (!sp_visible_allocate(list, normals, err))
         return false;
+    if (m->is_post) { /* keys are values from the same base on */
+        transfer->type = SP_FLOAT32;
+        transfer->base = sp_transfer_base(&m->fine->transfer);
+        return true;
+    }
     transfer->table = malloc((list->count ? list->count : 1) * sizeof *transfer->table);
     if (!transfer->table)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %llu classes of a coarse level",
@@ -244,7 +282,9 @@ bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
     if (!sp_coarse_grid(coarse, &fine->grid, err) ||
         !sp_visible_init(&coarse->visible, coarse->grid.dims, err))
         return false;
-    struct merge m = { .fine = fine, .coarse = coarse, .job = job };
+    struct merge m = {
+        .fine = fine, .coarse = coarse, .is_post = job->tf->order == SP_TF_POST, .job = job
+    };
     m.cells = calloc(sp_pool_threads(job->pool), sizeof *m.cells);
     bool ok = m.cells ? merge_level(&m, err)
                       : sp_fail(err, SP_ERR_MEMORY, "", "no memory for a brick of a coarse level");

@@ -2,9 +2,11 @@
 #include "classify/collect.h"
 
 #include <assert.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "classify/gradient.h"
+#include "classify/reach.h"
 
 enum { BRICKS_GRAIN = 16 }; /* bricks between two looks at the cancel flag */
 
@@ -13,6 +15,7 @@ struct collect {
     const void *voxels;
     const uint32_t *dims;
     struct sp_visible *list;
+    const uint64_t *cells; /* order post: what can matter, by brick; else NULL */
     const struct sp_classify_job *job;
 };
 
@@ -22,16 +25,17 @@ static struct collect make_collect(struct sp_level *level, const struct sp_volum
                              .voxels = sp_volume_voxels(volume),
                              .dims = level->grid.dims,
                              .list = &level->visible,
+                             .cells = level->cells,
                              .job = job };
 }
 
 /* The part of a brick that lies in the volume: its first voxel and how many along each axis. */
 struct part {
-    uint32_t corner[3], size[3];
+    uint32_t brick, corner[3], size[3];
 };
 
 static struct part find_part(const struct collect *c, uint32_t brick) {
-    struct part part;
+    struct part part = { .brick = brick };
     sp_visible_corner(c->list, brick, part.corner);
     for (int a = 0; a < 3; a++) {
         uint32_t left = c->dims[a] - part.corner[a];
@@ -40,12 +44,15 @@ static struct part find_part(const struct collect *c, uint32_t brick) {
     return part;
 }
 
-/* Keys of one row of a brick, and which of its voxels are visible. */
+/* Keys of one row of a brick, and which of its voxels are visible, or can matter. */
 static void read_row(const struct collect *c, const struct part *part, uint32_t i1, uint32_t i2,
                      uint32_t keys[SP_BRICK], uint8_t visible[SP_BRICK]) {
     size_t at = ((size_t)(part->corner[2] + i2) * c->dims[1] + part->corner[1] + i1) * c->dims[0] +
                 part->corner[0];
     sp_transfer_keys(c->transfer, c->voxels, at, part->size[0], keys, visible);
+    for (uint32_t i0 = 0; c->cells && i0 < part->size[0]; i0++)
+        visible[i0] = sp_reach_has(c->cells[part->brick], i0 | i1 << 4 | i2 << 8) &&
+                      isfinite(sp_transfer_value(c->transfer, keys[i0]));
 }
 
 static uint32_t count_brick(const struct collect *c, uint32_t brick) {
@@ -98,10 +105,21 @@ static void fill_bricks(void *user, size_t begin, size_t end, unsigned worker) {
         fill_brick(c, (uint32_t)b);
 }
 
+static bool find_cells(struct sp_level *level, const struct sp_volume *volume,
+                       const struct sp_classify_job *job, struct sp_error *err) {
+    uint32_t bricks = sp_visible_bricks(&level->visible);
+    level->cells = malloc(bricks * sizeof *level->cells);
+    if (!level->cells)
+        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the cells of %u bricks", bricks);
+    return sp_reach_fill(level, volume, job, level->cells, err);
+}
+
 bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
                       const struct sp_classify_job *job, struct sp_error *err) {
     struct sp_visible *list = &level->visible;
     if (!sp_visible_init(list, level->grid.dims, err))
+        return false;
+    if (job->tf->order == SP_TF_POST && !find_cells(level, volume, job, err))
         return false;
     struct collect collect = make_collect(level, volume, job);
     sp_parallel_for(job->pool, sp_visible_bricks(list), BRICKS_GRAIN, count_bricks, &collect);
@@ -118,6 +136,8 @@ bool sp_collect_fill(struct sp_level *level, const struct sp_volume *volume,
     struct collect collect = make_collect(level, volume, job);
     sp_parallel_for(job->pool, sp_visible_bricks(&level->visible), BRICKS_GRAIN, fill_bricks,
                     &collect);
+    free(level->cells);
+    level->cells = NULL;
     return !sp_classify_cancelled(job, err);
 }
 

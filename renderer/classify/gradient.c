@@ -34,11 +34,8 @@ static double steepest(const struct sp_grid *grid, unsigned axis) {
     return grid->spacing[axis] / least;
 }
 
-void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume) {
-    const struct sp_volume_info *info = sp_volume_info(volume);
-    *grid = (struct sp_gradient_grid){ .voxels = sp_volume_voxels(volume),
-                                       .type = info->type,
-                                       .grid = &info->grid };
+void sp_gradient_units_init(struct sp_gradient_grid *grid, const struct sp_volume_info *info) {
+    *grid = (struct sp_gradient_grid){ .type = info->type, .grid = &info->grid };
     struct sp_mat3 step;
     double most[3];
     for (unsigned a = 0; a < 3; a++) {
@@ -62,6 +59,11 @@ void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume
     if (!(grid->bound > 0))
         grid->bound = 1;
     grid->unit = grid->bound / grid->scale;
+}
+
+void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume) {
+    sp_gradient_units_init(grid, sp_volume_info(volume));
+    grid->voxels = sp_volume_voxels(volume);
 }
 
 void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], double gradient[3]) {

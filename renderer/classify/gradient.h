@@ -31,6 +31,9 @@ struct sp_gradient_grid {
     double unit;           /* magnitude in data units a world unit = unit · stored fraction² */
 };
 
+/* Fills all but the samples. */
+void sp_gradient_units_init(struct sp_gradient_grid *grid, const struct sp_volume_info *info);
+
 /* Borrows the volume's samples. */
 void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume);
 

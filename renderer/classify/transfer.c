@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "classify/gradient.h"
+
 bool sp_transfer_function_equal(const struct sp_transfer_function *a,
                                 const struct sp_transfer_function *b) {
     if (a->reference_length != b->reference_length || a->order != b->order ||
@@ -59,6 +61,35 @@ void sp_transfer_function_eval(const struct sp_transfer_function *tf, double val
     out->depth = (float)-log1p(-(p->opacity + f * ((double)q->opacity - (double)p->opacity)));
 }
 
+double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude) {
+    const struct sp_gradient_point *p = tf->gradient;
+    uint32_t n = tf->gradient_count, i = 1;
+    if (n == 0)
+        return 1;
+    if (!(magnitude > p[0].magnitude))
+        return (double)p[0].scale;
+    while (i < n && p[i].magnitude <= magnitude)
+        i++;
+    if (i == n)
+        return (double)p[n - 1].scale;
+    double f = (magnitude - p[i - 1].magnitude) / (p[i].magnitude - p[i - 1].magnitude);
+    return (double)p[i - 1].scale + f * ((double)p[i].scale - (double)p[i - 1].scale);
+}
+
+static bool make_scale(struct sp_transfer *transfer, const struct sp_volume_info *info) {
+    if (!transfer->tf.gradient_count)
+        return true;
+    struct sp_gradient_grid units;
+    transfer->scale = malloc((SP_GRADIENT_MAGNITUDES + 1) * sizeof *transfer->scale);
+    if (!transfer->scale)
+        return false;
+    sp_gradient_units_init(&units, info);
+    for (uint32_t m = 0; m <= SP_GRADIENT_MAGNITUDES; m++)
+        transfer->scale[m] = (float)sp_transfer_function_scale(
+            &transfer->tf, sp_gradient_magnitude(&units, m << 22));
+    return true;
+}
+
 static bool has_table(enum sp_type type) {
     return type == SP_UINT8 || type == SP_INT8 || type == SP_UINT16 || type == SP_INT16;
 }
@@ -66,6 +97,9 @@ static bool has_table(enum sp_type type) {
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, struct sp_error *err) {
     *transfer = (struct sp_transfer){ .tf = *tf, .type = info->type, .base = tf->points[0].value };
+    if (!make_scale(transfer, info))
+        return sp_fail(err, SP_ERR_MEMORY, "/transfer_function/gradient",
+                       "no memory for its table");
     if (!has_table(info->type))
         return true;
     transfer->first = (int32_t)info->range[0];
@@ -86,13 +120,17 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
 void sp_transfer_finish(struct sp_transfer *transfer) {
     free(transfer->table);
     free(transfer->is_visible);
+    free(transfer->scale);
     *transfer = (struct sp_transfer){ 0 };
 }
 
 bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b) {
     if (a->type != b->type || a->first != b->first || a->count != b->count)
         return false;
-    if (a->table)
+    bool is_post = a->tf.order == SP_TF_POST; /* then values between samples count as well */
+    if (a->tf.order != b->tf.order)
+        return false;
+    if (a->table && !is_post)
         return b->table && memcmp(a->is_visible, b->is_visible, a->count) == 0;
     const struct sp_transfer_function *p = &a->tf, *q = &b->tf;
     if (p->point_count != q->point_count)

@@ -13,6 +13,7 @@
 #ifndef SP_CLASSIFY_TRANSFER_H
 #define SP_CLASSIFY_TRANSFER_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -35,6 +36,7 @@ struct sp_transfer {
     int32_t first;          /* value of table[0]: the volume's smallest */
     uint32_t count;         /* entries */
     double base;            /* value of key 0.0f; types without a table */
+    float *scale; /* by packed magnitude (gradient.h): of the opacity; NULL = no gradient axis */
 };
 
 /* Makes the table for the values that the volume has. False with *err set when out of memory;
@@ -42,6 +44,10 @@ struct sp_transfer {
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, struct sp_error *err);
 void sp_transfer_finish(struct sp_transfer *transfer);
+
+/* Scale of the opacity at a gradient magnitude [data units a world unit]: linear between the points
+ * of the gradient axis, the end values held outside; 1 without one. */
+double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude);
 
 /* Whether two transfer functions classify every value alike (field by field). */
 bool sp_transfer_function_equal(const struct sp_transfer_function *a,
@@ -84,6 +90,16 @@ static inline struct sp_class sp_transfer_class(const struct sp_transfer *transf
         float value;
     } u = { .bits = key };
     sp_transfer_function_eval(&transfer->tf, transfer->base + (double)u.value, &c);
+    return c;
+}
+
+/* Class of a key at a packed gradient: the opacity, not the depth, is scaled. */
+static inline struct sp_class sp_transfer_class_at(const struct sp_transfer *transfer, uint32_t key,
+                                                   uint32_t gradient) {
+    struct sp_class c = sp_transfer_class(transfer, key);
+    float scale = transfer->scale ? transfer->scale[gradient >> 22] : 1;
+    if (scale < 1)
+        c.depth = scale > 0 ? -log1pf(scale * expm1f(-c.depth)) : 0;
     return c;
 }
 

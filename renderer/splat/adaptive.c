@@ -43,6 +43,10 @@ double sp_kernel_sigma(const struct sp_filter *filter) {
     return filter->kernel == SP_KERNEL_CUBIC ? SP_CUBIC_SIGMA : filter->sigma;
 }
 
+double sp_kernel_reach(const struct sp_filter *filter) {
+    return filter->kernel == SP_KERNEL_CUBIC ? SP_CUBIC_RADIUS : filter->sigma * filter->cutoff;
+}
+
 void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]) {
     struct sp_mat3 step;
     double low = INFINITY, high = 0;

@@ -34,6 +34,9 @@ struct sp_adaptive {
 /* Standard deviation of the view's kernel, voxels. */
 double sp_kernel_sigma(const struct sp_filter *filter);
 
+/* Radius where the view's kernel ends, voxels. */
+double sp_kernel_reach(const struct sp_filter *filter);
+
 /* Smallest and largest standard deviation of any kernel of the grid in any direction, world units.
  */
 void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]);

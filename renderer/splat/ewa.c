@@ -278,19 +278,24 @@ float sp_ewa_distance(const struct sp_ewa_frame *f, const float u[3]) {
     return sqrtf(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
 }
 
-/* What entry e adds at the centre of its footprint; `gain` turns the depth of a class into τ. */
-static void write_sums(const struct sp_ewa_frame *f, const struct sp_ewa_run *run, uint64_t e,
+/* What entry e adds at the centre of its footprint; `gain` turns the depth of a class into τ. False
+ * when that is nothing. */
+static bool write_sums(const struct sp_ewa_frame *f, const struct sp_ewa_run *run, uint64_t e,
                        const float u[3], float gain, struct sp_splat *s) {
-    struct sp_class c = sp_transfer_class(run->transfer, run->list->key[e]);
+    uint32_t gradient = run->list->normal ? run->list->normal[e] : 0;
+    struct sp_class c = sp_transfer_class_at(run->transfer, run->list->key[e], gradient);
     float depth = c.depth * gain;
+    if (!(depth > 0))
+        return false;
     s->depth = depth < SP_DEPTH_MAX ? depth : SP_DEPTH_MAX;
     if (run->shade) {
         float to_eye[3];
         eye_direction(f, u, to_eye);
-        sp_shade_apply(run->shade, run->list->normal[e], to_eye, c.color);
+        sp_shade_apply(run->shade, gradient, to_eye, c.color);
     }
     for (int k = 0; k < 3; k++)
         s->emission[k] = c.color[k] * s->depth;
+    return true;
 }
 
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *f,
@@ -368,8 +373,8 @@ uint32_t sp_ewa_set_up(const struct sp_ewa_frame *f, const struct sp_ewa_run *ru
         s->cuts = out->cut ? s->cuts : 0;
         if (f->post)
             write_scalar(run, e, gain * f->gain * volume, s);
-        else
-            write_sums(f, run, e, place.u, gain * f->gain * volume, s);
+        else if (!write_sums(f, run, e, place.u, gain * f->gain * volume, s))
+            continue;
         s->sheet = run->sheet;
         written++;
     }

@@ -383,6 +383,7 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
                                         .axis = axis,
                                         .normals = view->shading.mode == SP_SHADING_PHONG ||
                                                    view->transfer_function.gradient_count > 0,
+                                        .reach = sp_kernel_reach(&view->filter),
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel };

@@ -274,11 +274,11 @@ static void extreme_views_give_finite_splats(void **state) {
         const float numbers[] = { s.x, s.y, s.a, s.b, s.c, s.depth, s.emission[0], s.emission[2] };
         for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++)
             assert_true(isfinite(numbers[k]));
-        assert_true(s.a >= 0 && s.c >= 0 && s.depth >= 0 && s.depth <= SP_DEPTH_MAX);
+        assert_true(s.a >= 0 && s.c >= 0 && s.depth > 0 && s.depth <= SP_DEPTH_MAX);
         assert_true(s.x0 >= 0 && s.x0 < s.x1 && s.x1 <= (int)view.size[0]);
         assert_true(s.y0 >= 0 && s.y0 < s.y1 && s.y1 <= (int)view.size[1]);
     }
-    assert_true(drawn > 5000);
+    assert_true(drawn > 4500);
 }
 
 static void adaptive_rule_is_conservative(void **state) {

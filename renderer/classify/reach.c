@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "classify/reach.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "volume/grid.h"
+
+enum { CELLS = SP_BRICK / SP_CELL };
+
+/* Smallest and largest value of a cell, from the base on; low > high: none. */
+struct range {
+    float low, high;
+};
+
+struct work {
+    const struct sp_level *level;
+    const struct sp_classify_job *job;
+    const void *voxels;
+    uint32_t dims[3]; /* in cells: those of all bricks, also beyond the volume */
+    struct range *from, *to;
+    unsigned axis;   /* of the pass */
+    uint32_t around; /* cells */
+    uint64_t *cells;
+};
+
+bool sp_reach_is_visible(const struct sp_transfer_function *tf, double base, double low,
+                         double high) {
+    struct sp_class c;
+    if (!(low <= high))
+        return false;
+    for (uint32_t i = 0; i < tf->point_count; i++)
+        if (tf->points[i].opacity > 0 && tf->points[i].value >= low + base &&
+            tf->points[i].value <= high + base)
+            return true;
+    sp_transfer_function_eval(tf, low + base, &c);
+    if (c.depth > 0)
+        return true;
+    sp_transfer_function_eval(tf, high + base, &c);
+    return c.depth > 0;
+}
+
+static struct range join(struct range a, struct range b) {
+    return (struct range){ a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high };
+}
+
+/* Ranges of the cells of one row of cells along axis 0. */
+static void measure_row(const struct work *w, uint32_t y, uint32_t z) {
+    const uint32_t *dims = w->level->grid.dims;
+    struct range *row = w->from + ((size_t)z * w->dims[1] + y) * w->dims[0];
+    for (uint32_t x = 0; x < w->dims[0]; x++)
+        row[x] = (struct range){ INFINITY, -INFINITY };
+    for (uint32_t i2 = z * SP_CELL; i2 < (z + 1) * SP_CELL && i2 < dims[2]; i2++)
+        for (uint32_t i1 = y * SP_CELL; i1 < (y + 1) * SP_CELL && i1 < dims[1]; i1++)
+            for (uint32_t i0 = 0; i0 < dims[0]; i0 += SP_BRICK) {
+                uint32_t keys[SP_BRICK], n = dims[0] - i0 < SP_BRICK ? dims[0] - i0 : SP_BRICK;
+                uint8_t unused[SP_BRICK];
+                sp_transfer_keys(&w->level->transfer, w->voxels,
+                                 ((size_t)i2 * dims[1] + i1) * dims[0] + i0, n, keys, unused);
+                for (uint32_t i = 0; i < n; i++) {
+                    float v = sp_transfer_value(&w->level->transfer, keys[i]);
+                    if (isfinite(v)) {
+                        struct range *cell = &row[(i0 + i) >> SP_CELL_SHIFT];
+                        *cell = join(*cell, (struct range){ v, v });
+                    }
+                }
+            }
+}
+
+static void measure_rows(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct work *w = user;
+    for (size_t i = begin; i < end && !sp_classify_cancelled(w->job, NULL); i++)
+        measure_row(w, (uint32_t)(i % w->dims[1]), (uint32_t)(i / w->dims[1]));
+}
+
+/* One plane of cells (of equal z, or for axis 2 of equal y): each takes the ranges of those around
+ * it along the axis. */
+static void widen_planes(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct work *w = user;
+    size_t stride[3] = { 1, w->dims[0], (size_t)w->dims[0] * w->dims[1] };
+    unsigned across = w->axis == 2 ? 1 : 2, other = w->axis == 0 ? 1 : 0;
+    for (size_t p = begin; p < end && !sp_classify_cancelled(w->job, NULL); p++)
+        for (uint32_t q = 0; q < w->dims[other]; q++) {
+            size_t line = p * stride[across] + q * stride[other];
+            for (uint32_t i = 0; i < w->dims[w->axis]; i++) {
+                uint32_t first = i > w->around ? i - w->around : 0, last = i + w->around;
+                last = last < w->dims[w->axis] ? last : w->dims[w->axis] - 1;
+                struct range range = { INFINITY, -INFINITY };
+                for (uint32_t k = first; k <= last; k++)
+                    range = join(range, w->from[line + k * stride[w->axis]]);
+                w->to[line + i * stride[w->axis]] = range;
+            }
+        }
+}
+
+static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct work *w = user;
+    double base = sp_transfer_base(&w->level->transfer);
+    for (size_t b = begin; b < end && !sp_classify_cancelled(w->job, NULL); b++) {
+        uint32_t corner[3];
+        uint64_t bits = 0;
+        sp_visible_corner(&w->level->visible, (uint32_t)b, corner);
+        for (uint32_t i = 0; i < CELLS * CELLS * CELLS; i++) {
+            size_t x = corner[0] / SP_CELL + (i & 3), y = corner[1] / SP_CELL + (i >> 2 & 3),
+                   z = corner[2] / SP_CELL + (i >> 4);
+            struct range r = w->from[(z * w->dims[1] + y) * w->dims[0] + x];
+            /* Values were rounded once: the ends are moved outwards by as much. */
+            if (sp_reach_is_visible(&w->level->transfer.tf, base,
+                                    (double)nextafterf(r.low, -INFINITY),
+                                    (double)nextafterf(r.high, INFINITY)))
+                bits |= UINT64_C(1) << i;
+        }
+        w->cells[b] = bits;
+    }
+}
+
+/* Cells around one that two kernel radii reach. A rectilinear axis is taken as if the widest kernel
+ * stood where samples are closest. */
+static uint32_t cells_around(const struct work *w, unsigned axis) {
+    const struct sp_grid *grid = &w->level->grid;
+    double low = INFINITY, high = 0;
+    for (uint32_t i = 0; grid->coordinates[axis] && i < grid->dims[axis]; i++) {
+        double s = sp_grid_local_spacing(grid, axis, i);
+        low = fmin(low, s);
+        high = fmax(high, s);
+    }
+    double cells = ceil(2 * w->job->reach * (high > 0 ? high / low : 1) / SP_CELL);
+    return cells < w->dims[axis] ? (uint32_t)cells : w->dims[axis];
+}
+
+static void run_passes(struct work *w) {
+    sp_parallel_for(w->job->pool, (size_t)w->dims[1] * w->dims[2], 8, measure_rows, w);
+    for (w->axis = 0; w->axis < 3; w->axis++) {
+        w->around = cells_around(w, w->axis);
+        sp_parallel_for(w->job->pool, w->dims[w->axis == 2 ? 1 : 2], 1, widen_planes, w);
+        struct range *widened = w->to;
+        w->to = w->from;
+        w->from = widened;
+    }
+    sp_parallel_for(w->job->pool, sp_visible_bricks(&w->level->visible), 16, mark_bricks, w);
+}
+
+bool sp_reach_fill(const struct sp_level *level, const struct sp_volume *volume,
+                   const struct sp_classify_job *job, uint64_t *cells, struct sp_error *err) {
+    struct work w = {
+        .level = level, .job = job, .voxels = sp_volume_voxels(volume), .cells = cells
+    };
+    size_t count = 1;
+    for (int a = 0; a < 3; a++)
+        count *= w.dims[a] = level->visible.bricks[a] * CELLS;
+    struct range *ranges[2] = { malloc(count * sizeof *w.from), malloc(count * sizeof *w.to) };
+    bool ok = ranges[0] && ranges[1];
+    if (ok) {
+        w.from = ranges[0];
+        w.to = ranges[1];
+        run_passes(&w);
+        ok = !sp_classify_cancelled(job, err);
+    } else {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the ranges of %zu cells", count);
+    }
+    free(ranges[0]);
+    free(ranges[1]);
+    return ok;
+}

@@ -1,0 +1,245 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Lists for post-classification against brute force: a voxel that is left out has no visible value
+ * within two kernel radii, and most of what is far from anything visible is left out.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "classify/classification.h"
+#include "classify/gradient.h"
+#include "classify/reach.h"
+
+enum { X = 37, Y = 21, Z = 50 };
+
+static double value_at(int shape, int x, int y, int z) {
+    if (shape == 0) /* a ball, nothing else */
+        return hypot(hypot(x - 10, y - 10), z - 12) < 4 ? 100 : 0;
+    if (shape == 1) /* two half-spaces: what lies between is nobody's value */
+        return x < 18 ? 0 : 100;
+    return 50 + 50 * sin(0.3 * x + 0.1 * y) * cos(0.15 * z);
+}
+
+static struct sp_volume *make_volume(int shape, enum sp_type type) {
+    struct sp_grid grid = { .dims = { X, Y, Z },
+                            .spacing = { 1, 1, 1 },
+                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    static uint8_t bytes[X * Y * Z];
+    static float reals[X * Y * Z];
+    for (int i = 0; i < X * Y * Z; i++) {
+        reals[i] = (float)value_at(shape, i % X, i / X % Y, i / X / Y);
+        bytes[i] = (uint8_t)reals[i];
+        if (i % 977 == 0)
+            reals[i] = NAN;
+    }
+    struct sp_volume *v =
+        sp_volume_create(&grid, type, type == SP_UINT8 ? (const void *)bytes : reals, "v", NULL);
+    assert_non_null(v);
+    return v;
+}
+
+static double sample(const struct sp_volume *v, int x, int y, int z) {
+    size_t i = (size_t)x + X * ((size_t)y + Y * (size_t)z);
+    return sp_volume_info(v)->type == SP_UINT8 ? ((const uint8_t *)sp_volume_voxels(v))[i]
+                                               : (double)((const float *)sp_volume_voxels(v))[i];
+}
+
+static bool matters(const struct sp_volume *v, const struct sp_transfer_function *tf, int reach,
+                    int x, int y, int z) {
+    double low = INFINITY, high = -INFINITY;
+    for (int k = z - reach; k <= z + reach; k++)
+        for (int j = y - reach; j <= y + reach; j++)
+            for (int i = x - reach; i <= x + reach; i++) {
+                if (i < 0 || j < 0 || k < 0 || i >= X || j >= Y || k >= Z)
+                    continue;
+                double s = sample(v, i, j, k);
+                if (!isfinite(s))
+                    continue;
+                low = fmin(low, s);
+                high = fmax(high, s);
+            }
+    return sp_reach_is_visible(tf, 0, low, high);
+}
+
+static void check_list(const struct sp_volume *v, const struct sp_transfer_function *tf,
+                       double radius, const struct sp_visible *list, uint64_t least_left_out) {
+    static uint8_t listed[X * Y * Z];
+    memset(listed, 0, sizeof listed);
+    for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
+        uint32_t c[3];
+        sp_visible_corner(list, b, c);
+        for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
+            uint32_t l = list->local[e], x = c[0] + (l & 15), y = c[1] + (l >> 4 & 15),
+                     z = c[2] + (l >> 8);
+            listed[x + X * (y + (size_t)Y * z)] = 1;
+        }
+    }
+    int reach = (int)floor(2 * radius);
+    for (int i = 0; i < X * Y * Z; i++) {
+        int x = i % X, y = i / X % Y, z = i / X / Y;
+        if (!listed[i] && isfinite(sample(v, x, y, z)))
+            assert_false(matters(v, tf, reach, x, y, z));
+        if (listed[i])
+            assert_true(isfinite(sample(v, x, y, z)));
+    }
+    assert_true(X * Y * Z - list->count >= least_left_out);
+}
+
+static void voxels_that_matter_are_listed(void **state) {
+    (void)state;
+    static const struct {
+        int shape;
+        double points[4][2]; /* value, opacity */
+        double radius;
+        uint64_t least_left_out;
+    } cases[] = {
+        { 0, { { 50, 0 }, { 60, 0.5 }, { 70, 0.5 }, { 80, 0 } }, 2.1, 20000 },
+        { 0, { { 50, 0 }, { 60, 0.5 }, { 70, 0.5 }, { 80, 0 } }, 12, 0 },
+        { 1, { { 49, 0 }, { 50, 0.5 }, { 51, 0 }, { 52, 0 } }, 2.1, 10000 },
+        { 1, { { 200, 0 }, { 210, 0.5 }, { 220, 0.5 }, { 230, 0 } }, 2.1, X * Y * Z },
+        { 2, { { 97, 0 }, { 98, 0.5 }, { 99, 0.5 }, { 100, 0 } }, 1, 10000 },
+    };
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        for (int type = 0; type < 2; type++) {
+            struct sp_volume *v = make_volume(cases[i].shape, type ? SP_FLOAT32 : SP_UINT8);
+            struct sp_transfer_function tf = { .reference_length = 1,
+                                               .order = SP_TF_POST,
+                                               .point_count = 4 };
+            for (int k = 0; k < 4; k++)
+                tf.points[k] = (struct sp_tf_point){ .value = cases[i].points[k][0],
+                                                     .opacity = (float)cases[i].points[k][1] };
+            struct sp_classification c;
+            struct sp_classify_job job = {
+                .tf = &tf, .axis = SP_NO_AXIS, .reach = cases[i].radius, .pool = pool
+            };
+            sp_classification_init(&c, v);
+            assert_true(sp_classification_update(&c, &job, NULL));
+            check_list(v, &tf, cases[i].radius, &c.levels[0].visible, cases[i].least_left_out);
+            assert_null(c.levels[0].cells);
+            sp_classification_finish(&c);
+            sp_volume_unref(&v);
+        }
+    sp_pool_destroy(&pool);
+}
+
+/* A wider kernel needs more voxels, a little narrower one is served, a much narrower one pays. */
+static void lists_follow_the_kernel(void **state) {
+    (void)state;
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    struct sp_volume *v = make_volume(0, SP_UINT8);
+    struct sp_transfer_function tf = { .reference_length = 1,
+                                       .order = SP_TF_POST,
+                                       .point_count = 2,
+                                       .points = { { 50, { 0 }, 0 }, { 60, { 0 }, 0.5f } } };
+    struct sp_classification c;
+    uint64_t counts[4];
+    static const double radii[4] = { 2.5, 6, 5, 1 };
+    sp_classification_init(&c, v);
+    for (int i = 0; i < 4; i++) {
+        struct sp_classify_job job = {
+            .tf = &tf, .axis = SP_NO_AXIS, .reach = radii[i], .pool = pool
+        };
+        assert_true(sp_classification_update(&c, &job, NULL));
+        counts[i] = c.levels[0].visible.count;
+    }
+    assert_true(counts[1] > counts[0] && counts[2] == counts[1] && counts[3] < counts[0]);
+    tf.order = SP_TF_PRE; /* and the list of visible voxels is another one */
+    struct sp_classify_job job = { .tf = &tf, .axis = SP_NO_AXIS, .pool = pool };
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_true(c.levels[0].visible.count < counts[3]);
+    sp_classification_finish(&c);
+    sp_volume_unref(&v);
+    sp_pool_destroy(&pool);
+}
+
+/* A coarse level of a linear field: values and gradients are means. */
+static void coarse_levels_average_the_scalar(void **state) {
+    (void)state;
+    enum { N = 8 };
+    struct sp_grid grid = { .dims = { N, N, N },
+                            .spacing = { 1, 1, 1 },
+                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    float values[N * N * N];
+    for (int i = 0; i < N * N * N; i++)
+        values[i] = (float)(2 * (i % N) + 5 * (i / N / N));
+    struct sp_volume *v = sp_volume_create(&grid, SP_FLOAT32, values, "linear", NULL);
+    struct sp_transfer_function tf = { .reference_length = 1,
+                                       .order = SP_TF_POST,
+                                       .point_count = 1,
+                                       .points = { { 3, { 0 }, 0.5f } } };
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    struct sp_classify_job job = {
+        .tf = &tf, .level = 1, .axis = SP_NO_AXIS, .normals = true, .reach = 2, .pool = pool
+    };
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    assert_true(sp_classification_update(&c, &job, NULL));
+    const struct sp_level *level = &c.levels[1];
+    assert_int_equal(level->visible.count, N * N * N / 8);
+    for (uint64_t e = 0; e < level->visible.count; e++) {
+        uint32_t l = level->visible.local[e];
+        double want = 2 * (2 * (l & 15) + 0.5) + 5 * (2 * (l >> 8) + 0.5);
+        double got = sp_transfer_base(&level->transfer) +
+                     (double)sp_transfer_value(&level->transfer, level->visible.key[e]);
+        assert_true(fabs(got - want) < 1e-4);
+        float n[3];
+        sp_gradient_unpack(level->visible.normal[e], n);
+        assert_true(fabs((double)(n[0] / n[2]) - 0.4) < 0.01 && fabsf(n[1]) < 0.01f);
+    }
+    sp_classification_finish(&c);
+    sp_volume_unref(&v);
+    sp_pool_destroy(&pool);
+}
+
+/* The gradient axis scales the opacity: 1 − (1 − a)^… is not what it does to the depth. */
+static void the_gradient_axis_scales_opacity(void **state) {
+    (void)state;
+    struct sp_volume_info info = {
+        .grid = { .dims = { 2, 2, 2 },
+                  .spacing = { 1, 1, 1 },
+                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } },
+        .type = SP_UINT8,
+        .range = { 0, 200 }
+    };
+    struct sp_transfer_function tf = {
+        .reference_length = 1,
+        .point_count = 2,
+        .points = { { 0, { 1, 1, 1 }, 0 }, { 200, { 1, 1, 1 }, 0.8f } },
+        .gradient_count = 3,
+        .gradient = { { 10, 0 }, { 30, 0.5f }, { 40, 1 } },
+    };
+    struct sp_transfer transfer;
+    struct sp_gradient_grid units;
+    assert_true(sp_transfer_init(&transfer, &tf, &info, NULL));
+    sp_gradient_units_init(&units, &info);
+    for (double m = 0; m < 60; m += 1.3) {
+        double scale = m < 10 ? 0 : m < 30 ? (m - 10) / 40 : m < 40 ? 0.5 + (m - 30) / 20 : 1;
+        assert_true(fabs(sp_transfer_function_scale(&tf, m) - scale) < 1e-6);
+        uint32_t packed = sp_gradient_pack(&units, (double[3]){ 0, m * units.scale, 0 });
+        struct sp_class c = sp_transfer_class_at(&transfer, 150, packed);
+        /* Magnitudes are stored to a thousandth of the root of the largest. */
+        double exact = sp_transfer_function_scale(&tf, sp_gradient_magnitude(&units, packed));
+        assert_true(fabs((double)c.depth + log1p(-0.6 * exact)) < 1e-5);
+        assert_true(fabs(exact - scale) < 0.02);
+    }
+    sp_transfer_finish(&transfer);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(voxels_that_matter_are_listed),
+        cmocka_unit_test(lists_follow_the_kernel),
+        cmocka_unit_test(coarse_levels_average_the_scalar),
+        cmocka_unit_test(the_gradient_axis_scales_opacity),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
