@@ -5,6 +5,11 @@
 #include <stdarg.h>
 #include <stdio.h>
 
+void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field) {
+    snprintf(place, SP_ERROR_PLACE, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
+             field ? field : "");
+}
+
 bool import_fail(struct sp_error *err, enum sp_code code, const char *shown, uint64_t byte,
                  const char *field, const char *format, ...) {
     char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
@@ -12,8 +17,7 @@ bool import_fail(struct sp_error *err, enum sp_code code, const char *shown, uin
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    snprintf(place, sizeof place, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
-             field ? field : "");
+    import_place(place, shown, byte, field);
     return sp_fail(err, code, place, "%s", text);
 }
 
@@ -31,7 +35,8 @@ void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions) {
     uint32_t last = grid->dims[axis] - 1;
     double first = positions[0], sign = positions[last] < first ? -1 : 1;
     for (int row = 0; row < 3; row++) {
-        grid->origin[row] += grid->direction[row][axis] * first;
+        if (grid->direction[row][axis] != 0) /* whatever `first` is */
+            grid->origin[row] += grid->direction[row][axis] * first;
         if (sign < 0)
             grid->direction[row][axis] = 0 - grid->direction[row][axis]; /* never -0 */
     }

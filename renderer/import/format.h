@@ -50,13 +50,16 @@ struct import_format {
     void (*close)(void *reader);
 };
 
-extern const struct import_format import_nrrd, import_raw;
+extern const struct import_format import_nrrd, import_raw, import_vtk, import_vtk_xml;
 
 /* The TIFF reader brings OpenImageIO, 130 MB that only a TIFF should pay for: it lives in
  * splat-import-tiff.so beside the program, which exports this function. */
 #define IMPORT_TIFF_MODULE "splat-import-tiff.so"
 #define IMPORT_TIFF_SYMBOL "splat_import_tiff"
 typedef const struct import_format *import_format_fn(void);
+
+/* "SHOWN: byte N: FIELD", as places of errors are written. FIELD may be NULL. */
+void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field);
 
 /* Fills err->place with "SHOWN: byte N: FIELD" and fails with the printf-style text. FIELD may be
  * NULL. */

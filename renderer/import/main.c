@@ -84,13 +84,14 @@ static const struct import_format *find_format(const struct import_file *file,
     }
     if (is_tiff(start, (size_t)n))
         return load_tiff(file->shown, err);
-    static const struct import_format *const formats[] = { &import_nrrd, &import_raw };
+    static const struct import_format *const formats[] = { &import_nrrd, &import_vtk,
+                                                           &import_vtk_xml, &import_raw };
     for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
         if (formats[i]->probe(start, (size_t)n, file->shown))
             return formats[i];
     import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
-                "the format is not known; NRRD (.nrrd, .nhdr), raw samples with a JSON sidecar "
-                "(.json) and TIFF stacks (.tif) are read");
+                "the format is not known; NRRD (.nrrd, .nhdr), VTK (.vtk, .vti, .vtr), raw samples "
+                "with a JSON sidecar (.json) and TIFF stacks (.tif) are read");
     return NULL;
 }
 

@@ -432,8 +432,7 @@ static bool build(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
         return false;
     char place[SP_ERROR_PLACE];
     enum nrrd_field field = field_at_fault(p);
-    snprintf(place, sizeof place, "%.180s: byte %" PRIu64 ": %s", p->file->shown,
-             p->text->byte[field], nrrd_field_name(field));
+    import_place(place, p->file->shown, p->text->byte[field], nrrd_field_name(field));
     if (!sp_grid_check(&p->header->grid, p->header->type, place, &p->header->bytes, p->err))
         return false;
     s->file = p->file;

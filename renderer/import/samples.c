@@ -15,9 +15,6 @@
 
 enum { CHUNK = 1 << 20, IN_ROOM = 1 << 16 }; /* bytes */
 
-/* Deflate cannot do better: 258 bytes by two codes of one bit. */
-enum { DEFLATE_RATIO_MAX = 1032 };
-
 void import_samples_finish(struct import_samples *samples) {
     for (size_t i = 0; i < samples->count; i++)
         free(samples->names[i]);
@@ -39,18 +36,18 @@ bool import_samples_add(struct import_samples *samples, const char *name, size_t
     return copy != NULL;
 }
 
-void import_swap(void *voxels, enum sp_type type, uint64_t count) {
-    switch (sp_type_size(type)) {
+void import_swap(void *values, size_t size, uint64_t count) {
+    switch (size) {
     case 2:
-        for (uint16_t *p = voxels, *end = p + count; p < end; p++)
+        for (uint16_t *p = values, *end = p + count; p < end; p++)
             *p = bswap_16(*p);
         break;
     case 4:
-        for (uint32_t *p = voxels, *end = p + count; p < end; p++)
+        for (uint32_t *p = values, *end = p + count; p < end; p++)
             *p = bswap_32(*p);
         break;
     case 8:
-        for (uint64_t *p = voxels, *end = p + count; p < end; p++)
+        for (uint64_t *p = values, *end = p + count; p < end; p++)
             *p = bswap_64(*p);
         break;
     }
@@ -310,7 +307,7 @@ static bool read_piece(const struct import_samples *s, size_t i, char *out, uint
                              ": it is cut off or %s is wrong",
                              need, at + got, s->field);
         if (ok && swap && size > 1) /* while it is in the cache; CHUNK is a multiple of the size */
-            import_swap(out + at, s->type, n / size);
+            import_swap(out + at, size, n / size);
         at += n;
         if (ok)
             progress->report(progress->user, done + at);

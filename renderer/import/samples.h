@@ -7,6 +7,9 @@
 
 #include "import/format.h"
 
+/* Deflate cannot do better: 258 bytes by two codes of one bit. */
+enum { DEFLATE_RATIO_MAX = 1032 };
+
 struct import_samples {
     const struct import_file *file; /* for root and folder */
     char **names; /* data files as the header names them, relative to file->folder; NULL entries
@@ -36,7 +39,7 @@ bool import_samples_check(const struct import_samples *samples, struct sp_error 
 bool import_samples_read(const struct import_samples *samples, void *voxels,
                          const struct import_progress *progress, struct sp_error *err);
 
-/* Reverses the bytes of each sample. */
-void import_swap(void *voxels, enum sp_type type, uint64_t count);
+/* Reverses the bytes of each of `count` values of `size` bytes, 1, 2, 4 or 8. */
+void import_swap(void *values, size_t size, uint64_t count);
 
 #endif

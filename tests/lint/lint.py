@@ -45,6 +45,7 @@ THIRD_PARTY = [
     (r'jansson', ['protocol/json.c', 'renderer/import/raw.c']),
     (r'OpenImageIO', ['renderer/import/', 'renderer/encode/']),
     (r'teem|nrrd|air\.h|biff', ['renderer/import/']),
+    (r'expat', ['renderer/import/']),
     (r'turbojpeg|jpeglib', ['renderer/encode/']),
     (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/']),
     (r'sqlite3', ['server/store/']),

@@ -29,7 +29,7 @@ static void *make_payload(enum sp_type type, bool big, bool packed, size_t *size
     double samples[COUNT];
     make_ramp(type, COUNT, samples);
     if (big)
-        import_swap(samples, type, COUNT);
+        import_swap(samples, sp_type_size(type), COUNT);
     *size = COUNT * sp_type_size(type);
     if (packed)
         return gzip(samples, *size, size);

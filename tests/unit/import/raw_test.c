@@ -19,7 +19,7 @@ static void every_type_order_and_encoding(void **state) {
             size_t size = COUNT * sp_type_size(type);
             make_ramp(type, COUNT, samples);
             if (big)
-                import_swap(samples, type, COUNT);
+                import_swap(samples, sp_type_size(type), COUNT);
             if (packed) {
                 void *bytes = gzip(samples, size, &size);
                 write_file("v.bin", bytes, size);

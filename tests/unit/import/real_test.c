@@ -150,6 +150,54 @@ static void known_files_are_read_right(void **state) {
           { 0, 421 },
           "mm",
           "7035aa787b5d98a90a388e324bcdc76f4452ffd8c7fe56632407b14940886043" },
+        { "formats/vtk/RectGrid2.vtk",
+          SP_FLOAT32,
+          { 47, 33, 11 },
+          { 0.052083478, 0.078125, 0.09 },
+          { -1.22396, -1.25, 0 },
+          { 0, 10.3964005 },
+          "",
+          "0472736127623a3bdfbce22286c066d859f5ff19fdf898d9614774fc0b2a491f" },
+        { "formats/vtk/carotid.vtk",
+          SP_FLOAT32,
+          { 76, 49, 45 },
+          { 1, 1, 1 },
+          { 100, 80, 1 },
+          { 0, 580 },
+          "",
+          "9a675d4040f6ce60e8b37deda7d615912c1567c9a2d9d82e9ea5c5fcb03d8d54" },
+        { "formats/vtk/heart.vtk",
+          SP_FLOAT32,
+          { 32, 32, 12 },
+          { 1, 1, 4 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          "ed975e948820aa4c387e65602f12c0b6f87f1e79573046b337e60c58a918e06d" },
+        { "formats/vti/heart.vti",
+          SP_FLOAT32,
+          { 32, 32, 12 },
+          { 1, 1, 4 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          "ed975e948820aa4c387e65602f12c0b6f87f1e79573046b337e60c58a918e06d" },
+        { "formats/vti/engine_zlib_appended.vti",
+          SP_UINT8,
+          { 256, 256, 128 },
+          { 1, 1, 1 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          "15cf29cdde69cd6c8b5ab9eeef4d1bb21f276056da4111cb5069ebfbe5b6ff90" },
+        { "formats/vti/isabel_02.vti",
+          SP_FLOAT64,
+          { 125, 125, 25 },
+          { 4.0080321286, 4.0080321286, 4.0408163266 },
+          { 0, 0, 0 },
+          { 0, 68.2454776917825 },
+          "",
+          "f626212a67175dca1f7a79c93a8ad5fdf4500aad62c8e5051ad76ca75e09f9e5" },
     };
     for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
         char path[1024], actual[65];
@@ -176,14 +224,36 @@ static void known_files_are_read_right(void **state) {
         }
         if (strstr(path, "seed"))
             assert_true(info->grid.direction[1][1] == -1);
+        bool rectilinear = strstr(path, "RectGrid2") != NULL;
+        for (int a = 0; a < 3; a++)
+            assert_int_equal(info->grid.coordinates[a] != NULL, rectilinear);
+        if (rectilinear) {
+            assert_float_equal(info->grid.coordinates[2][7], 0.7, 1e-7);
+            assert_float_equal(info->grid.coordinates[2][8], 0.75, 1e-7);
+        }
         sp_volume_unref(&volume);
     }
+}
+
+static void other_kinds_of_vtk_files_are_named(void **state) {
+    (void)state;
+    const char *path = SPLATD_DATA_DIR "/formats/vtk/SampleStructGrid.vtk";
+    if (access(path, R_OK) != 0) {
+        print_message("skipped: %s is not there\n", path);
+        skip();
+    }
+    struct sp_load_options options = importer_options();
+    struct sp_error err;
+    assert_null(sp_volume_load(path, &options, &err));
+    assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+    assert_non_null(strstr(err.text, "STRUCTURED_GRID is not a volume"));
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nrrd_samples_have_the_checksum_of_their_header),
         cmocka_unit_test(known_files_are_read_right),
+        cmocka_unit_test(other_kinds_of_vtk_files_are_named),
     };
     if (access(SPLATD_DATA_DIR "/volumes", R_OK) != 0) {
         printf("skipped: there are no real volumes in " SPLATD_DATA_DIR "\n");

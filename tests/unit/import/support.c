@@ -114,7 +114,7 @@ double ramp_value(enum sp_type type, size_t i) {
     case SP_INT16:
         return v * 257 - 32000;
     case SP_INT32:
-        return v * 16843009 - 2e9;
+        return v * 16000000 - 2e9;
     case SP_FLOAT32:
         return v * 0.25 - 20;
     default:

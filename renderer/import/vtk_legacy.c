@@ -1,0 +1,464 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Legacy VTK files: five lines of text, then keywords, each followed by its numbers as words or,
+ * big endian, as bytes. Arrays that are not wanted are passed over by their size.
+ */
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "import/vtk.h"
+#include "import/vtk_text.h"
+
+#define COUNT_MAX (UINT64_C(1) << 40) /* tuples of an array; times components it still fits */
+enum { COMPONENTS_MAX = 1 << 16 };
+
+struct legacy { /* being read */
+    const struct import_file *file;
+    struct import_header *header;
+    struct vtk_volume *volume;
+    struct sp_error *err;
+    struct vtk_text text;
+    uint64_t byte;    /* of the keyword */
+    uint64_t grid_at; /* of DIMENSIONS; 0 = not seen */
+    bool words;       /* ASCII */
+    bool rectilinear, has_dataset;
+    enum { NOWHERE, POINTS, CELLS } section;
+    bool found;              /* volume->samples are SCALARS, and nothing more is looked for */
+    bool has_field;          /* volume->samples are the first array of a FIELD that fits */
+    uint64_t points, tuples; /* of the grid; of each array of the section */
+    char others[160];        /* what else there is */
+};
+
+__attribute__((format(printf, 4, 5))) static bool
+refuse(const struct legacy *l, enum sp_code code, const char *field, const char *format, ...) {
+    char text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    return import_fail(l->err, code, l->file->shown, l->byte, field, "%s", text);
+}
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    static const char magic[] = "# vtk DataFile";
+    size_t n = strlen(shown);
+    if (size >= sizeof magic - 1 && strncasecmp((const char *)start, magic, sizeof magic - 1) == 0)
+        return true;
+    return n > 4 && strcasecmp(shown + n - 4, ".vtk") == 0 && start[0] != '<';
+}
+
+static bool next_word(struct legacy *l, char word[VTK_WORD_MAX + 1]) {
+    return vtk_text_word(&l->text, word, &l->byte, l->err);
+}
+
+/* The next word where a keyword or an array's name may stand. VTK puts METADATA behind any array:
+ * it ends with an empty line and says nothing about samples. */
+static bool next_keyword(struct legacy *l, char word[VTK_WORD_MAX + 1]) {
+    for (;;) {
+        if (!next_word(l, word))
+            return false;
+        if (strcasecmp(word, "METADATA") != 0)
+            return true;
+        char line[8];
+        if (!vtk_text_line(&l->text, line, sizeof line, l->err))
+            return false;
+        do
+            if (!vtk_text_line(&l->text, line, sizeof line, l->err))
+                return false;
+        while (line[strspn(line, " \t")] && l->text.at < l->text.end);
+    }
+}
+
+static bool next_count(struct legacy *l, const char *field, uint64_t limit, uint64_t *count) {
+    char word[VTK_WORD_MAX + 1], *end;
+    if (!next_word(l, word))
+        return false;
+    *count = strtoull(word, &end, 10);
+    if (word[0] >= '0' && word[0] <= '9' && !*end && *count <= limit)
+        return true;
+    return refuse(l, SP_ERR_FORMAT, field, "\"%.40s\" is not a whole number up to %" PRIu64, word,
+                  limit);
+}
+
+static bool next_type(struct legacy *l, const char *field, const struct vtk_type **type) {
+    char word[VTK_WORD_MAX + 1];
+    if (!next_word(l, word))
+        return false;
+    *type = vtk_find_type(word, false);
+    return *type ||
+           refuse(l, SP_ERR_UNSUPPORTED, field, "values of type \"%.40s\" are not supported", word);
+}
+
+/* The bytes of BINARY begin after the line. */
+static bool end_line(struct legacy *l) {
+    char line[2];
+    return l->words || vtk_text_line(&l->text, line, sizeof line, l->err);
+}
+
+/* An array that begins here. */
+static struct vtk_array array_here(const struct legacy *l, const char *keyword, const char *name,
+                                   const struct vtk_type *type, uint64_t count) {
+    struct vtk_array a = { .type = type,
+                           .count = count,
+                           .form = l->words ? VTK_WORDS : VTK_BYTES,
+                           .big_endian = true,
+                           .begin = l->text.at,
+                           .end = l->file->size };
+    snprintf(a.name, sizeof a.name, "%s %.60s", keyword, name);
+    return a;
+}
+
+static bool skip_values(struct legacy *l, const char *field, uint64_t count, size_t size) {
+    if (l->words)
+        return vtk_text_skip(&l->text, count, field, l->err);
+    uint64_t left = l->text.end - l->text.at;
+    if (count > left / size)
+        return refuse(l, SP_ERR_FORMAT, field,
+                      "%" PRIu64 " values of %zu bytes do not fit into the rest of the file: it is "
+                      "cut off or a count is wrong",
+                      count, size);
+    l->text.at += count * size;
+    return true;
+}
+
+/* The structure. */
+
+static bool take_dataset(struct legacy *l, const char *keyword) {
+    char kind[VTK_WORD_MAX + 1];
+    if (l->has_dataset)
+        return refuse(l, SP_ERR_FORMAT, keyword, "is given a second time");
+    if (!next_word(l, kind))
+        return false;
+    l->has_dataset = true;
+    l->rectilinear = strcasecmp(kind, "RECTILINEAR_GRID") == 0;
+    return l->rectilinear || strcasecmp(kind, "STRUCTURED_POINTS") == 0 ||
+           refuse(l, SP_ERR_UNSUPPORTED, keyword,
+                  "%.40s is not a volume that can be drawn; STRUCTURED_POINTS and "
+                  "RECTILINEAR_GRID are read",
+                  kind);
+}
+
+static bool take_dimensions(struct legacy *l, const char *keyword) {
+    if (l->grid_at)
+        return refuse(l, SP_ERR_FORMAT, keyword, "are given a second time");
+    l->grid_at = l->byte;
+    l->points = 1;
+    for (int axis = 0; axis < 3; axis++) {
+        uint64_t n;
+        if (!next_count(l, keyword, SP_DIM_MAX, &n))
+            return false;
+        l->header->grid.dims[axis] = (uint32_t)n;
+        l->points *= n;
+    }
+    return l->points > 0 || refuse(l, SP_ERR_FORMAT, keyword, "the grid is empty");
+}
+
+static bool take_triple(struct legacy *l, const char *keyword, double out[3]) {
+    if (l->rectilinear)
+        return refuse(l, SP_ERR_FORMAT, keyword, "does not belong to a RECTILINEAR_GRID");
+    for (int axis = 0; axis < 3; axis++) {
+        char word[VTK_WORD_MAX + 1], *end;
+        if (!next_word(l, word))
+            return false;
+        out[axis] = strtod(word, &end);
+        if (end == word || *end)
+            return refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" is not a number", word);
+    }
+    return true;
+}
+
+static bool take_origin(struct legacy *l, const char *keyword) {
+    return take_triple(l, keyword, l->header->grid.origin);
+}
+
+static bool take_spacing(struct legacy *l, const char *keyword) {
+    return take_triple(l, keyword, l->header->grid.spacing);
+}
+
+static bool take_coordinates(struct legacy *l, const char *keyword) {
+    int axis = (keyword[0] & ~0x20) - 'X';
+    uint64_t count;
+    const struct vtk_type *type;
+    if (!l->grid_at || !l->rectilinear)
+        return refuse(l, SP_ERR_FORMAT, keyword,
+                      "belongs behind the DIMENSIONS of a "
+                      "RECTILINEAR_GRID");
+    if (l->volume->positions[axis])
+        return refuse(l, SP_ERR_FORMAT, keyword, "is given a second time");
+    if (!next_count(l, keyword, COUNT_MAX, &count))
+        return false;
+    if (count != l->header->grid.dims[axis])
+        return refuse(l, SP_ERR_FORMAT, keyword,
+                      "%" PRIu64 " coordinates for the %" PRIu32 " samples of DIMENSIONS", count,
+                      l->header->grid.dims[axis]);
+    if (!next_type(l, keyword, &type) || !end_line(l))
+        return false;
+    struct vtk_array a = array_here(l, keyword, type->legacy, type, count);
+    l->volume->positions[axis] =
+        vtk_array_check(l->file, &a, l->err) ? vtk_array_read_numbers(l->file, &a, l->err) : NULL;
+    return l->volume->positions[axis] && skip_values(l, keyword, count, type->size);
+}
+
+/* The attributes. */
+
+static bool begin_section(struct legacy *l, const char *keyword, int section) {
+    l->section = section;
+    if (!l->grid_at)
+        return refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
+    return next_count(l, keyword, COUNT_MAX, &l->tuples);
+}
+
+static bool take_points(struct legacy *l, const char *keyword) {
+    if (!begin_section(l, keyword, POINTS))
+        return false;
+    return l->tuples == l->points ||
+           refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but DIMENSIONS make %" PRIu64,
+                  l->tuples, l->points);
+}
+
+static bool take_cells(struct legacy *l, const char *keyword) {
+    vtk_list(l->others, "cell data");
+    return begin_section(l, keyword, CELLS);
+}
+
+static bool check_section(const struct legacy *l, const char *keyword) {
+    return l->section != NOWHERE ||
+           refuse(l, SP_ERR_FORMAT, keyword, "comes before POINT_DATA and CELL_DATA");
+}
+
+static void list_other(struct legacy *l, const char *keyword, const char *name) {
+    char text[96];
+    snprintf(text, sizeof text, "%s %.60s", keyword, name);
+    if (l->section == POINTS)
+        vtk_list(l->others, text);
+}
+
+static bool take_scalars(struct legacy *l, const char *keyword) {
+    char line[512], name[256] = "", kind[64] = "", word[VTK_WORD_MAX + 1];
+    int components = 1;
+    if (!check_section(l, keyword) || !vtk_text_line(&l->text, line, sizeof line, l->err))
+        return false;
+    sscanf(line, "%255s %63s %d", name, kind, &components);
+    const struct vtk_type *type = vtk_find_type(kind, false);
+    if (!type)
+        return refuse(l, SP_ERR_UNSUPPORTED, keyword, "values of type \"%s\" are not supported",
+                      kind);
+    if (components < 1 || components > 4)
+        return refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, 4]", components);
+    if (!next_word(l, word))
+        return false;
+    if (strcasecmp(word, "LOOKUP_TABLE") != 0)
+        return refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of its LOOKUP_TABLE", word);
+    if (!next_word(l, word) || !end_line(l))
+        return false;
+    if (l->section == POINTS && components == 1) {
+        l->volume->samples = array_here(l, keyword, name, type, l->points);
+        l->found = true;
+        return true;
+    }
+    list_other(l, keyword, name);
+    return skip_values(l, keyword, l->tuples * (unsigned)components, type->size);
+}
+
+/* NAME TYPE and a fixed number of components. */
+static bool skip_attribute(struct legacy *l, const char *keyword) {
+    static const struct {
+        const char *keyword;
+        unsigned components;
+    } known[] = { { "VECTORS", 3 },    { "NORMALS", 3 },      { "TENSORS", 9 },   { "TENSORS6", 6 },
+                  { "GLOBAL_IDS", 1 }, { "PEDIGREE_IDS", 1 }, { "EDGE_FLAGS", 1 } };
+    char name[VTK_WORD_MAX + 1];
+    const struct vtk_type *type;
+    if (!check_section(l, keyword) || !next_word(l, name) || !next_type(l, keyword, &type) ||
+        !end_line(l))
+        return false;
+    list_other(l, keyword, name);
+    unsigned components = 0;
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+        if (strcasecmp(keyword, known[i].keyword) == 0)
+            components = known[i].components;
+    return skip_values(l, keyword, l->tuples * components, type->size);
+}
+
+static bool skip_texture(struct legacy *l, const char *keyword) {
+    char name[VTK_WORD_MAX + 1];
+    uint64_t components;
+    const struct vtk_type *type;
+    return check_section(l, keyword) && next_word(l, name) &&
+           next_count(l, keyword, 3, &components) && next_type(l, keyword, &type) && end_line(l) &&
+           skip_values(l, keyword, l->tuples * components, type->size);
+}
+
+/* Colours are words between 0 and 1, or bytes. */
+static bool skip_colors(struct legacy *l, const char *keyword) {
+    char name[VTK_WORD_MAX + 1];
+    uint64_t components;
+    if (!check_section(l, keyword) || !next_word(l, name) ||
+        !next_count(l, keyword, COMPONENTS_MAX, &components) || !end_line(l))
+        return false;
+    list_other(l, keyword, name);
+    return skip_values(l, keyword, l->tuples * components, 1);
+}
+
+static bool skip_table(struct legacy *l, const char *keyword) {
+    char name[VTK_WORD_MAX + 1];
+    uint64_t count;
+    return next_word(l, name) && next_count(l, keyword, COUNT_MAX, &count) && end_line(l) &&
+           skip_values(l, keyword, 4 * count, 1);
+}
+
+/* Arrays by name, with points or, outside the sections, with anything. */
+static bool take_field(struct legacy *l, const char *keyword) {
+    char name[VTK_WORD_MAX + 1];
+    uint64_t arrays, components, tuples;
+    const struct vtk_type *type;
+    if (!next_word(l, name) || !next_count(l, keyword, COUNT_MAX, &arrays))
+        return false;
+    for (uint64_t i = 0; i < arrays; i++) {
+        if (!next_keyword(l, name))
+            return false;
+        if (!name[0])
+            return refuse(l, SP_ERR_FORMAT, keyword,
+                          "the file ends %" PRIu64 " arrays before its "
+                          "end",
+                          arrays - i);
+        if (strcmp(name, "NULL_ARRAY") == 0)
+            continue;
+        if (!next_count(l, name, COMPONENTS_MAX, &components) ||
+            !next_count(l, name, COUNT_MAX, &tuples) || !next_type(l, name, &type) || !end_line(l))
+            return false;
+        bool fits = l->section == POINTS && components == 1 && tuples == l->points &&
+                    type->sample >= 0 && !l->has_field;
+        if (fits) {
+            l->volume->samples = array_here(l, keyword, name, type, tuples);
+            l->has_field = true;
+        } else {
+            list_other(l, keyword, name);
+        }
+        if (!skip_values(l, name, tuples * components, type->size))
+            return false;
+    }
+    return true;
+}
+
+static bool take_keyword(struct legacy *l, const char *word) {
+    static const struct {
+        const char *keyword;
+        bool (*take)(struct legacy *l, const char *keyword);
+    } known[] = { { "DATASET", take_dataset },
+                  { "DIMENSIONS", take_dimensions },
+                  { "ORIGIN", take_origin },
+                  { "SPACING", take_spacing },
+                  { "ASPECT_RATIO", take_spacing },
+                  { "X_COORDINATES", take_coordinates },
+                  { "Y_COORDINATES", take_coordinates },
+                  { "Z_COORDINATES", take_coordinates },
+                  { "POINT_DATA", take_points },
+                  { "CELL_DATA", take_cells },
+                  { "SCALARS", take_scalars },
+                  { "FIELD", take_field },
+                  { "VECTORS", skip_attribute },
+                  { "NORMALS", skip_attribute },
+                  { "TENSORS", skip_attribute },
+                  { "TENSORS6", skip_attribute },
+                  { "GLOBAL_IDS", skip_attribute },
+                  { "PEDIGREE_IDS", skip_attribute },
+                  { "EDGE_FLAGS", skip_attribute },
+                  { "TEXTURE_COORDINATES", skip_texture },
+                  { "COLOR_SCALARS", skip_colors },
+                  { "LOOKUP_TABLE", skip_table } };
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+        if (strcasecmp(word, known[i].keyword) == 0) {
+            if (i > 0 && !l->has_dataset && known[i].take != take_field)
+                return refuse(l, SP_ERR_FORMAT, known[i].keyword, "comes before DATASET");
+            return known[i].take(l, known[i].keyword);
+        }
+    return refuse(l, SP_ERR_FORMAT, NULL, "\"%.40s\" is not a keyword of a VTK file", word);
+}
+
+static bool take_preamble(struct legacy *l) {
+    char line[300], word[VTK_WORD_MAX + 1];
+    int major = 0;
+    if (!vtk_text_line(&l->text, line, sizeof line, l->err))
+        return false;
+    if (strncasecmp(line, "# vtk DataFile Version ", 23) != 0 ||
+        sscanf(line + 23, "%d", &major) != 1)
+        return refuse(l, SP_ERR_FORMAT, NULL,
+                      "a legacy VTK file starts with the line # vtk DataFile Version 3.0");
+    if (major < 1 || major > 5)
+        return refuse(l, SP_ERR_UNSUPPORTED, NULL,
+                      "version %d of legacy VTK files is not known, 1 to 5 are", major);
+    if (!vtk_text_line(&l->text, line, sizeof line, l->err) || !next_word(l, word))
+        return false;
+    l->words = strcasecmp(word, "ASCII") == 0;
+    return l->words || strcasecmp(word, "BINARY") == 0 ||
+           refuse(l, SP_ERR_FORMAT, NULL, "\"%.40s\" instead of ASCII or BINARY in the third line",
+                  word);
+}
+
+static bool check_found(struct legacy *l) {
+    if (!l->has_dataset)
+        return refuse(l, SP_ERR_FORMAT, "DATASET", "the file ends without it");
+    if (!l->grid_at)
+        return refuse(l, SP_ERR_FORMAT, "DIMENSIONS", "the file ends without them");
+    for (int axis = 0; l->rectilinear && axis < 3; axis++)
+        if (!l->volume->positions[axis])
+            return refuse(
+                l, SP_ERR_FORMAT,
+                (const char *[]){ "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES" }[axis],
+                "are missing");
+    if (l->found || l->has_field)
+        return true;
+    return refuse(l, SP_ERR_UNSUPPORTED, "POINT_DATA",
+                  "there are no scalars at the points; the file has %s",
+                  l->others[0] ? l->others : "no data");
+}
+
+static bool take_all(struct legacy *l) {
+    char word[VTK_WORD_MAX + 1];
+    import_grid_init(&l->header->grid);
+    if (!take_preamble(l))
+        return false;
+    while (!l->found) {
+        if (!next_keyword(l, word))
+            return false;
+        if (!word[0])
+            break;
+        if (!take_keyword(l, word))
+            return false;
+    }
+    return check_found(l) && vtk_complete(l->volume, l->header, l->grid_at, "DIMENSIONS", l->err);
+}
+
+static void *open_legacy(const struct import_file *file, struct import_header *header,
+                         struct sp_error *err) {
+    struct vtk_volume *volume = calloc(1, sizeof *volume);
+    struct legacy *l = malloc(sizeof *l);
+    bool ok = volume && l;
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for the header");
+    if (ok) {
+        memset(l, 0, sizeof *l);
+        volume->file = file;
+        l->file = file;
+        l->header = header;
+        l->volume = volume;
+        l->err = err;
+        vtk_text_init(&l->text, file, 0, file->size);
+        ok = take_all(l);
+    }
+    free(l);
+    if (ok)
+        return volume;
+    if (volume)
+        vtk_close(volume);
+    return NULL;
+}
+
+const struct import_format import_vtk = {
+    .name = "VTK", .probe = probe, .open = open_legacy, .read = vtk_read, .close = vtk_close
+};

@@ -1,0 +1,483 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * VTK's XML files of images (.vti) and rectilinear grids (.vtr), one piece each. expat parses what
+ * stands before the appended data; the values of arrays are never kept as text, only where they
+ * are. A document type, and with it every entity, is refused.
+ *
+ *   VTKFile ─► ImageData | RectilinearGrid ─► Piece ─► PointData, Coordinates ─► DataArray
+ *           └► AppendedData: here parsing stops
+ */
+#include <errno.h>
+#include <expat.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "import/vtk.h"
+
+enum { CHUNK = 1 << 16, TAG_MAX = 1 << 20 }; /* bytes */
+enum { DEPTH_MAX = 32 };
+
+struct data_array {
+    struct vtk_array array;
+    bool used, appended;
+};
+
+struct xml { /* being read */
+    const struct import_file *file;
+    struct import_header *header;
+    struct vtk_volume *volume;
+    struct sp_error *err;
+    XML_Parser parser;
+    bool failed, stopped;
+    int depth;
+    bool rectilinear, big_endian, zlib;
+    unsigned length_size;
+    int pieces;
+    uint64_t grid_at; /* byte of the grid's element; 0 = not seen */
+    bool in_grid, in_points, in_coordinates;
+    double origin[3], spacing[3], direction[9];
+    int32_t first[3]; /* where the extent begins, samples */
+    char scalars[96]; /* the array that PointData names */
+    struct data_array samples, coordinates[3];
+    bool is_named; /* samples are */
+    unsigned coordinate_count;
+    struct data_array *inside; /* whose text goes on; NULL = none */
+    bool appended_base64;
+    uint64_t appended_at; /* 0 = there is no appended data */
+    char others[160];
+};
+
+__attribute__((format(printf, 4, 5))) static void
+refuse(struct xml *x, enum sp_code code, const char *field, const char *format, ...) {
+    if (x->failed)
+        return;
+    char text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    x->failed = true;
+    import_fail(x->err, code, x->file->shown, (uint64_t)XML_GetCurrentByteIndex(x->parser), field,
+                "%s", text);
+    XML_StopParser(x->parser, XML_FALSE);
+}
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    static const uint8_t mark[] = { 0xef, 0xbb, 0xbf }; /* byte order, as UTF-8 */
+    size_t n = strlen(shown), i = size >= 3 && memcmp(start, mark, 3) == 0 ? 3 : 0;
+    while (i < size && (start[i] == ' ' || (start[i] >= '\t' && start[i] <= '\r')))
+        i++;
+    const char *ending = n > 4 ? shown + n - 4 : "";
+    return (i < size && start[i] == '<') || strcasecmp(ending, ".vti") == 0 ||
+           strcasecmp(ending, ".vtr") == 0;
+}
+
+/* Attributes. */
+
+static const char *find(const char **attributes, const char *name) {
+    for (; *attributes; attributes += 2)
+        if (strcmp(attributes[0], name) == 0)
+            return attributes[1];
+    return NULL;
+}
+
+/* Exactly n numbers, or nothing changes when the attribute is missing. */
+static void take_numbers(struct xml *x, const char **attributes, const char *name, double *out,
+                         int n) {
+    const char *text = find(attributes, name), *at = text;
+    for (int i = 0; text && i < n; i++) {
+        char *end;
+        out[i] = strtod(at, &end);
+        if (end == at || !isfinite(out[i])) {
+            refuse(x, SP_ERR_FORMAT, name, "\"%.60s\" is not %d numbers", text, n);
+            return;
+        }
+        at = end;
+    }
+    if (text && at[strspn(at, " \t\n\r")])
+        refuse(x, SP_ERR_FORMAT, name, "\"%.60s\" is more than %d numbers", text, n);
+}
+
+static bool take_whole(struct xml *x, const char **attributes, const char *name, uint64_t otherwise,
+                       uint64_t limit, uint64_t *out) {
+    const char *text = find(attributes, name);
+    char *end = NULL;
+    *out = text ? strtoull(text, &end, 10) : otherwise;
+    if (!text || (text[0] >= '0' && text[0] <= '9' && !*end && *out <= limit))
+        return true;
+    refuse(x, SP_ERR_FORMAT, name, "\"%.40s\" is not a whole number up to %" PRIu64, text, limit);
+    return false;
+}
+
+/* Elements. */
+
+static void take_root(struct xml *x, const char *name, const char **attributes) {
+    const char *type = find(attributes, "type"), *order = find(attributes, "byte_order");
+    const char *length = find(attributes, "header_type");
+    const char *compressor = find(attributes, "compressor");
+    if (strcmp(name, "VTKFile") != 0) {
+        refuse(x, SP_ERR_UNSUPPORTED, NULL, "the root element is %.40s instead of VTKFile", name);
+        return;
+    }
+    x->rectilinear = type && strcmp(type, "RectilinearGrid") == 0;
+    x->big_endian = order && strcmp(order, "BigEndian") == 0;
+    x->zlib = compressor && compressor[0];
+    x->length_size = length && strcmp(length, "UInt64") == 0 ? 8 : 4;
+    if (!type || !(x->rectilinear || strcmp(type, "ImageData") == 0))
+        refuse(x, SP_ERR_UNSUPPORTED, "type",
+               "%.40s is not a volume that can be drawn; ImageData and RectilinearGrid are read",
+               type ? type : "nothing");
+    else if (order && !x->big_endian && strcmp(order, "LittleEndian") != 0)
+        refuse(x, SP_ERR_FORMAT, "byte_order", "\"%.40s\" instead of LittleEndian or BigEndian",
+               order);
+    else if (length && x->length_size == 4 && strcmp(length, "UInt32") != 0)
+        refuse(x, SP_ERR_FORMAT, "header_type", "\"%.40s\" instead of UInt32 or UInt64", length);
+    else if (x->zlib && strcmp(compressor, "vtkZLibDataCompressor") != 0)
+        refuse(x, SP_ERR_UNSUPPORTED, "compressor",
+               "%.40s is not supported; vtkZLibDataCompressor and none are", compressor);
+}
+
+static void take_grid(struct xml *x, const char *name, const char **attributes) {
+    x->in_grid = strcmp(name, x->rectilinear ? "RectilinearGrid" : "ImageData") == 0;
+    if (!x->in_grid)
+        return;
+    if (x->grid_at)
+        refuse(x, SP_ERR_FORMAT, NULL, "%.40s is there a second time", name);
+    x->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
+    if (x->rectilinear)
+        return;
+    take_numbers(x, attributes, "Origin", x->origin, 3);
+    take_numbers(x, attributes, "Spacing", x->spacing, 3);
+    take_numbers(x, attributes, "Direction", x->direction, 9);
+}
+
+static void take_piece(struct xml *x, const char *name, const char **attributes) {
+    if (strcmp(name, "Piece") != 0)
+        return;
+    if (x->pieces++ > 0) {
+        refuse(x, SP_ERR_UNSUPPORTED, "Piece", "several pieces are not supported: save it as one");
+        return;
+    }
+    double extent[6] = { 0 };
+    if (!find(attributes, "Extent"))
+        refuse(x, SP_ERR_FORMAT, "Extent", "is missing");
+    take_numbers(x, attributes, "Extent", extent, 6);
+    for (int axis = 0; axis < 3 && !x->failed; axis++) {
+        double low = extent[2 * axis], high = extent[2 * axis + 1];
+        if (low != trunc(low) || high != trunc(high) || fabs(low) > INT32_MAX)
+            refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g is not a range of whole numbers", low,
+                   high);
+        else if (!(high >= low && high - low < SP_DIM_MAX))
+            refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g has not 1 to %u samples", low, high,
+                   SP_DIM_MAX);
+        else {
+            x->first[axis] = (int32_t)low;
+            x->header->grid.dims[axis] = (uint32_t)(high - low) + 1;
+        }
+    }
+}
+
+static void take_part(struct xml *x, const char *name, const char **attributes) {
+    x->in_points = strcmp(name, "PointData") == 0;
+    x->in_coordinates = strcmp(name, "Coordinates") == 0;
+    const char *scalars = x->in_points ? find(attributes, "Scalars") : NULL;
+    if (scalars)
+        snprintf(x->scalars, sizeof x->scalars, "%s", scalars);
+}
+
+/* Fills *out; `components` comes from the caller. */
+static bool describe_array(struct xml *x, const char **attributes, const char *name,
+                           struct data_array *out) {
+    const char *type = find(attributes, "type"), *format = find(attributes, "format");
+    struct vtk_array *a = &out->array;
+    *out = (struct data_array){ .used = true };
+    snprintf(a->name, sizeof a->name, "DataArray \"%.60s\"", name);
+    a->type = vtk_find_type(type ? type : "", true);
+    if (!a->type) {
+        refuse(x, SP_ERR_UNSUPPORTED, a->name, "values of type \"%.40s\" are not supported",
+               type ? type : "");
+        return false;
+    }
+    a->big_endian = x->big_endian;
+    a->end = x->file->size;
+    out->appended = format && strcmp(format, "appended") == 0;
+    if (!format || strcmp(format, "ascii") == 0) {
+        a->form = VTK_WORDS;
+        return true;
+    }
+    a->form = out->appended ? VTK_BYTES : VTK_BASE64;
+    a->zlib = x->zlib;
+    a->length_size = x->length_size;
+    if (out->appended)
+        return take_whole(x, attributes, "offset", 0, x->file->size, &a->begin);
+    if (strcmp(format, "binary") != 0) {
+        refuse(x, SP_ERR_FORMAT, a->name, "format \"%.40s\" instead of ascii, binary or appended",
+               format);
+        return false;
+    }
+    return true;
+}
+
+/* The first array with one component, unless the one that PointData names comes. */
+static struct data_array *choose_slot(struct xml *x, const char *name, const char *type,
+                                      uint64_t components) {
+    if (x->in_coordinates && x->coordinate_count == 3) {
+        refuse(x, SP_ERR_FORMAT, "Coordinates", "has more than three arrays");
+        return NULL;
+    }
+    if (x->in_coordinates)
+        return &x->coordinates[x->coordinate_count++];
+    bool is_named = x->scalars[0] && strcmp(x->scalars, name) == 0;
+    if (components == 1 && type && vtk_find_type(type, true) &&
+        (!x->samples.used || (is_named && !x->is_named))) {
+        x->is_named = is_named;
+        return &x->samples;
+    }
+    vtk_list(x->others, name);
+    return NULL;
+}
+
+static void take_array(struct xml *x, const char *element, const char **attributes) {
+    uint64_t components;
+    const char *name = find(attributes, "Name");
+    name = name ? name : "";
+    if ((!x->in_points && !x->in_coordinates) || strcmp(element, "DataArray") != 0 ||
+        !take_whole(x, attributes, "NumberOfComponents", 1, 1 << 16, &components))
+        return;
+    struct data_array *slot = choose_slot(x, name, find(attributes, "type"), components);
+    if (!slot || !describe_array(x, attributes, name, slot) || slot->appended)
+        return;
+    x->inside = slot;
+    slot->array.begin =
+        (uint64_t)XML_GetCurrentByteIndex(x->parser) + (uint64_t)XML_GetCurrentByteCount(x->parser);
+}
+
+static void take_appended(struct xml *x, const char **attributes) {
+    const char *encoding = find(attributes, "encoding");
+    x->appended_base64 = !encoding || strcmp(encoding, "base64") == 0;
+    if (!x->appended_base64 && strcmp(encoding, "raw") != 0)
+        refuse(x, SP_ERR_UNSUPPORTED, "encoding", "\"%.40s\" instead of raw or base64", encoding);
+    x->appended_at =
+        (uint64_t)XML_GetCurrentByteIndex(x->parser) + (uint64_t)XML_GetCurrentByteCount(x->parser);
+    x->stopped = true;
+    XML_StopParser(x->parser, XML_FALSE);
+}
+
+/* The text of an array ends where its element does, or at a child with notes about it. */
+static void end_text(struct xml *x) {
+    if (x->inside)
+        x->inside->array.end = (uint64_t)XML_GetCurrentByteIndex(x->parser);
+    x->inside = NULL;
+}
+
+static void XMLCALL start_element(void *user, const char *name, const char **attributes) {
+    struct xml *x = user;
+    end_text(x);
+    switch (++x->depth) {
+    case 1:
+        take_root(x, name, attributes);
+        break;
+    case 2:
+        if (strcmp(name, "AppendedData") == 0)
+            take_appended(x, attributes);
+        else
+            take_grid(x, name, attributes);
+        break;
+    case 3:
+        if (x->in_grid)
+            take_piece(x, name, attributes);
+        break;
+    case 4:
+        if (x->in_grid)
+            take_part(x, name, attributes);
+        break;
+    case 5:
+        if (x->in_grid)
+            take_array(x, name, attributes);
+        break;
+    case DEPTH_MAX:
+        refuse(x, SP_ERR_FORMAT, NULL, "elements nest deeper than %d", DEPTH_MAX);
+        break;
+    }
+}
+
+static void XMLCALL end_element(void *user, const char *name) {
+    (void)name;
+    struct xml *x = user;
+    end_text(x);
+    x->depth--;
+}
+
+static void XMLCALL start_doctype(void *user, const char *name, const char *system,
+                                  const char *public, int internal) {
+    (void)name;
+    (void)system;
+    (void)public;
+    (void)internal;
+    refuse(user, SP_ERR_FORMAT, NULL, "a document type is not accepted");
+}
+
+/* Parsing. */
+
+/* After a chunk: what expat holds back is a tag that has not ended yet. */
+static bool check_chunk(struct xml *x, enum XML_Status status, uint64_t fed) {
+    if (x->failed)
+        return false;
+    if (status == XML_STATUS_OK) {
+        XML_Index at = XML_GetCurrentByteIndex(x->parser);
+        return at < 0 || fed - (uint64_t)at <= TAG_MAX ||
+               import_fail(x->err, SP_ERR_FORMAT, x->file->shown, (uint64_t)at, NULL,
+                           "a tag longer than %d bytes", TAG_MAX);
+    }
+    if (x->stopped)
+        return true;
+    enum XML_Error why = XML_GetErrorCode(x->parser);
+    return import_fail(x->err, why == XML_ERROR_NO_MEMORY ? SP_ERR_MEMORY : SP_ERR_FORMAT,
+                       x->file->shown, (uint64_t)XML_GetCurrentByteIndex(x->parser), NULL,
+                       "line %lu: %s", (unsigned long)XML_GetCurrentLineNumber(x->parser),
+                       XML_ErrorString(why));
+}
+
+static bool parse(struct xml *x) {
+    uint64_t fed = 0;
+    for (bool last = false; !last && !x->stopped;) {
+        void *buffer = XML_GetBuffer(x->parser, CHUNK);
+        if (!buffer)
+            return sp_fail(x->err, SP_ERR_MEMORY, x->file->shown, "no memory to parse XML");
+        ssize_t got = pread(x->file->fd, buffer, CHUNK, (off_t)fed);
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            return import_fail(x->err, SP_ERR_IO, x->file->shown, fed, NULL, "cannot read: %s",
+                               strerror(errno));
+        fed += (uint64_t)got;
+        last = got == 0;
+        if (!check_chunk(x, XML_ParseBuffer(x->parser, (int)got, last), fed))
+            return false;
+    }
+    return true;
+}
+
+/* Appended data begin behind an underscore. */
+static bool find_appended(struct xml *x) {
+    char start[4096];
+    ssize_t n = pread(x->file->fd, start, sizeof start, (off_t)x->appended_at);
+    ssize_t i = 0;
+    while (i < n && (start[i] == ' ' || (start[i] >= '\t' && start[i] <= '\r')))
+        i++;
+    if (i >= n || start[i] != '_')
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->appended_at, "AppendedData",
+                           "does not begin with an underscore");
+    x->appended_at += (uint64_t)i + 1;
+    return true;
+}
+
+/* Where the array's values are, now that everything has been seen. */
+static bool locate(struct xml *x, struct data_array *d) {
+    struct vtk_array *a = &d->array;
+    if (!d->appended) {
+        a->end = a->end > a->begin ? a->end : a->begin; /* an element without content */
+        return true;
+    }
+    if (!x->appended_at)
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->file->size, a->name,
+                           "the file ends before its AppendedData");
+    a->form = x->appended_base64 ? VTK_BASE64 : VTK_BYTES;
+    a->begin += x->appended_at;
+    return true;
+}
+
+static bool take_coordinates(struct xml *x) {
+    if (x->coordinate_count != 3)
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Coordinates",
+                           "%u arrays instead of three", x->coordinate_count);
+    for (int axis = 0; axis < 3; axis++) {
+        struct data_array *d = &x->coordinates[axis];
+        d->array.count = x->header->grid.dims[axis];
+        if (!locate(x, d) || !vtk_array_check(x->file, &d->array, x->err) ||
+            !(x->volume->positions[axis] = vtk_array_read_numbers(x->file, &d->array, x->err)))
+            return false;
+    }
+    return true;
+}
+
+/* Extents count from anywhere; the grid's origin is its first sample. */
+static bool take_image(struct xml *x) {
+    struct sp_grid *grid = &x->header->grid;
+    for (int axis = 0; axis < 3; axis++) {
+        double length =
+            hypot(hypot(x->direction[axis], x->direction[3 + axis]), x->direction[6 + axis]);
+        if (!(fabs(length - 1) < 1e-2))
+            return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Direction",
+                               "axis %d has length %g instead of 1", axis, length);
+        grid->spacing[axis] = x->spacing[axis];
+        for (int row = 0; row < 3; row++) /* exact, whatever the digits written */
+            grid->direction[row][axis] = x->direction[3 * row + axis] / length;
+    }
+    for (int row = 0; row < 3; row++) {
+        grid->origin[row] = x->origin[row];
+        for (int axis = 0; axis < 3; axis++)
+            grid->origin[row] += grid->direction[row][axis] * grid->spacing[axis] * x->first[axis];
+    }
+    return true;
+}
+
+static bool take_all(struct xml *x) {
+    import_grid_init(&x->header->grid);
+    if (!parse(x) || (x->appended_at && !find_appended(x)))
+        return false;
+    const char *grid = x->rectilinear ? "RectilinearGrid" : "ImageData";
+    if (!x->pieces)
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, grid,
+                           "the file ends without a Piece of it");
+    if (!x->samples.used)
+        return import_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown, x->grid_at, "PointData",
+                           "there is no array of one number a point; the file has %s",
+                           x->others[0] ? x->others : "none of points, perhaps of cells");
+    if (!locate(x, &x->samples) || !(x->rectilinear ? take_coordinates(x) : take_image(x)))
+        return false;
+    x->volume->samples = x->samples.array;
+    return vtk_complete(x->volume, x->header, x->grid_at, grid, x->err);
+}
+
+static void *open_xml(const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct vtk_volume *volume = calloc(1, sizeof *volume);
+    struct xml *x = calloc(1, sizeof *x);
+    XML_Parser parser = XML_ParserCreate("UTF-8");
+    bool ok = volume && x && parser;
+    if (ok) {
+        volume->file = file;
+        *x = (struct xml){ .file = file,
+                           .header = header,
+                           .volume = volume,
+                           .err = err,
+                           .parser = parser,
+                           .spacing = { 1, 1, 1 },
+                           .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } };
+        XML_SetUserData(parser, x);
+        XML_SetElementHandler(parser, start_element, end_element);
+        XML_SetStartDoctypeDeclHandler(parser, start_doctype);
+        ok = take_all(x);
+    } else {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory to parse XML");
+    }
+    if (parser)
+        XML_ParserFree(parser);
+    free(x);
+    if (ok)
+        return volume;
+    if (volume)
+        vtk_close(volume);
+    return NULL;
+}
+
+const struct import_format import_vtk_xml = {
+    .name = "VTK XML", .probe = probe, .open = open_xml, .read = vtk_read, .close = vtk_close
+};

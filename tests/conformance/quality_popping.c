@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Popping: on an orbit through 45 degrees the sheets change from one axis of the volume to
+ * another, and the picture jumps; slabs follow the eye and have nothing to change.
+ *
+ * Measured are the changes from frame to frame, as the root of the mean square over the picture,
+ * on an orbit of small steps. The median of them is what the motion alone changes; what the
+ * largest has beyond that is the pop.
+ *
+ * Claim: the largest change of slabs is at most a tenth of the largest change of sheets.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "quality.h"
+
+enum { FRAMES = 21 };
+#define STEP 0.002 /* degrees a frame; frame 10 lies at 45 */
+
+struct changes {
+    double largest, median; /* rms */
+    double worst;           /* largest of a pixel and channel */
+};
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static struct changes orbit(const struct quality *q, struct test_scene *scene,
+                            struct sp_volume *volume, double distance) {
+    struct changes c = { 0 };
+    struct test_image last = { 0 };
+    double sizes[FRAMES - 1];
+    for (int f = 0; f < FRAMES; f++) {
+        test_scene_orbit(scene, NULL, 45 + (f - FRAMES / 2 + 0.5) * STEP, 10, distance);
+        struct test_image now = quality_render(q, volume, &scene->view);
+        if (f) {
+            sizes[f - 1] = pow(10, -0.05 * test_image_psnr(&now, &last));
+            c.worst = fmax(c.worst, test_image_difference(&now, &last).largest);
+            test_image_finish(&last);
+        }
+        last = now;
+    }
+    test_image_finish(&last);
+    qsort(sizes, FRAMES - 1, sizeof *sizes, by_size);
+    c.median = sizes[(FRAMES - 1) / 2];
+    c.largest = sizes[FRAMES - 2];
+    return c;
+}
+
+static const struct {
+    test_scene_fn *build;
+    double distance;
+} scenes[] = {
+    { test_scene_blobs, 66 },
+    { test_scene_thin_shells, 82 },
+    { test_scene_phantom, 110 },
+    { test_scene_wide_kernel, 64 },
+};
+
+static void measure(struct quality *q) {
+    printf("  change from frame to frame, %g degrees a frame, 1e-6\n"
+           "  scene          mode     largest   median (motion)      pop  one pixel's largest\n",
+           STEP);
+    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+        struct test_scene scene;
+        if (!scenes[i].build(&scene))
+            exit(EXIT_FAILURE);
+        struct sp_volume *volume = quality_volume(&scene);
+        struct changes by[2];
+        for (int slab = 0; slab < 2; slab++) {
+            scene.view.compositing.mode = slab ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET;
+            by[slab] = orbit(q, &scene, volume, scenes[i].distance);
+            struct changes *c = &by[slab];
+            printf("  %-14s %-5s  %9.2f         %9.2f  %9.2f            %9.2f\n", scene.info.name,
+                   slab ? "slab" : "sheet", 1e6 * c->largest, 1e6 * c->median,
+                   1e6 * (c->largest - c->median), 1e6 * c->worst);
+        }
+        quality_expect(q, 10 * by[1].largest <= by[0].largest,
+                       "%s: largest change of slabs %g, of sheets %g", scene.info.name,
+                       by[1].largest, by[0].largest);
+        quality_forget(q, &volume);
+        test_scene_finish(&scene);
+    }
+}
+
+int main(void) {
+    return quality_main(measure);
+}
