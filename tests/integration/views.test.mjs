@@ -105,13 +105,15 @@ test('who leaves slabs while values are classified after interpolation is told w
 test('clip planes of any length and at any distance: nothing overflows, a plane far off cuts all or nothing', async () => {
   const real = await Daemon.start(['--volume', 'demo:engine?size=32'], { backend: 'cpu' });
   await real.loaded('engine');
-  const draw = async (...planes) => {
-    const view = { size: [40, 30], shading: { mode: 'none' }, clip: { planes: planes.map(([normal, offset]) => ({ normal, offset })) } };
+  const drawer = (choices) => async (...planes) => {
+    const view = {
+      ...choices, size: [40, 30], shading: { mode: 'none' }, clip: { planes: planes.map(([normal, offset]) => ({ normal, offset })) },
+    };
     const answer = await real.fetch('/api/v1/render?format=png', {
       method: 'POST', body: JSON.stringify(view), headers: { 'Content-Type': 'application/json' },
     });
     const bytes = Buffer.from(await answer.arrayBuffer());
-    assert.equal(answer.status, 200, `${JSON.stringify(planes)}: ${bytes}`);
+    assert.equal(answer.status, 200, `${JSON.stringify(view)}: ${bytes}`);
     return decodePng(bytes);
   };
   const isSame = (a, b, what) => {
@@ -122,19 +124,23 @@ test('clip planes of any length and at any distance: nothing overflows, a plane 
       }
     }
   };
-  const [whole, cut] = [await draw(), await draw([[0, 0, 1], 6])];
   const nothing = decodePng(encodePng(40, 30, [0, 0, 0]));
-  assert.throws(() => isSame(whole, cut, 'the cut'), 'it cuts');
-  assert.throws(() => isSame(cut, nothing, 'the cut'), 'it leaves something');
-  for (const length of [1e-300, 1e-160, 1e-20, 1e20, 1e160, 1e300]) {
-    isSame(await draw([[0, 0, length], 6 * length]), cut, `a normal of length ${length}`);
+  for (const choices of [{}, { compositing: { mode: 'splat' } }, { compositing: { mode: 'slab' }, transfer_function: { order: 'post' } }]) {
+    const draw = drawer(choices);
+    const [whole, cut] = [await draw(), await draw([[0, 0, 1], 6])];
+    assert.throws(() => isSame(whole, cut, 'the cut'), 'it cuts');
+    assert.throws(() => isSame(cut, nothing, 'the cut'), 'it leaves something');
+    for (const length of [1e-300, 1e-160, 1e-20, 1e20, 1e160, 1e300]) {
+      isSame(await draw([[0, 0, length], 6 * length]), cut, `a normal of length ${length}`);
+    }
+    isSame(await draw([[1e308, 1e308, 1e308], 0], [[-1e308, -1e308, 1e308], -1e308]), await draw([[1, 1, 1], 0], [[-1, -1, 1], -1]),
+      'the longest normals');
+    for (const [normal, offset] of [[[0, 0, 1], 1e308], [[0, 0, 5e-324], 1], [[1, 2, 3], 1e30]]) {
+      isSame(await draw([normal, offset]), nothing, `behind ${normal}, ${offset}`);
+      isSame(await draw([normal, -offset]), whole, `before ${normal}, ${-offset}`);
+    }
+    const eight = Array.from({ length: 8 }, (_, i) => [[Math.cos(i), Math.sin(i), 0.1 * i], -1e308]);
+    isSame(await draw(...eight), whole, 'eight planes far away');
   }
-  isSame(await draw([[1e308, 1e308, 1e308], 0], [[-1e308, -1e308, 1e308], -1e308]), await draw([[1, 1, 1], 0], [[-1, -1, 1], -1]), 'the longest normals');
-  for (const [normal, offset] of [[[0, 0, 1], 1e308], [[0, 0, 5e-324], 1], [[1, 2, 3], 1e30]]) {
-    isSame(await draw([normal, offset]), nothing, `behind ${normal}, ${offset}`);
-    isSame(await draw([normal, -offset]), whole, `before ${normal}, ${-offset}`);
-  }
-  const eight = Array.from({ length: 8 }, (_, i) => [[Math.cos(i), Math.sin(i), 0.1 * i], -1e308]);
-  isSame(await draw(...eight), whole, 'eight planes far away');
   assert.equal(await real.stop(), 0);
 });

@@ -206,7 +206,7 @@ test('background, shading and filter reach the picture', async (context) => {
   assert.deepEqual(said, []);
 });
 
-test('every choice of the picture is drawn, and what a plane and a box cut away is gone', async (context) => {
+test('every choice of the picture is drawn, and what a plane, a box and the gradient hide is gone', async (context) => {
   const { page, said } = await setUp(context, { viewport: { width: 700, height: 500 } });
   const choose = async (id, value) => {
     await page.selectOption(id, value);
@@ -223,6 +223,11 @@ test('every choice of the picture is drawn, and what a plane and a box cut away 
   await choose('#attenuation', 'exponential');
   await choose('#compositing', 'sheet');
   assert.ok(difference(plain, await pixels(page)) < 0.001, 'back where it began');
+  await choose('#order', 'post');
+  assert.equal(await page.inputValue('#compositing'), 'slab');
+  await shot(page, 'post');
+  await choose('#compositing', 'sheet');
+  assert.equal(await page.inputValue('#order'), 'pre');
   const lit = ({ width, height, at }) => {
     let count = 0;
     for (let y = 0; y < height; y += 4) for (let x = 0; x < width; x += 4) if (Math.max(...at(x, y).slice(0, 3)) > 40) count += 1;
@@ -246,6 +251,13 @@ test('every choice of the picture is drawn, and what a plane and a box cut away 
   const half = lit(await pixels(page));
   assert.ok(half > 0.1 * whole && half < 0.9 * whole, `${half} of ${whole} samples are lit`);
   await shot(page, 'box');
+  await page.keyboard.press('End');
+  await rest(page);
+  await changes(page, async () => {
+    await page.focus('#flat');
+    for (let i = 0; i < 5; i += 1) await page.keyboard.press('PageUp');
+  });
+  await shot(page, 'flat');
   assert.deepEqual(said, []);
 });
 
