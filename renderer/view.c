@@ -146,7 +146,7 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
                     .sigma = 0.7,
                     .cutoff = 3,
                     .lowpass = 1,
-                    .c_min = 0.3,
+                    .c_min = 0.07,
                     .c_max = NAN },
         .compositing = { SP_COMPOSITE_SHEET, SP_ATTENUATION_EXPONENTIAL, 1 },
         .shading = { .mode = SP_SHADING_PHONG,

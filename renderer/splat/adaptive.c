@@ -76,7 +76,7 @@ void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame
                                       .c_max = filter->c_max };
     if (isnan(filter->c_max))
         adaptive->c_max =
-            camera->projection == SP_PERSPECTIVE ? 2 * (1 + 2 * tangent * tangent) : 2;
+            2.5 * (camera->projection == SP_PERSPECTIVE ? 1 + 2 * tangent * tangent : 1);
     struct sp_mat3 step;
     for (int r = 0; r < 3; r++) {
         for (int a = 0; a < 3; a++) {

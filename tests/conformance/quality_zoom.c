@@ -106,8 +106,6 @@ static void measure(struct quality *q) {
         }
         for (uint32_t i = 0; i < scene.view.transfer_function.point_count; i++)
             scene.view.transfer_function.points[i].opacity *= (float)zooms[z].opacity;
-        scene.view.filter.c_min = 0.07;
-        scene.view.filter.c_max = 2.5;
         struct sp_volume *volume = quality_volume(&scene);
         for (size_t i = 0; i < sizeof scales / sizeof *scales; i++)
             if (scales[i] <= zooms[z].largest) {

@@ -29,7 +29,7 @@ void test_view_init(struct sp_view *view) {
                     .sigma = 0.7,
                     .cutoff = 3,
                     .lowpass = 1,
-                    .c_min = 0.3,
+                    .c_min = 0.07,
                     .c_max = NAN },
         .compositing = { .mode = SP_COMPOSITE_SHEET,
                          .attenuation = SP_ATTENUATION_EXPONENTIAL,

@@ -26,7 +26,7 @@ export const defaultView = (id) => ({
     reference_length: 1, order: 'pre', gradient: [],
     points: [{ value: 60, color: [1, 0.9, 0.8], opacity: 0 }, { value: 200, color: [1, 1, 1], opacity: 0.5 }],
   },
-  filter: { mode: 'adaptive', kernel: 'gaussian', sigma: 0.7, cutoff: 3, lowpass: 1, c_min: 0.3, c_max: null },
+  filter: { mode: 'adaptive', kernel: 'gaussian', sigma: 0.7, cutoff: 3, lowpass: 1, c_min: 0.07, c_max: null },
   compositing: { mode: 'sheet', attenuation: 'exponential', slab: 1 }, shading: { mode: 'none' },
   clip: { box: [[0, 0, 0], [1, 1, 1]], planes: [] },
 });
