@@ -55,7 +55,7 @@ static const enum sp_compositing modes[MODES] = { SP_COMPOSITE_SHEET, SP_COMPOSI
                                                   SP_COMPOSITE_SPLAT };
 
 /* Views that take different ways through the renderer. */
-enum { WAYS = 8 };
+enum { WAYS = 9, POST_WAY = 8 };
 
 static void choose_way(struct sp_view *view, int way) {
     static const enum sp_filter_mode filters[WAYS] = { SP_FILTER_EWA,     SP_FILTER_ADAPTIVE,
@@ -65,9 +65,11 @@ static void choose_way(struct sp_view *view, int way) {
     static const enum sp_compositing compositors[WAYS] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SHEET,
                                                            SP_COMPOSITE_SLAB,  SP_COMPOSITE_SLAB,
                                                            SP_COMPOSITE_SPLAT, SP_COMPOSITE_SLAB,
-                                                           SP_COMPOSITE_SPLAT, SP_COMPOSITE_SLAB };
+                                                           SP_COMPOSITE_SPLAT, SP_COMPOSITE_SLAB,
+                                                           SP_COMPOSITE_SLAB };
     view->filter.mode = filters[way];
-    view->filter.kernel = way >= 6 ? SP_KERNEL_CUBIC : SP_KERNEL_GAUSSIAN;
+    view->transfer_function.order = way == POST_WAY ? SP_TF_POST : SP_TF_PRE;
+    view->filter.kernel = way == 6 || way == 7 ? SP_KERNEL_CUBIC : SP_KERNEL_GAUSSIAN;
     view->compositing.mode = compositors[way];
     view->compositing.slab = way == 3 ? 0.3 : 1.2;
     view->compositing.attenuation = way & 1 ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
@@ -344,7 +346,7 @@ static void compositors_agree_on_the_opacity(void **state) {
 /* What a plane keeps and what it takes away are the whole: their optical depths add up. */
 static void a_plane_and_its_opposite_make_the_whole(void **state) {
     struct context *c = *state;
-    for (int way = 0; way < WAYS; way++) {
+    for (int way = 0; way < POST_WAY; way++) { /* classified after the cut, they need not */
         struct test_scene s;
         struct test_image parts[3];
         assert_true(test_scene_blobs(&s));
@@ -394,6 +396,36 @@ static void even_coordinates_are_an_even_grid(void **state) {
         char name[64];
         snprintf(name, sizeof name, "even-coordinates-%d", way);
         same(name, &b, &a, 80);
+        test_scene_finish(&s);
+    }
+}
+
+/* Where the value is the same everywhere it does not matter when it is classified. */
+static void the_order_does_not_matter_to_a_constant(void **state) {
+    struct context *c = *state;
+    struct test_scene s;
+    assert_true(test_scene_constant_cube(&s));
+    s.view.compositing.mode = SP_COMPOSITE_SLAB;
+    struct test_image a = render(c, &s);
+    s.view.transfer_function.order = SP_TF_POST;
+    struct test_image b = render(c, &s);
+    same("order", &b, &a, 80);
+    test_scene_finish(&s);
+}
+
+/* A gradient axis of ones, and one that is reached nowhere. */
+static void a_flat_gradient_axis_is_none(void **state) {
+    struct context *c = *state;
+    for (int k = 0; k < 4; k++) {
+        struct test_scene s;
+        assert_true(k & 1 ? test_scene_post_peak(&s) : test_scene_lit_shell(&s));
+        struct test_image a = render(c, &s);
+        struct sp_transfer_function *tf = &s.view.transfer_function;
+        tf->gradient_count = 2;
+        tf->gradient[0] = (struct sp_gradient_point){ k & 2 ? 1e6 : 0, 1 };
+        tf->gradient[1] = (struct sp_gradient_point){ k & 2 ? 2e6 : 7, k & 2 ? 0 : 1 };
+        struct test_image b = render(c, &s);
+        same(k & 1 ? "gradient-axis-post" : "gradient-axis", &b, &a, 100);
         test_scene_finish(&s);
     }
 }
@@ -496,6 +528,8 @@ static int run_target(struct context *c) {
         ON(compositors_agree_on_the_opacity),
         ON(a_plane_and_its_opposite_make_the_whole),
         ON(even_coordinates_are_an_even_grid),
+        ON(the_order_does_not_matter_to_a_constant),
+        ON(a_flat_gradient_axis_is_none),
         ON(eight_bits_are_the_rounded_floats),
         ON(nothing_to_see_is_the_background),
         ON(not_a_number_is_transparent),

@@ -190,6 +190,30 @@ static const struct manifest_row cubic[] = {
     { EWA, 0, SLAB, 1, 0, 0, 72.9, 73.42 },       { EWA, 1, SLAB, 1, 0, 0, 38.2, 38.73 },
 };
 
+static const struct manifest_row gradient_axis[] = {
+    { EWA, 0, SHEET, 0, 0, 0, 57.2, 57.69 },      { EWA, 1, SHEET, 0, 0, 0, 45.9, 46.35 },
+    { ADAPTIVE, 1, SHEET, 0, 0, 0, 45.9, 46.35 }, { EWA, 0, SPLAT, 0, 0, 0, 58.9, 59.43 },
+    { EWA, 0, SLAB, 1, 0, 0, 59.8, 60.32 },       { EWA, 1, SLAB, 1, 0, 0, 45.8, 46.34 },
+};
+
+static const struct manifest_row post_peak[] = {
+    { EWA, 0, SLAB, 1, 0, 0, 28.5, 28.95 },
+    { EWA, 0, SLAB, 0.5, 0, 0, 44.0, 44.45 },
+    { EWA, 0, SLAB, 0.25, 0, 0, 50.8, 51.34 },
+    { RECONSTRUCTION, 0, SLAB, 0.25, 0, 0, 50.8, 51.34 },
+    { EWA, 0.3, SLAB, 0.5, 0, 0, 33.5, 34.05 },
+    { EWA, 1, SLAB, 0.5, 0, 0, 23.1, 23.60 },
+};
+
+static const struct manifest_row post_lit[] = {
+    { EWA, 0, SLAB, 1, 0, 0, 30.1, 30.64 },
+    { EWA, 0, SLAB, 0.5, 0, 0, 46.2, 46.68 },
+    { EWA, 0, SLAB, 0.25, 0, 0, 53.4, 53.87 },
+    { RECONSTRUCTION, 0, SLAB, 0.25, 0, 0, 53.4, 53.87 },
+    { EWA, 0.3, SLAB, 0.5, 0, 0, 35.9, 36.43 },
+    { EWA, 1, SLAB, 0.5, 0, 0, 25.7, 26.18 },
+};
+
 #define SCENE(name, rows)                                                                          \
     { name, test_scene_##rows, rows, sizeof rows / sizeof *rows }
 
@@ -216,5 +240,8 @@ const struct manifest_scene manifest[] = {
     SCENE("clip-edge", clip_edge),
     SCENE("clip-corner", clip_corner),
     SCENE("cubic", cubic),
+    SCENE("gradient-axis", gradient_axis),
+    SCENE("post-peak", post_peak),
+    SCENE("post-lit", post_lit),
 };
 const size_t manifest_count = sizeof manifest / sizeof *manifest;

@@ -115,10 +115,9 @@ static void coordinates_of_every_type(void **state) {
             float f = (float)value;
             double d = (double)value;
             if (types[t].floating)
-                memcpy(bytes + at, types[t].size == 4 ? (void *)&f : (void *)&d, types[t].size);
-            else
-                memcpy(bytes + at, &value, types[t].size); /* little endian, so far */
-            import_swap(bytes + at, types[t].size, 1);
+                memcpy(&value, types[t].size == 4 ? (void *)&f : (void *)&d, types[t].size);
+            import_swap(&value, types[t].size, 1); /* its first bytes: little endian, so far */
+            memcpy(bytes + at, &value, types[t].size);
             at += types[t].size;
         }
         at += (size_t)sprintf((char *)bytes + at, "\nY_COORDINATES 1 float\n");
