@@ -2,6 +2,7 @@
 #include "tile/post.h"
 
 #include <float.h>
+#include <string.h>
 
 #include "splat/exp2.h"
 #include "tile/tile.h"
@@ -10,8 +11,47 @@ static float bounded(double x) {
     return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));
 }
 
+/* Adds ∫ of depth and of colour times depth over [low, high], which holds no point inside. Four
+ * Gauss-Legendre nodes: the integrand is smooth. */
+static void integrate(const struct sp_transfer_function *tf, double low, double high,
+                      double sum[4]) {
+    static const double at[4] = { 0.0694318442029737, 0.3300094782075719, 0.6699905217924281,
+                                  0.9305681557970263 };
+    static const double weight[4] = { 0.1739274225687269, 0.3260725774312731, 0.3260725774312731,
+                                      0.1739274225687269 };
+    for (int i = 0; i < 4; i++) {
+        struct sp_class c;
+        sp_transfer_function_eval(tf, low + at[i] * (high - low), &c);
+        double depth = (double)c.depth * weight[i] * (high - low);
+        sum[0] += depth;
+        for (int k = 0; k < 3; k++)
+            sum[k + 1] += (double)c.color[k] * depth;
+    }
+}
+
+static void fill_integral(struct sp_post_curve *c, const struct sp_transfer_function *tf,
+                          double (*integral)[4]) {
+    const struct sp_tf_point *p = tf->points, *last = p + tf->point_count - 1;
+    double step = (last->value - p->value) / SP_POST_NODES, sum[4] = { 0 };
+    if (!(step > 0) || !isfinite(step))
+        return;
+    c->nodes_per_unit = 1 / step;
+    c->integral = (const double(*)[4])integral;
+    const struct sp_tf_point *next = p + 1;
+    memcpy(integral[0], sum, sizeof sum);
+    for (int n = 0; n < SP_POST_NODES; n++) {
+        double low = p->value + n * step, high = p->value + (n + 1) * step;
+        for (; next < last && next->value < high; next++) {
+            integrate(tf, low, next->value, sum);
+            low = next->value;
+        }
+        integrate(tf, low, high, sum);
+        memcpy(integral[n + 1], sum, sizeof sum);
+    }
+}
+
 void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_function *tf, double base,
-                        double gradient_unit) {
+                        double gradient_unit, double (*integral)[4]) {
     *c = (struct sp_post_curve){ .count = tf->point_count, .gradient_count = tf->gradient_count };
     for (uint32_t i = 0; i < c->count; i++) {
         const struct sp_tf_point *p = &tf->points[i];
@@ -33,6 +73,7 @@ void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_functi
         c->magnitude[i] = bounded(tf->gradient[i].magnitude / gradient_unit);
         c->scale[i] = tf->gradient[i].scale;
     }
+    fill_integral(c, tf, integral);
 }
 
 static float gradient_scale(const struct sp_post_curve *c, float magnitude) {
@@ -56,7 +97,8 @@ static float depth_of(float a) {
     return -0.693147181f * sp_log2(1 - a);
 }
 
-struct sp_class sp_post_class(const struct sp_post_curve *c, float value, float magnitude) {
+/* Opacity and colour at one value. */
+static struct sp_class class_at(const struct sp_post_curve *c, float value) {
     uint32_t i = 0, j = 0;
     float f = 0;
     struct sp_class class = { { 0 }, 0 };
@@ -71,13 +113,49 @@ struct sp_class sp_post_class(const struct sp_post_curve *c, float value, float 
         f = (value - c->value[i]) * c->inverse[i];
         f = f < 1 ? f : 1;
     }
-    float opacity = c->opacity[i] + f * (c->opacity[j] - c->opacity[i]);
-    if (!(opacity > 0))
-        return class;
-    opacity *= gradient_scale(c, magnitude);
-    class.depth = depth_of(opacity);
+    class.depth = depth_of(c->opacity[i] + f * (c->opacity[j] - c->opacity[i]));
     for (int k = 0; k < 3; k++)
         class.color[k] = c->color[i][k] + f * (c->color[j][k] - c->color[i][k]);
+    return class;
+}
+
+/* The integrals from the first point to a value; beyond the ends the end values hold. */
+static void integral_at(const struct sp_post_curve *c, double value, double sum[4]) {
+    double at = (value - (double)c->value[0]) * c->nodes_per_unit, beyond = 0;
+    uint32_t end = at < 0 ? 0 : c->count - 1;
+    if (at < 0 || at >= SP_POST_NODES) {
+        double limit = at < 0 ? 0 : SP_POST_NODES;
+        beyond = (at - limit) / c->nodes_per_unit * (double)depth_of(c->opacity[end]);
+        at = limit;
+    }
+    int i = at < SP_POST_NODES ? (int)at : SP_POST_NODES - 1;
+    for (int k = 0; k < 4; k++)
+        sum[k] = c->integral[i][k] + (at - i) * (c->integral[i + 1][k] - c->integral[i][k]) +
+                 beyond * (k > 0 ? (double)c->color[end][k - 1] : 1);
+}
+
+/* The mean over [value − half, value + half]. */
+static struct sp_class class_around(const struct sp_post_curve *c, float value, float half) {
+    double low[4], high[4];
+    struct sp_class class = { { 0 }, 0 };
+    integral_at(c, (double)value - (double)half, low);
+    integral_at(c, (double)value + (double)half, high);
+    double depth = high[0] - low[0];
+    if (!(depth > 0))
+        return class;
+    class.depth = (float)(depth / (2 * (double)half));
+    for (int k = 0; k < 3; k++)
+        class.color[k] = (float)((high[k + 1] - low[k + 1]) / depth);
+    return class;
+}
+
+struct sp_class sp_post_class(const struct sp_post_curve *c, float value, float half,
+                              float magnitude) {
+    bool is_point = !c->integral || !((double)half * c->nodes_per_unit > 0.5);
+    struct sp_class class = is_point ? class_at(c, value) : class_around(c, value, half);
+    float scale = class.depth > 0 ? gradient_scale(c, magnitude) : 1;
+    if (scale < 1)
+        class.depth = depth_of(scale * (1 - sp_exp2(-SP_LOG2E * class.depth)));
     return class;
 }
 
@@ -95,15 +173,19 @@ static void eye_direction(const struct sp_post *post, int x, int y, float to_eye
 }
 
 static struct sp_class classify(const struct sp_post *post, int x, int y, const float sums[5]) {
-    float gradient[3], inv = 1 / sums[0];
+    float gradient[3], to_eye[3], along = 0, inv = 1 / sums[0];
     for (int k = 0; k < 3; k++)
         gradient[k] = sums[k + 1] * inv;
     float length =
         sqrtf(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
-    struct sp_class c = sp_post_class(&post->curve, sums[4] * inv, length);
+    eye_direction(post, x, y, to_eye);
+    for (int r = 0; r < 3; r++)
+        for (int k = 0; k < 3; k++)
+            along += to_eye[r] * post->to_camera[r][k] * gradient[k];
+    struct sp_class c =
+        sp_post_class(&post->curve, sums[4] * inv, fabsf(along) * post->half, length);
     if (post->shade && c.depth > 0) {
-        float to_eye[3], normal[3], scale = length > 1e-12f ? 1 / length : 0;
-        eye_direction(post, x, y, to_eye);
+        float normal[3], scale = length > 1e-12f ? 1 / length : 0;
         for (int k = 0; k < 3; k++)
             normal[k] = gradient[k] * scale;
         sp_shade_direction(post->shade, normal, to_eye, c.color);

@@ -18,7 +18,7 @@
 #include "classify/transfer.h"
 #include "splat/shade.h"
 
-enum { SP_POST_BINS = 1024 };
+enum { SP_POST_BINS = 1024, SP_POST_NODES = 4096 };
 
 /* The transfer function for pixels: values relative to the transfer's base, and for each of equal
  * bins of the value the last point that lies at or before it. */
@@ -28,6 +28,10 @@ struct sp_post_curve {
     float color[SP_TF_POINTS_MAX][3], opacity[SP_TF_POINTS_MAX];
     float bins_per_unit;
     uint8_t first[SP_POST_BINS + 1];
+    /* From the first point to each of evenly spaced nodes up to the last: ∫ of depth, and of red,
+     * green and blue times depth. Borrowed; NULL where all points are one. */
+    const double (*integral)[4];
+    double nodes_per_unit;
     uint32_t gradient_count;
     float magnitude[SP_GRADIENT_POINTS_MAX], scale[SP_GRADIENT_POINTS_MAX]; /* over gradient_unit */
 };
@@ -35,16 +39,21 @@ struct sp_post_curve {
 struct sp_post {
     struct sp_post_curve curve;
     const struct sp_shade *shade; /* NULL = none */
+    float to_camera[3][3];        /* W */
+    float half; /* of a slab's thickness times the gradient's unit: gradient → half an interval */
     bool perspective;
     float focal, centre[2]; /* the camera's scale and centre, px */
 };
 
-/* The transfer function relative to `base`; gradient_unit: of N, data unit a world unit. */
+/* The transfer function relative to `base`; gradient_unit: of N, data unit a world unit. `integral`
+ * is memory for SP_POST_NODES + 1 nodes that lives as long as the curve. */
 void sp_post_curve_init(struct sp_post_curve *curve, const struct sp_transfer_function *tf,
-                        double base, double gradient_unit);
+                        double base, double gradient_unit, double (*integral)[4]);
 
-/* Class of a value relative to the base, at a gradient's magnitude over gradient_unit. */
-struct sp_class sp_post_class(const struct sp_post_curve *curve, float value, float magnitude);
+/* Class of values within `half` of one, relative to the base, at a gradient's magnitude over
+ * gradient_unit. */
+struct sp_class sp_post_class(const struct sp_post_curve *curve, float value, float half,
+                              float magnitude);
 
 /* Turns n pixels of a row of sums from (x, y) on, planes SP_TILE · SP_TILE_ROW floats apart, from
  * (W, N, S) into (T, E). */

@@ -352,23 +352,33 @@ static bool choose_order(struct draw *d, struct cpu_state *state, unsigned axis,
     return true;
 }
 
-static void choose_shading(struct draw *d) {
+static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
     const struct sp_view *view = d->job->view;
     if (view->shading.mode == SP_SHADING_PHONG) {
         sp_shade_init(&d->shade, &d->camera, &view->shading);
         d->shading = &d->shade;
     }
     if (!d->blend.post)
-        return;
+        return true;
     struct sp_gradient_grid gradient;
-    sp_gradient_grid_init(&gradient, d->job->volume);
+    double(*integral)[4] =
+        sp_arena_alloc(arena, "transfer function's integral", SP_POST_NODES + 1, sizeof *integral);
+    if (!integral)
+        return fail_memory(arena, err);
+    sp_gradient_units_init(&gradient, sp_volume_info(d->job->volume));
     d->post = (struct sp_post){ .shade = d->shading,
+                                .half = (float)(0.5 * (double)d->blend.thickness * d->ewa.unit *
+                                                gradient.unit),
                                 .perspective = view->camera.projection == SP_PERSPECTIVE,
                                 .focal = (float)d->camera.scale,
                                 .centre = { d->ewa.centre[0], d->ewa.centre[1] } };
+    for (int r = 0; r < 3; r++)
+        for (int k = 0; k < 3; k++)
+            d->post.to_camera[r][k] = (float)d->camera.w.m[r][k];
     sp_post_curve_init(&d->post.curve, &view->transfer_function,
-                       sp_transfer_base(&d->level->transfer), gradient.unit);
+                       sp_transfer_base(&d->level->transfer), gradient.unit, integral);
     d->shading = NULL; /* pixels are shaded, not voxels */
+    return true;
 }
 
 /* Everything between the view and the first batch. */
@@ -382,7 +392,8 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
                                         .level = d->job->coarse,
                                         .axis = axis,
                                         .normals = view->shading.mode == SP_SHADING_PHONG ||
-                                                   view->transfer_function.gradient_count > 0,
+                                                   view->transfer_function.gradient_count > 0 ||
+                                                   view->transfer_function.order == SP_TF_POST,
                                         .reach = sp_kernel_reach(&view->filter),
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
@@ -398,9 +409,8 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
     d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
     double reach;
     choose_blend(d, state, &reach);
-    choose_shading(d);
-    return choose_order(d, state, axis, reach, err) && allocate(d, &state->arena, err) &&
-           choose_filters(d, &state->arena, err);
+    return choose_shading(d, &state->arena, err) && choose_order(d, state, axis, reach, err) &&
+           allocate(d, &state->arena, err) && choose_filters(d, &state->arena, err);
 }
 
 static bool all_saturated(const struct draw *d) {
