@@ -211,7 +211,7 @@ static void add_pixel(const struct pictures *all, unsigned x, unsigned y, const 
                       struct spectrum *sum) {
     const struct plane *p = all->plane;
     unsigned n = p->moves[1], m = p->moves[0];
-    double complex v[MOVES_MAX * MOVES_MAX];
+    double complex v[MOVES_MAX * MOVES_MAX] = { 0 };
     for (unsigned t = 0; t < n; t++)
         for (unsigned s = 0; s < m; s++)
             v[t * m + s] = (double)picture(all, s, t)[(size_t)y * p->size[0] + x];
@@ -260,9 +260,9 @@ static struct spectrum run(const struct quality *q, const struct plane *p, struc
     struct pictures all = take_pictures(q, p, volume, view);
     struct spectrum spectrum = measure_spectrum(&all);
     free(all.value);
-    printf("  %-10s %-14s %9.2f  %9.1f  %9.1f  %9.1f\n", p->name,
-           quality_filter_name(view->filter.mode), 1e6 * spectrum.above, 1e6 * spectrum.below,
-           1e6 * spectrum.flicker, 1e6 * spectrum.motion);
+    printf("  %-10s %-14s %4.2f  %9.2f  %9.1f  %9.1f  %9.1f\n", p->name,
+           quality_filter_name(view->filter.mode), view->filter.lowpass, 1e6 * spectrum.above,
+           1e6 * spectrum.below, 1e6 * spectrum.flicker, 1e6 * spectrum.motion);
     fflush(stdout);
     return spectrum;
 }
@@ -293,6 +293,21 @@ static void zebra_holds(struct quality *q, const struct plane *p, const struct s
                    ewa->below, swan->below);
 }
 
+/* Narrower low-pass filters keep more of both. by[SP_FILTER_EWA] is that of 1 px. */
+static void weigh_lowpass(struct quality *q, const struct plane *p, struct sp_volume *volume,
+                          struct sp_view *view, const struct spectrum by[]) {
+    static const double radii[] = { 0.7, 0.55, 0.4 };
+    struct spectrum last = by[SP_FILTER_EWA];
+    for (size_t i = 0; i < sizeof radii / sizeof *radii; i++) {
+        view->filter.lowpass = radii[i];
+        struct spectrum now = run(q, p, volume, view);
+        quality_expect(q, now.above > last.above && now.below > last.below,
+                       "%s: a low-pass filter of %g px keeps less", p->name, radii[i]);
+        last = now;
+    }
+    view->filter.lowpass = 1;
+}
+
 static const struct plane planes[] = {
     { "swan", .dims = { 498, 398, 1 }, .spacing = { 1, 1, 1 }, .value = squares, .ahead = 1,
       .period = { 4, 4 }, .moves = { 5, 5 }, .size = { 270, 157 }, .focal = 135, .height = 40,
@@ -312,7 +327,7 @@ static void measure(struct quality *q) {
     static const enum sp_filter_mode modes[] = { SP_FILTER_NONE, SP_FILTER_RECONSTRUCTION,
                                                  SP_FILTER_SWAN, SP_FILTER_EWA };
     printf("  energy a pixel above and below the Nyquist rate, 1e-6; mean change, 1e-6\n"
-           "  plane      filter             above      below    flicker     motion\n");
+           "  plane      filter         h, px      above      below    flicker     motion\n");
     for (size_t i = 0; i < sizeof planes / sizeof *planes; i++) {
         const struct plane *p = &planes[i];
         struct spectrum by[SP_FILTER_NONE + 1] = { { 0 } };
@@ -324,6 +339,8 @@ static void measure(struct quality *q) {
             scene.view.filter.mode = modes[m];
             by[modes[m]] = run(q, p, volume, &scene.view);
         }
+        if (i == 0)
+            weigh_lowpass(q, p, volume, &scene.view, by);
         if (p->value == zebra)
             zebra_holds(q, p, by);
         else
