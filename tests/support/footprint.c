@@ -183,7 +183,7 @@ static bool set_numbers(const struct test_projection *p, const double u[3],
     double color[3], opacity, ahead[3];
     if (!isfinite(value))
         return false;
-    if (test_needs_gradient(view))
+    if (p->post || test_needs_gradient(view))
         test_gradient(&scene->info, scene->voxels, f->voxel, gradient);
     if (p->post) {
         memcpy(f->numbers, gradient, sizeof gradient);

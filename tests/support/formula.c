@@ -24,6 +24,8 @@ struct formula {
     double thickness;   /* of a slab, world units */
     long first, layers; /* number of the first slab or sheet; how many */
     double *sums;       /* [layers][height][width][TEST_NUMBERS] */
+    struct sp_transfer_function plain,
+        scale; /* post: without the gradient axis; with nothing else */
     struct test_image *image;
 };
 
@@ -148,25 +150,47 @@ static void add_slabs(const struct formula *f, const struct test_footprint *foot
     }
 }
 
+/* The transfer function's mean over the values that a slab's ray runs through, then the gradient
+ * axis. */
+static void classify_interval(const struct formula *f, double value, double half, double magnitude,
+                              double color[3], double *opacity) {
+    enum { STEPS = 200 };
+    double depth = 0, sum[3] = { 0 }, scale, unused[3];
+    for (int i = 0; i < STEPS; i++) {
+        double c[3], o;
+        test_classify(&f->plain, value + half * (2 * (i + 0.5) / STEPS - 1), 0, c, &o);
+        depth += -log1p(-o) / STEPS;
+        for (int k = 0; k < 3; k++)
+            sum[k] += c[k] * -log1p(-o) / STEPS;
+    }
+    for (int k = 0; k < 3; k++)
+        color[k] = depth > 0 ? sum[k] / depth : 0;
+    test_classify(&f->scale, 0, magnitude, unused, &scale); /* of an opacity of ½ */
+    *opacity = -expm1(-depth) * 2 * scale;
+}
+
 /* Post: turns (N, W, S) of a pixel into (E, T). */
 static void classify_pixel(const struct formula *f, size_t pixel, double *sums) {
     const struct sp_view *view = &f->scene->view;
     const struct test_projection *p = &f->projection;
-    double color[3], opacity, gradient[3], ahead[3], all = sums[3], u[2] = { 0 };
+    double color[3], opacity, gradient[3], ahead[3], all = sums[3], u[2] = { 0 }, along = 0;
     if (!(all > 1e-12))
         return;
     for (int c = 0; c < 3; c++)
         gradient[c] = sums[c] / all;
     double magnitude =
         sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
-    test_classify(&view->transfer_function, sums[4] / all, magnitude, color, &opacity);
     if (p->perspective) {
         u[0] = ((double)(pixel % f->image->width) + 0.5 - 0.5 * view->size[0]) / p->scale;
         u[1] = ((double)(pixel / f->image->width) + 0.5 - 0.5 * view->size[1]) / p->scale;
     }
-    for (int c = 0; c < 3; c++)
+    for (int c = 0; c < 3; c++) {
         ahead[c] = (u[0] * p->w[0][c] + u[1] * p->w[1][c] + p->w[2][c]) /
                    sqrt(u[0] * u[0] + u[1] * u[1] + 1);
+        along += ahead[c] * gradient[c];
+    }
+    classify_interval(f, sums[4] / all, 0.5 * f->thickness * fabs(along), magnitude, color,
+                      &opacity);
     test_shade(view, ahead, gradient, color);
     sums[3] = -log1p(-opacity) / view->transfer_function.reference_length * all;
     for (int c = 0; c < 3; c++)
@@ -224,6 +248,10 @@ bool test_formula_render(const struct test_scene *scene, double range, struct te
     struct formula f = { .scene = scene, .image = image };
     assert(scene->view.filter.mode != SP_FILTER_ADAPTIVE);
     test_projection_init(&f.projection, scene);
+    f.plain = f.scale = scene->view.transfer_function;
+    f.plain.gradient_count = 0;
+    f.scale.point_count = 1;
+    f.scale.points[0].opacity = 0.5F;
     if (!test_image_init(image, scene->view.size[0], scene->view.size[1]))
         return false;
     bool ok = collect(&f, range) && open_layers(&f);
