@@ -197,20 +197,20 @@ static const struct manifest_row gradient_axis[] = {
 };
 
 static const struct manifest_row post_peak[] = {
-    { EWA, 0, SLAB, 1, 0, 0, 28.5, 28.95 },
-    { EWA, 0, SLAB, 0.5, 0, 0, 44.0, 44.45 },
-    { EWA, 0, SLAB, 0.25, 0, 0, 50.8, 51.34 },
-    { RECONSTRUCTION, 0, SLAB, 0.25, 0, 0, 50.8, 51.34 },
-    { EWA, 0.3, SLAB, 0.5, 0, 0, 33.5, 34.05 },
+    { EWA, 0, SLAB, 1, 0, 0, 52.3, 52.78 },
+    { EWA, 0, SLAB, 0.5, 0, 0, 53.6, 54.08 },
+    { EWA, 0, SLAB, 0.25, 0, 0, 53.6, 54.07 },
+    { RECONSTRUCTION, 0, SLAB, 0.25, 0, 0, 53.6, 54.07 },
+    { EWA, 0.3, SLAB, 0.5, 0, 0, 33.9, 34.40 },
     { EWA, 1, SLAB, 0.5, 0, 0, 23.1, 23.60 },
 };
 
 static const struct manifest_row post_lit[] = {
-    { EWA, 0, SLAB, 1, 0, 0, 30.1, 30.64 },
-    { EWA, 0, SLAB, 0.5, 0, 0, 46.2, 46.68 },
-    { EWA, 0, SLAB, 0.25, 0, 0, 53.4, 53.87 },
-    { RECONSTRUCTION, 0, SLAB, 0.25, 0, 0, 53.4, 53.87 },
-    { EWA, 0.3, SLAB, 0.5, 0, 0, 35.9, 36.43 },
+    { EWA, 0, SLAB, 1, 0, 0, 54.3, 54.81 },
+    { EWA, 0, SLAB, 0.5, 0, 0, 56.6, 57.07 },
+    { EWA, 0, SLAB, 0.25, 0, 0, 56.7, 57.19 },
+    { RECONSTRUCTION, 0, SLAB, 0.25, 0, 0, 56.7, 57.19 },
+    { EWA, 0.3, SLAB, 0.5, 0, 0, 36.3, 36.84 },
     { EWA, 1, SLAB, 0.5, 0, 0, 25.7, 26.18 },
 };
 
