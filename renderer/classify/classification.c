@@ -40,6 +40,7 @@ void sp_level_finish(struct sp_level *level) {
     sp_transfer_finish(&level->transfer);
     for (int axis = 0; axis < 3; axis++)
         free(level->coordinates[axis]);
+    free(level->ranges);
     *level = (struct sp_level){ 0 };
 }
 
@@ -83,11 +84,11 @@ static void check_reach(struct sp_classification *c, const struct sp_classify_jo
     all->reach = job->reach;
 }
 
-static bool collect_voxels(struct sp_classification *c, const struct sp_classify_job *job,
-                           struct sp_error *err) {
+static bool collect_from(struct sp_classification *c, const struct sp_classify_job *job,
+                         struct sp_collect_source *source, struct sp_error *err) {
     struct sp_level *all = &c->levels[0];
     struct sp_visible *list = &all->visible;
-    if (!sp_collect_count(all, c->volume, job, err))
+    if (!sp_collect_count(all, c->volume, job, source, err))
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
     uint64_t count = list->count, more = sp_visible_entry_bytes(count, job->normals);
@@ -97,7 +98,15 @@ static bool collect_voxels(struct sp_classification *c, const struct sp_classify
     if (!may_grow(c, job, count, more, err))
         return false;
     list->count = count;
-    return sp_collect_fill(all, c->volume, job, err);
+    return sp_collect_fill(all, c->volume, job, source, err);
+}
+
+static bool collect_voxels(struct sp_classification *c, const struct sp_classify_job *job,
+                           struct sp_error *err) {
+    struct sp_collect_source source = { 0 };
+    bool ok = collect_from(c, job, &source, err);
+    sp_change_finish(&source.change);
+    return ok;
 }
 
 /* The list of all voxels, with normals if they are asked for. */
@@ -163,6 +172,8 @@ uint64_t sp_classification_bytes(const struct sp_classification *c) {
         const struct sp_level *level = &c->levels[l];
         bytes += level->transfer.count * (uint64_t)(sizeof(struct sp_class) + 1) +
                  sp_visible_bytes(&level->visible);
+        if (level->ranges)
+            bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->ranges;
         for (unsigned axis = 0; axis < 3; axis++)
             if (level->slices[axis].start)
                 bytes += sp_slices_bytes(&level->visible, axis);

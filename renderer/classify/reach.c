@@ -8,17 +8,12 @@
 
 enum { CELLS = SP_BRICK / SP_CELL };
 
-/* Smallest and largest value of a cell, from the base on; low > high: none. */
-struct range {
-    float low, high;
-};
-
 struct work {
     const struct sp_level *level;
     const struct sp_classify_job *job;
     const void *voxels;
     uint32_t dims[3]; /* in cells: those of all bricks, also beyond the volume */
-    struct range *from, *to;
+    struct sp_range *from, *to;
     unsigned axis;   /* of the pass */
     uint32_t around; /* cells */
     uint64_t *cells;
@@ -40,16 +35,16 @@ bool sp_reach_is_visible(const struct sp_transfer_function *tf, double base, dou
     return c.depth > 0;
 }
 
-static struct range join(struct range a, struct range b) {
-    return (struct range){ a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high };
+static struct sp_range join(struct sp_range a, struct sp_range b) {
+    return (struct sp_range){ a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high };
 }
 
 /* Ranges of the cells of one row of cells along axis 0. */
 static void measure_row(const struct work *w, uint32_t y, uint32_t z) {
     const uint32_t *dims = w->level->grid.dims;
-    struct range *row = w->from + ((size_t)z * w->dims[1] + y) * w->dims[0];
+    struct sp_range *row = w->from + ((size_t)z * w->dims[1] + y) * w->dims[0];
     for (uint32_t x = 0; x < w->dims[0]; x++)
-        row[x] = (struct range){ INFINITY, -INFINITY };
+        row[x] = (struct sp_range){ INFINITY, -INFINITY };
     for (uint32_t i2 = z * SP_CELL; i2 < (z + 1) * SP_CELL && i2 < dims[2]; i2++)
         for (uint32_t i1 = y * SP_CELL; i1 < (y + 1) * SP_CELL && i1 < dims[1]; i1++)
             for (uint32_t i0 = 0; i0 < dims[0]; i0 += SP_BRICK) {
@@ -60,8 +55,8 @@ static void measure_row(const struct work *w, uint32_t y, uint32_t z) {
                 for (uint32_t i = 0; i < n; i++) {
                     float v = sp_transfer_value(&w->level->transfer, keys[i]);
                     if (isfinite(v)) {
-                        struct range *cell = &row[(i0 + i) >> SP_CELL_SHIFT];
-                        *cell = join(*cell, (struct range){ v, v });
+                        struct sp_range *cell = &row[(i0 + i) >> SP_CELL_SHIFT];
+                        *cell = join(*cell, (struct sp_range){ v, v });
                     }
                 }
             }
@@ -87,7 +82,7 @@ static void widen_planes(void *user, size_t begin, size_t end, unsigned worker) 
             for (uint32_t i = 0; i < w->dims[w->axis]; i++) {
                 uint32_t first = i > w->around ? i - w->around : 0, last = i + w->around;
                 last = last < w->dims[w->axis] ? last : w->dims[w->axis] - 1;
-                struct range range = { INFINITY, -INFINITY };
+                struct sp_range range = { INFINITY, -INFINITY };
                 for (uint32_t k = first; k <= last; k++)
                     range = join(range, w->from[line + k * stride[w->axis]]);
                 w->to[line + i * stride[w->axis]] = range;
@@ -106,7 +101,7 @@ static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
         for (uint32_t i = 0; i < CELLS * CELLS * CELLS; i++) {
             size_t x = corner[0] / SP_CELL + (i & 3), y = corner[1] / SP_CELL + (i >> 2 & 3),
                    z = corner[2] / SP_CELL + (i >> 4);
-            struct range r = w->from[(z * w->dims[1] + y) * w->dims[0] + x];
+            struct sp_range r = w->from[(z * w->dims[1] + y) * w->dims[0] + x];
             /* Values were rounded once: the ends are moved outwards by as much. */
             if (sp_reach_is_visible(&w->level->transfer.tf, base,
                                     (double)nextafterf(r.low, -INFINITY),
@@ -136,7 +131,7 @@ static void run_passes(struct work *w) {
     for (w->axis = 0; w->axis < 3; w->axis++) {
         w->around = cells_around(w, w->axis);
         sp_parallel_for(w->job->pool, w->dims[w->axis == 2 ? 1 : 2], 1, widen_planes, w);
-        struct range *widened = w->to;
+        struct sp_range *widened = w->to;
         w->to = w->from;
         w->from = widened;
     }
@@ -151,7 +146,7 @@ bool sp_reach_fill(const struct sp_level *level, const struct sp_volume *volume,
     size_t count = 1;
     for (int a = 0; a < 3; a++)
         count *= w.dims[a] = level->visible.bricks[a] * CELLS;
-    struct range *ranges[2] = { malloc(count * sizeof *w.from), malloc(count * sizeof *w.to) };
+    struct sp_range *ranges[2] = { malloc(count * sizeof *w.from), malloc(count * sizeof *w.to) };
     bool ok = ranges[0] && ranges[1];
     if (ok) {
         w.from = ranges[0];

@@ -19,6 +19,11 @@
 
 enum { SP_BRICK = 16, SP_BRICK_SHIFT = 4, SP_BRICK_VOXELS = 4096 };
 
+/* Smallest and largest value of a brick, as sp_transfer_value() gives them; low > high: none. */
+struct sp_range {
+    float low, high;
+};
+
 struct sp_visible {
     uint32_t bricks[3]; /* an axis, axis 0 fastest; 0 = no list */
     uint64_t count;     /* entries */

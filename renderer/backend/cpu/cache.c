@@ -61,18 +61,33 @@ static void trim(struct cpu_cache *cache, const struct cpu_slot *in_use) {
             cache->slots[i].used = 0;
 }
 
+/* The newest lists of the volume; NULL = none. */
+static const struct cpu_slot *find_newest(const struct cpu_cache *cache,
+                                          const struct sp_volume *volume) {
+    const struct cpu_slot *newest = NULL;
+    for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
+        const struct cpu_slot *slot = &cache->slots[i];
+        if (slot->c.volume == volume && (!newest || slot->used > newest->used))
+            newest = slot;
+    }
+    return newest;
+}
+
 struct sp_classification *cpu_cache_get(struct cpu_cache *cache, struct sp_volume *volume,
                                         const struct sp_classify_job *job, struct sp_error *err) {
     struct cpu_slot *slot = find_exact(cache, volume, job->tf);
     if (!slot && !find_similar(cache, volume, job->tf, &slot, err))
         return NULL;
+    struct sp_classify_job derive = *job;
     if (!slot) {
-        slot = find_oldest(cache, NULL);
+        const struct cpu_slot *newest = find_newest(cache, volume);
+        slot = find_oldest(cache, newest);
         empty_slot(slot);
         sp_classification_init(&slot->c, volume);
+        derive.from = newest ? &newest->c : NULL;
     }
     slot->used = ++cache->clock;
-    if (!sp_classification_update(&slot->c, job, err)) {
+    if (!sp_classification_update(&slot->c, &derive, err)) {
         empty_slot(slot);
         return NULL;
     }
