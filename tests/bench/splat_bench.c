@@ -125,7 +125,7 @@ static bool parse_option(struct options *o, const char *name, const char *value)
 /* The k-th of a row of small edits, each different from the one before. */
 static void edit_transfer(struct sp_transfer_function *tf, enum edit edit, const double range[2],
                           unsigned k) {
-    unsigned step = k % 16 < 8 ? k % 16 + 1 : 17 - k % 16; /* up and down again */
+    unsigned step = k % 14 < 8 ? k % 14 + 1 : 15 - k % 14; /* 1 … 8 … 2 */
     struct sp_tf_point *p = &tf->points[tf->point_count / 2];
     if (edit == EDIT_COLOUR)
         p->color[1] = p->color[1] * 0.5f + 0.05f * (float)step;
