@@ -10,7 +10,8 @@ import unittest
 
 PROGRAM = sys.argv.pop(1)
 KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'views', 'splats',
-        'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages', 'bytes', 'peak_rss'}
+        'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages', 'cold_classify_ms',
+        'bytes', 'peak_rss'}
 
 
 def run(*arguments):
@@ -48,6 +49,17 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(second['scene'], 'absent')
         self.assertIn('nowhere.nrrd', second['skipped'])
 
+    def test_edits_of_the_transfer_function(self):
+        points = [{'value': v, 'color': [1, 1, 1], 'opacity': o} for v, o in ((0.195, 0), (0.35, 0.2), (0.9, 0.4))]
+        path = self.scene('e.json', volume='demo:phantom?size=16', view={'transfer_function': {'points': points}})
+        options = ('--size', '16', '--views', '3', '--warm', '0', path)
+        plain, colour, opacity, moved = (self.lines(run('--edit', edit, *options))[0]
+                                         for edit in ('none', 'colour', 'opacity', 'range'))
+        self.assertEqual(colour['visible_voxels'], plain['visible_voxels'])
+        self.assertEqual(opacity['visible_voxels'], plain['visible_voxels'])
+        self.assertLess(moved['visible_voxels'], plain['visible_voxels'])
+        self.assertEqual(run('--edit', 'shape', path).returncode, 2)
+
     def test_cameras_and_overrides(self):
         cameras = [{'position': [0, 0, 100 + i], 'target': [0, 0, 0], 'up': [0, 1, 0]} for i in range(5)]
         path = self.scene('c.json', volume='demo:phantom?size=16', cameras=cameras)
@@ -72,7 +84,7 @@ class CommandLine(unittest.TestCase):
         done = run(bad)
         self.assertEqual(done.returncode, 1)
         self.assertIn('/filter/mode', done.stderr)
-        done = run('--compositing', 'slab', '--volume', 'demo:phantom?size=16')
+        done = run('--compositing', 'heap', '--volume', 'demo:phantom?size=16')
         self.assertEqual(done.returncode, 1)
         self.assertIn('/compositing/mode', done.stderr)
         self.assertEqual(run(os.path.join(self.folder.name, 'none.json')).returncode, 1)

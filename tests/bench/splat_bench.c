@@ -17,11 +17,15 @@
 
 enum { EXIT_USAGE = 2, POOL_BYTES = 256 << 20, LONG_ONLY = 256 };
 
+enum edit { EDIT_NONE, EDIT_COLOUR, EDIT_OPACITY, EDIT_RANGE, EDITS };
+static const char *const edit_names[EDITS] = { "none", "colour", "opacity", "range" };
+
 struct options {
     struct sp_renderer_options renderer;
     struct bench_overrides overrides;
     struct sp_render_options render;
     unsigned warm;
+    enum edit edit; /* what is done to the transfer function before each frame */
     const char *data, *out, *volume;
 };
 
@@ -31,6 +35,7 @@ struct result {
     unsigned views;
     double cpu_ms, splats, fragments;
     double stage_ms[SP_STAGES_MAX];
+    double cold_classify_ms; /* of the very first frame */
     struct sp_frame_stats last;
 };
 
@@ -49,6 +54,8 @@ static const char usage[] =
     "  --compositing C     sheet, ...\n"
     "  --shading S         none, phong\n"
     "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
+    "  --edit E            none, colour, opacity, range: changes that of the transfer function\n"
+    "                      a little before each frame; default none\n"
     "  --data DIR          folder below which the scenes' volumes are found\n"
     "  --volume V          a volume instead of scenes: its default view, in an orbit\n"
     "  --out PREFIX        writes the third view of each scene as PREFIXname.png\n"
@@ -75,6 +82,16 @@ static bool parse_number(const char *flag, const char *text, unsigned low, unsig
     return true;
 }
 
+static bool parse_edit(const char *text, enum edit *edit) {
+    for (int e = 0; e < EDITS; e++)
+        if (strcmp(text, edit_names[e]) == 0) {
+            *edit = (enum edit)e;
+            return true;
+        }
+    fprintf(stderr, "splat-bench: --edit: \"%s\" is not none, colour, opacity or range\n", text);
+    return false;
+}
+
 static bool parse_option(struct options *o, const char *name, const char *value) {
     if (strcmp(name, "threads") == 0)
         return parse_number(name, value, 1, 256, &o->renderer.threads);
@@ -86,6 +103,8 @@ static bool parse_option(struct options *o, const char *name, const char *value)
         return parse_number(name, value, 0, SP_COARSE_MAX, &o->render.coarse);
     if (strcmp(name, "warm") == 0)
         return parse_number(name, value, 0, 1000, &o->warm);
+    if (strcmp(name, "edit") == 0)
+        return parse_edit(value, &o->edit);
     const struct {
         const char *name;
         const char **to;
@@ -103,12 +122,32 @@ static bool parse_option(struct options *o, const char *name, const char *value)
     return true;
 }
 
-/* Draws camera k; the frame is the caller's. */
+/* The k-th of a row of small edits, each different from the one before. */
+static void edit_transfer(struct sp_transfer_function *tf, enum edit edit, const double range[2],
+                          unsigned k) {
+    unsigned step = k % 14 < 8 ? k % 14 + 1 : 15 - k % 14; /* 1 … 8 … 2 */
+    struct sp_tf_point *p = &tf->points[tf->point_count / 2];
+    if (edit == EDIT_COLOUR)
+        p->color[1] = p->color[1] * 0.5f + 0.05f * (float)step;
+    if (edit == EDIT_OPACITY)
+        p->opacity *= 1 - 0.02f * (float)step;
+    if (edit != EDIT_RANGE)
+        return;
+    for (uint32_t i = 0; i + 1 < tf->point_count; i++)
+        if (!(tf->points[i].opacity > 0) && tf->points[i + 1].opacity > 0) {
+            double room = 0.9 * (tf->points[i + 1].value - tf->points[i].value);
+            tf->points[i].value += fmin(step * (range[1] - range[0]) / 256, room * step / 8);
+            return;
+        }
+}
+
+/* Draws camera k, frame n of all; the frame is the caller's. */
 static struct sp_frame *draw(struct sp_renderer *renderer, struct sp_frame_pool *pool,
                              const struct bench_scene *scene, const struct options *o, unsigned k,
-                             struct sp_error *err) {
+                             unsigned n, struct sp_error *err) {
     struct sp_view view = scene->view;
     view.camera = scene->cameras[k % scene->camera_count];
+    edit_transfer(&view.transfer_function, o->edit, sp_volume_info(scene->volume)->range, n);
     return sp_renderer_render(renderer, scene->volume, &view, pool, &o->render, err);
 }
 
@@ -117,10 +156,12 @@ static bool measure(struct result *r, struct sp_renderer *renderer, struct sp_fr
                     struct sp_error *err) {
     for (unsigned k = 0; k < o->warm + scene->camera_count; k++) {
         unsigned camera = k < o->warm ? k : k - o->warm;
-        struct sp_frame *frame = draw(renderer, pool, scene, o, camera, err);
+        struct sp_frame *frame = draw(renderer, pool, scene, o, camera, k, err);
         if (!frame)
             return false;
         const struct sp_frame_stats *stats = &frame->stats;
+        if (k == 0 && stats->stage_count > 0)
+            r->cold_classify_ms = stats->stages[0].ms;
         if (k >= o->warm) {
             r->ms[r->views++] = stats->render_ms;
             r->cpu_ms += stats->cpu_ms;
@@ -139,7 +180,7 @@ static bool write_png(const struct options *o, const struct bench_scene *scene,
                       struct sp_renderer *renderer, struct sp_frame_pool *pool,
                       struct sp_error *err) {
     struct sp_encoder *encoder = sp_encoder_create(err);
-    struct sp_frame *frame = encoder ? draw(renderer, pool, scene, o, 2, err) : NULL;
+    struct sp_frame *frame = encoder ? draw(renderer, pool, scene, o, 2, 2, err) : NULL;
     const uint8_t *bytes;
     size_t size;
     char *path = NULL;
@@ -230,6 +271,7 @@ static proto_json *encode_result(const struct bench_scene *scene, const struct r
     proto_json_set_number(j, "cpu_ms", round2(r->cpu_ms / r->views));
     proto_json_set_number(j, "fps", round2(median > 0 ? 1000 / median : 0));
     proto_json_set(j, "stages", encode_stages(r));
+    proto_json_set_number(j, "cold_classify_ms", round2(r->cold_classify_ms));
     proto_json_set_integer(j, "bytes", (int64_t)bytes);
     proto_json_set_integer(j, "peak_rss", (int64_t)usage_of_process.ru_maxrss * 1024);
     return j;
@@ -251,7 +293,7 @@ static bool run_scene(const struct bench_scene *scene, const struct options *o,
         uint64_t bytes = sp_volume_info(scene->volume)->voxel_bytes +
                          sp_renderer_memory(renderer, scene->volume);
         ok = print_json(encode_result(scene, &r, bytes), err);
-        if (scene->visible_voxels >= 0 && r.last.coarse == 0 && r.last.backend &&
+        if (scene->visible_voxels >= 0 && !o->edit && r.last.coarse == 0 && r.last.backend &&
             strcmp(r.last.backend, "null") != 0 &&
             r.last.visible_voxels != (uint64_t)scene->visible_voxels)
             fprintf(stderr, "splat-bench: %s: %llu voxels are visible, the scene says %lld\n",
@@ -304,6 +346,7 @@ int main(int argc, char **argv) {
         { "compositing", required_argument, NULL, LONG_ONLY },
         { "shading", required_argument, NULL, LONG_ONLY },
         { "coarse", required_argument, NULL, LONG_ONLY },
+        { "edit", required_argument, NULL, LONG_ONLY },
         { "data", required_argument, NULL, LONG_ONLY },
         { "volume", required_argument, NULL, LONG_ONLY },
         { "out", required_argument, NULL, LONG_ONLY },
