@@ -1,0 +1,246 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the pictures and the figures of renderer/gallery.md anew.
+
+  gallery.py --build build/release [--data DIR] [--only PREFIX]
+  gallery.py --check
+
+The page is its own recipe. Every block ```json of it that names "pictures" is drawn with `splatctl render
+--local`: the block's "view" with the merge patch of each picture, on "volume", which is a built-in volume
+(demo:NAME), one of the volumes that this script writes (made:NAME), or a file of the data folder (data:NAME;
+where it is missing the picture stays as it is). "difference": [A, B, GAIN] is a picture too: the middle grey
+plus GAIN times B - A. Pictures whose names begin with _ serve such a difference and are not kept. Every block ```console is a test program; what it prints is filled in. --check draws nothing: it compares the recipe with the folder.
+"""
+import argparse
+import json
+import math
+import os
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+SIZE_MAX = 1500000
+ROOM = os.path.join(HERE, '..', '..', 'renderer')
+
+
+def checkerboard(x, y, z):
+    """Squares of eight units."""
+    return 255 if (x // 8 + y // 8) % 2 else 0
+
+
+def zebra(x, y, z):
+    """Stripes across the first axis that wave along the second."""
+    return 255 if math.sin(2 * math.pi * (x / 40 + 0.35 * math.sin(2 * math.pi * y / 96))) > 0 else 0
+
+
+def rings(x, y, z):
+    """Thin rings around the middle of a cube of 96 units, inside a wide faint one."""
+    r, h, value = math.hypot(x - 48, y - 48), z - 48, 0
+    for radius, thick, top in ((6, 1, 255), (12, 1.3, 200), (34, 5, 130)):
+        value += top * math.exp(-0.5 * ((r - radius) ** 2 + h * h) / thick ** 2)
+    return min(round(value), 255)
+
+
+def even(n, length):
+    """From 0 to length."""
+    return [length * i / (n - 1) for i in range(n)]
+
+
+def graded(n, length):
+    """From 0 to length, four times as fine in the middle as an even grid, coarser outside."""
+    ends = [(2 * i / (n - 1) - 1) for i in range(n)]
+    return [0.5 * length * (1 + 0.25 * t + 0.75 * t ** 3) for t in ends]
+
+
+# name: positions of the samples along each axis, value there
+MADE = {
+    'checkerboard': ([even(498, 497), even(398, 397), [0]], checkerboard),
+    'zebra': ([even(1024, 1023), even(256, 1020), [0, 1, 2]], zebra),
+    'rings-even': ([even(48, 96), even(48, 96), even(48, 96)], rings),
+    'rings-graded': ([graded(48, 96), graded(48, 96), graded(48, 96)], rings),
+}
+
+
+def make_volume(folder, name):
+    """Writes raw samples and a sidecar; returns the sidecar's path."""
+    axes, value = MADE[name]
+    with open(os.path.join(folder, name + '.raw'), 'wb') as f:
+        f.write(bytes(value(x, y, z) for z in axes[2] for y in axes[1] for x in axes[0]))
+    path = os.path.join(folder, name + '.json')
+    with open(path, 'w', encoding='utf-8') as f:
+        json.dump({'dims': [len(axis) for axis in axes], 'type': 'uint8', 'file': name + '.raw',
+                   'coordinates': [axis if len(axis) > 1 else None for axis in axes]}, f)
+    return path
+
+
+def merge(base, patch):
+    """RFC 7396."""
+    if not isinstance(patch, dict):
+        return patch
+    result = dict(base) if isinstance(base, dict) else {}
+    for key, value in patch.items():
+        if value is None:
+            result.pop(key, None)
+        else:
+            result[key] = merge(result.get(key), value)
+    return result
+
+
+def read_png(path):
+    """Width, height, bytes a pixel and the rows of an 8-bit PNG without interlacing."""
+    with open(path, 'rb') as f:
+        data = f.read()
+    at, packed = 8, b''
+    while at < len(data):
+        size, kind = struct.unpack('>I4s', data[at:at + 8])
+        body = data[at + 8:at + 8 + size]
+        if kind == b'IHDR':
+            width, height, depth, colour, _, _, lace = struct.unpack('>IIBBBBB', body)
+            assert depth == 8 and lace == 0, path
+            bpp = {0: 1, 2: 3, 4: 2, 6: 4}[colour]
+        elif kind == b'IDAT':
+            packed += body
+        at += size + 12
+    raw, rows, last = zlib.decompress(packed), [], bytes(width * bpp)
+    for y in range(height):
+        kind, row = raw[y * (width * bpp + 1)], bytearray(raw[y * (width * bpp + 1) + 1:(y + 1) * (width * bpp + 1)])
+        for x, v in enumerate(row):
+            a, b, c = (row[x - bpp] if x >= bpp else 0), last[x], (last[x - bpp] if x >= bpp else 0)
+            row[x] = (v + [0, a, b, (a + b) // 2, paeth(a, b, c)][kind]) & 255
+        rows.append(row)
+        last = row
+    return width, height, bpp, rows
+
+
+def paeth(a, b, c):
+    """The predictor of PNG filter 4."""
+    p = a + b - c
+    return min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
+
+
+def write_png(path, width, height, rows):
+    """Rows of RGB bytes."""
+    def chunk(kind, body):
+        return struct.pack('>I', len(body)) + kind + body + struct.pack('>I', zlib.crc32(kind + body))
+    packed = zlib.compress(b''.join(b'\0' + bytes(row) for row in rows), 9)
+    with open(path, 'wb') as f:
+        f.write(b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', struct.pack('>IIBBBBB', width, height, 8, 2, 0, 0, 0)) +
+                chunk(b'IDAT', packed) + chunk(b'IEND', b''))
+
+
+def write_difference(path, a, b, gain):
+    """128 + gain·(b - a) of two pictures of one size."""
+    width, height, bpp, first = read_png(a)
+    _, _, _, second = read_png(b)
+    rows = [bytes(max(0, min(255, 128 + gain * (q[x * bpp + c] - p[x * bpp + c])))
+                  for x in range(width) for c in range(3)) for p, q in zip(first, second)]
+    write_png(path, width, height, rows)
+
+
+class Gallery:
+    def __init__(self, options, work):
+        self.options, self.work, self.failed = options, work, 0
+        self.folder = os.path.join(ROOM, 'gallery')
+
+    def path(self, name):
+        return os.path.join(self.work if name.startswith('_') else self.folder, name)
+
+    def volume(self, name):
+        """What splatctl is to load, or None."""
+        kind, rest = name.split(':', 1)
+        if kind == 'made':
+            return make_volume(self.work, rest)
+        if kind == 'data':
+            for folder in ('', 'volumes', 'formats/vtk'):
+                path = os.path.join(self.options.data, folder, rest)
+                if os.path.isfile(path):
+                    return path
+            return None
+        return name
+
+    def draw(self, block):
+        wanted = [name for name in block['pictures'] if name[0] != '_' and name.startswith(self.options.only)]
+        if not wanted:
+            return
+        volume, base = self.volume(block['volume']), block.get('view', {})
+        for name, patch in block['pictures'].items():
+            path = self.path(name)
+            if name[0] != '_' and name not in wanted:
+                continue
+            if volume is None:
+                print(f'skipped: {name}: no {block["volume"][5:]} in the data folder')
+            elif 'difference' in patch:
+                a, b, gain = patch['difference']
+                write_difference(path, self.path(a), self.path(b), gain)
+            else:
+                self.render(volume, merge(base, patch), path)
+
+    def render(self, volume, view, path):
+        command = [os.path.join(self.options.build, 'bin', 'splatctl'), 'render', '--local', '--volume', volume,
+                   '--view', '-', '--out', path]
+        done = subprocess.run(command, input=json.dumps(view), text=True, capture_output=True, check=False)
+        if done.returncode:
+            self.failed += 1
+            print(f'FAILED {os.path.basename(path)}: {done.stderr.strip()}')
+        else:
+            print(f'{os.path.basename(path)}: {os.path.getsize(path)} bytes')
+
+    def measure(self, program):
+        """What a test program prints, without what other instruction sets would say."""
+        done = subprocess.run([os.path.join(self.options.build, 'tests', program)], text=True, capture_output=True,
+                              check=False)
+        self.failed += done.returncode != 0
+        return ''.join(line + '\n' for line in done.stdout.splitlines() if not line.startswith('skipped'))
+
+
+def check(text):
+    """What does not fit between the recipe, the page and the folder."""
+    made = {name for body in re.findall(r'```json\n(.*?)```', text, re.S)
+            for name in json.loads(body).get('pictures', {}) if name[0] != '_'}
+    shown = set(re.findall(r'\(gallery/([^)]+)\)', text))
+    folder = os.path.join(ROOM, 'gallery')
+    there = set(os.listdir(folder))
+    size = sum(os.path.getsize(os.path.join(folder, name)) for name in there)
+    findings = [f'{name}: made, but not shown' for name in sorted(made - shown)]
+    findings += [f'{name}: shown, but not made' for name in sorted(shown - made)]
+    findings += [f'{name}: made, but not in the folder' for name in sorted(made - there)]
+    findings += [f'{name}: in the folder, but not made' for name in sorted(there - made)]
+    findings += ['a claim of a test failed'] * ('FAILED' in text)
+    findings += [f'the pictures take {size} bytes, more than {SIZE_MAX}'] * (size > SIZE_MAX)
+    return findings
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--build', default='build/release')
+    parser.add_argument('--data', default=os.path.join(HERE, '..', '..', '..', 'shared', 'data'))
+    parser.add_argument('--only', default='', metavar='PREFIX', help='only pictures whose names begin so, no figures')
+    parser.add_argument('--check', action='store_true', help='compare the page with its folder, no drawing')
+    options = parser.parse_args()
+    page = os.path.join(ROOM, 'gallery.md')
+    with open(page, encoding='utf-8') as f:
+        text = f.read()
+    if options.check:
+        findings = check(text)
+        print('\n'.join(findings) or 'the page and its folder agree')
+        return 1 if findings else 0
+    with tempfile.TemporaryDirectory() as work:
+        gallery = Gallery(options, work)
+        for body in re.findall(r'```json\n(.*?)```', text, re.S):
+            block = json.loads(body)
+            if 'pictures' in block:
+                gallery.draw(block)
+        if not options.only:
+            text = re.sub(r'```console\n\$ (\S+)\n.*?```',
+                          lambda m: f'```console\n$ {m[1]}\n{gallery.measure(m[1])}```', text, flags=re.S)
+            with open(page, 'w', encoding='utf-8') as f:
+                f.write(text)
+    return 1 if gallery.failed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
