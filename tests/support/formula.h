@@ -21,8 +21,8 @@
  *
  *   layer (a sheet, a slab, one splat): T = Σ τ_k, E = Σ c_k τ_k, τ_k = g_k length·share
  *     α = 1 - exp(-T) or min(T, 1), C = (E/T)·α; layers front to back
- *   post: W = Σ length·share, S = Σ f_k length·share, N = Σ ∇f_k length·share; T = g·W with the mean
- *     of the transfer function over S/W ± ½ thickness·|N/W along the ray|
+ *   post: W = Σ length·share, S = Σ f_k length·share, N = Σ ∇f_k length·share; T = g·W with the
+ *     mean of the transfer function over S/W ± ½ thickness·|N/W along the ray|
  */
 #ifndef TESTS_SUPPORT_FORMULA_H
 #define TESTS_SUPPORT_FORMULA_H

@@ -78,8 +78,8 @@ struct sp_filter { /* "/filter"; see mathematics: footprint, filters */
     double sigma;        /* voxels, [0.3, 2], default 0.7; gaussian only */
     double cutoff;       /* Mahalanobis radius, [1, 6], default 3; gaussian only */
     double lowpass;      /* standard deviation in px, [0, 8], default 1 */
-    double c_min, c_max; /* adaptive thresholds, > 0, c_min <= c_max; c_min 0.07; c_max NaN (JSON null) =
-                            2.5(1+2tan²(fov/2)) */
+    double c_min, c_max; /* adaptive thresholds, > 0, c_min <= c_max; c_min 0.07; c_max NaN (JSON
+                            null) = 2.5(1+2tan²(fov/2)) */
 };
 
 struct sp_compositing_options {      /* "/compositing" */
