@@ -48,17 +48,36 @@ static inline void add_weights(const struct sp_splat *s, const float *restrict w
         sums[4 * P + i] += w[i] * value;
 }
 
+/* Depth of the far face of slab k on the rays of a row's pixels, in standard deviations, no farther
+ * than planes let them see. */
+static void find_depths(const struct sp_blend *blend, const struct sp_span *span,
+                        const struct sp_row *row, uint32_t k, float dx, float dy,
+                        float *restrict depth) {
+    float face = blend->nearest + (float)(k + 1) * blend->thickness - span->distance;
+    float first = (face - span->slope[0] * dx - span->slope[1] * dy) * span->sharpness;
+    float step = span->slope[0] * span->sharpness;
+    for (int i = 0; i < row->n; i++)
+        depth[i] = first - step * (float)i;
+    for (int i = 0; row->bounded && i < row->n; i++)
+        depth[i] = depth[i] < row->high[i] ? depth[i] : row->high[i];
+}
+
 /* Shares of a row's pixels before the far face of slab k, never less than those before its near
  * face. */
 static void find_shares(const struct sp_blend *blend, const struct sp_span *span,
-                        const struct sp_row *row, uint32_t k, float dx, float dy, float *before) {
-    float face = blend->nearest + (float)(k + 1) * blend->thickness - span->distance;
+                        const struct sp_row *row, uint32_t k, float dx, float dy,
+                        float *restrict before) {
+    float depth[SP_TILE];
+    find_depths(blend, span, row, k, dx, dy, depth);
+    if (blend->cubic) {
+        for (int i = 0; i < row->n; i++) {
+            float share = sp_footprint_share(blend, row->exponent[i], depth[i]);
+            before[i] = share > before[i] ? share : before[i];
+        }
+        return;
+    }
     for (int i = 0; i < row->n; i++) {
-        float mean = span->slope[0] * (dx + (float)i) + span->slope[1] * dy;
-        float depth = (face - mean) * span->sharpness;
-        if (row->bounded)
-            depth = depth < row->high[i] ? depth : row->high[i];
-        float share = sp_footprint_share(blend, row->exponent[i], depth);
+        float share = sp_normal_share(depth[i]);
         before[i] = share > before[i] ? share : before[i];
     }
 }
