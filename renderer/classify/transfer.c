@@ -94,9 +94,26 @@ static bool has_table(enum sp_type type) {
     return type == SP_UINT8 || type == SP_INT8 || type == SP_UINT16 || type == SP_INT16;
 }
 
+/* What keys of reals are counted from: where the function needs them to be finest, the lower end of
+ * its shortest piece that shows anything, as far as there are such values. A point far away that
+ * only says "nothing below" must not cost precision. */
+static double find_base(const struct sp_transfer_function *tf, const double range[2]) {
+    double base = tf->points[0].value, shortest = INFINITY;
+    for (uint32_t i = 0; i + 1 < tf->point_count; i++) {
+        const struct sp_tf_point *p = &tf->points[i];
+        double length = p[1].value / 2 - p->value / 2;
+        if ((p->opacity > 0 || p[1].opacity > 0) && length < shortest) {
+            shortest = length;
+            base = p->value;
+        }
+    }
+    return fmax(range[0], fmin(base, range[1]));
+}
+
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, struct sp_error *err) {
-    *transfer = (struct sp_transfer){ .tf = *tf, .type = info->type, .base = tf->points[0].value };
+    *transfer =
+        (struct sp_transfer){ .tf = *tf, .type = info->type, .base = find_base(tf, info->range) };
     if (!make_scale(transfer, info))
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function/gradient",
                        "no memory for its table");

@@ -30,28 +30,37 @@ static void integrate(const struct sp_transfer_function *tf, double low, double 
 }
 
 static void fill_integral(struct sp_post_curve *c, const struct sp_transfer_function *tf,
-                          double (*integral)[4]) {
-    const struct sp_tf_point *p = tf->points, *last = p + tf->point_count - 1;
-    double step = (last->value - p->value) / SP_POST_NODES, sum[4] = { 0 };
+                          const double range[2], double base, double (*integral)[4]) {
+    const struct sp_tf_point *next = tf->points, *end = next + tf->point_count;
+    double low = fmax(next->value, range[0]), high = fmin(end[-1].value, range[1]);
+    double step = (high - low) / SP_POST_NODES, sum[4] = { 0 };
     if (!(step > 0) || !isfinite(step))
         return;
+    c->first_node = low - base;
     c->nodes_per_unit = 1 / step;
     c->integral = (const double(*)[4])integral;
-    const struct sp_tf_point *next = p + 1;
+    for (int i = 0; i < 2; i++) {
+        struct sp_class class;
+        sp_transfer_function_eval(tf, i ? high : low, &class);
+        for (int k = 0; k < 4; k++)
+            c->ends[i][k] = (double)class.depth * (k > 0 ? (double)class.color[k - 1] : 1);
+    }
     memcpy(integral[0], sum, sizeof sum);
     for (int n = 0; n < SP_POST_NODES; n++) {
-        double low = p->value + n * step, high = p->value + (n + 1) * step;
-        for (; next < last && next->value < high; next++) {
-            integrate(tf, low, next->value, sum);
-            low = next->value;
-        }
-        integrate(tf, low, high, sum);
+        double from = low + n * step, to = low + (n + 1) * step;
+        for (; next < end && next->value < to; next++)
+            if (next->value > from) {
+                integrate(tf, from, next->value, sum);
+                from = next->value;
+            }
+        integrate(tf, from, to, sum);
         memcpy(integral[n + 1], sum, sizeof sum);
     }
 }
 
-void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_function *tf, double base,
-                        double gradient_unit, double (*integral)[4]) {
+void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_function *tf,
+                        const double range[2], double base, double gradient_unit,
+                        double (*integral)[4]) {
     *c = (struct sp_post_curve){ .count = tf->point_count, .gradient_count = tf->gradient_count };
     for (uint32_t i = 0; i < c->count; i++) {
         const struct sp_tf_point *p = &tf->points[i];
@@ -73,7 +82,7 @@ void sp_post_curve_init(struct sp_post_curve *c, const struct sp_transfer_functi
         c->magnitude[i] = bounded(tf->gradient[i].magnitude / gradient_unit);
         c->scale[i] = tf->gradient[i].scale;
     }
-    fill_integral(c, tf, integral);
+    fill_integral(c, tf, range, base, integral);
 }
 
 static float gradient_scale(const struct sp_post_curve *c, float magnitude) {
@@ -119,19 +128,19 @@ static struct sp_class class_at(const struct sp_post_curve *c, float value) {
     return class;
 }
 
-/* The integrals from the first point to a value; beyond the ends the end values hold. */
+/* The integrals from the first node to a value. */
 static void integral_at(const struct sp_post_curve *c, double value, double sum[4]) {
-    double at = (value - (double)c->value[0]) * c->nodes_per_unit, beyond = 0;
-    uint32_t end = at < 0 ? 0 : c->count - 1;
+    double at = (value - c->first_node) * c->nodes_per_unit, beyond = 0;
+    const double *held = c->ends[at >= 0];
     if (at < 0 || at >= SP_POST_NODES) {
         double limit = at < 0 ? 0 : SP_POST_NODES;
-        beyond = (at - limit) / c->nodes_per_unit * (double)depth_of(c->opacity[end]);
+        beyond = (at - limit) / c->nodes_per_unit;
         at = limit;
     }
     int i = at < SP_POST_NODES ? (int)at : SP_POST_NODES - 1;
     for (int k = 0; k < 4; k++)
         sum[k] = c->integral[i][k] + (at - i) * (c->integral[i + 1][k] - c->integral[i][k]) +
-                 beyond * (k > 0 ? (double)c->color[end][k - 1] : 1);
+                 beyond * held[k];
 }
 
 /* The mean over [value − half, value + half]. */

@@ -28,10 +28,11 @@ struct sp_post_curve {
     float color[SP_TF_POINTS_MAX][3], opacity[SP_TF_POINTS_MAX];
     float bins_per_unit;
     uint8_t first[SP_POST_BINS + 1];
-    /* From the first point to each of evenly spaced nodes up to the last: ∫ of depth, and of red,
-     * green and blue times depth. Borrowed; NULL where all points are one. */
+    /* From the first to each of evenly spaced nodes: ∫ of depth, and of red, green and blue times
+     * depth. They span the points as far as there are such values. Borrowed; NULL = no span. */
     const double (*integral)[4];
-    double nodes_per_unit;
+    double first_node, nodes_per_unit;
+    double ends[2][4]; /* the integrand at the first and last node, which holds beyond */
     uint32_t gradient_count;
     float magnitude[SP_GRADIENT_POINTS_MAX], scale[SP_GRADIENT_POINTS_MAX]; /* over gradient_unit */
 };
@@ -45,10 +46,11 @@ struct sp_post {
     float focal, centre[2]; /* the camera's scale and centre, px */
 };
 
-/* The transfer function relative to `base`; gradient_unit: of N, data unit a world unit. `integral`
- * is memory for SP_POST_NODES + 1 nodes that lives as long as the curve. */
+/* The transfer function relative to `base`, for values in `range`; gradient_unit: of N, data unit a
+ * world unit. `integral` is memory for SP_POST_NODES + 1 nodes that lives as long as the curve. */
 void sp_post_curve_init(struct sp_post_curve *curve, const struct sp_transfer_function *tf,
-                        double base, double gradient_unit, double (*integral)[4]);
+                        const double range[2], double base, double gradient_unit,
+                        double (*integral)[4]);
 
 /* Class of values within `half` of one, relative to the base, at a gradient's magnitude over
  * gradient_unit. */

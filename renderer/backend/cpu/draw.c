@@ -365,7 +365,8 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
         sp_arena_alloc(arena, "transfer function's integral", SP_POST_NODES + 1, sizeof *integral);
     if (!integral)
         return fail_memory(arena, err);
-    sp_gradient_units_init(&gradient, sp_volume_info(d->job->volume));
+    const struct sp_volume_info *info = sp_volume_info(d->job->volume);
+    sp_gradient_units_init(&gradient, info);
     d->post = (struct sp_post){ .shade = d->shading,
                                 .half = (float)(0.5 * (double)d->blend.thickness * d->ewa.unit *
                                                 gradient.unit),
@@ -375,7 +376,7 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
             d->post.to_camera[r][k] = (float)d->camera.w.m[r][k];
-    sp_post_curve_init(&d->post.curve, &view->transfer_function,
+    sp_post_curve_init(&d->post.curve, &view->transfer_function, info->range,
                        sp_transfer_base(&d->level->transfer), gradient.unit, integral);
     d->shading = NULL; /* pixels are shaded, not voxels */
     return true;

@@ -223,11 +223,57 @@ static void extreme_views_stay_finite(void **state) {
     finish_rig(&rig);
 }
 
+/* "Nothing below" may be said as far away as one likes. */
+static void a_point_far_below_changes_nothing(void **state) {
+    (void)state;
+    enum { N = 20 };
+    struct sp_grid grid = { .dims = { N, N, N },
+                            .spacing = { 1, 1, 1 },
+                            .origin = { -10, -10, -10 },
+                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    static float values[N * N * N];
+    for (int i = 0; i < N * N * N; i++)
+        values[i] = (float)(i % N) / (N - 1);
+    struct sp_volume *volume = sp_volume_create(&grid, SP_FLOAT32, values, "ramp", NULL);
+    struct rig rig = make_rig();
+    struct sp_render_options o = { .format = SP_RGBAF32 };
+    for (int post = 0; post < 2; post++) {
+        struct sp_view view;
+        struct test_image images[2];
+        make_view(&view, volume);
+        view.compositing.mode = SP_COMPOSITE_SLAB;
+        view.transfer_function = (struct sp_transfer_function){
+            .reference_length = 1,
+            .order = post ? SP_TF_POST : SP_TF_PRE,
+            .point_count = 3,
+            .points = { { 0, { 1, 1, 1 }, 0 },
+                        { 0.4, { 1, 0, 0 }, 0 },
+                        { 0.6, { 0, 1, 0 }, 0.3f } },
+        };
+        static const double far[] = { 0, -1e6, -1e9, -1e30, -1e300 };
+        for (int i = 0; i < 5; i++) {
+            view.transfer_function.points[0].value = far[i];
+            struct sp_frame *f =
+                sp_renderer_render(rig.renderers[0], volume, &view, rig.pool, &o, NULL);
+            assert_true(f && test_image_from_frame(&images[i > 0], f));
+            sp_frame_unref(&f);
+            if (i == 0)
+                continue;
+            assert_true(test_image_difference(&images[0], &images[1]).largest < 2e-3);
+            test_image_finish(&images[1]);
+        }
+        test_image_finish(&images[0]);
+    }
+    sp_volume_unref(&volume);
+    finish_rig(&rig);
+}
+
 int main(void) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_choice_draws),
         cmocka_unit_test(extreme_views_stay_finite),
+        cmocka_unit_test(a_point_far_below_changes_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -15,6 +15,8 @@
 
 #include "tile/post.h"
 
+static const double everything[2] = { -1e9, 1e9 };
+
 static double uniform(double low, double high) {
     return low + (high - low) * (rand() / (double)RAND_MAX);
 }
@@ -55,7 +57,7 @@ static void pixels_are_classified_as_voxels_are(void **state) {
         double base = n % 3 ? uniform(-1000, 1000) : 0;
         struct sp_transfer_function tf = random_function((uint32_t)(n % 12) + 1, base);
         struct sp_post_curve curve;
-        sp_post_curve_init(&curve, &tf, base, 1, integral);
+        sp_post_curve_init(&curve, &tf, everything, base, 1, integral);
         double first = tf.points[0].value, last = tf.points[tf.point_count - 1].value;
         for (int i = 0; i < 400; i++) {
             double value = uniform(first - 10, last + 10);
@@ -80,7 +82,7 @@ static void intervals_are_averaged(void **state) {
     for (int n = 0; n < 40; n++) {
         struct sp_transfer_function tf = random_function((uint32_t)(n % 12) + 2, 0);
         struct sp_post_curve curve;
-        sp_post_curve_init(&curve, &tf, 0, 1, integral);
+        sp_post_curve_init(&curve, &tf, everything, 0, 1, integral);
         double first = tf.points[0].value, last = tf.points[tf.point_count - 1].value;
         for (int i = 0; i < 8; i++) {
             double value = uniform(first - 20, last + 20), sum[4];
@@ -106,7 +108,7 @@ static void the_gradient_scales_the_opacity(void **state) {
                                        .gradient_count = 2,
                                        .gradient = { { 10, 0.2f }, { 30, 1 } } };
     struct sp_post_curve curve;
-    sp_post_curve_init(&curve, &tf, 0, 100, integral); /* magnitudes in hundreds */
+    sp_post_curve_init(&curve, &tf, everything, 0, 100, integral); /* magnitudes in hundreds */
     for (double m = 0; m < 50; m += 2.5) {
         double scale = m < 10 ? 0.2 : m < 30 ? 0.2 + 0.04 * (m - 10) : 1;
         for (int around = 0; around < 2; around++) {
