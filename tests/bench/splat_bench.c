@@ -15,7 +15,7 @@
 #include "sp/encode.h"
 #include "sp/renderer.h"
 
-enum { EXIT_USAGE = 2, POOL_BYTES = 256 << 20, LONG_ONLY = 256 };
+enum { EXIT_USAGE = 2, POOL_BYTES = 256 << 20, LONG_ONLY = 256, STEPS = 24 };
 
 enum edit { EDIT_NONE, EDIT_COLOUR, EDIT_OPACITY, EDIT_RANGE, EDITS };
 static const char *const edit_names[EDITS] = { "none", "colour", "opacity", "range" };
@@ -125,18 +125,18 @@ static bool parse_option(struct options *o, const char *name, const char *value)
 /* The k-th of a row of small edits, each different from the one before. */
 static void edit_transfer(struct sp_transfer_function *tf, enum edit edit, const double range[2],
                           unsigned k) {
-    unsigned step = k % 14 < 8 ? k % 14 + 1 : 15 - k % 14; /* 1 … 8 … 2 */
+    unsigned step = k % STEPS + 1; /* then back to the first */
     struct sp_tf_point *p = &tf->points[tf->point_count / 2];
     if (edit == EDIT_COLOUR)
-        p->color[1] = p->color[1] * 0.5f + 0.05f * (float)step;
+        p->color[1] = 0.5f * (p->color[1] + (float)step / STEPS);
     if (edit == EDIT_OPACITY)
-        p->opacity *= 1 - 0.02f * (float)step;
+        p->opacity *= 1 - 0.5f * (float)step / STEPS;
     if (edit != EDIT_RANGE)
         return;
     for (uint32_t i = 0; i + 1 < tf->point_count; i++)
         if (!(tf->points[i].opacity > 0) && tf->points[i + 1].opacity > 0) {
-            double room = 0.9 * (tf->points[i + 1].value - tf->points[i].value);
-            tf->points[i].value += fmin(step * (range[1] - range[0]) / 256, room * step / 8);
+            double room = tf->points[i + 1].value - tf->points[i].value;
+            tf->points[i].value += step * fmin((range[1] - range[0]) / 256, 0.9 * room / STEPS);
             return;
         }
 }
