@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "splat/adaptive.h"
 #include "volume/grid.h"
 
 /* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
@@ -284,7 +285,8 @@ static bool check_transfer_function(const struct sp_transfer_function *tf, struc
     return true;
 }
 
-static bool check_filter(const struct sp_filter *f, struct sp_error *err) {
+static bool check_filter(const struct sp_filter *f, const struct sp_camera *camera,
+                         struct sp_error *err) {
     if (!check_choice(f->mode, SP_FILTER_NONE, "/filter/mode", err) ||
         !check_choice(f->kernel, SP_KERNEL_CUBIC, "/filter/kernel", err) ||
         !check_range(f->sigma, 0.3, 2, err, "/filter/sigma") ||
@@ -292,12 +294,12 @@ static bool check_filter(const struct sp_filter *f, struct sp_error *err) {
         !check_range(f->lowpass, 0, 8, err, "/filter/lowpass") ||
         !check_positive(f->c_min, "/filter/c_min", err))
         return false;
-    if (isnan(f->c_max))
-        return true;
-    if (!check_positive(f->c_max, "/filter/c_max", err))
+    if (!isnan(f->c_max) && !check_positive(f->c_max, "/filter/c_max", err))
         return false;
-    return f->c_min <= f->c_max || sp_fail(err, SP_ERR_INVALID, "/filter/c_min",
-                                           "c_min %g is above c_max %g", f->c_min, f->c_max);
+    double c_max = sp_adaptive_c_max(f, camera);
+    return f->c_min <= c_max ||
+           sp_fail(err, SP_ERR_INVALID, "/filter/c_min", "c_min %g is above c_max %g%s", f->c_min,
+                   c_max, isnan(f->c_max) ? ", its default for this camera" : "");
 }
 
 static bool check_compositing(const struct sp_view *view, struct sp_error *err) {
@@ -379,7 +381,7 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
                        SP_NAME_BYTES - 1);
     return check_camera(&view->camera, err) &&
            check_transfer_function(&view->transfer_function, err) &&
-           check_filter(&view->filter, err) && check_compositing(view, err) &&
+           check_filter(&view->filter, &view->camera, err) && check_compositing(view, err) &&
            check_shading(&view->shading, err) &&
            check_choice(view->primitive, SP_PRIMITIVE_VECTOR, "/primitive/type", err) &&
            check_clip(&view->clip, err) &&

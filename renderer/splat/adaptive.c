@@ -39,6 +39,11 @@ static void stretch_of(const struct sp_grid *grid, unsigned axis, uint32_t first
     }
 }
 
+double sp_adaptive_c_max(const struct sp_filter *filter, const struct sp_camera *camera) {
+    double tangent = camera->projection == SP_PERSPECTIVE ? tan(camera->fov_y * (M_PI / 360)) : 0;
+    return isnan(filter->c_max) ? 2.5 * (1 + 2 * tangent * tangent) : filter->c_max;
+}
+
 double sp_kernel_sigma(const struct sp_filter *filter) {
     return filter->kernel == SP_KERNEL_CUBIC ? SP_CUBIC_SIGMA : filter->sigma;
 }
@@ -67,16 +72,12 @@ void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2])
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame *camera,
                       const struct sp_grid *grid, const struct sp_view *view) {
     const struct sp_filter *filter = &view->filter;
-    double tangent = tan(view->camera.fov_y * (M_PI / 360));
     *adaptive = (struct sp_adaptive){ .projection = camera->projection,
                                       .scale = camera->scale,
                                       .grid = grid,
                                       .lowpass = filter->lowpass,
                                       .c_min = filter->c_min,
-                                      .c_max = filter->c_max };
-    if (isnan(filter->c_max))
-        adaptive->c_max =
-            2.5 * (camera->projection == SP_PERSPECTIVE ? 1 + 2 * tangent * tangent : 1);
+                                      .c_max = sp_adaptive_c_max(filter, &view->camera) };
     struct sp_mat3 step;
     for (int r = 0; r < 3; r++) {
         for (int a = 0; a < 3; a++) {

@@ -31,6 +31,9 @@ struct sp_adaptive {
     uint32_t blocks[3];    /* bricks an axis */
 };
 
+/* The view's c_max, or its default for the camera: 2.5·(1 + 2·tan²(fov/2)), orthographic 2.5. */
+double sp_adaptive_c_max(const struct sp_filter *filter, const struct sp_camera *camera);
+
 /* Standard deviation of the view's kernel, voxels. */
 double sp_kernel_sigma(const struct sp_filter *filter);
 

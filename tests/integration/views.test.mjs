@@ -26,6 +26,7 @@ const WRONG = [
   [{ filter: { lowpass: -0.1 } }, '/filter/lowpass', /outside \[0, 8\]/],
   [{ filter: { c_min: 0 } }, '/filter/c_min', /above 0/],
   [{ filter: { c_min: 2, c_max: 1 } }, '/filter/c_min', /c_min 2 is above c_max 1/],
+  [{ filter: { c_min: 50 } }, '/filter/c_min', /c_min 50 is above c_max .*default for this camera/],
   [{ compositing: { mode: 'slabs' } }, '/compositing/mode', /"sheet" or "slab"/],
   [{ compositing: { attenuation: 'none' } }, '/compositing/attenuation', /"exponential" or "linear"/],
   [{ compositing: { mode: 'slab', slab: 0 } }, '/compositing/slab', /0 is outside \[0\.05, 64\]/],
