@@ -47,6 +47,7 @@ struct draw {
     struct sp_ewa_frame ewa;
     struct sp_shade shade;
     const struct sp_shade *shading; /* &shade, or NULL */
+    unsigned coarse;                /* of the level that is drawn */
     const struct sp_level *level;
     const struct sp_visible *list;
     const uint8_t *modes; /* by brick: adaptive; or NULL */
@@ -386,15 +387,18 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
 static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *err) {
     const struct sp_view *view = d->job->view;
     const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
+    bool is_post = view->transfer_function.order == SP_TF_POST;
+    /* A scalar averaged over 4³ voxels is another object to the transfer function. */
+    d->coarse = is_post && d->job->coarse > 1 ? 1 : d->job->coarse;
     sp_camera_frame_init(&d->camera, &view->camera, view->size);
     unsigned axis =
         view->compositing.mode == SP_COMPOSITE_SHEET ? sp_order_axis(&d->camera, grid) : SP_NO_AXIS;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
-                                        .level = d->job->coarse,
+                                        .level = d->coarse,
                                         .axis = axis,
                                         .normals = view->shading.mode == SP_SHADING_PHONG ||
                                                    view->transfer_function.gradient_count > 0 ||
-                                                   view->transfer_function.order == SP_TF_POST,
+                                                   is_post,
                                         .reach = sp_kernel_reach(&view->filter),
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
@@ -403,7 +407,7 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
         cpu_cache_get(&state->cache, d->job->volume, &classify, err);
     if (!classification)
         return false;
-    d->level = &classification->levels[d->job->coarse];
+    d->level = &classification->levels[d->coarse];
     d->list = &d->level->visible;
     sp_ewa_frame_init(&d->ewa, &d->camera, &d->level->grid, view);
     sp_clip_frame_init(&d->ewa.clip, &d->camera, grid, &view->clip, d->ewa.unit);
@@ -452,7 +456,7 @@ static void draw_band(struct draw *d, int y) {
 
 static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
     static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
-    stats->coarse = d->job->coarse;
+    stats->coarse = d->coarse;
     stats->visible_voxels = d->list->count;
     stats->splats = d->splats;
     stats->fragments = (uint64_t)d->fragments;
