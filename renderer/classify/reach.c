@@ -14,8 +14,8 @@ struct work {
     const void *voxels;
     uint32_t dims[3]; /* in cells: those of all bricks, also beyond the volume */
     struct sp_range *from, *to;
-    unsigned axis;   /* of the pass */
-    uint32_t around; /* cells */
+    unsigned axis;     /* of the pass */
+    uint32_t *ends[2]; /* by cell along it: first and last that two kernels reach */
     uint64_t *cells;
 };
 
@@ -80,10 +80,8 @@ static void widen_planes(void *user, size_t begin, size_t end, unsigned worker) 
         for (uint32_t q = 0; q < w->dims[other]; q++) {
             size_t line = p * stride[across] + q * stride[other];
             for (uint32_t i = 0; i < w->dims[w->axis]; i++) {
-                uint32_t first = i > w->around ? i - w->around : 0, last = i + w->around;
-                last = last < w->dims[w->axis] ? last : w->dims[w->axis] - 1;
                 struct sp_range range = { INFINITY, -INFINITY };
-                for (uint32_t k = first; k <= last; k++)
+                for (uint32_t k = w->ends[0][i]; k <= w->ends[1][i]; k++)
                     range = join(range, w->from[line + k * stride[w->axis]]);
                 w->to[line + i * stride[w->axis]] = range;
             }
@@ -112,24 +110,62 @@ static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Cells around one that two kernel radii reach. A rectilinear axis is taken as if the widest kernel
- * stood where samples are closest. */
-static uint32_t cells_around(const struct work *w, unsigned axis) {
+/* A cell along a rectilinear axis: where its samples lie, and their largest spacing. */
+struct span {
+    double low, high, spacing;
+};
+
+static struct span find_span(const struct sp_grid *grid, unsigned axis, uint32_t cell) {
+    uint32_t first = cell * SP_CELL, end = first + SP_CELL;
+    end = end < grid->dims[axis] ? end : grid->dims[axis];
+    struct span s = { sp_grid_distance(grid, axis, first), sp_grid_distance(grid, axis, end - 1),
+                      0 };
+    for (uint32_t i = first; i < end; i++)
+        s.spacing = fmax(s.spacing, sp_grid_local_spacing(grid, axis, i));
+    return s;
+}
+
+/* The farthest cell on one side of `cell` whose kernels meet its own. */
+static uint32_t find_end(const struct work *w, uint32_t cell, uint32_t cells, int step,
+                         double largest) {
     const struct sp_grid *grid = &w->level->grid;
-    double low = INFINITY, high = 0;
-    for (uint32_t i = 0; grid->coordinates[axis] && i < grid->dims[axis]; i++) {
-        double s = sp_grid_local_spacing(grid, axis, i);
-        low = fmin(low, s);
-        high = fmax(high, s);
+    struct span own = find_span(grid, w->axis, cell);
+    uint32_t end = cell;
+    for (uint32_t k = cell + (uint32_t)step; k < cells; k += (uint32_t)step) { /* wraps below 0 */
+        struct span other = find_span(grid, w->axis, k);
+        double gap = step > 0 ? other.low - own.high : own.low - other.high;
+        if (gap > w->job->reach * (own.spacing + largest))
+            break;
+        if (gap <= w->job->reach * (own.spacing + other.spacing))
+            end = k;
     }
-    double cells = ceil(2 * w->job->reach * (high > 0 ? high / low : 1) / SP_CELL);
-    return cells < w->dims[axis] ? (uint32_t)cells : w->dims[axis];
+    return end;
+}
+
+/* Fills w->ends for the axis. */
+static void find_ends(struct work *w) {
+    const struct sp_grid *grid = &w->level->grid;
+    uint32_t dims = grid->dims[w->axis], cells = (dims + SP_CELL - 1) / SP_CELL;
+    double around = ceil(2 * w->job->reach / SP_CELL), largest = 0;
+    for (uint32_t i = 0; grid->coordinates[w->axis] && i < dims; i++)
+        largest = fmax(largest, sp_grid_local_spacing(grid, w->axis, i));
+    for (uint32_t i = 0; i < w->dims[w->axis]; i++) {
+        if (i >= cells) { /* beyond the volume */
+            w->ends[0][i] = w->ends[1][i] = i;
+        } else if (grid->coordinates[w->axis]) {
+            w->ends[0][i] = find_end(w, i, cells, -1, largest);
+            w->ends[1][i] = find_end(w, i, cells, 1, largest);
+        } else {
+            w->ends[0][i] = around < i ? i - (uint32_t)around : 0;
+            w->ends[1][i] = around < cells - 1 - i ? i + (uint32_t)around : cells - 1;
+        }
+    }
 }
 
 static void run_passes(struct work *w) {
     sp_parallel_for(w->job->pool, (size_t)w->dims[1] * w->dims[2], 8, measure_rows, w);
     for (w->axis = 0; w->axis < 3; w->axis++) {
-        w->around = cells_around(w, w->axis);
+        find_ends(w);
         sp_parallel_for(w->job->pool, w->dims[w->axis == 2 ? 1 : 2], 1, widen_planes, w);
         struct sp_range *widened = w->to;
         w->to = w->from;
@@ -143,20 +179,25 @@ bool sp_reach_fill(const struct sp_level *level, const struct sp_volume *volume,
     struct work w = {
         .level = level, .job = job, .voxels = sp_volume_voxels(volume), .cells = cells
     };
-    size_t count = 1;
-    for (int a = 0; a < 3; a++)
+    size_t count = 1, longest = 0;
+    for (int a = 0; a < 3; a++) {
         count *= w.dims[a] = level->visible.bricks[a] * CELLS;
-    struct sp_range *ranges[2] = { malloc(count * sizeof *w.from), malloc(count * sizeof *w.to) };
-    bool ok = ranges[0] && ranges[1];
+        longest = w.dims[a] > longest ? w.dims[a] : longest;
+    }
+    struct sp_range *ranges = malloc(2 * count * sizeof *ranges);
+    uint32_t *ends = malloc(2 * longest * sizeof *ends);
+    bool ok = ranges && ends;
     if (ok) {
-        w.from = ranges[0];
-        w.to = ranges[1];
+        w.from = ranges;
+        w.to = ranges + count;
+        w.ends[0] = ends;
+        w.ends[1] = ends + longest;
         run_passes(&w);
         ok = !sp_classify_cancelled(job, err);
     } else {
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for the ranges of %zu cells", count);
     }
-    free(ranges[0]);
-    free(ranges[1]);
+    free(ranges);
+    free(ends);
     return ok;
 }

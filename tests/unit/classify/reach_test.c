@@ -17,6 +17,7 @@
 #include "classify/classification.h"
 #include "classify/gradient.h"
 #include "classify/reach.h"
+#include "volume/grid.h"
 
 enum { X = 37, Y = 21, Z = 50 };
 
@@ -234,10 +235,59 @@ static void the_gradient_axis_scales_opacity(void **state) {
     sp_transfer_finish(&transfer);
 }
 
+/* Graded axes: kernels are as wide as the gaps beside their voxels. A voxel that is left out meets
+ * no kernel of one that is seen. */
+static void graded_axes_have_kernels_of_their_own(void **state) {
+    (void)state;
+    enum { N = 96 };
+    static double at[N];
+    static uint8_t bytes[N * N];
+    for (int i = 1; i < N; i++)
+        at[i] = at[i - 1] + 0.3 + 0.002 * (i - N / 2) * (i - N / 2);
+    struct sp_grid grid = { .dims = { N, N, 1 },
+                            .spacing = { at[N - 1] / (N - 1), 1, 1 },
+                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } },
+                            .coordinates = { at } };
+    for (int i = 0; i < N * N; i++)
+        bytes[i] = i % N == 40 ? 100 : 0; /* one column of samples */
+    struct sp_volume *v = sp_volume_create(&grid, SP_UINT8, bytes, "graded", NULL);
+    assert_non_null(v);
+    const struct sp_grid *g = &sp_volume_info(v)->grid;
+    struct sp_transfer_function tf = { .reference_length = 1,
+                                       .order = SP_TF_POST,
+                                       .point_count = 2,
+                                       .points = { { 50, { 0 }, 0 }, { 60, { 0 }, 0.5f } } };
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    struct sp_classify_job job = { .tf = &tf, .axis = SP_NO_AXIS, .reach = 2.1, .pool = pool };
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    assert_true(sp_classification_update(&c, &job, NULL));
+    const struct sp_visible *list = &c.levels[0].visible;
+    bool listed[N] = { false };
+    for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
+        uint32_t corner[3];
+        sp_visible_corner(list, b, corner);
+        for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++)
+            listed[corner[0] + (list->local[e] & 15)] = true;
+    }
+    int left_out = 0;
+    for (uint32_t i = 0; i < N; i++) {
+        double near = 2.1 * (sp_grid_local_spacing(g, 0, i) + sp_grid_local_spacing(g, 0, 40));
+        if (fabs(at[i] - at[40]) <= near)
+            assert_true(listed[i]);
+        left_out += !listed[i];
+    }
+    assert_true(left_out > N / 2);
+    sp_classification_finish(&c);
+    sp_volume_unref(&v);
+    sp_pool_destroy(&pool);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(voxels_that_matter_are_listed),
         cmocka_unit_test(lists_follow_the_kernel),
+        cmocka_unit_test(graded_axes_have_kernels_of_their_own),
         cmocka_unit_test(coarse_levels_average_the_scalar),
         cmocka_unit_test(the_gradient_axis_scales_opacity),
     };
