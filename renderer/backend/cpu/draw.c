@@ -322,7 +322,10 @@ static void choose_blend(struct draw *d, const struct cpu_state *state, double *
     *reach = 0;
     if (d->blend.mode != SP_COMPOSITE_SLAB)
         return;
-    double radius[2], spacing = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    /* A coarse scalar is no smoother to the transfer function: its slabs stay as thin. */
+    const struct sp_grid *measure = is_post ? &sp_volume_info(d->job->volume)->grid : grid;
+    double radius[2],
+        spacing = fmin(measure->spacing[0], fmin(measure->spacing[1], measure->spacing[2]));
     sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
     *reach = (double)d->ewa.radius * radius[1] / d->ewa.unit;
     double thickness =
