@@ -25,28 +25,6 @@ void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
             tile->done[0][row][i] = 1;
 }
 
-static inline int smaller(int a, int b) {
-    return a < b ? a : b;
-}
-
-static inline int larger(int a, int b) {
-    return a > b ? a : b;
-}
-
-struct sp_box sp_tile_box(const struct sp_tile *tile, const struct sp_splat *s) {
-    return (struct sp_box){ larger(s->x0 - tile->x, 0), larger(s->y0 - tile->y, 0),
-                            smaller(s->x1 - tile->x, SP_TILE), smaller(s->y1 - tile->y, SP_TILE) };
-}
-
-void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box) {
-    if (dirty->x1 <= dirty->x0) {
-        *dirty = *box;
-        return;
-    }
-    *dirty = (struct sp_box){ smaller(dirty->x0, box->x0), smaller(dirty->y0, box->y0),
-                              larger(dirty->x1, box->x1), larger(dirty->y1, box->y1) };
-}
-
 static inline float attenuate(float t, float *transmittance) {
     float e = sp_exp2(-SP_LOG2E * t);
     float exact = (1 - e) / (t > 1e-20f ? t : 1e-20f);

@@ -45,11 +45,30 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t
 /* Sets tile->saturated. */
 void sp_tile_check(struct sp_tile *tile);
 
+static inline int sp_smaller(int a, int b) {
+    return a < b ? a : b;
+}
+
+static inline int sp_larger(int a, int b) {
+    return a > b ? a : b;
+}
+
 /* Grows a slot's dirty box. */
-void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box);
+static inline void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box) {
+    if (dirty->x1 <= dirty->x0) {
+        *dirty = *box;
+        return;
+    }
+    *dirty = (struct sp_box){ sp_smaller(dirty->x0, box->x0), sp_smaller(dirty->y0, box->y0),
+                              sp_larger(dirty->x1, box->x1), sp_larger(dirty->y1, box->y1) };
+}
 
 /* The part of the splat's box that lies in the tile, tile px. They overlap. */
-struct sp_box sp_tile_box(const struct sp_tile *tile, const struct sp_splat *splat);
+static inline struct sp_box sp_tile_box(const struct sp_tile *tile, const struct sp_splat *s) {
+    return (struct sp_box){ sp_larger(s->x0 - tile->x, 0), sp_larger(s->y0 - tile->y, 0),
+                            sp_smaller(s->x1 - tile->x, SP_TILE),
+                            sp_smaller(s->y1 - tile->y, SP_TILE) };
+}
 
 /* Composites everything that is still open. */
 void sp_tile_close(struct sp_tile *tile, const struct sp_blend *blend);

@@ -75,8 +75,8 @@ static bool is_compact(const struct sp_splat *s, const struct sp_box *box, float
 }
 
 /* A Gaussian that nothing cuts. */
-static void add_gaussian(struct sp_tile *tile, const struct sp_splat *s, float cut,
-                         const struct sp_box *box) {
+static inline void add_gaussian(struct sp_tile *tile, const struct sp_splat *s, float cut,
+                                const struct sp_box *box) {
     float dx0 = (float)(box->x0 + tile->x) + 0.5f - s->x;
     float dy0 = (float)(box->y0 + tile->y) + 0.5f - s->y;
     if (is_compact(s, box, dx0, dy0)) {
