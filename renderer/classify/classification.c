@@ -91,7 +91,7 @@ static bool collect_from(struct sp_classification *c, const struct sp_classify_j
     if (!sp_collect_count(all, c->volume, job, source, err))
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
-    uint64_t count = list->count, more = sp_visible_entry_bytes(count, job->normals);
+    uint64_t count = list->count, more = sp_visible_entry_bytes(list, count, job->normals);
     if (job->level == 0 && job->axis < 3)
         more += sp_slices_bytes(list, job->axis);
     list->count = 0; /* not there yet */

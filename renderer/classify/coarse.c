@@ -137,7 +137,7 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
 static void add_class(const struct merge *m, uint64_t e, float part, struct sum *sum) {
     const struct sp_visible *list = &m->fine->visible;
     uint32_t gradient = list->normal ? list->normal[e] : 0;
-    struct sp_class c = sp_transfer_class_at(&m->fine->transfer, list->key[e], gradient);
+    struct sp_class c = sp_transfer_class_at(&m->fine->transfer, sp_visible_key(list, e), gradient);
     c.depth *= part;
     sum->depth += c.depth;
     for (int k = 0; k < 3; k++)
@@ -150,7 +150,7 @@ static void add_class(const struct merge *m, uint64_t e, float part, struct sum 
 static void add_scalar(const struct merge *m, uint64_t e, float part, struct sum *sum) {
     const struct sp_visible *list = &m->fine->visible;
     sum->depth += part;
-    sum->color[0] += part * sp_transfer_value(&m->fine->transfer, list->key[e]);
+    sum->color[0] += part * sp_transfer_value(&m->fine->transfer, sp_visible_key(list, e));
     if (!list->normal)
         return;
     float n[3];
@@ -190,10 +190,10 @@ static void write_entry(const struct merge *m, uint64_t out, uint32_t cell, cons
             float value;
             uint32_t bits;
         } u = { .value = sum->color[0] * inverse };
-        list->key[out] = u.bits;
+        sp_visible_set_key(list, out, u.bits);
     } else {
         struct sp_class *c = &m->coarse->transfer.table[out];
-        list->key[out] = (uint32_t)out;
+        sp_visible_set_key(list, out, (uint32_t)out);
         c->depth = sum->depth;
         for (int k = 0; k < 3; k++)
             c->color[k] = sum->color[k] * inverse;
@@ -242,7 +242,7 @@ static bool allocate_entries(struct merge *m, struct sp_error *err) {
         return sp_fail(err, SP_ERR_MEMORY, "", "too many visible voxels for a coarse level: %llu",
                        (unsigned long long)list->count);
     uint64_t table = m->is_post ? 0 : list->count * sizeof *transfer->table;
-    uint64_t need = sp_visible_entry_bytes(list->count, normals) + table;
+    uint64_t need = sp_visible_entry_bytes(list, list->count, normals) + table;
     if (job->bytes_max && need > job->bytes_max)
         return sp_fail(
             err, SP_ERR_BUDGET, "/transfer_function",
@@ -280,7 +280,7 @@ static bool merge_level(struct merge *m, struct sp_error *err) {
 bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
                     const struct sp_classify_job *job, struct sp_error *err) {
     if (!sp_coarse_grid(coarse, &fine->grid, err) ||
-        !sp_visible_init(&coarse->visible, coarse->grid.dims, err))
+        !sp_visible_init(&coarse->visible, coarse->grid.dims, 4, err))
         return false;
     struct merge m = {
         .fine = fine, .coarse = coarse, .is_post = job->tf->order == SP_TF_POST, .job = job

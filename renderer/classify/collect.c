@@ -135,7 +135,8 @@ static bool copy_brick(const struct collect *c, uint32_t brick) {
     uint64_t to = c->list->first[brick], at = from->first[brick];
     size_t count = (size_t)(from->first[brick + 1] - at);
     memcpy(c->list->local + to, from->local + at, count * sizeof *from->local);
-    memcpy(c->list->key + to, from->key + at, count * sizeof *from->key);
+    memcpy((uint8_t *)c->list->key + to * from->key_bytes,
+           (const uint8_t *)from->key + at * from->key_bytes, count * from->key_bytes);
     if (c->list->normal)
         memcpy(c->list->normal + to, from->normal + at, count * sizeof *from->normal);
     return true;
@@ -154,7 +155,7 @@ static void fill_brick(const struct collect *c, uint32_t brick) {
             for (uint32_t i0 = 0; i0 < part.size[0]; i0++)
                 if (visible[i0]) {
                     c->list->local[out] = (uint16_t)(i0 | i1 << 4 | i2 << 8);
-                    c->list->key[out++] = keys[i0];
+                    sp_visible_set_key(c->list, out++, keys[i0]);
                 }
         }
     assert(out == stop);
@@ -215,7 +216,9 @@ bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
     if (from && (!from->visible.first || !from->ranges ||
                  !sp_change_is_possible(&from->transfer, &level->transfer)))
         from = NULL;
-    if (!sp_visible_init(list, level->grid.dims, err) || !find_ranges(level, from, &measures, err))
+    uint32_t key_bytes = sp_transfer_key_bytes(&level->transfer);
+    if (!sp_visible_init(list, level->grid.dims, key_bytes, err) ||
+        !find_ranges(level, from, &measures, err))
         return false;
     if (from && !sp_change_init(&source->change, &from->transfer, &level->transfer, err))
         return false;

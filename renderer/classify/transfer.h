@@ -71,6 +71,13 @@ static inline double sp_transfer_base(const struct sp_transfer *transfer) {
     return transfer->table ? (double)transfer->first : transfer->base;
 }
 
+/* Bytes that hold any key of the table: 1 or 2; 4 for types without one. */
+static inline uint32_t sp_transfer_key_bytes(const struct sp_transfer *transfer) {
+    if (!transfer->table)
+        return 4;
+    return transfer->type == SP_UINT8 || transfer->type == SP_INT8 ? 1 : 2;
+}
+
 /* The value of a key, from the base on. */
 static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32_t key) {
     union {

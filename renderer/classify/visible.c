@@ -9,8 +9,9 @@ static void *allocate(uint64_t count, size_t size) {
     return count > SIZE_MAX / 2 / size ? NULL : malloc(count ? count * size : 1);
 }
 
-bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], struct sp_error *err) {
-    *visible = (struct sp_visible){ 0 };
+bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_t key_bytes,
+                     struct sp_error *err) {
+    *visible = (struct sp_visible){ .key_bytes = key_bytes };
     for (int a = 0; a < 3; a++)
         visible->bricks[a] = (dims[a] + SP_BRICK - 1) >> SP_BRICK_SHIFT;
     uint32_t bricks = sp_visible_bricks(visible);
@@ -30,7 +31,7 @@ void sp_visible_sum(struct sp_visible *visible) {
 
 bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_error *err) {
     visible->local = allocate(visible->count, sizeof *visible->local);
-    visible->key = allocate(visible->count, sizeof *visible->key);
+    visible->key = allocate(visible->count, visible->key_bytes);
     if (normals)
         visible->normal = allocate(visible->count, sizeof *visible->normal);
     if (visible->local && visible->key && (!normals || visible->normal))
@@ -47,16 +48,15 @@ void sp_visible_finish(struct sp_visible *visible) {
     *visible = (struct sp_visible){ 0 };
 }
 
-uint64_t sp_visible_entry_bytes(uint64_t count, bool normals) {
-    const struct sp_visible *v = NULL;
-    return count * (sizeof *v->local + sizeof *v->key + (normals ? sizeof *v->normal : 0));
+uint64_t sp_visible_entry_bytes(const struct sp_visible *v, uint64_t count, bool normals) {
+    return count * (sizeof *v->local + v->key_bytes + (normals ? sizeof *v->normal : 0));
 }
 
 uint64_t sp_visible_bytes(const struct sp_visible *visible) {
     if (!visible->first)
         return 0;
     return (sp_visible_bricks(visible) + UINT64_C(1)) * sizeof *visible->first +
-           sp_visible_entry_bytes(visible->count, visible->normal != NULL);
+           sp_visible_entry_bytes(visible, visible->count, visible->normal != NULL);
 }
 
 struct sort {

@@ -5,7 +5,8 @@
  *   brick b ─► entries [first[b], first[b+1])      entry e: local[e], key[e], normal[e]
  *
  * A brick can be made anew without the others, be skipped as a whole, and be sorted for a view
- * while it is in the cache. 6 bytes an entry, 10 with normals.
+ * while it is in the cache. Keys are as wide as the volume's type needs: an entry takes 3
+ * bytes for 8 bits, 4 for 16 and 6 for others, and 4 more with normals.
  */
 #ifndef SP_CLASSIFY_VISIBLE_H
 #define SP_CLASSIFY_VISIBLE_H
@@ -29,7 +30,8 @@ struct sp_visible {
     uint64_t count;     /* entries */
     uint64_t *first;    /* [bricks + 1] */
     uint16_t *local;    /* i0 | i1 << 4 | i2 << 8 inside the brick, rising */
-    uint32_t *key;      /* see transfer.h */
+    void *key;          /* see transfer.h; sp_visible_key() reads them */
+    uint32_t key_bytes; /* of each: 1, 2 or 4, unsigned */
     uint32_t *normal;   /* packed gradient (gradient.h); NULL = not made */
 };
 
@@ -56,8 +58,27 @@ static inline void sp_visible_corner(const struct sp_visible *visible, uint32_t 
     corner[2] = row / visible->bricks[1] << SP_BRICK_SHIFT;
 }
 
-/* Sets bricks and takes memory for `first`, all zero; SP_ERR_MEMORY. */
-bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], struct sp_error *err);
+/* Key of entry e of the whole list. */
+static inline uint32_t sp_visible_key(const struct sp_visible *visible, uint64_t e) {
+    if (visible->key_bytes == 1)
+        return ((const uint8_t *)visible->key)[e];
+    if (visible->key_bytes == 2)
+        return ((const uint16_t *)visible->key)[e];
+    return ((const uint32_t *)visible->key)[e];
+}
+
+static inline void sp_visible_set_key(const struct sp_visible *visible, uint64_t e, uint32_t key) {
+    if (visible->key_bytes == 1)
+        ((uint8_t *)visible->key)[e] = (uint8_t)key;
+    else if (visible->key_bytes == 2)
+        ((uint16_t *)visible->key)[e] = (uint16_t)key;
+    else
+        ((uint32_t *)visible->key)[e] = key;
+}
+
+/* Sets bricks and the width of keys and takes memory for `first`, all zero; SP_ERR_MEMORY. */
+bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_t key_bytes,
+                     struct sp_error *err);
 
 /* Turns first[b + 1] = entries of brick b into places and sets count. */
 void sp_visible_sum(struct sp_visible *visible);
@@ -68,8 +89,8 @@ bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_err
 void sp_visible_finish(struct sp_visible *visible);
 uint64_t sp_visible_bytes(const struct sp_visible *visible);
 
-/* Bytes of `count` entries. */
-uint64_t sp_visible_entry_bytes(uint64_t count, bool normals);
+/* Bytes of `count` entries of such a list. */
+uint64_t sp_visible_entry_bytes(const struct sp_visible *visible, uint64_t count, bool normals);
 
 /* Sorts the bricks along `axis`; SP_ERR_MEMORY. *slices is empty before, and after a failure. */
 bool sp_slices_make(struct sp_slices *slices, const struct sp_visible *visible, unsigned axis,

@@ -283,7 +283,7 @@ float sp_ewa_distance(const struct sp_ewa_frame *f, const float u[3]) {
 static bool write_sums(const struct sp_ewa_frame *f, const struct sp_ewa_run *run, uint64_t e,
                        const float u[3], float gain, struct sp_splat *s) {
     uint32_t gradient = run->list->normal ? run->list->normal[e] : 0;
-    struct sp_class c = sp_transfer_class_at(run->transfer, run->list->key[e], gradient);
+    struct sp_class c = sp_transfer_class_at(run->transfer, sp_visible_key(run->list, e), gradient);
     float depth = c.depth * gain;
     if (!(depth > 0))
         return false;
@@ -340,7 +340,7 @@ static float stretch(const struct sp_ewa_frame *f, const struct sp_ewa_brick *br
 static void write_scalar(const struct sp_ewa_run *run, uint64_t e, float length,
                          struct sp_splat *s) {
     s->depth = length < SP_DEPTH_MAX ? length : SP_DEPTH_MAX;
-    s->value = sp_transfer_value(run->transfer, run->list->key[e]) * s->depth;
+    s->value = sp_transfer_value(run->transfer, sp_visible_key(run->list, e)) * s->depth;
     if (!run->list->normal)
         return;
     float direction[3];

@@ -261,7 +261,12 @@ static void check_set_up(const struct cpu_kernels *kernels) {
     struct sp_class classes[4] = {
         { { 1, 0, 0 }, 0.1f }, { { 0, 1, 0 }, 1 }, { { 0, 0, 1 }, 10 }, { { 1, 1, 1 }, 0.01f }
     };
-    struct sp_visible list = { { 1, 1, 1 }, COUNT, first, local, key, normal };
+    struct sp_visible list = { .bricks = { 1, 1, 1 },
+                               .count = COUNT,
+                               .first = first,
+                               .local = local,
+                               .key = key,
+                               .normal = normal };
     struct sp_transfer transfer = { .table = classes, .count = 4 };
     struct sp_splat *a = malloc((COUNT + 2) * sizeof *a), *b = malloc((COUNT + 2) * sizeof *b);
     static struct sp_span spans[2][COUNT];
@@ -283,10 +288,11 @@ static void check_set_up(const struct cpu_kernels *kernels) {
                       .plane_count = 1,
                       .planes = { { { 1, 0, 1 }, 70 } } }
         };
+        list.key_bytes = 1u << n % 3;
         for (int i = 0; i < COUNT; i++) {
             local[i] = (uint16_t)(rand() % 4096);
             order[i] = (uint16_t)(rand() % COUNT);
-            key[i] = (uint32_t)rand() % 4;
+            sp_visible_set_key(&list, (uint64_t)i, (uint32_t)rand() % 4);
             normal[i] = (uint32_t)rand() << 1;
         }
         struct sp_camera_frame camera;

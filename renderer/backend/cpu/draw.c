@@ -100,7 +100,7 @@ static void prefetch_run(const struct draw *d, const struct sp_run *run) {
     for (uint32_t p = run->begin; p < end; p += order ? 1 : LINE) {
         uint64_t e = first + (order ? order[p] : p);
         __builtin_prefetch(&d->list->local[e]);
-        __builtin_prefetch(&d->list->key[e]);
+        __builtin_prefetch((const uint8_t *)d->list->key + e * d->list->key_bytes);
         if (d->list->normal)
             __builtin_prefetch(&d->list->normal[e]);
     }

@@ -112,7 +112,8 @@ static void assert_same(const struct sp_visible *a, const struct sp_visible *b) 
     if (!a->count)
         return;
     assert_memory_equal(a->local, b->local, a->count * sizeof *a->local);
-    assert_memory_equal(a->key, b->key, a->count * sizeof *a->key);
+    assert_int_equal(a->key_bytes, b->key_bytes);
+    assert_memory_equal(a->key, b->key, a->count * a->key_bytes);
     assert_int_equal(a->normal != NULL, b->normal != NULL);
     if (a->normal)
         assert_memory_equal(a->normal, b->normal, a->count * sizeof *a->normal);

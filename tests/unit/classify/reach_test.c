@@ -189,8 +189,9 @@ static void coarse_levels_average_the_scalar(void **state) {
     for (uint64_t e = 0; e < level->visible.count; e++) {
         uint32_t l = level->visible.local[e];
         double want = 2 * (2 * (l & 15) + 0.5) + 5 * (2 * (l >> 8) + 0.5);
-        double got = sp_transfer_base(&level->transfer) +
-                     (double)sp_transfer_value(&level->transfer, level->visible.key[e]);
+        double got =
+            sp_transfer_base(&level->transfer) +
+            (double)sp_transfer_value(&level->transfer, sp_visible_key(&level->visible, e));
         assert_true(fabs(got - want) < 1e-4);
         float n[3];
         sp_gradient_unpack(level->visible.normal[e], n);

@@ -86,7 +86,13 @@ static bool set_up(const struct sp_grid *grid, const struct sp_view *view, const
     uint16_t local = (uint16_t)(i[0] % 16 | i[1] % 16 << 4 | i[2] % 16 << 8);
     uint32_t key = 0, normal = 0;
     uint64_t first[2] = { 0, 1 };
-    struct sp_visible list = { { 1, 1, 1 }, 1, first, &local, &key, &normal };
+    struct sp_visible list = { .bricks = { 1, 1, 1 },
+                               .count = 1,
+                               .first = first,
+                               .local = &local,
+                               .key = &key,
+                               .key_bytes = 4,
+                               .normal = &normal };
     struct sp_class class = { { 0.25f, 0.5f, 1 }, (float)-log1p(-0.01) };
     struct sp_transfer transfer = { .tf = thin, .table = &class, .count = 1 };
     struct sp_ewa_run run = {
