@@ -48,6 +48,7 @@ static void every_demo_is_as_announced(void **state) {
         { "checkerboard", { 512, 512, 3 }, SP_UINT8, 64, 192 },
         { "hydrogen", { 128, 128, 128 }, SP_UINT8, 0, 255 },
         { "galaxy", { 96, 96, 48 }, SP_UINT16, 0, 4000 },
+        { "sparse", { 256, 256, 256 }, SP_UINT8, 0, 255 },
     };
     size_t count = sizeof expected / sizeof expected[0];
     assert_null(sp_demo_at(count));
@@ -144,7 +145,7 @@ static void bad_sources_are_explained(void **state) {
         const char *text;
     } cases[] = {
         { "demo:", SP_ERR_NOT_FOUND, "phantom, engine, vessels, marschner-lobb" },
-        { "demo:Phantom", SP_ERR_NOT_FOUND, "checkerboard, hydrogen, galaxy" },
+        { "demo:Phantom", SP_ERR_NOT_FOUND, "checkerboard, hydrogen, galaxy, sparse" },
         { "demo:phantom ", SP_ERR_NOT_FOUND, "no such built-in volume" },
         { "demo:phantom?", SP_ERR_INVALID, "?size=N" },
         { "demo:phantom?size=", SP_ERR_INVALID, "[8, 1024]" },
@@ -314,6 +315,39 @@ static void galaxy_is_graded(void **state) {
     sp_volume_unref(&fine);
 }
 
+/* A twentieth lies inside the balls, whose skin is 100; halfway out of it is 50. */
+static void sparse_fills_a_twentieth(void **state) {
+    (void)state;
+    static const char *const sources[] = { "demo:sparse?size=96", "demo:sparse?size=200" };
+    for (int s = 0; s < 2; s++) {
+        struct sp_volume *volume = load(sources[s]);
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        const uint8_t *voxels = sp_volume_voxels(volume);
+        uint64_t inside = 0, count = info->voxel_bytes;
+        uint32_t n = info->grid.dims[0], taken = 0;
+        for (uint64_t i = 0; i < count; i++)
+            inside += voxels[i] > 50;
+        assert_near((double)inside / (double)count, 0.05, 0.002);
+        /* One ball a cell: something in each of the thousand. */
+        for (uint32_t cell = 0; cell < 1000; cell++) {
+            uint32_t low[3], high[3], most = 0;
+            for (uint32_t axis = 0, rest = cell; axis < 3; axis++, rest /= 10) {
+                low[axis] = rest % 10 * n / 10;
+                high[axis] = (rest % 10 + 1) * n / 10;
+            }
+            for (uint32_t k = low[2]; k < high[2]; k++)
+                for (uint32_t j = low[1]; j < high[1]; j++)
+                    for (uint32_t i = low[0]; i < high[0]; i++) {
+                        uint32_t v = voxels[((size_t)k * n + j) * n + i];
+                        most = v > most ? v : most;
+                    }
+            taken += most > 100;
+        }
+        assert_int_equal(taken, 1000);
+        sp_volume_unref(&volume);
+    }
+}
+
 /* Six-connected flood from the trunk's root: all of the tree hangs together. */
 static void vessels_are_one_piece(void **state) {
     (void)state;
@@ -411,6 +445,7 @@ int main(void) {
         cmocka_unit_test(checkerboard_alternates),
         cmocka_unit_test(engine_is_made_of_three_materials),
         cmocka_unit_test(galaxy_is_graded),
+        cmocka_unit_test(sparse_fills_a_twentieth),
         cmocka_unit_test(vessels_are_one_piece),
         cmocka_unit_test(budget_progress_and_cancel),
     };
