@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Four floats at a time in the compiler's portable vectors: written once, it becomes whatever the
- * target has. No alignment is needed to load or store.
+ * SP_WIDE floats at a time: written once, compiled once an instruction set (isa.h). The compiler's
+ * portable vectors carry the arithmetic (+ − * / & | ~); functions carry what those lack. Four
+ * floats in the reference and with SSE and NEON, eight with AVX2, sixteen with AVX-512.
+ *
+ * No alignment is needed to load or store. A mask comes from a comparison (sp_wide_lt …) and is
+ * combined with & | ~; it is a bit a lane with AVX-512, 0 or −1 a lane elsewhere.
  */
 #ifndef SP_BASE_WIDE_H
 #define SP_BASE_WIDE_H
@@ -9,12 +13,73 @@
 #include <stdint.h>
 #include <string.h>
 
+#if defined SP_ISA && defined __x86_64__
+#include <immintrin.h>
+#endif
+
+#if defined SP_ISA && defined __AVX512F__
+#define SP_WIDE_AVX512 1
+#elif defined SP_ISA && defined __AVX2__
+#define SP_WIDE_AVX2 1
+#elif defined SP_ISA && defined __SSE4_1__
+#define SP_WIDE_SSE41 1
+#endif
+
+#if defined SP_WIDE_AVX512
+enum { SP_WIDE = 16 };
+#elif defined SP_WIDE_AVX2
+enum { SP_WIDE = 8 };
+#else
 enum { SP_WIDE = 4 };
-typedef float sp_wide __attribute__((vector_size(16)));
-typedef int32_t sp_wide_mask __attribute__((vector_size(16))); /* 0 or −1 a lane */
+#endif
+
+enum { SP_WIDE_MAX = 16 }; /* of any instruction set: for memory that all of them use */
+
+typedef float sp_wide __attribute__((vector_size(SP_WIDE * 4)));
+typedef int32_t sp_wide_int __attribute__((vector_size(SP_WIDE * 4)));
+typedef uint32_t sp_wide_bits __attribute__((vector_size(SP_WIDE * 4)));
+#if defined SP_WIDE_AVX512
+typedef __mmask16 sp_wide_mask;
+#else
+typedef sp_wide_int sp_wide_mask; /* 0 or −1 a lane */
+#endif
 
 static inline sp_wide sp_wide_all(float x) {
-    return (sp_wide){ x, x, x, x };
+    return x - (sp_wide){ 0 };
+}
+
+static inline sp_wide_int sp_wide_int_all(int32_t x) {
+    return x - (sp_wide_int){ 0 };
+}
+
+/* 0, 1, 2, … */
+static inline sp_wide_int sp_wide_int_count(void) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide_int){ 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15 };
+#elif defined SP_WIDE_AVX2
+    return (sp_wide_int){ 0, 1, 2, 3, 4, 5, 6, 7 };
+#else
+    return (sp_wide_int){ 0, 1, 2, 3 };
+#endif
+}
+
+static inline sp_wide sp_wide_from_int(sp_wide_int a) {
+    return __builtin_convertvector(a, sp_wide);
+}
+
+/* Towards zero. Lanes that do not fit hold any number. */
+static inline sp_wide_int sp_wide_to_int(sp_wide a) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide_int)_mm512_cvttps_epi32((__m512)a);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide_int)_mm256_cvttps_epi32((__m256)a);
+#else
+    return __builtin_convertvector(a, sp_wide_int);
+#endif
+}
+
+static inline sp_wide sp_wide_count(void) {
+    return sp_wide_from_int(sp_wide_int_count());
 }
 
 static inline sp_wide sp_wide_load(const float *p) {
@@ -27,9 +92,177 @@ static inline void sp_wide_store(float *p, sp_wide a) {
     memcpy(p, &a, sizeof a);
 }
 
+static inline sp_wide_int sp_wide_int_load(const int32_t *p) {
+    sp_wide_int a;
+    memcpy(&a, p, sizeof a);
+    return a;
+}
+
+static inline void sp_wide_int_store(int32_t *p, sp_wide_int a) {
+    memcpy(p, &a, sizeof a);
+}
+
+/* Comparisons; false where a lane is not a number. */
+#if defined SP_WIDE_AVX512
+static inline sp_wide_mask sp_wide_lt(sp_wide a, sp_wide b) {
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OQ);
+}
+
+static inline sp_wide_mask sp_wide_le(sp_wide a, sp_wide b) {
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OQ);
+}
+
+static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
+    return _mm512_cmplt_epi32_mask((__m512i)a, (__m512i)b);
+}
+#else
+static inline sp_wide_mask sp_wide_lt(sp_wide a, sp_wide b) {
+    return a < b;
+}
+
+static inline sp_wide_mask sp_wide_le(sp_wide a, sp_wide b) {
+    return a <= b;
+}
+
+static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
+    return a < b;
+}
+#endif
+
+/* The first n lanes; n may be negative or more than SP_WIDE. */
+static inline sp_wide_mask sp_wide_first(int n) {
+    return sp_wide_int_lt(sp_wide_int_count(), sp_wide_int_all(n));
+}
+
+/* Bit k is lane k of the mask. */
+static inline unsigned sp_wide_mask_bits(sp_wide_mask mask) {
+#if defined SP_WIDE_AVX512
+    return mask;
+#elif defined SP_WIDE_AVX2
+    return (unsigned)_mm256_movemask_ps((__m256)mask);
+#elif defined SP_WIDE_SSE41
+    return (unsigned)_mm_movemask_ps((__m128)mask);
+#else
+    unsigned bits = 0;
+    for (int i = 0; i < SP_WIDE; i++)
+        bits |= (mask[i] ? 1u : 0u) << i;
+    return bits;
+#endif
+}
+
+/* Lanes of a where the mask names them, of b elsewhere. */
+static inline sp_wide sp_wide_select(sp_wide_mask mask, sp_wide a, sp_wide b) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_mask_blend_ps(mask, (__m512)b, (__m512)a);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_blendv_ps((__m256)b, (__m256)a, (__m256)mask);
+#elif defined SP_WIDE_SSE41
+    return (sp_wide)_mm_blendv_ps((__m128)b, (__m128)a, (__m128)mask);
+#else
+    return (sp_wide)(((sp_wide_int)a & mask) | ((sp_wide_int)b & ~mask));
+#endif
+}
+
 /* The lanes of a that the mask names; 0 in the others. */
 static inline sp_wide sp_wide_keep(sp_wide_mask mask, sp_wide a) {
-    return (sp_wide)((sp_wide_mask)a & mask);
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_maskz_mov_ps(mask, (__m512)a);
+#else
+    return (sp_wide)((sp_wide_int)a & mask);
+#endif
+}
+
+/* a < b ? a : b, and a > b ? a : b; b where a lane is not a number. */
+static inline sp_wide sp_wide_min(sp_wide a, sp_wide b) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_min_ps((__m512)a, (__m512)b);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_min_ps((__m256)a, (__m256)b);
+#elif defined SP_WIDE_SSE41
+    return (sp_wide)_mm_min_ps((__m128)a, (__m128)b);
+#else
+    return sp_wide_select(a < b, a, b);
+#endif
+}
+
+static inline sp_wide sp_wide_max(sp_wide a, sp_wide b) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_max_ps((__m512)a, (__m512)b);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_max_ps((__m256)a, (__m256)b);
+#elif defined SP_WIDE_SSE41
+    return (sp_wide)_mm_max_ps((__m128)a, (__m128)b);
+#else
+    return sp_wide_select(a > b, a, b);
+#endif
+}
+
+static inline sp_wide sp_wide_abs(sp_wide a) {
+    return (sp_wide)((sp_wide_int)a & 0x7fffffff);
+}
+
+/* a·b + c; rounded once where the instruction set can. */
+static inline sp_wide sp_wide_fma(sp_wide a, sp_wide b, sp_wide c) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c);
+#else
+    return a * b + c; /* NEON: the compiler contracts it */
+#endif
+}
+
+static inline sp_wide sp_wide_sqrt(sp_wide a) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_sqrt_ps((__m512)a);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_sqrt_ps((__m256)a);
+#elif defined SP_WIDE_SSE41
+    return (sp_wide)_mm_sqrt_ps((__m128)a);
+#else
+    sp_wide root;
+    for (int i = 0; i < SP_WIDE; i++)
+        root[i] = __builtin_sqrtf(a[i]);
+    return root;
+#endif
+}
+
+/* Largest integer that is no more; a within ±2³¹, and any number beyond without SSE4.1. */
+static inline sp_wide sp_wide_floor(sp_wide a) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_floor_ps((__m512)a);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_floor_ps((__m256)a);
+#elif defined SP_WIDE_SSE41
+    return (sp_wide)_mm_floor_ps((__m128)a);
+#else
+    sp_wide whole = sp_wide_from_int(sp_wide_to_int(a));
+    return whole - sp_wide_keep(sp_wide_lt(a, whole), sp_wide_all(1));
+#endif
+}
+
+/* table[index] a lane. */
+static inline sp_wide sp_wide_gather(const float *table, sp_wide_int index) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide)_mm512_i32gather_ps((__m512i)index, table, 4);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide)_mm256_i32gather_ps(table, (__m256i)index, 4);
+#else
+    sp_wide a;
+    for (int i = 0; i < SP_WIDE; i++)
+        a[i] = table[index[i]];
+    return a;
+#endif
+}
+
+/* Sum of the lanes, in pairs: one order whatever the width. */
+static inline float sp_wide_sum(sp_wide a) {
+    float lane[SP_WIDE];
+    memcpy(lane, &a, sizeof lane);
+    for (int half = SP_WIDE / 2; half > 0; half /= 2)
+        for (int i = 0; i < half; i++)
+            lane[i] += lane[i + half];
+    return lane[0];
 }
 
 #endif

@@ -7,6 +7,7 @@
 #ifndef SP_FRAME_RESOLVE_H
 #define SP_FRAME_RESOLVE_H
 
+#include "base/isa.h"
 #include "sp/frame.h"
 
 /* One row of `count` pixels. planes: transmittance, then associated red, green, blue. `background`:

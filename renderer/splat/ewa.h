@@ -39,6 +39,7 @@
 
 #include <stdint.h>
 
+#include "base/isa.h"
 #include "classify/visible.h"
 #include "splat/adaptive.h"
 #include "splat/camera.h"

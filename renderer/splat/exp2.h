@@ -34,12 +34,10 @@ static inline float sp_exp2(float x) {
     return p;
 }
 
-/* The same, four at a time. */
+/* The same, SP_WIDE at a time. */
 static inline sp_wide sp_wide_exp2(sp_wide x) {
     const float round_up = 12582912.0f;
-    sp_wide_mask low = x<-126.0f, high = x> 126.0f;
-    x = sp_wide_keep(~(low | high), x) + sp_wide_keep(low, sp_wide_all(-126.0f)) +
-        sp_wide_keep(high, sp_wide_all(126.0f));
+    x = sp_wide_min(sp_wide_max(x, sp_wide_all(-126.0f)), sp_wide_all(126.0f));
     sp_wide shifted = x + round_up, f = x - (shifted - round_up);
     sp_wide p = sp_wide_all(1.53533619e-4f);
     p = p * f + 1.33988712e-3f;
@@ -48,9 +46,7 @@ static inline sp_wide sp_wide_exp2(sp_wide x) {
     p = p * f + 2.40226479e-1f;
     p = p * f + 6.93147182e-1f;
     p = p * f + 1.0f;
-    /* Unsigned, because the shift moves bits out. */
-    typedef uint32_t bits __attribute__((vector_size(16)));
-    return (sp_wide)((bits)p + ((bits)shifted << 23));
+    return (sp_wide)((sp_wide_bits)p + ((sp_wide_bits)shifted << 23));
 }
 
 /* log2 x for normal x > 0. Absolute error under 3e-6. */

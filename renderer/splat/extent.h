@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "base/isa.h"
 #include "splat/camera.h"
 
 enum { SP_CUTS_MAX = 6 + SP_CLIP_PLANES_MAX };

@@ -11,6 +11,7 @@
 #ifndef SP_SPLAT_SHADE_H
 #define SP_SPLAT_SHADE_H
 
+#include "base/isa.h"
 #include "classify/gradient.h"
 #include "splat/camera.h"
 

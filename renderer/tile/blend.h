@@ -14,6 +14,7 @@
 #ifndef SP_TILE_BLEND_H
 #define SP_TILE_BLEND_H
 
+#include "base/isa.h"
 #include "sp/view.h"
 #include "tile/tile.h"
 

@@ -28,7 +28,7 @@ void sp_footprint_row(const struct sp_blend *blend, const struct sp_tile *tile,
     float dx = (float)(box->x0 + tile->x) + 0.5f - s->x, dy = (float)(y + tile->y) + 0.5f - s->y;
     float l = s->b * dy, q = s->c * dy * dy, scale = 1 / blend->cut;
     row->n = box->x1 - box->x0;
-    int whole = (row->n + SP_TILE_STEP - 1) & -SP_TILE_STEP;
+    int whole = (row->n + SP_WIDE - 1) & -SP_WIDE;
     for (int i = 0; i < whole; i++) {
         float x = dx + (float)i, p = (s->a * x + l) * x + q, w = sp_exp2(-p);
         row->exponent[i] = p;

@@ -6,9 +6,10 @@
 #ifndef SP_TILE_FOOTPRINT_H
 #define SP_TILE_FOOTPRINT_H
 
+#include "base/isa.h"
 #include "tile/blend.h"
 
-/* Pixels of a row, from its first on. Weights go on with zeros up to a multiple of SP_TILE_STEP. */
+/* Pixels of a row, from its first on. Weights go on with zeros up to a multiple of SP_WIDE. */
 struct sp_row {
     int n;
     float weight[SP_TILE];

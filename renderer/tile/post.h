@@ -15,6 +15,7 @@
 #ifndef SP_TILE_POST_H
 #define SP_TILE_POST_H
 
+#include "base/isa.h"
 #include "classify/transfer.h"
 #include "splat/shade.h"
 

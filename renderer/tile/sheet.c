@@ -8,12 +8,12 @@
 enum { WIDE = 16 }; /* px: rows of wider boxes are narrowed to the ellipse */
 
 /* One row of a footprint: exponent (a·dx + l)·dx + q at pixels dx0, dx0 + 1, …; n is a multiple of
- * SP_TILE_STEP. */
+ * SP_WIDE. */
 static inline void add_row(const struct sp_splat *s, float cut, float dx0, float l, float q, int n,
                            float *restrict t, float *restrict r, float *restrict g,
                            float *restrict b) {
     float a = s->a, depth = s->depth, e0 = s->emission[0], e1 = s->emission[1], e2 = s->emission[2];
-    for (int i = 0; i < (n & -SP_TILE_STEP); i++) {
+    for (int i = 0; i < (n & -SP_WIDE); i++) {
         float dx = dx0 + (float)i, p = (a * dx + l) * dx + q;
         float w = sp_exp2(-p);
         w = p <= cut ? w : 0.0f;
@@ -51,13 +51,13 @@ static inline void add_to(float *sums, sp_wide weight, float factor) {
 static inline void add_columns(const struct sp_splat *s, float floor, float shrink, float dx,
                                float dy, int width, int rows, float *sums) {
     enum { P = SP_TILE * SP_TILE_ROW };
-    const sp_wide step = { 0, 1, 2, 3 };
+    const sp_wide step = sp_wide_count();
     sp_wide x = dx + step, weight = sp_wide_exp2(-((s->a * x + s->b * dy) * x + s->c * dy * dy));
     sp_wide q = sp_wide_exp2(-(s->b * x + s->c * (2 * dy + 1)));
-    weight = sp_wide_keep(step < (float)width, weight);
+    weight = sp_wide_keep(sp_wide_first(width), weight);
     float depth = s->depth, e0 = s->emission[0], e1 = s->emission[1], e2 = s->emission[2];
     for (int y = 0; y < rows; y++, sums += SP_TILE_ROW) {
-        sp_wide inside = sp_wide_keep(weight >= floor, weight);
+        sp_wide inside = sp_wide_keep(sp_wide_le(sp_wide_all(floor), weight), weight);
         add_to(sums, inside, depth);
         add_to(sums + P, inside, e0);
         add_to(sums + 2 * P, inside, e1);
@@ -91,7 +91,7 @@ static inline void add_gaussian(struct sp_tile *tile, const struct sp_splat *s, 
         int x0 = box->x0, x1 = box->x1;
         if (x1 - x0 > WIDE)
             narrow_row(s, cut, dx0, l, q, &x0, &x1);
-        int n = (x1 - x0 + SP_TILE_STEP - 1) & -SP_TILE_STEP;
+        int n = (x1 - x0 + SP_WIDE - 1) & -SP_WIDE;
         if (n > 0)
             add_row(s, cut, dx0 + (float)(x0 - box->x0), l, q, n, &tile->sums[0][y][x0],
                     &tile->sums[1][y][x0], &tile->sums[2][y][x0], &tile->sums[3][y][x0]);

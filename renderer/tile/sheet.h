@@ -6,6 +6,7 @@
 #ifndef SP_TILE_SHEET_H
 #define SP_TILE_SHEET_H
 
+#include "base/isa.h"
 #include "tile/blend.h"
 
 /* Adds splat n of the records to the tile's open sheet; if it belongs to another one, that is

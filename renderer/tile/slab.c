@@ -31,13 +31,13 @@ static struct range find_slabs(const struct sp_blend *blend, const struct sp_spl
     return (struct range){ (uint32_t)from, (uint32_t)to };
 }
 
-/* Adds n weights, a multiple of SP_TILE_STEP, times what the splat adds; `share` of all of it. */
+/* Adds n weights, a multiple of SP_WIDE, times what the splat adds; `share` of all of it. */
 static inline void add_weights(const struct sp_splat *s, const float *restrict w, int n,
                                float share, bool post, float *restrict sums) {
     enum { P = SP_TILE * SP_TILE_ROW };
     float depth = s->depth * share, e0 = s->emission[0] * share, e1 = s->emission[1] * share,
           e2 = s->emission[2] * share, value = s->value * share;
-    n &= -SP_TILE_STEP;
+    n &= -SP_WIDE;
     for (int i = 0; i < n; i++) {
         sums[i] += w[i] * depth;
         sums[P + i] += w[i] * e0;
@@ -86,7 +86,7 @@ static void add_row(struct sp_tile *tile, const struct sp_blend *blend, const st
                     const struct sp_span *span, const struct range *slabs, const struct sp_row *row,
                     int x, int y) {
     float before[SP_TILE], share[SP_TILE] = { 0 };
-    int whole = (row->n + SP_TILE_STEP - 1) & -SP_TILE_STEP;
+    int whole = (row->n + SP_WIDE - 1) & -SP_WIDE;
     float dx = (float)(x + tile->x) + 0.5f - s->x, dy = (float)(y + tile->y) + 0.5f - s->y;
     for (int i = 0; i < row->n; i++)
         before[i] = row->bounded ? sp_footprint_share(blend, row->exponent[i], row->low[i]) : 0;
@@ -131,7 +131,7 @@ static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const s
     for (int y = box->y0; y < box->y1; y++) {
         struct sp_row row;
         sp_footprint_row(blend, tile, s, NULL, box, y, &row);
-        int whole = (row.n + SP_TILE_STEP - 1) & -SP_TILE_STEP;
+        int whole = (row.n + SP_WIDE - 1) & -SP_WIDE;
         for (uint32_t k = slabs->first; k <= slabs->last; k++) {
             sp_plane *sums = tile->sums + (size_t)(k % blend->slots) * blend->planes;
             add_weights(s, row.weight, whole, share[k - slabs->first], blend->post != NULL,

@@ -16,6 +16,7 @@
 #ifndef SP_TILE_SLAB_H
 #define SP_TILE_SLAB_H
 
+#include "base/isa.h"
 #include "tile/blend.h"
 
 /* Adds splat n of the records to the tile's slabs. */

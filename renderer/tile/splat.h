@@ -7,6 +7,7 @@
 #ifndef SP_TILE_SPLAT_H
 #define SP_TILE_SPLAT_H
 
+#include "base/isa.h"
 #include "tile/blend.h"
 
 /* Composites splat n of the records. */

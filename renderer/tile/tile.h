@@ -16,13 +16,15 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "base/isa.h"
+#include "base/wide.h"
 #include "splat/ewa.h"
 
 enum {
     SP_TILE = 32,     /* px, both ways */
-    SP_TILE_ROW = 40, /* floats a row of a sheet's sums: loops may run over the right edge */
-    SP_TILE_STEP = 4, /* … by up to this minus one */
-    SP_PLANES = 4,    /* composited: transmittance and red, green, blue */
+    SP_TILE_ROW = 48, /* floats a row of a layer's sums: loops may run over the right … */
+    SP_TILE_STEP = SP_WIDE_MAX, /* … edge by up to this minus one, whatever the instruction set */
+    SP_PLANES = 4,              /* composited: transmittance and red, green, blue */
     SP_NO_SHEET = -1
 };
 

@@ -1,24 +1,67 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/cpu/kernels.h"
 
+#include <stdio.h>
 #include <string.h>
 
-#include "frame/resolve.h"
-#include "tile/sheet.h"
-#include "tile/slab.h"
-#include "tile/splat.h"
+#include "base/cpu_features.h"
+
+extern const struct cpu_kernels cpu_table_sse41, cpu_table_avx2, cpu_table_avx512, cpu_table_neon;
+
+/* Rising; NULL = this program is compiled for another architecture. */
+static const struct {
+    const char *name;
+    uint32_t feature; /* of the processor; 0 = none is needed */
+    const struct cpu_kernels *table;
+} isas[] = {
+    { "scalar", 0, &cpu_table },
+#if defined __x86_64__
+    { "sse41", SP_CPU_SSE41, &cpu_table_sse41 },
+    { "avx2", SP_CPU_AVX2, &cpu_table_avx2 },
+    { "avx512", SP_CPU_AVX512, &cpu_table_avx512 },
+#else
+    { "sse41", SP_CPU_SSE41, NULL },   { "avx2", SP_CPU_AVX2, NULL },
+    { "avx512", SP_CPU_AVX512, NULL },
+#endif
+#if defined __aarch64__
+    { "neon", SP_CPU_NEON, &cpu_table_neon },
+#else
+    { "neon", SP_CPU_NEON, NULL },
+#endif
+};
+enum { ISAS = sizeof isas / sizeof isas[0] };
+
+static bool can_run(unsigned i) {
+    return isas[i].table && (isas[i].feature & ~sp_cpu_features()) == 0;
+}
+
+const char *cpu_isa_at(unsigned i) {
+    return i < ISAS ? isas[i].name : NULL;
+}
+
+static bool refuse(const char *isa, bool is_known, struct sp_error *err) {
+    char there[80] = "auto";
+    for (unsigned i = 0; i < ISAS; i++)
+        if (can_run(i)) {
+            size_t n = strlen(there);
+            snprintf(there + n, sizeof there - n, ", %s", isas[i].name);
+        }
+    if (is_known)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "", "this machine does not run %s; there are %s",
+                       isa, there);
+    return sp_fail(err, SP_ERR_INVALID, "", "no instruction set is called \"%.64s\"; there are %s",
+                   isa, there);
+}
 
 bool cpu_kernels_init(struct cpu_kernels *kernels, const char *isa, struct sp_error *err) {
-    if (strcmp(isa, "auto") != 0 && strcmp(isa, "scalar") != 0)
-        return sp_fail(err, SP_ERR_INVALID, "",
-                       "no instruction set is called \"%.64s\"; there are auto, scalar", isa);
-    *kernels = (struct cpu_kernels){ .isa = "scalar",
-                                     .set_up = sp_ewa_set_up,
-                                     .add = { [SP_COMPOSITE_SPLAT] = sp_splat_add,
-                                              [SP_COMPOSITE_SHEET] = sp_sheet_add,
-                                              [SP_COMPOSITE_SLAB] = sp_slab_add },
-                                     .tile_close = sp_tile_close,
-                                     .resolve_rgba8 = sp_resolve_rgba8,
-                                     .resolve_rgbaf32 = sp_resolve_rgbaf32 };
-    return true;
+    bool is_auto = strcmp(isa, "auto") == 0, is_known = false;
+    for (unsigned i = ISAS; i-- > 0;) {
+        bool is_named = strcmp(isa, isas[i].name) == 0;
+        is_known = is_known || is_named;
+        if ((is_auto || is_named) && can_run(i)) {
+            *kernels = *isas[i].table;
+            return true;
+        }
+    }
+    return refuse(isa, is_known, err);
 }

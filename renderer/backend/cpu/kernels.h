@@ -2,17 +2,19 @@
  *
  * The CPU backend: the stages of classify/, splat/ and tile/ as a graph of parallel loops.
  *
- * This header is its table of kernels, the loops over voxels and pixels that instruction sets will
- * replace one by one. The table is filled with the scalar reference first.
+ * This header is its table of kernels, the loops over voxels and pixels. They are written once and
+ * compiled once an instruction set (base/isa.h); each set has a table of its own, which table.c
+ * fills in the same way. The scalar one is the reference that the others are held to.
  */
 #ifndef SP_BACKEND_CPU_KERNELS_H
 #define SP_BACKEND_CPU_KERNELS_H
 
+#include "base/isa.h"
 #include "splat/ewa.h"
 #include "tile/blend.h"
 
 struct cpu_kernels {
-    const char *isa; /* the most advanced set in the table */
+    const char *isa; /* "scalar", "sse41", … */
     uint32_t (*set_up)(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
                        const struct sp_splats *out); /* sp_ewa_set_up() */
     /* By enum sp_compositing: sp_splat_add(), sp_sheet_add(), sp_slab_add(). */
@@ -25,7 +27,15 @@ struct cpu_kernels {
                             float *out); /* sp_resolve_rgbaf32() */
 };
 
-/* Fills the table for "auto" or the name of an instruction set; SP_ERR_INVALID for another. */
+/* Of the set that a source is compiled for: scalar's is called cpu_table, avx2's cpu_table_avx2. */
+extern const struct cpu_kernels cpu_table;
+
+/* The names of instruction sets, those that this program was not compiled for too; NULL past the
+ * end. The first is "scalar", and later ones are preferred. */
+const char *cpu_isa_at(unsigned i);
+
+/* The table of that set; "auto" is the last in cpu_isa_at()'s order that this machine can run. A
+ * set that there is not here is SP_ERR_UNSUPPORTED, another name SP_ERR_INVALID. */
 bool cpu_kernels_init(struct cpu_kernels *kernels, const char *isa, struct sp_error *err);
 
 #endif

@@ -23,7 +23,9 @@ struct sp_renderer;
 
 struct sp_renderer_options {
     const char *backend; /* "auto" (default, NULL), "cpu", "null", …: a name of sp_backend_at() */
-    const char *isa;  /* "auto" (default, NULL), "scalar": the most that the CPU backend may use */
+    /* Instruction set of the CPU backend: "auto" (default, NULL) is the best that this machine has
+     * of "scalar" (the reference), "sse41", "avx2", "avx512", "neon". */
+    const char *isa;
     unsigned threads; /* [1, 256]; 0 = one a core */
     /* Most that is derived from volumes and kept between frames: the least recently used goes
      * first, and a view that needs more than all of it is refused (SP_ERR_BUDGET). 0 = half of the

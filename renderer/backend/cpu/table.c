@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The table of one instruction set: compiled beside its kernels, with their flags and names
+ * (base/isa.h).
+ */
+#include "backend/cpu/kernels.h"
+#include "frame/resolve.h"
+#include "tile/sheet.h"
+#include "tile/slab.h"
+#include "tile/splat.h"
+
+const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
+                                       .set_up = sp_ewa_set_up,
+                                       .add = { [SP_COMPOSITE_SPLAT] = sp_splat_add,
+                                                [SP_COMPOSITE_SHEET] = sp_sheet_add,
+                                                [SP_COMPOSITE_SLAB] = sp_slab_add },
+                                       .tile_close = sp_tile_close,
+                                       .resolve_rgba8 = sp_resolve_rgba8,
+                                       .resolve_rgbaf32 = sp_resolve_rgbaf32 };

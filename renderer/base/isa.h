@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Kernels are written once and compiled once an instruction set: the reference with the compiler's
+ * plain flags and the names as they are written, the others with SP_ISA defined (-DSP_ISA=avx2) and
+ * those names followed by the set's:
+ *
+ *   sheet.c ─┬─ SP_ISA not defined ─► sp_sheet_add          scalar: the reference
+ *            ├─ -DSP_ISA=sse41      ─► sp_sheet_add_sse41
+ *            └─ -DSP_ISA=avx2 …     ─► sp_sheet_add_avx2
+ *
+ * Every header that declares such a function includes this one. The list is of all functions that
+ * the kernels' sources (splat_kernels() in the rooms' CMakeLists.txt) share, with each other and
+ * with the table (backend/cpu/table.c): one that is missing here is defined twice, and does not
+ * link.
+ */
+#ifndef SP_BASE_ISA_H
+#define SP_BASE_ISA_H
+
+#ifdef SP_ISA
+
+#define SP_ISA_JOIN(name, isa) name##_##isa
+#define SP_ISA_EXPAND(name, isa) SP_ISA_JOIN(name, isa)
+#define SP_ISA_NAME(name) SP_ISA_EXPAND(name, SP_ISA)
+#define SP_ISA_QUOTE(isa) #isa
+#define SP_ISA_QUOTE_EXPANDED(isa) SP_ISA_QUOTE(isa)
+#define SP_ISA_TEXT SP_ISA_QUOTE_EXPANDED(SP_ISA)
+
+/* splat/ */
+#define sp_ewa_frame_init SP_ISA_NAME(sp_ewa_frame_init)
+#define sp_ewa_brick_init SP_ISA_NAME(sp_ewa_brick_init)
+#define sp_ewa_distance SP_ISA_NAME(sp_ewa_distance)
+#define sp_ewa_set_up SP_ISA_NAME(sp_ewa_set_up)
+#define sp_clip_frame_init SP_ISA_NAME(sp_clip_frame_init)
+#define sp_extent_span SP_ISA_NAME(sp_extent_span)
+#define sp_extent_cut SP_ISA_NAME(sp_extent_cut)
+#define sp_shade_init SP_ISA_NAME(sp_shade_init)
+#define sp_shade_direction SP_ISA_NAME(sp_shade_direction)
+#define sp_shade_apply SP_ISA_NAME(sp_shade_apply)
+/* tile/ */
+#define sp_tile_init SP_ISA_NAME(sp_tile_init)
+#define sp_tile_check SP_ISA_NAME(sp_tile_check)
+#define sp_tile_close SP_ISA_NAME(sp_tile_close)
+#define sp_layer_close SP_ISA_NAME(sp_layer_close)
+#define sp_attenuate SP_ISA_NAME(sp_attenuate)
+#define sp_footprint_row SP_ISA_NAME(sp_footprint_row)
+#define sp_footprint_weights SP_ISA_NAME(sp_footprint_weights)
+#define sp_footprint_share SP_ISA_NAME(sp_footprint_share)
+#define sp_post_curve_init SP_ISA_NAME(sp_post_curve_init)
+#define sp_post_class SP_ISA_NAME(sp_post_class)
+#define sp_post_classify SP_ISA_NAME(sp_post_classify)
+#define sp_sheet_add SP_ISA_NAME(sp_sheet_add)
+#define sp_slab_add SP_ISA_NAME(sp_slab_add)
+#define sp_splat_add SP_ISA_NAME(sp_splat_add)
+/* frame/ */
+#define sp_resolve_rgba8 SP_ISA_NAME(sp_resolve_rgba8)
+#define sp_resolve_rgbaf32 SP_ISA_NAME(sp_resolve_rgbaf32)
+/* backend/cpu/ */
+#define cpu_table SP_ISA_NAME(cpu_table)
+
+#else
+#define SP_ISA_TEXT "scalar"
+#endif
+
+#endif

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+# Loops over voxels and pixels are compiled once an instruction set: see base/isa.h.
+#
+#   splat_kernels(FILE...)   from a room: adds its sources to every set's, in place of target_sources(splat …)
+
+include(CheckCSourceCompiles)
+check_c_source_compiles("#ifndef __x86_64__\n#error\n#endif\nint main(void) { return 0; }" SPLATD_X86_64)
+check_c_source_compiles("#ifndef __aarch64__\n#error\n#endif\nint main(void) { return 0; }" SPLATD_AARCH64)
+
+# No errno, no floating-point traps; the rest of IEEE stays (-ffast-math would break sp_exp2's rounding).
+set(flags -O3 -fno-math-errno -fno-trapping-math)
+# The reference also keeps each operation's own rounding; the others may join a product and a sum.
+set(flags_scalar ${flags} -ffp-contract=off)
+set(flags_wide ${flags} -ffp-contract=fast -fno-signed-zeros)
+set(flags_sse41 ${flags_wide} -msse4.1)
+set(flags_avx2 ${flags_wide} -mavx2 -mfma -mf16c -mbmi -mbmi2)
+set(flags_avx512 ${flags_avx2} -mavx512f -mavx512bw -mavx512dq -mavx512vl -mprefer-vector-width=512)
+set(flags_neon ${flags_wide})
+
+set(SPLAT_ISAS scalar)
+if(SPLATD_X86_64)
+    list(APPEND SPLAT_ISAS sse41 avx2 avx512)
+elseif(SPLATD_AARCH64)
+    list(APPEND SPLAT_ISAS neon)
+endif()
+
+foreach(isa ${SPLAT_ISAS})
+    add_library(splat_kernels_${isa} OBJECT)
+    target_include_directories(splat_kernels_${isa} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR}/include)
+    target_link_libraries(splat_kernels_${isa} PRIVATE splatd_warnings)
+    target_compile_options(splat_kernels_${isa} PRIVATE ${flags_${isa}})
+    if(NOT isa STREQUAL scalar)
+        target_compile_definitions(splat_kernels_${isa} PRIVATE SP_ISA=${isa})
+    endif()
+    target_sources(splat PRIVATE $<TARGET_OBJECTS:splat_kernels_${isa}>)
+endforeach()
+
+function(splat_kernels)
+    foreach(isa ${SPLAT_ISAS})
+        foreach(source ${ARGN})
+            target_sources(splat_kernels_${isa} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/${source})
+        endforeach()
+    endforeach()
+endfunction()
