@@ -9,9 +9,9 @@ import tempfile
 import unittest
 
 PROGRAM = sys.argv.pop(1)
-KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'views', 'splats',
-        'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages', 'cold_classify_ms',
-        'bytes', 'peak_rss'}
+KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'lod', 'views',
+        'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages',
+        'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
 
 
 def run(*arguments):
@@ -46,6 +46,10 @@ class CommandLine(unittest.TestCase):
         self.assertGreater(first['visible_voxels'], 0)
         self.assertGreaterEqual(first['visible_voxels'], first['splats'])
         self.assertLessEqual(first['median_ms'], first['p95_ms'])
+        self.assertEqual(first['voxels'], 24 ** 3)
+        self.assertEqual(first['bytes'], 24 ** 3 + first['derived_bytes'])
+        self.assertGreater(first['derived_bytes'], 0)
+        self.assertAlmostEqual(first['derived_per_voxel'], first['derived_bytes'] / 24 ** 3, 4)
         self.assertEqual(second['scene'], 'absent')
         self.assertIn('nowhere.nrrd', second['skipped'])
 
@@ -71,6 +75,62 @@ class CommandLine(unittest.TestCase):
         line, = self.lines(run('--views', '2', '--size', '16', '--backend', 'null', path))
         self.assertEqual((line['views'], line['backend']), (2, 'null'))
 
+    def test_against_another_setting(self):
+        options = ('--volume', 'demo:sparse?size=16', '--size', '24', '--views', '3', '--warm', '1')
+        same, = self.lines(run('--mode', 'ewa', '--against', 'mode=ewa', *options))
+        self.assertEqual(same['against']['setting'], 'mode=ewa')
+        self.assertEqual((same['against']['psnr_db'], same['against']['psnr_worst_db']), (999, 999))
+        other, = self.lines(run('--mode', 'ewa', '--against', 'mode=none', *options))
+        self.assertEqual(other['mode'], 'ewa')
+        self.assertLess(other['against']['psnr_db'], 60)
+        self.assertLessEqual(other['against']['psnr_worst_db'], other['against']['psnr_db'])
+        self.assertEqual(other['against']['splats'], other['splats'])
+        coarse, = self.lines(run('--coarse', '0', '--against', 'coarse=1', *options))
+        self.assertLess(coarse['against']['splats'], coarse['splats'])
+        # A picture with an edit is another picture: times alone.
+        edit, = self.lines(run('--edit', 'colour', '--against', 'edit=none', *options))
+        self.assertNotIn('psnr_db', edit['against'])
+        self.assertEqual(edit['visible_voxels'], same['visible_voxels'])
+        self.assertNotIn('against', self.lines(run(*options))[0])
+        for wrong in 'blur=1', 'mode', '=ewa', 'coarse=9', 'threads=1', 'compositingg=slab':
+            self.assertEqual(run('--against', wrong, *options).returncode, 2, wrong)
+        done = run('--against', 'mode=blurry', *options)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('/filter/mode', done.stderr)
+
+    def test_level_of_detail(self):
+        options = ('--volume', 'demo:phantom?size=16', '--size', '16', '--views', '1', '--warm', '0')
+        for lod in 'auto', 'off':
+            self.assertEqual(self.lines(run('--lod', lod, *options))[0]['lod'], lod)
+        done = run('--lod', 'perhaps', *options)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('/quality/level_of_detail', done.stderr)
+
+    def test_cancelled_frames_are_counted(self):
+        # Whether a flag comes before the frame is done is up to chance; every trial ends one way or the other.
+        line, = self.lines(run('--volume', 'demo:phantom?size=32', '--size', '64', '--views', '2', '--cold', '--cancel', '3'))
+        cancel = line['cancel']
+        self.assertEqual(set(cancel), {'stopped', 'finished', 'median_ms', 'worst_ms', 'range_ms'})
+        self.assertTrue(cancel['stopped'] == 3 or cancel['stopped'] + cancel['finished'] == 12, cancel)
+        self.assertLessEqual(cancel['median_ms'], cancel['worst_ms'])
+
+    def test_allocations_are_counted(self):
+        options = ('--volume', 'demo:phantom?size=32', '--size', '32', '--views', '4')
+        cold, = self.lines(run('--cold', *options))
+        self.assertGreater(cold['allocations'], 0)
+
+    def test_saved_volumes_are_the_same(self):
+        prefix = os.path.join(self.folder.name, 'kept-')
+        options = ('--size', '16', '--views', '1', '--warm', '0')
+        first, = self.lines(run('--volume', 'demo:sparse?size=24', '--save-volume', prefix, *options))
+        path = prefix + 'demo-sparse-size=24.nrrd'
+        again, = self.lines(run('--volume', path, *options))
+        for key in 'voxels', 'visible_voxels', 'bytes':
+            self.assertEqual(first[key], again[key], key)
+        done = run('--volume', 'demo:galaxy?size=16', '--save-volume', prefix, *options)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('even grid', done.stderr)
+
     def test_out_writes_a_png(self):
         prefix = os.path.join(self.folder.name, 'look-')
         self.lines(run('--volume', 'demo:phantom?size=16', '--size', '16', '--views', '3', '--out', prefix))
@@ -91,7 +151,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run('--volume', 'demo:nothing').returncode, 1)
 
     def test_usage(self):
-        for arguments in [], ['--size', '0', 'x.json'], ['--threads', 'two', 'x.json'], ['--nonsense']:
+        for arguments in [], ['--size', '0', 'x.json'], ['--threads', 'two', 'x.json'], ['--nonsense'], ['--cancel', '0', 'x.json']:
             done = run(*arguments)
             self.assertEqual(done.returncode, 2, arguments)
             self.assertTrue(done.stderr)

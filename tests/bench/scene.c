@@ -77,16 +77,18 @@ static bool apply_text(struct sp_view *view, const char *text, struct sp_error *
     return ok;
 }
 
-static bool apply_overrides(struct sp_view *view, const struct bench_overrides *o,
-                            struct sp_error *err) {
-    const char *const fields[][2] = { { "filter", o->mode },
-                                      { "compositing", o->compositing },
-                                      { "shading", o->shading } };
+bool bench_view_override(struct sp_view *view, const struct bench_overrides *o,
+                         struct sp_error *err) {
+    const char *const fields[][3] = { { "filter", "mode", o->mode },
+                                      { "compositing", "mode", o->compositing },
+                                      { "shading", "mode", o->shading },
+                                      { "quality", "level_of_detail", o->lod } };
     char text[256];
-    for (int i = 0; i < 3; i++) {
-        if (!fields[i][1])
+    for (size_t i = 0; i < sizeof fields / sizeof fields[0]; i++) {
+        if (!fields[i][2])
             continue;
-        snprintf(text, sizeof text, "{\"%s\": {\"mode\": \"%.64s\"}}", fields[i][0], fields[i][1]);
+        snprintf(text, sizeof text, "{\"%s\": {\"%s\": \"%.64s\"}}", fields[i][0], fields[i][1],
+                 fields[i][2]);
         if (!apply_text(view, text, err))
             return false;
     }
@@ -154,7 +156,7 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json, const 
     sp_view_init(&scene->view, sp_volume_info(scene->volume), scene->name);
     if (patch && !proto_view_apply(patch, &scene->view, &scene->view, err))
         return false;
-    if (!apply_overrides(&scene->view, o, err))
+    if (!bench_view_override(&scene->view, o, err))
         return false;
     size_t given = proto_json_size(cameras), wanted = o->views ? o->views : ORBIT_VIEWS;
     size_t count = given && given < wanted ? given : wanted;
@@ -197,4 +199,33 @@ void bench_scene_close(struct bench_scene *scene) {
     sp_volume_unref(&scene->volume);
     free(scene->cameras);
     *scene = (struct bench_scene){ 0 };
+}
+
+bool bench_scene_save_volume(const struct bench_scene *scene, const char *path,
+                             struct sp_error *err) {
+    static const char *const types[SP_TYPE_COUNT] = {
+        [SP_UINT8] = "uint8", [SP_INT8] = "int8",     [SP_UINT16] = "uint16",  [SP_INT16] = "int16",
+        [SP_INT32] = "int32", [SP_FLOAT32] = "float", [SP_FLOAT64] = "double",
+    };
+    const struct sp_volume_info *info = sp_volume_info(scene->volume);
+    const struct sp_grid *g = &info->grid;
+    for (int i = 0; i < 3; i++)
+        if (g->coordinates[i] ||
+            !(g->direction[i][i] >= 1 && g->origin[i] >= 0 && g->origin[i] <= 0))
+            return sp_fail(err, SP_ERR_UNSUPPORTED, path,
+                           "only an even grid along the axes that starts at 0 is saved");
+    FILE *file = fopen(path, "wb");
+    if (!file)
+        return sp_fail(err, SP_ERR_IO, path, "%s", strerror(errno));
+    fprintf(file,
+            "NRRD0004\ntype: %s\ndimension: 3\nsizes: %u %u %u\nspacings: %.17g %.17g %.17g\n",
+            types[info->type], g->dims[0], g->dims[1], g->dims[2], g->spacing[0], g->spacing[1],
+            g->spacing[2]);
+    fprintf(file, "endian: %s\nencoding: raw\n\n",
+            __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? "little" : "big");
+    bool ok =
+        fwrite(sp_volume_voxels(scene->volume), 1, info->voxel_bytes, file) == info->voxel_bytes;
+    if (fclose(file) != 0 || !ok)
+        return sp_fail(err, SP_ERR_IO, path, "cannot be written");
+    return true;
 }

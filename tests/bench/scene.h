@@ -18,8 +18,8 @@ enum { BENCH_CAMERAS_MAX = 4096 };
 
 /* What the command line asks for instead of what the scene says; NULL or 0 = as the scene says. */
 struct bench_overrides {
-    const char *mode, *compositing, *shading; /* as in the protocol */
-    unsigned size;                            /* px, both ways */
+    const char *mode, *compositing, *shading, *lod; /* as in the protocol */
+    unsigned size;                                  /* px, both ways */
     unsigned views; /* of an orbit; at most so many of a scene's cameras */
 };
 
@@ -40,5 +40,15 @@ bool bench_scene_open(struct bench_scene *scene, const char *file, const char *d
 bool bench_scene_open_volume(struct bench_scene *scene, const char *source, const char *data,
                              const struct bench_overrides *overrides, struct sp_error *err);
 void bench_scene_close(struct bench_scene *scene);
+
+/* Changes a view as the overrides say; `views` is not part of one. False with *err set for a value
+ * that the protocol does not know. */
+bool bench_view_override(struct sp_view *view, const struct bench_overrides *overrides,
+                         struct sp_error *err);
+
+/* Writes the scene's volume as NRRD, raw. False with *err set if it cannot be written, or if the
+ * grid is rectilinear or turned, which the header written here does not tell. */
+bool bench_scene_save_volume(const struct bench_scene *scene, const char *path,
+                             struct sp_error *err);
 
 #endif

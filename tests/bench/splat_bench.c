@@ -3,65 +3,17 @@
  * splat-bench: draws the cameras of scenes, prints one JSON line a scene. The keys are those of the
  * project's performance page; times are wall milliseconds a frame unless they say cpu.
  */
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 
-#include "bench/scene.h"
+#include "bench/measure.h"
 #include "protocol/json.h"
 #include "sp/encode.h"
-#include "sp/renderer.h"
 
-enum { EXIT_USAGE = 2, POOL_BYTES = 256 << 20, LONG_ONLY = 256, STEPS = 24 };
-
-enum edit { EDIT_NONE, EDIT_COLOUR, EDIT_OPACITY, EDIT_RANGE, EDITS };
-static const char *const edit_names[EDITS] = { "none", "colour", "opacity", "range" };
-
-struct options {
-    struct sp_renderer_options renderer;
-    struct bench_overrides overrides;
-    struct sp_render_options render;
-    unsigned warm;
-    enum edit edit; /* what is done to the transfer function before each frame */
-    const char *data, *out, *volume;
-};
-
-/* Sums over the views of one scene. */
-struct result {
-    double *ms; /* a view */
-    unsigned views;
-    double cpu_ms, splats, fragments;
-    double stage_ms[SP_STAGES_MAX];
-    double cold_classify_ms; /* of the very first frame */
-    struct sp_frame_stats last;
-};
-
-static const char usage[] =
-    "usage: splat-bench [OPTION]... SCENE.json...\n"
-    "       splat-bench [OPTION]... --volume demo:NAME|FILE\n"
-    "Draws every camera of each scene and prints one JSON line a scene.\n"
-    "\n"
-    "  --backend NAME      auto (default), cpu, null, ...\n"
-    "  --isa NAME          instruction set of the cpu backend: auto (default), scalar, sse41,\n"
-    "                      avx2, avx512, neon\n"
-    "  --threads N         render threads, 1 to 256; default one a core\n"
-    "  --size N            pixels both ways, 1 to 8192; default as the scene says\n"
-    "  --views N           at most N cameras, or an orbit of N; default 24\n"
-    "  --warm N            frames drawn before measuring; default 2\n"
-    "  --mode M            filter: adaptive, ewa, reconstruction, lowpass, ...\n"
-    "  --compositing C     sheet, ...\n"
-    "  --shading S         none, phong\n"
-    "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
-    "  --edit E            none, colour, opacity, range: changes that of the transfer function\n"
-    "                      a little before each frame; default none\n"
-    "  --data DIR          folder below which the scenes' volumes are found\n"
-    "  --volume V          a volume instead of scenes: its default view, in an orbit\n"
-    "  --out PREFIX        writes the third view of each scene as PREFIXname.png\n"
-    "  --help, --version\n"
-    "Exit status: 0 success (a scene without its volume counts as skipped), 1 failure, 2 usage.\n";
+enum { EXIT_USAGE = 2, POOL_BYTES = 256 << 20 };
 
 static int fail(const struct sp_error *err) {
     fprintf(stderr, "splat-bench: %s: %s\n", err->place[0] ? err->place : sp_code_name(err->code),
@@ -69,154 +21,48 @@ static int fail(const struct sp_error *err) {
     return EXIT_FAILURE;
 }
 
-/* A whole number in [low, high]; false after saying what is wrong. */
-static bool parse_number(const char *flag, const char *text, unsigned low, unsigned high,
-                         unsigned *out) {
-    char *end;
-    unsigned long n = strtoul(text, &end, 10);
-    if (*text < '0' || *text > '9' || *end || n < low || n > high) {
-        fprintf(stderr, "splat-bench: --%s: \"%s\" is not a number from %u to %u\n", flag, text,
-                low, high);
-        return false;
-    }
-    *out = (unsigned)n;
-    return true;
+/* PREFIXname.SUFFIX, the name's separators made harmless; malloc'ed, NULL when out of memory. */
+static char *path_of(const char *prefix, const struct bench_scene *scene, const char *suffix) {
+    char *path = NULL;
+    if (asprintf(&path, "%s%s.%s", prefix, scene->name, suffix) < 0)
+        return NULL;
+    for (char *c = path + strlen(prefix); *c; c++)
+        if (*c == '/' || *c == ':' || *c == '?')
+            *c = '-';
+    return path;
 }
 
-static bool parse_edit(const char *text, enum edit *edit) {
-    for (int e = 0; e < EDITS; e++)
-        if (strcmp(text, edit_names[e]) == 0) {
-            *edit = (enum edit)e;
-            return true;
-        }
-    fprintf(stderr, "splat-bench: --edit: \"%s\" is not none, colour, opacity or range\n", text);
-    return false;
-}
-
-static bool parse_option(struct options *o, const char *name, const char *value) {
-    if (strcmp(name, "threads") == 0)
-        return parse_number(name, value, 1, 256, &o->renderer.threads);
-    if (strcmp(name, "size") == 0)
-        return parse_number(name, value, 1, SP_SIZE_MAX, &o->overrides.size);
-    if (strcmp(name, "views") == 0)
-        return parse_number(name, value, 1, BENCH_CAMERAS_MAX, &o->overrides.views);
-    if (strcmp(name, "coarse") == 0)
-        return parse_number(name, value, 0, SP_COARSE_MAX, &o->render.coarse);
-    if (strcmp(name, "warm") == 0)
-        return parse_number(name, value, 0, 1000, &o->warm);
-    if (strcmp(name, "edit") == 0)
-        return parse_edit(value, &o->edit);
-    const struct {
-        const char *name;
-        const char **to;
-    } texts[] = { { "backend", &o->renderer.backend },
-                  { "isa", &o->renderer.isa },
-                  { "mode", &o->overrides.mode },
-                  { "compositing", &o->overrides.compositing },
-                  { "shading", &o->overrides.shading },
-                  { "data", &o->data },
-                  { "volume", &o->volume },
-                  { "out", &o->out } };
-    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
-        if (strcmp(name, texts[i].name) == 0)
-            *texts[i].to = value;
-    return true;
-}
-
-/* The k-th of a row of small edits, each different from the one before. */
-static void edit_transfer(struct sp_transfer_function *tf, enum edit edit, const double range[2],
-                          unsigned k) {
-    unsigned step = k % STEPS + 1; /* then back to the first */
-    struct sp_tf_point *p = &tf->points[tf->point_count / 2];
-    if (edit == EDIT_COLOUR)
-        p->color[1] = 0.5f * (p->color[1] + (float)step / STEPS);
-    if (edit == EDIT_OPACITY)
-        p->opacity *= 1 - 0.5f * (float)step / STEPS;
-    if (edit != EDIT_RANGE)
-        return;
-    for (uint32_t i = 0; i + 1 < tf->point_count; i++)
-        if (!(tf->points[i].opacity > 0) && tf->points[i + 1].opacity > 0) {
-            double room = tf->points[i + 1].value - tf->points[i].value;
-            tf->points[i].value += step * fmin((range[1] - range[0]) / 256, 0.9 * room / STEPS);
-            return;
-        }
-}
-
-/* Draws camera k, frame n of all; the frame is the caller's. */
-static struct sp_frame *draw(struct sp_renderer *renderer, struct sp_frame_pool *pool,
-                             const struct bench_scene *scene, const struct options *o, unsigned k,
-                             unsigned n, struct sp_error *err) {
-    struct sp_view view = scene->view;
-    view.camera = scene->cameras[k % scene->camera_count];
-    edit_transfer(&view.transfer_function, o->edit, sp_volume_info(scene->volume)->range, n);
-    return sp_renderer_render(renderer, scene->volume, &view, pool, &o->render, err);
-}
-
-static bool measure(struct result *r, struct sp_renderer *renderer, struct sp_frame_pool *pool,
-                    const struct bench_scene *scene, const struct options *o,
-                    struct sp_error *err) {
-    for (unsigned k = 0; k < o->warm + scene->camera_count; k++) {
-        unsigned camera = k < o->warm ? k : k - o->warm;
-        struct sp_frame *frame = draw(renderer, pool, scene, o, camera, k, err);
-        if (!frame)
-            return false;
-        const struct sp_frame_stats *stats = &frame->stats;
-        if (k == 0 && stats->stage_count > 0)
-            r->cold_classify_ms = stats->stages[0].ms;
-        if (k >= o->warm) {
-            r->ms[r->views++] = stats->render_ms;
-            r->cpu_ms += stats->cpu_ms;
-            r->splats += (double)stats->splats;
-            r->fragments += (double)stats->fragments;
-            for (uint32_t i = 0; i < stats->stage_count; i++)
-                r->stage_ms[i] += stats->stages[i].ms;
-            r->last = *stats;
-        }
-        sp_frame_unref(&frame);
-    }
-    return true;
-}
-
-static bool write_png(const struct options *o, const struct bench_scene *scene,
-                      struct sp_renderer *renderer, struct sp_frame_pool *pool,
-                      struct sp_error *err) {
+static bool write_png(const struct bench_studio *studio, struct sp_error *err) {
     struct sp_encoder *encoder = sp_encoder_create(err);
-    struct sp_frame *frame = encoder ? draw(renderer, pool, scene, o, 2, 2, err) : NULL;
+    struct sp_frame *frame = encoder ? bench_draw(studio, &studio->way, 2, 2, err) : NULL;
     const uint8_t *bytes;
     size_t size;
-    char *path = NULL;
     bool ok = frame && sp_encode(encoder, frame, SP_IMAGE_PNG, 100, &bytes, &size, err);
-    if (ok && asprintf(&path, "%s%s.png", o->out, scene->name) > 0) {
-        for (char *c = path + strlen(o->out); *c; c++)
-            if (*c == '/' || *c == ':' || *c == '?')
-                *c = '-';
-        FILE *file = fopen(path, "wb");
+    if (ok) {
+        char *path = path_of(studio->options->out, studio->scene, "png");
+        FILE *file = path ? fopen(path, "wb") : NULL;
         ok = file && fwrite(bytes, 1, size, file) == size;
         if (file && fclose(file) != 0)
             ok = false;
         if (!ok)
-            sp_fail(err, SP_ERR_IO, path, "cannot be written");
+            sp_fail(err, SP_ERR_IO, path ? path : "", "cannot be written");
+        free(path);
     }
-    free(path);
     sp_frame_unref(&frame);
     sp_encoder_destroy(&encoder);
     return ok;
 }
 
-static int compare(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
+static bool save_volume(const struct bench_studio *studio, struct sp_error *err) {
+    char *path = path_of(studio->options->save_volume, studio->scene, "nrrd");
+    bool ok = path ? bench_scene_save_volume(studio->scene, path, err)
+                   : sp_fail(err, SP_ERR_MEMORY, "", "no memory for a path");
+    free(path);
+    return ok;
 }
 
 static double round2(double x) {
     return round(x * 100) / 100;
-}
-
-static double mean_of(const double *ms, unsigned n) {
-    double sum = 0;
-    for (unsigned i = 0; i < n; i++)
-        sum += ms[i];
-    return sum / n;
 }
 
 /* One line on standard output. */
@@ -231,95 +77,151 @@ static bool print_json(proto_json *json, struct sp_error *err) {
     return true;
 }
 
-static proto_json *encode_stages(const struct result *r) {
+static proto_json *encode_stages(const struct bench_times *t) {
     proto_json *stages = proto_json_object();
-    for (uint32_t i = 0; i < r->last.stage_count; i++)
-        proto_json_set_number(stages, r->last.stages[i].name, round2(r->stage_ms[i] / r->views));
+    for (uint32_t i = 0; i < t->last.stage_count; i++)
+        proto_json_set_number(stages, t->last.stages[i].name, round2(t->stage_ms[i] / t->frames));
     return stages;
 }
 
-static proto_json *encode_result(const struct bench_scene *scene, const struct result *r,
-                                 uint64_t bytes) {
+static void encode_view(proto_json *j, const struct sp_view *view) {
     static const char *const modes[] = { "adaptive", "ewa",  "reconstruction",
                                          "lowpass",  "swan", "none" };
     static const char *const compositings[] = { "splat", "sheet", "slab" };
-    const struct sp_view *view = &scene->view;
-    const struct sp_frame_stats *stats = &r->last;
-    double mean = mean_of(r->ms, r->views);
-    qsort(r->ms, r->views, sizeof *r->ms, compare);
-    double median = (r->ms[(r->views - 1) / 2] + r->ms[r->views / 2]) / 2;
-    double p95 = r->ms[(unsigned)ceil(0.95 * r->views) - 1];
-    struct rusage usage_of_process;
-    getrusage(RUSAGE_SELF, &usage_of_process);
-    proto_json *j = proto_json_object();
-    proto_json_set_string(j, "scene", scene->name);
-    proto_json_set_string(j, "backend", stats->backend);
-    proto_json_set_string(j, "device", stats->device);
-    proto_json_set_string(j, "isa", stats->isa);
-    proto_json_set_integer(j, "threads", stats->threads);
     proto_json_set_integer(j, "size", view->size[0]);
     proto_json_set_string(j, "mode", modes[view->filter.mode]);
     proto_json_set_string(j, "compositing", compositings[view->compositing.mode]);
     proto_json_set_string(j, "shading", view->shading.mode == SP_SHADING_PHONG ? "phong" : "none");
-    proto_json_set_integer(j, "coarse", stats->coarse);
-    proto_json_set_integer(j, "views", r->views);
-    proto_json_set_number(j, "splats", round(r->splats / r->views));
-    proto_json_set_integer(j, "visible_voxels", (int64_t)stats->visible_voxels);
-    proto_json_set_number(j, "fragments", round(r->fragments / r->views));
+    proto_json_set_string(j, "lod", view->level_of_detail == SP_LOD_OFF ? "off" : "auto");
+}
+
+static void encode_times(proto_json *j, const struct bench_times *t) {
+    double median = bench_median(t);
+    proto_json_set_number(j, "splats", round(t->splats / t->frames));
+    proto_json_set_integer(j, "visible_voxels", (int64_t)t->last.visible_voxels);
+    proto_json_set_number(j, "fragments", round(t->fragments / t->frames));
     proto_json_set_number(j, "median_ms", round2(median));
-    proto_json_set_number(j, "p95_ms", round2(p95));
-    proto_json_set_number(j, "mean_ms", round2(mean));
-    proto_json_set_number(j, "cpu_ms", round2(r->cpu_ms / r->views));
+    proto_json_set_number(j, "p95_ms", round2(bench_percentile95(t)));
+    proto_json_set_number(j, "mean_ms", round2(bench_mean(t)));
+    proto_json_set_number(j, "cpu_ms", round2(t->cpu_ms / t->frames));
     proto_json_set_number(j, "fps", round2(median > 0 ? 1000 / median : 0));
-    proto_json_set(j, "stages", encode_stages(r));
-    proto_json_set_number(j, "cold_classify_ms", round2(r->cold_classify_ms));
-    proto_json_set_integer(j, "bytes", (int64_t)bytes);
+    proto_json_set(j, "stages", encode_stages(t));
+    proto_json_set_number(j, "cold_classify_ms", round2(t->cold_classify_ms));
+    proto_json_set_number(j, "allocations", round2((double)t->allocations / t->frames));
+}
+
+/* Bytes of the samples and of what was derived from them, and of the process. */
+static void encode_memory(proto_json *j, const struct bench_studio *studio) {
+    const struct sp_volume_info *info = sp_volume_info(studio->scene->volume);
+    uint64_t derived = sp_renderer_memory(studio->renderer, studio->scene->volume);
+    uint64_t voxels = (uint64_t)info->grid.dims[0] * info->grid.dims[1] * info->grid.dims[2];
+    struct rusage usage_of_process;
+    getrusage(RUSAGE_SELF, &usage_of_process);
+    proto_json_set_integer(j, "voxels", (int64_t)voxels);
+    proto_json_set_integer(j, "bytes", (int64_t)(info->voxel_bytes + derived));
+    proto_json_set_integer(j, "derived_bytes", (int64_t)derived);
+    proto_json_set_number(j, "derived_per_voxel",
+                          round(1e4 * (double)derived / (double)voxels) / 1e4);
     proto_json_set_integer(j, "peak_rss", (int64_t)usage_of_process.ru_maxrss * 1024);
+}
+
+static proto_json *encode_against(const struct bench_result *r, const char *setting) {
+    const struct bench_times *t = &r->against;
+    proto_json *j = proto_json_object();
+    proto_json_set_string(j, "setting", setting);
+    proto_json_set_number(j, "splats", round(t->splats / t->frames));
+    proto_json_set_number(j, "median_ms", round2(bench_median(t)));
+    proto_json_set_number(j, "cpu_ms", round2(t->cpu_ms / t->frames));
+    if (bench_median(&r->times) > 0)
+        proto_json_set_number(j, "speedup", round2(bench_median(t) / bench_median(&r->times)));
+    if (r->times.cpu_ms > 0)
+        proto_json_set_number(j, "cpu_speedup", round2(t->cpu_ms / r->times.cpu_ms));
+    if (r->has_psnr) {
+        proto_json_set_number(j, "psnr_db", round2(r->psnr_db));
+        proto_json_set_number(j, "psnr_worst_db", round2(r->psnr_worst_db));
+    }
     return j;
 }
 
-static bool run_scene(const struct bench_scene *scene, const struct options *o,
-                      struct sp_renderer *renderer, struct sp_frame_pool *pool,
-                      struct sp_error *err) {
+static proto_json *encode_cancels(const struct bench_cancels *c) {
+    proto_json *j = proto_json_object();
+    proto_json_set_integer(j, "stopped", c->stopped);
+    proto_json_set_integer(j, "finished", c->finished);
+    proto_json_set_number(j, "median_ms", round2(c->median_ms));
+    proto_json_set_number(j, "worst_ms", round2(c->worst_ms));
+    proto_json_set_number(j, "range_ms", round2(c->random_range_ms));
+    return j;
+}
+
+static proto_json *encode_result(const struct bench_studio *studio, const struct bench_result *r) {
+    const struct bench_options *o = studio->options;
+    const struct sp_frame_stats *stats = &r->times.last;
+    proto_json *j = proto_json_object();
+    proto_json_set_string(j, "scene", studio->scene->name);
+    proto_json_set_string(j, "backend", stats->backend);
+    proto_json_set_string(j, "device", stats->device);
+    proto_json_set_string(j, "isa", stats->isa);
+    proto_json_set_integer(j, "threads", stats->threads);
+    encode_view(j, &studio->way.view);
+    proto_json_set_integer(j, "coarse", stats->coarse);
+    proto_json_set_integer(j, "views", studio->scene->camera_count);
+    encode_times(j, &r->times);
+    encode_memory(j, studio);
+    if (o->against_text)
+        proto_json_set(j, "against", encode_against(r, o->against_text));
+    if (o->cancel)
+        proto_json_set(j, "cancel", encode_cancels(&r->cancels));
+    return j;
+}
+
+/* The scenes tell how many voxels they are about. */
+static void check_visible(const struct bench_studio *studio, const struct sp_frame_stats *stats) {
+    const struct bench_scene *scene = studio->scene;
+    if (scene->visible_voxels < 0 || studio->way.edit != EDIT_NONE || stats->coarse > 0 ||
+        !stats->backend || strcmp(stats->backend, "null") == 0 ||
+        stats->visible_voxels == (uint64_t)scene->visible_voxels)
+        return;
+    fprintf(stderr, "splat-bench: %s: %llu voxels are visible, the scene says %lld\n", scene->name,
+            (unsigned long long)stats->visible_voxels, (long long)scene->visible_voxels);
+}
+
+static bool run_scene(struct bench_studio *studio, struct sp_error *err) {
+    const struct bench_scene *scene = studio->scene;
+    const struct bench_options *o = studio->options;
     if (scene->skipped[0]) {
         proto_json *json = proto_json_object();
         proto_json_set_string(json, "scene", scene->name);
         proto_json_set_string(json, "skipped", scene->skipped);
         return print_json(json, err);
     }
-    struct result r = { .ms = calloc(scene->camera_count, sizeof(double)) };
-    bool ok = r.ms ? measure(&r, renderer, pool, scene, o, err)
-                   : sp_fail(err, SP_ERR_MEMORY, "", "no memory for the result");
-    if (ok) {
-        uint64_t bytes = sp_volume_info(scene->volume)->voxel_bytes +
-                         sp_renderer_memory(renderer, scene->volume);
-        ok = print_json(encode_result(scene, &r, bytes), err);
-        if (scene->visible_voxels >= 0 && !o->edit && r.last.coarse == 0 && r.last.backend &&
-            strcmp(r.last.backend, "null") != 0 &&
-            r.last.visible_voxels != (uint64_t)scene->visible_voxels)
-            fprintf(stderr, "splat-bench: %s: %llu voxels are visible, the scene says %lld\n",
-                    scene->name, (unsigned long long)r.last.visible_voxels,
-                    (long long)scene->visible_voxels);
-    }
-    free(r.ms);
+    struct bench_result r;
+    bool ok = bench_measure(&r, studio, err) && print_json(encode_result(studio, &r), err);
+    if (ok)
+        check_visible(studio, &r.times.last);
+    bench_result_finish(&r);
     if (ok && o->out)
-        ok = write_png(o, scene, renderer, pool, err);
-    sp_renderer_forget(renderer, scene->volume);
+        ok = write_png(studio, err);
+    if (ok && o->save_volume)
+        ok = save_volume(studio, err);
+    sp_renderer_forget(studio->renderer, scene->volume);
     return ok;
 }
 
-static int run(const struct options *o, char **files, int count) {
+static int run(const struct bench_options *o, char **files, int count) {
     struct sp_error err;
     struct sp_renderer *renderer = sp_renderer_create(&o->renderer, &err);
     struct sp_frame_pool *pool = renderer ? sp_frame_pool_create(POOL_BYTES, &err) : NULL;
+    const struct bench_overrides *overrides = &o->setting.overrides;
     int status = pool ? EXIT_SUCCESS : fail(&err);
     for (int i = 0; pool && i < (o->volume ? 1 : count); i++) {
         struct bench_scene scene;
-        bool ok = o->volume
-                      ? bench_scene_open_volume(&scene, o->volume, o->data, &o->overrides, &err)
-                      : bench_scene_open(&scene, files[i], o->data, &o->overrides, &err);
+        bool ok = o->volume ? bench_scene_open_volume(&scene, o->volume, o->data, overrides, &err)
+                            : bench_scene_open(&scene, files[i], o->data, overrides, &err);
         if (ok) {
-            ok = run_scene(&scene, o, renderer, pool, &err);
+            struct bench_studio studio = {
+                .renderer = renderer, .pool = pool, .scene = &scene, .options = o
+            };
+            ok = run_scene(&studio, &err);
             bench_scene_close(&scene);
         }
         if (!ok) {
@@ -336,43 +238,14 @@ static int run(const struct options *o, char **files, int count) {
 }
 
 int main(int argc, char **argv) {
-    static const struct option flags[] = {
-        { "backend", required_argument, NULL, LONG_ONLY },
-        { "isa", required_argument, NULL, LONG_ONLY },
-        { "threads", required_argument, NULL, LONG_ONLY },
-        { "size", required_argument, NULL, LONG_ONLY },
-        { "views", required_argument, NULL, LONG_ONLY },
-        { "warm", required_argument, NULL, LONG_ONLY },
-        { "mode", required_argument, NULL, LONG_ONLY },
-        { "compositing", required_argument, NULL, LONG_ONLY },
-        { "shading", required_argument, NULL, LONG_ONLY },
-        { "coarse", required_argument, NULL, LONG_ONLY },
-        { "edit", required_argument, NULL, LONG_ONLY },
-        { "data", required_argument, NULL, LONG_ONLY },
-        { "volume", required_argument, NULL, LONG_ONLY },
-        { "out", required_argument, NULL, LONG_ONLY },
-        { "help", no_argument, NULL, 'h' },
-        { "version", no_argument, NULL, 'v' },
-        { NULL, 0, NULL, 0 },
-    };
-    struct options o = { .warm = 2 };
-    int which = 0, c;
-    while ((c = getopt_long(argc, argv, "", flags, &which)) != -1) {
-        if (c == 'h') {
-            fputs(usage, stdout);
-            return EXIT_SUCCESS;
-        }
-        if (c == 'v') {
-            puts("splat-bench " SPLATD_VERSION);
-            return EXIT_SUCCESS;
-        }
-        if (c != LONG_ONLY || !parse_option(&o, flags[which].name, optarg))
-            return EXIT_USAGE;
-    }
-    if (o.volume ? optind < argc : optind >= argc) {
-        fputs("splat-bench: name scene files, or one volume with --volume; --help explains\n",
-              stderr);
+    struct bench_options o;
+    switch (bench_options_parse(&o, argc, argv)) {
+    case BENCH_DONE:
+        return EXIT_SUCCESS;
+    case BENCH_WRONG:
         return EXIT_USAGE;
+    case BENCH_RUN:
+        break;
     }
-    return run(&o, argv + optind, argc - optind);
+    return run(&o, argv + o.first_file, argc - o.first_file);
 }

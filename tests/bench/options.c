@@ -1,0 +1,193 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bench/options.h"
+
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LONG_ONLY = 256, CANCEL_MAX = 10000, WARM_MAX = 1000 };
+
+static const char *const edit_names[EDITS] = { "none", "colour", "opacity", "range" };
+
+static const char usage[] =
+    "usage: splat-bench [OPTION]... SCENE.json...\n"
+    "       splat-bench [OPTION]... --volume demo:NAME|FILE\n"
+    "Draws every camera of each scene and prints one JSON line a scene.\n"
+    "\n"
+    "  --backend NAME      auto (default), cpu, null, ...\n"
+    "  --isa NAME          the most that the cpu backend may use; default auto\n"
+    "  --threads N         render threads, 1 to 256; default one a core\n"
+    "  --size N            pixels both ways, 1 to 8192; default as the scene says\n"
+    "  --views N           at most N cameras, or an orbit of N; default 24\n"
+    "  --warm N            frames drawn before measuring; default 2\n"
+    "  --mode M            filter: adaptive, ewa, reconstruction, lowpass, ...\n"
+    "  --compositing C     sheet, ...\n"
+    "  --shading S         none, phong\n"
+    "  --lod L             level of detail: auto, off; default as the scene says\n"
+    "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
+    "  --edit E            none, colour, opacity, range: changes that of the transfer function\n"
+    "                      a little before each frame; default none\n"
+    "  --cold              forgets before each frame what was derived from the volume\n"
+    "  --against KEY=VALUE measures also with that option (mode, compositing, shading, lod,\n"
+    "                      coarse or edit) changed, in turns, and compares times and pictures\n"
+    "  --cancel N          then starts N frames and cancels each at a random moment: prints how\n"
+    "                      long the call takes to return\n"
+    "  --data DIR          folder below which the scenes' volumes are found\n"
+    "  --volume V          a volume instead of scenes: its default view, in an orbit\n"
+    "  --out PREFIX        writes the third view of each scene as PREFIXname.png\n"
+    "  --save-volume PREFIX  writes the volume of each scene as PREFIXname.nrrd\n"
+    "  --help, --version\n"
+    "Exit status: 0 success (a scene without its volume counts as skipped), 1 failure, 2 usage.\n";
+
+/* A whole number in [low, high]; false after saying what is wrong. */
+static bool parse_number(const char *flag, const char *text, unsigned low, unsigned high,
+                         unsigned *out) {
+    char *end;
+    unsigned long n = strtoul(text, &end, 10);
+    if (*text < '0' || *text > '9' || *end || n < low || n > high) {
+        fprintf(stderr, "splat-bench: --%s: \"%s\" is not a number from %u to %u\n", flag, text,
+                low, high);
+        return false;
+    }
+    *out = (unsigned)n;
+    return true;
+}
+
+static bool parse_edit(const char *text, enum bench_edit *edit) {
+    for (int e = 0; e < EDITS; e++)
+        if (strcmp(text, edit_names[e]) == 0) {
+            *edit = (enum bench_edit)e;
+            return true;
+        }
+    fprintf(stderr, "splat-bench: --edit: \"%s\" is not none, colour, opacity or range\n", text);
+    return false;
+}
+
+/* What --against can change. *known tells whether the name is one of these. */
+static bool parse_setting(struct bench_setting *s, const char *name, const char *value,
+                          bool *known) {
+    const struct {
+        const char *name;
+        const char **to;
+    } texts[] = { { "mode", &s->overrides.mode },
+                  { "compositing", &s->overrides.compositing },
+                  { "shading", &s->overrides.shading },
+                  { "lod", &s->overrides.lod } };
+    *known = true;
+    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
+        if (strcmp(name, texts[i].name) == 0) {
+            *texts[i].to = value;
+            return true;
+        }
+    if (strcmp(name, "coarse") == 0)
+        return parse_number(name, value, 0, SP_COARSE_MAX, &s->render.coarse);
+    if (strcmp(name, "edit") == 0)
+        return parse_edit(value, &s->edit);
+    *known = false;
+    return false;
+}
+
+static bool parse_option(struct bench_options *o, const char *name, const char *value) {
+    bool known, ok = parse_setting(&o->setting, name, value, &known);
+    if (known)
+        return ok;
+    if (strcmp(name, "cold") == 0) {
+        o->cold = true;
+        return true;
+    }
+    if (strcmp(name, "threads") == 0)
+        return parse_number(name, value, 1, 256, &o->renderer.threads);
+    if (strcmp(name, "size") == 0)
+        return parse_number(name, value, 1, SP_SIZE_MAX, &o->setting.overrides.size);
+    if (strcmp(name, "views") == 0)
+        return parse_number(name, value, 1, BENCH_CAMERAS_MAX, &o->setting.overrides.views);
+    if (strcmp(name, "warm") == 0)
+        return parse_number(name, value, 0, WARM_MAX, &o->warm);
+    if (strcmp(name, "cancel") == 0)
+        return parse_number(name, value, 1, CANCEL_MAX, &o->cancel);
+    const struct {
+        const char *name;
+        const char **to;
+    } texts[] = { { "backend", &o->renderer.backend },
+                  { "isa", &o->renderer.isa },
+                  { "against", &o->against_text },
+                  { "data", &o->data },
+                  { "volume", &o->volume },
+                  { "out", &o->out },
+                  { "save-volume", &o->save_volume } };
+    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
+        if (strcmp(name, texts[i].name) == 0)
+            *texts[i].to = value;
+    return true;
+}
+
+/* The setting to compare with: the other options, with one changed. */
+static bool parse_against(struct bench_options *o) {
+    if (!o->against_text)
+        return true;
+    const char *equals = strchr(o->against_text, '=');
+    char name[16] = "";
+    bool known = false, ok = false;
+    o->against = o->setting;
+    if (equals && (size_t)(equals - o->against_text) < sizeof name) {
+        memcpy(name, o->against_text, (size_t)(equals - o->against_text));
+        ok = parse_setting(&o->against, name, equals + 1, &known);
+    }
+    if (!known)
+        fprintf(stderr,
+                "splat-bench: --against: \"%s\" is not KEY=VALUE with one of mode, compositing, "
+                "shading, lod, coarse, edit\n",
+                o->against_text);
+    return ok;
+}
+
+enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **argv) {
+    static const struct option flags[] = {
+        { "backend", required_argument, NULL, LONG_ONLY },
+        { "isa", required_argument, NULL, LONG_ONLY },
+        { "threads", required_argument, NULL, LONG_ONLY },
+        { "size", required_argument, NULL, LONG_ONLY },
+        { "views", required_argument, NULL, LONG_ONLY },
+        { "warm", required_argument, NULL, LONG_ONLY },
+        { "mode", required_argument, NULL, LONG_ONLY },
+        { "compositing", required_argument, NULL, LONG_ONLY },
+        { "shading", required_argument, NULL, LONG_ONLY },
+        { "lod", required_argument, NULL, LONG_ONLY },
+        { "coarse", required_argument, NULL, LONG_ONLY },
+        { "edit", required_argument, NULL, LONG_ONLY },
+        { "cold", no_argument, NULL, LONG_ONLY },
+        { "against", required_argument, NULL, LONG_ONLY },
+        { "cancel", required_argument, NULL, LONG_ONLY },
+        { "data", required_argument, NULL, LONG_ONLY },
+        { "volume", required_argument, NULL, LONG_ONLY },
+        { "out", required_argument, NULL, LONG_ONLY },
+        { "save-volume", required_argument, NULL, LONG_ONLY },
+        { "help", no_argument, NULL, 'h' },
+        { "version", no_argument, NULL, 'v' },
+        { NULL, 0, NULL, 0 },
+    };
+    *o = (struct bench_options){ .warm = 2 };
+    int which = 0, c;
+    while ((c = getopt_long(argc, argv, "", flags, &which)) != -1) {
+        if (c == 'h') {
+            fputs(usage, stdout);
+            return BENCH_DONE;
+        }
+        if (c == 'v') {
+            puts("splat-bench " SPLATD_VERSION);
+            return BENCH_DONE;
+        }
+        if (c != LONG_ONLY || !parse_option(o, flags[which].name, optarg))
+            return BENCH_WRONG;
+    }
+    if (!parse_against(o))
+        return BENCH_WRONG;
+    o->first_file = optind;
+    if (o->volume ? optind < argc : optind >= argc) {
+        fputs("splat-bench: name scene files, or one volume with --volume; --help explains\n",
+              stderr);
+        return BENCH_WRONG;
+    }
+    return BENCH_RUN;
+}
