@@ -70,9 +70,30 @@ static void name_row(const struct manifest_row *row, char *name, size_t size) {
              row->attenuation == SP_ATTENUATION_LINEAR ? "-linear" : "");
 }
 
-/* One picture against the truth; the PSNR, or NAN when nothing was rendered. */
+/* The CPU's instruction sets among each other: `image` against the scalar reference's. */
+static void check_isa(struct run *run, const char *name, const struct test_image *image,
+                      const struct test_image *scalar) {
+    double psnr = test_image_psnr(image, scalar);
+    run->checks++;
+    if (psnr >= MANIFEST_ISA_FLOOR)
+        return;
+    struct test_difference d = test_image_difference(image, scalar);
+    printf("FAILED %-50s %6.2f dB from scalar, floor %.1f; worst %.4f at (%u,%u) channel %u: "
+           "%.4f for %.4f\n",
+           name, psnr, MANIFEST_ISA_FLOOR, d.largest, d.x, d.y, d.channel, d.a, d.b);
+    test_image_dump(name, image, scalar, 8);
+    run->failed++;
+}
+
+static bool is_cpu(const struct run *run, unsigned t) {
+    return strcmp(run->targets[t].backend, "cpu") == 0;
+}
+
+/* One picture against the truth; the PSNR, or NAN when nothing was rendered. *scalar is the
+ * scalar reference's picture of the same, which comes first and is kept; the caller's. */
 static double check(struct run *run, unsigned t, const struct test_scene *scene,
-                    const struct manifest_row *row, const struct test_image *truth) {
+                    const struct manifest_row *row, const struct test_image *truth,
+                    struct test_image *scalar) {
     struct test_image image;
     struct sp_error err;
     char choice[128], name[400];
@@ -88,6 +109,8 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     double psnr = test_image_psnr(&image, truth);
     bool ok = psnr >= row->floor;
     struct test_difference d = test_image_difference(&image, truth);
+    if (is_cpu(run, t) && scalar->rgba)
+        check_isa(run, name, &image, scalar);
     printf("%-6s %-50s %6.2f dB, floor %.1f, measured %.2f; worst %.4f at (%u,%u) channel %u: "
            "%.4f for %.4f\n",
            ok ? "ok" : "FAILED", name, psnr, row->floor, row->measured, d.largest, d.x, d.y,
@@ -95,7 +118,10 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     if (!ok || getenv("SPLATD_TEST_DUMP"))
         test_image_dump(name, &image, truth, 8);
     run->failed += !ok;
-    test_image_finish(&image);
+    if (strcmp(run->targets[t].isa, "scalar") == 0)
+        *scalar = image;
+    else
+        test_image_finish(&image);
     return psnr;
 }
 
@@ -150,18 +176,21 @@ static bool run_scene(struct run *run, const struct manifest_scene *entry) {
     }
     const struct sp_view own = scene.view;
     assert(entry->count <= ROWS_MAX);
-    for (unsigned t = 0; t < run->count; t++) {
-        double psnr[ROWS_MAX];
-        for (size_t i = 0; i < entry->count; i++) {
-            int k = 0;
-            while (truth.lowpass[k] != entry->rows[i].lowpass)
-                k++;
-            choose(&scene.view, &entry->rows[i], &own);
-            psnr[i] = check(run, t, &scene, &entry->rows[i], &truth.image[k]);
-        }
-        compare_adaptive(run, entry, psnr);
-        fflush(stdout);
+    double psnr[TARGETS_MAX][ROWS_MAX];
+    for (size_t i = 0; i < entry->count; i++) {
+        struct test_image scalar = { 0 };
+        int k = 0;
+        while (truth.lowpass[k] != entry->rows[i].lowpass)
+            k++;
+        choose(&scene.view, &entry->rows[i], &own);
+        for (unsigned t = 0; t < run->count; t++)
+            psnr[t][i] = check(run, t, &scene, &entry->rows[i], &truth.image[k], &scalar);
+        if (scalar.rgba)
+            test_image_finish(&scalar);
     }
+    for (unsigned t = 0; t < run->count; t++)
+        compare_adaptive(run, entry, psnr[t]);
+    fflush(stdout);
     for (int k = 0; k < truth.count; k++)
         test_image_finish(&truth.image[k]);
     test_scene_finish(&scene);
