@@ -31,8 +31,6 @@ static void drop_lists(struct sp_level *level) {
     sp_visible_finish(&level->visible);
     free(level->cells);
     level->cells = NULL;
-    for (int axis = 0; axis < 3; axis++)
-        sp_slices_finish(&level->slices[axis]);
 }
 
 void sp_level_finish(struct sp_level *level) {
@@ -92,8 +90,6 @@ static bool collect_from(struct sp_classification *c, const struct sp_classify_j
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
     uint64_t count = list->count, more = sp_visible_entry_bytes(list, count, job->normals);
-    if (job->level == 0 && job->axis < 3)
-        more += sp_slices_bytes(list, job->axis);
     list->count = 0; /* not there yet */
     if (!may_grow(c, job, count, more, err))
         return false;
@@ -117,9 +113,13 @@ static bool update_all(struct sp_classification *c, const struct sp_classify_job
         drop_lists(&c->levels[0]);
         return false;
     }
-    if (!job->normals || list->normal)
+    bool wide = sp_transfer_wants_magnitudes(job->tf);
+    if (!job->normals || (list->normal && (!wide || list->normal_bytes == 4)))
         return true;
-    return may_grow(c, job, list->count, list->count * sizeof *list->normal, err) &&
+    free(list->normal);
+    list->normal = NULL;
+    list->normal_bytes = wide ? 4 : list->normal_bytes;
+    return may_grow(c, job, list->count, list->count * list->normal_bytes, err) &&
            sp_collect_normals(&c->levels[0], c->volume, job, err);
 }
 
@@ -140,16 +140,11 @@ static bool update_coarse(struct sp_classification *c, unsigned l,
     return false;
 }
 
-static bool update_slices(struct sp_classification *c, const struct sp_classify_job *job,
-                          struct sp_error *err) {
-    struct sp_level *level = &c->levels[job->level];
-    if (job->axis == SP_NO_AXIS || level->slices[job->axis].start)
-        return true;
-    uint64_t more = sp_slices_bytes(&level->visible, job->axis);
-    for (int axis = 0; axis < 3 && !may_grow(c, job, level->visible.count, more, NULL); axis++)
-        sp_slices_finish(&level->slices[axis]);
-    return may_grow(c, job, level->visible.count, more, err) &&
-           sp_slices_make(&level->slices[job->axis], &level->visible, job->axis, job->pool, err);
+static bool turn(const struct sp_visible *list, const struct sp_classify_job *job,
+                 struct sp_error *err) {
+    unsigned axis = job->axis < SP_NO_AXIS ? job->axis : 2;
+    return sp_visible_turn(list, axis, job->pool, job->cancel) ||
+           sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
@@ -163,7 +158,7 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     for (unsigned l = 1; l <= job->level; l++)
         if (!update_coarse(c, l, job, err))
             return false;
-    return update_slices(c, job, err);
+    return turn(&c->levels[job->level].visible, job, err);
 }
 
 uint64_t sp_classification_bytes(const struct sp_classification *c) {
@@ -174,9 +169,6 @@ uint64_t sp_classification_bytes(const struct sp_classification *c) {
                  sp_visible_bytes(&level->visible);
         if (level->ranges)
             bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->ranges;
-        for (unsigned axis = 0; axis < 3; axis++)
-            if (level->slices[axis].start)
-                bytes += sp_slices_bytes(&level->visible, axis);
     }
     return bytes;
 }

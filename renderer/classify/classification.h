@@ -14,9 +14,8 @@ struct sp_level {
     double *coordinates[3];      /* of `grid`, where they are the level's own */
     struct sp_transfer transfer; /* of the list's keys */
     struct sp_visible visible;
-    struct sp_slices slices[3]; /* by axis */
-    struct sp_range *ranges;    /* by brick: of all values; finest level; NULL = not made */
-    double reach;               /* order post: the kernel's radius that the list was made for */
+    struct sp_range *ranges; /* by brick: of all values; finest level; NULL = not made */
+    double reach;            /* order post: the kernel's radius that the list was made for */
     uint64_t *cells; /* order post: reach.h, by brick; while the list is being made, else NULL */
 };
 enum { SP_LEVELS = 3 };
@@ -41,7 +40,7 @@ enum { SP_NO_AXIS = 3 };
 struct sp_classify_job {
     const struct sp_transfer_function *tf;
     unsigned level; /* that will be used, below SP_LEVELS */
-    unsigned axis;  /* of the slices that will be used, 0 … 2, or SP_NO_AXIS */
+    unsigned axis;  /* that the bricks are to be cut along, or SP_NO_AXIS: always the same */
     bool normals;   /* its list must have them */
     double reach;   /* order post: the kernel's radius, voxels */
     const struct sp_classification
@@ -51,7 +50,7 @@ struct sp_classify_job {
     const atomic_bool *cancel; /* NULL = never */
 };
 
-/* Brings the list and the slices of job->level up to date, doing only what the changes ask for: a
+/* Brings the list of job->level up to date, doing only what the changes ask for: a
  * new colour costs a table (and the coarse levels); a new set of visible values, given lists to
  * derive from, the bricks that have such values (change.h), else a pass over the volume. On failure
  * what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */

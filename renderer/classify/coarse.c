@@ -122,11 +122,15 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
     uint32_t fine[8];
     uint16_t offset[8];
     uint32_t bricks = find_bricks(m, brick, fine, offset), count = 0;
-    for (uint32_t i = 0; i < bricks; i++)
-        for (uint64_t e = list->first[fine[i]]; e < list->first[fine[i] + 1]; e++) {
-            uint32_t cell = cell_of(list->local[e], offset[i]);
+    for (uint32_t i = 0; i < bricks; i++) {
+        uint16_t local[SP_BRICK_VOXELS];
+        uint32_t entries = (uint32_t)(list->first[fine[i] + 1] - list->first[fine[i]]);
+        sp_visible_locals(list, fine[i], NULL, 0, entries, local);
+        for (uint32_t n = 0; n < entries; n++) {
+            uint32_t cell = cell_of(local[n], offset[i]);
             cells->used[cell / 64] |= UINT64_C(1) << cell % 64;
         }
+    }
     for (size_t w = 0; w < SP_BRICK_VOXELS / 64; w++)
         count += (uint32_t)__builtin_popcountll(cells->used[w]);
     memset(cells->used, 0, sizeof cells->used);
@@ -136,7 +140,7 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
 /* A classified voxel, which takes `part` of its cell. */
 static void add_class(const struct merge *m, uint64_t e, float part, struct sum *sum) {
     const struct sp_visible *list = &m->fine->visible;
-    uint32_t gradient = list->normal ? list->normal[e] : 0;
+    uint32_t gradient = list->normal ? sp_visible_normal(list, e) : 0;
     struct sp_class c = sp_transfer_class_at(&m->fine->transfer, sp_visible_key(list, e), gradient);
     c.depth *= part;
     sum->depth += c.depth;
@@ -154,9 +158,10 @@ static void add_scalar(const struct merge *m, uint64_t e, float part, struct sum
     if (!list->normal)
         return;
     float n[3];
-    sp_gradient_unpack(list->normal[e], n);
+    uint32_t packed = sp_visible_normal(list, e);
+    sp_gradient_unpack(packed, n);
     for (int k = 0; k < 3; k++)
-        sum->normal[k] += n[k] * sp_gradient_share(list->normal[e]) * part;
+        sum->normal[k] += n[k] * sp_gradient_share(packed) * part;
 }
 
 static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick, uint16_t offset) {
@@ -167,8 +172,12 @@ static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick
     for (unsigned a = 0; a < 3; a++)
         for (uint32_t i = 0; i < SP_BRICK && corner[a] + i < m->fine->grid.dims[a]; i++)
             share[a][i] = size_share(m, a, corner[a] + i);
-    for (uint64_t e = list->first[brick]; e < list->first[brick + 1]; e++) {
-        uint16_t local = list->local[e];
+    uint16_t locals[SP_BRICK_VOXELS];
+    uint32_t count = (uint32_t)(list->first[brick + 1] - list->first[brick]);
+    sp_visible_locals(list, brick, NULL, 0, count, locals);
+    for (uint32_t n = 0; n < count; n++) {
+        uint64_t e = list->first[brick] + n;
+        uint16_t local = locals[n];
         uint32_t cell = cell_of(local, offset);
         struct sum *sum = &cells->sums[cell];
         float part = share[0][local & 15] * share[1][local >> 4 & 15] * share[2][local >> 8];
@@ -184,7 +193,7 @@ static void write_entry(const struct merge *m, uint64_t out, uint32_t cell, cons
     static const struct sp_gradient_grid unit = { .bound = 1 };
     struct sp_visible *list = &m->coarse->visible;
     float inverse = sum->depth > 0 ? 1 / sum->depth : 0;
-    list->local[out] = (uint16_t)cell;
+    list->place[out] = (uint8_t)cell;
     if (m->is_post) {
         union {
             float value;
@@ -202,23 +211,28 @@ static void write_entry(const struct merge *m, uint64_t out, uint32_t cell, cons
         double n[3];
         for (int k = 0; k < 3; k++)
             n[k] = (double)(sum->normal[k] * inverse);
-        list->normal[out] = sp_gradient_pack(&unit, n);
+        sp_visible_set_normal(list, out, sp_gradient_pack(&unit, n));
     }
 }
 
 static void fill_brick(const struct merge *m, struct cells *cells, uint32_t brick) {
     uint32_t fine[8];
     uint16_t offset[8];
-    uint64_t out = m->coarse->visible.first[brick];
+    const struct sp_visible *list = &m->coarse->visible;
+    uint64_t out = list->first[brick];
     uint32_t bricks = find_bricks(m, brick, fine, offset);
     for (uint32_t i = 0; i < bricks; i++)
         add_brick(m, cells, fine[i], offset[i]);
-    for (uint32_t w = 0; w < SP_BRICK_VOXELS / 64; w++)
+    list->axis[brick] = 2;
+    for (uint32_t w = 0; w < SP_BRICK_VOXELS / 64; w++) {
         for (; cells->used[w]; cells->used[w] &= cells->used[w] - 1) {
             uint32_t cell = 64 * w + (uint32_t)__builtin_ctzll(cells->used[w]);
             write_entry(m, out++, cell, &cells->sums[cell]);
             cells->sums[cell] = (struct sum){ 0 };
         }
+        list->start[brick][w / 4 + 1] =
+            (uint16_t)(out - list->first[brick]); /* 256 cells a slice */
+    }
 }
 
 static void count_bricks(void *user, size_t begin, size_t end, unsigned worker) {
@@ -280,7 +294,7 @@ static bool merge_level(struct merge *m, struct sp_error *err) {
 bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
                     const struct sp_classify_job *job, struct sp_error *err) {
     if (!sp_coarse_grid(coarse, &fine->grid, err) ||
-        !sp_visible_init(&coarse->visible, coarse->grid.dims, 4, err))
+        !sp_visible_init(&coarse->visible, coarse->grid.dims, 4, 4, err))
         return false;
     struct merge m = {
         .fine = fine, .coarse = coarse, .is_post = job->tf->order == SP_TF_POST, .job = job

@@ -6,24 +6,54 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "classify/dense.h"
 #include "classify/gradient.h"
 #include "classify/reach.h"
 
-enum { BRICKS_GRAIN = 16 }; /* bricks between two looks at the cancel flag */
+enum {
+    BRICKS_GRAIN = 16, /* bricks between two looks at the cancel flag */
+    INTERVALS_MAX = 4, /* of visible keys: more are looked up one by one */
+};
+
+/* Visible keys of a table, as few ranges. */
+struct intervals {
+    int count; /* -1: too many */
+    uint16_t low[INTERVALS_MAX], span[INTERVALS_MAX];
+};
 
 struct collect {
     const struct sp_transfer *transfer;
     const void *voxels;
     const uint32_t *dims;
     struct sp_visible *list;
+    unsigned axis;         /* that bricks which are made anew are cut along */
     const uint64_t *cells; /* order post: what can matter, by brick; else NULL */
     struct sp_range *ranges;
+    struct intervals intervals;
     bool measures;               /* ranges have yet to be found */
     const struct sp_level *from; /* NULL = nowhere to copy from */
     const struct sp_change *change;
     struct sp_gradient_grid gradients;
     const struct sp_classify_job *job;
 };
+
+static struct intervals find_intervals(const struct sp_transfer *transfer) {
+    struct intervals in = { 0 };
+    for (uint32_t k = 0; transfer->table && k < transfer->count; k++) {
+        if (!transfer->is_visible[k])
+            continue;
+        if (in.count == INTERVALS_MAX) {
+            in.count = -1;
+            break;
+        }
+        uint32_t low = k;
+        while (k + 1 < transfer->count && transfer->is_visible[k + 1])
+            k++;
+        in.low[in.count] = (uint16_t)low;
+        in.span[in.count++] = (uint16_t)(k - low);
+    }
+    return in;
+}
 
 static struct collect make_collect(struct sp_level *level, const struct sp_volume *volume,
                                    const struct sp_collect_source *source,
@@ -32,20 +62,23 @@ static struct collect make_collect(struct sp_level *level, const struct sp_volum
                              .voxels = sp_volume_voxels(volume),
                              .dims = level->grid.dims,
                              .list = &level->visible,
+                             .axis = job->axis < 3 ? job->axis : 2,
                              .cells = level->cells,
                              .ranges = level->ranges,
+                             .intervals = find_intervals(&level->transfer),
                              .from = source->level,
                              .change = &source->change,
                              .job = job };
 }
 
-static uint32_t pack_normal(const struct sp_gradient_grid *grid, const uint32_t corner[3],
-                            uint32_t local) {
+/* Packs the gradient at a voxel, as wide as the list wants it. */
+static uint32_t pack_normal(const struct sp_gradient_grid *grid, uint32_t bytes,
+                            const uint32_t corner[3], uint32_t local) {
     uint32_t i[3] = { corner[0] + (local & 15), corner[1] + (local >> 4 & 15),
                       corner[2] + (local >> 8) };
     double gradient[3];
     sp_gradient_at(grid, i, gradient);
-    return sp_gradient_pack(grid, gradient);
+    return bytes == 2 ? sp_gradient_pack_direction(gradient) : sp_gradient_pack(grid, gradient);
 }
 
 /* The part of a brick that lies in the volume: its first voxel and how many along each axis. */
@@ -63,20 +96,96 @@ static struct part find_part(const struct collect *c, uint32_t brick) {
     return part;
 }
 
-/* Keys of one row of a brick, and which of its voxels are visible, or can matter. */
-static void read_row(const struct collect *c, const struct part *part, uint32_t i1, uint32_t i2,
-                     uint32_t keys[SP_BRICK], uint8_t visible[SP_BRICK]) {
-    size_t at = ((size_t)(part->corner[2] + i2) * c->dims[1] + part->corner[1] + i1) * c->dims[0] +
-                part->corner[0];
-    sp_transfer_keys(c->transfer, c->voxels, at, part->size[0], keys, visible);
-    for (uint32_t i0 = 0; c->cells && i0 < part->size[0]; i0++)
-        visible[i0] = sp_reach_has(c->cells[part->brick], i0 | i1 << 4 | i2 << 8) &&
-                      isfinite(sp_transfer_value(c->transfer, keys[i0]));
+static size_t row_begin(const struct collect *c, const struct part *part, uint32_t i1,
+                        uint32_t i2) {
+    return ((size_t)(part->corner[2] + i2) * c->dims[1] + part->corner[1] + i1) * c->dims[0] +
+           part->corner[0];
 }
 
-/* Whether the brick's entries are those of the source. */
-static bool is_unchanged(const struct collect *c, uint32_t brick) {
-    return c->from && !sp_change_meets(c->change, &c->ranges[brick]);
+/* Keys of `n` samples of 8 or 16 bits; those beyond repeat the first. */
+static inline void read_keys(const void *voxels, size_t at, uint32_t n, uint32_t bytes,
+                             int32_t first, uint16_t keys[SP_BRICK]) {
+    if (bytes == 1) {
+        uint8_t in[SP_BRICK];
+        memset(in, ((const uint8_t *)voxels)[at], sizeof in);
+        memcpy(in, (const uint8_t *)voxels + at, n);
+        for (int i = 0; i < SP_BRICK; i++)
+            keys[i] = (uint8_t)(in[i] - (uint8_t)first); /* whether it is signed or not */
+    } else {
+        for (int i = 0; i < SP_BRICK; i++)
+            keys[i] = ((const uint16_t *)voxels)[at];
+        memcpy(keys, (const uint16_t *)voxels + at, n * sizeof *keys);
+        for (int i = 0; i < SP_BRICK; i++)
+            keys[i] = (uint16_t)(keys[i] - (uint16_t)first);
+    }
+}
+
+/* Which of a row's keys are visible: a bit each. */
+static inline uint32_t find_visible(const struct collect *c, const uint16_t keys[SP_BRICK]) {
+    static const uint16_t bit[SP_BRICK] = { 1,   2,   4,    8,    16,   32,   64,    128,
+                                            256, 512, 1024, 2048, 4096, 8192, 16384, 32768 };
+    uint16_t bits = 0;
+    for (int k = 0; k < c->intervals.count; k++) {
+        uint16_t low = c->intervals.low[k], span = c->intervals.span[k];
+        for (int i = 0; i < SP_BRICK; i++)
+            bits |= (uint16_t)(keys[i] - low) <= span ? bit[i] : 0;
+    }
+    for (int i = 0; c->intervals.count < 0 && i < SP_BRICK; i++)
+        bits |= (uint16_t)(c->transfer->is_visible[keys[i]] << i);
+    return bits;
+}
+
+static inline void widen_keys(const uint16_t keys[SP_BRICK], uint16_t *low, uint16_t *high) {
+    uint16_t least = *low, most = *high;
+    for (int i = 0; i < SP_BRICK; i++) {
+        least = keys[i] < least ? keys[i] : least;
+        most = keys[i] > most ? keys[i] : most;
+    }
+    *low = least;
+    *high = most;
+}
+
+/* Marks what is visible of a row: element `at` and those `stride` apart. */
+static void mark_row(struct sp_dense *dense, uint32_t at, uint32_t stride, uint32_t bits) {
+    if (stride == 1)
+        dense->used[at >> 4] = (uint16_t)bits;
+    for (; stride > 1 && bits; bits &= bits - 1) {
+        uint32_t element = at + stride * (uint32_t)__builtin_ctz(bits);
+        dense->used[element >> 4] |= (uint16_t)(1u << (element & 15));
+    }
+}
+
+static void put_keys(struct sp_dense *dense, uint32_t at, uint32_t stride, uint32_t bytes,
+                     const uint16_t keys[SP_BRICK]) {
+    if (bytes == 1)
+        for (uint32_t i = 0; i < SP_BRICK; i++)
+            dense->key.bytes[at + i * stride] = (uint8_t)keys[i];
+    else
+        for (uint32_t i = 0; i < SP_BRICK; i++)
+            dense->key.halves[at + i * stride] = keys[i];
+}
+
+/* Types with a table, order pre: all rows of a brick, 16 samples at a time. */
+static void load_table(const struct collect *c, const struct part *part, struct sp_dense *dense,
+                       struct sp_range *range) {
+    uint32_t bytes = c->list->key_bytes, inside = (1u << part->size[0]) - 1;
+    uint32_t stride = sp_dense_element(dense->axis, 1);
+    uint16_t keys[SP_BRICK], low = UINT16_MAX, high = 0;
+    for (uint32_t i2 = 0; i2 < part->size[2]; i2++)
+        for (uint32_t i1 = 0; i1 < part->size[1]; i1++) {
+            size_t from = row_begin(c, part, i1, i2);
+            read_keys(c->voxels, from, part->size[0], bytes, c->transfer->first, keys);
+            uint32_t bits = find_visible(c, keys) & inside;
+            uint32_t at = sp_dense_element(dense->axis, i1 << 4 | i2 << 8);
+            if (bits) {
+                put_keys(dense, at, stride, bytes, keys);
+                mark_row(dense, at, stride, bits);
+            }
+            if (range)
+                widen_keys(keys, &low, &high);
+        }
+    if (range)
+        *range = (struct sp_range){ low, high };
 }
 
 static void widen(const struct sp_transfer *transfer, const uint32_t *keys, uint32_t count,
@@ -90,95 +199,133 @@ static void widen(const struct sp_transfer *transfer, const uint32_t *keys, uint
     }
 }
 
-static uint32_t count_brick(const struct collect *c, uint32_t brick) {
+/* Any type and order. */
+static void load_any(const struct collect *c, const struct part *part, struct sp_dense *dense,
+                     struct sp_range *range) {
+    uint32_t bytes = c->list->key_bytes, stride = sp_dense_element(dense->axis, 1);
+    struct sp_visible element = { .key = &dense->key, .key_bytes = bytes };
+    uint32_t keys[SP_BRICK];
+    uint8_t visible[SP_BRICK];
+    for (uint32_t i2 = 0; i2 < part->size[2]; i2++)
+        for (uint32_t i1 = 0; i1 < part->size[1]; i1++) {
+            uint32_t bits = 0, local = i1 << 4 | i2 << 8;
+            uint32_t at = sp_dense_element(dense->axis, local);
+            sp_transfer_keys(c->transfer, c->voxels, row_begin(c, part, i1, i2), part->size[0],
+                             keys, visible);
+            for (uint32_t i0 = 0; i0 < part->size[0]; i0++) {
+                if (c->cells)
+                    visible[i0] = sp_reach_has(c->cells[part->brick], i0 | local) &&
+                                  isfinite(sp_transfer_value(c->transfer, keys[i0]));
+                sp_visible_set_key(&element, at + i0 * stride, keys[i0]);
+                bits |= (uint32_t)visible[i0] << i0;
+            }
+            mark_row(dense, at, stride, bits);
+            if (range)
+                widen(c->transfer, keys, part->size[0], range);
+        }
+}
+
+/* Reads a brick of the volume. range: of all its values; NULL = not wanted. */
+static void load_brick(const struct collect *c, const struct part *part, struct sp_dense *dense,
+                       struct sp_range *range) {
+    memset(dense->used, 0, sizeof dense->used);
+    if (range)
+        *range = (struct sp_range){ INFINITY, -INFINITY };
+    if (c->transfer->table && !c->cells)
+        load_table(c, part, dense, range);
+    else
+        load_any(c, part, dense, range);
+}
+
+/* Whether the brick's entries are those of the source. */
+static bool is_unchanged(const struct collect *c, uint32_t brick) {
+    return c->from && !sp_change_meets(c->change, &c->ranges[brick]);
+}
+
+static uint32_t count_brick(const struct collect *c, struct sp_dense *dense, uint32_t brick) {
     if (is_unchanged(c, brick))
         return (uint32_t)(c->from->visible.first[brick + 1] - c->from->visible.first[brick]);
     struct part part = find_part(c, brick);
-    struct sp_range range = { INFINITY, -INFINITY };
-    uint32_t keys[SP_BRICK], count = 0;
-    uint8_t visible[SP_BRICK] = { 0 };
-    for (uint32_t i2 = 0; i2 < part.size[2]; i2++)
-        for (uint32_t i1 = 0; i1 < part.size[1]; i1++) {
-            read_row(c, &part, i1, i2, keys, visible);
-            for (int i = 0; i < SP_BRICK; i++)
-                count += visible[i];
-            if (c->measures)
-                widen(c->transfer, keys, part.size[0], &range);
-        }
-    if (c->measures)
-        c->ranges[brick] = range;
-    return count;
+    load_brick(c, &part, dense, c->measures ? &c->ranges[brick] : NULL);
+    return sp_dense_count(dense);
 }
 
-/* Normals of a brick that was made anew: those of voxels that the source lists are its own. Both
- * lists are in the same order. */
-static void merge_normals(const struct collect *c, uint32_t brick) {
-    const struct sp_visible *list = c->list, *from = &c->from->visible;
-    uint64_t old = from->first[brick], stop = from->first[brick + 1];
+/* Normals of a brick that was made anew: those of voxels that the source lists are its own. */
+static void find_normals(const struct collect *c, uint32_t brick, struct sp_dense *dense,
+                         struct sp_dense *old) {
+    struct sp_visible element = { .normal = &dense->normal, .normal_bytes = c->list->normal_bytes };
     uint32_t corner[3];
-    sp_visible_corner(list, brick, corner);
-    for (uint64_t e = list->first[brick]; e < list->first[brick + 1]; e++) {
-        uint32_t local = list->local[e];
-        while (old < stop && from->local[old] < local)
-            old++;
-        list->normal[e] = old < stop && from->local[old] == local
-                              ? from->normal[old]
-                              : pack_normal(&c->gradients, corner, local);
-    }
+    old->axis = dense->axis;
+    sp_visible_corner(c->list, brick, corner);
+    sp_dense_unpack(old, &c->from->visible, brick);
+    memcpy(&dense->normal, &old->normal, SP_BRICK_VOXELS * (size_t)c->list->normal_bytes);
+    for (uint32_t r = 0; r < SP_BRICK * SP_BRICK; r++)
+        for (uint32_t bits = dense->used[r] & ~old->used[r]; bits; bits &= bits - 1) {
+            uint32_t column = (uint32_t)__builtin_ctz(bits);
+            uint16_t local = sp_visible_local(dense->axis, r >> 4, (uint8_t)(r << 4 | column));
+            sp_visible_set_normal(&element, r << 4 | column,
+                                  pack_normal(&c->gradients, c->list->normal_bytes, corner, local));
+        }
+}
+
+static void copy_entries(const void *from, uint64_t at, void *to, uint64_t out, size_t count,
+                         uint32_t bytes) {
+    memcpy((uint8_t *)to + out * bytes, (const uint8_t *)from + at * bytes, count * bytes);
 }
 
 /* Copies an unchanged brick; false when it has to be made anew. */
 static bool copy_brick(const struct collect *c, uint32_t brick) {
     if (!is_unchanged(c, brick))
         return false;
-    const struct sp_visible *from = &c->from->visible;
-    uint64_t to = c->list->first[brick], at = from->first[brick];
+    const struct sp_visible *from = &c->from->visible, *list = c->list;
+    uint64_t to = list->first[brick], at = from->first[brick];
     size_t count = (size_t)(from->first[brick + 1] - at);
-    memcpy(c->list->local + to, from->local + at, count * sizeof *from->local);
-    memcpy((uint8_t *)c->list->key + to * from->key_bytes,
-           (const uint8_t *)from->key + at * from->key_bytes, count * from->key_bytes);
-    if (c->list->normal)
-        memcpy(c->list->normal + to, from->normal + at, count * sizeof *from->normal);
+    list->axis[brick] = from->axis[brick];
+    memcpy(list->start[brick], from->start[brick], sizeof list->start[brick]);
+    copy_entries(from->place, at, list->place, to, count, sizeof *list->place);
+    copy_entries(from->key, at, list->key, to, count, list->key_bytes);
+    if (list->normal)
+        copy_entries(from->normal, at, list->normal, to, count, list->normal_bytes);
     return true;
 }
 
-static void fill_brick(const struct collect *c, uint32_t brick) {
-    uint64_t out = c->list->first[brick], stop = c->list->first[brick + 1];
-    if (out == stop || copy_brick(c, brick))
+/* dense, old: of the worker. */
+static void fill_brick(const struct collect *c, struct sp_dense *dense, struct sp_dense *old,
+                       uint32_t brick) {
+    if (c->list->first[brick] == c->list->first[brick + 1]) {
+        c->list->axis[brick] = (uint8_t)c->axis;
+        return;
+    }
+    if (copy_brick(c, brick))
         return;
     struct part part = find_part(c, brick);
-    uint32_t keys[SP_BRICK];
-    uint8_t visible[SP_BRICK];
-    for (uint32_t i2 = 0; i2 < part.size[2]; i2++)
-        for (uint32_t i1 = 0; i1 < part.size[1]; i1++) {
-            read_row(c, &part, i1, i2, keys, visible);
-            for (uint32_t i0 = 0; i0 < part.size[0]; i0++)
-                if (visible[i0]) {
-                    c->list->local[out] = (uint16_t)(i0 | i1 << 4 | i2 << 8);
-                    sp_visible_set_key(c->list, out++, keys[i0]);
-                }
-        }
-    assert(out == stop);
+    load_brick(c, &part, dense, NULL);
+    assert(sp_dense_count(dense) == c->list->first[brick + 1] - c->list->first[brick]);
     if (c->list->normal)
-        merge_normals(c, brick);
+        find_normals(c, brick, dense, old);
+    sp_dense_pack(dense, c->list, brick);
 }
 
 static void count_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct collect *c = user;
+    struct sp_dense dense;
     if (sp_classify_cancelled(c->job, NULL))
         return;
+    dense.axis = 2; /* rows as they lie in the volume */
     for (size_t b = begin; b < end; b++)
-        c->list->first[b + 1] = count_brick(c, (uint32_t)b);
+        c->list->first[b + 1] = count_brick(c, &dense, (uint32_t)b);
 }
 
 static void fill_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct collect *c = user;
+    struct sp_dense dense, old;
     if (sp_classify_cancelled(c->job, NULL))
         return;
+    dense.axis = c->axis;
     for (size_t b = begin; b < end; b++)
-        fill_brick(c, (uint32_t)b);
+        fill_brick(c, &dense, &old, (uint32_t)b);
 }
 
 static bool find_cells(struct sp_level *level, const struct sp_volume *volume,
@@ -217,7 +364,8 @@ bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
                  !sp_change_is_possible(&from->transfer, &level->transfer)))
         from = NULL;
     uint32_t key_bytes = sp_transfer_key_bytes(&level->transfer);
-    if (!sp_visible_init(list, level->grid.dims, key_bytes, err) ||
+    uint32_t normal_bytes = key_bytes == 1 && !sp_transfer_wants_magnitudes(job->tf) ? 2 : 4;
+    if (!sp_visible_init(list, level->grid.dims, key_bytes, normal_bytes, err) ||
         !find_ranges(level, from, &measures, err))
         return false;
     if (from && !sp_change_init(&source->change, &from->transfer, &level->transfer, err))
@@ -240,7 +388,8 @@ bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
 bool sp_collect_fill(struct sp_level *level, const struct sp_volume *volume,
                      const struct sp_classify_job *job, const struct sp_collect_source *source,
                      struct sp_error *err) {
-    bool normals = job->normals && source->level && source->level->visible.normal;
+    bool normals = job->normals && source->level && source->level->visible.normal &&
+                   source->level->visible.normal_bytes == level->visible.normal_bytes;
     if (!sp_visible_allocate(&level->visible, normals, err))
         return false;
     struct collect collect = make_collect(level, volume, source, job);
@@ -254,21 +403,24 @@ bool sp_collect_fill(struct sp_level *level, const struct sp_volume *volume,
 
 struct normals {
     struct sp_gradient_grid grid;
-    const struct sp_visible *list;
-    uint32_t *normal;
+    struct sp_visible *list; /* the normals are written to it */
     const struct sp_classify_job *job;
 };
 
 static void pack_normals(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct normals *n = user;
+    const struct sp_visible *list = n->list;
+    uint16_t local[SP_BRICK_VOXELS];
     if (sp_classify_cancelled(n->job, NULL))
         return;
     for (size_t b = begin; b < end; b++) {
-        uint32_t corner[3];
-        sp_visible_corner(n->list, (uint32_t)b, corner);
-        for (uint64_t e = n->list->first[b]; e < n->list->first[b + 1]; e++)
-            n->normal[e] = pack_normal(&n->grid, corner, n->list->local[e]);
+        uint32_t corner[3], count = (uint32_t)(list->first[b + 1] - list->first[b]);
+        sp_visible_corner(list, (uint32_t)b, corner);
+        sp_visible_locals(list, (uint32_t)b, NULL, 0, count, local);
+        for (uint32_t e = 0; e < count; e++)
+            sp_visible_set_normal(list, list->first[b] + e,
+                                  pack_normal(&n->grid, list->normal_bytes, corner, local[e]));
     }
 }
 
@@ -276,16 +428,15 @@ bool sp_collect_normals(struct sp_level *level, const struct sp_volume *volume,
                         const struct sp_classify_job *job, struct sp_error *err) {
     struct sp_visible *list = &level->visible;
     struct normals n = { .list = list, .job = job };
-    n.normal = malloc(list->count ? list->count * sizeof *n.normal : 1);
-    if (!n.normal)
+    list->normal = malloc(list->count ? list->count * list->normal_bytes : 1);
+    if (!list->normal)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %llu gradients",
                        (unsigned long long)list->count);
     sp_gradient_grid_init(&n.grid, volume);
     sp_parallel_for(job->pool, sp_visible_bricks(list), BRICKS_GRAIN, pack_normals, &n);
-    if (sp_classify_cancelled(job, err)) {
-        free(n.normal);
-        return false;
-    }
-    list->normal = n.normal;
-    return true;
+    if (!sp_classify_cancelled(job, err))
+        return true;
+    free(list->normal);
+    list->normal = NULL;
+    return false;
 }

@@ -97,21 +97,42 @@ void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], do
                       grid->to_world[r][2] * difference[2];
 }
 
+/* Octahedral map of a direction that is not zero: u and v in [-1, 1]. */
+static void unfold(const double d[3], double *u, double *v) {
+    double sum = fabs(d[0]) + fabs(d[1]) + fabs(d[2]);
+    *u = d[0] / sum;
+    *v = d[1] / sum;
+    if (d[2] < 0) {
+        double folded = (1 - fabs(*v)) * (*u < 0 ? -1 : 1);
+        *v = (1 - fabs(*u)) * (*v < 0 ? -1 : 1);
+        *u = folded;
+    }
+}
+
 uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double gradient[3]) {
-    double x = gradient[0] / grid->bound, y = gradient[1] / grid->bound,
-           z = gradient[2] / grid->bound;
-    double length = sqrt(x * x + y * y + z * z), sum = fabs(x) + fabs(y) + fabs(z);
+    double d[3], u, v;
+    for (int r = 0; r < 3; r++)
+        d[r] = gradient[r] / grid->bound;
+    double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     if (!(length > 1e-150) || !isfinite(length))
         return 0;
-    double u = x / sum, v = y / sum;
-    if (z < 0) {
-        double folded = (1 - fabs(v)) * (u < 0 ? -1 : 1);
-        v = (1 - fabs(u)) * (v < 0 ? -1 : 1);
-        u = folded;
-    }
+    unfold(d, &u, &v);
     /* A gradient that is not zero keeps its direction, however short it is. */
     double magnitude = fmax(1, round(sqrt(fmin(length, 1)) * SP_GRADIENT_MAGNITUDES));
     uint32_t qu = (uint32_t)(lround(u * SP_GRADIENT_STEPS) + SP_GRADIENT_STEPS);
     uint32_t qv = (uint32_t)(lround(v * SP_GRADIENT_STEPS) + SP_GRADIENT_STEPS);
     return (uint32_t)magnitude << 22 | qv << 11 | qu;
+}
+
+uint16_t sp_gradient_pack_direction(const double gradient[3]) {
+    enum { LAST = 2 * SP_DIRECTION_STEPS };
+    double u, v, sum = fabs(gradient[0]) + fabs(gradient[1]) + fabs(gradient[2]);
+    if (!(sum > 1e-150) || !isfinite(sum))
+        return 0;
+    unfold(gradient, &u, &v);
+    uint32_t qu = (uint32_t)(lround(u * SP_DIRECTION_STEPS) + SP_DIRECTION_STEPS);
+    uint32_t qv = (uint32_t)(lround(v * SP_DIRECTION_STEPS) + SP_DIRECTION_STEPS);
+    if (!qu && !qv) /* all corners of the map are the same direction, and 0 is taken */
+        qu = qv = LAST;
+    return (uint16_t)(qv << 8 | qu);
 }

@@ -9,6 +9,9 @@
  * steps, so that the axes are exact; it is off by at most an eighth of a degree. The magnitude is
  * stored as the square root of its share of the grid's bound; 0 means a gradient of zero length and
  * no direction.
+ *
+ * Samples of 8 bits do not have as fine a direction, and where the magnitude does not matter 16
+ * bits keep theirs: 8 bits v, 8 bits u, at most 1.1 degrees off; 0 means no direction here as well.
  */
 #ifndef SP_CLASSIFY_GRADIENT_H
 #define SP_CLASSIFY_GRADIENT_H
@@ -18,7 +21,7 @@
 
 #include "volume/grid.h"
 
-enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023 };
+enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023, SP_DIRECTION_STEPS = 127 };
 
 /* What all voxels of a volume share. */
 struct sp_gradient_grid {
@@ -42,6 +45,19 @@ void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], do
 
 /* gradient times grid->scale → packed. */
 uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double gradient[3]);
+
+/* Any gradient → its direction in 16 bits. */
+uint16_t sp_gradient_pack_direction(const double gradient[3]);
+
+/* A direction in 16 bits as a packed gradient of full magnitude. */
+static inline uint32_t sp_gradient_widen(uint16_t direction) {
+    /* 1031/128 is SP_GRADIENT_STEPS over SP_DIRECTION_STEPS, rounded to the nearest step. */
+    int u = ((direction & 255) - SP_DIRECTION_STEPS) * 1031 + 64;
+    int v = ((direction >> 8) - SP_DIRECTION_STEPS) * 1031 + 64;
+    uint32_t packed =
+        (uint32_t)((u >> 7) + SP_GRADIENT_STEPS) | (uint32_t)((v >> 7) + SP_GRADIENT_STEPS) << 11;
+    return direction ? packed | (uint32_t)SP_GRADIENT_MAGNITUDES << 22 : 0;
+}
 
 /* Unit direction; (0,0,0) for a packed gradient of zero length. */
 static inline void sp_gradient_unpack(uint32_t packed, float direction[3]) {

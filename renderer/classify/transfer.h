@@ -78,6 +78,11 @@ static inline uint32_t sp_transfer_key_bytes(const struct sp_transfer *transfer)
     return transfer->type == SP_UINT8 || transfer->type == SP_INT8 ? 1 : 2;
 }
 
+/* Whether the lists' gradients must have a magnitude. */
+static inline bool sp_transfer_wants_magnitudes(const struct sp_transfer_function *tf) {
+    return tf->gradient_count > 0 || tf->order == SP_TF_POST;
+}
+
 /* The value of a key, from the base on. */
 static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32_t key) {
     union {

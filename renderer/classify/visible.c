@@ -3,22 +3,26 @@
 
 #include <stdlib.h>
 
-enum { BRICKS_GRAIN = 32 }; /* bricks sorted at a time */
+#include "classify/dense.h"
+
+enum { BRICKS_GRAIN = 16 }; /* bricks turned between two looks at the cancel flag */
 
 static void *allocate(uint64_t count, size_t size) {
     return count > SIZE_MAX / 2 / size ? NULL : malloc(count ? count * size : 1);
 }
 
 bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_t key_bytes,
-                     struct sp_error *err) {
-    *visible = (struct sp_visible){ .key_bytes = key_bytes };
+                     uint32_t normal_bytes, struct sp_error *err) {
+    *visible = (struct sp_visible){ .key_bytes = key_bytes, .normal_bytes = normal_bytes };
     for (int a = 0; a < 3; a++)
         visible->bricks[a] = (dims[a] + SP_BRICK - 1) >> SP_BRICK_SHIFT;
     uint32_t bricks = sp_visible_bricks(visible);
     visible->first = calloc(bricks + (size_t)1, sizeof *visible->first);
-    if (visible->first)
+    visible->start = calloc(bricks, sizeof *visible->start);
+    visible->axis = calloc(bricks, sizeof *visible->axis);
+    if (visible->first && visible->start && visible->axis)
         return true;
-    *visible = (struct sp_visible){ 0 };
+    sp_visible_finish(visible);
     return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u bricks", bricks);
 }
 
@@ -30,11 +34,11 @@ void sp_visible_sum(struct sp_visible *visible) {
 }
 
 bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_error *err) {
-    visible->local = allocate(visible->count, sizeof *visible->local);
+    visible->place = allocate(visible->count, sizeof *visible->place);
     visible->key = allocate(visible->count, visible->key_bytes);
     if (normals)
-        visible->normal = allocate(visible->count, sizeof *visible->normal);
-    if (visible->local && visible->key && (!normals || visible->normal))
+        visible->normal = allocate(visible->count, visible->normal_bytes);
+    if (visible->place && visible->key && (!normals || visible->normal))
         return true;
     return sp_fail(err, SP_ERR_MEMORY, "", "no memory for a list of %llu visible voxels",
                    (unsigned long long)visible->count);
@@ -42,83 +46,74 @@ bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_err
 
 void sp_visible_finish(struct sp_visible *visible) {
     free(visible->first);
-    free(visible->local);
+    free(visible->start);
+    free(visible->axis);
+    free(visible->place);
     free(visible->key);
     free(visible->normal);
     *visible = (struct sp_visible){ 0 };
 }
 
 uint64_t sp_visible_entry_bytes(const struct sp_visible *v, uint64_t count, bool normals) {
-    return count * (sizeof *v->local + v->key_bytes + (normals ? sizeof *v->normal : 0));
+    return count * (sizeof *v->place + v->key_bytes + (normals ? v->normal_bytes : 0));
 }
 
 uint64_t sp_visible_bytes(const struct sp_visible *visible) {
     if (!visible->first)
         return 0;
-    return (sp_visible_bricks(visible) + UINT64_C(1)) * sizeof *visible->first +
+    uint64_t bricks = sp_visible_bricks(visible);
+    return sizeof *visible->first +
+           bricks * (sizeof *visible->first + sizeof *visible->start + sizeof *visible->axis) +
            sp_visible_entry_bytes(visible, visible->count, visible->normal != NULL);
 }
 
-struct sort {
+void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,
+                       uint32_t begin, uint32_t count, uint16_t *local) {
+    const uint16_t *start = visible->start[brick];
+    const uint8_t *place = visible->place + visible->first[brick];
+    unsigned axis = visible->axis[brick];
+    uint32_t s = 0;
+    for (uint32_t n = 0; n < count; n++) {
+        uint32_t e = order ? order[begin + n] : begin + n;
+        s = e < start[s] ? 0 : s; /* orders rise inside of a run */
+        while (e >= start[s + 1])
+            s++;
+        local[n] = sp_visible_local(axis, s, place[e]);
+    }
+}
+
+struct turn {
     const struct sp_visible *visible;
-    struct sp_slices *slices;
-    unsigned shift;     /* of the axis in `local` */
-    atomic_ullong runs; /* a sum of integers: the same in any order */
+    unsigned axis;
+    const atomic_bool *cancel;
+    atomic_bool cancelled;
 };
 
-/* A counting sort, so that the entries of a slice stay in their order. */
-static void sort_bricks(void *user, size_t begin, size_t end, unsigned worker) {
+static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    struct sort *sort = user;
-    unsigned long long runs = 0;
+    struct turn *t = user;
+    struct sp_dense dense;
+    if (t->cancel && atomic_load_explicit(t->cancel, memory_order_relaxed)) {
+        atomic_store_explicit(&t->cancelled, true, memory_order_relaxed);
+        return;
+    }
+    dense.axis = t->axis;
     for (size_t b = begin; b < end; b++) {
-        uint64_t first = sort->visible->first[b];
-        uint32_t count = (uint32_t)(sort->visible->first[b + 1] - first);
-        const uint16_t *local = sort->visible->local + first;
-        uint16_t next[SP_BRICK] = { 0 }, *start = sort->slices->start[b], sum = 0;
-        for (uint32_t e = 0; e < count; e++)
-            next[local[e] >> sort->shift & (SP_BRICK - 1)]++;
-        for (int s = 0; s < SP_BRICK; s++) {
-            uint16_t n = next[s];
-            runs += n > 0;
-            next[s] = start[s] = sum;
-            sum = (uint16_t)(sum + n);
-        }
-        start[SP_BRICK] = sum;
-        if (!sort->slices->place)
+        if (t->visible->axis[b] == t->axis)
             continue;
-        uint16_t *place = sort->slices->place + first;
-        for (uint32_t e = 0; e < count; e++)
-            place[next[local[e] >> sort->shift & (SP_BRICK - 1)]++] = (uint16_t)e;
+        sp_dense_unpack(&dense, t->visible, (uint32_t)b);
+        sp_dense_pack(&dense, t->visible, (uint32_t)b);
     }
-    atomic_fetch_add_explicit(&sort->runs, runs, memory_order_relaxed);
 }
 
-bool sp_slices_make(struct sp_slices *slices, const struct sp_visible *visible, unsigned axis,
-                    struct sp_pool *pool, struct sp_error *err) {
-    uint32_t bricks = sp_visible_bricks(visible);
-    *slices = (struct sp_slices){ .start = allocate(bricks, sizeof *slices->start) };
-    if (axis < 2)
-        slices->place = allocate(visible->count, sizeof *slices->place);
-    if (!slices->start || (axis < 2 && !slices->place)) {
-        sp_slices_finish(slices);
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the order of %llu visible voxels",
-                       (unsigned long long)visible->count);
-    }
-    struct sort sort = { .visible = visible, .slices = slices, .shift = axis * SP_BRICK_SHIFT };
-    sp_parallel_for(pool, bricks, BRICKS_GRAIN, sort_bricks, &sort);
-    slices->runs = sort.runs;
-    return true;
-}
-
-void sp_slices_finish(struct sp_slices *slices) {
-    free(slices->start);
-    free(slices->place);
-    *slices = (struct sp_slices){ 0 };
-}
-
-uint64_t sp_slices_bytes(const struct sp_visible *visible, unsigned axis) {
-    const struct sp_slices *s = NULL;
-    return sp_visible_bricks(visible) * sizeof *s->start +
-           (axis < 2 ? visible->count * sizeof *s->place : 0);
+bool sp_visible_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
+                     const atomic_bool *cancel) {
+    uint32_t bricks = sp_visible_bricks(visible), b = 0;
+    while (b < bricks && visible->axis[b] == axis)
+        b++;
+    if (b == bricks)
+        return true;
+    struct turn turn = { .visible = visible, .axis = axis, .cancel = cancel };
+    sp_parallel_for(pool, bricks, BRICKS_GRAIN, turn_bricks, &turn);
+    return !turn.cancelled;
 }

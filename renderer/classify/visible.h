@@ -1,12 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The visible voxels of one level, in bricks of 16³.
+ * The visible voxels of one level, in bricks of 16³, each in slices along one axis.
  *
- *   brick b ─► entries [first[b], first[b+1])      entry e: local[e], key[e], normal[e]
+ *   brick b ─► entries first[b] + [start[b][s], start[b][s + 1]) in slice s, up to first[b + 1]
+ *   entry e ─► place[e] in its slice, key[e], normal[e]
  *
- * A brick can be made anew without the others, be skipped as a whole, and be sorted for a view
- * while it is in the cache. Keys are as wide as the volume's type needs: an entry takes 3
- * bytes for 8 bits, 4 for 16 and 6 for others, and 4 more with normals.
+ * A brick can be made anew without the others, be skipped as a whole, and be turned to another axis
+ * while it is in the cache; its entries then lie in the order in which a view draws them. In a
+ * slice they rise by place, so that the order is the same whatever happened to the list before.
+ *
+ * Keys are as wide as the volume's type needs, normals half a word for 8 bits: an entry takes 2
+ * bytes, or 4 with normals; 3 or 7 for 16 bits and 5 or 9 for other types.
  */
 #ifndef SP_CLASSIFY_VISIBLE_H
 #define SP_CLASSIFY_VISIBLE_H
@@ -16,6 +20,7 @@
 #include <stdint.h>
 
 #include "base/parallel_for.h"
+#include "classify/gradient.h"
 #include "classify/transfer.h"
 
 enum { SP_BRICK = 16, SP_BRICK_SHIFT = 4, SP_BRICK_VOXELS = 4096 };
@@ -26,22 +31,16 @@ struct sp_range {
 };
 
 struct sp_visible {
-    uint32_t bricks[3]; /* an axis, axis 0 fastest; 0 = no list */
-    uint64_t count;     /* entries */
-    uint64_t *first;    /* [bricks + 1] */
-    uint16_t *local;    /* i0 | i1 << 4 | i2 << 8 inside the brick, rising */
-    void *key;          /* see transfer.h; sp_visible_key() reads them */
-    uint32_t key_bytes; /* of each: 1, 2 or 4, unsigned */
-    uint32_t *normal;   /* packed gradient (gradient.h); NULL = not made */
-};
-
-/* Each brick's entries sorted by their index along one axis, stably. */
-struct sp_slices {
-    uint16_t (*start)[SP_BRICK + 1]; /* [bricks]: slice s of a brick is the places [start[s],
-                                        start[s+1]); NULL = not made */
-    uint16_t *place; /* [entries], by visible.first: the entry of the brick at each place; NULL =
-                        each its own (axis 2) */
-    uint64_t runs;   /* slices of bricks that are not empty */
+    uint32_t bricks[3];              /* an axis, axis 0 fastest; 0 = no list */
+    uint64_t count;                  /* entries */
+    uint64_t *first;                 /* [bricks + 1] */
+    uint16_t (*start)[SP_BRICK + 1]; /* [bricks] */
+    uint8_t *axis;         /* [bricks]: that each is cut along; sp_visible_turn() makes them one */
+    uint8_t *place;        /* axis 2: i0 | i1 << 4, 1: i0 | i2 << 4, 0: i1 | i2 << 4 */
+    void *key;             /* see transfer.h; sp_visible_key() reads them */
+    uint32_t key_bytes;    /* of each: 1, 2 or 4, unsigned */
+    void *normal;          /* see gradient.h; sp_visible_normal() reads them; NULL = not made */
+    uint32_t normal_bytes; /* of each: 2 (direction alone) or 4 */
 };
 
 /* Number of bricks; under 2^25, as volumes go. */
@@ -76,9 +75,38 @@ static inline void sp_visible_set_key(const struct sp_visible *visible, uint64_t
         ((uint32_t *)visible->key)[e] = key;
 }
 
-/* Sets bricks and the width of keys and takes memory for `first`, all zero; SP_ERR_MEMORY. */
+/* Packed gradient of entry e of a list that has them; of 2 bytes the magnitude is unknown, and full
+ * unless the gradient is zero. */
+static inline uint32_t sp_visible_normal(const struct sp_visible *visible, uint64_t e) {
+    if (visible->normal_bytes == 2)
+        return sp_gradient_widen(((const uint16_t *)visible->normal)[e]);
+    return ((const uint32_t *)visible->normal)[e];
+}
+
+static inline void sp_visible_set_normal(const struct sp_visible *visible, uint64_t e,
+                                         uint32_t packed) {
+    if (visible->normal_bytes == 2)
+        ((uint16_t *)visible->normal)[e] = (uint16_t)packed; /* a direction */
+    else
+        ((uint32_t *)visible->normal)[e] = packed;
+}
+
+/* Place in the brick, i0 | i1 << 4 | i2 << 8, of a place in slice s along an axis. */
+static inline uint16_t sp_visible_local(unsigned axis, uint32_t s, uint8_t place) {
+    uint32_t column = place & 15u, row = place >> 4;
+    return (uint16_t)(axis == 2   ? column | row << 4 | s << 8
+                      : axis == 1 ? column | s << 4 | row << 8
+                                  : s | column << 4 | row << 8);
+}
+
+/* The same of entries order[begin …] of a brick, counted from its first, `count` of them; order:
+ * NULL = as they are. */
+void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,
+                       uint32_t begin, uint32_t count, uint16_t *local);
+
+/* Sets bricks and widths and takes memory for what there is a brick, all zero; SP_ERR_MEMORY. */
 bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_t key_bytes,
-                     struct sp_error *err);
+                     uint32_t normal_bytes, struct sp_error *err);
 
 /* Turns first[b + 1] = entries of brick b into places and sets count. */
 void sp_visible_sum(struct sp_visible *visible);
@@ -92,13 +120,9 @@ uint64_t sp_visible_bytes(const struct sp_visible *visible);
 /* Bytes of `count` entries of such a list. */
 uint64_t sp_visible_entry_bytes(const struct sp_visible *visible, uint64_t count, bool normals);
 
-/* Sorts the bricks along `axis`; SP_ERR_MEMORY. *slices is empty before, and after a failure. */
-bool sp_slices_make(struct sp_slices *slices, const struct sp_visible *visible, unsigned axis,
-                    struct sp_pool *pool, struct sp_error *err);
-
-void sp_slices_finish(struct sp_slices *slices);
-
-/* Bytes of the slices of a list along an axis. */
-uint64_t sp_slices_bytes(const struct sp_visible *visible, unsigned axis);
+/* Cuts all bricks along `axis`, without taking memory; false when cancelled, the list then holds
+ * bricks of several axes. cancel: NULL = never. */
+bool sp_visible_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
+                     const atomic_bool *cancel);
 
 #endif

@@ -282,7 +282,7 @@ float sp_ewa_distance(const struct sp_ewa_frame *f, const float u[3]) {
  * when that is nothing. */
 static bool write_sums(const struct sp_ewa_frame *f, const struct sp_ewa_run *run, uint64_t e,
                        const float u[3], float gain, struct sp_splat *s) {
-    uint32_t gradient = run->list->normal ? run->list->normal[e] : 0;
+    uint32_t gradient = run->list->normal ? sp_visible_normal(run->list, e) : 0;
     struct sp_class c = sp_transfer_class_at(run->transfer, sp_visible_key(run->list, e), gradient);
     float depth = c.depth * gain;
     if (!(depth > 0))
@@ -344,7 +344,7 @@ static void write_scalar(const struct sp_ewa_run *run, uint64_t e, float length,
     if (!run->list->normal)
         return;
     float direction[3];
-    uint32_t packed = run->list->normal[e];
+    uint32_t packed = sp_visible_normal(run->list, e);
     sp_gradient_unpack(packed, direction);
     for (int k = 0; k < 3; k++)
         s->emission[k] = direction[k] * sp_gradient_share(packed) * s->depth;
@@ -360,7 +360,7 @@ uint32_t sp_ewa_set_up(const struct sp_ewa_frame *f, const struct sp_ewa_run *ru
     sp_ewa_brick_init(&brick, f, run->brick);
     for (uint32_t n = run->begin; n < run->begin + run->count; n++) {
         uint64_t e = run->first + (run->order ? run->order[n] : n);
-        uint16_t local = run->list->local[e];
+        uint16_t local = run->local[n - run->begin];
         sp_ewa_brick_place(&brick, f, local, place.u);
         if (is_rectilinear) {
             volume = stretch(f, &brick, local, kernel);

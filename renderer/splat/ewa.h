@@ -140,6 +140,7 @@ float sp_ewa_distance(const struct sp_ewa_frame *frame, const float u[3]);
 /* Entries of one brick: places [begin, begin + count) of its order. */
 struct sp_ewa_run {
     const struct sp_visible *list;
+    const uint16_t *local; /* [count]: sp_visible_locals() of the run */
     const struct sp_transfer *transfer;
     const struct sp_shade *shade; /* NULL = none */
     uint32_t brick[3];            /* index of its first voxel */

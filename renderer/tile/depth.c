@@ -32,7 +32,8 @@ static int64_t find_layers(const struct sort *s, uint32_t b, int64_t *layer, int
     const struct sp_visible *list = s->job->list;
     struct sp_ewa_brick brick;
     uint32_t n = (uint32_t)(list->first[b + 1] - list->first[b]);
-    const uint16_t *local = list->local + list->first[b];
+    uint16_t local[SP_BRICK_VOXELS];
+    sp_visible_locals(list, b, NULL, 0, n, local);
     int64_t first = INT64_MAX;
     *last = INT64_MIN;
     uint32_t x = b % list->bricks[0], y = b / list->bricks[0] % list->bricks[1],

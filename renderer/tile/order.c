@@ -67,9 +67,19 @@ void sp_order_slices(const struct sp_camera_frame *camera, const struct sp_grid 
     }
 }
 
+/* Slices of bricks that are not empty. */
+static uint64_t count_runs(const struct sp_visible *visible) {
+    uint32_t bricks = sp_visible_bricks(visible);
+    uint64_t n = 0;
+    for (uint32_t b = 0; b < bricks; b++)
+        for (int s = 0; visible->first[b] < visible->first[b + 1] && s < SP_BRICK; s++)
+            n += visible->start[b][s] < visible->start[b][s + 1];
+    return n;
+}
+
 /* Lists what the bricks have of one slice; returns how many runs. */
-static uint64_t list_runs(const struct sp_visible *visible, const struct sp_slices *slices,
-                          unsigned axis, uint32_t slice, struct sp_run *runs) {
+static uint64_t list_runs(const struct sp_visible *visible, unsigned axis, uint32_t slice,
+                          struct sp_run *runs) {
     uint32_t begin[3] = { 0, 0, 0 }, end[3], s = slice % SP_BRICK;
     for (int a = 0; a < 3; a++)
         end[a] = visible->bricks[a];
@@ -80,8 +90,8 @@ static uint64_t list_runs(const struct sp_visible *visible, const struct sp_slic
         for (uint32_t b1 = begin[1]; b1 < end[1]; b1++)
             for (uint32_t b0 = begin[0]; b0 < end[0]; b0++) {
                 uint32_t b = b0 + visible->bricks[0] * (b1 + visible->bricks[1] * b2);
-                const uint16_t *start = &slices->start[b][s];
-                if (start[0] < start[1])
+                const uint16_t *start = &visible->start[b][s];
+                if (visible->first[b] < visible->first[b + 1] && start[0] < start[1])
                     runs[n++] = (struct sp_run){ b, start[0], (uint16_t)(start[1] - start[0]) };
             }
     return n;
@@ -89,19 +99,18 @@ static uint64_t list_runs(const struct sp_visible *visible, const struct sp_slic
 
 bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *level,
                      unsigned axis, struct sp_arena *arena, struct sp_order *order) {
-    const struct sp_slices *slices = &level->slices[axis];
     uint32_t layers = level->grid.dims[axis];
     uint32_t *sheets = sp_arena_alloc(arena, "order of sheets", layers, sizeof *sheets);
-    *order = (struct sp_order){ .layers = layers, .order = slices->place };
+    *order = (struct sp_order){ .layers = layers };
     order->first = sp_arena_alloc(arena, "layers", layers + (size_t)1, sizeof *order->first);
-    order->runs = sp_arena_alloc(arena, "runs", slices->runs, sizeof *order->runs);
+    order->runs = sp_arena_alloc(arena, "runs", count_runs(&level->visible), sizeof *order->runs);
     if (arena->failed)
         return false;
     sp_order_slices(camera, &level->grid, axis, sheets);
     uint64_t n = 0;
     for (uint32_t k = 0; k < layers; k++) {
         order->first[k] = n;
-        n += list_runs(&level->visible, slices, axis, sheets[k], order->runs + n);
+        n += list_runs(&level->visible, axis, sheets[k], order->runs + n);
     }
     order->first[layers] = n;
     return true;

@@ -47,8 +47,8 @@ unsigned sp_order_axis(const struct sp_camera_frame *camera, const struct sp_gri
 void sp_order_slices(const struct sp_camera_frame *camera, const struct sp_grid *grid,
                      unsigned axis, uint32_t *slices);
 
-/* The slices along `axis`, made in level->slices, as layers. Memory is the arena's; the order of
- * the bricks is borrowed. False when the arena could not allocate. */
+/* The slices along `axis`, which the level's bricks are cut along, as layers. Memory is the
+ * arena's. False when the arena could not allocate. */
 bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *level,
                      unsigned axis, struct sp_arena *arena, struct sp_order *order);
 

@@ -259,7 +259,7 @@ static void check_set_up(const struct cpu_kernels *kernels) {
     const struct sp_grid grid = { .dims = { 100, 90, 80 },
                                   .spacing = { 1, 2, 0.5 },
                                   .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
-    uint16_t local[COUNT], order[COUNT];
+    uint16_t local[COUNT], order[COUNT], of_run[COUNT];
     uint32_t key[COUNT], normal[COUNT];
     uint64_t first[2] = { 0, COUNT };
     struct sp_class classes[4] = {
@@ -268,9 +268,9 @@ static void check_set_up(const struct cpu_kernels *kernels) {
     struct sp_visible list = { .bricks = { 1, 1, 1 },
                                .count = COUNT,
                                .first = first,
-                               .local = local,
                                .key = key,
-                               .normal = normal };
+                               .normal = normal,
+                               .normal_bytes = 4 };
     struct sp_transfer transfer = { .table = classes, .count = 4 };
     struct sp_splat *a = malloc((COUNT + 2) * sizeof *a), *b = malloc((COUNT + 2) * sizeof *b);
     static struct sp_span spans[2][COUNT];
@@ -305,6 +305,7 @@ static void check_set_up(const struct cpu_kernels *kernels) {
         sp_ewa_frame_init(&frame, &camera, &grid, &view);
         sp_clip_frame_init(&frame.clip, &camera, &grid, &view.clip, frame.unit);
         struct sp_ewa_run run = { .list = &list,
+                                  .local = of_run,
                                   .transfer = &transfer,
                                   .brick = { (uint32_t)n % 6 * 16, 32, (uint32_t)n % 5 * 16 },
                                   .order = n % 2 ? order : NULL,
@@ -312,6 +313,8 @@ static void check_set_up(const struct cpu_kernels *kernels) {
                                   .count = (uint32_t)(COUNT - n % 40 - 5),
                                   .sheet = 9,
                                   .mode = (enum sp_filter_mode)(1 + n % 5) };
+        for (uint32_t i = 0; i < run.count; i++)
+            of_run[i] = local[run.order ? order[run.begin + i] : run.begin + i];
         memset(a, 0x5a, (COUNT + 2) * sizeof *a);
         memset(b, 0x5a, (COUNT + 2) * sizeof *b);
         struct sp_splats to = { .splat = a + 1, .span = spans[0], .cut = cuts[0] },

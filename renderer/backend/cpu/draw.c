@@ -93,16 +93,16 @@ static uint32_t make_batch(struct draw *d, uint64_t *run, uint32_t *layer) {
 /* Asks for the entries of a run while the one before it is set up: from brick to brick they lie far
  * apart. */
 static void prefetch_run(const struct draw *d, const struct sp_run *run) {
-    enum { LINE = 16 }; /* keys that come together */
+    enum { LINE = 16 }; /* entries that come together */
     uint64_t first = d->list->first[run->brick];
     const uint16_t *order = d->order.order ? d->order.order + first : NULL;
     uint32_t end = (uint32_t)run->begin + run->count;
     for (uint32_t p = run->begin; p < end; p += order ? 1 : LINE) {
         uint64_t e = first + (order ? order[p] : p);
-        __builtin_prefetch(&d->list->local[e]);
+        __builtin_prefetch(&d->list->place[e]);
         __builtin_prefetch((const uint8_t *)d->list->key + e * d->list->key_bytes);
         if (d->list->normal)
-            __builtin_prefetch(&d->list->normal[e]);
+            __builtin_prefetch((const uint8_t *)d->list->normal + e * d->list->normal_bytes);
     }
 }
 
@@ -128,7 +128,9 @@ static void keep_seen(struct draw *d, struct block *block, size_t from, uint32_t
 
 static void set_up_block(struct draw *d, size_t b) {
     struct block *block = &d->blocks[b];
-    struct sp_ewa_run run = { .list = d->list,
+    uint16_t local[BLOCK];
+    struct sp_ewa_run run = { .local = local,
+                              .list = d->list,
                               .transfer = &d->level->transfer,
                               .shade = d->shading,
                               .sheet = block->layer,
@@ -142,6 +144,7 @@ static void set_up_block(struct draw *d, size_t b) {
         run.order = d->order.order ? d->order.order + run.first : NULL;
         run.begin = from->begin;
         run.count = from->count;
+        sp_visible_locals(d->list, from->brick, run.order, run.begin, run.count, local);
         if (k + 1 < block->run + block->runs)
             prefetch_run(d, from + 1);
         if (d->modes)

@@ -280,7 +280,7 @@ static void derived_data_is_counted_and_forgotten(void **state) {
     struct rig rig = make_rig("cpu", 1, make_ball(20, (double[3]){ 1, 1, 1 }));
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
     struct sp_frame *frame = draw(&rig, SP_RGBA8);
-    assert_true(sp_renderer_memory(rig.renderer, rig.volume) >= 12 * frame->stats.visible_voxels);
+    assert_true(sp_renderer_memory(rig.renderer, rig.volume) >= 2 * frame->stats.visible_voxels);
     sp_frame_unref(&frame);
     sp_renderer_forget(rig.renderer, rig.volume);
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);

@@ -111,12 +111,14 @@ static void assert_same(const struct sp_visible *a, const struct sp_visible *b) 
     assert_memory_equal(a->first, b->first, (bricks + (size_t)1) * sizeof *a->first);
     if (!a->count)
         return;
-    assert_memory_equal(a->local, b->local, a->count * sizeof *a->local);
+    assert_memory_equal(a->start, b->start, bricks * sizeof *a->start);
+    assert_memory_equal(a->axis, b->axis, bricks);
+    assert_memory_equal(a->place, b->place, a->count);
     assert_int_equal(a->key_bytes, b->key_bytes);
     assert_memory_equal(a->key, b->key, a->count * a->key_bytes);
     assert_int_equal(a->normal != NULL, b->normal != NULL);
     if (a->normal)
-        assert_memory_equal(a->normal, b->normal, a->count * sizeof *a->normal);
+        assert_memory_equal(a->normal, b->normal, a->count * a->normal_bytes);
 }
 
 static void derived_lists_are_those_of_a_pass(void **state) {

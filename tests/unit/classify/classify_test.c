@@ -199,8 +199,9 @@ static void gradients_of_rectilinear_grids_are_those_of_the_world(void **state) 
     sp_volume_unref(&v);
 }
 
-static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
-    (void)state;
+/* Of random directions and those between the axes: the largest angle [degrees] that packing, in 32
+ * bits or in 16, takes them off; the axes stay exact and zero stays zero. */
+static double worst_packing(bool is_short) {
     struct sp_gradient_grid grid = { .bound = 1, .unit = 1, .scale = 1 };
     double worst = 1;
     srand(1);
@@ -212,7 +213,8 @@ static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
                 n < 27 ? (int[3]){ n % 3, n / 3 % 3, n / 9 }[r] - 1 : rand() / (RAND_MAX / 2.0) - 1;
             length += g[r] * g[r];
         }
-        uint32_t packed = sp_gradient_pack(&grid, g);
+        uint32_t packed = is_short ? sp_gradient_widen(sp_gradient_pack_direction(g))
+                                   : sp_gradient_pack(&grid, g);
         sp_gradient_unpack(packed, unit);
         if (length == 0) {
             assert_int_equal(packed, 0);
@@ -225,7 +227,20 @@ static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
             assert_true(cosine == 1);
         worst = fmin(worst, cosine);
     }
-    assert_true(acos(fmin(1, worst)) * 180 / M_PI <= 0.125);
+    return acos(fmin(1, worst)) * 180 / M_PI;
+}
+
+static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
+    (void)state;
+    assert_true(worst_packing(false) <= 0.125);
+}
+
+static void directions_in_16_bits_are_within_about_a_degree(void **state) {
+    (void)state;
+    assert_true(worst_packing(true) <= 1.1);
+    /* Close to where the map's corners meet, and the code of "none" would be. */
+    const double down[3] = { -1e-4, -1e-4, -1 };
+    assert_true(sp_gradient_pack_direction(down) != 0);
 }
 
 static void gradients_pass_by_what_is_not_a_number(void **state) {
@@ -250,18 +265,19 @@ static int by_value(const void *a, const void *b) {
 
 /* Index of the voxel of entry e of brick b. */
 static void find_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, uint32_t i[3]) {
+    uint16_t local;
+    sp_visible_locals(list, b, NULL, (uint32_t)(e - list->first[b]), 1, &local);
     sp_visible_corner(list, b, i);
     for (int a = 0; a < 3; a++)
-        i[a] += list->local[e] >> (4 * a) & 15;
+        i[a] += local >> (4 * a) & 15;
 }
 
-/* The list's entries as index and key, sorted; inside of a brick they are already. */
+/* The list's entries as index and key, sorted. */
 static uint64_t *flatten(const struct sp_visible *list, const uint32_t dims[3]) {
     uint64_t *flat = malloc((list->count + 1) * sizeof *flat), n = 0;
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint32_t i[3];
-            assert_true(e == list->first[b] || list->local[e] > list->local[e - 1]);
             find_voxel(list, b, e, i);
             flat[n++] = ((uint64_t)i[0] + dims[0] * (i[1] + (uint64_t)dims[1] * i[2])) << 8 |
                         sp_visible_key(list, e);
@@ -271,25 +287,21 @@ static uint64_t *flatten(const struct sp_visible *list, const uint32_t dims[3]) 
     return flat;
 }
 
-/* The slices of every brick hold each of its entries once, in order, at the right index. */
-static void check_slices(const struct sp_visible *list, const struct sp_slices *slices,
-                         unsigned axis) {
-    uint64_t runs = 0;
+/* The slices of every brick hold each of its entries once, at the right index, rising by place. */
+static void check_slices(const struct sp_visible *list, unsigned axis) {
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
         uint64_t first = list->first[b];
-        assert_int_equal(slices->start[b][0], 0);
-        assert_int_equal(slices->start[b][SP_BRICK], list->first[b + 1] - first);
-        for (uint32_t s = 0; s < SP_BRICK; s++) {
-            uint32_t begin = slices->start[b][s], end = slices->start[b][s + 1];
-            runs += begin < end;
-            for (uint32_t p = begin; p < end; p++) {
-                uint32_t e = slices->place ? slices->place[first + p] : p;
-                assert_int_equal(list->local[first + e] >> (4 * axis) & 15, s);
-                assert_true(p == begin || !slices->place || e > slices->place[first + p - 1]);
+        assert_int_equal(list->axis[b], axis);
+        assert_int_equal(list->start[b][0], 0);
+        assert_int_equal(list->start[b][SP_BRICK], list->first[b + 1] - first);
+        for (uint32_t s = 0; s < SP_BRICK; s++)
+            for (uint32_t e = list->start[b][s]; e < list->start[b][s + 1]; e++) {
+                uint16_t local = sp_visible_local(axis, s, list->place[first + e]);
+                assert_int_equal(local >> (4 * axis) & 15, s);
+                assert_true(e == list->start[b][s] ||
+                            list->place[first + e] > list->place[first + e - 1]);
             }
-        }
     }
-    assert_int_equal(slices->runs, runs);
 }
 
 static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
@@ -314,8 +326,7 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
         assert_true(sp_classification_update(&c, &job, NULL));
         assert_int_equal(list->count, visible);
         assert_int_equal(sp_visible_bricks(list), 3 * 1 * 2);
-        if (axis < 3)
-            check_slices(list, &c.levels[0].slices[axis], axis);
+        check_slices(list, axis < 3 ? axis : 2);
         uint64_t *flat = flatten(list, dims), n = 0;
         for (uint64_t i = 0; i < X * Y * Z; i++)
             if (values[i] > 10)
@@ -330,9 +341,10 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
             double gradient[3];
             find_voxel(list, b, e, i);
             sp_gradient_at(&grid, i, gradient);
-            assert_int_equal(list->normal[e], sp_gradient_pack(&grid, gradient));
+            assert_int_equal(((const uint16_t *)list->normal)[e],
+                             sp_gradient_pack_direction(gradient));
         }
-    assert_true(sp_classification_bytes(&c) > visible * 11);
+    assert_true(sp_classification_bytes(&c) > visible * 4);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
@@ -377,7 +389,7 @@ static void coarse_levels_average_what_was_classified(void **state) {
         const struct sp_level *level = &c.levels[l];
         const struct sp_visible *list = &level->visible;
         const uint32_t *d = level->grid.dims;
-        check_slices(list, &level->slices[l], l);
+        check_slices(list, l);
         uint64_t cells = 0;
         for (uint32_t i = 0; i < d[0] * d[1] * d[2]; i++)
             cells += average(values, dims, l,
@@ -387,7 +399,6 @@ static void coarse_levels_average_what_was_classified(void **state) {
         for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
             for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
                 uint32_t cell[3];
-                assert_true(e == list->first[b] || list->local[e] > list->local[e - 1]);
                 find_voxel(list, b, e, cell);
                 struct sp_class want = average(values, dims, l, cell);
                 struct sp_class got = sp_transfer_class(&level->transfer, sp_visible_key(list, e));
@@ -438,7 +449,8 @@ static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
             double m =
                 (double)sp_transfer_class(&level->transfer, sp_visible_key(&level->visible, e))
                     .depth;
-            uint32_t p = level->visible.local[e];
+            uint16_t p;
+            sp_visible_locals(&level->visible, 0, NULL, (uint32_t)e, 1, &p);
             for (unsigned a = 0; a < 3; a++)
                 m *= sp_grid_local_spacing(&level->grid, a, p >> (4 * a) & 15);
             mass[l] += m;
@@ -474,8 +486,8 @@ static void coarse_normals_are_those_of_the_surface(void **state) {
     const struct sp_visible *list = &c.levels[1].visible;
     for (uint64_t e = 0; e < list->count; e++) {
         float n[3];
-        sp_gradient_unpack(list->normal[e], n);
-        bool surface = (list->local[e] & 15) == N / 4;
+        sp_gradient_unpack(sp_visible_normal(list, e), n);
+        bool surface = (list->place[e] & 15) == N / 4;
         assert_true(surface ? n[0] > 0.999f : n[0] == 0);
     }
     /* Another colour makes them anew. */
@@ -502,12 +514,12 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
     struct sp_volume *v = make_volume((uint32_t[3]){ N, N, N }, SP_UINT8, values);
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_error err;
-    /* Entries of 3 bytes, 7 with normals, 2 more for an axis; the rest is bricks and classes. */
+    /* Entries of 2 bytes, 4 with normals, whatever the axis; the rest is bricks and classes. */
     const struct {
         unsigned axis;
         bool normals;
         uint64_t entries; /* bytes */
-    } cases[] = { { 2, false, 3 }, { 2, true, 7 }, { 0, false, 5 }, { 1, true, 9 } };
+    } cases[] = { { 2, false, 2 }, { 2, true, 4 }, { 0, false, 2 }, { 1, true, 4 } };
     for (int i = 0; i < 4; i++) {
         struct sp_classification c;
         sp_classification_init(&c, v);
@@ -547,16 +559,23 @@ static void only_what_changed_is_redone(void **state) {
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));
-    const uint16_t *kept = c.levels[0].visible.local;
+    const uint8_t *kept = c.levels[0].visible.place;
     tf.points[1].color[0] = 0.25f; /* a colour */
     tf.points[2].opacity = 0.75f;  /* an opacity that stays above 0 */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].visible.local, kept);
+    assert_ptr_equal(c.levels[0].visible.place, kept);
     assert_true(sp_transfer_class(&c.levels[0].transfer, 20).color[0] == 0.25f);
     job.normals = true; /* shading is switched on: gradients, not a pass over the volume */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].visible.local, kept);
+    assert_ptr_equal(c.levels[0].visible.place, kept);
     assert_non_null(c.levels[0].visible.normal);
+    assert_int_equal(c.levels[0].visible.normal_bytes, 2);
+    tf.gradient_count = 1; /* magnitudes count: gradients in full */
+    tf.gradient[0].scale = 0.5f;
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_ptr_equal(c.levels[0].visible.place, kept);
+    assert_int_equal(c.levels[0].visible.normal_bytes, 4);
+    tf.gradient_count = 0;
     tf.points[0].value = 12; /* other voxels */
     assert_true(sp_classification_update(&c, &job, NULL));
     assert_int_equal(c.levels[0].visible.count, 64 - 13);
@@ -582,6 +601,7 @@ int main(void) {
         cmocka_unit_test(gradients_of_linear_fields_are_exact),
         cmocka_unit_test(gradients_of_rectilinear_grids_are_those_of_the_world),
         cmocka_unit_test(packed_directions_are_within_an_eighth_of_a_degree),
+        cmocka_unit_test(directions_in_16_bits_are_within_about_a_degree),
         cmocka_unit_test(gradients_pass_by_what_is_not_a_number),
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
         cmocka_unit_test(coarse_levels_average_what_was_classified),

@@ -78,8 +78,9 @@ static void check_list(const struct sp_volume *v, const struct sp_transfer_funct
         uint32_t c[3];
         sp_visible_corner(list, b, c);
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
-            uint32_t l = list->local[e], x = c[0] + (l & 15), y = c[1] + (l >> 4 & 15),
-                     z = c[2] + (l >> 8);
+            uint16_t l;
+            sp_visible_locals(list, b, NULL, (uint32_t)(e - list->first[b]), 1, &l);
+            uint32_t x = c[0] + (l & 15), y = c[1] + (l >> 4 & 15), z = c[2] + (l >> 8);
             listed[x + X * (y + (size_t)Y * z)] = 1;
         }
     }
@@ -187,14 +188,15 @@ static void coarse_levels_average_the_scalar(void **state) {
     const struct sp_level *level = &c.levels[1];
     assert_int_equal(level->visible.count, N * N * N / 8);
     for (uint64_t e = 0; e < level->visible.count; e++) {
-        uint32_t l = level->visible.local[e];
+        uint16_t l;
+        sp_visible_locals(&level->visible, 0, NULL, (uint32_t)e, 1, &l);
         double want = 2 * (2 * (l & 15) + 0.5) + 5 * (2 * (l >> 8) + 0.5);
         double got =
             sp_transfer_base(&level->transfer) +
             (double)sp_transfer_value(&level->transfer, sp_visible_key(&level->visible, e));
         assert_true(fabs(got - want) < 1e-4);
         float n[3];
-        sp_gradient_unpack(level->visible.normal[e], n);
+        sp_gradient_unpack(sp_visible_normal(&level->visible, e), n);
         assert_true(fabs((double)(n[0] / n[2]) - 0.4) < 0.01 && fabsf(n[1]) < 0.01f);
     }
     sp_classification_finish(&c);
@@ -269,7 +271,7 @@ static void graded_axes_have_kernels_of_their_own(void **state) {
         uint32_t corner[3];
         sp_visible_corner(list, b, corner);
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++)
-            listed[corner[0] + (list->local[e] & 15)] = true;
+            listed[corner[0] + (list->place[e] & 15)] = true; /* axis 2: i0 */
     }
     int left_out = 0;
     for (uint32_t i = 0; i < N; i++) {

@@ -89,14 +89,15 @@ static bool set_up(const struct sp_grid *grid, const struct sp_view *view, const
     struct sp_visible list = { .bricks = { 1, 1, 1 },
                                .count = 1,
                                .first = first,
-                               .local = &local,
                                .key = &key,
                                .key_bytes = 4,
-                               .normal = &normal };
+                               .normal = &normal,
+                               .normal_bytes = 4 };
     struct sp_class class = { { 0.25f, 0.5f, 1 }, (float)-log1p(-0.01) };
     struct sp_transfer transfer = { .tf = thin, .table = &class, .count = 1 };
     struct sp_ewa_run run = {
         .list = &list,
+        .local = &local,
         .transfer = &transfer,
         .brick = { i[0] & ~15u, i[1] & ~15u, i[2] & ~15u },
         .count = 1,

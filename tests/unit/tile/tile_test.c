@@ -367,12 +367,13 @@ static void sheets_list_every_voxel_once(void **state) {
                 const struct sp_run *run = &order.runs[r];
                 assert_true(run->count > 0);
                 for (uint32_t p = run->begin; p < (uint32_t)run->begin + run->count; p++) {
-                    uint64_t first = list->first[run->brick];
-                    uint64_t e = first + (order.order ? order.order[first + p] : p);
+                    uint16_t local;
                     uint32_t i[3];
+                    assert_null(order.order);
+                    sp_visible_locals(list, run->brick, NULL, p, 1, &local);
                     sp_visible_corner(list, run->brick, i);
                     for (int a = 0; a < 3; a++)
-                        i[a] += list->local[e] >> (4 * a) & 15;
+                        i[a] += local >> (4 * a) & 15;
                     assert_int_equal(i[axis], sheets[k]);
                     seen[i[0] + X * (i[1] + Y * i[2])]++;
                 }

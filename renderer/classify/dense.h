@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One brick of a list as an array of all its 16³ cells, and which of them are used: what lists are
+ * packed from, in whichever order a view wants.
+ *
+ *   element (slice, row, column) at slice << 8 | row << 4 | column
+ *   axis 2: (i2, i1, i0)      axis 1: (i1, i2, i0)      axis 0: (i0, i2, i1)
+ *
+ * so that a list's entries are the used elements in rising order (visible.h), whatever happened to
+ * the list before.
+ */
+#ifndef SP_CLASSIFY_DENSE_H
+#define SP_CLASSIFY_DENSE_H
+
+#include "classify/visible.h"
+
+struct sp_dense {
+    unsigned axis;
+    uint16_t used[SP_BRICK * SP_BRICK]; /* by slice << 4 | row: a bit a column */
+    _Alignas(64) union {
+        uint8_t bytes[SP_BRICK_VOXELS];
+        uint16_t halves[SP_BRICK_VOXELS];
+        uint32_t words[SP_BRICK_VOXELS];
+    } key, normal; /* as wide as the list's */
+};
+
+/* Element of the voxel at i0 | i1 << 4 | i2 << 8. */
+static inline uint32_t sp_dense_element(unsigned axis, uint32_t local) {
+    if (axis == 2)
+        return local;
+    if (axis == 1)
+        return (local & 15) | (local & 0xf0) << 4 | (local >> 8) << 4;
+    return (local & 15) << 8 | local >> 4;
+}
+
+/* Number of used elements. */
+uint32_t sp_dense_count(const struct sp_dense *dense);
+
+/* Writes the brick's entries, which have their place, from the used elements; normals if the list
+ * has them. */
+void sp_dense_pack(const struct sp_dense *dense, const struct sp_visible *list, uint32_t brick);
+
+/* Reads a brick's entries into the order of dense->axis; elements that are not used keep what they
+ * were. */
+void sp_dense_unpack(struct sp_dense *dense, const struct sp_visible *list, uint32_t brick);
+
+#endif
