@@ -42,9 +42,9 @@ static void on_work(void *user) {
     srv_scheduler_wake(d->scheduler);
 }
 
-static void on_interrupt(void *user, uint64_t session) {
+static void on_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
     struct srv_daemon *d = user;
-    srv_scheduler_interrupt(d->scheduler, session);
+    srv_scheduler_interrupt(d->scheduler, session, why);
 }
 
 static bool on_supports(void *user, const struct sp_view *view, struct sp_error *err) {

@@ -14,6 +14,7 @@
 
 enum { LANE_ENCODES = 2, ENCODE_THREADS_MAX = 8, STILL_NICE = 10 };
 #define POOL_IDLE_BYTES ((size_t)128 << 20)
+#define KEPT_BYTES_MAX ((size_t)64 << 20)
 
 struct still_item {
     struct still_item *next;
@@ -27,6 +28,7 @@ struct work { /* a rendered frame on its way to an encoder: of a job or of a sti
     struct sp_frame *frame;
     struct srv_job *job;
     struct still_item *still;
+    bool again; /* the frame is an earlier job's */
 };
 
 enum lane_name { STREAMS, STILLS, LANES };
@@ -55,7 +57,15 @@ struct srv_scheduler {
     unsigned still_unanswered;    /* in the list, being rendered or encoded */
     struct work encode_queue[LANES * LANE_ENCODES];
     unsigned encode_count;
-    uint64_t refining; /* session whose refinement is being rendered; 0 = none */
+    struct {
+        uint64_t session; /* whose view the stream lane is rendering; 0 = none */
+        double keep_until_ms;
+        bool is_outdated; /* a newer view waits */
+    } now;
+    struct { /* the stream lane's */
+        struct sp_frame *frame;
+        uint64_t session, version;
+    } kept;
     bool stop, encode_stop;
     pthread_t encode_threads[ENCODE_THREADS_MAX];
     unsigned encode_thread_count;
@@ -132,9 +142,13 @@ static bool is_gone(const struct still_item *item) {
     return item->still.is_gone && item->still.is_gone(item->still.user);
 }
 
-static void job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err) {
+/* elapsed_ms: of rendering that was cancelled. */
+static void job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,
+                     double elapsed_ms) {
     if (err->code == SP_ERR_CANCELLED) {
-        srv_hub_job_cancelled(s->hub, job);
+        sp_log(SP_LOG_DEBUG, "%s given up after %.1f ms: %s",
+               job->refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
+        srv_hub_job_cancelled(s->hub, job, elapsed_ms);
     } else {
         sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,
                err->place[0] ? ": " : "", err->text);
@@ -200,7 +214,14 @@ static double once_ms(const struct sp_frame_stats *stats) {
     return 0;
 }
 
+/* An encoder cannot be stopped: look before each. */
+static bool still_wanted(struct srv_scheduler *s, const struct srv_job *job, struct sp_error *err) {
+    return !job->refinement || srv_hub_is_newest(s->hub, job) ||
+           sp_fail(err, SP_ERR_CANCELLED, NULL, "a newer view exists");
+}
+
 static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work) {
+    static const char *const step_words[] = { "", " middle", " final" };
     struct srv_job *job = work->job;
     struct srv_job_result result = { .width = work->frame->width,
                                      .height = work->frame->height,
@@ -208,7 +229,8 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
                                      .render_ms = work->frame->stats.render_ms,
                                      .once_ms = once_ms(&work->frame->stats),
                                      .splats = work->frame->stats.splats,
-                                     .visible_voxels = work->frame->stats.visible_voxels };
+                                     .visible_voxels = work->frame->stats.visible_voxels,
+                                     .again = work->again };
     struct sp_error err = { .code = SP_OK };
     bool ok = true;
     for (uint32_t i = 0; ok && i < job->target_count; i++) {
@@ -217,15 +239,16 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
             done = job->targets[j].format == job->targets[i].format &&
                    job->targets[j].quality == job->targets[i].quality;
         if (!done)
-            ok = encode_group(s, encoder, work, i, &result.encode_ms, &err);
+            ok = still_wanted(s, job, &err) &&
+                 encode_group(s, encoder, work, i, &result.encode_ms, &err);
     }
     if (!ok) {
-        job_fail(s, job, &err);
+        job_fail(s, job, &err, 0);
         return;
     }
     sp_log(SP_LOG_DEBUG, "frame %ux%u%s for %u clients: rendered %.1f ms, encoded %.1f ms",
-           result.width, result.height, job->final ? " final" : "", job->target_count,
-           result.render_ms, result.encode_ms);
+           result.width, result.height, step_words[job->step], job->target_count,
+           result.again ? 0 : result.render_ms, result.encode_ms);
     srv_hub_job_done(s->hub, job, &result);
     free(job);
 }
@@ -303,29 +326,59 @@ static struct sp_frame *render(struct srv_scheduler *s, enum lane_name name,
     return frame;
 }
 
-/* False: stopping. From now on srv_scheduler_interrupt() reaches this render. */
-static bool begin_job(struct srv_scheduler *s, const struct srv_job *job) {
+/* From now on srv_scheduler_interrupt() reaches this render. */
+static void begin_job(struct srv_scheduler *s, const struct srv_job *job) {
     pthread_mutex_lock(&s->mutex);
-    bool go_on = !s->stop;
-    if (go_on)
-        atomic_store(&s->lanes[STREAMS].cancel, false);
-    s->refining = job->refinement ? job->session : 0;
+    atomic_store(&s->lanes[STREAMS].cancel, s->stop);
+    s->now.session = job->session;
+    s->now.keep_until_ms = job->keep_until_ms;
+    s->now.is_outdated = false;
     pthread_mutex_unlock(&s->mutex);
-    return go_on;
+    /* The view may have changed before the interruption could reach us. */
+    if (!srv_hub_is_newest(s->hub, job))
+        srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
+}
+
+static void end_job(struct srv_scheduler *s) {
+    pthread_mutex_lock(&s->mutex);
+    s->now.session = 0;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+/* The kept picture, if it is the one that the job wants; the caller's reference. */
+static struct sp_frame *reuse(struct srv_scheduler *s, const struct srv_job *job) {
+    struct sp_frame *frame = s->kept.frame;
+    bool same = frame && job->sharp && s->kept.session == job->session &&
+                s->kept.version == job->version && frame->width == job->view.size[0] &&
+                frame->height == job->view.size[1];
+    return same ? sp_frame_ref(frame) : NULL;
+}
+
+static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_frame *frame) {
+    if (!job->sharp || frame->stride_bytes * frame->height > KEPT_BYTES_MAX)
+        return;
+    sp_frame_unref(&s->kept.frame);
+    s->kept.frame = sp_frame_ref(frame);
+    s->kept.session = job->session;
+    s->kept.version = job->version;
 }
 
 static void render_job(struct srv_scheduler *s, struct srv_job *job) {
     struct sp_error err = { .code = SP_OK };
-    struct sp_frame *frame = NULL;
-    /* The view may have changed before the interruption could reach us. */
-    if (!begin_job(s, job) || (job->refinement && !srv_hub_is_newest(s->hub, job)))
-        sp_fail(&err, SP_ERR_CANCELLED, NULL, "a newer view exists");
-    else
+    struct sp_frame *frame = reuse(s, job);
+    bool again = frame != NULL;
+    double start_ms = srv_clock_ms();
+    if (!frame) {
+        begin_job(s, job);
         frame = render(s, STREAMS, job->volume, &job->view, SP_RGBA8, job->coarse, &err);
+        end_job(s);
+        if (frame)
+            keep(s, job, frame);
+    }
     if (frame)
-        pass_on(s, (struct work){ .frame = frame, .job = job });
+        pass_on(s, (struct work){ .frame = frame, .job = job, .again = again });
     else
-        job_fail(s, job, &err);
+        job_fail(s, job, &err, srv_clock_ms() - start_ms);
 }
 
 /* The next still becomes still_now; NULL if there is none. With the mutex held. */
@@ -513,6 +566,7 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
     if (!s)
         return;
     srv_scheduler_stop(s);
+    sp_frame_unref(&s->kept.frame);
     for (int l = 0; l < LANES; l++) {
         forget(&s->lanes[l], s->lanes[l].forget);
         sp_renderer_destroy(&s->lanes[l].renderer);
@@ -553,6 +607,13 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
     return ok;
 }
 
+/* Cancels what the stream lane renders if a newer view waits and it is time. With the mutex held.
+ */
+static void give_up(struct srv_scheduler *s) {
+    if (s->now.session && s->now.is_outdated && srv_clock_ms() >= s->now.keep_until_ms)
+        atomic_store(&s->lanes[STREAMS].cancel, true);
+}
+
 void srv_scheduler_tick(struct srv_scheduler *s) {
     struct still_item *gone = NULL;
     pthread_mutex_lock(&s->mutex);
@@ -572,6 +633,7 @@ void srv_scheduler_tick(struct srv_scheduler *s) {
         s->still_tail = &(*s->still_tail)->next;
     if (s->still_now && is_gone(s->still_now))
         atomic_store(&s->lanes[STILLS].cancel, true);
+    give_up(s);
     pthread_mutex_unlock(&s->mutex);
     fail_all(s, gone, "who asked for this picture has left");
 }
@@ -590,11 +652,15 @@ void srv_scheduler_wake(void *user) {
     pthread_mutex_unlock(&s->mutex);
 }
 
-void srv_scheduler_interrupt(void *user, uint64_t session) {
+void srv_scheduler_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
-    if (s->refining == session)
-        atomic_store(&s->lanes[STREAMS].cancel, true);
+    if (s->now.session == session) {
+        s->now.is_outdated = true;
+        if (why == SRV_UNWANTED)
+            s->now.keep_until_ms = 0;
+        give_up(s);
+    }
     pthread_mutex_unlock(&s->mutex);
 }
 

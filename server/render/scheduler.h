@@ -11,9 +11,13 @@
  * still lane's renderer is made for the first still. Of several encode threads the first is for
  * streams alone.
  *
- * In the stream lane moving views go first. A refinement is cancelled when its view changes; a
- * moving frame never is, so that a long drag always shows something. A still is cancelled when who
- * asked for it is gone.
+ * In the stream lane moving views go first. What is rendered for a view that changed is cancelled
+ * from the moment on that its job names (session/work.c): a refinement at once, a moving frame when
+ * it is far over its budget, so that a long drag always shows something. A still is cancelled when
+ * who asked for it is gone.
+ *
+ * The last picture with all voxels and of full size is kept: when the view rests and nothing but
+ * the encoding can get better, it is encoded again, not rendered.
  */
 #ifndef SRV_RENDER_SCHEDULER_H
 #define SRV_RENDER_SCHEDULER_H
@@ -67,13 +71,14 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler); /* stops first */
  * released then and done() is not called. */
 bool srv_scheduler_submit(struct srv_scheduler *scheduler, const struct srv_still *still,
                           struct sp_error *err);
-/* Drops the stills of those who left; about ten times a second. */
+/* Drops the stills of those who left, and moving frames that go over their budget while a newer
+ * view waits; about ten times a second. */
 void srv_scheduler_tick(struct srv_scheduler *scheduler);
 unsigned srv_scheduler_waiting(struct srv_scheduler *scheduler); /* stills not yet answered */
 
 /* For srv_hub_options and srv_catalog_options; `user` is the scheduler. */
 void srv_scheduler_wake(void *scheduler);
-void srv_scheduler_interrupt(void *scheduler, uint64_t session);
+void srv_scheduler_interrupt(void *scheduler, uint64_t session, enum srv_interrupt why);
 void srv_scheduler_forget(void *scheduler, struct sp_volume *volume);
 bool srv_scheduler_supports(void *scheduler, const struct sp_view *view, struct sp_error *err);
 

@@ -113,20 +113,30 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
             source->release(source->user, volume);
         return false;
     }
+    if (volume || memcmp(&session->view.transfer_function, &view.transfer_function,
+                         sizeof view.transfer_function) != 0)
+        session->cold_version = session->version + 1;
     session->view = view;
     if (volume) {
         source->release(source->user, session->volume);
         session->volume = volume;
-        for (unsigned i = 0; i <= SP_COARSE_MAX; i++)
-            srv_pace_init(&session->pace[i]);
+        session->volume_version = session->version + 1;
+        srv_pace_init(&session->pace);
     }
     session->version++;
     session->changed_by = by;
     session->changed_ms = now_ms;
     srv_hub_note_others(hub, session, by, SRV_NOTE_VIEW);
-    hub->options.interrupt(hub->options.user, session->number);
+    /* Of another volume's picture nothing is of use to the next one. */
+    bool useless = volume && !session->must_finish;
+    hub->options.interrupt(hub->options.user, session->number,
+                           useless ? SRV_UNWANTED : SRV_NEWER_VIEW);
     hub->options.work(hub->options.user);
     return true;
+}
+
+void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session) {
+    hub->options.interrupt(hub->options.user, session->number, SRV_UNWANTED);
 }
 
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
@@ -186,10 +196,9 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
         free(session);
         return NULL;
     }
-    session->version = 1;
+    session->version = session->cold_version = 1;
     session->changed_ms = session->empty_ms = now_ms;
-    for (unsigned i = 0; i <= SP_COARSE_MAX; i++)
-        srv_pace_init(&session->pace[i]);
+    srv_pace_init(&session->pace);
     proto_json *json = NULL;
     pthread_mutex_lock(&hub->mutex);
     bool ok = srv_secret_hex(session->id, sizeof session->id - 1, err) &&
@@ -236,6 +245,7 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
         link = &(*link)->next;
     *link = session->next;
     hub->session_count--;
+    srv_hub_abandon(hub, session);
     while (session->participants) {
         struct srv_participant *p = session->participants;
         session->participants = p->next;

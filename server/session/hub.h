@@ -25,6 +25,7 @@
 #include "protocol/json.h"
 #include "secret.h"
 #include "session/outbox.h"
+#include "session/pace.h"
 #include "sp/encode.h"
 #include "sp/view.h"
 
@@ -45,16 +46,20 @@ struct srv_volume_source {
     void (*default_view)(void *user, void *volume, struct sp_view *view);
 };
 
+enum srv_interrupt { SRV_NEWER_VIEW, SRV_UNWANTED };
+
 struct srv_hub_options {
     struct srv_volume_source volumes;
     unsigned sessions_max, participants_max; /* the latter a session, [1, SRV_PARTICIPANTS_MAX] */
     double session_idle_ms;                  /* a session without participants ends after this */
-    double rest_ms;      /* a view that did not change for this long is refined */
+    double rest_ms;      /* a view that did not change for this long is refined, step by step */
     size_t stream_bytes; /* byte cap on the frames on their way to one client */
     void *user;
-    void (*work)(void *user);                        /* there may be something to render */
-    void (*ready)(void *user);                       /* some participant has something to send */
-    void (*interrupt)(void *user, uint64_t session); /* its view changed */
+    void (*work)(void *user);  /* there may be something to render */
+    void (*ready)(void *user); /* some participant has something to send */
+    /* What is being rendered for this session is no longer what it wants (struct srv_job says when
+     * it may be given up), or nobody wants it at all. */
+    void (*interrupt)(void *user, uint64_t session, enum srv_interrupt why);
     /* Can it be drawn? NULL = everything can. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -137,15 +142,25 @@ struct srv_target {
     uint32_t seq;
     enum sp_image_format format;
     int quality;
+    bool final; /* the full picture in the granted quality: nothing follows */
+};
+/* What a picture is for, in the order in which a view that came to rest gets them. */
+enum srv_step {
+    SRV_STEP_MOVING, /* keeps up with the hand */
+    SRV_STEP_MIDDLE, /* at rest, before a sharp one that takes long */
+    SRV_STEP_FINAL   /* full size, all voxels, granted quality */
 };
 struct srv_job {
     uint64_t session, version; /* of the view */
     uint64_t order;            /* rises from job to job */
-    bool final;                /* full size and quality */
-    bool refinement;           /* worthless as soon as a newer view exists */
-    unsigned coarse;           /* as in sp/renderer.h; 0 if final */
-    struct sp_view view;       /* with the size to render */
-    void *volume;              /* a use of its own */
+    enum srv_step step;
+    bool refinement;      /* worthless as soon as a newer view exists */
+    bool sharp;           /* full size and all voxels: only the encoding can get better */
+    double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
+    double budget_ms;     /* for which its detail was chosen */
+    unsigned coarse;      /* as in sp/renderer.h; 0 if final */
+    struct sp_view view;  /* with the size to render */
+    void *volume;         /* a use of its own */
     uint32_t target_count;
     struct srv_target targets[SRV_PARTICIPANTS_MAX];
 };
@@ -154,6 +169,7 @@ struct srv_job_result {
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* of render_ms: work that the next frame of this volume will not need again */
     uint64_t splats, visible_voxels;
+    bool again; /* not rendered: an earlier job's picture of the same view was encoded again */
 };
 
 /* The next thing to render; views that move go first. False if there is none: *wait_ms says when to
@@ -169,6 +185,7 @@ void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
 void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
                       const struct srv_job_result *result);
 void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct sp_error *err);
-void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job);
+/* It was rendered for elapsed_ms; 0 = not at all, or to the end. */
+void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms);
 
 #endif

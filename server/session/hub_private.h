@@ -48,8 +48,9 @@ struct srv_participant {
     struct srv_outbox outbox;
     uint32_t frame;         /* number of the newest frame sent */
     unsigned pipeline;      /* jobs under way for it */
-    uint64_t taken_version; /* newest view for which a job was made */
-    bool taken_final;
+    uint64_t taken_version; /* newest view for which a job was made, with what came of it: */
+    enum srv_step taken_step;
+    struct srv_detail taken_detail;
     uint64_t failed_version; /* rendering it failed: not tried again */
     double next_frame_ms;    /* not before, by max_fps */
     double stats_ms;         /* when stats were told last */
@@ -66,7 +67,12 @@ struct srv_session {
     uint64_t version;    /* of the view, from 1 */
     uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
-    struct srv_pace pace[SP_COARSE_MAX + 1]; /* by coarseness */
+    struct srv_pace pace;
+    /* The view in which the volume or the transfer function changed last, and the newest one that
+     * a picture was finished of: before that, a picture begins with work that is done once. */
+    uint64_t cold_version, done_version;
+    uint64_t volume_version; /* in which the volume changed last */
+    bool must_finish;        /* a moving frame was given up: the next one is not */
     struct srv_job_result last;
     double frame_ms; /* mean time between jobs, for fps; 0 = none */
     struct srv_participant *participants;
@@ -101,6 +107,8 @@ void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint6
 /* Merges a patch into the session's view; `by` changed it. */
 bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
                    uint64_t by, double now_ms, struct sp_error *err);
+/* Nobody looks at the session any more: what is rendered for it is given up. */
+void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session);
 /* The size that a participant wants. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);

@@ -1,54 +1,88 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How large a frame may be while the view moves, so that the rate holds.
+ * How much detail a frame may have while the view moves, so that it keeps up with the hand, and on
+ * which steps the picture sharpens when the view rests.
  *
- *   time of a frame ≈ fixed + per_px · pixels
+ *   time of a frame ≈ fixed + per_px · pixels          for each level of coarseness (sp/renderer.h)
  *
- * Both are fitted to the last frames by exponentially weighted least squares. The fixed part (work
- * a voxel) does not shrink with the picture, so making it ever smaller gains nothing: below pixels
- * = fixed / per_px / 4 the picture stops shrinking, and coarser voxels (srv_pace_level) must help.
+ * Both are fitted to the last frames of a level by exponentially weighted least squares. The fixed
+ * part (work a voxel) does not shrink with the picture: below pixels = fixed / per_px / 4 a smaller
+ * picture gains nothing, and coarser voxels must help.
+ *
+ *   finest ────────────────────────────────────────────────────────► coarsest
+ *   (0, 8/8) (0, 7/8) … (0, 4/8)  (1, 8/8) … (1, 4/8)  (2, 8/8) … (2, 2/8)     (coarse, side)
+ *
+ * Detail is given up when a frame is expected to take longer than the budget, and comes back when
+ * the finer frame is expected within three quarters of it, so that it does not flicker.
+ *
+ * Load of the machine comes and goes; it is told from frames of one level and size:
+ *   - one frame that takes more than twice what was expected counts as twice; the second in a row
+ *     is believed, and what was known before is forgotten;
+ *   - a frame that is a third faster than expected is believed at once: nothing makes work faster
+ *     than it is;
+ *   - what slows or speeds one level does so to all;
+ *   - a finer level that was too slow is doubted a little more with each frame drawn without it,
+ *     until it is tried again; each time that it was too slow after all, that takes twice as long.
+ *     One that is twice too slow is not tried.
+ *
  * Pure: no clock, no lock.
  */
 #ifndef SRV_SESSION_PACE_H
 #define SRV_SESSION_PACE_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "sp/renderer.h"
 
-struct srv_pace {
-    double weight, x, y, xx, xy; /* weighted sums over (pixels, ms) */
-    double doubt; /* of what was measured, the longer ago the more: [0, SRV_PACE_DOUBT_MAX] */
-};
-#define SRV_PACE_DOUBT_MAX 0.5
+#define SRV_PACE_ENOUGH_MS 66.0  /* 15 a second: no detail is given up to be faster than this */
+#define SRV_PACE_MIDDLE_MS 250.0 /* a sharp picture that takes longer is led up to by another */
 
-#define SRV_PACE_AREA_MIN (1.0 / 16) /* of the full picture */
-#define SRV_PACE_ENOUGH_MS 66.0      /* 15 a second: no detail is given up to be faster than this */
+struct srv_detail { /* what a frame is drawn with */
+    unsigned coarse;
+    uint32_t size[2];
+};
+
+struct srv_pace_fit {            /* of one level */
+    double weight, x, y, xx, xy; /* weighted sums over (megapixels, ms); weight 0 = unknown */
+    double ratio;                /* fixed / per_px as last seen, megapixels; 0 = not yet */
+    double last_mpx;             /* of the last frame */
+    bool was_slow;               /* it took more than twice what was expected */
+    double load_log;             /* of the load that other levels told of since; e's power */
+    double doubt;                /* share of the expected time that is not believed, [0, 0.5] */
+    bool on_trial;               /* it is drawn because of doubt */
+    unsigned failures;           /* trials that ended over the budget since the view rested */
+};
+struct srv_pace {
+    struct srv_pace_fit fits[SP_COARSE_MAX + 1];
+    unsigned coarse, side; /* in use while moving; side in eighths of the full one, 0 = none yet */
+};
 
 void srv_pace_init(struct srv_pace *pace);
 
-/* A frame of `pixels` took `ms` (render and encode). */
-void srv_pace_add(struct srv_pace *pace, double pixels, double ms);
+/* Longest that a frame should take while the view moves. */
+double srv_pace_budget_ms(int max_fps);
+
+/* Detail for the next frame of a moving view. */
+void srv_pace_moving(struct srv_pace *pace, const uint32_t full[2], double budget_ms,
+                     struct srv_detail *detail);
+
+/* The view rests and `shown` is on the screen: is there something worth showing before the sharp
+ * picture? It takes at most a quarter as long. */
+bool srv_pace_middle(const struct srv_pace *pace, const uint32_t full[2],
+                     const struct srv_detail *shown, struct srv_detail *detail);
 
 /* Expected time of a frame; 0 = nothing known yet. */
-double srv_pace_expect_ms(const struct srv_pace *pace, double pixels);
+double srv_pace_expect_ms(const struct srv_pace *pace, const struct srv_detail *detail);
 
-/* Writes the size to render at while moving: `full` scaled by one factor with area in
- * [SRV_PACE_AREA_MIN, 1] so that a frame takes `budget_ms`; at least 1×1. */
-void srv_pace_size(const struct srv_pace *pace, const uint32_t full[2], double budget_ms,
-                   uint32_t size[2]);
+/* A frame took `ms` (render and encode); `moving`: chosen by srv_pace_moving() for budget_ms. */
+void srv_pace_done(struct srv_pace *pace, const struct srv_detail *drawn, bool moving,
+                   double budget_ms, double ms);
 
-/* The same, with the choice of how coarse to draw (sp/renderer.h): the finest level that holds the
- * budget within a third or takes SRV_PACE_ENOUGH_MS, or that was never tried; else the coarsest.
- * One pace a level. */
-unsigned srv_pace_level(const struct srv_pace levels[SP_COARSE_MAX + 1], const uint32_t full[2],
-                        double budget_ms, uint32_t size[2]);
+/* A frame was given up after `ms`. */
+void srv_pace_given_up(struct srv_pace *pace, const struct srv_detail *drawn, double ms);
 
-/* A frame was drawn at `level`: finer levels, which were too slow once, are doubted a little more,
- * so that one slow moment does not blur a long drag. A level twice too slow is not tried again. */
-void srv_pace_drawn(struct srv_pace levels[SP_COARSE_MAX + 1], unsigned level);
-
-/* The view rests: what coarse levels took is forgotten, the next move finds out anew. */
-void srv_pace_rest(struct srv_pace levels[SP_COARSE_MAX + 1]);
+/* The view rests: coarse levels that seem too slow are forgotten, the next move finds out anew. */
+void srv_pace_rest(struct srv_pace *pace, const uint32_t full[2]);
 
 #endif

@@ -96,6 +96,8 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
         *link = p->next;
         session->participant_count--;
         session->empty_ms = now_ms;
+        if (session->participant_count == 0)
+            srv_hub_abandon(hub, session);
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
     }
     pthread_mutex_unlock(&hub->mutex);

@@ -167,7 +167,7 @@ static bool stream_configure(struct call *call) {
     p->next_frame_ms = fmin(p->next_frame_ms, call->now_ms + 1000.0 / p->max_fps);
     if (changed) { /* what was shown is not what is asked for now */
         p->taken_version = p->failed_version = 0;
-        p->taken_final = false;
+        call->hub->options.interrupt(call->hub->options.user, p->session->number, SRV_NEWER_VIEW);
     }
     call->hub->options.work(call->hub->options.user);
     uint32_t size[2];

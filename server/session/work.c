@@ -6,6 +6,12 @@
  *     the view is newer than its last job   its window is open (flow.h) and its rate allows it
  *     or the view rests and its last frame
  *     was not of final quality
+ *
+ * A newer view gives up a refinement at once. A moving frame is finished, so that a long drag
+ * always shows something, unless it takes more than twice its budget: then the next one, which is
+ * drawn with less detail, is there sooner. Of two moving frames in a row one is always finished;
+ * and one that does what the next one would have to do as well (work that is done once, or there is
+ * no less detail) is finished, too.
  */
 #include <assert.h>
 #include <math.h>
@@ -16,13 +22,17 @@
 enum { QUALITY_MOVING = 60 };
 #define FIRST_PICTURE_MS 150.0 /* a first picture that takes longer is shown coarse first */
 
-enum want { WANT_NOTHING, WANT_FINAL, WANT_MOVING };
-
 struct wish {
-    enum want want;
+    bool wanted;
+    enum srv_step step;
     bool refinement;
     double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
 };
+
+static struct srv_detail detail_of(const struct srv_job *job) {
+    return (struct srv_detail){ .coarse = job->coarse,
+                                .size = { job->view.size[0], job->view.size[1] } };
+}
 
 static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
     unsigned waiting = p->pipeline + (p->outbox.blob ? 1 : 0);
@@ -30,11 +40,30 @@ static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) 
            p->flow.count + waiting < SRV_FLOW_MAX;
 }
 
+/* What a view that rests gets next. */
+static enum srv_step next_step(const struct srv_session *s, const struct srv_participant *p) {
+    struct srv_detail detail;
+    uint32_t full[2];
+    srv_hub_size(s, p, full);
+    bool middle = p->progressive && p->taken_step == SRV_STEP_MOVING &&
+                  srv_pace_middle(&s->pace, full, &p->taken_detail, &detail);
+    return middle ? SRV_STEP_MIDDLE : SRV_STEP_FINAL;
+}
+
+/* Is the sharp picture known to be there soon, so that nothing need be shown before it? */
+static bool is_sharp_soon(const struct srv_session *s, const struct srv_participant *p) {
+    struct srv_detail sharp = { .coarse = 0 };
+    srv_hub_size(s, p, sharp.size);
+    double expected_ms = srv_pace_expect_ms(&s->pace, &sharp);
+    return expected_ms > 0 && expected_ms <= FIRST_PICTURE_MS;
+}
+
 static struct wish wish_of(const struct srv_hub *hub, const struct srv_session *s,
                            const struct srv_participant *p, double now_ms) {
-    struct wish wish = { .want = WANT_NOTHING, .in_ms = INFINITY };
+    struct wish wish = { .in_ms = INFINITY };
     bool newer = p->taken_version < s->version;
-    if ((!newer && p->taken_final) || p->failed_version == s->version || !is_open(hub, p))
+    if ((!newer && p->taken_step == SRV_STEP_FINAL) || p->failed_version == s->version ||
+        !is_open(hub, p))
         return wish;
     double rate_ms = p->next_frame_ms - now_ms;
     double rest_ms = s->changed_ms + hub->options.rest_ms - now_ms;
@@ -44,12 +73,12 @@ static struct wish wish_of(const struct srv_hub *hub, const struct srv_session *
         wish.in_ms = rate_ms;
         return wish;
     }
-    uint32_t size[2];
-    srv_hub_size(s, p, size);
-    bool slow = srv_pace_expect_ms(&s->pace[0], (double)size[0] * size[1]) > FIRST_PICTURE_MS;
-    bool resting = rest_ms <= 0 && s->pace[0].weight > 0 && !slow;
-    wish.refinement = p->progressive && (!newer || resting);
-    wish.want = !p->progressive || wish.refinement ? WANT_FINAL : WANT_MOVING;
+    wish.wanted = true;
+    wish.refinement = p->progressive && (!newer || (rest_ms <= 0 && is_sharp_soon(s, p)));
+    if (!newer)
+        wish.step = next_step(s, p);
+    else
+        wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
     return wish;
 }
 
@@ -61,46 +90,82 @@ static bool same_picture(const struct srv_session *s, const struct srv_participa
     return size[0][0] == size[1][0] && size[0][1] == size[1][1];
 }
 
-static int quality_of(const struct srv_participant *p, bool final) {
-    return final || p->quality < QUALITY_MOVING ? p->quality : QUALITY_MOVING;
+/* Detail for the job; its view has the full size and gets the one to render. */
+static void choose_detail(struct srv_session *s, struct srv_job *job,
+                          const struct srv_participant *first, int max_fps) {
+    uint32_t full[2] = { job->view.size[0], job->view.size[1] };
+    struct srv_detail detail = { .coarse = 0, .size = { full[0], full[1] } };
+    job->budget_ms = srv_pace_budget_ms(max_fps);
+    if (job->step == SRV_STEP_MOVING)
+        srv_pace_moving(&s->pace, full, job->budget_ms, &detail);
+    else if (job->step == SRV_STEP_MIDDLE)
+        srv_pace_middle(&s->pace, full, &first->taken_detail, &detail);
+    job->coarse = detail.coarse;
+    memcpy(job->view.size, detail.size, sizeof detail.size);
+    job->sharp = detail.coarse == 0 && detail.size[0] == full[0] && detail.size[1] == full[1];
+}
+
+static double keep_until_ms(const struct srv_session *s, const struct srv_job *job, double now_ms) {
+    bool cold = s->done_version < s->cold_version;
+    if (job->refinement)
+        return 0;
+    if (job->step != SRV_STEP_MOVING || cold || s->must_finish || job->coarse == SP_COARSE_MAX)
+        return INFINITY;
+    return now_ms + 2 * job->budget_ms;
+}
+
+static struct srv_target target_of(const struct srv_participant *p, const struct srv_job *job) {
+    bool final = job->step == SRV_STEP_FINAL, moving = job->step == SRV_STEP_MOVING;
+    bool png = final && p->lossless;
+    int quality = moving && p->quality > QUALITY_MOVING ? QUALITY_MOVING : p->quality;
+    return (struct srv_target){ .participant = p->id,
+                                .seq = p->seq,
+                                .format = png ? SP_IMAGE_PNG : p->format,
+                                .quality = quality,
+                                .final = final ||
+                                         (job->sharp && quality == p->quality && !p->lossless) };
+}
+
+static void take_job(struct srv_session *s, struct srv_participant *p, struct srv_job *job,
+                     double now_ms) {
+    struct srv_target target = target_of(p, job);
+    job->targets[job->target_count++] = target;
+    p->pipeline++;
+    p->taken_version = s->version;
+    p->taken_step = target.final ? SRV_STEP_FINAL : job->step;
+    p->taken_detail = detail_of(job);
+    /* Keep to the grid of the rate instead of adding our own delay to every frame. */
+    double period = 1000.0 / p->max_fps;
+    p->next_frame_ms = fmax(p->next_frame_ms + period, now_ms + period / 2);
 }
 
 /* Fills the job for `first` and everybody else of the session who wants the same picture. */
 static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_participant *first,
                      const struct wish *wish, double now_ms, struct srv_job *job) {
+    struct srv_participant *takers[SRV_PARTICIPANTS_MAX];
+    uint32_t count = 0;
+    int max_fps = 1;
+    for (struct srv_participant *p = s->participants; p; p = p->next) {
+        struct wish other = wish_of(hub, s, p, now_ms);
+        if (!other.wanted || other.step != wish->step || !same_picture(s, first, p))
+            continue;
+        takers[count++] = p;
+        max_fps = p->max_fps > max_fps ? p->max_fps : max_fps;
+    }
+    assert(count > 0);
     job->session = s->number;
     job->version = s->version;
     job->order = ++hub->next_order;
-    job->final = wish->want == WANT_FINAL;
-    job->coarse = 0;
+    job->step = wish->step;
     job->refinement = wish->refinement;
     job->view = s->view;
     srv_hub_size(s, first, job->view.size);
     job->volume = hub->options.volumes.ref(hub->options.volumes.user, s->volume);
     job->target_count = 0;
-    int max_fps = 1;
-    for (struct srv_participant *p = s->participants; p; p = p->next) {
-        struct wish other = wish_of(hub, s, p, now_ms);
-        if (other.want != wish->want || !same_picture(s, first, p))
-            continue;
-        bool png = job->final && p->lossless;
-        job->targets[job->target_count++] =
-            (struct srv_target){ .participant = p->id,
-                                 .seq = p->seq,
-                                 .format = png ? SP_IMAGE_PNG : p->format,
-                                 .quality = quality_of(p, job->final) };
-        p->pipeline++;
-        p->taken_version = s->version;
-        p->taken_final = job->final;
-        /* Keep to the grid of the rate instead of adding our own delay to every frame. */
-        double period = 1000.0 / p->max_fps;
-        p->next_frame_ms = fmax(p->next_frame_ms + period, now_ms + period / 2);
-        if (p->max_fps > max_fps)
-            max_fps = p->max_fps;
-    }
-    assert(job->target_count > 0);
-    if (!job->final)
-        job->coarse = srv_pace_level(s->pace, job->view.size, 1000.0 / max_fps, job->view.size);
+    choose_detail(s, job, first, max_fps);
+    job->keep_until_ms = keep_until_ms(s, job, now_ms);
+    for (uint32_t i = 0; i < count; i++)
+        take_job(s, takers[i], job, now_ms);
     double since = now_ms - s->served_ms;
     if (since < 1000)
         s->frame_ms = s->frame_ms == 0 ? since : s->frame_ms + (since - s->frame_ms) / 4;
@@ -110,14 +175,14 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms) {
     struct srv_session *best_session = NULL;
     struct srv_participant *best = NULL;
-    struct wish best_wish = { .want = WANT_NOTHING };
+    struct wish best_wish = { .wanted = false };
     *wait_ms = 1000;
     pthread_mutex_lock(&hub->mutex);
     for (struct srv_session *s = hub->sessions; s; s = s->next) {
         for (struct srv_participant *p = s->participants; p; p = p->next) {
             struct wish wish = wish_of(hub, s, p, now_ms);
             *wait_ms = fmin(*wait_ms, wish.in_ms);
-            if (wish.want == WANT_NOTHING)
+            if (!wish.wanted)
                 continue;
             bool better =
                 !best || best_wish.refinement > wish.refinement ||
@@ -163,7 +228,7 @@ void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
     struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
     if (p) {
         struct proto_frame_header full = *header;
-        full.flags |= PROTO_FRAME_KEY | (job->final ? PROTO_FRAME_FINAL : 0);
+        full.flags |= PROTO_FRAME_KEY | (job->targets[i].final ? PROTO_FRAME_FINAL : 0);
         full.seq = job->targets[i].seq;
         full.payload_bytes = (uint32_t)blob->size;
         if (srv_outbox_put(&p->outbox, job->order, &full, blob))
@@ -192,18 +257,22 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
     if (s) {
+        struct srv_detail drawn = detail_of(job);
+        bool moving = job->step == SRV_STEP_MOVING;
+        double took_ms = fmax(result->render_ms - result->once_ms, 0) + result->encode_ms;
         s->last = *result;
-        srv_pace_drawn(s->pace, job->coarse);
-        if (job->final)
-            srv_pace_rest(s->pace);
+        s->must_finish = s->must_finish && !moving;
+        s->done_version = s->done_version > job->version ? s->done_version : job->version;
+        if (!result->again && job->version >= s->volume_version)
+            srv_pace_done(&s->pace, &drawn, moving, job->budget_ms, took_ms);
+        if (job->step == SRV_STEP_FINAL)
+            srv_pace_rest(&s->pace, job->view.size);
         /* What is at rest is told once more; the numbers of a moving view follow in time. */
-        for (uint32_t i = 0; job->final && i < job->target_count; i++) {
+        for (uint32_t i = 0; !moving && i < job->target_count; i++) {
             struct srv_participant *p = participant_of(s, job->targets[i].participant);
             if (p)
                 srv_hub_note(hub, p, SRV_NOTE_STATS);
         }
-        srv_pace_add(&s->pace[job->coarse], (double)result->width * result->height,
-                     fmax(result->render_ms - result->once_ms, 0) + result->encode_ms);
     }
     pthread_mutex_unlock(&hub->mutex);
 }
@@ -222,13 +291,22 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
     pthread_mutex_unlock(&hub->mutex);
 }
 
-void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job) {
+void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
+    if (s && job->step == SRV_STEP_MOVING) {
+        struct srv_detail drawn = detail_of(job);
+        s->must_finish = true;
+        if (job->version >= s->volume_version)
+            srv_pace_given_up(&s->pace, &drawn, elapsed_ms);
+    }
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
-        if (p && p->taken_version == job->version)
-            p->taken_final = false;
+        if (!p || p->taken_version != job->version)
+            continue;
+        p->taken_step = SRV_STEP_MOVING;
+        if (!job->refinement)
+            p->taken_version = 0;
     }
     pthread_mutex_unlock(&hub->mutex);
 }

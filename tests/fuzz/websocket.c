@@ -45,9 +45,10 @@ static void ignore(void *user) {
     (void)user;
 }
 
-static void ignore_session(void *user, uint64_t session) {
+static void ignore_session(void *user, uint64_t session, enum srv_interrupt why) {
     (void)user;
     (void)session;
+    (void)why;
 }
 
 static ssize_t input_recv(void *user, uint8_t *bytes, size_t size) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The window, the size while moving, and the outbox, driven by a simulated clock.
+ * The window and the outbox, driven by a simulated clock.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +13,6 @@
 
 #include "session/flow.h"
 #include "session/outbox.h"
-#include "session/pace.h"
 
 #define CAP ((size_t)1 << 30)
 
@@ -125,105 +124,6 @@ static void an_old_round_trip_is_forgotten(void **state) {
     assert_true(srv_flow_rtt_ms(&flow) >= 79);
 }
 
-static void the_size_holds_the_budget(void **state) {
-    (void)state;
-    struct srv_pace pace;
-    uint32_t full[2] = { 1920, 1080 }, size[2] = { 0, 0 };
-    /* fixed ms, ms a megapixel → is a 33 ms budget held? */
-    static const struct {
-        double fixed, slope, expected_area_min, expected_area_max;
-    } cases[] = {
-        { 1, 5, 0.9, 1.01 },     /* fast: full size */
-        { 2, 40, 0.2, 0.42 },    /* 31 ms buy 0.78 of 2.07 megapixels */
-        { 2, 2000, 0.05, 0.08 }, /* hopeless: the smallest */
-        { 200, 100, 0.1, 0.3 },  /* fixed work dominates: shrinking more gains nothing */
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        srv_pace_init(&pace);
-        for (int frame = 0; frame < 40; frame++) {
-            srv_pace_size(&pace, full, 1000.0 / 30, size);
-            if (frame % 8 == 7)
-                memcpy(size, full, sizeof size); /* refinements in between */
-            double pixels = (double)size[0] * size[1];
-            srv_pace_add(&pace, pixels, cases[i].fixed + cases[i].slope * pixels * 1e-6);
-        }
-        srv_pace_size(&pace, full, 1000.0 / 30, size);
-        double area = (double)size[0] * size[1] / (1920.0 * 1080);
-        assert_true(area >= cases[i].expected_area_min && area <= cases[i].expected_area_max);
-        double expected = cases[i].fixed + cases[i].slope * 1920 * 1080e-6;
-        double ratio = srv_pace_expect_ms(&pace, 1920.0 * 1080) / expected;
-        assert_true(ratio > 0.9 && ratio < 1.1);
-    }
-    /* A first frame that took long for another reason does not hold the size up. */
-    srv_pace_init(&pace);
-    srv_pace_add(&pace, 960 * 540, 900);
-    srv_pace_add(&pace, 1920 * 1080, 600);
-    srv_pace_size(&pace, full, 1000.0 / 30, size);
-    assert_true(size[0] < 1920 && size[1] < 1080);
-    uint32_t tiny[2] = { 1, 3 };
-    srv_pace_size(&pace, tiny, 0.001, size);
-    assert_true(size[0] >= 1 && size[1] >= 1);
-}
-
-static void what_size_cannot_hold_coarseness_does(void **state) {
-    (void)state;
-    struct srv_pace levels[SP_COARSE_MAX + 1];
-    uint32_t full[2] = { 512, 512 }, size[2];
-    unsigned level = 9;
-    for (int i = 0; i <= SP_COARSE_MAX; i++)
-        srv_pace_init(&levels[i]);
-    /* 800 ms a voxel pass at level 0, an eighth of it a level coarser. */
-    for (int frame = 0; frame < 20; frame++) {
-        level = srv_pace_level(levels, full, 1000.0 / 30, size);
-        double pixels = (double)size[0] * size[1];
-        srv_pace_add(&levels[level], pixels, 800.0 / (1 << 3 * level) + 20 * pixels * 1e-6);
-    }
-    assert_int_equal(level, 2);
-    assert_int_equal(size[0], 512); /* there it is fast enough for the whole picture */
-    /* Fifteen frames a second are enough: detail is not given up for thirty. */
-    for (int i = 0; i <= SP_COARSE_MAX; i++)
-        srv_pace_init(&levels[i]);
-    for (int frame = 0; frame < 20; frame++) {
-        level = srv_pace_level(levels, full, 1000.0 / 30, size);
-        double pixels = (double)size[0] * size[1];
-        srv_pace_add(&levels[level], pixels, 400.0 / (1 << 3 * level) + 20 * pixels * 1e-6);
-    }
-    assert_int_equal(level, 1);
-    srv_pace_init(&levels[0]);
-    for (int frame = 0; frame < 3; frame++)
-        srv_pace_add(&levels[0], 512 * 512, 10);
-    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 0);
-    assert_int_equal(size[0], 512);
-}
-
-static void one_slow_moment_does_not_blur_a_drag(void **state) {
-    (void)state;
-    struct srv_pace levels[SP_COARSE_MAX + 1];
-    uint32_t full[2] = { 512, 512 }, size[2];
-    for (int i = 0; i <= SP_COARSE_MAX; i++)
-        srv_pace_init(&levels[i]);
-    srv_pace_add(&levels[0], 512 * 512, 400);
-    srv_pace_add(&levels[1], 256 * 256, 100); /* it will take 20 ms, but something was in the way */
-    unsigned finest = SP_COARSE_MAX;
-    int tries = 0;
-    for (int frame = 0; frame < 60; frame++) {
-        unsigned level = srv_pace_level(levels, full, 1000.0 / 30, size);
-        srv_pace_add(&levels[level], (double)size[0] * size[1], level == 1 ? 20 : level ? 10 : 400);
-        srv_pace_drawn(levels, level);
-        finest = level < finest ? level : finest;
-        tries += level == 0;
-    }
-    assert_int_equal(finest, 1);
-    assert_int_equal(tries, 0); /* more than twice too slow */
-    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 1);
-    /* After a rest a level that is far too slow is measured once more, no matter how slow it was.
-     */
-    srv_pace_add(&levels[1], 256 * 256, 10000);
-    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 2);
-    srv_pace_rest(levels);
-    assert_int_equal(srv_pace_level(levels, full, 1000.0 / 30, size), 1);
-}
-
 static void the_outbox_keeps_the_newest(void **state) {
     (void)state;
     struct srv_outbox outbox;
@@ -260,9 +160,6 @@ int main(void) {
         cmocka_unit_test(who_never_acknowledges_gets_the_first_two),
         cmocka_unit_test(bytes_are_capped_but_one_frame_always_goes),
         cmocka_unit_test(an_old_round_trip_is_forgotten),
-        cmocka_unit_test(the_size_holds_the_budget),
-        cmocka_unit_test(what_size_cannot_hold_coarseness_does),
-        cmocka_unit_test(one_slow_moment_does_not_blur_a_drag),
         cmocka_unit_test(the_outbox_keeps_the_newest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -2,6 +2,7 @@
  *
  * Sessions without sockets and renderer: jobs are taken and answered by hand, the clock is given.
  */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -20,12 +21,13 @@ struct fixture {
     struct sp_volume_info info;
     int uses;
     unsigned interrupts;
+    enum srv_interrupt why; /* of the last one */
     char id[SRV_SESSION_ID_BYTES];
 };
 
 static void *acquire(void *user, const char *id, struct sp_error *err) {
     struct fixture *f = user;
-    if (id && *id && strcmp(id, "v") != 0) {
+    if (id && *id && strcmp(id, "v") != 0 && strcmp(id, "w") != 0) {
         sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "no volume %s", id);
         return NULL;
     }
@@ -52,9 +54,10 @@ static void ignore(void *user) {
     (void)user;
 }
 
-static void count_interrupt(void *user, uint64_t session) {
+static void count_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
     (void)session;
     ((struct fixture *)user)->interrupts++;
+    ((struct fixture *)user)->why = why;
 }
 
 static int set_up(void **state) {
@@ -160,7 +163,8 @@ static void moving_then_final(void **state) {
     struct srv_job job;
     struct srv_participant *p = join(f, 1000);
     assert_true(next_job(f, 1000, &job));
-    assert_false(job.final); /* nothing is known yet of the time that a picture takes */
+    assert_int_equal(job.step,
+                     SRV_STEP_MOVING); /* nothing is known yet of the time that a picture takes */
     assert_true(job.view.size[0] < 512);
     assert_int_equal(job.targets[0].quality, 60);
     finish(f, &job, 5);
@@ -169,7 +173,7 @@ static void moving_then_final(void **state) {
     assert_int_equal(header.flags, PROTO_FRAME_KEY);
     ack(f, p, 1, 1012);
     assert_true(next_job(f, 1200, &job));
-    assert_true(job.final && job.refinement);
+    assert_true(job.step == SRV_STEP_FINAL && job.refinement);
     assert_int_equal(job.view.size[0], 512);
     assert_int_equal(job.targets[0].quality, 90);
     finish(f, &job, 20);
@@ -179,7 +183,7 @@ static void moving_then_final(void **state) {
     assert_false(next_job(f, 5000, &job)); /* it rests */
     update(f, p, 7, 5000);
     assert_true(next_job(f, 5001, &job));
-    assert_false(job.final);
+    assert_int_equal(job.step, SRV_STEP_MOVING);
     assert_int_equal(job.targets[0].seq, 7);
     finish(f, &job, 5);
     assert_int_equal(drain(f, p, 5010).seq, 7);
@@ -220,19 +224,155 @@ static void a_cancelled_refinement_comes_again(void **state) {
     unsigned before = f->interrupts;
     update(f, p, 1, 210);
     assert_int_equal(f->interrupts, before + 1);
-    srv_hub_job_cancelled(f->hub, &job);
+    srv_hub_job_cancelled(f->hub, &job, 1);
     assert_true(next_job(f, 240, &job));
     assert_false(job.refinement);
     finish(f, &job, 1);
     drain(f, p, 250);
     ack(f, p, 2, 251);
     assert_true(next_job(f, 400, &job));
-    assert_true(job.final);
-    srv_hub_job_cancelled(f->hub, &job); /* without a newer view, too */
+    assert_int_equal(job.step, SRV_STEP_FINAL);
+    srv_hub_job_cancelled(f->hub, &job, 1); /* without a newer view, too */
     assert_true(next_job(f, 500, &job));
-    assert_true(job.final);
+    assert_int_equal(job.step, SRV_STEP_FINAL);
     finish(f, &job, 1);
     srv_hub_leave(f->hub, &p, 600);
+}
+
+static void tell(struct fixture *f, struct srv_participant *p, const char *method,
+                 const char *params, double now_ms) {
+    char text[200], *answer;
+    size_t size;
+    snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"%s\",\"params\":%s}",
+             method, params);
+    assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
+    assert_non_null(strstr(answer, "\"result\""));
+    free(answer);
+}
+
+/* Updates, takes the job, finishes it after render_ms, acknowledges: one frame of a drag. */
+static struct srv_job drag(struct fixture *f, struct srv_participant *p, unsigned seq,
+                           double now_ms, double render_ms) {
+    struct srv_job job;
+    update(f, p, seq, now_ms);
+    assert_true(next_job(f, now_ms, &job));
+    struct srv_job copy = job;
+    finish(f, &job, render_ms);
+    ack(f, p, drain(f, p, now_ms + render_ms).frame, now_ms + render_ms + 1);
+    return copy;
+}
+
+static void moving_frames_are_given_up_late_and_never_twice_in_a_row(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 0);
+    assert_true(next_job(f, 1000, &job));
+    assert_true(job.keep_until_ms == INFINITY); /* it does what is done once */
+    finish(f, &job, 5);
+    ack(f, p, drain(f, p, 1005).frame, 1006);
+    update(f, p, 1, 2000);
+    assert_true(next_job(f, 2000, &job));
+    assert_true(job.keep_until_ms == 2000 + 2 * SRV_PACE_ENOUGH_MS);
+    uint32_t before = job.view.size[0];
+    update(f, p, 2, 2140);
+    assert_int_equal(f->why, SRV_NEWER_VIEW);
+    srv_hub_job_cancelled(f->hub, &job, 140);
+    assert_true(next_job(f, 2141, &job));
+    assert_int_equal(job.targets[0].seq, 2);
+    assert_true(job.view.size[0] < before || job.coarse > 0);
+    assert_true(job.keep_until_ms == INFINITY);
+    finish(f, &job, 30);
+    ack(f, p, drain(f, p, 2171).frame, 2172);
+    update(f, p, 3, 2300);
+    assert_true(next_job(f, 2300, &job));
+    assert_true(job.keep_until_ms < INFINITY || job.coarse == SP_COARSE_MAX);
+    finish(f, &job, 30);
+    ack(f, p, drain(f, p, 2330).frame, 2331);
+    /* A new transfer function is work that the next picture needs as well. */
+    tell(f, p, "view.update",
+         "{\"seq\":4,\"patch\":{\"transfer_function\":{\"reference_length\":2}}}", 2500);
+    assert_true(next_job(f, 2500, &job));
+    assert_true(job.keep_until_ms == INFINITY);
+    finish(f, &job, 30);
+    srv_hub_leave(f->hub, &p, 2600);
+    assert_int_equal(f->why, SRV_UNWANTED);
+}
+
+static void a_change_of_volume_or_stream_interrupts(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 0);
+    assert_true(next_job(f, 1, &job));
+    tell(f, p, "view.update", "{\"seq\":1,\"patch\":{\"volume\":\"w\"}}", 5);
+    assert_int_equal(f->why, SRV_UNWANTED);
+    srv_hub_job_cancelled(f->hub, &job, 4);
+    assert_true(next_job(f, 40, &job));
+    tell(f, p, "view.update", "{\"seq\":2,\"patch\":{\"volume\":\"v\"}}", 45);
+    assert_int_equal(f->why, SRV_NEWER_VIEW); /* to and fro would never show anything */
+    assert_true(job.keep_until_ms == INFINITY);
+    finish(f, &job, 10);
+    unsigned before = f->interrupts;
+    tell(f, p, "stream.configure", "{\"max_fps\":60}", 60);
+    assert_int_equal(f->interrupts, before); /* the picture stays what it is */
+    tell(f, p, "stream.configure", "{\"size\":[64,64]}", 60);
+    assert_int_equal(f->interrupts, before + 1);
+    srv_hub_leave(f->hub, &p, 70);
+}
+
+static void a_slow_sharp_picture_comes_in_steps(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 0);
+    tell(f, p, "stream.configure", "{\"lossless\":true}", 0);
+    assert_true(next_job(f, 0, &job)); /* 256 px: 500 ms, hence 2 s for all */
+    finish(f, &job, 500);
+    ack(f, p, drain(f, p, 500).frame, 501);
+    assert_true(next_job(f, 700, &job));
+    finish(f, &job, 2000);
+    ack(f, p, drain(f, p, 2700).frame, 2701);
+    struct srv_job moving = drag(f, p, 1, 5000, 60);
+    assert_int_equal(moving.step, SRV_STEP_MOVING);
+    assert_true(next_job(f, 5200, &job));
+    assert_int_equal(job.step, SRV_STEP_MIDDLE);
+    assert_true(job.refinement && job.keep_until_ms == 0);
+    assert_true(job.coarse < moving.coarse || job.view.size[0] > moving.view.size[0]);
+    assert_int_equal(job.targets[0].quality, 90);
+    assert_int_equal(job.targets[0].format, SP_IMAGE_JPEG);
+    finish(f, &job, 400);
+    struct proto_frame_header header = drain(f, p, 5600);
+    assert_int_equal(header.flags & PROTO_FRAME_FINAL, 0);
+    ack(f, p, header.frame, 5601);
+    assert_true(next_job(f, 5602, &job));
+    assert_int_equal(job.step, SRV_STEP_FINAL);
+    assert_int_equal(job.coarse, 0);
+    assert_int_equal(job.view.size[0], 512);
+    assert_int_equal(job.targets[0].format, SP_IMAGE_PNG);
+    finish(f, &job, 2000);
+    header = drain(f, p, 7602);
+    assert_true(header.flags & PROTO_FRAME_FINAL);
+    assert_false(next_job(f, 20000, &job));
+    srv_hub_leave(f->hub, &p, 20000);
+}
+
+static void a_moving_picture_that_cannot_get_better_is_the_final_one(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 0);
+    tell(f, p, "stream.configure", "{\"quality\":60}", 0);
+    assert_true(next_job(f, 0, &job));
+    finish(f, &job, 5);
+    ack(f, p, drain(f, p, 10).frame, 11);
+    job = drag(f, p, 1, 100, 5);
+    assert_true(job.step == SRV_STEP_MOVING && job.sharp && job.targets[0].final);
+    assert_false(next_job(f, 5000, &job));
+    /* With a higher quality at rest there is something left to do. */
+    tell(f, p, "stream.configure", "{\"quality\":61}", 6000);
+    job = drag(f, p, 2, 6000, 5);
+    assert_true(job.sharp && !job.targets[0].final);
+    assert_true(next_job(f, 6500, &job));
+    assert_true(job.step == SRV_STEP_FINAL && job.sharp);
+    finish(f, &job, 5);
+    srv_hub_leave(f->hub, &p, 7000);
 }
 
 static void a_failed_view_is_told_and_not_tried_again(void **state) {
@@ -352,6 +492,10 @@ int main(void) {
         TEST(moving_then_final),
         TEST(updates_coalesce_behind_a_job),
         TEST(a_cancelled_refinement_comes_again),
+        TEST(moving_frames_are_given_up_late_and_never_twice_in_a_row),
+        TEST(a_change_of_volume_or_stream_interrupts),
+        TEST(a_slow_sharp_picture_comes_in_steps),
+        TEST(a_moving_picture_that_cannot_get_better_is_the_final_one),
         TEST(a_failed_view_is_told_and_not_tried_again),
         TEST(one_picture_for_all_who_see_the_same),
         TEST(idle_sessions_end),

@@ -1,0 +1,327 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The stream lane between a real hub and a renderer behind a gate: the linker puts the gate in the
+ * place of sp_renderer_render(). A render that has begun waits there until the test lets it through
+ * or its cancel flag is set, so that "while it is being rendered" is a state, not a moment.
+ */
+#include <math.h>
+#include <pthread.h>
+#include <sched.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "clock.h"
+#include "render/scheduler.h"
+
+enum { FULL = 512 }; /* px a side of a view as it is by default */
+
+struct gate {
+    pthread_mutex_t mutex;
+    unsigned entered, cancelled, passes; /* passes: renders that may go through */
+    unsigned sharp;                      /* renders that entered with all voxels at full size */
+    uint32_t size[2];                    /* of the newest render */
+    unsigned coarse;
+};
+static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
+
+static bool pass_gate(const atomic_bool *cancel) {
+    for (;; sched_yield()) {
+        pthread_mutex_lock(&gate.mutex);
+        bool cancelled = atomic_load(cancel), go = !cancelled && gate.passes > 0;
+        gate.passes -= go;
+        gate.cancelled += cancelled;
+        pthread_mutex_unlock(&gate.mutex);
+        if (go || cancelled)
+            return go;
+    }
+}
+
+struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                           const struct sp_view *view, struct sp_frame_pool *pool,
+                                           const struct sp_render_options *options,
+                                           struct sp_error *err);
+struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                           const struct sp_view *view, struct sp_frame_pool *pool,
+                                           const struct sp_render_options *options,
+                                           struct sp_error *err) {
+    (void)renderer;
+    (void)volume;
+    pthread_mutex_lock(&gate.mutex);
+    gate.entered++;
+    gate.coarse = options->coarse;
+    gate.sharp += options->coarse == 0 && view->size[0] == FULL;
+    memcpy(gate.size, view->size, sizeof gate.size);
+    pthread_mutex_unlock(&gate.mutex);
+    if (!pass_gate(options->cancel)) {
+        sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        return NULL;
+    }
+    struct sp_frame *frame =
+        sp_frame_create(pool, view->size[0], view->size[1], options->format, err);
+    if (!frame)
+        return NULL;
+    memset(frame->pixels, 0, frame->stride_bytes * frame->height);
+    frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
+    return frame;
+}
+
+static unsigned look_at(const unsigned *counter) {
+    pthread_mutex_lock(&gate.mutex);
+    unsigned value = *counter;
+    pthread_mutex_unlock(&gate.mutex);
+    return value;
+}
+
+static void wait_for(const unsigned *counter, unsigned value) {
+    while (look_at(counter) < value)
+        sched_yield();
+}
+
+static void let_through(unsigned renders) {
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes += renders;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+struct fixture {
+    struct srv_catalog *catalog;
+    struct srv_scheduler *scheduler;
+    struct srv_hub *hub;
+    struct srv_participant *participant;
+    char id[SRV_SESSION_ID_BYTES];
+};
+
+static void on_progress(void *user, const char *id, const char *state, double progress,
+                        const char *reason) {
+    (void)user, (void)id, (void)state, (void)progress, (void)reason;
+}
+
+static void on_unloaded(void *user, struct sp_volume *volume) {
+    (void)user;
+    sp_volume_unref(&volume);
+}
+
+static void on_work(void *user) {
+    srv_scheduler_wake(((struct fixture *)user)->scheduler);
+}
+
+static void on_ready(void *user) {
+    (void)user;
+}
+
+static void on_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
+    srv_scheduler_interrupt(((struct fixture *)user)->scheduler, session, why);
+}
+
+static void load(struct fixture *f, const char *source) {
+    struct srv_volume_request request = { .source = source };
+    struct srv_volume_status status;
+    char id[SP_NAME_BYTES];
+    bool existed, conflict;
+    assert_true(srv_catalog_add(f->catalog, &request, id, &existed, &conflict, NULL));
+    for (;; sched_yield()) {
+        assert_true(srv_catalog_find(f->catalog, id, &status));
+        sp_volume_unref(&status.volume);
+        if (status.state != SRV_VOLUME_LOADING)
+            break;
+    }
+    assert_int_equal(status.state, SRV_VOLUME_READY);
+}
+
+/* A session that nobody has joined yet; its views come to rest after rest_ms. */
+static void begin(struct fixture *f, double rest_ms) {
+    struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
+                                           .progress = on_progress,
+                                           .unloaded = on_unloaded };
+    gate.entered = gate.cancelled = gate.passes = gate.sharp = 0;
+    f->catalog = srv_catalog_create(&catalog, NULL);
+    assert_non_null(f->catalog);
+    load(f, "demo:phantom?size=8");
+    load(f, "demo:engine?size=8");
+    struct sp_renderer_options null = { .backend = "null" };
+    struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
+    struct srv_scheduler_options options = {
+        .catalog = f->catalog, .queue_max = 1, .encode_threads = 1, .stills = null
+    };
+    f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
+    assert_non_null(f->scheduler);
+    struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
+                                                srv_catalog_release, srv_catalog_default_view },
+                                   .sessions_max = 1,
+                                   .participants_max = 2,
+                                   .session_idle_ms = 1e6,
+                                   .rest_ms = rest_ms,
+                                   .stream_bytes = 1 << 20,
+                                   .user = f,
+                                   .work = on_work,
+                                   .ready = on_ready,
+                                   .interrupt = on_interrupt };
+    f->hub = srv_hub_create(&hub, NULL);
+    assert_true(srv_scheduler_start(f->scheduler, f->hub, NULL));
+    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), f->id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+    f->participant = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
+    assert_non_null(f->participant);
+}
+
+static int set_up(void **state) {
+    *state = calloc(1, sizeof(struct fixture));
+    return *state ? 0 : -1;
+}
+
+static int tear_down(void **state) {
+    struct fixture *f = *state;
+    srv_hub_leave(f->hub, &f->participant, srv_clock_ms());
+    srv_scheduler_stop(f->scheduler);
+    srv_hub_destroy(&f->hub);
+    srv_scheduler_destroy(&f->scheduler);
+    srv_catalog_destroy(&f->catalog);
+    free(f);
+    return 0;
+}
+
+static void tell(struct fixture *f, const char *text) {
+    char *answer;
+    size_t size;
+    assert_true(srv_hub_message(f->hub, f->participant, text, strlen(text), srv_clock_ms(), &answer,
+                                &size));
+    assert_true(!answer || strstr(answer, "\"result\""));
+    free(answer);
+}
+
+static void update(struct fixture *f, unsigned seq) {
+    char text[160];
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
+             "\"patch\":{\"background\":[0.%u,0,0,1]}}}",
+             seq, seq);
+    tell(f, text);
+}
+
+/* The next frame that arrives, acknowledged. */
+static struct proto_frame_header next_frame(struct fixture *f) {
+    for (;; sched_yield()) {
+        struct srv_message message;
+        char text[120];
+        enum srv_message_kind kind =
+            srv_hub_next_message(f->hub, f->participant, true, srv_clock_ms(), &message);
+        free(message.text);
+        srv_blob_unref(&message.blob);
+        if (kind != SRV_MESSAGE_FRAME)
+            continue;
+        snprintf(text, sizeof text,
+                 "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
+                 message.header.frame);
+        tell(f, text);
+        return message.header;
+    }
+}
+
+static void a_newer_view_gives_up_the_refinement_of_an_older_one(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1);
+    let_through(1);
+    assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
+    wait_for(&gate.entered, 2); /* the sharp picture is on its way */
+    assert_int_equal(gate.size[0], FULL);
+    assert_int_equal(look_at(&gate.cancelled), 0);
+    update(f, 7);
+    wait_for(&gate.cancelled, 1);
+    let_through(100);
+    assert_int_equal(next_frame(f).seq, 7); /* of the old view nothing more is seen */
+}
+
+static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1e6);
+    let_through(1); /* the first one does what is done once */
+    next_frame(f);
+    update(f, 1);
+    wait_for(&gate.entered, 2);
+    uint32_t pixels = gate.size[0] * gate.size[1];
+    unsigned seq = 1, coarse = gate.coarse;
+    while (look_at(&gate.cancelled) == 0)
+        update(f, ++seq);
+    wait_for(&gate.entered, 3);
+    assert_true(gate.coarse > coarse || gate.size[0] * gate.size[1] < pixels);
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
+    while (srv_clock_ms() < long_ago_ms)
+        update(f, ++seq);
+    assert_int_equal(look_at(&gate.cancelled), 1);
+    let_through(1);
+    assert_true(next_frame(f).seq >= 2);
+    wait_for(&gate.entered, 4); /* and on with the newest */
+}
+
+static void the_tick_gives_up_what_nobody_interrupts_any_more(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1e6);
+    let_through(1);
+    next_frame(f);
+    update(f, 1);
+    wait_for(&gate.entered, 2);
+    update(f, 2); /* the last one: it comes while the frame is within its budget */
+    while (look_at(&gate.cancelled) == 0) {
+        srv_scheduler_tick(f->scheduler);
+        sched_yield();
+    }
+    let_through(1);
+    assert_int_equal(next_frame(f).seq, 2);
+}
+
+static void a_sharp_moving_picture_is_encoded_again_not_rendered(void **state) {
+    struct fixture *f = *state;
+    begin(f, 200);
+    let_through(1000);
+    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* the first ones are small */
+    }
+    for (unsigned seq = 1; seq <= 3; seq++) {
+        struct proto_frame_header header;
+        unsigned before = look_at(&gate.sharp);
+        update(f, seq);
+        do {
+            header = next_frame(f);
+            assert_int_equal(header.seq, seq);
+        } while (!(header.flags & PROTO_FRAME_FINAL));
+        assert_int_equal(header.width, FULL);
+        assert_int_equal(look_at(&gate.sharp), before + 1);
+    }
+    tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+            "{\"lossless\":true}}");
+    unsigned before = look_at(&gate.sharp);
+    while (!(next_frame(f).flags & PROTO_FRAME_LOSSLESS)) {
+    }
+    assert_int_equal(look_at(&gate.sharp), before); /* that view's sharp picture is there */
+}
+
+static void what_nobody_wants_is_given_up(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1e6);
+    wait_for(&gate.entered, 1);
+    tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":1,"
+            "\"patch\":{\"volume\":\"engine\"}}}"); /* of another volume nothing can be used */
+    wait_for(&gate.cancelled, 1);
+    wait_for(&gate.entered, 2);
+    srv_hub_leave(f->hub, &f->participant, srv_clock_ms());
+    wait_for(&gate.cancelled, 2);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+        TEST(a_newer_view_gives_up_the_refinement_of_an_older_one),
+        TEST(a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row),
+        TEST(the_tick_gives_up_what_nobody_interrupts_any_more),
+        TEST(a_sharp_moving_picture_is_encoded_again_not_rendered),
+        TEST(what_nobody_wants_is_given_up),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
