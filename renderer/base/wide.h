@@ -10,6 +10,7 @@
 #ifndef SP_BASE_WIDE_H
 #define SP_BASE_WIDE_H
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -132,6 +133,21 @@ static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
 /* The first n lanes; n may be negative or more than SP_WIDE. */
 static inline sp_wide_mask sp_wide_first(int n) {
     return sp_wide_int_lt(sp_wide_int_count(), sp_wide_int_all(n));
+}
+
+/* Whether any lane of the mask is set. */
+static inline bool sp_wide_any(sp_wide_mask mask) {
+#if defined SP_WIDE_AVX512
+    return mask != 0;
+#elif defined SP_WIDE_AVX2
+    return _mm256_movemask_ps((__m256)mask) != 0;
+#elif defined SP_WIDE_SSE41
+    return _mm_movemask_ps((__m128)mask) != 0;
+#else
+    typedef int64_t halves __attribute__((vector_size(16)));
+    halves h = (halves)mask;
+    return (h[0] | h[1]) != 0;
+#endif
 }
 
 /* Bit k is lane k of the mask. */

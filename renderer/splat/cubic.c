@@ -66,16 +66,3 @@ void sp_cubic_table_init(struct sp_cubic_table *table) {
             table->share[i][k] = (float)(sp_cubic_part(rho, end * k / SP_CUBIC_COLUMNS) / all);
     }
 }
-
-float sp_cubic_share(const struct sp_cubic_table *table, float q, float zeta) {
-    const float radius = (float)(SP_CUBIC_RADIUS / SP_CUBIC_SIGMA);
-    float end = radius * sqrtf(q < 1 ? 1 - q : 0), z = fabsf(zeta);
-    if (!(z < end))
-        return zeta > 0 ? 1 : 0;
-    float row = q * SP_CUBIC_ROWS, column = z / end * SP_CUBIC_COLUMNS;
-    int i = (int)row, k = (int)column;
-    const float *a = &table->share[i][k], *b = &table->share[i + 1][k];
-    float f = column - (float)k, low = a[0] + f * (a[1] - a[0]), high = b[0] + f * (b[1] - b[0]);
-    float part = low + (row - (float)i) * (high - low);
-    return zeta > 0 ? 0.5f + part : 0.5f - part;
-}

@@ -17,6 +17,8 @@
 #ifndef SP_SPLAT_CUBIC_H
 #define SP_SPLAT_CUBIC_H
 
+#include "base/wide.h"
+
 #define SP_CUBIC_RADIUS 1.556228        /* t, voxels */
 #define SP_CUBIC_SIGMA 0.44654961306714 /* s, voxels: √(⅓ ∫ g r² dV / ∫ g dV) */
 
@@ -40,16 +42,34 @@ struct sp_cubic_table {
 void sp_cubic_table_init(struct sp_cubic_table *table);
 
 /* F(ρ)/F(0) at q in [0, 1]; 0 beyond. */
-static inline float sp_cubic_weight(const struct sp_cubic_table *table, float q) {
-    if (!(q < 1))
-        return 0;
-    float at = q * SP_CUBIC_STEPS;
-    int i = (int)at;
-    return table->weight[i] + (at - (float)i) * (table->weight[i + 1] - table->weight[i]);
+static inline sp_wide sp_wide_cubic_weight(const struct sp_cubic_table *table, sp_wide q) {
+    sp_wide_mask inside = sp_wide_lt(q, sp_wide_all(1));
+    sp_wide at = sp_wide_keep(inside, q) * SP_CUBIC_STEPS;
+    sp_wide_int i = sp_wide_to_int(at);
+    sp_wide low = sp_wide_gather(table->weight, i), high = sp_wide_gather(table->weight + 1, i);
+    return sp_wide_keep(inside, low + (at - sp_wide_from_int(i)) * (high - low));
 }
 
 /* The share of a ray's way through the kernel that lies before ζ: ½ at 0, 1 where it leaves.
  * q = (ρ/t)² in [0, 1); ζ in standard deviations. */
-float sp_cubic_share(const struct sp_cubic_table *table, float q, float zeta);
+static inline sp_wide sp_wide_cubic_share(const struct sp_cubic_table *table, sp_wide q,
+                                          sp_wide zeta) {
+    enum { ROW = SP_CUBIC_COLUMNS + 2 };
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    const float radius = (float)(SP_CUBIC_RADIUS / SP_CUBIC_SIGMA);
+    sp_wide_mask in_kernel = sp_wide_lt(q, one), is_late = sp_wide_lt(zero, zeta);
+    sp_wide end = radius * sp_wide_sqrt(sp_wide_keep(in_kernel, 1 - q)), z = sp_wide_abs(zeta);
+    sp_wide_mask inside = sp_wide_lt(z, end);
+    sp_wide row = sp_wide_keep(inside, q) * SP_CUBIC_ROWS;
+    sp_wide column = sp_wide_keep(inside, z / end * SP_CUBIC_COLUMNS);
+    sp_wide_int i = sp_wide_to_int(row), k = sp_wide_to_int(column), at = i * ROW + k;
+    sp_wide f = column - sp_wide_from_int(k);
+    sp_wide a = sp_wide_gather(table->share[0], at), b = sp_wide_gather(table->share[1], at);
+    sp_wide low = a + f * (sp_wide_gather(table->share[0] + 1, at) - a);
+    sp_wide high = b + f * (sp_wide_gather(table->share[1] + 1, at) - b);
+    sp_wide part = low + (row - sp_wide_from_int(i)) * (high - low);
+    return sp_wide_select(inside, sp_wide_select(is_late, 0.5f + part, 0.5f - part),
+                          sp_wide_select(is_late, one, zero));
+}
 
 #endif

@@ -16,6 +16,7 @@
 
 #include "base/isa.h"
 #include "sp/view.h"
+#include "splat/exp2.h"
 #include "tile/tile.h"
 
 #define SP_TRANSMITTANCE_MIN (1.0f / 512)
@@ -36,9 +37,6 @@ struct sp_blend {
     const struct sp_post *post;         /* NULL = splats are classified already */
 };
 
-/* (1 − e^{−t})/t, which E is multiplied by, and e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1). */
-float sp_attenuate(bool linear, float t, float *transmittance);
-
 /* Composites the sums in a slot, if there are any, and clears them; looks now and then whether the
  * tile is saturated. */
 void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t slot);
@@ -52,6 +50,37 @@ static inline int sp_smaller(int a, int b) {
 
 static inline int sp_larger(int a, int b) {
     return a > b ? a : b;
+}
+
+/* Row y of plane 0 of a slot's sums; plane p follows p · SP_TILE floats later. */
+static inline float *sp_sums_row(const struct sp_tile *tile, const struct sp_blend *blend,
+                                 uint32_t slot, int y) {
+    return tile->sums + ((size_t)slot * SP_TILE + (size_t)y) * blend->planes * SP_TILE;
+}
+
+/* (1 − e^{−t})/t, which E is multiplied by, and e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1). */
+static inline sp_wide sp_wide_attenuate(bool linear, sp_wide t, sp_wide *transmittance) {
+    const sp_wide one = sp_wide_all(1);
+    if (linear) {
+        *transmittance = sp_wide_keep(sp_wide_lt(t, one), 1 - t);
+        return sp_wide_select(sp_wide_lt(one, t), 1 / t, one);
+    }
+    sp_wide_mask is_small = sp_wide_lt(t, sp_wide_all(0.01f));
+    sp_wide e = sp_wide_exp2(-SP_LOG2E * t);
+    sp_wide exact = (1 - e) / sp_wide_max(t, sp_wide_all(1e-20f));
+    sp_wide series = 1 - t * (0.5f - t * (1.0f / 6));
+    *transmittance = sp_wide_select(is_small, 1 - t * series, e);
+    return sp_wide_select(is_small, series, exact);
+}
+
+/* The first of the aligned columns, SP_WIDE at a time, that a box touches. */
+static inline int sp_column_first(const struct sp_box *box) {
+    return box->x0 & -SP_WIDE;
+}
+
+/* Which of the columns from x on lie in the box. */
+static inline sp_wide_mask sp_columns_inside(const struct sp_box *box, int x) {
+    return sp_wide_first(box->x1 - x) & ~sp_wide_first(box->x0 - x);
 }
 
 /* Grows a slot's dirty box. */

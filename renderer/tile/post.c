@@ -203,7 +203,7 @@ static struct sp_class classify(const struct sp_post *post, int x, int y, const 
 }
 
 void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int n) {
-    enum { S = SP_TILE * SP_TILE_ROW };
+    enum { S = SP_TILE };
     for (int i = 0; i < n; i++) {
         float at[5];
         struct sp_class c = { { 0 }, 0 };

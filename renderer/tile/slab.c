@@ -3,7 +3,6 @@
 
 #include <math.h>
 
-#include "splat/normal.h"
 #include "tile/footprint.h"
 
 /* Closes every slab before `layer`. */
@@ -31,80 +30,58 @@ static struct range find_slabs(const struct sp_blend *blend, const struct sp_spl
     return (struct range){ (uint32_t)from, (uint32_t)to };
 }
 
-/* Adds n weights, a multiple of SP_WIDE, times what the splat adds; `share` of all of it. */
-static inline void add_weights(const struct sp_splat *s, const float *restrict w, int n,
-                               float share, bool post, float *restrict sums) {
-    enum { P = SP_TILE * SP_TILE_ROW };
-    float depth = s->depth * share, e0 = s->emission[0] * share, e1 = s->emission[1] * share,
-          e2 = s->emission[2] * share, value = s->value * share;
-    n &= -SP_WIDE;
-    for (int i = 0; i < n; i++) {
-        sums[i] += w[i] * depth;
-        sums[P + i] += w[i] * e0;
-        sums[2 * P + i] += w[i] * e1;
-        sums[3 * P + i] += w[i] * e2;
-    }
-    for (int i = 0; post && i < n; i++)
-        sums[4 * P + i] += w[i] * value;
+/* Adds weights times what the splat adds. */
+static inline void add_to(float *sums, sp_wide weight, const float adds[SP_PLANES + 1],
+                          uint32_t planes) {
+    for (uint32_t p = 0; p < planes; p++)
+        sp_wide_store(sums + p * SP_TILE, sp_wide_load(sums + p * SP_TILE) + weight * adds[p]);
 }
 
-/* Depth of the far face of slab k on the rays of a row's pixels, in standard deviations, no farther
- * than planes let them see. */
-static void find_depths(const struct sp_blend *blend, const struct sp_span *span,
-                        const struct sp_row *row, uint32_t k, float dx, float dy,
-                        float *restrict depth) {
+static void add_weights(sp_wide weight, const float adds[SP_PLANES + 1], bool is_post,
+                        float *sums) {
+    if (is_post)
+        add_to(sums, weight, adds, SP_PLANES + 1);
+    else
+        add_to(sums, weight, adds, SP_PLANES);
+}
+
+/* Depth of the far face of slab k on the rays of the pixels, in standard deviations, no farther
+ * than planes let them see. `count`: of the columns, from the box's first on. */
+static inline sp_wide find_depth(const struct sp_blend *blend, const struct sp_splat *s,
+                                 const struct sp_span *span, const struct sp_pixels *px, uint32_t k,
+                                 float first_dx, sp_wide count) {
     float face = blend->nearest + (float)(k + 1) * blend->thickness - span->distance;
-    float first = (face - span->slope[0] * dx - span->slope[1] * dy) * span->sharpness;
-    float step = span->slope[0] * span->sharpness;
-    for (int i = 0; i < row->n; i++)
-        depth[i] = first - step * (float)i;
-    for (int i = 0; row->bounded && i < row->n; i++)
-        depth[i] = depth[i] < row->high[i] ? depth[i] : row->high[i];
+    float first = (face - span->slope[0] * first_dx - span->slope[1] * px->dy) * span->sharpness;
+    sp_wide depth = first - span->slope[0] * span->sharpness * count;
+    return s->cuts ? sp_wide_min(depth, px->high) : depth;
 }
 
-/* Shares of a row's pixels before the far face of slab k, never less than those before its near
- * face. */
-static void find_shares(const struct sp_blend *blend, const struct sp_span *span,
-                        const struct sp_row *row, uint32_t k, float dx, float dy,
-                        float *restrict before) {
-    float depth[SP_TILE];
-    find_depths(blend, span, row, k, dx, dy, depth);
-    if (blend->cubic) {
-        for (int i = 0; i < row->n; i++) {
-            float share = sp_footprint_share(blend, row->exponent[i], depth[i]);
-            before[i] = share > before[i] ? share : before[i];
-        }
-        return;
-    }
-    for (int i = 0; i < row->n; i++) {
-        float share = sp_normal_share(depth[i]);
-        before[i] = share > before[i] ? share : before[i];
-    }
-}
-
-static void add_row(struct sp_tile *tile, const struct sp_blend *blend, const struct sp_splat *s,
-                    const struct sp_span *span, const struct range *slabs, const struct sp_row *row,
-                    int x, int y) {
-    float before[SP_TILE], share[SP_TILE] = { 0 };
-    int whole = (row->n + SP_WIDE - 1) & -SP_WIDE;
-    float dx = (float)(x + tile->x) + 0.5f - s->x, dy = (float)(y + tile->y) + 0.5f - s->y;
-    for (int i = 0; i < row->n; i++)
-        before[i] = row->bounded ? sp_footprint_share(blend, row->exponent[i], row->low[i]) : 0;
+/* Pixels of row y in the columns from x on: their shares in each of the slabs. */
+static void add_pixels(struct sp_tile *tile, const struct sp_blend *blend,
+                       const struct sp_splats *records, uint32_t n, const struct range *slabs,
+                       const struct sp_box *box, int x, int y) {
+    const struct sp_splat *s = &records->splat[n];
+    const struct sp_span *span = &records->span[n];
+    const float adds[] = { s->depth, s->emission[0], s->emission[1], s->emission[2], s->value };
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    struct sp_pixels px;
+    sp_footprint_pixels(blend, tile, s, records->cut ? &records->cut[n] : NULL, box, x, y, &px);
+    float first_dx = (float)(box->x0 + tile->x) + 0.5f - s->x;
+    sp_wide count = sp_wide_from_int(sp_wide_int_count() + (x - box->x0));
+    sp_wide before = s->cuts ? sp_footprint_share(blend, px.exponent, px.low) : zero;
     for (uint32_t k = slabs->first; k <= slabs->last; k++) {
-        for (int i = 0; i < row->n; i++)
-            share[i] = -before[i];
+        sp_wide next = one; /* the share before the far face, not less than that before the near */
         if (k < slabs->last)
-            find_shares(blend, span, row, k, dx, dy, before);
-        else
-            for (int i = 0; i < row->n; i++) {
-                float all =
-                    row->bounded ? sp_footprint_share(blend, row->exponent[i], row->high[i]) : 1;
-                before[i] = all > before[i] ? all : before[i];
-            }
-        for (int i = 0; i < row->n; i++)
-            share[i] = (share[i] + before[i]) * row->weight[i];
-        sp_plane *sums = tile->sums + (size_t)(k % blend->slots) * blend->planes;
-        add_weights(s, share, whole, 1, blend->post != NULL, &sums[0][y][x]);
+            next = sp_footprint_share(blend, px.exponent,
+                                      find_depth(blend, s, span, &px, k, first_dx, count));
+        else if (s->cuts)
+            next = sp_footprint_share(blend, px.exponent, px.high);
+        next = sp_wide_max(next, before);
+        sp_wide weight = (next - before) * px.weight;
+        if (sp_wide_any(sp_wide_lt(zero, weight)))
+            add_weights(weight, adds, blend->post != NULL,
+                        sp_sums_row(tile, blend, k % blend->slots, y) + x);
+        before = next;
     }
 }
 
@@ -117,25 +94,41 @@ static bool is_even(const struct sp_blend *blend, const struct sp_splat *s,
     return !blend->cubic && !s->cuts && across * span->sharpness < 1e-3f;
 }
 
+/* Shares of every pixel of a splat that is even. */
+static void find_shares(const struct sp_blend *blend, const struct sp_span *span,
+                        const struct range *slabs, float share[SP_SLOTS_MAX + SP_WIDE]) {
+    int last = (int)(slabs->last - slabs->first);
+    for (int i = 0; i < last; i += SP_WIDE) {
+        sp_wide k = sp_wide_from_int(sp_wide_int_count() + (int32_t)(slabs->first + 1) + i);
+        sp_wide face = blend->nearest + k * blend->thickness - span->distance;
+        sp_wide_store(share + i, sp_wide_normal_share(face * span->sharpness));
+    }
+    share[last] = 1;
+    for (int i = last; i > 0; i--)
+        share[i] -= share[i - 1];
+}
+
 /* The same for a splat that is even: its shares are those of every pixel. */
 static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const struct sp_splat *s,
                      const struct sp_span *span, const struct range *slabs,
                      const struct sp_box *box) {
-    float share[SP_SLOTS_MAX], before = 0;
-    for (uint32_t k = slabs->first; k <= slabs->last; k++) {
-        float face = blend->nearest + (float)(k + 1) * blend->thickness - span->distance;
-        float next = k < slabs->last ? sp_normal_share(face * span->sharpness) : 1;
-        share[k - slabs->first] = next - before;
-        before = next;
-    }
-    for (int y = box->y0; y < box->y1; y++) {
-        struct sp_row row;
-        sp_footprint_row(blend, tile, s, NULL, box, y, &row);
-        int whole = (row.n + SP_WIDE - 1) & -SP_WIDE;
+    float share[SP_SLOTS_MAX + SP_WIDE];
+    size_t step = blend->planes * (size_t)SP_TILE;
+    find_shares(blend, span, slabs, share);
+    for (int x = sp_column_first(box); x < box->x1; x += SP_WIDE) {
+        sp_wide weight[SP_TILE];
+        for (int y = box->y0; y < box->y1; y++) {
+            struct sp_pixels px;
+            sp_footprint_pixels(blend, tile, s, NULL, box, x, y, &px);
+            weight[y] = px.weight;
+        }
         for (uint32_t k = slabs->first; k <= slabs->last; k++) {
-            sp_plane *sums = tile->sums + (size_t)(k % blend->slots) * blend->planes;
-            add_weights(s, row.weight, whole, share[k - slabs->first], blend->post != NULL,
-                        &sums[0][y][box->x0]);
+            float part = share[k - slabs->first], *sums;
+            const float adds[] = { s->depth * part, s->emission[0] * part, s->emission[1] * part,
+                                   s->emission[2] * part, s->value * part };
+            sums = sp_sums_row(tile, blend, k % blend->slots, box->y0) + x;
+            for (int y = box->y0; y < box->y1; y++, sums += step)
+                add_weights(weight[y], adds, blend->post != NULL, sums);
         }
     }
 }
@@ -144,20 +137,17 @@ void sp_slab_add(struct sp_tile *tile, const struct sp_blend *blend,
                  const struct sp_splats *records, uint32_t n) {
     const struct sp_splat *s = &records->splat[n];
     const struct sp_span *span = &records->span[n];
-    const struct sp_cut *cut = records->cut ? &records->cut[n] : NULL;
     advance(tile, blend, s->sheet);
     if (tile->saturated)
         return;
     struct sp_box box = sp_tile_box(tile, s);
     struct range slabs = find_slabs(blend, s, span);
-    bool even = is_even(blend, s, span);
-    if (even)
+    if (is_even(blend, s, span))
         add_even(tile, blend, s, span, &slabs, &box);
-    for (int y = box.y0; y < box.y1 && !even; y++) {
-        struct sp_row row;
-        sp_footprint_row(blend, tile, s, cut, &box, y, &row);
-        add_row(tile, blend, s, span, &slabs, &row, box.x0, y);
-    }
+    else
+        for (int y = box.y0; y < box.y1; y++)
+            for (int x = sp_column_first(&box); x < box.x1; x += SP_WIDE)
+                add_pixels(tile, blend, records, n, &slabs, &box, x, y);
     for (uint32_t k = slabs.first; k <= slabs.last; k++)
         sp_slot_touch(&tile->dirty[k % blend->slots], &box);
 }

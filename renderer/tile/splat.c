@@ -5,27 +5,29 @@
 
 enum { CHECK_EVERY = 256 }; /* splats between two looks at the transmittance of a whole tile */
 
-static void composite_row(bool linear, const struct sp_splat *s, const struct sp_row *row,
-                          float *restrict done) {
-    enum { D = SP_TILE * SP_TILE };
-    for (int i = 0; i < row->n; i++) {
-        float pass, w = row->weight[i], f = sp_attenuate(linear, w * s->depth, &pass) * w * done[i];
-        done[D + i] += f * s->emission[0];
-        done[2 * D + i] += f * s->emission[1];
-        done[3 * D + i] += f * s->emission[2];
-        done[i] *= pass;
+static inline void composite(bool linear, const struct sp_splat *s, sp_wide weight,
+                             float *restrict done) {
+    enum { D = SP_TILE_AREA };
+    sp_wide pass, through = sp_wide_load(done);
+    sp_wide f = sp_wide_attenuate(linear, weight * s->depth, &pass) * weight * through;
+    for (int c = 0; c < 3; c++) {
+        float *colour = done + (c + 1) * D;
+        sp_wide_store(colour, sp_wide_load(colour) + f * s->emission[c]);
     }
+    sp_wide_store(done, through * pass);
 }
 
 void sp_splat_add(struct sp_tile *tile, const struct sp_blend *blend,
                   const struct sp_splats *records, uint32_t n) {
     const struct sp_splat *s = &records->splat[n];
     struct sp_box box = sp_tile_box(tile, s);
-    for (int y = box.y0; y < box.y1; y++) {
-        struct sp_row row;
-        sp_footprint_weights(blend, tile, s, records->cut ? &records->cut[n] : NULL, &box, y, &row);
-        composite_row(blend->linear, s, &row, &tile->done[0][y][box.x0]);
-    }
+    for (int y = box.y0; y < box.y1; y++)
+        for (int x = sp_column_first(&box); x < box.x1; x += SP_WIDE) {
+            struct sp_pixels px;
+            sp_footprint_weights(blend, tile, s, records->cut ? &records->cut[n] : NULL, &box, x, y,
+                                 &px);
+            composite(blend->linear, s, px.weight, &tile->done[0][y][x]);
+        }
     if (++tile->closed % CHECK_EVERY == 0)
         sp_tile_check(tile);
 }

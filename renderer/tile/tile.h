@@ -21,15 +21,11 @@
 #include "splat/ewa.h"
 
 enum {
-    SP_TILE = 32,     /* px, both ways */
-    SP_TILE_ROW = 48, /* floats a row of a layer's sums: loops may run over the right … */
-    SP_TILE_STEP = SP_WIDE_MAX, /* … edge by up to this minus one, whatever the instruction set */
-    SP_PLANES = 4,              /* composited: transmittance and red, green, blue */
+    SP_TILE = 32, /* px, both ways: a multiple of every SP_WIDE */
+    SP_TILE_AREA = SP_TILE * SP_TILE,
+    SP_PLANES = 4, /* composited: transmittance and red, green, blue */
     SP_NO_SHEET = -1
 };
-
-/* One plane of a layer's sums. */
-typedef float sp_plane[SP_TILE][SP_TILE_ROW];
 
 /* Columns and rows of a tile: x0, y0, x1, y1 in tile px, half open. */
 struct sp_box {
@@ -38,9 +34,10 @@ struct sp_box {
 
 struct sp_tile {
     /* Sums of the open layers (blend.h: slots, planes): layer k lies in slot k mod slots, its plane
-     * 0 is T = Σ τ, 1 … 3 are E = Σ c·τ; post: Σ length, Σ gradient·length, Σ value·length. The
-     * owner of the tiles sets both pointers. */
-    sp_plane *sums;       /* [slots][planes] */
+     * 0 is T = Σ τ, 1 … 3 are E = Σ c·τ; post: Σ length, Σ gradient·length, Σ value·length. Planes
+     * alternate by rows, so that what a footprint touches lies close together. The owner of the
+     * tiles sets both pointers. */
+    float *sums;          /* [slots][SP_TILE][planes][SP_TILE]: sp_sums_row() */
     struct sp_box *dirty; /* [slots] what is not zero in them; empty when x1 <= x0 */
     /* Composited so far: plane 0 is the transmittance, 1 … 3 the associated colour. */
     _Alignas(64) float done[SP_PLANES][SP_TILE][SP_TILE];

@@ -43,7 +43,7 @@ struct guarded {
     struct sp_tile *tile;
     struct sp_blend blend;
 };
-enum { SUMS_BYTES = SP_PLANES * sizeof(sp_plane) };
+enum { SUMS_BYTES = SP_PLANES * SP_TILE_AREA * sizeof(float) };
 
 static unsigned char *make_zone(size_t size) {
     unsigned char *memory = aligned_alloc(64, 2 * GUARD + size);
@@ -67,9 +67,13 @@ static void make_guarded(struct guarded *g, int x, int y, float cut) {
     g->memory = make_zone(sizeof(struct sp_tile));
     g->sums = make_zone(SUMS_BYTES);
     g->tile = (struct sp_tile *)(void *)(g->memory + GUARD);
-    g->tile->sums = (sp_plane *)(void *)(g->sums + GUARD);
+    g->tile->sums = (float *)(void *)(g->sums + GUARD);
     g->tile->dirty = &g->dirty;
     sp_tile_init(g->tile, x, y, (int[2]){ 8192, 8192 }, &g->blend);
+}
+
+static float *sum_at(const struct guarded *g, int plane, int y, int x) {
+    return sp_sums_row(g->tile, &g->blend, 0, y) + plane * SP_TILE + x;
 }
 
 static void free_guarded(struct guarded *g) {
@@ -127,9 +131,9 @@ static void check_add(const struct cpu_kernels *kernels) {
             for (int y = 0; y < SP_TILE; y++)
                 for (int x = 0; x < SP_TILE; x++) {
                     double e = exponent(&s, g.tile->x + x, g.tile->y + y);
-                    double got = (double)g.tile->sums[0][y][x], top = (double)s.depth;
+                    double got = (double)*sum_at(&g, 0, y, x), top = (double)s.depth;
                     for (int p = 0; p < SP_PLANES; p++)
-                        assert_true(isfinite(g.tile->sums[p][y][x]) && g.tile->sums[p][y][x] >= 0);
+                        assert_true(isfinite(*sum_at(&g, p, y, x)) && *sum_at(&g, p, y, x) >= 0);
                     if (wild) { /* the exponent itself is a difference of huge numbers */
                         assert_true(got <= top * 1.0001);
                         continue;
@@ -140,14 +144,14 @@ static void check_add(const struct cpu_kernels *kernels) {
                     bool edge = fabs(e - (double)cut) < 2e-2 * (double)cut;
                     assert_true(fabs(got - top * w) < slack || edge);
                     for (int c = 0; c < 3; c++)
-                        assert_true(fabs((double)g.tile->sums[1 + c][y][x] * top -
+                        assert_true(fabs((double)*sum_at(&g, 1 + c, y, x) * top -
                                          got * (double)s.emission[c]) <= 1e-6 * top * top * 3);
                 }
             kernels->tile_close(g.tile, &g.blend);
             for (int p = 0; p < SP_PLANES; p++)
                 for (int y = 0; y < SP_TILE; y++)
-                    for (int x = 0; x < SP_TILE_ROW; x++)
-                        assert_true(g.tile->sums[p][y][x] == 0);
+                    for (int x = 0; x < SP_TILE; x++)
+                        assert_true(*sum_at(&g, p, y, x) == 0);
         }
         free_guarded(&g);
     }
@@ -175,10 +179,10 @@ static void check_close(const struct cpu_kernels *kernels) {
         for (int y = box.y0; y < box.y1; y++)
             for (int x = box.x0; x < box.x1; x++)
                 if (rand() % 4) {
-                    t->sums[0][y][x] = (float)uniform(0, top);
-                    depth[y][x] = (double)t->sums[0][y][x];
+                    *sum_at(&g, 0, y, x) = (float)uniform(0, top);
+                    depth[y][x] = (double)*sum_at(&g, 0, y, x);
                     for (int c = 1; c < 4; c++)
-                        t->sums[c][y][x] = t->sums[0][y][x] * 0.25f * (float)c;
+                        *sum_at(&g, c, y, x) = *sum_at(&g, 0, y, x) * 0.25f * (float)c;
                 }
         for (int y = 0; y < SP_TILE; y++)
             for (int x = 0; x < SP_TILE; x++) {

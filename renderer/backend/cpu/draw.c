@@ -13,7 +13,7 @@
 enum {
     BLOCK = SP_BRICK_VOXELS, /* voxels set up at a time: at least those of a run */
     BATCH_BLOCKS = 32,       /* blocks a batch: 131,072 records of 64 bytes */
-    BAND_TILES = 2304,       /* tiles a band, 36 KiB each: one band up to 1920 × 1080 */
+    BAND_TILES = 2304,       /* tiles a band, 32 KiB each: one band up to 1920 × 1080 */
     ENTRIES_MIN = 1 << 20,
     POLL_EVERY = 64, /* splats of a tile between two looks at the cancel flag */
 };
@@ -252,7 +252,7 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
 
 /* Bytes of a tile's sums. */
 static size_t sums_bytes(const struct sp_blend *blend) {
-    return (size_t)blend->slots * blend->planes * sizeof(sp_plane);
+    return (size_t)blend->slots * blend->planes * SP_TILE_AREA * sizeof(float);
 }
 
 static int band_rows(const struct draw *d) {
@@ -264,11 +264,12 @@ static int band_rows(const struct draw *d) {
 
 static void allocate_tiles(struct draw *d, struct sp_arena *arena, uint32_t tiles) {
     size_t layers = (size_t)tiles * d->blend.slots;
-    sp_plane *sums = sp_arena_alloc(arena, "sums", layers * d->blend.planes, sizeof *sums);
+    size_t floats = (size_t)d->blend.slots * d->blend.planes * SP_TILE_AREA;
+    float *sums = sp_arena_alloc(arena, "sums", tiles, floats * sizeof *sums);
     struct sp_box *dirty = sp_arena_alloc(arena, "layers of tiles", layers, sizeof *dirty);
     d->grid.tiles = sp_arena_alloc(arena, "tiles", tiles, sizeof *d->grid.tiles);
     for (uint32_t t = 0; !arena->failed && t < tiles; t++) {
-        d->grid.tiles[t].sums = sums + (size_t)t * d->blend.slots * d->blend.planes;
+        d->grid.tiles[t].sums = sums + t * floats;
         d->grid.tiles[t].dirty = dirty + (size_t)t * d->blend.slots;
     }
 }

@@ -24,7 +24,7 @@ enum { SLOTS = 16, SIZE = SP_TILE };
 /* One tile and the memory of its layers. */
 struct bench {
     struct sp_blend blend;
-    sp_plane *sums;
+    float *sums;
     struct sp_box dirty[SLOTS];
     struct sp_tile *tile;
 };
@@ -35,7 +35,7 @@ static struct bench make_bench(enum sp_compositing mode) {
                                   .slots = mode == SP_COMPOSITE_SLAB ? SLOTS : 1,
                                   .cut = 4.5f * SP_LOG2E,
                                   .thickness = 1 } };
-    b.sums = calloc(SLOTS * (size_t)5, sizeof *b.sums);
+    b.sums = calloc(SLOTS * (size_t)5 * SP_TILE_AREA, sizeof *b.sums);
     b.tile = aligned_alloc(64, sizeof *b.tile);
     assert_true(b.sums && b.tile);
     b.tile->sums = b.sums;
@@ -143,7 +143,7 @@ static void slabs_share_a_splat_by_its_depth(void **state) {
                 double share = k < 1 || k > 5 ? 0
                                               : 0.5 * (erf((high - mean) / 0.8 * M_SQRT1_2) -
                                                        erf((low - mean) / 0.8 * M_SQRT1_2));
-                double got = (double)b.sums[k * SP_PLANES][y][x];
+                double got = (double)sp_sums_row(b.tile, &b.blend, (uint32_t)k, y)[x];
                 assert_near(got, 1e-3 * weight_at(x, y) * share, 2e-9);
                 sum += got;
             }
@@ -184,9 +184,8 @@ static void slabs_close_front_to_back(void **state) {
     }
     assert_near((double)b.tile->done[0][16][16], through, 2e-6);
     assert_near((double)b.tile->done[2][16][16], colour, 2e-6);
-    for (int p = 0; p < SLOTS * SP_PLANES; p++)
-        for (int i = 0; i < SP_TILE * SP_TILE_ROW; i++)
-            assert_true((&b.sums[p][0][0])[i] == 0);
+    for (int i = 0; i < SLOTS * SP_PLANES * SP_TILE_AREA; i++)
+        assert_true(b.sums[i] == 0);
     free_bench(&b);
 }
 
@@ -212,7 +211,7 @@ static void cuts_bound_the_shares(void **state) {
                 double all = fmax(0.5 * (erf(high * M_SQRT1_2) - erf(low * M_SQRT1_2)), 0);
                 double factor = weight_at(x, y) * 0.5 * (1 + erf(third * M_SQRT1_2)) * 1e-3;
                 for (uint32_t k = 0; k < b.blend.slots; k++) {
-                    double got = (double)b.sums[k * SP_PLANES][y][x];
+                    double got = (double)sp_sums_row(b.tile, &b.blend, (uint32_t)k, y)[x];
                     sum += got;
                     if (!slabs || k > 5)
                         continue;
@@ -251,8 +250,8 @@ static void the_cubic_kernel_has_its_own_profile(void **state) {
                 double part = f > 0 ? 0.5 * f + copysign(sp_cubic_part(rho, fabs(z)), z) : 0;
                 if (k >= 5)
                     part = f;
-                assert_near((double)b.sums[k * SP_PLANES][y][x], 1e-3 * (part - before) / top,
-                            1e-7);
+                assert_near((double)sp_sums_row(b.tile, &b.blend, (uint32_t)k, y)[x],
+                            1e-3 * (part - before) / top, 1e-7);
                 before = part;
             }
         }

@@ -51,7 +51,7 @@ static const struct sp_blend blending = {
 
 /* A tile of sheets with memory of its own. */
 static void start_tile(struct sp_tile *tile, int x, int y, const int size[2]) {
-    tile->sums = malloc(SP_PLANES * sizeof *tile->sums);
+    tile->sums = malloc(SP_PLANES * SP_TILE_AREA * sizeof *tile->sums);
     tile->dirty = malloc(sizeof *tile->dirty);
     assert_true(tile->sums && tile->dirty);
     sp_tile_init(tile, x, y, size, &blending);
@@ -195,7 +195,7 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
                 for (int x = 0; x < SP_TILE; x++) {
                     int px = tile->x + x, py = tile->y + y;
                     for (int p = 0; p < SP_PLANES; p++) {
-                        assert_true(tile->sums[p][y][x] == 0);
+                        assert_true(sp_sums_row(tile, &blend, 0, y)[p * SP_TILE + x] == 0);
                         double expected = px < WIDTH && py < HEIGHT ? truth[py * WIDTH + px][p] : 0;
                         worst = fmax(worst, fabs((double)tile->done[p][y][x] - expected));
                     }
