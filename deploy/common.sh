@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Shared by run.sh and test.sh; sourced, never run. Needs bash.
+# Shared by run.sh, test.sh and bench.sh; sourced, never run. Needs bash.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 

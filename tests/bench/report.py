@@ -1,0 +1,347 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the bench's page from its CSV files: report.py DIR writes DIR/README.md and two charts.
+
+A table whose file is missing is left out. notes.md in the same folder, if there is one, is the paragraph on where
+the time goes that no program can write. The headline is printed as well.
+"""
+import csv
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import charts  # noqa: E402
+
+# Frames a second at 512 × 512 as the papers print them, on their graphics cards (2.4 GHz Pentium 4 with an ATI 9800
+# Pro; 1.2 GHz Athlon with a GeForce3).
+CHEN_3, CHEN_4 = 'Chen et al. 2004, table 3, adaptive', 'Chen et al. 2004, table 4, retained'
+BOTHA = 'Botha and Post 2003, table 1, high quality'
+PAPERS = {
+    'engine': [(3.25, CHEN_3), (8, BOTHA)],
+    'bonsai': [(7.53, CHEN_3)],
+    'lobster': [(10.60, CHEN_3)],
+    'head': [(3.00, CHEN_3), (6, BOTHA)],
+    'head-full': [(2.86, CHEN_4)],
+    'aneurism': [(41, BOTHA)],
+    'checkerboard': [(6.88, CHEN_4)],
+}
+# Chen et al., table 3: how much faster adaptive is than ewa, in percent.
+CHEN_ADAPTIVE = {'engine': 12, 'bonsai': 9, 'lobster': 21, 'head': 11}
+GOAL, GOAL_SPARSE, SPARSE = 5, 10, ('engine', 'bonsai', 'lobster', 'aneurism')
+GOAL_FPS = {'head-full': 40}  # at 512 px, two threads, not shaded
+GOAL_ADAPTIVE_DB, GOAL_DETAIL_DB, GOAL_EDIT, GOAL_CANCEL_MS, GOAL_BYTES = 45, 40, 0.90, 5, 2
+EQUAL_DB = 999
+ORDER = ('engine', 'bonsai', 'bonsai-full', 'lobster', 'head', 'head-full', 'aneurism', 'checkerboard', 'sparse')
+
+
+def read(folder, name):
+    path = os.path.join(folder, name)
+    if not os.path.exists(path):
+        return []
+    with open(path, encoding='utf-8', newline='') as f:
+        return [{k: number(v) for k, v in row.items()} for row in csv.DictReader(f)]
+
+
+def number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def table(head, rows):
+    if not rows:
+        return ''
+    lines = ['| ' + ' | '.join(head) + ' |', '|' + '---|' * len(head)]
+    return '\n'.join(lines + ['| ' + ' | '.join(str(c) for c in row) + ' |' for row in rows]) + '\n'
+
+
+def short(value, digits=3):
+    """A number with three digits that count; nothing for one that is missing."""
+    if value in ('', None):
+        return '–'
+    if value >= 10 ** (digits - 1):
+        return f'{value:.0f}'
+    return f'{value:.{digits}g}'
+
+
+def decibels(value):
+    return '–' if value == '' else 'equal' if value >= EQUAL_DB else f'{value:.1f}'
+
+
+def met(is_met):
+    return 'met' if is_met else '**missed**'
+
+
+def millions(value):
+    return f'{value / 1e6:.2f}'
+
+
+def ordered(rows):
+    return sorted(rows, key=lambda r: ORDER.index(r['scene']) if r['scene'] in ORDER else len(ORDER))
+
+
+def find(rows, **wanted):
+    return next((r for r in rows if all(r[k] == v for k, v in wanted.items())), None)
+
+
+def goal(scene):
+    return GOAL_SPARSE if scene in SPARSE else GOAL
+
+
+def scene_line(rows, own):
+    """One row of the table of scenes: this renderer beside its peers at the same setting."""
+    where = {k: own[k] for k in ('scene', 'size', 'threads', 'shading')}
+    vtk, scalar = (find(rows, renderer=name, **where) for name in ('vtk', 'scalar'))
+    ratio = own['fps'] / vtk['fps'] if vtk else None
+    verdict = [met(ratio >= goal(own['scene']))] if vtk else ['–']
+    wanted = GOAL_FPS.get(own['scene'])
+    if wanted and (own['size'], own['threads'], own['shading']) == (512, 2, 'none'):
+        verdict.append(f'{wanted} fps: {met(own["fps"] >= wanted)}')
+    papers = PAPERS.get(own['scene'], []) if own['size'] == 512 and own['shading'] == 'none' else []
+    return [own['scene'], short(own['splats'] / 1e6), short(own['median_ms']), short(own['p95_ms']), short(own['fps']),
+            short(vtk['fps']) if vtk else '–', f'{ratio:.1f}' if ratio else '–', f'{goal(own["scene"])}: ' + ', '.join(verdict),
+            f'{own["fps"] / scalar["fps"]:.1f}' if scalar else '–',
+            ', '.join(f'{own["fps"] / fps:.0f}× {source.split()[0]}' for fps, source in papers) or '–']
+
+
+SCENE_HEAD = ['scene', 'Msplat drawn', 'median ms', 'p95 ms', 'fps', 'VTK fps', 'times VTK', 'goal, times VTK', 'times scalar',
+              'times the papers\' cards']
+
+
+def scenes(folder):
+    rows = read(folder, 'scenes.csv')
+    corners = []
+    for r in rows:
+        corner = (r['size'], r['threads'], r['shading'])
+        if corner not in corners:
+            corners.append(corner)
+    parts = []
+    for size, threads, shading in corners:
+        own = ordered([r for r in rows if r['renderer'] == 'splatd' and (r['size'], r['threads'], r['shading']) == (size, threads, shading)])
+        title = f'{size:.0f} × {size:.0f}, {threads:.0f} thread{"s" if threads > 1 else ""}, {"shaded" if shading == "phong" else "not shaded"}'
+        parts.append(f'### {title}\n\n' + table(SCENE_HEAD, [scene_line(rows, r) for r in own]))
+    return '\n'.join(parts)
+
+
+def pairs(folder, file, own, other):
+    """Two settings of the same scenes."""
+    def line(r):
+        return [r['scene'] + ('' if r['zoom'] == 1 else f', {1 / r["zoom"]:g} times as far'), short(r['splats'] / 1e6), short(r['median_ms']),
+                short(r['against_median_ms']), f'{100 * (r["speedup"] - 1):+.0f} %', f'{100 * (r["cpu_speedup"] - 1):+.0f} %',
+                decibels(r['psnr_db']), decibels(r['psnr_worst_db'])]
+    rows = ordered(read(folder, file))
+    return rows, table(['scene', 'Msplat', own + ' ms', other + ' ms', 'frames a second', 'by CPU time', 'PSNR dB', 'worst view dB'],
+                       [line(r) for r in rows])
+
+
+def adaptive(folder):
+    rows, text = pairs(folder, 'adaptive.csv', 'adaptive', 'ewa')
+    if not rows:
+        return ''
+    worst = min(r['psnr_worst_db'] for r in rows)
+    gains = {r['scene']: 100 * (r['speedup'] - 1) for r in rows if r['zoom'] == 1}
+    beside = ', '.join(f'{scene} {gain} % ({met(gains[scene] >= gain)})' for scene, gain in CHEN_ADAPTIVE.items() if scene in gains)
+    return (f'{text}\nGoals: as much faster as Chen et al. print in table 3: {beside or "none of their scenes was there"}; and {GOAL_ADAPTIVE_DB} dB: '
+            f'the worst view has {decibels(worst)} ({met(worst >= GOAL_ADAPTIVE_DB)}).\n')
+
+
+def detail(folder):
+    rows, text = pairs(folder, 'detail.csv', 'auto', 'off')
+    if not rows:
+        return ''
+    worst = min(r['psnr_worst_db'] for r in rows)
+    return f'{text}\nGoal: {GOAL_DETAIL_DB} dB against the full set: the worst view has {decibels(worst)} ({met(worst >= GOAL_DETAIL_DB)}).\n'
+
+
+def edits(folder):
+    rows = ordered(read(folder, 'edits.csv'))
+    lines = [[r['scene'], r['setting'].split('=')[1], short(r['median_ms']), short(r['against_median_ms']), f'{100 * r["speedup"]:.0f} %',
+              f'{100 * r["cpu_speedup"]:.0f} %', met(r['speedup'] >= GOAL_EDIT)] for r in rows]
+    text = table(['scene', 'what changes at every frame', 'median ms', 'fixed ms', 'frames a second, of fixed', 'by CPU time',
+                  f'goal {100 * GOAL_EDIT:.0f} %'], lines)
+    return text and text + '\nChen et al., tables 4 and 5: 96 to 99 % of the frames a second with lists by value.\n'
+
+
+def add_cost(rates, area):
+    """Seconds that adding one footprint takes at best, by the table of widths; rates in Msplat/s."""
+    known = sorted((width * width, 1e-6 / rate) for width, rate in rates.items())
+    if area >= known[-1][0]:
+        return known[-1][1] * area / known[-1][0]
+    if area <= known[0][0]:
+        return known[0][1]
+    for (a0, t0), (a1, t1) in zip(known, known[1:]):
+        if area <= a1:
+            return t0 + (t1 - t0) * (area - a0) / (a1 - a0)
+    return known[-1][1]
+
+
+def best_limits(folder, threads):
+    """The best of all instruction sets, a width and for the set-up; None if it was not measured."""
+    rows = [r for r in read(folder, 'limit.csv') if r['threads'] == threads]
+    if not rows:
+        return None
+    return {width: max(r[f'add_{width}'] for r in rows) for width in (3, 5, 7, 11)}, max(r['set_up'] for r in rows)
+
+
+def limit_ms(limits, splats, fragments):
+    rates, set_up = limits
+    return splats * (add_cost(rates, fragments / splats) + 1e-6 / set_up) * 1e3 if splats else 0
+
+
+def profile(folder):
+    rows = ordered(read(folder, 'profile.csv'))
+    if not rows:
+        return ''
+    stages = [k for k in rows[0] if k.endswith('_ms') and k not in ('median_ms', 'mean_ms')]
+    lines = []
+    for r in rows:
+        total = sum(r[s] or 0 for s in stages) or 1
+        limits = best_limits(folder, r['threads'])
+        line = [r['scene'], 'shaded' if r['shading'] == 'phong' else '', short(r['median_ms'])]
+        line += [f'{100 * (r[s] or 0) / total:.0f} %' for s in stages]
+        line += [short(r['splats'] / r['median_ms'] / 1e3), short(r['fragments'] / r['median_ms'] / 1e3),
+                 short(r['fragments'] / r['splats']) if r['splats'] else '–']
+        line += [f'{100 * limit_ms(limits, r["splats"], r["fragments"]) / r["median_ms"]:.0f} %' if limits else '–']
+        lines.append(line)
+    return table(['scene', '', 'median ms'] + [s[:-3] for s in stages] + ['Msplat/s', 'Mfragment/s', 'px a splat', 'of the limit'], lines)
+
+
+def limit(folder):
+    rows = read(folder, 'limit.csv')
+    lines = [[r['isa'], f'{r["threads"]:.0f}'] + [short(r[k]) for k in ('add_3', 'add_5', 'add_7', 'add_11', 'set_up', 'read', 'copy')] for r in rows]
+    return table(['instruction set', 'threads', '3×3', '5×5', '7×7', '11×11', 'set-up', 'read GB/s', 'copy GB/s'], lines)
+
+
+def scaling(folder):
+    lines = [[f'{r["volume_size"]:.0f}³', f'{r["threads"]:.0f}', millions(r['visible_voxels']), millions(r['auto_splats']), short(r['auto_ms']),
+              short(r['off_ms']), f'{r["off_ms"] / r["auto_ms"]:.1f}' if r['auto_ms'] else '–', decibels(r['psnr_worst_db']),
+              short(r['derived_per_voxel']), f'{r["peak_rss"] / 2**20:.0f}'] for r in read(folder, 'scaling.csv')]
+    return table(['volume', 'threads', 'M visible', 'Msplat, auto', 'auto ms', 'off ms', 'times', 'worst view dB', 'derived bytes a voxel',
+                  'peak MiB'], lines)
+
+
+def threads(folder):
+    rows = [r for r in read(folder, 'scenes.csv') if r['renderer'] == 'splatd' and r['threads'] == 1]
+    lines = []
+    for one in ordered(rows):
+        two = find(read(folder, 'scenes.csv'), renderer='splatd', scene=one['scene'], size=one['size'], shading=one['shading'], threads=2)
+        if two and one['shading'] == 'none':
+            lines.append([one['scene'], f'{one["size"]:.0f}', short(one['median_ms']), short(two['median_ms']),
+                          f'{one["median_ms"] / two["median_ms"]:.2f}'])
+    return table(['scene', 'px', 'one thread ms', 'two ms', 'times'], lines)
+
+
+def cancel(folder):
+    rows = ordered(read(folder, 'cancel.csv'))
+    lines = [[r['scene'], r['what'], f'{r["stopped"]:.0f}', short(r['range_ms']), short(r['median_ms']), short(r['worst_ms']),
+              met(r['worst_ms'] <= GOAL_CANCEL_MS) if r['stopped'] else '–'] for r in rows]
+    return table(['scene', 'what is cancelled', 'times', 'frame ms', 'median ms', 'worst ms', f'goal {GOAL_CANCEL_MS} ms'], lines)
+
+
+def memory(folder):
+    rows = [r for r in read(folder, 'scenes.csv') if r['renderer'] == 'splatd']
+    lines = []
+    for scene in [s for s in ORDER if any(r['scene'] == s for r in rows)]:
+        own = [r for r in rows if r['scene'] == scene]
+        plain, shaded = ([r for r in own if r['shading'] == shading] for shading in ('none', 'phong'))
+        most = max(r['derived_per_voxel'] for r in own)
+        lines.append([scene, millions(own[0]['voxels']), *(f'{max((r["derived_per_voxel"] for r in kind), default=0):.2f}' for kind in (plain, shaded)),
+                      met(most <= GOAL_BYTES), short(max(r['allocations'] for r in own))])
+    return table(['scene', 'Mvoxel', 'derived bytes a voxel', 'shaded', f'goal {GOAL_BYTES}', 'allocations a frame, most'], lines)
+
+
+def headline(folder):
+    """Lines for the project's README: two threads, 512 px, not shaded."""
+    rows = read(folder, 'scenes.csv')
+    lines, ratios = [], []
+    for own in ordered([r for r in rows if (r['renderer'], r['size'], r['threads'], r['shading']) == ('splatd', 512, 2, 'none')]):
+        vtk = find(rows, renderer='vtk', scene=own['scene'], size=512, threads=2, shading='none')
+        parts = [f'{short(own["fps"], 2)} frames a second']
+        if vtk:
+            ratios.append(own['fps'] / vtk['fps'])
+            parts.append(f'{ratios[-1]:.1f} times VTK\'s CPU ray caster')
+        parts += [f'{own["fps"] / fps:.0f} times {source}' for fps, source in PAPERS.get(own['scene'], [])]
+        lines.append(f'- {own["scene"]}, {millions(own["splats"])} million splats: ' + ', '.join(parts))
+    if ratios:
+        lines.insert(0, f'- {min(ratios):.1f} to {max(ratios):.1f} times VTK\'s CPU ray caster at 512 × 512 on two threads')
+    return '\n'.join(lines) + '\n' if lines else ''
+
+
+SECTIONS = [
+    ('Headline', headline, 'At 512 × 512, two threads, not shaded.'),
+    ('Scenes', scenes, 'Medians over an orbit. "Times scalar" is the instruction set against the scalar reference of the same run.'),
+    ('Where the time goes', profile, 'Shares of the stages; fragments are the area of the footprints drawn. The limit handles each splat '
+     'on its own, at the best rates below; above 100 % a frame does less than that work.'),
+    ('The limit', limit, 'Adding footprints of a width to a tile in the nearest cache, and setting them up: million splats a second, all threads '
+     'together. Memory beside it.'),
+    ('Adaptive against ewa', adaptive, '512 × 512, two threads, the two in turns.'),
+    ('Level of detail', detail, '512 × 512, two threads, `auto` and `off` in turns.'),
+    ('A transfer function that changes at every frame', edits, '512 × 512, two threads, in turns with a fixed one.'),
+    ('Scaling with the volume', scaling, 'The balls of `demo:sparse` at 512 × 512, level of detail `auto` and `off`; memory is of both.'),
+    ('One and two threads', threads, ''),
+    ('Cancelling', cancel, '1024 × 1024, two threads: from setting the flag, at a random moment of the frame, to the return of the call.'),
+    ('Memory', memory, 'What is kept beside the samples, and how often a frame asks for memory once the first ones are drawn.'),
+]
+
+
+def page(folder):
+    about = {r['key']: r['value'] for r in read(folder, 'machine.csv')}
+    parts = ['# What the bench measured\n', 'Made by `tests/bench/report.py` from the CSV files beside it; `deploy/bench.sh` measures them again. '
+             'Absolute figures belong to this machine; ratios were taken in one run.\n',
+             table(['', ''], [[k, f'{v:g}' if isinstance(v, float) else v] for k, v in about.items()])]
+    notes = os.path.join(folder, 'notes.md')
+    for title, make, explained in SECTIONS:
+        body = make(folder)
+        if not body:
+            continue
+        parts.append(f'## {title}\n\n' + (explained + '\n\n' if explained else '') + body)
+        if make is profile and os.path.exists(notes):
+            with open(notes, encoding='utf-8') as f:
+                parts.append(f.read())
+        parts += [f'![{title}]({name})\n' for name in draw(folder, make)]
+    return '\n'.join(parts)
+
+
+def draw(folder, make):
+    """The chart of a section, if it has one: its file's name."""
+    if make is headline:
+        rows = read(folder, 'scenes.csv')
+        own = ordered([r for r in rows if (r['renderer'], r['size'], r['threads'], r['shading']) == ('splatd', 512, 2, 'none')])
+        groups = []
+        for r in own:
+            vtk = find(rows, renderer='vtk', scene=r['scene'], size=512, threads=2, shading='none')
+            groups.append((r['scene'], [r['fps'], vtk['fps'] if vtk else None, max((f for f, _ in PAPERS.get(r['scene'], [])), default=None)]))
+        svg = charts.bars('Frames a second, 512 × 512, two threads', ('splatd', 'VTK', 'papers, their cards'), groups)
+        name = 'scenes.svg'
+    elif make is scaling:
+        rows = [r for r in read(folder, 'scaling.csv') if r['threads'] == 2]
+        svg = charts.lines('Milliseconds a frame, 512 × 512, two threads', ('level of detail auto', 'off'),
+                           [[(r['volume_size'], r[k]) for r in rows] for k in ('auto_ms', 'off_ms')], 'voxels a side')
+        name = 'scaling.svg'
+    else:
+        return []
+    if not svg:
+        return []
+    with open(os.path.join(folder, name), 'w', encoding='utf-8') as f:
+        f.write(svg)
+    return [name]
+
+
+def main():
+    if len(sys.argv) != 2 or not os.path.isdir(sys.argv[1]):
+        sys.stderr.write('usage: report.py DIR\n')
+        return 2
+    folder = sys.argv[1]
+    if not read(folder, 'scenes.csv'):
+        sys.stderr.write(f'report.py: {folder} has no scenes.csv: run deploy/bench.sh first\n')
+        return 1
+    text = page(folder)
+    with open(os.path.join(folder, 'README.md'), 'w', encoding='utf-8') as f:
+        f.write(text)
+    sys.stdout.write(headline(folder))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

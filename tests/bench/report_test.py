@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""report.py on made-up numbers: ratios, goals, the limit, and what is missing."""
+import csv
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+import xml.dom.minidom
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+import report  # noqa: E402
+import run_all  # noqa: E402
+
+
+class Report(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+
+    def write(self, name, columns, *rows):
+        with open(os.path.join(self.folder.name, name), 'w', encoding='utf-8', newline='') as f:
+            table = csv.DictWriter(f, columns, restval='')
+            table.writeheader()
+            table.writerows(rows)
+
+    def scene(self, scene, renderer, fps, **more):
+        row = {'scene': scene, 'renderer': renderer, 'size': 512, 'threads': 2, 'shading': 'none', 'fps': fps,
+               'median_ms': 1000 / fps, 'p95_ms': 1100 / fps, 'splats': 500000, 'fragments': 12500000, 'voxels': 1000000,
+               'derived_per_voxel': 0.5, 'allocations': 0}
+        return {**row, **more}
+
+    def line(self, text, start):
+        found = [line for line in text.split('\n') if line.startswith(start)]
+        self.assertEqual(len(found), 1, start)
+        return [cell.strip() for cell in found[0].strip('|').split('|')]
+
+    def make(self):
+        done = subprocess.run([sys.executable, os.path.join(HERE, 'report.py'), self.folder.name], capture_output=True, text=True,
+                              check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with open(os.path.join(self.folder.name, 'README.md'), encoding='utf-8') as f:
+            return f.read(), done.stdout
+
+    def test_ratios_and_goals(self):
+        self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 99), self.scene('engine', 'vtk', 10),
+                   self.scene('engine', 'scalar', 11), self.scene('head-full', 'splatd', 45), self.scene('head-full', 'vtk', 9))
+        text, headline = self.make()
+        engine, head = self.line(report.scenes(self.folder.name), '| engine'), self.line(report.scenes(self.folder.name), '| head-full')
+        self.assertEqual(engine[6:9], ['9.9', '10: **missed**', '9.0'])
+        self.assertEqual(head[6:9], ['5.0', '5: met, 40 fps: met', '–'])
+        self.assertEqual(engine[9], '30× Chen, 12× Botha')
+        self.assertIn('5.0 to 9.9 times VTK', headline)
+        self.assertIn('engine, 0.50 million splats: 99 frames a second', headline)
+        self.assertIn(headline, text)
+        xml.dom.minidom.parse(os.path.join(self.folder.name, 'scenes.svg'))
+
+    def test_without_vtk_and_without_the_rest(self):
+        self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('head-full', 'splatd', 39))
+        self.write('machine.csv', ['key', 'value'], {'key': 'vtk', 'value': 'not measured: it is not installed'})
+        text, _ = self.make()
+        self.assertIn('not measured: it is not installed', text)
+        self.assertEqual(self.line(report.scenes(self.folder.name), '| head-full')[5:8], ['–', '–', '5: –, 40 fps: **missed**'])
+        self.assertNotIn('Cancelling', text)
+        self.assertNotIn('times VTK\'s', text)
+
+    def test_notes_follow_the_profile(self):
+        stages = ['scene', 'size', 'threads', 'shading', 'isa', 'splats', 'fragments', 'median_ms', 'mean_ms',
+                                            'classify_ms', 'tile_ms']
+        self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 100))
+        self.write('profile.csv', stages, {'scene': 'engine', 'size': 512, 'threads': 2, 'shading': 'none', 'isa': 'avx2',
+                                           'splats': 1000000, 'fragments': 25000000, 'median_ms': 40, 'mean_ms': 40,
+                                           'classify_ms': 10, 'tile_ms': 30})
+        self.write('limit.csv', run_all.LIMIT_COLUMNS,
+                   {'isa': 'avx2', 'threads': 2, 'add_3': 200, 'add_5': 100, 'add_7': 50, 'add_11': 25, 'set_up': 100, 'read': 1, 'copy': 1},
+                   {'isa': 'scalar', 'threads': 2, 'add_3': 2, 'add_5': 1, 'add_7': 1, 'add_11': 1, 'set_up': 1, 'read': 1, 'copy': 1})
+        with open(os.path.join(self.folder.name, 'notes.md'), 'w', encoding='utf-8') as f:
+            f.write('The rest waits for memory.\n')
+        text, _ = self.make()
+        self.assertIn('The rest waits for memory.', text)
+        # A million splats of 25 px: 10 ms to add and 10 ms to set up, of 40.
+        self.assertEqual(self.line(report.profile(self.folder.name), '| engine')[3:], ['25 %', '75 %', '25', '625', '25', '50 %'])
+
+    def test_the_limit_between_widths(self):
+        rates = {3: 100, 5: 50, 7: 25, 11: 10}
+        self.assertAlmostEqual(report.add_cost(rates, 4), 1e-8)
+        self.assertAlmostEqual(report.add_cost(rates, 17), 1.5e-8)
+        self.assertAlmostEqual(report.add_cost(rates, 49), 4e-8)
+        self.assertAlmostEqual(report.add_cost(rates, 242), 2e-7)
+
+    def test_goals_of_the_other_tables(self):
+        pair = {'scene': 'lobster', 'zoom': 1, 'splats': 1000, 'median_ms': 10, 'against_median_ms': 12, 'speedup': 1.2, 'cpu_speedup': 1.2,
+                'psnr_db': 60, 'psnr_worst_db': 44}
+        self.write('adaptive.csv', run_all.PAIR_COLUMNS, pair)
+        self.assertIn('lobster 21 % (**missed**)', report.adaptive(self.folder.name))
+        self.assertIn('44.0 (**missed**)', report.adaptive(self.folder.name))
+        self.write('detail.csv', run_all.PAIR_COLUMNS, pair)
+        self.assertIn('44.0 (met)', report.detail(self.folder.name))
+        self.write('edits.csv', run_all.PAIR_COLUMNS, {**pair, 'setting': 'edit=range', 'speedup': 0.89},
+                   {**pair, 'setting': 'edit=colour', 'speedup': 0.9})
+        lines = report.edits(self.folder.name).split('\n')
+        self.assertIn('**missed**', lines[2])
+        self.assertIn('| met |', lines[3])
+        self.write('cancel.csv', run_all.CANCEL_COLUMNS, {'scene': 'head', 'what': 'frame', 'stopped': 50, 'range_ms': 40, 'median_ms': 1,
+                                                          'worst_ms': 5.1})
+        self.assertIn('**missed**', report.cancel(self.folder.name))
+
+    def test_a_folder_without_results(self):
+        for folder, status in (self.folder.name, 1), (os.path.join(self.folder.name, 'none'), 2):
+            done = subprocess.run([sys.executable, os.path.join(HERE, 'report.py'), folder], capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, status)
+            self.assertTrue(done.stderr)
+
+    def test_cameras_are_chosen_evenly(self):
+        self.assertEqual(run_all.chosen(list(range(24)), 8), list(range(0, 24, 3)))
+        self.assertEqual(run_all.chosen([1, 2], 24), [1, 2])
+
+
+if __name__ == '__main__':
+    unittest.main()

@@ -1,0 +1,385 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Measures everything that tests/bench/results holds, and writes it as CSV files; deploy/bench.sh calls it.
+
+Each row stands beside its baseline of the same run: the peer and the scalar reference follow each setting, and
+a comparison of two settings is measured by one process in turns. A measurement that cannot be made says why
+and the others go on; exit status 1 then, 0 otherwise.
+"""
+import argparse
+import csv
+import datetime
+import glob
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
+CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
+DEMOS = ('checkerboard', 'sparse')
+MEMORY_1024 = 6 << 30  # bytes that the largest volume of the scaling takes, with its lists and the other half of a copy
+
+
+def arguments():
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('--bin', required=True, help='folder of splat-bench and splat-limit')
+    p.add_argument('--data', required=True, help='folder of the real volumes')
+    p.add_argument('--scenes', required=True, help='folder of their scenes')
+    p.add_argument('--out', required=True, help='folder of the CSV files')
+    p.add_argument('--vtk-bench', default='', help='script that measures VTK on the same scenes; "" = without')
+    p.add_argument('--no-vtk-because', default='', help='what to say where VTK is not measured')
+    p.add_argument('--quick', action='store_true', help='a few views, 512 px, two threads, small volumes')
+    p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
+    p.add_argument('--peer-views', type=int, default=8, help='cameras for VTK at 1024 px, evenly chosen; 24 at 512 px')
+    return p.parse_args()
+
+
+class Run:
+    """The measurements of one call: paths, what is left to do, what failed."""
+
+    def __init__(self, options):
+        self.o, self.failed, self.done, self.steps = options, [], 0, 0
+        self.work = tempfile.mkdtemp(prefix='splat-bench-')
+        self.start = time.monotonic()
+        self.shown_seconds = 0.0
+
+    def say(self, text):
+        print(text, file=sys.stderr, flush=True)
+
+    def call(self, label, command):
+        """Runs a program that prints JSON lines; [] after saying what went wrong."""
+        self.done += 1
+        begun = time.monotonic()
+        print(f'[{self.done}/{self.steps}] {label} … ', end='', file=sys.stderr, flush=True)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=3600)
+            rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith('{')]
+            problem = done.stderr.strip()
+            status = done.returncode
+        except (OSError, subprocess.TimeoutExpired, json.JSONDecodeError) as error:
+            rows, problem, status = [], str(error), 1
+        self.say(f'{time.monotonic() - begun:.1f} s')
+        if problem:
+            self.say('    ' + '\n    '.join(problem.splitlines()[-5:]))
+        if status:
+            self.failed.append(f'{label}: exit status {status}')
+        for row in rows:
+            if 'skipped' in row:
+                self.say(f'    skipped: {row["scene"]}: {row["skipped"]}')
+        return [row for row in rows if 'skipped' not in row]
+
+    def bench(self, label, *arguments):
+        return self.call(label, [os.path.join(self.o.bin, 'splat-bench'), '--data', self.o.data, *map(str, arguments)])
+
+    def write(self, name, columns, rows):
+        path = os.path.join(self.o.out, name)
+        with open(path + '.part', 'w', encoding='utf-8', newline='') as f:
+            table = csv.DictWriter(f, columns, restval='', extrasaction='ignore', lineterminator='\n')
+            table.writeheader()
+            table.writerows(rows)
+        os.replace(path + '.part', path)
+
+    def scene_copy(self, name, change):
+        """A scene file with something changed, in the work folder."""
+        scene = json.loads(json.dumps(self.scenes[name]))
+        change(scene)
+        path = os.path.join(self.work, scene['name'] + f'-{len(os.listdir(self.work))}.json')
+        with open(path, 'w', encoding='utf-8') as f:
+            json.dump(scene, f)
+        return path
+
+    def load_scenes(self):
+        """The scenes by name; those whose files are not there are named and left out."""
+        self.scenes = {}
+        real = sorted(glob.glob(os.path.join(self.o.scenes, '*.json')))
+        if not real:
+            self.say(f'skipped: the real scenes; no *.json in {self.o.scenes} (--scenes DIR)')
+        for path in real + sorted(glob.glob(os.path.join(ROOT, 'tests/bench/scenes/*.json'))):
+            with open(path, encoding='utf-8') as f:
+                scene = json.load(f)
+            volume = scene['volume']
+            if volume.startswith('demo:') or find(self.o.data, volume):
+                self.scenes[scene['name']] = scene
+            else:
+                self.say(f'skipped: {scene["name"]}; no {volume} below {self.o.data} (--data DIR)')
+
+    def files(self, views, names=None):
+        """Scene files with evenly chosen cameras."""
+        def thin(scene):
+            scene['cameras'] = chosen(scene['cameras'], views)
+        return [self.scene_copy(name, thin) for name in names or self.scenes]
+
+
+def chosen(cameras, count):
+    count = min(count, len(cameras))
+    return [cameras[i * len(cameras) // count] for i in range(count)]
+
+
+def find(folder, name):
+    hits = glob.glob(os.path.join(folder, '**', name), recursive=True)
+    return hits[0] if hits else None
+
+
+def flat(row, **more):
+    return {**row, **more}
+
+
+class Peer:
+    """VTK on copies of the scenes whose built-in volumes were saved as files."""
+
+    def __init__(self, run):
+        self.run, self.script = run, run.o.vtk_bench
+        self.data = os.path.join(run.work, 'volumes')
+        if not self.script:
+            return
+        os.mkdir(self.data)
+        for name in (n for n in DEMOS if n in run.scenes):
+            run.bench(f'saving the volume of {name} for VTK', '--save-volume', self.data + '/', '--views', 1, '--warm', 0,
+                      '--size', 16, *run.files(1, [name]))
+        for scene in run.scenes.values():
+            found = find(run.o.data, scene['volume'])
+            if found and not os.path.exists(os.path.join(self.data, scene['volume'])):
+                os.symlink(found, os.path.join(self.data, scene['volume']))
+
+    def measure(self, size, threads, shading, views):
+        def change(scene):
+            scene['cameras'] = chosen(scene['cameras'], views)
+            if scene['volume'].startswith('demo:'):
+                scene['volume'] = scene['name'] + '.nrrd'
+        files = [self.run.scene_copy(name, change) for name in self.run.scenes]
+        command = ['xvfb-run', '-a', '-s', '-screen 0 1280x1280x24', '/usr/bin/python3', self.script, '--data', self.data,
+                   '--size', str(size), '--threads', str(threads), '--views', str(views), '--warm', '1']
+        if shading == 'phong':
+            command.append('--shade')
+        return self.run.call(f'VTK, {describe(size, threads, shading)}, {views} views', command + files)
+
+
+def describe(size, threads, shading):
+    return f'{size} px, {threads} thread{"s" if threads > 1 else ""}, {"shaded" if shading == "phong" else "not shaded"}'
+
+
+SCENE_COLUMNS = ['scene', 'size', 'threads', 'shading', 'renderer', 'isa', 'views', 'visible_voxels', 'splats', 'fragments',
+                 'median_ms', 'p95_ms', 'cpu_ms', 'fps', 'voxels', 'derived_bytes', 'derived_per_voxel', 'allocations']
+
+
+def measure_scenes(run, corners, scalar_views):
+    """Every scene at every corner: this renderer, VTK, and at the first corner the scalar reference."""
+    rows, stages = [], []
+    peer = Peer(run)
+    for size, threads in corners:
+        for shading in ('none', 'phong'):
+            common = ('--size', size, '--threads', threads, '--shading', shading)
+            label = describe(size, threads, shading)
+            for row in run.bench(f'splatd, {label}', *common, *run.files(run.o.views)):
+                rows.append(flat(row, renderer='splatd'))
+                if (size, threads) == corners[0]:
+                    stages.append(row)
+            if peer.script:
+                views = min(run.o.views, 24 if size == 512 else run.o.peer_views)
+                rows += [flat(row, renderer='vtk', isa='', shading=shading) for row in peer.measure(size, threads, shading, views)]
+            if (size, threads) == corners[0]:
+                for row in run.bench(f'scalar reference, {label}', *common, '--isa', 'scalar', '--warm', 1,
+                                     *run.files(scalar_views)):
+                    rows.append(flat(row, renderer='scalar'))
+            run.write('scenes.csv', SCENE_COLUMNS, rows)
+    write_profile(run, stages)
+
+
+def write_profile(run, rows):
+    names = []
+    for row in rows:
+        names += [n for n in row['stages'] if n not in names]
+    columns = ['scene', 'size', 'threads', 'shading', 'isa', 'splats', 'fragments', 'median_ms', 'mean_ms'] + [n + '_ms' for n in names]
+    run.write('profile.csv', columns, [flat(row, **{n + '_ms': v for n, v in row['stages'].items()}) for row in rows])
+
+
+PAIR_COLUMNS = ['scene', 'zoom', 'size', 'threads', 'shading', 'setting', 'against', 'views', 'splats', 'against_splats', 'median_ms',
+                'against_median_ms', 'speedup', 'cpu_speedup', 'psnr_db', 'psnr_worst_db']
+
+
+def pair(row, setting, zoom=1):
+    other = row['against']
+    return flat(row, zoom=zoom, setting=setting, against=other['setting'], against_splats=other['splats'],
+                against_median_ms=other['median_ms'], **{k: other.get(k, '') for k in PAIR_COLUMNS[-4:]})
+
+
+def zoomed(run, name, zoom, views):
+    """A scene from `zoom` times as near."""
+    def change(scene):
+        scene['cameras'] = chosen(scene['cameras'], views)
+        for c in scene['cameras']:
+            c['position'] = [t + (p - t) / zoom for p, t in zip(c['position'], c['target'])]
+    return run.scene_copy(name, change)
+
+
+def zooms(run):
+    """What the filters and the level of detail are compared on: all scenes as they are, two from near and far."""
+    names = [(name, 1) for name in run.scenes]
+    for name in ('engine', 'head-full', 'checkerboard'):
+        if name in run.scenes:
+            names += [(name, zoom) for zoom in (0.125, 0.25, 0.5, 4)]
+    return names
+
+
+def measure_pairs(run, file, options, setting, against):
+    rows = []
+    for zoom in sorted({z for _, z in zooms(run)}):
+        files = [zoomed(run, name, z, max(2, run.o.views // 3)) for name, z in zooms(run) if z == zoom]
+        label = f'{setting} against {against}' + (f', from {1 / zoom:g} times the distance' if zoom != 1 else '')
+        rows += [pair(row, setting, zoom) for row in run.bench(label, '--size', 512, '--threads', 2, '--warm', 1, *options,
+                                                               '--against', against, *files)]
+    run.write(file, PAIR_COLUMNS, rows)
+
+
+def measure_edits(run):
+    rows = []
+    for edit in ('colour', 'opacity', 'range'):
+        for row in run.bench(f'transfer function changing ({edit}) against fixed', '--size', 512, '--threads', 2, '--edit', edit,
+                             '--against', 'edit=none', *run.files(run.o.views)):
+            rows.append(pair(row, 'edit=' + edit))
+    run.write('edits.csv', PAIR_COLUMNS, rows)
+
+
+CANCEL_COLUMNS = ['scene', 'size', 'threads', 'what', 'stopped', 'finished', 'median_ms', 'worst_ms', 'range_ms']
+
+
+def measure_cancels(run, count):
+    rows = []
+    kinds = [('frame', ()), ('frame and a moved transfer function', ('--edit', 'range')), ('cold frame', ('--cold',))]
+    for what, options in kinds:
+        for row in run.bench(f'cancelling, {what}', '--size', 1024, '--threads', 2, '--views', 3, '--warm', 1, '--cancel', count,
+                             *options, *run.files(3)):
+            rows.append({**{k: row[k] for k in ('scene', 'size', 'threads')}, 'what': what, **row['cancel']})
+    run.write('cancel.csv', CANCEL_COLUMNS, rows)
+
+
+LIMIT_COLUMNS = ['isa', 'threads', 'add_3', 'add_5', 'add_7', 'add_11', 'set_up', 'read', 'copy']
+
+
+def measure_limit(run):
+    rows = []
+    for threads in (1, 2):
+        for isa in ('scalar', 'sse41', 'avx2', 'avx512', 'neon'):
+            if isa in run.isas:
+                rows += run.call(f'the limit, {isa}, {threads} threads', [os.path.join(run.o.bin, 'splat-limit'), '--threads',
+                                                                         str(threads), '--isa', isa])
+    for row in rows:
+        row.update({'add_' + width: rate for width, rate in row.pop('add').items()})
+    run.write('limit.csv', LIMIT_COLUMNS, rows)
+
+
+SCALING_COLUMNS = ['volume_size', 'voxels', 'size', 'threads', 'views', 'visible_voxels', 'auto_ms', 'off_ms', 'auto_splats', 'off_splats',
+                   'psnr_db', 'psnr_worst_db', 'derived_per_voxel', 'peak_rss']
+
+
+def scaled(run, side, views):
+    """The balls at another resolution, as large in the picture and as opaque."""
+    def change(scene):
+        grow = side / 512
+        scene.pop('visible_voxels')
+        scene['name'], scene['volume'] = f'sparse-{side}', f'demo:sparse?size={side}'
+        scene['view']['transfer_function']['reference_length'] *= grow
+        scene['cameras'] = chosen(scene['cameras'], views)
+        for c in scene['cameras']:
+            for key in ('position', 'target'):
+                c[key] = [(x + 0.5) * grow - 0.5 for x in c[key]]
+    return run.scene_copy('sparse', change)
+
+
+def measure_scaling(run, sides):
+    rows = []
+    for side in sides:
+        if side == 1024 and available_memory() < MEMORY_1024:
+            run.say(f'skipped: 1024³; it takes {MEMORY_1024 >> 30} GiB and {available_memory() >> 30} GiB are free')
+            run.done += 2
+            continue
+        for threads in (1, 2):
+            views = min(run.o.views, 2 if side == 1024 else 6)
+            for row in run.bench(f'scaling, {side}³, {threads} threads', '--size', 512, '--threads', threads, '--warm', 1, '--lod', 'auto',
+                                 '--against', 'lod=off', scaled(run, side, views)):
+                off = row['against']
+                rows.append(flat(row, volume_size=side, auto_ms=row['median_ms'], off_ms=off['median_ms'], auto_splats=row['splats'],
+                                 off_splats=off['splats'], psnr_db=off['psnr_db'], psnr_worst_db=off['psnr_worst_db']))
+            run.write('scaling.csv', SCALING_COLUMNS, rows)
+
+
+def available_memory():
+    with open('/proc/meminfo', encoding='ascii') as f:
+        return next(int(line.split()[1]) for line in f if line.startswith('MemAvailable')) * 1024
+
+
+def machine(run):
+    """What a reader must know beside the numbers, as (key, value)."""
+    def first(path, key, separator):
+        with open(path, encoding='utf-8') as f:
+            return next((line.split(separator, 1)[1].strip().strip('"') for line in f if line.startswith(key)), '?')
+
+    def output(*command):
+        try:
+            return subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout.strip()
+        except (OSError, subprocess.CalledProcessError):
+            return ''
+    changed = output('git', 'status', '--porcelain', '--untracked-files=no', '--', 'renderer', 'tests/bench')
+    yield 'cpu', first('/proc/cpuinfo', 'model name', ':')
+    yield 'cores', str(os.cpu_count())
+    yield 'memory', f'{int(first("/proc/meminfo", "MemTotal", ":").split()[0]) / 2**20:.1f} GiB'
+    yield 'system', f'{first("/etc/os-release", "PRETTY_NAME", "=")}, Linux {platform.release().split("-")[0]}'
+    yield 'compiler', output('cc', '--version').split('\n')[0]
+    yield 'commit', (output('git', 'rev-parse', '--short', 'HEAD') or '?') + (' with local changes' if changed else '')
+    yield 'date', datetime.date.today().isoformat()
+    yield 'load at the start', f'{os.getloadavg()[0]:.2f}'
+    yield 'instruction set', run.isas[-1] if run.isas else '?'
+    yield 'views', f'{run.o.views} (VTK at 1024 px: {min(run.o.views, run.o.peer_views)})'
+    yield 'vtk', 'measured in the same run' if run.o.vtk_bench else 'not measured: ' + run.o.no_vtk_because
+
+
+def known_isas(run):
+    """Those that this machine runs, rising."""
+    found = []
+    for isa in ('scalar', 'sse41', 'avx2', 'avx512', 'neon'):
+        done = subprocess.run([os.path.join(run.o.bin, 'splat-bench'), '--isa', isa, '--backend', 'cpu', '--views', '1', '--warm', '0',
+                               '--size', '8', '--volume', 'demo:sparse?size=8'], capture_output=True, check=False)
+        if done.returncode == 0:
+            found.append(isa)
+    return found
+
+
+def main():
+    options = arguments()
+    os.makedirs(options.out, exist_ok=True)
+    run = Run(options)
+    try:
+        run.isas = known_isas(run)
+        run.load_scenes()
+        corners, sides = CORNERS, (64, 128, 256, 512, 1024)
+        if options.quick:
+            corners, sides = CORNERS[:1], (64, 128)
+        if os.cpu_count() < 2:
+            run.say('skipped: two threads; this machine has one core')
+            corners = [c for c in corners if c[1] == 1] or [(512, 1)]
+        peers = sum(1 for n in DEMOS if n in run.scenes) + 2 * len(corners) if options.vtk_bench else 0
+        levels = len({z for _, z in zooms(run)})
+        run.steps = 2 * len(run.isas) + 2 * len(corners) + 2 + peers + 2 * levels + 3 + 3 + 2 * len(sides)
+        run.write('machine.csv', ['key', 'value'], [{'key': k, 'value': v} for k, v in machine(run)])
+        measure_limit(run)
+        measure_scenes(run, corners, min(options.views, 6))
+        measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')
+        measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')
+        measure_edits(run)
+        measure_cancels(run, 10 if options.quick else 50)
+        measure_scaling(run, sides)
+        run.say(f'measured in {(time.monotonic() - run.start) / 60:.1f} minutes')
+    finally:
+        shutil.rmtree(run.work, ignore_errors=True)
+    for failure in run.failed:
+        run.say('failed: ' + failure)
+    return 1 if run.failed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
