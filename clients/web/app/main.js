@@ -85,7 +85,7 @@ const connection = new Connection({
   },
 });
 const viewer = new Viewer({ connection, viewport: () => screen.viewport });
-const status = new StatusLine(element('status'), () => viewer.pace.sent);
+const status = new StatusLine(element('status'), () => screen.size);
 const help = () => (element('help').open ? element('help').close() : element('help').showModal());
 const panels = new Panels(viewer, { help });
 const banner = new Banner(element('banner'), {

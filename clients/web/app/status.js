@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The status line: what the last second was like.
+import { detailPercent } from '../core/detail.js';
 
 const WINDOW_MS = 1000;
 const REFRESH_MS = 250;
@@ -24,13 +25,13 @@ export class StatusLine {
   #stats = {};
   #latency = null;
   #newest = null;
-  #sent = () => 0;
+  #wanted;
   #isLive = false;
 
-  /** sent(): seq of the newest update. */
-  constructor(root, sent) {
+  /** wanted(): [width, height] of the picture that is asked for. */
+  constructor(root, wanted) {
     this.#root = root;
-    this.#sent = sent;
+    this.#wanted = wanted;
     for (const item of root.querySelectorAll('[data-key]')) {
       this.#fields.set(item.dataset.key, item.querySelector('dd'));
     }
@@ -76,11 +77,11 @@ export class StatusLine {
     const isResting = this.#frames.length === 0 && frame?.isFinal;
     set('fps', !frame || !this.#isLive ? '' : isResting ? 'at rest' : String(this.#frames.length));
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
+    set('detail', frame ? `${detailPercent(frame, this.#wanted(), this.#stats.coarse)} %` : '');
     set('size', frame ? `${frame.width} × ${frame.height}` : '');
     set('bytes', frame ? kilobytes(frame.payload.byteLength) : '');
     set('render', frame ? `${((frame.renderUs + frame.encodeUs) / 1000).toFixed(0)} ms` : '');
     set('backend', this.#stats.backend ?? '');
     set('splats', shortNumber(this.#stats.splats));
-    set('seq', frame ? `${frame.seq}${frame.seq < this.#sent() ? ` < ${this.#sent()}` : ''} / ${frame.frame}` : '');
   }
 }

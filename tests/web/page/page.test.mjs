@@ -55,6 +55,8 @@ test('load: a picture that is not empty, sharp at rest, with a clean console', a
   for (let y = 0; y < image.height; y += 4) for (let x = 0; x < image.width; x += 4) if (Math.max(...image.at(x, y)) > 40) lit += 1;
   assert.ok(lit > 300, `${lit} of ${225 * 150} samples are lit`);
   await until(page, 'the status line', () => /\d+ ?(ms|×)/.test(document.getElementById('status').innerText));
+  await page.locator('#status [data-key="detail"]', { hasText: '100 %' }).waitFor();
+  await page.locator('#status [data-key="fps"]', { hasText: 'at rest' }).waitFor();
   await page.locator('#volumes button[aria-current]', { hasText: 'phantom' }).waitFor();
   await shot(page, 'page');
   await page.keyboard.press('?');
