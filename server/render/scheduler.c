@@ -466,6 +466,8 @@ static void *stream_main(void *user) {
     struct srv_job *job = NULL;
     for (;;) {
         struct turn turn = look(s, STREAMS);
+        if (turn.forget)
+            sp_frame_unref(&s->kept.frame);
         forget(lane, turn.forget);
         if (turn.stop)
             break;
