@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""splat-bench's command line: bench_test.py PROGRAM. No time is asserted."""
+"""The command lines of splat-bench and splat-limit: bench_test.py BENCH LIMIT. No time is asserted."""
 import json
 import os
 import subprocess
@@ -8,7 +8,7 @@ import sys
 import tempfile
 import unittest
 
-PROGRAM = sys.argv.pop(1)
+PROGRAM, LIMIT = sys.argv.pop(1), sys.argv.pop(1)
 KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'lod', 'views',
         'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages',
         'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
@@ -159,6 +159,28 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(done.returncode, 0)
         self.assertIn('--data DIR', done.stdout)
         self.assertEqual(run('--version').stdout.split()[0], 'splat-bench')
+
+
+class Limit(unittest.TestCase):
+    def measure(self, *arguments):
+        return subprocess.run([LIMIT, *arguments], capture_output=True, text=True, timeout=240, check=False)
+
+    def test_every_rate_is_there(self):
+        for threads in 1, 3:
+            done = self.measure('--threads', str(threads), '--isa', 'scalar')
+            self.assertEqual(done.returncode, 0, done.stderr)
+            row = json.loads(done.stdout)
+            self.assertEqual((row['isa'], row['threads']), ('scalar', threads))
+            self.assertEqual(set(row['add']), {'3', '5', '7', '11'})
+            for rate in (*row['add'].values(), row['set_up'], row['read'], row['copy']):
+                self.assertGreater(rate, 0)
+
+    def test_usage(self):
+        for arguments in ['--threads', '0'], ['--threads', '999'], ['--threads', '2x'], ['--isa', 'abacus'], ['more'], ['--nonsense']:
+            done = self.measure(*arguments)
+            self.assertEqual(done.returncode, 2, arguments)
+            self.assertTrue(done.stderr)
+        self.assertEqual(self.measure('--help').returncode, 0)
 
 
 if __name__ == '__main__':
