@@ -370,6 +370,8 @@ static void render_job(struct srv_scheduler *s, struct srv_job *job) {
     double start_ms = srv_clock_ms();
     if (!frame) {
         begin_job(s, job);
+        if (job->refinement)
+            sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
         frame = render(s, STREAMS, job->volume, &job->view, SP_RGBA8, job->coarse, &err);
         end_job(s);
         if (frame)

@@ -63,6 +63,31 @@ test('during a long drag frames keep coming', async () => {
   await stream.end();
 });
 
+test('a newer view gives up the refinement of an older one, and is what is seen next', async () => {
+  const own = await Daemon.start(['--volume', 'demo:engine?size=32', '--log-level', 'debug', '--rest-time', '0.01']);
+  await own.loaded('engine');
+  const stream = await own.stream();
+  await stream.call('stream.configure', { size: [6000, 6000] });
+  const begun = () => own.log.split('begins').length - 1;
+  const givenUp = () => own.log.split('refinement given up').length - 1;
+  // Thirty-six million pixels take the test card long; should a refinement be quicker than we are, there is another.
+  let seq = 0;
+  let seen = 0;
+  while (givenUp() === 0) {
+    await own.until(() => begun() > seen, 'a refinement to begin');
+    seen = begun();
+    seq += 1;
+    await stream.update(turned(stream.session.view, seq), seq);
+    await stream.frame((f) => f.seq === seq, `a frame of seq ${seq}`);
+  }
+  const order = stream.frames.map((f) => f.seq);
+  assert.deepEqual(order, [...order].sort((a, b) => a - b), 'never an older view after a newer one');
+  const final = await stream.final(seq);
+  assert.deepEqual([final.width, final.height], [6000, 6000]);
+  await stream.end();
+  assert.equal(await own.stop(), 0);
+});
+
 test('who withholds acknowledgements gets two frames, and the others go on', async () => {
   const session = await daemon.session();
   const stalled = await daemon.stream({ session, acks: false });
