@@ -214,10 +214,10 @@ def limit(folder):
 
 
 def scaling(folder):
-    lines = [[f'{r["volume_size"]:.0f}³', f'{r["threads"]:.0f}', millions(r['visible_voxels']), millions(r['auto_splats']), short(r['auto_ms']),
+    lines = [[f'{r["volume_size"]:.0f}³', f'{r["threads"]:.0f}', f'{r["views"]:.0f}', millions(r['visible_voxels']), millions(r['auto_splats']), short(r['auto_ms']),
               short(r['off_ms']), f'{r["off_ms"] / r["auto_ms"]:.1f}' if r['auto_ms'] else '–', decibels(r['psnr_worst_db']),
               short(r['derived_per_voxel']), f'{r["peak_rss"] / 2**20:.0f}'] for r in read(folder, 'scaling.csv')]
-    return table(['volume', 'threads', 'M visible', 'Msplat, auto', 'auto ms', 'off ms', 'times', 'worst view dB', 'derived bytes a voxel',
+    return table(['volume', 'threads', 'views', 'M visible', 'Msplat, auto', 'auto ms', 'off ms', 'times', 'worst view dB', 'derived bytes a voxel',
                   'peak MiB'], lines)
 
 
