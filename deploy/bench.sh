@@ -26,9 +26,9 @@ What is not there (scenes, volumes, VTK) is skipped, and both the output and the
 TEXT
 }
 
-# vtk_works: both the module and a virtual display.
+# vtk_works: both the module and a virtual display, which needs xauth.
 vtk_works() {
-    command -v xvfb-run >/dev/null 2>&1 && /usr/bin/python3 -c 'import vtk, numpy' >/dev/null 2>&1
+    command -v xvfb-run >/dev/null 2>&1 && command -v xauth >/dev/null 2>&1 && /usr/bin/python3 -c 'import vtk, numpy' >/dev/null 2>&1
 }
 
 need_value() {
@@ -64,7 +64,7 @@ data=$(realpath -m "$data") scenes=$(realpath -m "$scenes")
 peer=$scenes/../vtk_bench.py why=''
 [[ $install == no ]] || install_packages build
 if [[ $vtk == yes ]] && ! vtk_works; then
-    [[ $install == yes ]] || die "--vtk needs python3-vtk9, python3-numpy and xvfb: install them, or drop --no-install"
+    [[ $install == yes ]] || die "--vtk needs python3-vtk9, python3-numpy, xauth and xvfb: install them, or drop --no-install"
     install_packages peer
 fi
 if [[ $vtk == no ]]; then
