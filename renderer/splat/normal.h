@@ -19,6 +19,22 @@ static inline float sp_normal_share(float x) {
     return x < 0 ? tail : 1 - tail;
 }
 
+#ifdef SP_ISA
+/* The same, SP_WIDE at a time, without a division: x times a polynomial of x² through the values at
+ * Chebyshev's nodes of [0, 4.25²]. Absolute error under 3e-5; beyond ±4.25 it is 0 or 1. */
+static inline sp_wide sp_wide_normal_share(sp_wide x) {
+    static const float c[] = { 0.398942292f,    -0.0664650947f,  0.00991185289f,
+                               -0.00114135689f, 9.92450659e-05f, -6.20723813e-06f,
+                               2.58326139e-07f, -6.3066552e-09f, 6.76677187e-11f };
+    const sp_wide end = sp_wide_all(4.25f);
+    sp_wide_mask inside = sp_wide_lt(sp_wide_abs(x), end);
+    sp_wide t = x * x, p = sp_wide_all(c[8]);
+    for (int i = 7; i >= 0; i--)
+        p = p * t + c[i];
+    sp_wide beyond = sp_wide_keep(sp_wide_lt(sp_wide_all(0), x), sp_wide_all(1));
+    return sp_wide_select(inside, 0.5f + x * p, beyond);
+}
+#else
 /* The same, SP_WIDE at a time. */
 static inline sp_wide sp_wide_normal_share(sp_wide x) {
     sp_wide z = sp_wide_abs(x) * 0.707106781f;
@@ -29,5 +45,6 @@ static inline sp_wide sp_wide_normal_share(sp_wide x) {
     sp_wide tail = 0.5f * p * sp_wide_exp2(-SP_LOG2E * z * z);
     return sp_wide_select(sp_wide_lt(x, sp_wide_all(0)), tail, 1 - tail);
 }
+#endif
 
 #endif

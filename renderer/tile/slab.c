@@ -15,73 +15,128 @@ static void advance(struct sp_tile *tile, const struct sp_blend *blend, uint32_t
         tile->sheet = layer; /* all were closed on the way */
 }
 
-/* The slabs that a splat lies in: first, last. */
+/* The slabs that a splat lies in: first, last, and the slot of the first. */
 struct range {
-    uint32_t first, last;
+    uint32_t first, last, slot;
 };
 
-static struct range find_slabs(const struct sp_blend *blend, const struct sp_splat *s,
-                               const struct sp_span *span) {
+static inline float smaller(float a, float b) {
+    return a < b ? a : b;
+}
+
+static inline float larger(float a, float b) {
+    return a > b ? a : b;
+}
+
+static inline struct range find_slabs(const struct sp_blend *blend, const struct sp_splat *s,
+                                      const struct sp_span *span) {
     float from = floorf((span->distance - span->reach - blend->nearest) / blend->thickness);
     float to = floorf((span->distance + span->reach - blend->nearest) / blend->thickness);
     float low = (float)s->sheet, high = (float)(s->sheet + blend->slots - 1);
-    from = fminf(fmaxf(from, low), high);
-    to = fminf(fmaxf(to, from), high);
-    return (struct range){ (uint32_t)from, (uint32_t)to };
+    from = smaller(larger(from, low), high);
+    to = smaller(larger(to, from), high);
+    return (struct range){ (uint32_t)from, (uint32_t)to, (uint32_t)from % blend->slots };
+}
+
+static inline uint32_t next_slot(const struct sp_blend *blend, uint32_t slot) {
+    return slot + 1 == blend->slots ? 0 : slot + 1;
 }
 
 /* Adds weights times what the splat adds. */
-static inline void add_to(float *sums, sp_wide weight, const float adds[SP_PLANES + 1],
-                          uint32_t planes) {
-    for (uint32_t p = 0; p < planes; p++)
+static inline void add_weights(sp_wide weight, const float adds[SP_PLANES + 1], bool is_post,
+                               float *sums) {
+    for (int p = 0; p < SP_PLANES; p++)
         sp_wide_store(sums + p * SP_TILE, sp_wide_load(sums + p * SP_TILE) + weight * adds[p]);
+    if (is_post)
+        sp_wide_store(sums + SP_PLANES * SP_TILE,
+                      sp_wide_load(sums + SP_PLANES * SP_TILE) + weight * adds[SP_PLANES]);
 }
 
-static void add_weights(sp_wide weight, const float adds[SP_PLANES + 1], bool is_post,
-                        float *sums) {
-    if (is_post)
-        add_to(sums, weight, adds, SP_PLANES + 1);
-    else
-        add_to(sums, weight, adds, SP_PLANES);
+/* Aligned columns of a footprint; rows [y0, y1) of the box are not all zero. */
+struct column {
+    int x, y0, y1;
+    sp_wide count; /* of the columns, from the box's first on */
+    float first_dx, dy[SP_TILE];
+    sp_wide weight[SP_TILE], before[SP_TILE]; /* share of the ray up to the slab that is next */
+    sp_wide exponent[SP_TILE], high[SP_TILE]; /* high: where planes cut the splat */
+};
+
+static void fill_column(const struct sp_blend *blend, const struct sp_tile *tile,
+                        const struct sp_splat *s, const struct sp_cut *cut,
+                        const struct sp_box *box, int x, struct column *c) {
+    c->x = x;
+    c->y0 = box->y1;
+    c->y1 = box->y0;
+    c->count = sp_wide_from_int(sp_wide_int_count() + (x - box->x0));
+    c->first_dx = (float)(box->x0 + tile->x) + 0.5f - s->x;
+    for (int y = box->y0; y < box->y1; y++) {
+        struct sp_pixels px;
+        sp_footprint_pixels(blend, tile, s, cut, box, x, y, &px);
+        c->weight[y] = px.weight;
+        c->exponent[y] = px.exponent;
+        c->dy[y] = px.dy;
+        c->before[y] = sp_wide_all(0);
+        if (s->cuts) {
+            c->before[y] = sp_footprint_share(blend, px.exponent, px.low);
+            c->high[y] = px.high;
+        }
+        if (sp_wide_any(sp_wide_lt(sp_wide_all(0), px.weight))) {
+            c->y0 = sp_smaller(c->y0, y);
+            c->y1 = y + 1;
+        }
+    }
 }
 
 /* Depth of the far face of slab k on the rays of the pixels, in standard deviations, no farther
- * than planes let them see. `count`: of the columns, from the box's first on. */
+ * than planes let them see. */
 static inline sp_wide find_depth(const struct sp_blend *blend, const struct sp_splat *s,
-                                 const struct sp_span *span, const struct sp_pixels *px, uint32_t k,
-                                 float first_dx, sp_wide count) {
+                                 const struct sp_span *span, const struct column *c, uint32_t k,
+                                 int y) {
     float face = blend->nearest + (float)(k + 1) * blend->thickness - span->distance;
-    float first = (face - span->slope[0] * first_dx - span->slope[1] * px->dy) * span->sharpness;
-    sp_wide depth = first - span->slope[0] * span->sharpness * count;
-    return s->cuts ? sp_wide_min(depth, px->high) : depth;
+    float first =
+        (face - span->slope[0] * c->first_dx - span->slope[1] * c->dy[y]) * span->sharpness;
+    sp_wide depth = first - span->slope[0] * span->sharpness * c->count;
+    return s->cuts ? sp_wide_min(depth, c->high[y]) : depth;
 }
 
-/* Pixels of row y in the columns from x on: their shares in each of the slabs. */
-static void add_pixels(struct sp_tile *tile, const struct sp_blend *blend,
-                       const struct sp_splats *records, uint32_t n, const struct range *slabs,
-                       const struct sp_box *box, int x, int y) {
-    const struct sp_splat *s = &records->splat[n];
-    const struct sp_span *span = &records->span[n];
+/* What slab k gets of a column, which is cut at its far face, or ends there. */
+static inline void add_slab(const struct sp_blend *blend, bool is_post, const struct sp_splat *s,
+                            const struct sp_span *span, struct column *c, uint32_t k, bool is_last,
+                            float *sums) {
     const float adds[] = { s->depth, s->emission[0], s->emission[1], s->emission[2], s->value };
-    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
-    struct sp_pixels px;
-    sp_footprint_pixels(blend, tile, s, records->cut ? &records->cut[n] : NULL, box, x, y, &px);
-    float first_dx = (float)(box->x0 + tile->x) + 0.5f - s->x;
-    sp_wide count = sp_wide_from_int(sp_wide_int_count() + (x - box->x0));
-    sp_wide before = s->cuts ? sp_footprint_share(blend, px.exponent, px.low) : zero;
-    for (uint32_t k = slabs->first; k <= slabs->last; k++) {
-        sp_wide next = one; /* the share before the far face, not less than that before the near */
-        if (k < slabs->last)
-            next = sp_footprint_share(blend, px.exponent,
-                                      find_depth(blend, s, span, &px, k, first_dx, count));
+    const sp_wide zero = sp_wide_all(0);
+    const size_t step = (size_t)(SP_PLANES + is_post) * SP_TILE;
+    for (int y = c->y0; y < c->y1; y++) {
+        sp_wide next = sp_wide_all(1); /* never less than before the near face */
+        if (!is_last)
+            next = sp_footprint_share(blend, c->exponent[y], find_depth(blend, s, span, c, k, y));
         else if (s->cuts)
-            next = sp_footprint_share(blend, px.exponent, px.high);
-        next = sp_wide_max(next, before);
-        sp_wide weight = (next - before) * px.weight;
+            next = sp_footprint_share(blend, c->exponent[y], c->high[y]);
+        next = sp_wide_max(next, c->before[y]);
+        sp_wide weight = (next - c->before[y]) * c->weight[y];
+        c->before[y] = next;
         if (sp_wide_any(sp_wide_lt(zero, weight)))
-            add_weights(weight, adds, blend->post != NULL,
-                        sp_sums_row(tile, blend, k % blend->slots, y) + x);
-        before = next;
+            add_weights(weight, adds, is_post, sums + (size_t)y * step);
+    }
+}
+
+/* A splat whose shares differ from pixel to pixel. */
+static void add_uneven(struct sp_tile *tile, const struct sp_blend *blend,
+                       const struct sp_splats *records, uint32_t n, const struct range *slabs,
+                       const struct sp_box *box) {
+    const struct sp_splat *s = &records->splat[n];
+    const struct sp_cut *cut = records->cut ? &records->cut[n] : NULL;
+    for (int x = sp_column_first(box); x < box->x1; x += SP_WIDE) {
+        struct column c;
+        fill_column(blend, tile, s, cut, box, x, &c);
+        uint32_t slot = slabs->slot;
+        for (uint32_t k = slabs->first; k <= slabs->last; k++, slot = next_slot(blend, slot)) {
+            float *sums = sp_sums_row(tile, blend, slot, 0) + x;
+            if (blend->post)
+                add_slab(blend, true, s, &records->span[n], &c, k, k == slabs->last, sums);
+            else
+                add_slab(blend, false, s, &records->span[n], &c, k, k == slabs->last, sums);
+        }
     }
 }
 
@@ -108,27 +163,40 @@ static void find_shares(const struct sp_blend *blend, const struct sp_span *span
         share[i] -= share[i - 1];
 }
 
-/* The same for a splat that is even: its shares are those of every pixel. */
+/* Rows [y0, y1) of weights to one slab. */
+static inline void add_rows(const sp_wide *weight, int y0, int y1, const float adds[SP_PLANES + 1],
+                            bool is_post, float *sums) {
+    const size_t step = (size_t)(SP_PLANES + is_post) * SP_TILE;
+    for (int y = y0; y < y1; y++)
+        add_weights(weight[y], adds, is_post, sums + (size_t)y * step);
+}
+
 static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const struct sp_splat *s,
                      const struct sp_span *span, const struct range *slabs,
                      const struct sp_box *box) {
     float share[SP_SLOTS_MAX + SP_WIDE];
-    size_t step = blend->planes * (size_t)SP_TILE;
     find_shares(blend, span, slabs, share);
     for (int x = sp_column_first(box); x < box->x1; x += SP_WIDE) {
         sp_wide weight[SP_TILE];
+        int y0 = box->y1, y1 = box->y0; /* of the rows that are not all zero */
         for (int y = box->y0; y < box->y1; y++) {
             struct sp_pixels px;
             sp_footprint_pixels(blend, tile, s, NULL, box, x, y, &px);
             weight[y] = px.weight;
+            if (sp_wide_any(sp_wide_lt(sp_wide_all(0), px.weight))) {
+                y0 = sp_smaller(y0, y);
+                y1 = y + 1;
+            }
         }
-        for (uint32_t k = slabs->first; k <= slabs->last; k++) {
-            float part = share[k - slabs->first], *sums;
+        uint32_t slot = slabs->slot;
+        for (uint32_t k = slabs->first; k <= slabs->last; k++, slot = next_slot(blend, slot)) {
+            float part = share[k - slabs->first], *sums = sp_sums_row(tile, blend, slot, 0) + x;
             const float adds[] = { s->depth * part, s->emission[0] * part, s->emission[1] * part,
                                    s->emission[2] * part, s->value * part };
-            sums = sp_sums_row(tile, blend, k % blend->slots, box->y0) + x;
-            for (int y = box->y0; y < box->y1; y++, sums += step)
-                add_weights(weight[y], adds, blend->post != NULL, sums);
+            if (blend->post)
+                add_rows(weight, y0, y1, adds, true, sums);
+            else
+                add_rows(weight, y0, y1, adds, false, sums);
         }
     }
 }
@@ -145,9 +213,8 @@ void sp_slab_add(struct sp_tile *tile, const struct sp_blend *blend,
     if (is_even(blend, s, span))
         add_even(tile, blend, s, span, &slabs, &box);
     else
-        for (int y = box.y0; y < box.y1; y++)
-            for (int x = sp_column_first(&box); x < box.x1; x += SP_WIDE)
-                add_pixels(tile, blend, records, n, &slabs, &box, x, y);
-    for (uint32_t k = slabs.first; k <= slabs.last; k++)
-        sp_slot_touch(&tile->dirty[k % blend->slots], &box);
+        add_uneven(tile, blend, records, n, &slabs, &box);
+    uint32_t slot = slabs.slot;
+    for (uint32_t k = slabs.first; k <= slabs.last; k++, slot = next_slot(blend, slot))
+        sp_slot_touch(&tile->dirty[slot], &box);
 }

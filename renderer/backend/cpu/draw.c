@@ -16,6 +16,7 @@ enum {
     BAND_TILES = 2304,       /* tiles a band, 32 KiB each: one band up to 1920 × 1080 */
     ENTRIES_MIN = 1 << 20,
     POLL_EVERY = 64, /* splats of a tile between two looks at the cancel flag */
+    AHEAD = 6,       /* splats of a tile that are asked for before their turn */
 };
 /* Sums of the open slabs: of a band, and of a row of tiles at least. */
 #define BAND_BYTES ((size_t)128 << 20)
@@ -186,6 +187,14 @@ static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
+/* Asks for the record of entry e: those of a tile lie far apart. */
+static inline void prefetch_record(const struct draw *d, uint32_t e) {
+    uint32_t n = d->bins.entries[e];
+    __builtin_prefetch(&d->records.splat[n]);
+    if (d->records.span)
+        __builtin_prefetch(&d->records.span[n]);
+}
+
 static void add_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct draw *d = user;
@@ -195,6 +204,8 @@ static void add_tiles(void *user, size_t begin, size_t end, unsigned worker) {
         for (uint32_t e = d->bins.first[t]; e < stop && !tile->saturated; e++) {
             if (e % POLL_EVERY == 0 && is_cancelled(d))
                 return;
+            if (e + AHEAD < stop)
+                prefetch_record(d, e + AHEAD);
             d->kernels->add[d->blend.mode](tile, &d->blend, &d->records, d->bins.entries[e]);
         }
     }
