@@ -17,6 +17,8 @@ cores; each step prints what runs and how long it took.
   --out DIR       where the tables go (default tests/bench/results; with --quick build/bench-quick)
   --vtk           measure VTK too, and install it if it is missing (python3-vtk9, xvfb)
   --no-vtk        do not; without either, VTK is measured where it is installed
+  --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
+                  adaptive, detail, edits, cancel, scaling
   --views N       cameras of each orbit, 2 to 24 (default 24)
   --full          24 cameras for VTK at 1024 px as well, where 8 are taken (10 minutes more)
   --no-install    build with what is already installed
@@ -35,7 +37,7 @@ need_value() {
     [[ $# -ge 2 ]] || { usage >&2; exit 2; }
 }
 
-install=yes quick=no vtk=auto views='' full=no out=''
+install=yes quick=no vtk=auto views='' full=no out='' only=''
 data=${SPLATD_DATA_DIR:-$root/../shared/data} scenes=$root/../shared/bench/scenes
 while [[ $# -gt 0 ]]; do
     case $1 in
@@ -47,6 +49,7 @@ while [[ $# -gt 0 ]]; do
     --data) need_value "$@"; data=$2; shift ;;
     --scenes) need_value "$@"; scenes=$2; shift ;;
     --out) need_value "$@"; out=$2; shift ;;
+    --only) need_value "$@"; only=$2; shift ;;
     --views) need_value "$@"; views=$2; shift ;;
     --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
@@ -83,10 +86,12 @@ load=$(cut -d' ' -f1 /proc/loadavg)
 
 arguments=(--bin "$root/build/release/bin" --data "$data" --scenes "$scenes" --out "$out" --views "$views")
 [[ $quick == no ]] || arguments+=(--quick)
+[[ -z $only ]] || arguments+=(--only "$only")
 [[ $full == no ]] || arguments+=(--peer-views 24)
 say "measuring into $out"
 status=0
 python3 "$root/tests/bench/run_all.py" "${arguments[@]}" --vtk-bench "$peer" --no-vtk-because "$why" || status=$?
+[[ $status -ne 2 ]] || exit 2
 python3 "$root/tests/bench/report.py" "$out" || die "the tables could not be made (see above); the CSV files are in $out"
 say "the page is $out/README.md"
 [[ $status -eq 0 ]] || die "some measurements failed (see above); a broken build is cured by removing build/release"

@@ -113,6 +113,12 @@ class Report(unittest.TestCase):
             self.assertEqual(done.returncode, status)
             self.assertTrue(done.stderr)
 
+    def test_unknown_parts_are_refused(self):
+        done = subprocess.run([sys.executable, os.path.join(HERE, 'run_all.py'), '--bin', '.', '--data', '.', '--scenes', '.', '--out',
+                               self.folder.name, '--only', 'limit,tea'], capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn('"tea" is none of limit, scenes', done.stderr)
+
     def test_cameras_are_chosen_evenly(self):
         self.assertEqual(run_all.chosen(list(range(24)), 8), list(range(0, 24, 3)))
         self.assertEqual(run_all.chosen([1, 2], 24), [1, 2])

@@ -21,6 +21,7 @@ import time
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
+PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling')
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -33,10 +34,16 @@ def arguments():
     p.add_argument('--out', required=True, help='folder of the CSV files')
     p.add_argument('--vtk-bench', default='', help='script that measures VTK on the same scenes; "" = without')
     p.add_argument('--no-vtk-because', default='', help='what to say where VTK is not measured')
+    p.add_argument('--only', default=','.join(PARTS), help='what to measure, of ' + ', '.join(PARTS) + '; the other files stay')
     p.add_argument('--quick', action='store_true', help='a few views, 512 px, two threads, small volumes')
     p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
     p.add_argument('--peer-views', type=int, default=8, help='cameras for VTK at 1024 px, evenly chosen; 24 at 512 px')
-    return p.parse_args()
+    options = p.parse_args()
+    options.only = options.only.split(',')
+    for part in options.only:
+        if part not in PARTS:
+            p.error(f'--only: "{part}" is none of {", ".join(PARTS)}')
+    return options
 
 
 class Run:
@@ -338,6 +345,17 @@ def machine(run):
     yield 'vtk', 'measured in the same run' if run.o.vtk_bench else 'not measured: ' + run.o.no_vtk_because
 
 
+def write_machine(run):
+    """The machine of the scenes; what was measured again later is added with its commit and date."""
+    path, now = os.path.join(run.o.out, 'machine.csv'), dict(machine(run))
+    if 'scenes' not in run.o.only and os.path.exists(path):
+        with open(path, encoding='utf-8', newline='') as f:
+            then = {row['key']: row['value'] for row in csv.DictReader(f)}
+        then.update({f'{part}, measured again': f'{now["commit"]}, {now["date"]}' for part in run.o.only})
+        now = then
+    run.write('machine.csv', ['key', 'value'], [{'key': k, 'value': v} for k, v in now.items()])
+
+
 def known_isas(run):
     """Those that this machine runs, rising."""
     found = []
@@ -364,15 +382,19 @@ def main():
             corners = [c for c in corners if c[1] == 1] or [(512, 1)]
         peers = sum(1 for n in DEMOS if n in run.scenes) + 2 * len(corners) if options.vtk_bench else 0
         levels = len({z for _, z in zooms(run)})
-        run.steps = 2 * len(run.isas) + 2 * len(corners) + 2 + peers + 2 * levels + 3 + 3 + 2 * len(sides)
-        run.write('machine.csv', ['key', 'value'], [{'key': k, 'value': v} for k, v in machine(run)])
-        measure_limit(run)
-        measure_scenes(run, corners, min(options.views, 6))
-        measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')
-        measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')
-        measure_edits(run)
-        measure_cancels(run, 10 if options.quick else 50)
-        measure_scaling(run, sides)
+        work = {  # part: (steps, what to call)
+            'limit': (2 * len(run.isas), lambda: measure_limit(run)),
+            'scenes': (2 * len(corners) + 2 + peers, lambda: measure_scenes(run, corners, min(options.views, 6))),
+            'adaptive': (levels, lambda: measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')),
+            'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
+            'edits': (3, lambda: measure_edits(run)),
+            'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
+            'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
+        }
+        run.steps = sum(work[part][0] for part in options.only)
+        write_machine(run)
+        for part in options.only:
+            work[part][1]()
         run.say(f'measured in {(time.monotonic() - run.start) / 60:.1f} minutes')
     finally:
         shutil.rmtree(run.work, ignore_errors=True)
