@@ -38,8 +38,8 @@ static void find_hull(struct sp_change *c, const struct sp_transfer *from,
     c->high = nextafterf((float)high, INFINITY);
 }
 
-bool sp_change_init(struct sp_change *change, const struct sp_transfer *from,
-                    const struct sp_transfer *to, struct sp_error *err) {
+bool sp_change_init(struct sp_change *change, const struct sp_transfer *from, const uint8_t *has,
+                    const struct sp_transfer *to, const uint8_t *wants, struct sp_error *err) {
     *change = (struct sp_change){ 0 };
     if (!from->table) {
         find_hull(change, from, to);
@@ -51,7 +51,7 @@ bool sp_change_init(struct sp_change *change, const struct sp_transfer *from,
     uint32_t sum = 0;
     for (uint32_t i = 0; i < from->count; i++) {
         change->before[i] = sum;
-        sum += from->is_visible[i] != to->is_visible[i];
+        sum += has[i] != wants[i];
     }
     change->before[from->count] = sum;
     return true;

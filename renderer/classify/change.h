@@ -19,12 +19,13 @@ struct sp_change {
 };
 
 /* Whether a list made for `from` can serve `to` at all: keys mean the same in both, and both ask
- * for voxels that are visible themselves. */
+ * for voxels by their own value. */
 bool sp_change_is_possible(const struct sp_transfer *from, const struct sp_transfer *to);
 
-/* False with SP_ERR_MEMORY. */
-bool sp_change_init(struct sp_change *change, const struct sp_transfer *from,
-                    const struct sp_transfer *to, struct sp_error *err);
+/* Types with a table: has, wants: by key, what the one list holds and the other is to hold. False
+ * with SP_ERR_MEMORY. */
+bool sp_change_init(struct sp_change *change, const struct sp_transfer *from, const uint8_t *has,
+                    const struct sp_transfer *to, const uint8_t *wants, struct sp_error *err);
 void sp_change_finish(struct sp_change *change);
 
 /* Whether any value of the range changes. */

@@ -3,7 +3,9 @@
 
 #include <assert.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "classify/change.h"
 #include "classify/coarse.h"
 #include "classify/collect.h"
 
@@ -29,6 +31,8 @@ static bool may_grow(const struct sp_classification *c, const struct sp_classify
 
 static void drop_lists(struct sp_level *level) {
     sp_visible_finish(&level->visible);
+    free(level->listed);
+    level->listed = NULL;
     free(level->cells);
     level->cells = NULL;
 }
@@ -50,18 +54,54 @@ void sp_classification_init(struct sp_classification *c, struct sp_volume *volum
 void sp_classification_finish(struct sp_classification *c) {
     for (int l = 0; l < SP_LEVELS; l++)
         sp_level_finish(&c->levels[l]);
+    free(c->histogram);
+    c->histogram = NULL;
     sp_volume_unref(&c->volume);
 }
 
-static bool update_transfer(struct sp_classification *c, const struct sp_transfer_function *tf,
+static bool need_histogram(struct sp_classification *c, struct sp_pool *pool,
+                           struct sp_error *err) {
+    if (!c->histogram)
+        c->histogram = sp_collect_histogram(&c->levels[0].transfer, c->volume, pool, err);
+    return c->histogram != NULL;
+}
+
+bool sp_classification_fit(struct sp_classification *c, const struct sp_transfer *to,
+                           struct sp_pool *pool, struct sp_fit *fit, struct sp_error *err) {
+    const struct sp_level *all = &c->levels[0];
+    *fit = (struct sp_fit){ 0 };
+    if (!all->listed || !sp_change_is_possible(&all->transfer, to) ||
+        !need_histogram(c, pool, err))
+        return false;
+    for (uint32_t k = 0; k < to->count; k++) {
+        fit->visible += to->is_visible[k] ? c->histogram[k] : 0;
+        fit->missing += to->is_visible[k] > all->listed[k] ? c->histogram[k] : 0;
+        fit->excess += to->is_visible[k] < all->listed[k] ? c->histogram[k] : 0;
+    }
+    return true;
+}
+
+bool sp_fit_is_close(const struct sp_fit *fit) {
+    return fit->missing == 0 && fit->excess <= fit->visible / 4;
+}
+
+/* Whether the list holds what `next` shows, and not too much beside it. */
+static bool keeps_list(struct sp_classification *c, const struct sp_transfer *next,
+                       struct sp_pool *pool) {
+    struct sp_fit fit;
+    return sp_transfer_same_voxels(&c->levels[0].transfer, next) ||
+           (sp_classification_fit(c, next, pool, &fit, NULL) && sp_fit_is_close(&fit));
+}
+
+static bool update_transfer(struct sp_classification *c, const struct sp_classify_job *job,
                             struct sp_error *err) {
     struct sp_level *all = &c->levels[0];
-    if (sp_transfer_function_equal(&all->transfer.tf, tf))
+    if (sp_transfer_function_equal(&all->transfer.tf, job->tf))
         return true;
     struct sp_transfer next;
-    if (!sp_transfer_init(&next, tf, sp_volume_info(c->volume), err))
+    if (!sp_transfer_init_like(&next, job->tf, sp_volume_info(c->volume), &all->transfer, err))
         return false;
-    if (!sp_transfer_same_voxels(&all->transfer, &next))
+    if (!keeps_list(c, &next, job->pool))
         drop_lists(all);
     for (int l = 1; l < SP_LEVELS; l++) /* they hold colours */
         sp_level_finish(&c->levels[l]);
@@ -82,11 +122,72 @@ static void check_reach(struct sp_classification *c, const struct sp_classify_jo
     all->reach = job->reach;
 }
 
+/* Adds the keys next to what is listed, an eighth of the visible voxels at most: where the next
+ * edits are likely to show some. */
+static bool widen(struct sp_classification *c, uint8_t *listed, struct sp_error *err) {
+    const struct sp_transfer *t = &c->levels[0].transfer;
+    uint32_t *distance = malloc(t->count * sizeof *distance), near = t->count, reach = 0;
+    uint64_t *added = calloc(t->count + (size_t)1, sizeof *added), visible = 0, more = 0;
+    if (!distance || !added) {
+        free(distance);
+        free(added);
+        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u values", t->count);
+    }
+    for (uint32_t k = 0; k < t->count; k++) {
+        near = listed[k] ? 0 : near < t->count ? near + 1 : near;
+        distance[k] = near;
+    }
+    near = t->count;
+    for (uint32_t k = t->count; k-- > 0;) {
+        near = listed[k] ? 0 : near < t->count ? near + 1 : near;
+        distance[k] = near < distance[k] ? near : distance[k];
+        added[distance[k]] += c->histogram[k];
+    }
+    visible = added[0];
+    while (reach + 1 < t->count && more + added[reach + 1] <= visible / 8)
+        more += added[++reach];
+    for (uint32_t k = 0; k < t->count; k++)
+        listed[k] = distance[k] <= reach;
+    free(distance);
+    free(added);
+    return true;
+}
+
+/* Chooses the keys of a new list. */
+static bool choose_listed(struct sp_classification *c, const struct sp_classify_job *job,
+                          struct sp_error *err) {
+    struct sp_level *all = &c->levels[0];
+    const struct sp_transfer *t = &all->transfer;
+    if (!t->table || t->tf.order == SP_TF_POST)
+        return true;
+    all->listed = malloc(t->count);
+    if (!all->listed)
+        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u values", t->count);
+    memcpy(all->listed, t->is_visible, t->count);
+    return !job->widens || (need_histogram(c, job->pool, err) && widen(c, all->listed, err));
+}
+
+/* How many of the voxels in the finest list are visible. */
+static bool count_visible(struct sp_classification *c, struct sp_pool *pool,
+                          struct sp_error *err) {
+    const struct sp_level *all = &c->levels[0];
+    const struct sp_transfer *t = &all->transfer;
+    c->visible = all->visible.count;
+    if (!all->listed || memcmp(all->listed, t->is_visible, t->count) == 0)
+        return true;
+    if (!need_histogram(c, pool, err))
+        return false;
+    c->visible = 0;
+    for (uint32_t k = 0; k < t->count; k++)
+        c->visible += t->is_visible[k] ? c->histogram[k] : 0;
+    return true;
+}
+
 static bool collect_from(struct sp_classification *c, const struct sp_classify_job *job,
                          struct sp_collect_source *source, struct sp_error *err) {
     struct sp_level *all = &c->levels[0];
     struct sp_visible *list = &all->visible;
-    if (!sp_collect_count(all, c->volume, job, source, err))
+    if (!choose_listed(c, job, err) || !sp_collect_count(all, c->volume, job, source, err))
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
     uint64_t count = list->count, more = sp_visible_entry_bytes(list, count, job->normals);
@@ -109,9 +210,18 @@ static bool collect_voxels(struct sp_classification *c, const struct sp_classify
 static bool update_all(struct sp_classification *c, const struct sp_classify_job *job,
                        struct sp_error *err) {
     struct sp_visible *list = &c->levels[0].visible;
-    if (!list->first && !collect_voxels(c, job, err)) {
+    struct sp_classify_job exact = *job;
+    struct sp_error why = { 0 };
+    exact.widens = false;
+    if (!list->first && !collect_voxels(c, job, &why)) {
         drop_lists(&c->levels[0]);
-        return false;
+        bool was_widened = job->widens && why.code == SP_ERR_BUDGET;
+        if (!was_widened || !collect_voxels(c, &exact, &why)) {
+            drop_lists(&c->levels[0]);
+            if (err)
+                *err = why;
+            return false;
+        }
     }
     bool wide = sp_transfer_wants_magnitudes(job->tf);
     if (!job->normals || (list->normal && (!wide || list->normal_bytes == 4)))
@@ -150,10 +260,10 @@ static bool turn(const struct sp_visible *list, const struct sp_classify_job *jo
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err) {
     assert(job->axis <= SP_NO_AXIS && job->level < SP_LEVELS);
-    if (!update_transfer(c, job->tf, err))
+    if (!update_transfer(c, job, err))
         return false;
     check_reach(c, job);
-    if (!update_all(c, job, err))
+    if (!update_all(c, job, err) || !count_visible(c, job->pool, err))
         return false;
     for (unsigned l = 1; l <= job->level; l++)
         if (!update_coarse(c, l, job, err))
@@ -162,11 +272,13 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
 }
 
 uint64_t sp_classification_bytes(const struct sp_classification *c) {
-    uint64_t bytes = 0;
+    const struct sp_transfer *t = &c->levels[0].transfer;
+    uint64_t bytes = c->histogram ? t->count * (uint64_t)sizeof *c->histogram : 0;
     for (int l = 0; l < SP_LEVELS; l++) {
         const struct sp_level *level = &c->levels[l];
         bytes += level->transfer.count * (uint64_t)(sizeof(struct sp_class) + 1) +
                  sp_visible_bytes(&level->visible);
+        bytes += level->listed ? level->transfer.count : 0;
         if (level->ranges)
             bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->ranges;
     }

@@ -14,6 +14,8 @@ struct sp_level {
     double *coordinates[3];      /* of `grid`, where they are the level's own */
     struct sp_transfer transfer; /* of the list's keys */
     struct sp_visible visible;
+    uint8_t *listed; /* finest level, types with a table, order pre: by key, what the list holds:
+                        what is visible and more (see sp_classification_fit()); else NULL */
     struct sp_range *ranges; /* by brick: of all values; finest level; NULL = not made */
     double reach;            /* order post: the kernel's radius that the list was made for */
     uint64_t *cells; /* order post: reach.h, by brick; while the list is being made, else NULL */
@@ -24,6 +26,8 @@ enum { SP_LEVELS = 3 };
  * for. */
 struct sp_classification {
     struct sp_volume *volume; /* one reference */
+    uint64_t *histogram;      /* voxels by key; NULL = not made */
+    uint64_t visible;         /* voxels that are, of those that the finest list holds */
     struct sp_level levels[SP_LEVELS];
 };
 
@@ -45,6 +49,7 @@ struct sp_classify_job {
     double reach;   /* order post: the kernel's radius, voxels */
     const struct sp_classification
         *from;          /* of the same volume, to derive lists from; NULL = none */
+    bool widens;        /* a new list is to serve more edits like the one that made it necessary */
     uint64_t bytes_max; /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
@@ -56,6 +61,24 @@ struct sp_classify_job {
  * what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err);
+
+/* How far the list is one for another transfer function. A list may hold voxels that are not
+ * visible: their depth is 0, set-up leaves them out, and the picture is the same. So an edit that
+ * hides values is a new table and nothing else, and one that shows some is as well if the list was
+ * widened to hold them. */
+struct sp_fit {
+    uint64_t visible; /* voxels under the new one */
+    uint64_t missing; /* of them, not in the list */
+    uint64_t excess;  /* in the list and not visible */
+};
+
+/* False when the list cannot serve: none, another order, a type without a table; SP_ERR_MEMORY is
+ * set when that is why, else *err is left alone. */
+bool sp_classification_fit(struct sp_classification *c, const struct sp_transfer *to,
+                           struct sp_pool *pool, struct sp_fit *fit, struct sp_error *err);
+
+/* Whether a list that lacks nothing is still good enough: at most a quarter too long. */
+bool sp_fit_is_close(const struct sp_fit *fit);
 
 /* Bytes kept, without the volume itself. */
 uint64_t sp_classification_bytes(const struct sp_classification *c);

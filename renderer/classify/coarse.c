@@ -117,6 +117,12 @@ static inline uint32_t cell_of(uint16_t local, uint16_t offset) {
     return (local >> 1 & 0x777u) + offset;
 }
 
+/* Lists may hold voxels that are not visible (classification.h). */
+static inline bool is_hidden(const struct merge *m, uint64_t e) {
+    const struct sp_transfer *t = &m->fine->transfer;
+    return m->fine->listed && !t->is_visible[sp_visible_key(&m->fine->visible, e)];
+}
+
 static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t brick) {
     const struct sp_visible *list = &m->fine->visible;
     uint32_t fine[8];
@@ -128,6 +134,8 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
         sp_visible_locals(list, fine[i], NULL, 0, entries, local);
         for (uint32_t n = 0; n < entries; n++) {
             uint32_t cell = cell_of(local[n], offset[i]);
+            if (is_hidden(m, list->first[fine[i]] + n))
+                continue;
             cells->used[cell / 64] |= UINT64_C(1) << cell % 64;
         }
     }
@@ -178,6 +186,8 @@ static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick
     for (uint32_t n = 0; n < count; n++) {
         uint64_t e = list->first[brick] + n;
         uint16_t local = locals[n];
+        if (is_hidden(m, e))
+            continue;
         uint32_t cell = cell_of(local, offset);
         struct sum *sum = &cells->sums[cell];
         float part = share[0][local & 15] * share[1][local >> 4 & 15] * share[2][local >> 8];

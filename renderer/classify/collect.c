@@ -12,10 +12,10 @@
 
 enum {
     BRICKS_GRAIN = 16, /* bricks between two looks at the cancel flag */
-    INTERVALS_MAX = 4, /* of visible keys: more are looked up one by one */
+    INTERVALS_MAX = 4, /* of keys: more are looked up one by one */
 };
 
-/* Visible keys of a table, as few ranges. */
+/* Keys that are listed, as few ranges. */
 struct intervals {
     int count; /* -1: too many */
     uint16_t low[INTERVALS_MAX], span[INTERVALS_MAX];
@@ -29,6 +29,7 @@ struct collect {
     unsigned axis;         /* that bricks which are made anew are cut along */
     const uint64_t *cells; /* order post: what can matter, by brick; else NULL */
     struct sp_range *ranges;
+    const uint8_t *listed; /* by key; NULL = what is visible, or can matter */
     struct intervals intervals;
     bool measures;               /* ranges have yet to be found */
     const struct sp_level *from; /* NULL = nowhere to copy from */
@@ -37,17 +38,17 @@ struct collect {
     const struct sp_classify_job *job;
 };
 
-static struct intervals find_intervals(const struct sp_transfer *transfer) {
+static struct intervals find_intervals(const uint8_t *listed, uint32_t count) {
     struct intervals in = { 0 };
-    for (uint32_t k = 0; transfer->table && k < transfer->count; k++) {
-        if (!transfer->is_visible[k])
+    for (uint32_t k = 0; listed && k < count; k++) {
+        if (!listed[k])
             continue;
         if (in.count == INTERVALS_MAX) {
             in.count = -1;
             break;
         }
         uint32_t low = k;
-        while (k + 1 < transfer->count && transfer->is_visible[k + 1])
+        while (k + 1 < count && listed[k + 1])
             k++;
         in.low[in.count] = (uint16_t)low;
         in.span[in.count++] = (uint16_t)(k - low);
@@ -65,7 +66,8 @@ static struct collect make_collect(struct sp_level *level, const struct sp_volum
                              .axis = job->axis < 3 ? job->axis : 2,
                              .cells = level->cells,
                              .ranges = level->ranges,
-                             .intervals = find_intervals(&level->transfer),
+                             .listed = level->listed,
+                             .intervals = find_intervals(level->listed, level->transfer.count),
                              .from = source->level,
                              .change = &source->change,
                              .job = job };
@@ -107,21 +109,25 @@ static inline void read_keys(const void *voxels, size_t at, uint32_t n, uint32_t
                              int32_t first, uint16_t keys[SP_BRICK]) {
     if (bytes == 1) {
         uint8_t in[SP_BRICK];
-        memset(in, ((const uint8_t *)voxels)[at], sizeof in);
-        memcpy(in, (const uint8_t *)voxels + at, n);
+        if (n == SP_BRICK) {
+            memcpy(in, (const uint8_t *)voxels + at, sizeof in);
+        } else {
+            memset(in, ((const uint8_t *)voxels)[at], sizeof in);
+            memcpy(in, (const uint8_t *)voxels + at, n);
+        }
         for (int i = 0; i < SP_BRICK; i++)
             keys[i] = (uint8_t)(in[i] - (uint8_t)first); /* whether it is signed or not */
     } else {
-        for (int i = 0; i < SP_BRICK; i++)
+        for (int i = 0; n < SP_BRICK && i < SP_BRICK; i++)
             keys[i] = ((const uint16_t *)voxels)[at];
-        memcpy(keys, (const uint16_t *)voxels + at, n * sizeof *keys);
+        memcpy(keys, (const uint16_t *)voxels + at, (n < SP_BRICK ? n : SP_BRICK) * sizeof *keys);
         for (int i = 0; i < SP_BRICK; i++)
             keys[i] = (uint16_t)(keys[i] - (uint16_t)first);
     }
 }
 
-/* Which of a row's keys are visible: a bit each. */
-static inline uint32_t find_visible(const struct collect *c, const uint16_t keys[SP_BRICK]) {
+/* Which of a row's keys are listed: a bit each. */
+static inline uint32_t find_listed(const struct collect *c, const uint16_t keys[SP_BRICK]) {
     static const uint16_t bit[SP_BRICK] = { 1,   2,   4,    8,    16,   32,   64,    128,
                                             256, 512, 1024, 2048, 4096, 8192, 16384, 32768 };
     uint16_t bits = 0;
@@ -131,7 +137,7 @@ static inline uint32_t find_visible(const struct collect *c, const uint16_t keys
             bits |= (uint16_t)(keys[i] - low) <= span ? bit[i] : 0;
     }
     for (int i = 0; c->intervals.count < 0 && i < SP_BRICK; i++)
-        bits |= (uint16_t)(c->transfer->is_visible[keys[i]] << i);
+        bits |= (uint16_t)(c->listed[keys[i]] << i);
     return bits;
 }
 
@@ -165,7 +171,7 @@ static void put_keys(struct sp_dense *dense, uint32_t at, uint32_t stride, uint3
             dense->key.halves[at + i * stride] = keys[i];
 }
 
-/* Types with a table, order pre: all rows of a brick, 16 samples at a time. */
+/* With keys that are listed: all rows of a brick, 16 samples at a time. */
 static void load_table(const struct collect *c, const struct part *part, struct sp_dense *dense,
                        struct sp_range *range) {
     uint32_t bytes = c->list->key_bytes, inside = (1u << part->size[0]) - 1;
@@ -175,7 +181,7 @@ static void load_table(const struct collect *c, const struct part *part, struct 
         for (uint32_t i1 = 0; i1 < part->size[1]; i1++) {
             size_t from = row_begin(c, part, i1, i2);
             read_keys(c->voxels, from, part->size[0], bytes, c->transfer->first, keys);
-            uint32_t bits = find_visible(c, keys) & inside;
+            uint32_t bits = find_listed(c, keys) & inside;
             uint32_t at = sp_dense_element(dense->axis, i1 << 4 | i2 << 8);
             if (bits) {
                 put_keys(dense, at, stride, bytes, keys);
@@ -199,7 +205,7 @@ static void widen(const struct sp_transfer *transfer, const uint32_t *keys, uint
     }
 }
 
-/* Any type and order. */
+/* Any type and order, what is visible or can matter. */
 static void load_any(const struct collect *c, const struct part *part, struct sp_dense *dense,
                      struct sp_range *range) {
     uint32_t bytes = c->list->key_bytes, stride = sp_dense_element(dense->axis, 1);
@@ -231,7 +237,7 @@ static void load_brick(const struct collect *c, const struct part *part, struct 
     memset(dense->used, 0, sizeof dense->used);
     if (range)
         *range = (struct sp_range){ INFINITY, -INFINITY };
-    if (c->transfer->table && !c->cells)
+    if (c->listed)
         load_table(c, part, dense, range);
     else
         load_any(c, part, dense, range);
@@ -364,11 +370,12 @@ bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
                  !sp_change_is_possible(&from->transfer, &level->transfer)))
         from = NULL;
     uint32_t key_bytes = sp_transfer_key_bytes(&level->transfer);
-    uint32_t normal_bytes = key_bytes == 1 && !sp_transfer_wants_magnitudes(job->tf) ? 2 : 4;
+    uint32_t normal_bytes = key_bytes <= 2 && !sp_transfer_wants_magnitudes(job->tf) ? 2 : 4;
     if (!sp_visible_init(list, level->grid.dims, key_bytes, normal_bytes, err) ||
         !find_ranges(level, from, &measures, err))
         return false;
-    if (from && !sp_change_init(&source->change, &from->transfer, &level->transfer, err))
+    if (from && !sp_change_init(&source->change, &from->transfer, from->listed, &level->transfer,
+                                level->listed, err))
         return false;
     source->level = from;
     if (job->tf->order == SP_TF_POST && !find_cells(level, volume, job, err))
@@ -439,4 +446,52 @@ bool sp_collect_normals(struct sp_level *level, const struct sp_volume *volume,
     free(list->normal);
     list->normal = NULL;
     return false;
+}
+
+enum { HISTOGRAM_GRAIN = 1 << 18 }; /* samples */
+
+struct histogram {
+    const struct sp_transfer *transfer;
+    const void *voxels;
+    uint64_t *counts; /* [transfer->count] a worker */
+};
+
+/* Two counters in turn, because equal neighbours would wait for each other's. */
+static void count_samples(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct histogram *h = user;
+    int32_t first = h->transfer->first;
+    uint64_t *counts = h->counts + 2 * (size_t)worker * h->transfer->count;
+    uint64_t *other = counts + h->transfer->count;
+    if (sp_transfer_key_bytes(h->transfer) == 1) {
+        const uint8_t *in = h->voxels;
+        for (size_t i = begin; i + 1 < end; i += 2) {
+            counts[(uint8_t)(in[i] - (uint8_t)first)]++;
+            other[(uint8_t)(in[i + 1] - (uint8_t)first)]++;
+        }
+        if ((end - begin) % 2)
+            counts[(uint8_t)(in[end - 1] - (uint8_t)first)]++;
+    } else {
+        const uint16_t *in = h->voxels;
+        for (size_t i = begin; i < end; i++)
+            counts[(uint16_t)(in[i] - (uint16_t)first)]++;
+    }
+}
+
+uint64_t *sp_collect_histogram(const struct sp_transfer *transfer, const struct sp_volume *volume,
+                               struct sp_pool *pool, struct sp_error *err) {
+    const uint32_t *dims = sp_volume_info(volume)->grid.dims;
+    uint32_t parts = 2 * sp_pool_threads(pool);
+    struct histogram h = { .transfer = transfer,
+                           .voxels = sp_volume_voxels(volume),
+                           .counts = calloc((size_t)transfer->count * parts, sizeof *h.counts) };
+    if (!h.counts) {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory to count %u values", transfer->count);
+        return NULL;
+    }
+    sp_parallel_for(pool, (size_t)dims[0] * dims[1] * dims[2], HISTOGRAM_GRAIN, count_samples, &h);
+    for (uint32_t p = 1; p < parts; p++)
+        for (uint32_t k = 0; k < transfer->count; k++)
+            h.counts[k] += h.counts[(size_t)p * transfer->count + k];
+    uint64_t *least = realloc(h.counts, transfer->count * sizeof *least);
+    return least ? least : h.counts;
 }

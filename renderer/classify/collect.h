@@ -28,6 +28,10 @@ bool sp_collect_fill(struct sp_level *level, const struct sp_volume *volume,
                      const struct sp_classify_job *job, const struct sp_collect_source *source,
                      struct sp_error *err);
 
+/* Voxels of the volume by key, of a type with a table: malloc'ed. NULL with SP_ERR_MEMORY. */
+uint64_t *sp_collect_histogram(const struct sp_transfer *transfer, const struct sp_volume *volume,
+                               struct sp_pool *pool, struct sp_error *err);
+
 /* Adds the normals. SP_ERR_MEMORY, SP_ERR_CANCELLED; the list is then as before. */
 bool sp_collect_normals(struct sp_level *level, const struct sp_volume *volume,
                         const struct sp_classify_job *job, struct sp_error *err);

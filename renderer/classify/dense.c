@@ -6,22 +6,31 @@
 enum { ROWS = SP_BRICK * SP_BRICK, FULL = 0xffff };
 
 uint32_t sp_dense_count(const struct sp_dense *dense) {
-    uint32_t count = 0;
-    for (int r = 0; r < ROWS; r++)
-        count += (uint32_t)__builtin_popcount(dense->used[r]);
-    return count;
+    /* Four rows at a time: bits of pairs, fours, bytes, then the bytes' sum. */
+    uint64_t count = 0;
+    for (int r = 0; r < ROWS; r += 4) {
+        uint64_t x;
+        memcpy(&x, &dense->used[r], sizeof x);
+        x -= x >> 1 & UINT64_C(0x5555555555555555);
+        x = (x & UINT64_C(0x3333333333333333)) + (x >> 2 & UINT64_C(0x3333333333333333));
+        x = (x + (x >> 4)) & UINT64_C(0x0f0f0f0f0f0f0f0f);
+        count += x * UINT64_C(0x0101010101010101) >> 56;
+    }
+    return (uint32_t)count;
 }
 
-/* Copies the elements of a row whose bits are set. */
-static inline void pack_row(const void *from, void *to, uint32_t bits, uint32_t bytes) {
+/* Copies the elements of a row whose bits are set; returns how many. */
+static inline uint32_t pack_row(const void *from, void *to, uint32_t bits, uint32_t bytes) {
     if (bits == FULL) {
         memcpy(to, from, (size_t)SP_BRICK * bytes);
-        return;
+        return SP_BRICK;
     }
-    for (uint32_t n = 0; bits; bits &= bits - 1, n++) {
+    uint32_t n = 0;
+    for (; bits; bits &= bits - 1, n++) {
         size_t column = (size_t)__builtin_ctz(bits);
         memcpy((uint8_t *)to + n * bytes, (const uint8_t *)from + column * bytes, bytes);
     }
+    return n;
 }
 
 /* The widths as constants, so that each copy is one load and one store. */
@@ -30,13 +39,10 @@ static void pack_rows(const uint16_t used[ROWS], const void *from, void *to, uin
     uint8_t *out = to;
     for (uint32_t r = 0; r < ROWS; r++) {
         const uint8_t *row = in + (size_t)r * SP_BRICK * bytes;
-        if (bytes == 1)
-            pack_row(row, out, used[r], 1);
-        else if (bytes == 2)
-            pack_row(row, out, used[r], 2);
-        else
-            pack_row(row, out, used[r], 4);
-        out += (size_t)__builtin_popcount(used[r]) * bytes;
+        uint32_t n = bytes == 1   ? pack_row(row, out, used[r], 1)
+                     : bytes == 2 ? pack_row(row, out, used[r], 2)
+                                  : pack_row(row, out, used[r], 4);
+        out += (size_t)n * bytes;
     }
 }
 
@@ -84,17 +90,30 @@ static void scatter_all(const void *from, void *to, const uint16_t *element, uin
         scatter(from, to, element, count, 4);
 }
 
+/* 16 bytes that are 0 or 1 → a bit each. */
+static uint16_t gather_bits(const uint8_t present[SP_BRICK]) {
+    uint16_t bits = 0;
+    for (uint32_t half = 0; half < 2; half++) {
+        uint64_t x = 0;
+        for (uint32_t i = 0; i < 8; i++) /* a load, on little-endian machines */
+            x |= (uint64_t)present[8 * half + i] << 8 * i;
+        bits |= (uint16_t)((x * UINT64_C(0x0102040810204080) >> 56) << 8 * half);
+    }
+    return bits;
+}
+
 void sp_dense_unpack(struct sp_dense *dense, const struct sp_visible *list, uint32_t brick) {
     uint16_t element[SP_BRICK_VOXELS];
+    uint8_t present[SP_BRICK_VOXELS] = { 0 };
     uint64_t first = list->first[brick];
     uint32_t count = (uint32_t)(list->first[brick + 1] - first);
-    memset(dense->used, 0, sizeof dense->used);
     sp_visible_locals(list, brick, NULL, 0, count, element);
-    for (uint32_t e = 0; e < count; e++) {
-        uint32_t at = sp_dense_element(dense->axis, element[e]);
-        element[e] = (uint16_t)at;
-        dense->used[at >> 4] |= (uint16_t)(1u << (at & 15));
-    }
+    for (uint32_t e = 0; dense->axis < 2 && e < count; e++)
+        element[e] = (uint16_t)sp_dense_element(dense->axis, element[e]);
+    for (uint32_t e = 0; e < count; e++)
+        present[element[e]] = 1;
+    for (uint32_t r = 0; r < ROWS; r++)
+        dense->used[r] = gather_bits(present + r * SP_BRICK);
     scatter_all((const uint8_t *)list->key + first * list->key_bytes, &dense->key, element, count,
                 list->key_bytes);
     if (list->normal)

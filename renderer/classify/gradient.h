@@ -10,8 +10,8 @@
  * stored as the square root of its share of the grid's bound; 0 means a gradient of zero length and
  * no direction.
  *
- * Samples of 8 bits do not have as fine a direction, and where the magnitude does not matter 16
- * bits keep theirs: 8 bits v, 8 bits u, at most 1.1 degrees off; 0 means no direction here as well.
+ * Where the magnitude does not matter, 16 bits keep the direction: 8 bits v, 8 bits u, at most 1.1
+ * degrees off; 0 means no direction here as well.
  */
 #ifndef SP_CLASSIFY_GRADIENT_H
 #define SP_CLASSIFY_GRADIENT_H

@@ -39,10 +39,21 @@ static uint32_t find_point(const struct sp_transfer_function *tf, double value) 
     return low;
 }
 
+/* On the piece from p to q, which may be the same point. */
+static inline void eval_piece(const struct sp_tf_point *p, const struct sp_tf_point *q,
+                              double value, struct sp_class *out) {
+    double f = 0;
+    if (p != q) /* halved, because the difference of two finite numbers need not be finite */
+        f = (0.5 * value - 0.5 * p->value) / (0.5 * q->value - 0.5 * p->value);
+    for (int c = 0; c < 3; c++)
+        out->color[c] = (float)(p->color[c] + f * ((double)q->color[c] - (double)p->color[c]));
+    double opacity = p->opacity + f * ((double)q->opacity - (double)p->opacity);
+    out->depth = opacity > 0 ? (float)-log1p(-opacity) : 0;
+}
+
 void sp_transfer_function_eval(const struct sp_transfer_function *tf, double value,
                                struct sp_class *out) {
     const struct sp_tf_point *p = tf->points, *q = p;
-    double f = 0;
     if (!isfinite(value)) {
         *out = (struct sp_class){ { 0 }, 0 };
         return;
@@ -50,15 +61,10 @@ void sp_transfer_function_eval(const struct sp_transfer_function *tf, double val
     if (value > p->value) {
         uint32_t i = find_point(tf, value);
         p = q = &tf->points[i];
-        if (i + 1 < tf->point_count) {
+        if (i + 1 < tf->point_count)
             q++;
-            /* Halved, because the difference of two finite numbers need not be finite. */
-            f = (0.5 * value - 0.5 * p->value) / (0.5 * q->value - 0.5 * p->value);
-        }
     }
-    for (int c = 0; c < 3; c++)
-        out->color[c] = (float)(p->color[c] + f * ((double)q->color[c] - (double)p->color[c]));
-    out->depth = (float)-log1p(-(p->opacity + f * ((double)q->opacity - (double)p->opacity)));
+    eval_piece(p, q, value, out);
 }
 
 double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude) {
@@ -110,8 +116,48 @@ static double find_base(const struct sp_transfer_function *tf, const double rang
     return fmax(range[0], fmin(base, range[1]));
 }
 
-bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
-                      const struct sp_volume_info *info, struct sp_error *err) {
+/* The points between which a value lies, given that calls come with rising values; beyond the ends
+ * twice the same. *at: where to go on. */
+static void find_piece(const struct sp_transfer_function *tf, double value, uint32_t *at,
+                       const struct sp_tf_point *piece[2]) {
+    while (*at + 1 < tf->point_count && tf->points[*at + 1].value <= value)
+        ++*at;
+    bool is_beyond = !(value > tf->points[0].value) || *at + 1 == tf->point_count;
+    piece[0] = &tf->points[*at];
+    piece[1] = is_beyond ? piece[0] : piece[0] + 1;
+}
+
+static bool is_same_point(const struct sp_tf_point *a, const struct sp_tf_point *b) {
+    return a->value == b->value && a->opacity == b->opacity && a->color[0] == b->color[0] &&
+           a->color[1] == b->color[1] && a->color[2] == b->color[2];
+}
+
+/* like: where pieces that both functions have are copied from; NULL = nowhere. */
+static void fill_table(struct sp_transfer *t, const struct sp_transfer *like) {
+    const struct sp_tf_point *piece[4] = { NULL }, *last[4] = { NULL };
+    uint32_t at = 0, other = 0;
+    bool is_same = false;
+    if (like && (!like->table || like->first != t->first || like->count != t->count))
+        like = NULL;
+    for (uint32_t i = 0; i < t->count; i++) {
+        double value = (double)t->first + i;
+        find_piece(&t->tf, value, &at, piece);
+        if (like)
+            find_piece(&like->tf, value, &other, piece + 2);
+        if (like && memcmp(piece, last, sizeof piece) != 0)
+            is_same = is_same_point(piece[0], piece[2]) && is_same_point(piece[1], piece[3]);
+        memcpy(last, piece, sizeof piece);
+        if (is_same)
+            t->table[i] = like->table[i];
+        else
+            eval_piece(piece[0], piece[1], value, &t->table[i]);
+        t->is_visible[i] = t->table[i].depth > 0;
+    }
+}
+
+bool sp_transfer_init_like(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
+                           const struct sp_volume_info *info, const struct sp_transfer *like,
+                           struct sp_error *err) {
     *transfer =
         (struct sp_transfer){ .tf = *tf, .type = info->type, .base = find_base(tf, info->range) };
     if (!make_scale(transfer, info))
@@ -127,11 +173,13 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
         sp_transfer_finish(transfer);
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "no memory for its table");
     }
-    for (uint32_t i = 0; i < transfer->count; i++) {
-        sp_transfer_function_eval(tf, (double)transfer->first + i, &transfer->table[i]);
-        transfer->is_visible[i] = transfer->table[i].depth > 0;
-    }
+    fill_table(transfer, like);
     return true;
+}
+
+bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
+                      const struct sp_volume_info *info, struct sp_error *err) {
+    return sp_transfer_init_like(transfer, tf, info, NULL, err);
 }
 
 void sp_transfer_finish(struct sp_transfer *transfer) {

@@ -43,6 +43,12 @@ struct sp_transfer {
  * *transfer is then all zero. */
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, struct sp_error *err);
+
+/* The same; pieces of the function that `like`, made for the same volume, has as well are copied.
+ */
+bool sp_transfer_init_like(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
+                           const struct sp_volume_info *info, const struct sp_transfer *like,
+                           struct sp_error *err);
 void sp_transfer_finish(struct sp_transfer *transfer);
 
 /* Scale of the opacity at a gradient magnitude [data units a world unit]: linear between the points

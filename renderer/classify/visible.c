@@ -73,8 +73,15 @@ void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const u
     const uint8_t *place = visible->place + visible->first[brick];
     unsigned axis = visible->axis[brick];
     uint32_t s = 0;
-    for (uint32_t n = 0; n < count; n++) {
-        uint32_t e = order ? order[begin + n] : begin + n;
+    for (; !order && s < SP_BRICK; s++) {
+        uint32_t from = start[s] > begin ? start[s] : begin;
+        uint32_t to = start[s + 1] < begin + count ? start[s + 1] : begin + count;
+        for (uint32_t e = from; e < to; e++)
+            local[e - begin] = sp_visible_local(axis, s, place[e]);
+    }
+    s = 0;
+    for (uint32_t n = 0; order && n < count; n++) {
+        uint32_t e = order[begin + n];
         s = e < start[s] ? 0 : s; /* orders rise inside of a run */
         while (e >= start[s + 1])
             s++;

@@ -9,8 +9,8 @@
  * while it is in the cache; its entries then lie in the order in which a view draws them. In a
  * slice they rise by place, so that the order is the same whatever happened to the list before.
  *
- * Keys are as wide as the volume's type needs, normals half a word for 8 bits: an entry takes 2
- * bytes, or 4 with normals; 3 or 7 for 16 bits and 5 or 9 for other types.
+ * Keys are as wide as the volume's type needs, and normals half a word for 8 and 16 bits: there an
+ * entry takes 2 and 3 bytes, 4 and 5 with normals; 5 and 9 for other types.
  */
 #ifndef SP_CLASSIFY_VISIBLE_H
 #define SP_CLASSIFY_VISIBLE_H

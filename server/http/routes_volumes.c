@@ -5,6 +5,23 @@
 #include "protocol/view.h"
 #include "protocol/volume.h"
 
+/* What the volume takes, and what is derived from it: in all renderers, each of which keeps its own
+ * lists. NULL when out of memory. */
+static proto_json *encode_memory(const struct srv_volume_status *status) {
+    const struct sp_volume_info *info = sp_volume_info(status->volume);
+    const uint32_t *dims = info->grid.dims;
+    double samples = (double)dims[0] * dims[1] * dims[2];
+    proto_json *memory = proto_json_object();
+    bool ok = proto_json_set_integer(memory, "voxels", (int64_t)info->voxel_bytes);
+    ok = proto_json_set_integer(memory, "derived", (int64_t)status->derived_bytes) && ok;
+    ok = proto_json_set_number(memory, "derived_per_voxel",
+                               (double)status->derived_bytes / samples) &&
+         ok;
+    if (!ok)
+        proto_json_free(&memory);
+    return memory;
+}
+
 /* {"id", "name", "source", "state", "progress", …} and, once it is loaded, what it is. */
 static proto_json *encode_volume(const struct srv_volume_status *status, bool in_full) {
     proto_json *json =
@@ -22,12 +39,7 @@ static proto_json *encode_volume(const struct srv_volume_status *status, bool in
         ok = proto_json_set_string(json, "reason", reason) && ok;
     }
     if (status->volume && in_full) {
-        proto_json *memory = proto_json_object();
-        ok = proto_json_set_integer(memory, "voxels",
-                                    (int64_t)sp_volume_info(status->volume)->voxel_bytes) &&
-             ok;
-        ok = proto_json_set_integer(memory, "derived", (int64_t)status->derived_bytes) && ok;
-        ok = proto_json_set(json, "memory", memory) && ok;
+        ok = proto_json_set(json, "memory", encode_memory(status)) && ok;
         ok = proto_json_set_integer(json, "uses", status->uses) && ok;
     }
     if (!ok)

@@ -146,11 +146,28 @@ test('volumes: list, one, its default view', async () => {
   assert.equal(one.histogram.counts.length, 256);
   assert.equal(one.histogram.counts.reduce((a, b) => a + b), one.dims.reduce((a, b) => a * b));
   assert.equal(one.memory.voxels, one.bytes);
+  assert.equal(one.memory.derived_per_voxel, 0); // test cards derive nothing
   const view = (await daemon.json('/api/v1/volumes/engine/view')).json;
   assert.equal(view.volume, 'engine');
   assert.deepEqual(view.size, [512, 512]);
   isProblem(await daemon.json('/api/v1/volumes/nope'), 404, /nope/);
   isProblem(await daemon.json('/api/v1/volumes/nope/view'), 404);
+});
+
+test('what is derived from a volume of bytes is stated, and at most two a voxel', async () => {
+  const real = await Daemon.start(['--volume', 'demo:engine?size=64'], { backend: 'cpu' });
+  await real.loaded('engine');
+  for (const shading of ['none', 'phong']) {
+    const still = await real.fetch('/api/v1/render', {
+      method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ size: [64, 64], shading: { mode: shading } }),
+    });
+    assert.equal(still.status, 200);
+    const { memory, dims } = (await real.json('/api/v1/volumes/engine')).json;
+    assert.ok(memory.derived > 0);
+    assert.equal(memory.derived_per_voxel, memory.derived / dims.reduce((a, b) => a * b));
+    assert.ok(memory.derived_per_voxel <= 2, `${memory.derived_per_voxel} bytes a voxel`);
+  }
+  await real.stop();
 });
 
 test('a volume is loaded once, shared, and unloaded when nobody uses it', async () => {

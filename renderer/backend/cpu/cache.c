@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/cpu/cache.h"
 
+enum { REPEATS = 8 }; /* frames of one transfer function after which its edits have stopped */
+
 static void empty_slot(struct cpu_slot *slot) {
     if (slot->c.volume)
         sp_classification_finish(&slot->c);
@@ -18,20 +20,58 @@ static struct cpu_slot *find_exact(struct cpu_cache *cache, const struct sp_volu
     return NULL;
 }
 
-/* A slot whose lists serve the transfer function although its colours differ. */
-static bool find_similar(struct cpu_cache *cache, const struct sp_volume *volume,
-                         const struct sp_transfer_function *tf, struct cpu_slot **found,
-                         struct sp_error *err) {
-    struct sp_transfer transfer;
-    if (!sp_transfer_init(&transfer, tf, sp_volume_info(volume), err))
-        return false;
-    *found = NULL;
+/* The newest lists of the volume; NULL = none. */
+static struct cpu_slot *find_newest(struct cpu_cache *cache, const struct sp_volume *volume) {
+    struct cpu_slot *newest = NULL;
     for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
         struct cpu_slot *slot = &cache->slots[i];
-        if (slot->c.volume == volume &&
-            sp_transfer_same_voxels(&slot->c.levels[0].transfer, &transfer))
-            *found = slot;
+        if (slot->c.volume == volume && (!newest || slot->used > newest->used))
+            newest = slot;
     }
+    return newest;
+}
+
+/* What the slots are to a transfer function that none was made for. */
+struct match {
+    struct cpu_slot *serving; /* its list will do; NULL = none */
+    struct cpu_slot *nearest; /* the one whose list differs least; NULL = none can be compared */
+    uint64_t serving_excess, differs, visible; /* voxels */
+};
+
+static void match_slot(struct match *m, struct cpu_slot *slot, const struct sp_transfer *transfer,
+                       struct sp_pool *pool) {
+    struct sp_fit fit;
+    if (sp_transfer_same_voxels(&slot->c.levels[0].transfer, transfer) && !m->serving) {
+        m->serving = slot;
+        m->serving_excess = UINT64_MAX;
+    }
+    if (!sp_classification_fit(&slot->c, transfer, pool, &fit, NULL))
+        return;
+    if (sp_fit_is_close(&fit) && (!m->serving || fit.excess < m->serving_excess)) {
+        m->serving = slot;
+        m->serving_excess = fit.excess;
+    }
+    if (!m->nearest || fit.missing + fit.excess < m->differs) {
+        m->nearest = slot;
+        m->differs = fit.missing + fit.excess;
+        m->visible = fit.visible;
+    }
+}
+
+static bool find_match(struct cpu_cache *cache, const struct sp_volume *volume,
+                       const struct sp_classify_job *job, struct match *match,
+                       struct sp_error *err) {
+    struct sp_transfer transfer;
+    const struct cpu_slot *newest = find_newest(cache, volume);
+    const struct sp_transfer *like = newest ? &newest->c.levels[0].transfer : NULL;
+    *match = (struct match){ 0 };
+    if (!newest)
+        return true;
+    if (!sp_transfer_init_like(&transfer, job->tf, sp_volume_info(volume), like, err))
+        return false;
+    for (int i = 0; i < CPU_CACHE_SLOTS; i++)
+        if (cache->slots[i].c.volume == volume)
+            match_slot(match, &cache->slots[i], &transfer, job->pool);
     sp_transfer_finish(&transfer);
     return true;
 }
@@ -61,38 +101,81 @@ static void trim(struct cpu_cache *cache, const struct cpu_slot *in_use) {
             cache->slots[i].used = 0;
 }
 
-/* The newest lists of the volume; NULL = none. */
-static const struct cpu_slot *find_newest(const struct cpu_cache *cache,
-                                          const struct sp_volume *volume) {
-    const struct cpu_slot *newest = NULL;
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
-        const struct cpu_slot *slot = &cache->slots[i];
-        if (slot->c.volume == volume && (!newest || slot->used > newest->used))
-            newest = slot;
+/* Makes lists anew in the slot, deriving them from what it has. */
+static bool renew(struct cpu_slot *slot, struct sp_volume *volume,
+                  const struct sp_classify_job *job, bool widens, struct sp_error *err) {
+    struct sp_classification next;
+    struct sp_classify_job derive = *job;
+    derive.from = &slot->c;
+    derive.widens = widens;
+    sp_classification_init(&next, volume);
+    next.histogram = slot->c.histogram;
+    slot->c.histogram = NULL;
+    if (!sp_classification_update(&next, &derive, err)) {
+        slot->c.histogram = next.histogram;
+        next.histogram = NULL;
+        sp_classification_finish(&next);
+        return false;
     }
-    return newest;
+    sp_classification_finish(&slot->c);
+    slot->c = next;
+    return true;
+}
+
+/* The slot of this very transfer function. When edits have stopped, its list is cut down to what is
+ * visible. */
+static bool use_again(struct cpu_slot *slot, struct sp_volume *volume,
+                      const struct sp_classify_job *job, struct sp_error *err) {
+    const struct sp_classification *c = &slot->c;
+    uint64_t excess = c->levels[0].visible.count - c->visible;
+    slot->repeats += slot->repeats < REPEATS;
+    if (slot->repeats == REPEATS && excess > c->visible / 16)
+        return renew(slot, volume, job, false, err);
+    return sp_classification_update(&slot->c, job, err);
+}
+
+/* A slot for a transfer function that none serves. One that differs little is an edit of the
+ * nearest, and takes its place. */
+static struct cpu_slot *take_slot(struct cpu_cache *cache, struct sp_volume *volume,
+                                  const struct sp_classify_job *job, const struct match *match,
+                                  bool *ok, struct sp_error *err) {
+    struct cpu_slot *source = match->nearest ? match->nearest : find_newest(cache, volume), *slot;
+    if (match->nearest && match->differs <= match->visible / 2) {
+        *ok = renew(source, volume, job, true, err);
+        return source;
+    }
+    struct sp_classify_job derive = *job;
+    slot = find_oldest(cache, source);
+    empty_slot(slot);
+    sp_classification_init(&slot->c, volume);
+    derive.from = source ? &source->c : NULL;
+    *ok = sp_classification_update(&slot->c, &derive, err);
+    return slot;
 }
 
 struct sp_classification *cpu_cache_get(struct cpu_cache *cache, struct sp_volume *volume,
                                         const struct sp_classify_job *job, struct sp_error *err) {
     struct cpu_slot *slot = find_exact(cache, volume, job->tf);
-    if (!slot && !find_similar(cache, volume, job->tf, &slot, err))
-        return NULL;
-    struct sp_classify_job derive = *job;
-    if (!slot) {
-        const struct cpu_slot *newest = find_newest(cache, volume);
-        slot = find_oldest(cache, newest);
-        empty_slot(slot);
-        sp_classification_init(&slot->c, volume);
-        derive.from = newest ? &newest->c : NULL;
+    bool ok;
+    if (slot) {
+        ok = use_again(slot, volume, job, err);
+    } else {
+        struct match match;
+        if (!find_match(cache, volume, job, &match, err))
+            return NULL;
+        slot = match.serving;
+        if (slot)
+            ok = sp_classification_update(&slot->c, job, err);
+        else
+            slot = take_slot(cache, volume, job, &match, &ok, err);
+        slot->repeats = 0;
     }
     slot->used = ++cache->clock;
-    if (!sp_classification_update(&slot->c, &derive, err)) {
+    if (ok)
+        trim(cache, slot);
+    else if (!slot->c.levels[0].visible.first)
         empty_slot(slot);
-        return NULL;
-    }
-    trim(cache, slot);
-    return &slot->c;
+    return ok ? &slot->c : NULL;
 }
 
 void cpu_cache_forget(struct cpu_cache *cache, const struct sp_volume *volume) {

@@ -2,7 +2,7 @@
  *
  * What the CPU backend keeps of the volumes that it has drawn: a few classifications, the least
  * recently used replaced first. Several a volume, so that sessions with different transfer
- * functions do not undo each other's work.
+ * functions do not undo each other's work; edits of one follow each other in the same.
  */
 #ifndef SP_BACKEND_CPU_CACHE_H
 #define SP_BACKEND_CPU_CACHE_H
@@ -15,6 +15,7 @@ struct cpu_cache {
     struct cpu_slot {
         struct sp_classification c; /* c.volume == NULL: empty */
         uint64_t used;              /* clock of the last use */
+        uint32_t repeats;           /* uses in a row for the transfer function that it has */
     } slots[CPU_CACHE_SLOTS];
     uint64_t clock;
     uint64_t limit_bytes; /* beyond this the least recently used go; one alone may not need more */

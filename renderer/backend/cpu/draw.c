@@ -51,6 +51,7 @@ struct draw {
     unsigned coarse;                /* of the level that is drawn */
     const struct sp_level *level;
     const struct sp_visible *list;
+    uint64_t visible; /* voxels of the finest level */
     const uint8_t *modes; /* by brick: adaptive; or NULL */
 
     struct sp_order order;
@@ -427,6 +428,7 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
         return false;
     d->level = &classification->levels[d->coarse];
     d->list = &d->level->visible;
+    d->visible = classification->visible;
     sp_ewa_frame_init(&d->ewa, &d->camera, &d->level->grid, view);
     sp_clip_frame_init(&d->ewa.clip, &d->camera, grid, &view->clip, d->ewa.unit);
     d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
@@ -475,7 +477,7 @@ static void draw_band(struct draw *d, int y) {
 static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
     static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
     stats->coarse = d->coarse;
-    stats->visible_voxels = d->list->count;
+    stats->visible_voxels = d->coarse ? d->list->count : d->visible;
     stats->splats = d->splats;
     stats->fragments = (uint64_t)d->fragments;
     stats->stage_count = STAGES;

@@ -294,6 +294,57 @@ static void derived_data_is_counted_and_forgotten(void **state) {
     finish_rig(&rig);
 }
 
+/* The picture and the count of visible voxels are those of a renderer that never saw another
+ * transfer function, whatever the lists hold after a row of edits. */
+static void edited_pictures_are_fresh_pictures(void **state) {
+    (void)state;
+    struct rig rig = make_rig("cpu", 2, make_ball(36, (double[3]){ 1, 1, 1 }));
+    struct rig fresh = make_rig("cpu", 2, sp_volume_ref(rig.volume));
+    /* Thresholds that a hand moves to and fro, in small steps and large ones; then it rests. */
+    for (int k = 0; k < 40; k++) {
+        struct sp_transfer_function *tf = &rig.view.transfer_function;
+        tf->points[0].value = k < 30 ? 300 + 200 * sin(k * 0.4) + (k % 7 == 6 ? 250 : 0) : 250;
+        tf->points[1].color[1] = (float)(k % 3) / 2;
+        rig.view.camera.position[k % 3] += 3; /* around axes, too */
+        rig.view.shading.mode = k % 10 > 5 ? SP_SHADING_PHONG : SP_SHADING_NONE;
+        rig.view.compositing.mode = (enum sp_compositing)(k % 3);
+        fresh.view = rig.view;
+        sp_renderer_forget(fresh.renderer, fresh.volume);
+        struct sp_frame *a = draw(&rig, SP_RGBAF32), *b = draw(&fresh, SP_RGBAF32);
+        assert_true(same_pixels(a, b));
+        assert_int_equal(a->stats.visible_voxels, b->stats.visible_voxels);
+        assert_int_equal(a->stats.splats, b->stats.splats);
+        sp_frame_unref(&a);
+        sp_frame_unref(&b);
+    }
+    finish_rig(&rig);
+    finish_rig(&fresh);
+}
+
+static uint64_t memory_at(struct rig *rig, double threshold, int frames) {
+    rig->view.transfer_function.points[0].value = threshold;
+    for (int k = 0; k < frames; k++) {
+        struct sp_frame *frame = draw(rig, SP_RGBA8);
+        sp_frame_unref(&frame);
+    }
+    return sp_renderer_memory(rig->renderer, rig->volume);
+}
+
+/* While thresholds move, lists hold more than what is visible; at rest they do not. */
+static void lists_are_cut_down_when_edits_stop(void **state) {
+    (void)state;
+    struct rig rig = make_rig("cpu", 1, make_ball(60, (double[3]){ 1, 1, 1 }));
+    uint64_t exact = memory_at(&rig, 300, 1);
+    uint64_t hides = memory_at(&rig, 310, 1), shows = memory_at(&rig, 290, 1);
+    uint64_t rests = memory_at(&rig, 290, 20);
+    sp_renderer_forget(rig.renderer, rig.volume);
+    uint64_t fresh = memory_at(&rig, 290, 1), histogram = rests - fresh;
+    assert_true(hides >= exact && hides - exact <= histogram); /* the same list */
+    assert_true(shows > fresh + histogram + 5000);
+    assert_true(histogram <= 1001 * sizeof(uint64_t));
+    finish_rig(&rig);
+}
+
 struct canceller {
     atomic_bool cancel, started;
     struct rig *rig;
@@ -454,6 +505,8 @@ int main(void) {
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(the_steady_state_allocates_nothing),
         cmocka_unit_test(derived_data_is_counted_and_forgotten),
+        cmocka_unit_test(edited_pictures_are_fresh_pictures),
+        cmocka_unit_test(lists_are_cut_down_when_edits_stop),
         cmocka_unit_test(endless_work_can_be_cancelled),
         cmocka_unit_test(one_voxel_has_its_analytic_depth),
         cmocka_unit_test(odd_sizes_and_places_are_drawn),

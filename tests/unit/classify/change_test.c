@@ -178,7 +178,7 @@ static void only_values_that_change_count(void **state) {
         assert_true(sp_transfer_init(&from, &a, &info, NULL));
         assert_true(sp_transfer_init(&to, &b, &info, NULL));
         assert_true(sp_change_is_possible(&from, &to));
-        assert_true(sp_change_init(&change, &from, &to, NULL));
+        assert_true(sp_change_init(&change, &from, from.is_visible, &to, to.is_visible, NULL));
         double base = sp_transfer_base(&from);
         float first = (float)((type ? 40 : 51) - base), last = (float)((type ? 150 : 60) - base);
         assert_true(sp_change_meets(&change, &(struct sp_range){ first, first }));

@@ -578,7 +578,14 @@ static void only_what_changed_is_redone(void **state) {
     tf.gradient_count = 0;
     tf.points[0].value = 12; /* other voxels */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(c.levels[0].visible.count, 64 - 13);
+    assert_ptr_equal(c.levels[0].visible.place, kept); /* it holds all that is left, and more */
+    assert_int_equal(c.levels[0].visible.count, 64 - 11);
+    assert_int_equal(c.visible, 64 - 13);
+    tf.points[0].value = 38; /* few are left */
+    tf.points[1].value = 39;
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_int_equal(c.levels[0].visible.count, 64 - 39);
+    tf.points[1].value = 20;
     /* Cancelled: nothing half made stays. */
     atomic_bool cancel = true;
     job.cancel = &cancel;
