@@ -70,8 +70,7 @@ bool sp_classification_fit(struct sp_classification *c, const struct sp_transfer
                            struct sp_pool *pool, struct sp_fit *fit, struct sp_error *err) {
     const struct sp_level *all = &c->levels[0];
     *fit = (struct sp_fit){ 0 };
-    if (!all->listed || !sp_change_is_possible(&all->transfer, to) ||
-        !need_histogram(c, pool, err))
+    if (!all->listed || !sp_change_is_possible(&all->transfer, to) || !need_histogram(c, pool, err))
         return false;
     for (uint32_t k = 0; k < to->count; k++) {
         fit->visible += to->is_visible[k] ? c->histogram[k] : 0;
@@ -168,8 +167,7 @@ static bool choose_listed(struct sp_classification *c, const struct sp_classify_
 }
 
 /* How many of the voxels in the finest list are visible. */
-static bool count_visible(struct sp_classification *c, struct sp_pool *pool,
-                          struct sp_error *err) {
+static bool count_visible(struct sp_classification *c, struct sp_pool *pool, struct sp_error *err) {
     const struct sp_level *all = &c->levels[0];
     const struct sp_transfer *t = &all->transfer;
     c->visible = all->visible.count;

@@ -51,7 +51,7 @@ struct draw {
     unsigned coarse;                /* of the level that is drawn */
     const struct sp_level *level;
     const struct sp_visible *list;
-    uint64_t visible; /* voxels of the finest level */
+    uint64_t visible;     /* voxels of the finest level */
     const uint8_t *modes; /* by brick: adaptive; or NULL */
 
     struct sp_order order;
