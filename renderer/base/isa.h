@@ -26,14 +26,10 @@
 #define SP_ISA_TEXT SP_ISA_QUOTE_EXPANDED(SP_ISA)
 
 /* splat/ */
-#define sp_ewa_frame_init SP_ISA_NAME(sp_ewa_frame_init)
-#define sp_ewa_brick_init SP_ISA_NAME(sp_ewa_brick_init)
-#define sp_ewa_distance SP_ISA_NAME(sp_ewa_distance)
 #define sp_ewa_set_up SP_ISA_NAME(sp_ewa_set_up)
 #define sp_clip_frame_init SP_ISA_NAME(sp_clip_frame_init)
 #define sp_extent_span SP_ISA_NAME(sp_extent_span)
 #define sp_extent_cut SP_ISA_NAME(sp_extent_cut)
-#define sp_shade_init SP_ISA_NAME(sp_shade_init)
 #define sp_shade_direction SP_ISA_NAME(sp_shade_direction)
 #define sp_shade_apply SP_ISA_NAME(sp_shade_apply)
 /* tile/ */

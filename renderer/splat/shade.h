@@ -12,6 +12,7 @@
 #define SP_SPLAT_SHADE_H
 
 #include "base/isa.h"
+#include "base/wide.h"
 #include "classify/gradient.h"
 #include "splat/camera.h"
 
@@ -28,14 +29,14 @@ struct sp_shade {
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
                    const struct sp_shading *shading);
 
-/* color in: the class's colour; out: shaded. `world` is the gradient's unit direction in world
- * space, or zero: no side. `to_eye` is the unit vector from the voxel to the eye in camera space.
- */
-void sp_shade_direction(const struct sp_shade *shade, const float world[3], const float to_eye[3],
-                        float color[3]);
+/* SP_WIDE voxels or pixels at a time. color in: the class's colour; out: shaded. `world` is the
+ * gradient's unit direction in world space, or zero: no side. `to_eye` is the unit vector towards
+ * the eye in camera space. */
+void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
+                        const sp_wide to_eye[3], sp_wide color[3]);
 
-/* The same with a packed gradient. */
-void sp_shade_apply(const struct sp_shade *shade, uint32_t packed_gradient, const float to_eye[3],
-                    float color[3]);
+/* The same with packed gradients. */
+void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
+                    const sp_wide to_eye[3], sp_wide color[3]);
 
 #endif

@@ -56,8 +56,7 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t
     for (int y = box->y0; y < box->y1; y++) {
         float *sum = sp_sums_row(tile, blend, slot, y), *done = tile->done[0][y];
         if (blend->post)
-            sp_post_classify(blend->post, tile->x + box->x0, tile->y + y, sum + box->x0,
-                             box->x1 - box->x0);
+            sp_post_classify(blend->post, tile->x, tile->y + y, sum, box->x0, box->x1);
         if (blend->linear)
             close_row(true, sum, done, box->x0, box->x1);
         else

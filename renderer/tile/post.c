@@ -168,51 +168,84 @@ struct sp_class sp_post_class(const struct sp_post_curve *c, float value, float 
     return class;
 }
 
-/* The unit vector towards the eye along the ray of a pixel, in camera space. */
-static void eye_direction(const struct sp_post *post, int x, int y, float to_eye[3]) {
-    float u = 0, v = 0;
+/* Pixels of a row of sums, SP_WIDE at a time, as means over their ray in the slab. */
+struct means {
+    sp_wide gradient[3], length, to_eye[3];
+    sp_wide value, half; /* half of the interval that the scalar runs through */
+};
+
+/* The unit vectors towards the eye along the rays of the pixels from (x, y) on, in camera space. */
+static inline void eye_direction(const struct sp_post *post, int x, int y, sp_wide to_eye[3]) {
+    sp_wide u = sp_wide_all(0);
+    float v = 0;
     if (post->perspective) {
-        u = ((float)x + 0.5f - post->centre[0]) / post->focal;
+        u = (sp_wide_from_int(sp_wide_int_count() + x) + 0.5f - post->centre[0]) / post->focal;
         v = ((float)y + 0.5f - post->centre[1]) / post->focal;
     }
-    float inv = -1 / sqrtf(u * u + v * v + 1);
+    sp_wide inv = -1 / sp_wide_sqrt(u * u + v * v + 1);
     to_eye[0] = u * inv;
     to_eye[1] = v * inv;
     to_eye[2] = inv;
 }
 
-static struct sp_class classify(const struct sp_post *post, int x, int y, const float sums[5]) {
-    float gradient[3], to_eye[3], along = 0, inv = 1 / sums[0];
+static inline void find_means(const struct sp_post *post, int x, int y, const sp_wide sums[5],
+                              struct means *m) {
+    sp_wide inv = 1 / sums[0], along = sp_wide_all(0);
     for (int k = 0; k < 3; k++)
-        gradient[k] = sums[k + 1] * inv;
-    float length =
-        sqrtf(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
-    eye_direction(post, x, y, to_eye);
+        m->gradient[k] = sums[k + 1] * inv;
+    m->length = sp_wide_sqrt(m->gradient[0] * m->gradient[0] + m->gradient[1] * m->gradient[1] +
+                             m->gradient[2] * m->gradient[2]);
+    eye_direction(post, x, y, m->to_eye);
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
-            along += to_eye[r] * post->to_camera[r][k] * gradient[k];
-    struct sp_class c =
-        sp_post_class(&post->curve, sums[4] * inv, fabsf(along) * post->half, length);
-    if (post->shade && c.depth > 0) {
-        float normal[3], scale = length > 1e-12f ? 1 / length : 0;
-        for (int k = 0; k < 3; k++)
-            normal[k] = gradient[k] * scale;
-        sp_shade_direction(post->shade, normal, to_eye, c.color);
-    }
-    return c;
+            along += m->to_eye[r] * post->to_camera[r][k] * m->gradient[k];
+    m->value = sums[4] * inv;
+    m->half = sp_wide_abs(along) * post->half;
 }
 
-void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int n) {
-    enum { S = SP_TILE };
-    for (int i = 0; i < n; i++) {
-        float at[5];
-        struct sp_class c = { { 0 }, 0 };
-        for (int k = 0; k < 5; k++)
-            at[k] = sums[k * S + i];
-        if (at[0] > 1e-12f)
-            c = classify(post, x + i, y, at);
-        sums[i] = c.depth * at[0];
+static inline void shade(const struct sp_shade *shade, const struct means *m, sp_wide color[3]) {
+    sp_wide_mask has_length = sp_wide_lt(sp_wide_all(1e-12f), m->length);
+    sp_wide normal[3], scale = sp_wide_keep(has_length, 1 / m->length);
+    for (int k = 0; k < 3; k++)
+        normal[k] = m->gradient[k] * scale;
+    sp_shade_direction(shade, normal, m->to_eye, color);
+}
+
+/* Classes of the lanes in `bits`: one by one, since what they look up lies anywhere. */
+static void classify(const struct sp_post_curve *curve, const struct means *m, unsigned bits,
+                     sp_wide *depth, sp_wide color[3]) {
+    float value[SP_WIDE], half[SP_WIDE], length[SP_WIDE], to[4][SP_WIDE] = { { 0 } };
+    sp_wide_store(value, m->value);
+    sp_wide_store(half, m->half);
+    sp_wide_store(length, m->length);
+    for (; bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
+        struct sp_class c = sp_post_class(curve, value[i], half[i], length[i]);
+        to[0][i] = c.depth;
         for (int k = 0; k < 3; k++)
-            sums[(k + 1) * S + i] = c.color[k] * sums[i];
+            to[k + 1][i] = c.color[k];
+    }
+    *depth = sp_wide_load(to[0]);
+    for (int k = 0; k < 3; k++)
+        color[k] = sp_wide_load(to[k + 1]);
+}
+
+void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int begin, int end) {
+    enum { S = SP_TILE };
+    for (int i = begin & -SP_WIDE; i < end; i += SP_WIDE) {
+        sp_wide at[5], depth, color[3];
+        struct means m;
+        for (int k = 0; k < 5; k++)
+            at[k] = sp_wide_load(sums + k * S + i);
+        unsigned bits = sp_wide_mask_bits(sp_wide_lt(sp_wide_all(1e-12f), at[0]));
+        find_means(post, x + i, y, at, &m);
+        classify(&post->curve, &m, bits, &depth, color);
+        if (post->shade && sp_wide_any(sp_wide_lt(sp_wide_all(0), depth)))
+            shade(post->shade, &m, color);
+        depth *= at[0];
+        sp_wide_mask counts = sp_wide_lt(sp_wide_all(0), depth);
+        sp_wide_store(sums + i, sp_wide_keep(counts, depth));
+        for (int k = 0; k < 3; k++)
+            sp_wide_store(sums + (k + 1) * S + i, sp_wide_keep(counts, color[k] * depth));
     }
 }

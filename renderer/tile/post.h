@@ -58,8 +58,8 @@ void sp_post_curve_init(struct sp_post_curve *curve, const struct sp_transfer_fu
 struct sp_class sp_post_class(const struct sp_post_curve *curve, float value, float half,
                               float magnitude);
 
-/* Turns n pixels of a row of sums from (x, y) on, planes SP_TILE floats apart, from
- * (W, N, S) into (T, E). */
-void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int n);
+/* Turns columns [begin, end) of a tile's row of sums, planes SP_TILE floats apart, from (W, N, S)
+ * into (T, E), and may do so with those beside them. (x, y) is the picture's pixel at column 0. */
+void sp_post_classify(const struct sp_post *post, int x, int y, float *sums, int begin, int end);
 
 #endif
