@@ -48,6 +48,7 @@
 #define sp_resolve_rgbaf32 SP_ISA_NAME(sp_resolve_rgbaf32)
 /* backend/cpu/ */
 #define cpu_table SP_ISA_NAME(cpu_table)
+#define sheets_tile SP_ISA_NAME(sheets_tile)
 
 #else
 #define SP_ISA_TEXT "scalar"

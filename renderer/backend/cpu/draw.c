@@ -402,8 +402,9 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     return true;
 }
 
-/* Everything between the view and the first batch. */
-static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *err) {
+/* What every path draws: the level, and constants of the frame. *axis: of the sheets. */
+static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *sheets_axis,
+                         struct sp_error *err) {
     const struct sp_view *view = d->job->view;
     const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
     bool is_post = view->transfer_function.order == SP_TF_POST;
@@ -431,11 +432,17 @@ static bool prepare(struct draw *d, struct cpu_state *state, struct sp_error *er
     d->visible = classification->visible;
     sp_ewa_frame_init(&d->ewa, &d->camera, &d->level->grid, view);
     sp_clip_frame_init(&d->ewa.clip, &d->camera, grid, &view->clip, d->ewa.unit);
+    *sheets_axis = axis;
+    return true;
+}
+
+/* The rest of what is between the view and the first batch. */
+static bool prepare(struct draw *d, struct cpu_state *state, unsigned axis, struct sp_error *err) {
     d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
     double reach;
     choose_blend(d, state, &reach);
     return choose_shading(d, &state->arena, err) && choose_order(d, state, axis, reach, err) &&
-           allocate(d, &state->arena, err) && choose_filters(d, &state->arena, err);
+           allocate(d, &state->arena, err);
 }
 
 static bool all_saturated(const struct draw *d) {
@@ -485,11 +492,44 @@ static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
         stats->stages[i] = (struct sp_stage_time){ names[i], d->stage_ms[i] };
 }
 
+/* Post-convolved: see sheets.h. */
+static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, bool *done,
+                        struct sp_error *err) {
+    const struct sp_view *view = d->job->view;
+    struct sp_frame_stats *stats = &d->job->frame->stats;
+    if (view->shading.mode == SP_SHADING_PHONG)
+        sp_shade_init(&d->shade, &d->camera, &view->shading);
+    struct sheets_frame frame = { .job = d->job,
+                                  .tables = &state->sheets,
+                                  .camera = &d->camera,
+                                  .shade = view->shading.mode == SP_SHADING_PHONG ? &d->shade : NULL,
+                                  .finest = d->level,
+                                  .level = d->level,
+                                  .modes = d->modes,
+                                  .axis = axis,
+                                  .draw_tile = state->kernels.sheets_tile,
+                                  .pool = d->pool,
+                                  .arena = &state->arena };
+    stats->coarse = d->coarse;
+    stats->visible_voxels = d->list->count;
+    return sheets_draw(&frame, done, err);
+}
+
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct draw d = { .job = job, .kernels = &state->kernels, .pool = state->pool };
     double clock = sp_clock_ms();
+    unsigned axis;
     sp_arena_reset(&state->arena);
-    if (!prepare(&d, state, err))
+    if (!choose_level(&d, state, &axis, err) || !choose_filters(&d, &state->arena, err))
+        return false;
+    add_time(&d, CLASSIFY, clock);
+    if (state->kernels.sheets_tile && sheets_can(job->view, d.ewa.grid)) {
+        bool done;
+        if (!draw_sheets(&d, state, axis, &done, err) || done)
+            return !err->code;
+    }
+    clock = sp_clock_ms();
+    if (!prepare(&d, state, axis, err))
         return false;
     add_time(&d, CLASSIFY, clock);
     int step = d.grid.rows * SP_TILE;

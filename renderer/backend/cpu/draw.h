@@ -18,6 +18,7 @@
 #include "backend/backend.h"
 #include "backend/cpu/cache.h"
 #include "backend/cpu/kernels.h"
+#include "backend/cpu/sheets.h"
 #include "base/arena.h"
 
 struct cpu_state {
@@ -26,6 +27,7 @@ struct cpu_state {
     struct cpu_kernels kernels;
     struct cpu_cache cache;
     struct sp_cubic_table cubic;
+    struct sheets_tables sheets;
     char device[96];
 };
 

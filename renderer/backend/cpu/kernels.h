@@ -9,6 +9,7 @@
 #ifndef SP_BACKEND_CPU_KERNELS_H
 #define SP_BACKEND_CPU_KERNELS_H
 
+#include "backend/cpu/sheets.h"
 #include "base/isa.h"
 #include "splat/ewa.h"
 #include "tile/blend.h"
@@ -21,6 +22,8 @@ struct cpu_kernels {
     void (*add[3])(struct sp_tile *tile, const struct sp_blend *blend,
                    const struct sp_splats *records, uint32_t n);
     void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
+    /* sheets_tile(); NULL = the reference has none: it draws footprints. */
+    void (*sheets_tile)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
     void (*resolve_rgba8)(const float *const planes[4], uint32_t count, const float background[4],
                           unsigned char *out); /* sp_resolve_rgba8() */
     void (*resolve_rgbaf32)(const float *const planes[4], uint32_t count, const float background[4],

@@ -1,0 +1,443 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/cpu/sheets.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "tile/order.h"
+#include "volume/grid.h"
+
+/* ------------------------------------------------------------------ tables */
+
+/* Cubic B-spline at distance x. */
+static double spline(double x) {
+    x = fabs(x);
+    if (x < 1)
+        return 2.0 / 3 - x * x * (1 - x / 2);
+    return x < 2 ? (2 - x) * (2 - x) * (2 - x) / 6 : 0;
+}
+
+/* Quadratic B-spline. */
+static double quadratic(double x) {
+    x = fabs(x);
+    if (x < 0.5)
+        return 0.75 - x * x;
+    return x < 1.5 ? 0.5 * (1.5 - x) * (1.5 - x) : 0;
+}
+
+/* The cubic's second derivative is a difference of linear ones. */
+static double bend(double x) {
+    double sum = -2 * fmax(0, 1 - fabs(x));
+    return sum + fmax(0, 1 - fabs(x + 1)) + fmax(0, 1 - fabs(x - 1));
+}
+
+static double fill_filter(struct sheets_filter *f, double spread) {
+    double sum = 0, variance = 0;
+    for (int k = -f->taps; k <= f->taps; k++)
+        sum += exp(-0.5 * k * k / spread);
+    for (int k = -f->taps; k <= f->taps; k++) {
+        double w = exp(-0.5 * k * k / spread) / sum;
+        f->weight[k + f->taps] = (float)w;
+        variance += w * k * k;
+    }
+    return variance;
+}
+
+/* A Gaussian cut at some samples is narrower than its name says: it is made wider until its
+ * variance is right. */
+static void make_filter(struct sheets_filter *f, double variance) {
+    *f = (struct sheets_filter){ .taps = (int)ceil(3 * sqrt(variance)), .weight = { 1 } };
+    if (f->taps > SHEETS_TAPS)
+        f->taps = SHEETS_TAPS;
+    double low = 1e-3, high = 4 * variance + 1e-2;
+    for (int i = 0; i < 60 && f->taps > 0; i++) {
+        double middle = 0.5 * (low + high);
+        if (fill_filter(f, middle) < variance)
+            low = middle;
+        else
+            high = middle;
+    }
+}
+
+void sheets_tables_init(struct sheets_tables *t) {
+    for (int p = 0; p < SHEETS_PHASES; p++)
+        for (int k = 0; k < 4; k++) {
+            double x = k - 1 - (p + 0.5) / SHEETS_PHASES;
+            t->spline[p][k] = (float)spline(x);
+            t->spline[p][4 + k] = (float)(0.5 * bend(x));
+        }
+    for (int j = 0; j < SHEETS_SCALES; j++)
+        for (int p = 0; p < 1 << j; p++)
+            for (int k = 0; k < 4; k++)
+                t->between[j][p][k] = (float)quadratic(k - 1 - (p + 0.5) / (1 << j));
+    for (int n = 0; n < SHEETS_FILTERS; n++)
+        make_filter(&t->filters[n], (double)n / SHEETS_STEPS);
+}
+
+/* ------------------------------------------------------------------ filters */
+
+static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
+static const float alike = 0.15f;      /* relative difference of variances in a group */
+
+/* Filters for samples that are 2^scale px wide; false where there are none. */
+static bool find_filters(const struct sheets_tables *tables, const float v[3], struct sheets_group *g) {
+    float cross = fabsf(v[2]);
+    for (int a = 0; a < 2; a++) {
+        g->per_px[a] = 1.0f / (float)(1 << g->scale[a]);
+        cross *= g->per_px[a];
+    }
+    int step = (int)fminf(cross * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
+    if (step >= SHEETS_FILTERS)
+        return false;
+    g->diagonal = step > 0 ? &tables->filters[step] : NULL;
+    for (int a = 0; a < 2; a++) {
+        float fixed = (g->scale[a] ? 1.0f / 3 + 1.0f / 4 : 1.0f / 3) + (float)step / SHEETS_STEPS;
+        float rest = v[a] * g->per_px[a] * g->per_px[a] - fixed;
+        int n = (int)fminf(rest * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
+        if (rest < -sharpest || n >= SHEETS_FILTERS)
+            return false;
+        g->filter[a] = &tables->filters[n];
+        g->base[a] = fixed + (float)n / SHEETS_STEPS;
+        int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
+        int samples = SHEETS_TILE >> g->scale[a];
+        g->offset[a] = (float)SHEETS_MARGIN - (g->scale[a] ? 0 : 0.5f);
+        g->low[a] = (float)(SHEETS_MARGIN - reach - 2 - (g->scale[a] > 0));
+        g->high[a] = (float)(SHEETS_MARGIN + samples + reach + 2 + (g->scale[a] > 0));
+        if (reach + 6 > SHEETS_MARGIN)
+            return false;
+    }
+    return true;
+}
+
+bool sheets_group_make(const struct sheets *sheets, const float v[3], struct sheets_group *g) {
+    *g = (struct sheets_group){ .reference = { v[0], v[1] }, .sign = v[2] < 0 ? -1 : 1 };
+    for (int a = 0; a < 2; a++)
+        while (g->scale[a] + 1 < SHEETS_SCALES &&
+               v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
+            g->scale[a]++;
+    while (!find_filters(sheets->tables, v, g)) {
+        int a = g->scale[1] > g->scale[0];
+        if (g->scale[a] == 0)
+            return false;
+        g->scale[a]--;
+    }
+    return true;
+}
+
+bool sheets_group_fits(const struct sheets_group *g, const float v[3]) {
+    return fabsf(v[0] - g->reference[0]) <= alike * g->reference[0] &&
+           fabsf(v[1] - g->reference[1]) <= alike * g->reference[1];
+}
+
+/* ------------------------------------------------------------------ bricks */
+
+bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
+    const struct sp_clip *clip = &view->clip;
+    bool is_whole = clip->plane_count == 0;
+    for (int a = 0; a < 3; a++)
+        is_whole = is_whole && clip->box[0][a] <= 0 && clip->box[1][a] >= 1;
+    return view->compositing.mode == SP_COMPOSITE_SHEET &&
+           view->filter.kernel == SP_KERNEL_GAUSSIAN && view->filter.mode != SP_FILTER_NONE &&
+           view->transfer_function.order == SP_TF_PRE && is_whole && !sp_grid_is_rectilinear(grid);
+}
+
+enum sight { UNSEEN, SEEN, UNFIT /* seen, and no filter is right for it */ };
+
+static const float uneven = 1.25f; /* of the distances of a brick's corners, at most */
+
+struct prepare {
+    const struct sheets_frame *frame;
+    struct sheets *sheets;
+    struct sheets_brick *slots; /* by brick of the level */
+    float length;               /* of a ray in a layer, reference lengths */
+    uint8_t *sight;             /* by brick: enum sight */
+};
+
+/* Footprint variance at a point, and the rest of what a brick says of it. */
+static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, const float u[3],
+                          float v[3], float *scale, float *lowpass2) {
+    float t[2] = { 0, 0 }, fx = f->scale, m[2][3];
+    if (f->projection == SP_PERSPECTIVE) {
+        fx /= u[2];
+        for (int i = 0; i < 2; i++)
+            t[i] = fmaxf(-f->ratio_max[i], fminf(f->ratio_max[i], u[i] / u[2]));
+    }
+    for (int i = 0; i < 2; i++)
+        for (int a = 0; a < 3; a++)
+            m[i][a] = fx * (f->kernel[i][a] - t[i] * f->kernel[2][a]);
+    v[0] = m[0][0] * m[0][0] + m[0][1] * m[0][1] + m[0][2] * m[0][2];
+    v[1] = m[1][0] * m[1][0] + m[1][1] * m[1][1] + m[1][2] * m[1][2];
+    v[2] = m[0][0] * m[1][0] + m[0][1] * m[1][1] + m[0][2] * m[1][2];
+    *scale = 1;
+    *lowpass2 = f->lowpass2;
+    if (mode == SP_FILTER_LOWPASS)
+        *scale = 0;
+    if (mode == SP_FILTER_RECONSTRUCTION || mode == SP_FILTER_SWAN)
+        *lowpass2 = SP_VARIANCE_MIN;
+    if (mode == SP_FILTER_SWAN) {
+        float half = 0.5f * (v[0] + v[1]), apart = 0.5f * (v[0] - v[1]);
+        float smaller = half - sqrtf(apart * apart + v[2] * v[2]);
+        if (smaller < f->lowpass2)
+            *scale = f->lowpass2 / fmaxf(smaller, 1e-12f * f->lowpass2);
+    }
+    for (int i = 0; i < 3; i++)
+        v[i] = *scale * v[i] + (i < 2 ? *lowpass2 : 0);
+}
+
+/* Pixels that a voxel at a brick's corners can reach. */
+static enum sight find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
+                           const float size[3], const struct sheets *sheets) {
+    struct sheets_group group;
+    bool has_filter = sheets_group_make(sheets, b->variance, &group);
+    float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
+    float nearest = INFINITY, farthest = -INFINITY;
+    for (int corner = 0; corner < 8; corner++) {
+        float u[3];
+        for (int r = 0; r < 3; r++) {
+            u[r] = b->base[r];
+            for (int a = 0; a < 3; a++)
+                u[r] += corner >> a & 1 ? f->step[r][a] * size[a] : 0;
+        }
+        nearest = fminf(nearest, u[2]);
+        farthest = fmaxf(farthest, u[2]);
+        float inv = f->projection == SP_PERSPECTIVE ? 1 / u[2] : 1;
+        for (int i = 0; i < 2; i++) {
+            float x = f->centre[i] + f->scale * u[i] * inv;
+            low[i] = fminf(low[i], x);
+            high[i] = fmaxf(high[i], x);
+        }
+    }
+    if (farthest < f->near)
+        return UNSEEN;
+    /* Where footprints change that much inside a brick, no filter serves them all. */
+    if (f->projection == SP_PERSPECTIVE && !(farthest < uneven * nearest))
+        has_filter = false;
+    int box[2][2];
+    for (int i = 0; i < 2; i++) {
+        /* Another group of the tile may have one tap more. */
+        float reach = (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] - SHEETS_TILE;
+        if (!has_filter)
+            reach = f->projection == SP_PERSPECTIVE && nearest < f->near
+                        ? INFINITY
+                        : 4 * f->radius * sqrtf(b->variance[i]);
+        box[0][i] = (int)fmaxf(0, fminf(low[i] - reach, 16384));
+        box[1][i] = (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
+        if (box[0][i] >= box[1][i])
+            return UNSEEN;
+    }
+    b->x0 = (int16_t)box[0][0];
+    b->y0 = (int16_t)box[0][1];
+    b->x1 = (int16_t)box[1][0];
+    b->y1 = (int16_t)box[1][1];
+    return has_filter ? SEEN : UNFIT;
+}
+
+/* Largest depth of a class in each slice of the brick along the axis. */
+static void find_depths(const struct prepare *p, struct sheets_brick *b) {
+    const struct sp_level *level = p->frame->level;
+    const struct sp_visible *list = &level->visible;
+    uint64_t first = list->first[b->brick];
+    const uint16_t *start = list->start[b->brick];
+    for (int k = 0; k < SP_BRICK; k++) {
+        float most = 0;
+        for (uint64_t e = first + start[k]; e < first + start[k + 1]; e++) {
+            float depth = sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth;
+            most = depth > most ? depth : most;
+        }
+        b->depth[k] = most * p->length;
+    }
+}
+
+/* Length of a ray in one layer over the transfer function's reference, in the middle of the
+ * picture. */
+static float layer_length(const struct sheets_frame *frame) {
+    const struct sp_grid *grid = &frame->level->grid;
+    struct sp_mat3 d;
+    double det;
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            d.m[r][a] = grid->direction[r][a] * grid->spacing[a];
+    struct sp_mat3 inverse = sp_mat3_inverse(&d, &det);
+    /* Row `axis` of the inverse: slices that a world unit along the ray crosses. */
+    double crossed = fabs(sp_vec3_dot(sp_vec3_from(inverse.m[frame->axis]),
+                                      sp_vec3_from(frame->camera->w.m[2])));
+    return (float)(1 / (crossed * frame->job->view->transfer_function.reference_length));
+}
+
+static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    struct prepare *p = user;
+    const struct sheets_level *l = &p->sheets->levels[0];
+    const struct sp_visible *list = &l->level->visible;
+    const struct sp_view *view = p->frame->job->view;
+    for (size_t i = begin; i < end; i++) {
+        p->sight[i] = UNSEEN;
+        if (list->first[i] == list->first[i + 1])
+            continue;
+        struct sheets_brick *b = &p->slots[i];
+        *b = (struct sheets_brick){ .brick = (uint32_t)i,
+                                    .mode = (uint8_t)(p->frame->modes ? p->frame->modes[i]
+                                                                      : view->filter.mode) };
+        uint32_t corner[3];
+        struct sp_ewa_brick place;
+        float size[3], middle[3];
+        sp_visible_corner(list, b->brick, corner);
+        sp_ewa_brick_init(&place, &l->ewa, corner);
+        memcpy(b->base, place.base, sizeof b->base);
+        for (int a = 0; a < 3; a++) {
+            uint32_t left = l->level->grid.dims[a] - corner[a];
+            size[a] = (float)(left < SP_BRICK ? left : SP_BRICK) - 1;
+        }
+        for (int r = 0; r < 3; r++) {
+            middle[r] = b->base[r];
+            for (int a = 0; a < 3; a++)
+                middle[r] += 0.5f * l->ewa.step[r][a] * size[a];
+        }
+        if (middle[2] < l->ewa.near)
+            middle[2] = l->ewa.near;
+        find_variance(&l->ewa, b->mode, middle, b->variance, &b->scale, &b->lowpass2);
+        b->area = (float)M_PI * l->ewa.radius * l->ewa.radius *
+                  sqrtf(fmaxf(0, b->variance[0] * b->variance[1] - b->variance[2] * b->variance[2]));
+        p->sight[i] = (uint8_t)find_box(&l->ewa, b, size, p->sheets);
+        if (p->sight[i] == SEEN && p->sheets->thin > 0)
+            find_depths(p, b);
+    }
+}
+
+/* Which bricks each tile meets. */
+static bool meet_tiles(struct sheets *s, struct sp_arena *arena) {
+    uint32_t tiles = (uint32_t)(s->columns * s->rows);
+    s->first = sp_arena_alloc(arena, "bricks of tiles", tiles + (size_t)2, sizeof *s->first);
+    if (!s->first)
+        return false;
+    memset(s->first, 0, (tiles + (size_t)2) * sizeof *s->first);
+    for (int pass = 0; pass < 2; pass++) {
+        for (uint32_t i = 0; i < s->brick_count; i++) {
+            const struct sheets_brick *b = &s->bricks[i];
+            int c1 = (b->x1 - 1) / SHEETS_TILE, r1 = (b->y1 - 1) / SHEETS_TILE;
+            for (int r = b->y0 / SHEETS_TILE; r <= r1; r++)
+                for (int c = b->x0 / SHEETS_TILE; c <= c1; c++) {
+                    uint32_t t = (uint32_t)(r * s->columns + c);
+                    if (pass)
+                        s->met[s->first[t + 1]++] = i;
+                    else
+                        s->first[t + 2]++;
+                }
+        }
+        if (pass)
+            break;
+        for (uint32_t t = 0; t < tiles; t++)
+            s->first[t + 2] += s->first[t + 1];
+        s->met = sp_arena_alloc(arena, "bricks of tiles", s->first[tiles + 1], sizeof *s->met);
+        if (!s->met)
+            return false;
+    }
+    return true;
+}
+
+static uint32_t most_met(const struct sheets *s) {
+    uint32_t most = 0;
+    for (int t = 0; t < s->columns * s->rows; t++)
+        if (s->first[t + 1] - s->first[t] > most)
+            most = s->first[t + 1] - s->first[t];
+    return most;
+}
+
+static bool allocate_scratch(struct sheets *s, unsigned workers, struct sp_arena *arena) {
+    size_t most = (size_t)most_met(s) * SP_BRICK;
+    s->scratch = sp_arena_alloc(arena, "tiles", workers, sizeof *s->scratch);
+    for (unsigned w = 0; s->scratch && w < workers; w++) {
+        struct sheets_scratch *scratch = &s->scratch[w];
+        memset(scratch->grid, 0, sizeof scratch->grid);
+        memset(scratch->skew, 0, sizeof scratch->skew);
+        memset(scratch->across, 0, sizeof scratch->across);
+        memset(scratch->sum, 0, sizeof scratch->sum);
+        scratch->splats = 0;
+        scratch->fragments = 0;
+        scratch->runs = sp_arena_alloc(arena, "runs", most, sizeof *scratch->runs);
+        scratch->starts =
+            sp_arena_alloc(arena, "layers", s->layers + (size_t)1, sizeof *scratch->starts);
+    }
+    return !arena->failed;
+}
+
+struct tiles {
+    const struct sheets *sheets;
+    void (*draw)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
+};
+
+static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct tiles *t = user;
+    for (size_t i = begin; i < end && !sp_job_is_cancelled(t->sheets->job); i++)
+        t->draw(t->sheets, &t->sheets->scratch[worker], (uint32_t)i);
+}
+
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+                   arena->failed ? arena->failed : "data");
+}
+
+/* The layer of each slice. */
+static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) {
+    const struct sp_grid *grid = &frame->level->grid;
+    uint32_t n = *count = grid->dims[frame->axis];
+    uint32_t *slices = sp_arena_alloc(frame->arena, "order of sheets", n, sizeof *slices);
+    uint32_t *layers = sp_arena_alloc(frame->arena, "order of sheets", n, sizeof *layers);
+    if (!slices || !layers)
+        return NULL;
+    sp_order_slices(frame->camera, grid, frame->axis, slices);
+    for (uint32_t k = 0; k < n; k++)
+        layers[slices[k]] = k;
+    return layers;
+}
+
+bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *err) {
+    const struct sp_view *view = frame->job->view;
+    struct sp_frame_stats *stats = &frame->job->frame->stats;
+    double clock = sp_clock_ms();
+    *done = false;
+    struct sheets s = { .job = frame->job,
+                        .tables = frame->tables,
+                        .shade = frame->shade,
+                        .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+                        .axis = frame->axis,
+                        .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.5f : 0,
+                        .smooth = getenv("SMOOTH") ? (float)atof(getenv("SMOOTH")) : view->filter.mode == SP_FILTER_ADAPTIVE ? .56f : 1.3f,
+                        .levels[0].level = frame->level,
+                        .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
+                        .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };
+    sp_ewa_frame_init(&s.levels[0].ewa, frame->camera, &frame->level->grid, view);
+    uint32_t bricks = sp_visible_bricks(&frame->level->visible);
+    s.levels[0].layer = make_layers(frame, &s.layers);
+    s.bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s.bricks);
+    struct prepare p = { .frame = frame, .sheets = &s, .slots = s.bricks, .length = layer_length(frame) };
+    p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, 1);
+    if (frame->arena->failed)
+        return fail_memory(frame->arena, err);
+    sp_parallel_for(frame->pool, bricks, 64, prepare_bricks, &p);
+    for (uint32_t i = 0; i < bricks; i++) {
+        if (p.sight[i] == UNFIT)
+            return true;
+        if (p.sight[i] == SEEN)
+            s.bricks[s.brick_count++] = s.bricks[i];
+    }
+    if (!meet_tiles(&s, frame->arena) ||
+        !allocate_scratch(&s, sp_pool_threads(frame->pool), frame->arena))
+        return fail_memory(frame->arena, err);
+    double ready = sp_clock_ms();
+    struct tiles tiles = { &s, frame->draw_tile };
+    sp_parallel_for(frame->pool, (size_t)(s.columns * s.rows), 1, draw_tiles, &tiles);
+    if (sp_job_is_cancelled(frame->job))
+        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    for (unsigned w = 0; w < sp_pool_threads(frame->pool); w++) {
+        stats->splats += s.scratch[w].splats;
+        stats->fragments += (uint64_t)s.scratch[w].fragments;
+    }
+    stats->stage_count = 2;
+    stats->stages[0] = (struct sp_stage_time){ "splat", ready - clock };
+    stats->stages[1] = (struct sp_stage_time){ "tile", sp_clock_ms() - ready };
+    *done = true;
+    return true;
+}

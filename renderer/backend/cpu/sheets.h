@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Sheets without footprints: "post-convolved" splatting (after Neophytou and Mueller 2003).
+ *
+ * In a tile all voxels of a sheet have nearly the same footprint, so its Gaussian need not be drawn
+ * once a voxel. Each voxel is deposited on a small grid with a cubic B-spline, 4 × 4 samples, and
+ * the rest of the variance is one separable filter a sheet:
+ *
+ *   V̂ + h²I  =  ⅓ I (deposit)  +  R (filter)  [+ ⅓ I (interpolation)],  in units of grid samples
+ *
+ *   bricks that meet the tile ─► runs by layer ─► for each layer, front to back:
+ *       deposit   T, E of a voxel into 4 × 4 samples                        cost: voxels
+ *       filter    across (and diagonally, where V̂01 ≠ 0), then down         cost: samples touched
+ *       composite what a pixel gets, as tile/blend.h has it                 cost: pixels touched
+ *
+ * A grid sample is a pixel, or 2^j pixels along an axis where footprints are that wide: then the
+ * filtered sheet is interpolated with the same B-spline. What a voxel's own V̂ differs by from the
+ * one that the filter was made for goes into its deposit, to first order: B-spline plus ½ δ times
+ * its second derivative. So footprints stay exact from voxel to voxel, and tiles have no seams.
+ *
+ * A tile draws alone: no records, no sorting, no step that waits for other tiles. Bricks that only
+ * meet pixels that are opaque already are never set up.
+ */
+#ifndef SP_BACKEND_CPU_SHEETS_H
+#define SP_BACKEND_CPU_SHEETS_H
+
+#include "backend/backend.h"
+#include "base/arena.h"
+#include "base/isa.h"
+#include "base/parallel_for.h"
+#include "classify/classification.h"
+#include "splat/ewa.h"
+
+enum {
+    SHEETS_TILE = 64,   /* px, both ways */
+    SHEETS_TAPS = 10,   /* a filter reaches at most so many samples to each side */
+    SHEETS_MARGIN = 16, /* samples around a tile: for filter and deposit, a multiple of four */
+    SHEETS_GRID = SHEETS_TILE + 2 * SHEETS_MARGIN,
+    SHEETS_SCALES = 7,   /* a sample is at most 2^6 px wide, a tile */
+    SHEETS_PHASES = 256, /* of a voxel between two samples */
+    SHEETS_STEPS = 16,   /* filters are made for whole multiples of 1/16 of variance */
+    SHEETS_VARIANCE = 10,
+    SHEETS_FILTERS = SHEETS_VARIANCE * SHEETS_STEPS + 1,
+    SHEETS_CELL_WIDTH = 16,
+    SHEETS_CELL_HEIGHT = 8, /* px of a cell: what is opaque is known by cells */
+    SHEETS_CELLS_ACROSS = SHEETS_TILE / SHEETS_CELL_WIDTH
+};
+
+/* A filter along one axis: its variance is exact. */
+struct sheets_filter {
+    int taps;                          /* to each side */
+    float weight[2 * SHEETS_TAPS + 1]; /* from −taps on; their sum is 1 */
+};
+
+/* Tables that no view changes. */
+struct sheets_tables {
+    /* Cubic B-spline at the four samples around a phase, then half its second derivative. */
+    _Alignas(64) float spline[SHEETS_PHASES][8];
+    /* By scale j, and pixel modulo 2^j: weights of the four samples around it. */
+    float between[SHEETS_SCALES][1 << (SHEETS_SCALES - 1)][4];
+    struct sheets_filter filters[SHEETS_FILTERS]; /* by variance · SHEETS_STEPS */
+};
+
+void sheets_tables_init(struct sheets_tables *tables);
+
+/* Bricks of a layer whose footprints are alike, and the filter for them. */
+struct sheets_group {
+    float reference[2]; /* of the variance, px²: xx, yy */
+    int scale[2];       /* j: a sample is 2^j px wide */
+    float per_px[2];    /* 2^−j */
+    float base[2];      /* variance that deposit and filter give, samples² */
+    float offset[2];    /* sample number of the tile's corner */
+    float low[2], high[2]; /* samples from which voxels matter */
+    const struct sheets_filter *filter[2], *diagonal; /* NULL = none */
+    int sign;                                         /* of the diagonal */
+};
+
+
+/* One level's lists, and what is needed to draw them. */
+struct sheets_level {
+    const struct sp_level *level;
+    struct sp_ewa_frame ewa;
+    const uint32_t *layer; /* of each slice of the level along the axis */
+};
+
+/* One brick that may be seen. */
+struct sheets_brick {
+    uint32_t brick;
+    uint8_t level, mode;    /* enum sp_filter_mode */
+    int16_t x0, y0, x1, y1; /* px that its voxels may reach, inside the picture */
+    float base[3];          /* u of its first voxel, cells */
+    float variance[3];      /* of the footprint at its middle: xx, yy, xy [px²] */
+    float scale, lowpass2;  /* variance = scale · V̂ + lowpass2 · I */
+    float depth[SP_BRICK];  /* most that each of its slices can add to a pixel */
+    float area;             /* px of a footprint, as in sp_splat */
+};
+
+struct sheets_run {
+    uint32_t brick;      /* of sheets.bricks */
+    uint16_t begin, end; /* its entries */
+    uint8_t slice;       /* of the brick, along the axis */
+    float depth;         /* as in sheets_brick */
+    uint32_t cells;      /* of the tile that it meets: bit row · SHEETS_CELLS_ACROSS + column */
+};
+
+/* A frame. */
+struct sheets {
+    const struct sp_backend_job *job;
+    const struct sheets_tables *tables;
+    const struct sp_shade *shade; /* NULL = none */
+    bool linear;                  /* attenuation */
+    /* Consecutive layers that together add at most this much depth to any pixel are composited as
+     * one: transmittance is the same, only whose colour is in front is lost. */
+    float thin;
+    float smooth; /* a sample is made wider while footprints keep that variance, samples² */
+    unsigned axis;
+    uint32_t layers;
+    struct sheets_level levels[SP_LEVELS];
+    struct sheets_brick *bricks;
+    uint32_t brick_count;
+    int columns, rows; /* of tiles */
+    uint32_t *first;   /* [tiles + 1]: what a tile meets */
+    uint32_t *met;     /* bricks */
+    struct sheets_scratch *scratch; /* by worker */
+};
+
+/* What a worker needs for one tile. */
+struct sheets_scratch {
+    _Alignas(64) float grid[SHEETS_GRID][SHEETS_GRID][4];   /* deposited; zero between layers */
+    _Alignas(64) float skew[SHEETS_GRID][SHEETS_GRID][4];   /* filtered along a diagonal */
+    _Alignas(64) float across[SHEETS_GRID][SHEETS_TILE][4]; /* filtered across; zero likewise */
+    _Alignas(64) float sum[SHEETS_TILE][SHEETS_TILE][4];    /* of several groups of a layer */
+    /* Composited so far: red, green, blue, transmittance; pixels in the order of the kernels. */
+    _Alignas(64) float done[4][SHEETS_TILE][SHEETS_TILE];
+    struct sheets_run *runs; /* of the tile, by layer */
+    uint32_t *starts;        /* [layers + 1] */
+    uint64_t splats;
+    double fragments;
+};
+
+/* Draws one tile into the frame. */
+void sheets_tile(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
+
+/* The filters for footprints of a variance (xx, yy, xy; px²), with samples as wide as they allow;
+ * false when there are none. */
+bool sheets_group_make(const struct sheets *sheets, const float variance[3],
+                       struct sheets_group *group);
+
+/* Whether that group's filters serve such footprints too. */
+bool sheets_group_fits(const struct sheets_group *group, const float variance[3]);
+
+/* What a frame is made from. */
+struct sheets_frame {
+    const struct sp_backend_job *job;
+    const struct sheets_tables *tables;
+    const struct sp_camera_frame *camera;
+    const struct sp_shade *shade;  /* NULL = none */
+    const struct sp_level *finest; /* its grid's slices are the sheets */
+    const struct sp_level *level;  /* that is drawn */
+    const uint8_t *modes;          /* by brick of it: adaptive; NULL = the view's for all */
+    unsigned axis;
+    void (*draw_tile)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
+    struct sp_pool *pool;
+    struct sp_arena *arena;
+};
+
+/* Whether the view asks for something that this can draw. */
+bool sheets_can(const struct sp_view *view, const struct sp_grid *grid);
+
+/* Draws all of it and adds to the stats; SP_ERR_MEMORY, SP_ERR_CANCELLED. *done = false: some
+ * footprints are not what a filter can be made for, nothing was drawn. */
+bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *err);
+
+#endif
