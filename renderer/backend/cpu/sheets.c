@@ -79,7 +79,9 @@ void sheets_tables_init(struct sheets_tables *t) {
 /* ------------------------------------------------------------------ filters */
 
 static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
-static const float alike = 0.15f;      /* relative difference of variances in a group */
+static const float alike = 0.25f;      /* relative difference of variances in a group */
+static const float narrow = 1.1f; /* a group's middle is at most that much nearer than its farthest */
+static const float wide = 1.125f; /* … and its ends are that much nearer and farther than its middle */
 
 /* Filters for samples that are 2^scale px wide; false where there are none. */
 static bool find_filters(const struct sheets_tables *tables, const float v[3], struct sheets_group *g) {
@@ -111,8 +113,22 @@ static bool find_filters(const struct sheets_tables *tables, const float v[3], s
     return true;
 }
 
-bool sheets_group_make(const struct sheets *sheets, const float v[3], struct sheets_group *g) {
-    *g = (struct sheets_group){ .reference = { v[0], v[1] }, .sign = v[2] < 0 ? -1 : 1 };
+/* Variance of a brick's footprints at 1/u2 = w. */
+static void variance_at(const struct sheets_brick *b, float w, float v[3]) {
+    for (int i = 0; i < 3; i++)
+        v[i] = b->spread[i] * w * w + (i < 2 ? b->lowpass2 : 0);
+}
+
+bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b,
+                       const float range[2], struct sheets_group *g) {
+    float v[3], w = sqrtf(range[0] * range[1]);
+    if (w > narrow * range[0])
+        w = narrow * range[0];
+    variance_at(b, w, v);
+    *g = (struct sheets_group){ .reference = { v[0], v[1] },
+                                .middle = w,
+                                .range = { w / wide, w * wide },
+                                .sign = v[2] < 0 ? -1 : 1 };
     for (int a = 0; a < 2; a++)
         while (g->scale[a] + 1 < SHEETS_SCALES &&
                v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
@@ -126,9 +142,16 @@ bool sheets_group_make(const struct sheets *sheets, const float v[3], struct she
     return true;
 }
 
-bool sheets_group_fits(const struct sheets_group *g, const float v[3]) {
-    return fabsf(v[0] - g->reference[0]) <= alike * g->reference[0] &&
-           fabsf(v[1] - g->reference[1]) <= alike * g->reference[1];
+int sheets_group_fits(const struct sheets_group *g, const struct sheets_brick *b,
+                      const float range[2]) {
+    float low = fmaxf(range[0], g->range[0]), high = fminf(range[1], g->range[1]), v[3];
+    if (!(low <= high))
+        return 0;
+    variance_at(b, sqrtf(low * high), v);
+    for (int a = 0; a < 2; a++)
+        if (!(fabsf(v[a] - g->reference[a]) <= alike * g->reference[a]))
+            return 0;
+    return low <= range[0] && high >= range[1] ? 2 : 1;
 }
 
 /* ------------------------------------------------------------------ bricks */
@@ -145,8 +168,6 @@ bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
 
 enum sight { UNSEEN, SEEN, UNFIT /* seen, and no filter is right for it */ };
 
-static const float uneven = 1.25f; /* of the distances of a brick's corners, at most */
-
 struct prepare {
     const struct sheets_frame *frame;
     struct sheets *sheets;
@@ -155,7 +176,7 @@ struct prepare {
     uint8_t *sight;             /* by brick: enum sight */
 };
 
-/* Footprint variance at a point, and the rest of what a brick says of it. */
+/* What a brick says of its footprints: those at u. */
 static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, const float u[3],
                           float v[3], float *scale, float *lowpass2) {
     float t[2] = { 0, 0 }, fx = f->scale, m[2][3];
@@ -182,15 +203,14 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
         if (smaller < f->lowpass2)
             *scale = f->lowpass2 / fmaxf(smaller, 1e-12f * f->lowpass2);
     }
+    float w2 = f->projection == SP_PERSPECTIVE ? u[2] * u[2] : 1;
     for (int i = 0; i < 3; i++)
-        v[i] = *scale * v[i] + (i < 2 ? *lowpass2 : 0);
+        v[i] *= *scale * w2;
 }
 
 /* Pixels that a voxel at a brick's corners can reach. */
 static enum sight find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
                            const float size[3], const struct sheets *sheets) {
-    struct sheets_group group;
-    bool has_filter = sheets_group_make(sheets, b->variance, &group);
     float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     float nearest = INFINITY, farthest = -INFINITY;
     for (int corner = 0; corner < 8; corner++) {
@@ -211,19 +231,28 @@ static enum sight find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
     }
     if (farthest < f->near)
         return UNSEEN;
-    /* Where footprints change that much inside a brick, no filter serves them all. */
-    if (f->projection == SP_PERSPECTIVE && !(farthest < uneven * nearest))
-        has_filter = false;
+    bool near = false;
+    b->range[0] = b->range[1] = 1;
+    if (f->projection == SP_PERSPECTIVE) {
+        near = nearest < f->near;
+        b->range[0] = 1 / farthest;
+        b->range[1] = 1 / (near ? f->near : nearest);
+    }
+    float v[3], most[2] = { b->range[1], b->range[1] };
+    struct sheets_group group;
+    bool has_filter = sheets_group_make(sheets, b, b->range, &group) &&
+                      sheets_group_make(sheets, b, most, &group);
+    variance_at(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
-        /* Another group of the tile may have one tap more. */
-        float reach = (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] - SHEETS_TILE;
-        if (!has_filter)
-            reach = f->projection == SP_PERSPECTIVE && nearest < f->near
-                        ? INFINITY
-                        : 4 * f->radius * sqrtf(b->variance[i]);
-        box[0][i] = (int)fmaxf(0, fminf(low[i] - reach, 16384));
-        box[1][i] = (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
+        /* Another group of the tile may have one tap more, and wider samples. */
+        float reach = 4 * f->radius * sqrtf(v[i]);
+        if (has_filter)
+            reach = 1.15f * (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] -
+                    SHEETS_TILE;
+        box[0][i] = near ? 0 : (int)fmaxf(0, fminf(low[i] - reach, 16384));
+        box[1][i] = near ? f->size[i]
+                         : (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
         if (box[0][i] >= box[1][i])
             return UNSEEN;
     }
@@ -297,9 +326,7 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
         }
         if (middle[2] < l->ewa.near)
             middle[2] = l->ewa.near;
-        find_variance(&l->ewa, b->mode, middle, b->variance, &b->scale, &b->lowpass2);
-        b->area = (float)M_PI * l->ewa.radius * l->ewa.radius *
-                  sqrtf(fmaxf(0, b->variance[0] * b->variance[1] - b->variance[2] * b->variance[2]));
+        find_variance(&l->ewa, b->mode, middle, b->spread, &b->scale, &b->lowpass2);
         p->sight[i] = (uint8_t)find_box(&l->ewa, b, size, p->sheets);
         if (p->sight[i] == SEEN && p->sheets->thin > 0)
             find_depths(p, b);
@@ -403,7 +430,7 @@ bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *
                         .shade = frame->shade,
                         .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
                         .axis = frame->axis,
-                        .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.5f : 0,
+                        .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.4f : 0,
                         .smooth = getenv("SMOOTH") ? (float)atof(getenv("SMOOTH")) : view->filter.mode == SP_FILTER_ADAPTIVE ? .56f : 1.3f,
                         .levels[0].level = frame->level,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,

@@ -65,7 +65,9 @@ void sheets_tables_init(struct sheets_tables *tables);
 
 /* Bricks of a layer whose footprints are alike, and the filter for them. */
 struct sheets_group {
-    float reference[2]; /* of the variance, px²: xx, yy */
+    float reference[2]; /* variance that it is made for, px²: xx, yy */
+    float middle;       /* 1/u2 there */
+    float range[2];     /* of 1/u2 of the voxels that it serves */
     int scale[2];       /* j: a sample is 2^j px wide */
     float per_px[2];    /* 2^−j */
     float base[2];      /* variance that deposit and filter give, samples² */
@@ -89,8 +91,10 @@ struct sheets_brick {
     uint8_t level, mode;    /* enum sp_filter_mode */
     int16_t x0, y0, x1, y1; /* px that its voxels may reach, inside the picture */
     float base[3];          /* u of its first voxel, cells */
-    float variance[3];      /* of the footprint at its middle: xx, yy, xy [px²] */
-    float scale, lowpass2;  /* variance = scale · V̂ + lowpass2 · I */
+    float range[2];         /* of 1/u2 of its voxels, orthographic: 1 [1/cells] */
+    float spread[3];        /* of the footprint, times u2²: xx, yy, xy [px²], without … */
+    float lowpass2;         /* … this much of low-pass filter, px² */
+    float scale;            /* what V̂ was multiplied by: swan; 0 = lowpass */
     float depth[SP_BRICK];  /* most that each of its slices can add to a pixel */
     float area;             /* px of a footprint, as in sp_splat */
 };
@@ -100,6 +104,7 @@ struct sheets_run {
     uint16_t begin, end; /* its entries */
     uint8_t slice;       /* of the brick, along the axis */
     float depth;         /* as in sheets_brick */
+    float range[2];      /* of 1/u2 that is still to be drawn */
     uint32_t cells;      /* of the tile that it meets: bit row · SHEETS_CELLS_ACROSS + column */
 };
 
@@ -141,13 +146,14 @@ struct sheets_scratch {
 /* Draws one tile into the frame. */
 void sheets_tile(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
 
-/* The filters for footprints of a variance (xx, yy, xy; px²), with samples as wide as they allow;
- * false when there are none. */
-bool sheets_group_make(const struct sheets *sheets, const float variance[3],
-                       struct sheets_group *group);
+/* The filters for a brick's voxels from `range` on, with samples as wide as they allow; false when
+ * there are none. */
+bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *brick,
+                       const float range[2], struct sheets_group *group);
 
-/* Whether that group's filters serve such footprints too. */
-bool sheets_group_fits(const struct sheets_group *group, const float variance[3]);
+/* Whether those filters serve other voxels too: 0 = none of them, 1 = some, 2 = all. */
+int sheets_group_fits(const struct sheets_group *group, const struct sheets_brick *brick,
+                      const float range[2]);
 
 /* What a frame is made from. */
 struct sheets_frame {

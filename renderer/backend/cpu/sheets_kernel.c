@@ -163,9 +163,13 @@ struct tile {
     int row0, row1; /* rows of `deposited` that are not empty */
 };
 
-static bool start_group(struct tile *t, const float variance[3]) {
+/* For the first run's footprints, and as many others as may be. */
+static bool start_group(struct tile *t, const struct sheets_run *runs, uint32_t count) {
     struct sheets_group *g = &t->group;
-    if (!sheets_group_make(t->sheets, variance, g))
+    float range[2] = { runs[0].range[0], runs[0].range[1] };
+    for (uint32_t i = 1; i < count; i++)
+        range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
+    if (!sheets_group_make(t->sheets, &t->sheets->bricks[runs[0].brick], range, g))
         return false;
     if (g->scale[0])
         make_wide_zoom(t->sheets->tables, g->filter[0], g->scale[0], t->zoom[0]);
@@ -196,11 +200,12 @@ struct run_frame {
     float base[3], step[2][3], kernel[3][3]; /* u of place (0, 0) of the slice, and along its axes */
     float focal[2], centre[2];               /* samples */
     float variance[2], rest[2];
-    float gain, near;
+    float gain, near, range[2];
     bool perspective;
 };
 
-static void start_run(const struct tile *t, const struct sheets_run *run, struct run_frame *r) {
+static void start_run(const struct tile *t, const struct sheets_run *run, bool all,
+                      struct run_frame *r) {
     const struct sheets_brick *b = &t->sheets->bricks[run->brick];
     const struct sheets_level *level = &t->sheets->levels[b->level];
     const struct sp_ewa_frame *f = &level->ewa;
@@ -211,6 +216,10 @@ static void start_run(const struct tile *t, const struct sheets_run *run, struct
     r->transfer = &level->level->transfer;
     r->perspective = f->projection == SP_PERSPECTIVE;
     r->near = f->near;
+    /* Elsewhere than at its ends a range is the brick's own: what rounding puts outside is in. */
+    bool is_first = run->range[0] <= b->range[0];
+    r->range[0] = is_first ? 0 : run->range[0];
+    r->range[1] = all ? INFINITY : g->range[1];
     memcpy(r->kernel, f->kernel, sizeof r->kernel);
     for (int i = 0; i < 3; i++) {
         r->base[i] = b->base[i] + f->step[i][axis] * (float)run->slice;
@@ -274,6 +283,8 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         sp_wide t0 = u[0] * inv, t1 = u[1] * inv;
         sp_wide column = r->focal[0] * t0 + r->centre[0], row = r->focal[1] * t1 + r->centre[1];
         sp_wide_mask mask = sp_wide_le(sp_wide_all(r->near), u[2]) &
+                            sp_wide_le(sp_wide_all(r->range[0]), inv) &
+                            sp_wide_lt(inv, sp_wide_all(r->range[1])) &
                             sp_wide_le(sp_wide_all(g->low[0]), column) &
                             sp_wide_lt(column, sp_wide_all(g->high[0])) &
                             sp_wide_le(sp_wide_all(g->low[1]), row) &
@@ -486,9 +497,10 @@ static void classify_chunk(const struct tile *t, const struct run_frame *r, uint
     }
 }
 
-static void add_run(struct tile *t, const struct sheets_run *run) {
+/* Adds the voxels of a run, or those in the group's range alone. */
+static void add_run(struct tile *t, const struct sheets_run *run, bool all) {
     struct run_frame r;
-    start_run(t, run, &r);
+    start_run(t, run, all, &r);
     uint64_t first = r.list->first[t->sheets->bricks[run->brick].brick];
     bool has_table = r.transfer->table && !r.transfer->scale && !t->sheets->shade;
     for (uint64_t e = first + run->begin; e < first + run->end; e += CHUNK) {
@@ -800,7 +812,10 @@ static void sort_runs(struct tile *t, uint32_t tile) {
                 if (pass)
                     t->s->runs[starts[layer]++] =
                         (struct sheets_run){ .brick = s->met[n], .slice = (uint8_t)k, .begin = start[k],
-                                             .end = start[k + 1], .depth = b->depth[k], .cells = cells };
+                                             .end = start[k + 1],
+                                             .depth = b->depth[k],
+                                             .range = { b->range[0], b->range[1] },
+                                             .cells = cells };
                 else
                     starts[layer]++;
             }
@@ -833,31 +848,60 @@ static void flush(struct tile *t) {
     t->pending = 0;
 }
 
-/* Adds the runs of a layer, group by group; `runs` is used up. Thin layers are composited together:
- * see sheets.thin. */
+/* Drops the runs that only meet opaque cells, and says whether what is pending has a filter for all
+ * the others. The one with the farthest voxels comes first. */
+static bool sift(struct tile *t, struct sheets_run *runs, uint32_t *count) {
+    uint32_t n = 0;
+    bool fits = t->is_open;
+    for (uint32_t i = 0; i < *count; i++) {
+        if (!(runs[i].cells & t->alive))
+            continue;
+        fits = fits && sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick],
+                                         runs[i].range) == 2;
+        runs[n] = runs[i];
+        if (runs[n].range[0] < runs[0].range[0]) {
+            struct sheets_run first = runs[n];
+            runs[n] = runs[0];
+            runs[0] = first;
+        }
+        n++;
+    }
+    *count = n;
+    return fits;
+}
+
+/* Adds the runs of a layer, group by group, the farthest voxels first; `runs` is used up. Thin
+ * layers are composited together: see sheets.thin. */
 static void draw_layer(struct tile *t, struct sheets_run *runs, uint32_t count) {
     float depth = bound_depth(t, runs, count);
-    if (!(t->sheets->thin > 0 && t->pending + depth <= t->sheets->thin))
+    bool fits = sift(t, runs, &count);
+    if (!fits || !(t->sheets->thin > 0 && t->pending + depth <= t->sheets->thin))
         flush(t);
     bool several = false;
     while (count) {
         uint32_t left = 0;
+        if (!t->is_open)
+            t->is_open = start_group(t, runs, count);
         for (uint32_t i = 0; i < count; i++) {
-            const struct sheets_brick *b = &t->sheets->bricks[runs[i].brick];
-            if (!(runs[i].cells & t->alive))
+            int part = sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick],
+                                         runs[i].range);
+            if (i == 0 && part == 0)
+                continue; /* cannot be: the group was made for it */
+            if (part)
+                add_run(t, &runs[i], part == 2);
+            if (part == 2)
                 continue;
-            if (!t->is_open)
-                t->is_open = start_group(t, b->variance);
-            if (sheets_group_fits(&t->group, b->variance))
-                add_run(t, &runs[i]);
-            else
-                runs[left++] = runs[i];
+            runs[left] = runs[i];
+            if (part)
+                runs[left].range[0] = t->group.range[1];
+            left++;
         }
         several |= left > 0;
         if (several) {
             close_group(t, false);
             t->is_open = false;
         }
+        sift(t, runs, &left);
         count = left;
     }
     if (several) {
