@@ -19,6 +19,12 @@ static double spline(double x) {
     return x < 2 ? (2 - x) * (2 - x) * (2 - x) / 6 : 0;
 }
 
+/* Its first derivative. */
+static double slope(double x) {
+    double a = fabs(x), d = a < 1 ? -2 * a + 1.5 * a * a : a < 2 ? -0.5 * (2 - a) * (2 - a) : 0;
+    return x < 0 ? -d : d;
+}
+
 /* Quadratic B-spline. */
 static double quadratic(double x) {
     x = fabs(x);
@@ -47,8 +53,8 @@ static double fill_filter(struct sheets_filter *f, double spread) {
 
 /* A Gaussian cut at some samples is narrower than its name says: it is made wider until its
  * variance is right. */
-static void make_filter(struct sheets_filter *f, double variance) {
-    *f = (struct sheets_filter){ .taps = (int)ceil(3 * sqrt(variance)), .weight = { 1 } };
+static void make_filter(struct sheets_filter *f, double variance, double reach) {
+    *f = (struct sheets_filter){ .taps = (int)ceil(reach * sqrt(variance)), .weight = { 1 } };
     if (f->taps > SHEETS_TAPS)
         f->taps = SHEETS_TAPS;
     double low = 1e-3, high = 4 * variance + 1e-2;
@@ -67,40 +73,48 @@ void sheets_tables_init(struct sheets_tables *t) {
             double x = k - 1 - (p + 0.5) / SHEETS_PHASES;
             t->spline[p][k] = (float)spline(x);
             t->spline[p][4 + k] = (float)(0.5 * bend(x));
+            t->slope[p][k] = (float)slope(x);
         }
     for (int j = 0; j < SHEETS_SCALES; j++)
         for (int p = 0; p < 1 << j; p++)
             for (int k = 0; k < 4; k++)
                 t->between[j][p][k] = (float)quadratic(k - 1 - (p + 0.5) / (1 << j));
     for (int n = 0; n < SHEETS_FILTERS; n++)
-        make_filter(&t->filters[n], (double)n / SHEETS_STEPS);
+        for (int i = 0; i < 2; i++)
+            make_filter(&t->filters[i][n], (double)n / SHEETS_STEPS, i ? 4 : 3);
 }
 
 /* ------------------------------------------------------------------ filters */
 
 static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
+static const float no_cross = 0.02f;   /* of the variance: less of it across does not count */
+static const float small_cross = 0.1f; /* … and so much a deposit can give by itself */
 static const float alike = 0.25f;      /* relative difference of variances in a group */
-static const float narrow = 1.1f; /* a group's middle is at most that much nearer than its farthest */
-static const float wide = 1.125f; /* … and its ends are that much nearer and farther than its middle */
 
 /* Filters for samples that are 2^scale px wide; false where there are none. */
-static bool find_filters(const struct sheets_tables *tables, const float v[3], struct sheets_group *g) {
+static bool find_filters(const struct sheets *sheets, const float v[3], struct sheets_group *g) {
+    const struct sheets_filter *filters = sheets->tables->filters[sheets->exact];
     float cross = fabsf(v[2]);
     for (int a = 0; a < 2; a++) {
         g->per_px[a] = 1.0f / (float)(1 << g->scale[a]);
         cross *= g->per_px[a];
     }
-    int step = (int)fminf(cross * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
+    float least = fminf(v[0] * g->per_px[0] * g->per_px[0], v[1] * g->per_px[1] * g->per_px[1]);
+    int step = 0;
+    if (cross > small_cross * least)
+        step = (int)fminf(cross * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
+    g->has_cross = cross > no_cross * least;
+    g->cross = (float)(g->sign * step) / SHEETS_STEPS;
     if (step >= SHEETS_FILTERS)
         return false;
-    g->diagonal = step > 0 ? &tables->filters[step] : NULL;
+    g->diagonal = step > 0 ? &filters[step] : NULL;
     for (int a = 0; a < 2; a++) {
         float fixed = (g->scale[a] ? 1.0f / 3 + 1.0f / 4 : 1.0f / 3) + (float)step / SHEETS_STEPS;
         float rest = v[a] * g->per_px[a] * g->per_px[a] - fixed;
         int n = (int)fminf(rest * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
         if (rest < -sharpest || n >= SHEETS_FILTERS)
             return false;
-        g->filter[a] = &tables->filters[n];
+        g->filter[a] = &filters[n];
         g->base[a] = fixed + (float)n / SHEETS_STEPS;
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
         int samples = SHEETS_TILE >> g->scale[a];
@@ -121,9 +135,9 @@ static void variance_at(const struct sheets_brick *b, float w, float v[3]) {
 
 bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b,
                        const float range[2], struct sheets_group *g) {
-    float v[3], w = sqrtf(range[0] * range[1]);
-    if (w > narrow * range[0])
-        w = narrow * range[0];
+    float narrow = sheets->exact ? 1.06f : 1.08f, wide = sheets->exact ? 1.08f : 1.1f;
+    float v[3], w = fminf(sqrtf(range[0] * range[1]), narrow * range[0]);
+    /* A group's middle is not much nearer than its farthest voxels, and neither are its ends. */
     variance_at(b, w, v);
     *g = (struct sheets_group){ .reference = { v[0], v[1] },
                                 .middle = w,
@@ -133,7 +147,7 @@ bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b
         while (g->scale[a] + 1 < SHEETS_SCALES &&
                v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
             g->scale[a]++;
-    while (!find_filters(sheets->tables, v, g)) {
+    while (!find_filters(sheets, v, g)) {
         int a = g->scale[1] > g->scale[0];
         if (g->scale[a] == 0)
             return false;
@@ -430,7 +444,8 @@ bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *
                         .shade = frame->shade,
                         .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
                         .axis = frame->axis,
-                        .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.4f : 0,
+                        .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.3f : 0,
+                        .exact = view->filter.mode != SP_FILTER_ADAPTIVE,
                         .smooth = getenv("SMOOTH") ? (float)atof(getenv("SMOOTH")) : view->filter.mode == SP_FILTER_ADAPTIVE ? .56f : 1.3f,
                         .levels[0].level = frame->level,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,

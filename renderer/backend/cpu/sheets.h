@@ -54,11 +54,12 @@ struct sheets_filter {
 
 /* Tables that no view changes. */
 struct sheets_tables {
-    /* Cubic B-spline at the four samples around a phase, then half its second derivative. */
-    _Alignas(64) float spline[SHEETS_PHASES][8];
+    /* Cubic B-spline at the four samples around a phase, half its second derivative, its first. */
+    _Alignas(64) float spline[SHEETS_PHASES][8], slope[SHEETS_PHASES][4];
     /* By scale j, and pixel modulo 2^j: weights of the four samples around it. */
     float between[SHEETS_SCALES][1 << (SHEETS_SCALES - 1)][4];
-    struct sheets_filter filters[SHEETS_FILTERS]; /* by variance · SHEETS_STEPS */
+    /* By variance · SHEETS_STEPS: to three deviations, and a little farther. */
+    struct sheets_filter filters[2][SHEETS_FILTERS];
 };
 
 void sheets_tables_init(struct sheets_tables *tables);
@@ -75,6 +76,8 @@ struct sheets_group {
     float low[2], high[2]; /* samples from which voxels matter */
     const struct sheets_filter *filter[2], *diagonal; /* NULL = none */
     int sign;                                         /* of the diagonal */
+    float cross;   /* variance across that the diagonal gives, samples² */
+    bool has_cross; /* deposits have to give the rest of it */
 };
 
 
@@ -117,6 +120,7 @@ struct sheets {
     /* Consecutive layers that together add at most this much depth to any pixel are composited as
      * one: transmittance is the same, only whose colour is in front is lost. */
     float thin;
+    bool exact; /* not adaptive: filters reach farther, and are made for less different footprints */
     float smooth; /* a sample is made wider while footprints keep that variance, samples² */
     unsigned axis;
     uint32_t layers;

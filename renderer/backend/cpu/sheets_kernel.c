@@ -183,7 +183,7 @@ static bool start_group(struct tile *t, const struct sheets_run *runs, uint32_t 
 struct chunk {
     _Alignas(64) int32_t column[CHUNK], row[CHUNK]; /* of the voxel, 1/SHEETS_PHASES samples */
     _Alignas(64) float gain[CHUNK];
-    _Alignas(64) float delta[2][CHUNK]; /* of the variance, samples² */
+    _Alignas(64) float delta[3][CHUNK]; /* of the variance: xx, yy, xy, samples² */
     _Alignas(64) float to_eye[3][CHUNK];
     _Alignas(64) struct sp_class class[CHUNK]; /* of each voxel, where a table does not do */
 };
@@ -199,7 +199,7 @@ struct run_frame {
     const struct sp_transfer *transfer;
     float base[3], step[2][3], kernel[3][3]; /* u of place (0, 0) of the slice, and along its axes */
     float focal[2], centre[2];               /* samples */
-    float variance[2], rest[2];
+    float variance[3], rest[3];
     float gain, near, range[2];
     bool perspective;
 };
@@ -233,6 +233,8 @@ static void start_run(const struct tile *t, const struct sheets_run *run, bool a
         r->variance[a] = b->scale * g->per_px[a] * g->per_px[a];
         r->rest[a] = b->lowpass2 * g->per_px[a] * g->per_px[a] - g->base[a];
     }
+    r->variance[2] = b->scale * g->per_px[0] * g->per_px[1];
+    r->rest[2] = -g->cross;
     r->gain = f->gain * g->per_px[0] * g->per_px[1];
 }
 
@@ -303,16 +305,18 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         } else {
             t0 = t1 = sp_wide_all(0);
         }
-        sp_wide v00 = sp_wide_all(0), v11 = sp_wide_all(0);
+        sp_wide v00 = sp_wide_all(0), v11 = v00, v01 = v00;
         for (int a = 0; a < 3; a++) {
             sp_wide m0 = r->kernel[0][a] - t0 * r->kernel[2][a];
             sp_wide m1 = r->kernel[1][a] - t1 * r->kernel[2][a];
             v00 += m0 * m0;
             v11 += m1 * m1;
+            v01 += m0 * m1;
         }
         sp_wide_store(&c->gain[v], fx2 * lengths * r->gain);
         sp_wide_store(&c->delta[0][v], v00 * fx2 * r->variance[0] + r->rest[0]);
         sp_wide_store(&c->delta[1][v], v11 * fx2 * r->variance[1] + r->rest[1]);
+        sp_wide_store(&c->delta[2][v], v01 * fx2 * r->variance[2] + r->rest[2]);
         column = sp_wide_keep(mask, column) * SHEETS_PHASES;
         row = sp_wide_keep(mask, row) * SHEETS_PHASES;
         sp_wide_int_store(&c->column[v], sp_wide_to_int(column));
@@ -331,7 +335,8 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
 
 /* Adds voxel i of a chunk. */
 static inline void deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
-                           const struct sp_class *class, float grid[SHEETS_GRID][SHEETS_GRID][4]) {
+                           const struct sp_class *class, bool cross,
+                           float grid[SHEETS_GRID][SHEETS_GRID][4]) {
     enum { STRIDE = SHEETS_GRID * 4 };
     const float *sx = tables->spline[c->column[i] & (SHEETS_PHASES - 1)];
     const float *sy = tables->spline[c->row[i] & (SHEETS_PHASES - 1)];
@@ -343,11 +348,17 @@ static inline void deposit(const struct sheets_tables *tables, const struct chun
     sums[3] = 1;
     sp_wide value = repeat(sums * depth);
     float *to = &grid[c->row[i] / SHEETS_PHASES - 1][c->column[i] / SHEETS_PHASES - 1][0];
+    vec4 dx = wx, dy = wy;
+    if (cross) {
+        dx = c->delta[2][i] * load4(tables->slope[c->column[i] & (SHEETS_PHASES - 1)]);
+        dy = load4(tables->slope[c->row[i] & (SHEETS_PHASES - 1)]);
+    }
     for (int p = 0; p < VECTORS; p++) {
-        sp_wide part = value * spread(wx, p);
-        for (int y = 0; y < 4; y++)
-            sp_wide_store(to + y * STRIDE + p * W,
-                          sp_wide_load(to + y * STRIDE + p * W) + part * wy[y]);
+        sp_wide part = value * spread(wx, p), slant = cross ? value * spread(dx, p) : part;
+        for (int y = 0; y < 4; y++) {
+            sp_wide sum = sp_wide_load(to + y * STRIDE + p * W) + part * wy[y];
+            sp_wide_store(to + y * STRIDE + p * W, cross ? sum + slant * dy[y] : sum);
+        }
     }
 }
 
@@ -384,7 +395,8 @@ static inline void mark(struct tile *t, const struct chunk *c, uint32_t inside) 
 
 /* The loop over a chunk's voxels, for one width of keys. */
 static inline void deposit_keys(const struct tile *t, const struct chunk *c, uint32_t inside,
-                                const struct run_frame *r, uint64_t first, uint32_t key_bytes) {
+                                const struct run_frame *r, uint64_t first, uint32_t key_bytes,
+                                bool cross) {
     const struct sp_class *table = r->transfer->table;
     const uint8_t *key1 = (const uint8_t *)r->list->key + first;
     const uint16_t *key2 = (const uint16_t *)r->list->key + first;
@@ -392,8 +404,23 @@ static inline void deposit_keys(const struct tile *t, const struct chunk *c, uin
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m), k = chunk_order[i];
         uint32_t key = key_bytes == 1 ? key1[k] : key_bytes == 2 ? key2[k] : key4[k];
-        deposit(t->sheets->tables, c, i, &table[key], t->s->grid);
+        deposit(t->sheets->tables, c, i, &table[key], cross, t->s->grid);
     }
+}
+
+static void deposit_chunk(const struct tile *t, const struct chunk *c, uint32_t inside,
+                          const struct run_frame *r, uint64_t first) {
+    if (r->list->key_bytes == 1)
+        deposit_keys(t, c, inside, r, first, 1, false);
+    else if (r->list->key_bytes == 2)
+        deposit_keys(t, c, inside, r, first, 2, false);
+    else
+        deposit_keys(t, c, inside, r, first, 4, false);
+}
+
+static void deposit_chunk_across(const struct tile *t, const struct chunk *c, uint32_t inside,
+                                 const struct run_frame *r, uint64_t first) {
+    deposit_keys(t, c, inside, r, first, r->list->key_bytes, true);
 }
 
 /* log2 of a > 0, as sp_log2(). */
@@ -516,14 +543,15 @@ static void add_run(struct tile *t, const struct sheets_run *run, bool all) {
             classify_chunk(t, &r, e, inside, &c);
             for (uint32_t m = inside; m; m &= m - 1) {
                 int i = __builtin_ctz(m);
-                deposit(t->sheets->tables, &c, i, &c.class[i], t->s->grid);
+                if (t->group.has_cross)
+                    deposit(t->sheets->tables, &c, i, &c.class[i], true, t->s->grid);
+                else
+                    deposit(t->sheets->tables, &c, i, &c.class[i], false, t->s->grid);
             }
-        } else if (r.list->key_bytes == 1) {
-            deposit_keys(t, &c, inside, &r, e, 1);
-        } else if (r.list->key_bytes == 2) {
-            deposit_keys(t, &c, inside, &r, e, 2);
+        } else if (t->group.has_cross) {
+            deposit_chunk_across(t, &c, inside, &r, e);
         } else {
-            deposit_keys(t, &c, inside, &r, e, 4);
+            deposit_chunk(t, &c, inside, &r, e);
         }
     }
 }
