@@ -70,30 +70,55 @@ static void name_row(const struct manifest_row *row, char *name, size_t size) {
              row->attenuation == SP_ATTENUATION_LINEAR ? "-linear" : "");
 }
 
-/* The CPU's instruction sets among each other: `image` against the scalar reference's. */
-static void check_isa(struct run *run, const char *name, const struct test_image *image,
-                      const struct test_image *scalar) {
-    double psnr = test_image_psnr(image, scalar);
-    run->checks++;
-    if (psnr >= MANIFEST_ISA_FLOOR)
+/* Pictures of one row that others are held to; not made: no pixels. */
+struct references {
+    struct test_image scalar; /* the CPU's reference */
+    struct test_image wide;   /* the first of its other instruction sets */
+};
+
+/* One instruction set of the CPU against another. */
+static void check_isa(struct run *run, const char *name, const char *other, double floor,
+                      const struct test_image *image, const struct test_image *reference) {
+    if (!reference->rgba)
         return;
-    struct test_difference d = test_image_difference(image, scalar);
-    printf("FAILED %-50s %6.2f dB from scalar, floor %.1f; worst %.4f at (%u,%u) channel %u: "
+    double psnr = test_image_psnr(image, reference);
+    run->checks++;
+    if (psnr >= floor)
+        return;
+    struct test_difference d = test_image_difference(image, reference);
+    printf("FAILED %-50s %6.2f dB from %s, floor %.1f; worst %.4f at (%u,%u) channel %u: "
            "%.4f for %.4f\n",
-           name, psnr, MANIFEST_ISA_FLOOR, d.largest, d.x, d.y, d.channel, d.a, d.b);
-    test_image_dump(name, image, scalar, 8);
+           name, psnr, other, floor, d.largest, d.x, d.y, d.channel, d.a, d.b);
+    test_image_dump(name, image, reference, 8);
     run->failed++;
+}
+
+/* All instruction sets against each other; keeps the first ones. True when `image` was kept. */
+static bool check_isas(struct run *run, unsigned t, const char *name,
+                       const struct manifest_row *row, const struct test_image *image,
+                       struct references *to) {
+    bool is_scalar = strcmp(run->targets[t].isa, "scalar") == 0;
+    bool has_sheets = row->compositing == SP_COMPOSITE_SHEET;
+    if (!is_scalar) {
+        check_isa(run, name, "scalar", has_sheets ? MANIFEST_SHEETS_FLOOR : MANIFEST_ISA_FLOOR,
+                  image, &to->scalar);
+        check_isa(run, name, "the first wide set", MANIFEST_ISA_FLOOR, image, &to->wide);
+    }
+    struct test_image *kept = is_scalar ? &to->scalar : &to->wide;
+    if (kept->rgba)
+        return false;
+    *kept = *image;
+    return true;
 }
 
 static bool is_cpu(const struct run *run, unsigned t) {
     return strcmp(run->targets[t].backend, "cpu") == 0;
 }
 
-/* One picture against the truth; the PSNR, or NAN when nothing was rendered. *scalar is the
- * scalar reference's picture of the same, which comes first and is kept; the caller's. */
+/* One picture against the truth; the PSNR, or NAN when nothing was rendered. */
 static double check(struct run *run, unsigned t, const struct test_scene *scene,
                     const struct manifest_row *row, const struct test_image *truth,
-                    struct test_image *scalar) {
+                    struct references *references) {
     struct test_image image;
     struct sp_error err;
     char choice[128], name[400];
@@ -109,8 +134,6 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     double psnr = test_image_psnr(&image, truth);
     bool ok = psnr >= row->floor;
     struct test_difference d = test_image_difference(&image, truth);
-    if (is_cpu(run, t) && scalar->rgba)
-        check_isa(run, name, &image, scalar);
     printf("%-6s %-50s %6.2f dB, floor %.1f, measured %.2f; worst %.4f at (%u,%u) channel %u: "
            "%.4f for %.4f\n",
            ok ? "ok" : "FAILED", name, psnr, row->floor, row->measured, d.largest, d.x, d.y,
@@ -118,9 +141,7 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     if (!ok || getenv("SPLATD_TEST_DUMP"))
         test_image_dump(name, &image, truth, 8);
     run->failed += !ok;
-    if (strcmp(run->targets[t].isa, "scalar") == 0)
-        *scalar = image;
-    else
+    if (!is_cpu(run, t) || !check_isas(run, t, name, row, &image, references))
         test_image_finish(&image);
     return psnr;
 }
@@ -178,15 +199,17 @@ static bool run_scene(struct run *run, const struct manifest_scene *entry) {
     assert(entry->count <= ROWS_MAX);
     double psnr[TARGETS_MAX][ROWS_MAX];
     for (size_t i = 0; i < entry->count; i++) {
-        struct test_image scalar = { 0 };
+        struct references references = { 0 };
         int k = 0;
         while (truth.lowpass[k] != entry->rows[i].lowpass)
             k++;
         choose(&scene.view, &entry->rows[i], &own);
         for (unsigned t = 0; t < run->count; t++)
-            psnr[t][i] = check(run, t, &scene, &entry->rows[i], &truth.image[k], &scalar);
-        if (scalar.rgba)
-            test_image_finish(&scalar);
+            psnr[t][i] = check(run, t, &scene, &entry->rows[i], &truth.image[k], &references);
+        if (references.scalar.rgba)
+            test_image_finish(&references.scalar);
+        if (references.wide.rgba)
+            test_image_finish(&references.wide);
     }
     for (unsigned t = 0; t < run->count; t++)
         compare_adaptive(run, entry, psnr[t]);
