@@ -493,7 +493,7 @@ static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
 }
 
 /* Post-convolved: see sheets.h. */
-static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, bool *done,
+static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis,
                         struct sp_error *err) {
     const struct sp_view *view = d->job->view;
     struct sp_frame_stats *stats = &d->job->frame->stats;
@@ -507,12 +507,13 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, 
                                   .level = d->level,
                                   .modes = d->modes,
                                   .axis = axis,
+                                  .classify_ms = d->stage_ms[CLASSIFY],
                                   .draw_tile = state->kernels.sheets_tile,
                                   .pool = d->pool,
                                   .arena = &state->arena };
     stats->coarse = d->coarse;
     stats->visible_voxels = d->list->count;
-    return sheets_draw(&frame, done, err);
+    return sheets_draw(&frame, err);
 }
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
@@ -523,11 +524,8 @@ bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct 
     if (!choose_level(&d, state, &axis, err) || !choose_filters(&d, &state->arena, err))
         return false;
     add_time(&d, CLASSIFY, clock);
-    if (state->kernels.sheets_tile && sheets_can(job->view, d.ewa.grid)) {
-        bool done;
-        if (!draw_sheets(&d, state, axis, &done, err) || done)
-            return !err->code;
-    }
+    if (state->kernels.sheets_tile && sheets_can(job->view, d.ewa.grid))
+        return draw_sheets(&d, state, axis, err);
     clock = sp_clock_ms();
     if (!prepare(&d, state, axis, err))
         return false;

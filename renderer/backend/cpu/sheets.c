@@ -121,6 +121,7 @@ static bool find_filters(const struct sheets *sheets, const float v[3], struct s
         g->offset[a] = (float)SHEETS_MARGIN - (g->scale[a] ? 0 : 0.5f);
         g->low[a] = (float)(SHEETS_MARGIN - reach - 2 - (g->scale[a] > 0));
         g->high[a] = (float)(SHEETS_MARGIN + samples + reach + 2 + (g->scale[a] > 0));
+        g->end[a] = g->offset[a] + SHEETS_TILE * g->per_px[a];
         if (reach + 6 > SHEETS_MARGIN)
             return false;
     }
@@ -147,6 +148,8 @@ bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b
         while (g->scale[a] + 1 < SHEETS_SCALES &&
                v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
             g->scale[a]++;
+    float radius = sheets->levels[b->level].ewa.radius;
+    g->area = (float)M_PI * radius * radius * sqrtf(fmaxf(0, v[0] * v[1] - v[2] * v[2]));
     while (!find_filters(sheets, v, g)) {
         int a = g->scale[1] > g->scale[0];
         if (g->scale[a] == 0)
@@ -180,14 +183,12 @@ bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
            view->transfer_function.order == SP_TF_PRE && is_whole && !sp_grid_is_rectilinear(grid);
 }
 
-enum sight { UNSEEN, SEEN, UNFIT /* seen, and no filter is right for it */ };
-
 struct prepare {
     const struct sheets_frame *frame;
     struct sheets *sheets;
     struct sheets_brick *slots; /* by brick of the level */
     float length;               /* of a ray in a layer, reference lengths */
-    uint8_t *sight;             /* by brick: enum sight */
+    bool *sight;                /* by brick: it may be seen */
 };
 
 /* What a brick says of its footprints: those at u. */
@@ -222,8 +223,8 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
         v[i] *= *scale * w2;
 }
 
-/* Pixels that a voxel at a brick's corners can reach. */
-static enum sight find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
+/* Pixels that a brick's voxels can reach; false when there are none in the picture. */
+static bool find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
                            const float size[3], const struct sheets *sheets) {
     float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     float nearest = INFINITY, farthest = -INFINITY;
@@ -244,7 +245,7 @@ static enum sight find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
         }
     }
     if (farthest < f->near)
-        return UNSEEN;
+        return false;
     bool near = false;
     b->range[0] = b->range[1] = 1;
     if (f->projection == SP_PERSPECTIVE) {
@@ -268,13 +269,14 @@ static enum sight find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
         box[1][i] = near ? f->size[i]
                          : (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
         if (box[0][i] >= box[1][i])
-            return UNSEEN;
+            return false;
     }
     b->x0 = (int16_t)box[0][0];
     b->y0 = (int16_t)box[0][1];
     b->x1 = (int16_t)box[1][0];
     b->y1 = (int16_t)box[1][1];
-    return has_filter ? SEEN : UNFIT;
+    b->is_unfit = !has_filter;
+    return true;
 }
 
 /* Largest depth of a class in each slice of the brick along the axis. */
@@ -316,7 +318,7 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
     const struct sp_visible *list = &l->level->visible;
     const struct sp_view *view = p->frame->job->view;
     for (size_t i = begin; i < end; i++) {
-        p->sight[i] = UNSEEN;
+        p->sight[i] = false;
         if (list->first[i] == list->first[i + 1])
             continue;
         struct sheets_brick *b = &p->slots[i];
@@ -341,8 +343,8 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
         if (middle[2] < l->ewa.near)
             middle[2] = l->ewa.near;
         find_variance(&l->ewa, b->mode, middle, b->spread, &b->scale, &b->lowpass2);
-        p->sight[i] = (uint8_t)find_box(&l->ewa, b, size, p->sheets);
-        if (p->sight[i] == SEEN && p->sheets->thin > 0)
+        p->sight[i] = find_box(&l->ewa, b, size, p->sheets);
+        if (p->sight[i])
             find_depths(p, b);
     }
 }
@@ -434,11 +436,10 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
     return layers;
 }
 
-bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *err) {
+bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
     const struct sp_view *view = frame->job->view;
     struct sp_frame_stats *stats = &frame->job->frame->stats;
     double clock = sp_clock_ms();
-    *done = false;
     struct sheets s = { .job = frame->job,
                         .tables = frame->tables,
                         .shade = frame->shade,
@@ -455,14 +456,12 @@ bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *
     s.levels[0].layer = make_layers(frame, &s.layers);
     s.bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s.bricks);
     struct prepare p = { .frame = frame, .sheets = &s, .slots = s.bricks, .length = layer_length(frame) };
-    p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, 1);
+    p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *p.sight);
     if (frame->arena->failed)
         return fail_memory(frame->arena, err);
     sp_parallel_for(frame->pool, bricks, 64, prepare_bricks, &p);
     for (uint32_t i = 0; i < bricks; i++) {
-        if (p.sight[i] == UNFIT)
-            return true;
-        if (p.sight[i] == SEEN)
+        if (p.sight[i])
             s.bricks[s.brick_count++] = s.bricks[i];
     }
     if (!meet_tiles(&s, frame->arena) ||
@@ -477,9 +476,9 @@ bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *
         stats->splats += s.scratch[w].splats;
         stats->fragments += (uint64_t)s.scratch[w].fragments;
     }
-    stats->stage_count = 2;
-    stats->stages[0] = (struct sp_stage_time){ "splat", ready - clock };
-    stats->stages[1] = (struct sp_stage_time){ "tile", sp_clock_ms() - ready };
-    *done = true;
+    stats->stage_count = 3;
+    stats->stages[0] = (struct sp_stage_time){ "classify", frame->classify_ms };
+    stats->stages[1] = (struct sp_stage_time){ "splat", ready - clock };
+    stats->stages[2] = (struct sp_stage_time){ "tile", sp_clock_ms() - ready };
     return true;
 }

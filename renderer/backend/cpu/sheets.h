@@ -76,6 +76,8 @@ struct sheets_group {
     float low[2], high[2]; /* samples from which voxels matter */
     const struct sheets_filter *filter[2], *diagonal; /* NULL = none */
     int sign;                                         /* of the diagonal */
+    float end[2];   /* sample number of the tile's other corner */
+    float area;     /* of a footprint, px */
     float cross;   /* variance across that the diagonal gives, samples² */
     bool has_cross; /* deposits have to give the rest of it */
 };
@@ -92,6 +94,7 @@ struct sheets_level {
 struct sheets_brick {
     uint32_t brick;
     uint8_t level, mode;    /* enum sp_filter_mode */
+    bool is_unfit;          /* no filter serves its footprints: they are drawn one by one */
     int16_t x0, y0, x1, y1; /* px that its voxels may reach, inside the picture */
     float base[3];          /* u of its first voxel, cells */
     float range[2];         /* of 1/u2 of its voxels, orthographic: 1 [1/cells] */
@@ -99,7 +102,6 @@ struct sheets_brick {
     float lowpass2;         /* … this much of low-pass filter, px² */
     float scale;            /* what V̂ was multiplied by: swan; 0 = lowpass */
     float depth[SP_BRICK];  /* most that each of its slices can add to a pixel */
-    float area;             /* px of a footprint, as in sp_splat */
 };
 
 struct sheets_run {
@@ -169,6 +171,7 @@ struct sheets_frame {
     const struct sp_level *level;  /* that is drawn */
     const uint8_t *modes;          /* by brick of it: adaptive; NULL = the view's for all */
     unsigned axis;
+    double classify_ms; /* spent before, for the stats */
     void (*draw_tile)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
     struct sp_pool *pool;
     struct sp_arena *arena;
@@ -177,8 +180,7 @@ struct sheets_frame {
 /* Whether the view asks for something that this can draw. */
 bool sheets_can(const struct sp_view *view, const struct sp_grid *grid);
 
-/* Draws all of it and adds to the stats; SP_ERR_MEMORY, SP_ERR_CANCELLED. *done = false: some
- * footprints are not what a filter can be made for, nothing was drawn. */
-bool sheets_draw(const struct sheets_frame *frame, bool *done, struct sp_error *err);
+/* Draws all of it and adds to the stats; SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err);
 
 #endif

@@ -185,6 +185,7 @@ struct chunk {
     _Alignas(64) float gain[CHUNK];
     _Alignas(64) float delta[3][CHUNK]; /* of the variance: xx, yy, xy, samples² */
     _Alignas(64) float to_eye[3][CHUNK];
+    uint32_t own; /* voxels that no other tile has */
     _Alignas(64) struct sp_class class[CHUNK]; /* of each voxel, where a table does not do */
 };
 
@@ -270,6 +271,7 @@ static inline uint32_t elements(uint32_t n) {
 static inline uint32_t place_chunk(const struct run_frame *r, const struct sheets_group *g,
                                    const uint8_t *places, uint32_t n, bool shaded,
                                    struct chunk *c) {
+    c->own = 0;
     _Alignas(64) int32_t place[CHUNK];
     uint32_t inside = 0;
     read_places(places, n, place);
@@ -295,6 +297,11 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         if (!in)
             continue;
         inside |= in << v;
+        sp_wide_mask own = sp_wide_le(sp_wide_all(g->offset[0]), column) &
+                           sp_wide_lt(column, sp_wide_all(g->end[0])) &
+                           sp_wide_le(sp_wide_all(g->offset[1]), row) &
+                           sp_wide_lt(row, sp_wide_all(g->end[1]));
+        c->own |= sp_wide_mask_bits(own) << v;
         sp_wide fx = r->ewa->scale * inv, fx2 = fx * fx, lengths = sp_wide_all(1);
         if (r->perspective) {
             sp_wide most0 = sp_wide_all(r->ewa->ratio_max[0]);
@@ -333,8 +340,8 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
     return inside & elements(n);
 }
 
-/* Adds voxel i of a chunk. */
-static inline void deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
+/* Adds voxel i of a chunk; returns whether there is anything to add. */
+static inline bool deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
                            const struct sp_class *class, bool cross,
                            float grid[SHEETS_GRID][SHEETS_GRID][4]) {
     enum { STRIDE = SHEETS_GRID * 4 };
@@ -360,6 +367,7 @@ static inline void deposit(const struct sheets_tables *tables, const struct chun
             sp_wide_store(to + y * STRIDE + p * W, cross ? sum + slant * dy[y] : sum);
         }
     }
+    return depth > 0;
 }
 
 /* 1 << n of each lane, n in [0, 30]: by way of a float's exponent. */
@@ -394,33 +402,49 @@ static inline void mark(struct tile *t, const struct chunk *c, uint32_t inside) 
 }
 
 /* The loop over a chunk's voxels, for one width of keys. */
-static inline void deposit_keys(const struct tile *t, const struct chunk *c, uint32_t inside,
+static inline uint32_t deposit_keys(const struct tile *t, const struct chunk *c, uint32_t inside,
                                 const struct run_frame *r, uint64_t first, uint32_t key_bytes,
                                 bool cross) {
     const struct sp_class *table = r->transfer->table;
     const uint8_t *key1 = (const uint8_t *)r->list->key + first;
     const uint16_t *key2 = (const uint16_t *)r->list->key + first;
     const uint32_t *key4 = (const uint32_t *)r->list->key + first;
+    uint32_t count = 0;
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m), k = chunk_order[i];
         uint32_t key = key_bytes == 1 ? key1[k] : key_bytes == 2 ? key2[k] : key4[k];
-        deposit(t->sheets->tables, c, i, &table[key], cross, t->s->grid);
+        count += deposit(t->sheets->tables, c, i, &table[key], cross, t->s->grid) & c->own >> i;
     }
+    return count;
 }
 
-static void deposit_chunk(const struct tile *t, const struct chunk *c, uint32_t inside,
+/* Adds a chunk whose classes are the table's; returns how many voxels of the tile have any depth. */
+static uint32_t deposit_chunk(const struct tile *t, const struct chunk *c, uint32_t inside,
                           const struct run_frame *r, uint64_t first) {
     if (r->list->key_bytes == 1)
-        deposit_keys(t, c, inside, r, first, 1, false);
-    else if (r->list->key_bytes == 2)
-        deposit_keys(t, c, inside, r, first, 2, false);
-    else
-        deposit_keys(t, c, inside, r, first, 4, false);
+        return deposit_keys(t, c, inside, r, first, 1, false);
+    if (r->list->key_bytes == 2)
+        return deposit_keys(t, c, inside, r, first, 2, false);
+    return deposit_keys(t, c, inside, r, first, 4, false);
 }
 
-static void deposit_chunk_across(const struct tile *t, const struct chunk *c, uint32_t inside,
+/* The same where the group has variance across. */
+static uint32_t deposit_chunk_across(const struct tile *t, const struct chunk *c, uint32_t inside,
                                  const struct run_frame *r, uint64_t first) {
-    deposit_keys(t, c, inside, r, first, r->list->key_bytes, true);
+    return deposit_keys(t, c, inside, r, first, r->list->key_bytes, true);
+}
+
+/* The same for a chunk that has classes of its own. */
+static uint32_t deposit_classes(const struct tile *t, const struct chunk *c, uint32_t inside) {
+    uint32_t count = 0;
+    for (uint32_t m = inside; m; m &= m - 1) {
+        int i = __builtin_ctz(m);
+        bool any = t->group.has_cross
+                       ? deposit(t->sheets->tables, c, i, &c->class[i], true, t->s->grid)
+                       : deposit(t->sheets->tables, c, i, &c->class[i], false, t->s->grid);
+        count += any & c->own >> i;
+    }
+    return count;
 }
 
 /* log2 of a > 0, as sp_log2(). */
@@ -530,6 +554,7 @@ static void add_run(struct tile *t, const struct sheets_run *run, bool all) {
     start_run(t, run, all, &r);
     uint64_t first = r.list->first[t->sheets->bricks[run->brick].brick];
     bool has_table = r.transfer->table && !r.transfer->scale && !t->sheets->shade;
+    uint32_t count = 0;
     for (uint64_t e = first + run->begin; e < first + run->end; e += CHUNK) {
         uint64_t left = first + run->end - e;
         struct chunk c;
@@ -538,21 +563,73 @@ static void add_run(struct tile *t, const struct sheets_run *run, bool all) {
         if (!inside)
             continue;
         mark(t, &c, inside);
-        t->s->splats += (uint32_t)__builtin_popcount(inside);
         if (!has_table) {
             classify_chunk(t, &r, e, inside, &c);
-            for (uint32_t m = inside; m; m &= m - 1) {
-                int i = __builtin_ctz(m);
-                if (t->group.has_cross)
-                    deposit(t->sheets->tables, &c, i, &c.class[i], true, t->s->grid);
-                else
-                    deposit(t->sheets->tables, &c, i, &c.class[i], false, t->s->grid);
-            }
+            count += deposit_classes(t, &c, inside);
         } else if (t->group.has_cross) {
-            deposit_chunk_across(t, &c, inside, &r, e);
+            count += deposit_chunk_across(t, &c, inside, &r, e);
         } else {
-            deposit_chunk(t, &c, inside, &r, e);
+            count += deposit_chunk(t, &c, inside, &r, e);
         }
+    }
+    t->s->splats += count;
+    t->s->fragments += (double)count * (double)t->group.area;
+}
+
+/* Adds footprints to the layer's sum one by one: those that no filter serves. */
+static void add_footprint(struct tile *t, const struct sp_splat *splat, float cut) {
+    int x0 = splat->x0 - t->x, y0 = splat->y0 - t->y, x1 = splat->x1 - t->x, y1 = splat->y1 - t->y;
+    x0 = x0 < 0 ? 0 : x0 / BLOCK * BLOCK;
+    y0 = y0 < 0 ? 0 : y0;
+    x1 = x1 > SHEETS_TILE ? SHEETS_TILE : x1;
+    y1 = y1 > SHEETS_TILE ? SHEETS_TILE : y1;
+    if (x0 >= x1 || y0 >= y1)
+        return;
+    vec4 sums = { splat->emission[0], splat->emission[1], splat->emission[2], splat->depth };
+    sp_wide value = repeat(sums);
+    uint32_t blocks = (UINT32_C(2) << (x1 - 1) / BLOCK) - (UINT32_C(1) << x0 / BLOCK);
+    for (int y = y0; y < y1; y++) {
+        float dy = (float)(y + t->y) + 0.5f - splat->y;
+        for (int x = x0; x < x1; x += BLOCK)
+            for (int p = 0; p < VECTORS; p++) {
+                float left = (float)(x + p * PX + t->x) + 0.5f - splat->x;
+                sp_wide dx = left + sp_wide_from_int(sp_wide_int_count() >> 2);
+                sp_wide e = (splat->a * dx + splat->b * dy) * dx + splat->c * dy * dy;
+                sp_wide weight = sp_wide_keep(sp_wide_le(e, sp_wide_all(cut)), sp_wide_exp2(-e));
+                float *to = &t->s->sum[y][x][0] + p * W;
+                sp_wide_store(to, sp_wide_load(to) + weight * value);
+            }
+        t->summed[y] |= blocks;
+    }
+    int right = splat->x < (float)(t->x + SHEETS_TILE) && splat->x >= (float)t->x;
+    if (right && splat->y < (float)(t->y + SHEETS_TILE) && splat->y >= (float)t->y) {
+        t->s->splats++;
+        t->s->fragments += (double)splat->area;
+    }
+}
+
+static void add_footprints(struct tile *t, const struct sheets_run *run) {
+    enum { COUNT = 64 };
+    const struct sheets_brick *b = &t->sheets->bricks[run->brick];
+    const struct sheets_level *level = &t->sheets->levels[b->level];
+    struct sp_splat splats[COUNT];
+    struct sp_splats out = { .splat = splats };
+    const struct sp_visible *list = &level->level->visible;
+    uint16_t local[COUNT];
+    struct sp_ewa_run r = { .list = list,
+                            .local = local,
+                            .transfer = &level->level->transfer,
+                            .shade = t->sheets->shade,
+                            .first = list->first[b->brick],
+                            .mode = (enum sp_filter_mode)b->mode };
+    sp_visible_corner(list, b->brick, r.brick);
+    for (uint32_t at = run->begin; at < run->end; at += COUNT) {
+        r.begin = at;
+        r.count = run->end - at < COUNT ? run->end - at : COUNT;
+        sp_visible_locals(list, b->brick, NULL, r.begin, r.count, local);
+        uint32_t n = sp_ewa_set_up(&level->ewa, &r, &out);
+        for (uint32_t i = 0; i < n; i++)
+            add_footprint(t, &splats[i], level->ewa.cut);
     }
 }
 
@@ -834,7 +911,7 @@ static void sort_runs(struct tile *t, uint32_t tile) {
             sp_visible_corner(&level->level->visible, b->brick, corner);
             uint32_t cells = pass ? cells_of(t, b) : 0;
             for (int k = 0; k < SP_BRICK; k++) {
-                if (start[k] == start[k + 1])
+                if (start[k] == start[k + 1] || !(b->depth[k] > 0))
                     continue;
                 uint32_t layer = level->layer[corner[s->axis] + (uint32_t)k];
                 if (pass)
@@ -884,8 +961,9 @@ static bool sift(struct tile *t, struct sheets_run *runs, uint32_t *count) {
     for (uint32_t i = 0; i < *count; i++) {
         if (!(runs[i].cells & t->alive))
             continue;
-        fits = fits && sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick],
-                                         runs[i].range) == 2;
+        fits = fits && !t->sheets->bricks[runs[i].brick].is_unfit &&
+               sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick], runs[i].range) ==
+                   2;
         runs[n] = runs[i];
         if (runs[n].range[0] < runs[0].range[0]) {
             struct sheets_run first = runs[n];
@@ -898,6 +976,19 @@ static bool sift(struct tile *t, struct sheets_run *runs, uint32_t *count) {
     return fits;
 }
 
+/* Adds those runs that no filter serves, and takes them from the list. */
+static bool add_unfit(struct tile *t, struct sheets_run *runs, uint32_t *count) {
+    uint32_t left = 0, all = *count;
+    for (uint32_t i = 0; i < all; i++) {
+        if (t->sheets->bricks[runs[i].brick].is_unfit)
+            add_footprints(t, &runs[i]);
+        else
+            runs[left++] = runs[i];
+    }
+    *count = left;
+    return left < all;
+}
+
 /* Adds the runs of a layer, group by group, the farthest voxels first; `runs` is used up. Thin
  * layers are composited together: see sheets.thin. */
 static void draw_layer(struct tile *t, struct sheets_run *runs, uint32_t count) {
@@ -905,7 +996,7 @@ static void draw_layer(struct tile *t, struct sheets_run *runs, uint32_t count) 
     bool fits = sift(t, runs, &count);
     if (!fits || !(t->sheets->thin > 0 && t->pending + depth <= t->sheets->thin))
         flush(t);
-    bool several = false;
+    bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
         if (!t->is_open)
@@ -934,6 +1025,7 @@ static void draw_layer(struct tile *t, struct sheets_run *runs, uint32_t count) 
     }
     if (several) {
         composite_sum(t);
+        t->is_open = false;
         t->pending = 0;
     } else {
         t->pending += depth;
