@@ -78,12 +78,17 @@ void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {
 void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     const struct sp_renderer_info *backend = &request->app->backend;
     proto_json *json = proto_json_object(), *refused = proto_json_array();
+    proto_json *vectorised = proto_json_array();
     bool ok = proto_json_set_string(json, "status", "ready");
     ok = proto_json_set_string(json, "version", SPLATD_VERSION) && ok;
     ok = proto_json_set_string(json, "backend", backend->backend) && ok;
     ok = proto_json_set_string(json, "device", backend->device) && ok;
     ok = proto_json_set_string(json, "isa", backend->isa) && ok;
     ok = proto_json_set_integer(json, "threads", backend->threads) && ok;
+    ok = proto_json_set_integer(json, "lanes", backend->lanes) && ok;
+    for (unsigned i = 0; backend->vectorised && backend->vectorised[i]; i++)
+        ok = proto_json_append_string(vectorised, backend->vectorised[i]) && ok;
+    ok = proto_json_set(json, "vectorised", vectorised) && ok;
     for (unsigned i = 0; i < request->app->refusal_count; i++)
         ok = proto_json_append_string(refused, request->app->refusals[i]) && ok;
     ok = proto_json_set(json, "refused", refused) && ok;

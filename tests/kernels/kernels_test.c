@@ -353,12 +353,255 @@ static void set_up(void **state) {
     each_isa(check_set_up);
 }
 
+/* Layers of one tile, and a splat with all that a compositor may want of it. */
+enum { SLOTS = 24 };
+struct bench {
+    struct sp_tile tile;
+    float sums[SLOTS * SP_PLANES * SP_TILE_AREA];
+    struct sp_box dirty[SLOTS];
+    struct sp_blend blend;
+    struct sp_splat splat;
+    struct sp_span span;
+    struct sp_cut cut;
+    struct sp_splats records;
+};
+
+static struct bench *make_bench(enum sp_compositing mode, const struct sp_cubic_table *cubic,
+                                bool linear, unsigned cuts) {
+    struct bench *b = aligned_alloc(64, (sizeof *b + 63) & ~(size_t)63);
+    assert_non_null(b);
+    double r = cubic ? SP_CUBIC_RADIUS / SP_CUBIC_SIGMA : 3;
+    b->blend = (struct sp_blend){ .mode = mode,
+                                  .linear = linear,
+                                  .planes = SP_PLANES,
+                                  .slots = mode == SP_COMPOSITE_SLAB ? SLOTS : 1,
+                                  .cut = (float)(0.5 * r * r / log(2)),
+                                  .cubic = cubic,
+                                  .thickness = 1,
+                                  .nearest = 10 };
+    b->tile.sums = b->sums;
+    b->tile.dirty = b->dirty;
+    sp_tile_init(&b->tile, 0, 0, (int[2]){ SP_TILE, SP_TILE }, &b->blend);
+    do
+        b->splat = random_splat(&b->tile, b->blend.cut, 0);
+    while (!overlaps(&b->splat, &b->tile) || b->splat.depth < 1e-3f);
+    b->splat.sheet = 0;
+    b->splat.cuts = cuts;
+    float slope = rand() % 2 ? 0.1f : 0;
+    b->span = (struct sp_span){ .distance = (float)uniform(14, 28),
+                                .slope = { slope * (float)uniform(-1, 1), slope },
+                                .sharpness = (float)uniform(0.5, 4),
+                                .reach = (float)uniform(0.2, 4) };
+    for (unsigned i = 0; i < cuts; i++)
+        b->cut.planes[i] = (struct sp_cut_plane){ (float)uniform(-2, 2),
+                                                  { (float)uniform(-0.2, 0.2), 0.1f },
+                                                  rand() % 3 - 1 };
+    b->records = (struct sp_splats){ &b->splat, &b->span, cuts ? &b->cut : NULL };
+    return b;
+}
+
+/* Share of the kernel before a depth, at a pixel of exponent e: the definition. */
+static double share_before(const struct bench *b, double e, double depth) {
+    if (!b->blend.cubic)
+        return 0.5 * erfc(-depth * M_SQRT1_2);
+    double rho = SP_CUBIC_RADIUS * sqrt(fmin(e / (double)b->blend.cut, 1));
+    double all = sp_cubic_footprint(rho), part = sp_cubic_part(rho, fabs(depth) * SP_CUBIC_SIGMA);
+    return all > 0 ? 0.5 + copysign(part / all, depth) : depth > 0;
+}
+
+/* Weight and bounds of a pixel by the definition; false where rounding decides whether it counts.
+ */
+static bool find_pixel(const struct bench *b, int x, int y, double *weight, double *low,
+                       double *high) {
+    const struct sp_splat *s = &b->splat;
+    double e = exponent(s, x, y), cut = (double)b->blend.cut;
+    double dx = x + 0.5 - (double)s->x, dy = y + 0.5 - (double)s->y;
+    bool is_in = x >= s->x0 && x < s->x1 && y >= s->y0 && y < s->y1 && e <= cut;
+    double rho = SP_CUBIC_RADIUS * sqrt(fmin(fmax(e / cut, 0), 1));
+    *weight = !is_in           ? 0
+              : b->blend.cubic ? sp_cubic_footprint(rho) / sp_cubic_footprint(0)
+                               : exp2(-e);
+    *low = -INFINITY;
+    *high = INFINITY;
+    for (uint32_t i = 0; i < s->cuts; i++) {
+        const struct sp_cut_plane *p = &b->cut.planes[i];
+        double eta = (double)p->e + (double)p->k[0] * dx + (double)p->k[1] * dy;
+        if (p->side > 0)
+            *low = fmax(*low, -eta);
+        else if (p->side < 0)
+            *high = fmin(*high, eta);
+        else
+            *weight *= share_before(b, e, eta);
+    }
+    return fabs(e - cut) > 0.03 * cut;
+}
+
+/* Shares of each slab: monotone, all of what the planes leave. */
+static void find_shares(const struct bench *b, double x, double y, double low, double high,
+                        double shares[SLOTS]) {
+    const struct sp_splat *s = &b->splat;
+    const struct sp_span *p = &b->span;
+    double dx = x + 0.5 - (double)s->x, dy = y + 0.5 - (double)s->y,
+           e = exponent(s, (int)x, (int)y);
+    double mean = (double)p->distance + (double)p->slope[0] * dx + (double)p->slope[1] * dy;
+    float first = floorf(p->distance - p->reach - 10), last = floorf(p->distance + p->reach - 10);
+    double before = s->cuts ? share_before(b, e, fmax(low, -1e4)) : 0;
+    for (int k = 0; k < SLOTS; k++) {
+        shares[k] = 0;
+        if ((float)k < first || (float)k > last)
+            continue;
+        double face = (10 + k + 1 - mean) * (double)p->sharpness, next = 1;
+        if ((float)k < last)
+            next = share_before(b, e, fmin(face, high));
+        else if (s->cuts)
+            next = share_before(b, e, fmin(high, 1e4));
+        next = fmax(next, before);
+        shares[k] = next - before;
+        before = next;
+    }
+}
+
+static void check_slabs(const struct cpu_kernels *kernels) {
+    struct sp_cubic_table table;
+    sp_cubic_table_init(&table);
+    srand(15);
+    for (int n = 0; n < 1200; n++) {
+        struct bench *b =
+            make_bench(SP_COMPOSITE_SLAB, n % 3 == 0 ? &table : NULL, false, n % 2 ? n % 4 : 0);
+        kernels->add[SP_COMPOSITE_SLAB](&b->tile, &b->blend, &b->records, 0);
+        double top = (double)b->splat.depth;
+        for (int y = 0; y < SP_TILE; y++)
+            for (int x = 0; x < SP_TILE; x++) {
+                double weight, low, high, shares[SLOTS];
+                if (!find_pixel(b, x, y, &weight, &low, &high))
+                    continue;
+                find_shares(b, x, y, low, high, shares);
+                for (uint32_t k = 0; k < SLOTS; k++) {
+                    const float *sum = sp_sums_row(&b->tile, &b->blend, k, y) + x;
+                    double slack = b->blend.cubic ? 4e-4 : 8e-5; /* of its table; of Φ */
+                    assert_true(fabs((double)sum[0] - top * weight * shares[k]) < slack * top);
+                    for (int c = 0; c < 3; c++)
+                        assert_true(fabs((double)sum[(1 + c) * SP_TILE] * top -
+                                         (double)sum[0] * (double)b->splat.emission[c]) <=
+                                    3e-6 * top * top);
+                }
+            }
+        free(b);
+    }
+}
+
+static void slabs(void **state) {
+    (void)state;
+    each_isa(check_slabs);
+}
+
+/* Sheets and single splats of every kernel, cut or not. */
+static void check_composites(const struct cpu_kernels *kernels) {
+    struct sp_cubic_table table;
+    sp_cubic_table_init(&table);
+    srand(16);
+    for (int n = 0; n < 1600; n++) {
+        bool linear = n % 4 == 1, single = n % 2;
+        struct bench *b = make_bench(single ? SP_COMPOSITE_SPLAT : SP_COMPOSITE_SHEET,
+                                     n % 3 == 0 ? &table : NULL, linear, n % 5 < 2 ? n % 3 : 0);
+        for (int i = 0; i < SP_TILE_AREA; i++) {
+            (&b->tile.done[0][0][0])[i] = 0.5f;
+            (&b->tile.done[2][0][0])[i] = 0.125f;
+        }
+        kernels->add[b->blend.mode](&b->tile, &b->blend, &b->records, 0);
+        kernels->tile_close(&b->tile, &b->blend);
+        for (int y = 0; y < SP_TILE; y++)
+            for (int x = 0; x < SP_TILE; x++) {
+                double weight, low, high, e = exponent(&b->splat, x, y);
+                if (!find_pixel(b, x, y, &weight, &low, &high))
+                    continue;
+                if (b->splat.cuts)
+                    weight *= fmax(share_before(b, e, fmin(high, 1e4)) -
+                                       share_before(b, e, fmax(low, -1e4)),
+                                   0);
+                double depth = weight * (double)b->splat.depth;
+                double alpha = linear ? fmin(depth, 1) : -expm1(-depth);
+                double slack = 2e-5 * fmin((double)b->splat.depth, 1);
+                assert_true(fabs((double)b->tile.done[0][y][x] - 0.5 * (1 - alpha)) < slack + 1e-6);
+                for (int c = 0; c < 3; c++) {
+                    double colour = (double)b->splat.emission[c] / (double)b->splat.depth;
+                    double expected = (c == 1 ? 0.125 : 0) + 0.5 * alpha * colour;
+                    assert_true(fabs((double)b->tile.done[1 + c][y][x] - expected) <
+                                3 * slack + 1e-6);
+                }
+            }
+        free(b);
+    }
+}
+
+static void composites(void **state) {
+    (void)state;
+    each_isa(check_composites);
+}
+
+/* Nothing of a set's table is the scalar one's, and every choice of a view is named. */
+static void no_set_falls_back_to_scalar(void **state) {
+    (void)state;
+    static const char *const choices[] = { "adaptive", "ewa",         "reconstruction", "lowpass",
+                                           "swan",     "none",        "gaussian",       "cubic",
+                                           "splat",    "sheet",       "slab",           "pre",
+                                           "post",     "exponential", "linear",         "phong",
+                                           "clip" };
+    struct cpu_kernels scalar, kernels;
+    assert_true(cpu_kernels_init(&scalar, "scalar", NULL));
+    const char *isa;
+    for (unsigned i = 1; (isa = cpu_isa_at(i)); i++) {
+        if (!cpu_kernels_init(&kernels, isa, NULL))
+            continue;
+        assert_string_equal(kernels.isa, isa);
+        assert_true(kernels.lanes == (strcmp(isa, "avx512") == 0 ? 16
+                                      : strcmp(isa, "avx2") == 0 ? 8
+                                                                 : 4));
+        assert_true(kernels.set_up != scalar.set_up && kernels.tile_close != scalar.tile_close);
+        assert_true(kernels.resolve_rgba8 != scalar.resolve_rgba8 &&
+                    kernels.resolve_rgbaf32 != scalar.resolve_rgbaf32);
+        for (int c = 0; c < 3; c++)
+            assert_true(kernels.add[c] && kernels.add[c] != scalar.add[c]);
+        for (size_t c = 0; c < sizeof choices / sizeof *choices; c++) {
+            bool is_named = false;
+            for (int k = 0; kernels.vectorised[k]; k++)
+                is_named = is_named || strcmp(kernels.vectorised[k], choices[c]) == 0;
+            assert_true(is_named);
+        }
+    }
+}
+
+static void sets_are_chosen_by_name(void **state) {
+    (void)state;
+    struct cpu_kernels kernels;
+    struct sp_error err;
+    assert_true(cpu_kernels_init(&kernels, "auto", NULL));
+    const char *isa, *best = NULL;
+    for (unsigned i = 0; (isa = cpu_isa_at(i)); i++)
+        if (cpu_kernels_init(&(struct cpu_kernels){ 0 }, isa, &err)) {
+            best = isa;
+        } else {
+            assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+            assert_non_null(strstr(err.text, isa));
+            assert_non_null(strstr(err.text, "scalar")); /* what there is */
+        }
+    assert_string_equal(kernels.isa, best);
+    assert_false(cpu_kernels_init(&kernels, "mmx", &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_non_null(strstr(err.text, "mmx"));
+    assert_non_null(strstr(err.text, best));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(set_up),
         cmocka_unit_test(footprints),
         cmocka_unit_test(sheets),
         cmocka_unit_test(pixels),
+        cmocka_unit_test(slabs),
+        cmocka_unit_test(composites),
+        cmocka_unit_test(no_set_falls_back_to_scalar),
+        cmocka_unit_test(sets_are_chosen_by_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

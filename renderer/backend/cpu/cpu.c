@@ -57,7 +57,9 @@ static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
     *info = (struct sp_renderer_info){ .backend = "cpu",
                                        .device = state->device,
                                        .isa = state->kernels.isa,
-                                       .threads = sp_pool_threads(state->pool) };
+                                       .threads = sp_pool_threads(state->pool),
+                                       .lanes = state->kernels.lanes,
+                                       .vectorised = state->kernels.vectorised };
 }
 
 static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {

@@ -16,6 +16,10 @@
 
 struct cpu_kernels {
     const char *isa; /* "scalar", "sse41", … */
+    unsigned lanes;  /* SP_WIDE of that set */
+    /* What of a view is set up, added and composited so many at a time; ends with NULL. A voxel's
+     * class and a pixel's class are looked up one by one, and so is how planes cut a voxel. */
+    const char *const *vectorised;
     uint32_t (*set_up)(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
                        const struct sp_splats *out); /* sp_ewa_set_up() */
     /* By enum sp_compositing: sp_splat_add(), sp_sheet_add(), sp_slab_add(). */

@@ -9,7 +9,14 @@
 #include "tile/slab.h"
 #include "tile/splat.h"
 
+static const char *const vectorised[] = {
+    "adaptive", "ewa",  "reconstruction", "lowpass", "swan", "none", "gaussian", "cubic", "splat",
+    "sheet",    "slab", "exponential",    "linear",  "pre",  "post", "phong",    "clip",  NULL
+};
+
 const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
+                                       .lanes = SP_WIDE,
+                                       .vectorised = vectorised,
                                        .set_up = sp_ewa_set_up,
                                        .add = { [SP_COMPOSITE_SPLAT] = sp_splat_add,
                                                 [SP_COMPOSITE_SHEET] = sp_sheet_add,

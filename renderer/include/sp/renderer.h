@@ -42,6 +42,10 @@ void sp_renderer_destroy(struct sp_renderer **renderer);
 struct sp_renderer_info {
     const char *backend, *device, *isa;
     unsigned threads;
+    unsigned lanes; /* voxels or pixels that the CPU's kernels handle at a time; 0 = not known */
+    /* The choices of a view that they handle so, by the names that a view has for them; ends with
+     * NULL. NULL = not known. All else is handled one by one. */
+    const char *const *vectorised;
 };
 void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
 
