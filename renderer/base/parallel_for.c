@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -43,6 +44,17 @@ static unsigned flush_denormals(void) {
 
 static void restore_denormals(unsigned old) {
     _mm_setcsr(old);
+}
+#elif defined(__aarch64__)
+static unsigned flush_denormals(void) {
+    uint64_t old;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(old));
+    __asm__ volatile("msr fpcr, %0" : : "r"(old | (1u << 24))); /* FZ: in and out */
+    return (unsigned)old;
+}
+
+static void restore_denormals(unsigned old) {
+    __asm__ volatile("msr fpcr, %0" : : "r"((uint64_t)old));
 }
 #else
 static unsigned flush_denormals(void) {
