@@ -183,6 +183,9 @@ bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
            view->transfer_function.order == SP_TF_PRE && is_whole && !sp_grid_is_rectilinear(grid);
 }
 
+/* A brick whose voxels are that much nearer and farther sees them from too many sides for one filter. */
+static const float uneven = 1.4f;
+
 struct prepare {
     const struct sheets_frame *frame;
     struct sheets *sheets;
@@ -275,7 +278,7 @@ static bool find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
     b->y0 = (int16_t)box[0][1];
     b->x1 = (int16_t)box[1][0];
     b->y1 = (int16_t)box[1][1];
-    b->is_unfit = !has_filter;
+    b->is_unfit = !has_filter || b->range[1] > uneven * b->range[0];
     return true;
 }
 
@@ -440,13 +443,14 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
     const struct sp_view *view = frame->job->view;
     struct sp_frame_stats *stats = &frame->job->frame->stats;
     double clock = sp_clock_ms();
+    bool exact = view->filter.mode != SP_FILTER_ADAPTIVE;
     struct sheets s = { .job = frame->job,
                         .tables = frame->tables,
                         .shade = frame->shade,
                         .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
                         .axis = frame->axis,
                         .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.3f : 0,
-                        .exact = view->filter.mode != SP_FILTER_ADAPTIVE,
+                        .exact = exact,
                         .smooth = getenv("SMOOTH") ? (float)atof(getenv("SMOOTH")) : view->filter.mode == SP_FILTER_ADAPTIVE ? .56f : 1.3f,
                         .levels[0].level = frame->level,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
