@@ -34,7 +34,7 @@ void sp_visible_sum(struct sp_visible *visible) {
 }
 
 bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_error *err) {
-    visible->place = allocate(visible->count, sizeof *visible->place);
+    visible->place = allocate(visible->count + SP_PLACES_BEYOND, sizeof *visible->place);
     visible->key = allocate(visible->count, visible->key_bytes);
     if (normals)
         visible->normal = allocate(visible->count, visible->normal_bytes);

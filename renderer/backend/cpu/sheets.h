@@ -36,6 +36,8 @@ enum {
     SHEETS_TAPS = 10,   /* a filter reaches at most so many samples to each side */
     SHEETS_MARGIN = 16, /* samples around a tile: for filter and deposit, a multiple of four */
     SHEETS_GRID = SHEETS_TILE + 2 * SHEETS_MARGIN,
+    SHEETS_PITCH = SHEETS_GRID + 4, /* samples a row of the grid: rows 4 KiB apart would collide */
+    SHEETS_ROW = SHEETS_TILE + 4,   /* pixels a row, likewise */
     SHEETS_SCALES = 7,   /* a sample is at most 2^6 px wide, a tile */
     SHEETS_PHASES = 256, /* of a voxel between two samples */
     SHEETS_STEPS = 16,   /* filters are made for whole multiples of 1/16 of variance */
@@ -137,10 +139,10 @@ struct sheets {
 
 /* What a worker needs for one tile. */
 struct sheets_scratch {
-    _Alignas(64) float grid[SHEETS_GRID][SHEETS_GRID][4];   /* deposited; zero between layers */
-    _Alignas(64) float skew[SHEETS_GRID][SHEETS_GRID][4];   /* filtered along a diagonal */
-    _Alignas(64) float across[SHEETS_GRID][SHEETS_TILE][4]; /* filtered across; zero likewise */
-    _Alignas(64) float sum[SHEETS_TILE][SHEETS_TILE][4];    /* of several groups of a layer */
+    _Alignas(64) float grid[SHEETS_GRID][SHEETS_PITCH][4];   /* deposited; zero between layers */
+    _Alignas(64) float skew[SHEETS_GRID][SHEETS_PITCH][4];   /* filtered along a diagonal */
+    _Alignas(64) float across[SHEETS_GRID][SHEETS_ROW][4]; /* filtered across; zero likewise */
+    _Alignas(64) float sum[SHEETS_TILE][SHEETS_ROW][4];    /* of several groups of a layer */
     /* Composited so far: red, green, blue, transmittance; pixels in the order of the kernels. */
     _Alignas(64) float done[4][SHEETS_TILE][SHEETS_TILE];
     struct sheets_run *runs; /* of the tile, by layer */

@@ -85,6 +85,15 @@ static inline void planes(const sp_wide p[4], sp_wide out[4]) {
 #endif
 }
 
+/* √a for a > 0, to some 14 bits and more. */
+static inline sp_wide square_root(sp_wide a) {
+#if defined SP_WIDE_AVX512
+    return a * (sp_wide)_mm512_rsqrt14_ps((__m512)a);
+#else
+    return sp_wide_sqrt(a);
+#endif
+}
+
 /* 1/a for a > 0, to some 22 bits. */
 static inline sp_wide reciprocal(sp_wide a) {
 #if defined SP_WIDE_AVX512
@@ -158,10 +167,21 @@ struct tile {
     float pending; /* most depth that they can add to a pixel */
     struct sheets_group group;
     struct zoom *zoom[2];
+    uint32_t needs[SHEETS_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
     /* By row: blocks that are not zero. */
     uint32_t deposited[SHEETS_GRID], skewed[SHEETS_GRID], crossed[SHEETS_GRID], summed[SHEETS_TILE];
     int row0, row1; /* rows of `deposited` that are not empty */
 };
+
+/* Which blocks of samples each block of pixels needs. */
+static void find_needs(struct tile *t) {
+    int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
+    for (int b = 0; b < SHEETS_TILE / BLOCK; b++) {
+        int first = (b * BLOCK >> scale) - 1 - reach + ORIGIN;
+        int last = ((b * BLOCK + BLOCK - 1) >> scale) + 2 + reach + ORIGIN;
+        t->needs[b] = (UINT32_C(2) << last / BLOCK) - (UINT32_C(1) << first / BLOCK);
+    }
+}
 
 /* For the first run's footprints, and as many others as may be. */
 static bool start_group(struct tile *t, const struct sheets_run *runs, uint32_t count) {
@@ -171,6 +191,8 @@ static bool start_group(struct tile *t, const struct sheets_run *runs, uint32_t 
         range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
     if (!sheets_group_make(t->sheets, &t->sheets->bricks[runs[0].brick], range, g))
         return false;
+    if (g->scale[0])
+        find_needs(t);
     if (g->scale[0])
         make_wide_zoom(t->sheets->tables, g->filter[0], g->scale[0], t->zoom[0]);
     if (g->scale[1])
@@ -195,14 +217,17 @@ static const uint8_t chunk_order[CHUNK] = { 0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 
 
 /* Everything that a run's chunks share. */
 struct run_frame {
-    const struct sp_ewa_frame *ewa;
     const struct sp_visible *list;
     const struct sp_transfer *transfer;
-    float base[3], step[2][3], kernel[3][3]; /* u of place (0, 0) of the slice, and along its axes */
-    float focal[2], centre[2];               /* samples */
+    float base[3], step[2][3]; /* u of place (0, 0) of the slice, and along its axes */
+    /* Column and row, from the first that matters on, 1/SHEETS_PHASES samples. */
+    float focal[2], centre[2];
+    int32_t low[2], columns, rows; /* the first, and how many matter */
+    int32_t own[4];                /* of the tile's own: first column and row, how many */
+    float scale, ratio_max[2], gram[6]; /* products of the kernel's rows: 00, 11, 01, 02, 12, 22 */
     float variance[3], rest[3];
     float gain, near, range[2];
-    bool perspective;
+    bool perspective, is_part;
 };
 
 static void start_run(const struct tile *t, const struct sheets_run *run, bool all,
@@ -212,7 +237,6 @@ static void start_run(const struct tile *t, const struct sheets_run *run, bool a
     const struct sp_ewa_frame *f = &level->ewa;
     const struct sheets_group *g = &t->group;
     unsigned axis = t->sheets->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
-    r->ewa = f;
     r->list = &level->level->visible;
     r->transfer = &level->level->transfer;
     r->perspective = f->projection == SP_PERSPECTIVE;
@@ -221,7 +245,14 @@ static void start_run(const struct tile *t, const struct sheets_run *run, bool a
     bool is_first = run->range[0] <= b->range[0];
     r->range[0] = is_first ? 0 : run->range[0];
     r->range[1] = all ? INFINITY : g->range[1];
-    memcpy(r->kernel, f->kernel, sizeof r->kernel);
+    r->is_part = !is_first || !all;
+    static const int pairs[6][2] = { { 0, 0 }, { 1, 1 }, { 0, 1 }, { 0, 2 }, { 1, 2 }, { 2, 2 } };
+    for (int k = 0; k < 6; k++) {
+        const float *p = f->kernel[pairs[k][0]], *q = f->kernel[pairs[k][1]];
+        r->gram[k] = p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+    }
+    r->scale = f->scale;
+    memcpy(r->ratio_max, f->ratio_max, sizeof r->ratio_max);
     for (int i = 0; i < 3; i++) {
         r->base[i] = b->base[i] + f->step[i][axis] * (float)run->slice;
         r->step[0][i] = f->step[i][first];
@@ -229,32 +260,42 @@ static void start_run(const struct tile *t, const struct sheets_run *run, bool a
     }
     int corner[2] = { t->x, t->y };
     for (int a = 0; a < 2; a++) {
-        r->focal[a] = f->scale * g->per_px[a];
-        r->centre[a] = (f->centre[a] - (float)corner[a]) * g->per_px[a] + g->offset[a];
+        float first_sample = (f->centre[a] - (float)corner[a]) * g->per_px[a] + g->offset[a];
+        r->focal[a] = f->scale * g->per_px[a] * SHEETS_PHASES;
+        r->centre[a] = (first_sample - g->low[a]) * SHEETS_PHASES;
+        r->low[a] = (int32_t)g->low[a] * SHEETS_PHASES;
+        r->own[a] = (int32_t)((g->offset[a] - g->low[a]) * SHEETS_PHASES);
+        r->own[2 + a] = (int32_t)((g->end[a] - g->offset[a]) * SHEETS_PHASES);
         r->variance[a] = b->scale * g->per_px[a] * g->per_px[a];
         r->rest[a] = b->lowpass2 * g->per_px[a] * g->per_px[a] - g->base[a];
     }
+    r->columns = (int32_t)(g->high[0] - g->low[0]) * SHEETS_PHASES;
+    r->rows = (int32_t)(g->high[1] - g->low[1]) * SHEETS_PHASES;
     r->variance[2] = b->scale * g->per_px[0] * g->per_px[1];
     r->rest[2] = -g->cross;
     r->gain = f->gain * g->per_px[0] * g->per_px[1];
 }
 
-/* Places of up to CHUNK entries in the order of the chunk; those beyond n are any. */
-static inline void read_places(const uint8_t *from, uint32_t n, int32_t place[CHUNK]) {
-    uint8_t bytes[CHUNK];
-    if (n < CHUNK) {
-        memset(bytes, 0, sizeof bytes);
-        memcpy(bytes, from, n);
-        from = bytes;
-    }
+/* Places of W of CHUNK entries, elements v … of the chunk. Lists may be read past their end. */
+static inline sp_wide_int read_places(const uint8_t *from, int v) {
 #if defined SP_WIDE_AVX512 || defined SP_WIDE_AVX2 || defined SP_WIDE_SSE41
-    __m128i shuffled = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from),
-                                        _mm_loadu_si128((const __m128i *)(const void *)chunk_order));
-    for (int i = 0; i < CHUNK; i += 4, shuffled = _mm_srli_si128(shuffled, 4))
-        _mm_store_si128((__m128i *)(void *)(place + i), _mm_cvtepu8_epi32(shuffled));
+    __m128i order = _mm_loadu_si128((const __m128i *)(const void *)chunk_order);
+    __m128i all = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), order);
+#endif
+#if defined SP_WIDE_AVX512
+    (void)v;
+    return (sp_wide_int)_mm512_cvtepu8_epi32(all);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide_int)_mm256_cvtepu8_epi32(v ? _mm_srli_si128(all, 8) : all);
+#elif defined SP_WIDE_SSE41
+    int32_t four;
+    memcpy(&four, (const uint8_t *)&all + v, sizeof four);
+    return (sp_wide_int)_mm_cvtepu8_epi32(_mm_cvtsi32_si128(four));
 #else
-    for (int i = 0; i < CHUNK; i++)
-        place[i] = from[chunk_order[i]];
+    sp_wide_int place;
+    for (int i = 0; i < W; i++)
+        place[i] = from[chunk_order[v + i]];
+    return place;
 #endif
 }
 
@@ -267,16 +308,19 @@ static inline uint32_t elements(uint32_t n) {
     return m;
 }
 
+/* 0 ≤ a < end. */
+static inline sp_wide_mask in_range(sp_wide_int a, int32_t end) {
+    return sp_wide_int_lt(sp_wide_int_all(-1), a) & sp_wide_int_lt(a, sp_wide_int_all(end));
+}
+
 /* Where the voxels lie, and what their footprints are. Returns those that matter to the tile. */
 static inline uint32_t place_chunk(const struct run_frame *r, const struct sheets_group *g,
                                    const uint8_t *places, uint32_t n, bool shaded,
                                    struct chunk *c) {
     c->own = 0;
-    _Alignas(64) int32_t place[CHUNK];
     uint32_t inside = 0;
-    read_places(places, n, place);
     for (int v = 0; v < CHUNK; v += W) {
-        sp_wide_int at = sp_wide_int_load(&place[v]);
+        sp_wide_int at = read_places(places, v);
         sp_wide i0 = sp_wide_from_int(at & 15), i1 = sp_wide_from_int(at >> 4);
         sp_wide u[3];
         for (int a = 0; a < 3; a++)
@@ -285,49 +329,41 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         if (r->perspective)
             inv = reciprocal(sp_wide_max(u[2], sp_wide_all(r->near)));
         sp_wide t0 = u[0] * inv, t1 = u[1] * inv;
-        sp_wide column = r->focal[0] * t0 + r->centre[0], row = r->focal[1] * t1 + r->centre[1];
-        sp_wide_mask mask = sp_wide_le(sp_wide_all(r->near), u[2]) &
-                            sp_wide_le(sp_wide_all(r->range[0]), inv) &
-                            sp_wide_lt(inv, sp_wide_all(r->range[1])) &
-                            sp_wide_le(sp_wide_all(g->low[0]), column) &
-                            sp_wide_lt(column, sp_wide_all(g->high[0])) &
-                            sp_wide_le(sp_wide_all(g->low[1]), row) &
-                            sp_wide_lt(row, sp_wide_all(g->high[1]));
+        sp_wide x = r->focal[0] * t0 + r->centre[0], y = r->focal[1] * t1 + r->centre[1];
+        /* From the first sample that matters on; whatever lies far outside does not fit. */
+        sp_wide_int column = sp_wide_to_int(x), row = sp_wide_to_int(y);
+        sp_wide_mask mask = sp_wide_le(sp_wide_all(r->near), u[2]) & in_range(column, r->columns) &
+                            in_range(row, r->rows);
+        if (r->is_part)
+            mask = mask & sp_wide_le(sp_wide_all(r->range[0]), inv) &
+                   sp_wide_lt(inv, sp_wide_all(r->range[1]));
         uint32_t in = sp_wide_mask_bits(mask);
         if (!in)
             continue;
         inside |= in << v;
-        sp_wide_mask own = sp_wide_le(sp_wide_all(g->offset[0]), column) &
-                           sp_wide_lt(column, sp_wide_all(g->end[0])) &
-                           sp_wide_le(sp_wide_all(g->offset[1]), row) &
-                           sp_wide_lt(row, sp_wide_all(g->end[1]));
+        sp_wide_mask own = in_range(column - r->own[0], r->own[2]) &
+                           in_range(row - r->own[1], r->own[3]);
         c->own |= sp_wide_mask_bits(own) << v;
-        sp_wide fx = r->ewa->scale * inv, fx2 = fx * fx, lengths = sp_wide_all(1);
+        sp_wide_int_store(&c->column[v], column + r->low[0]);
+        sp_wide_int_store(&c->row[v], row + r->low[1]);
+        sp_wide fx = r->scale * inv, fx2 = fx * fx, lengths = sp_wide_all(1);
         if (r->perspective) {
-            sp_wide most0 = sp_wide_all(r->ewa->ratio_max[0]);
-            sp_wide most1 = sp_wide_all(r->ewa->ratio_max[1]);
+            sp_wide most0 = sp_wide_all(r->ratio_max[0]), most1 = sp_wide_all(r->ratio_max[1]);
             t0 = sp_wide_max(sp_wide_min(t0, most0), -most0);
             t1 = sp_wide_max(sp_wide_min(t1, most1), -most1);
-            lengths = sp_wide_sqrt(1.0f + t0 * t0 + t1 * t1);
+            lengths = square_root(1.0f + t0 * t0 + t1 * t1);
         } else {
             t0 = t1 = sp_wide_all(0);
         }
-        sp_wide v00 = sp_wide_all(0), v11 = v00, v01 = v00;
-        for (int a = 0; a < 3; a++) {
-            sp_wide m0 = r->kernel[0][a] - t0 * r->kernel[2][a];
-            sp_wide m1 = r->kernel[1][a] - t1 * r->kernel[2][a];
-            v00 += m0 * m0;
-            v11 += m1 * m1;
-            v01 += m0 * m1;
-        }
+        /* (k0 − t0·k2)·(k0 − t0·k2) and so on, of the kernel's rows. */
+        sp_wide v00 = r->gram[0] + t0 * (t0 * r->gram[5] - 2 * r->gram[3]);
+        sp_wide v11 = r->gram[1] + t1 * (t1 * r->gram[5] - 2 * r->gram[4]);
+        sp_wide v01 = r->gram[2] + t0 * (t1 * r->gram[5] - r->gram[4]) - t1 * r->gram[3];
         sp_wide_store(&c->gain[v], fx2 * lengths * r->gain);
         sp_wide_store(&c->delta[0][v], v00 * fx2 * r->variance[0] + r->rest[0]);
         sp_wide_store(&c->delta[1][v], v11 * fx2 * r->variance[1] + r->rest[1]);
-        sp_wide_store(&c->delta[2][v], v01 * fx2 * r->variance[2] + r->rest[2]);
-        column = sp_wide_keep(mask, column) * SHEETS_PHASES;
-        row = sp_wide_keep(mask, row) * SHEETS_PHASES;
-        sp_wide_int_store(&c->column[v], sp_wide_to_int(column));
-        sp_wide_int_store(&c->row[v], sp_wide_to_int(row));
+        if (g->has_cross)
+            sp_wide_store(&c->delta[2][v], v01 * fx2 * r->variance[2] + r->rest[2]);
         if (!shaded)
             continue;
         sp_wide far = sp_wide_all(0);
@@ -343,8 +379,8 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
 /* Adds voxel i of a chunk; returns whether there is anything to add. */
 static inline bool deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
                            const struct sp_class *class, bool cross,
-                           float grid[SHEETS_GRID][SHEETS_GRID][4]) {
-    enum { STRIDE = SHEETS_GRID * 4 };
+                           float grid[SHEETS_GRID][SHEETS_PITCH][4]) {
+    enum { STRIDE = SHEETS_PITCH * 4 };
     const float *sx = tables->spline[c->column[i] & (SHEETS_PHASES - 1)];
     const float *sy = tables->spline[c->row[i] & (SHEETS_PHASES - 1)];
     vec4 wx = load4(sx) + c->delta[0][i] * load4(sx + 4);
@@ -653,64 +689,101 @@ static inline uint32_t widen(uint32_t blocks, int samples) {
     return blocks;
 }
 
-/* One vector: Σ weight[k] · from[k · stride]. */
+/* One vector: Σ weight[k] · from[k · stride], in two sums that do not wait for each other. */
 static inline sp_wide taps(const float *from, int stride, const float *weight, int n) {
-    sp_wide sum = sp_wide_load(from) * weight[0];
-    for (int k = 1; k < n; k++)
-        sum += sp_wide_load(from + k * stride) * weight[k];
-    return sum;
+    sp_wide even = sp_wide_load(from) * weight[0], odd = sp_wide_all(0);
+    for (int k = 1; k + 1 < n; k += 2) {
+        odd += sp_wide_load(from + k * stride) * weight[k];
+        even += sp_wide_load(from + (k + 1) * stride) * weight[k + 1];
+    }
+    if (n % 2 == 0)
+        odd += sp_wide_load(from + (n - 1) * stride) * weight[n - 1];
+    return even + odd;
 }
 
-/* Blocks of the tile that samples in `blocks` reach, `reach` samples to each side. */
-static uint32_t blocks_reached(uint32_t blocks, int scale, int reach) {
+/* Blocks of the tile that samples in `blocks` reach. */
+static uint32_t blocks_reached(uint32_t blocks, const uint32_t needs[SHEETS_TILE / BLOCK]) {
     uint32_t reached = 0;
-    for (int b = 0; b < SHEETS_TILE / BLOCK; b++) {
-        int first = (b * BLOCK >> scale) - 1 - reach + ORIGIN;
-        int last = ((b * BLOCK + BLOCK - 1) >> scale) + 2 + reach + ORIGIN;
-        uint32_t needs = (UINT32_C(2) << last / BLOCK) - (UINT32_C(1) << first / BLOCK);
-        reached |= (blocks & needs ? UINT32_C(1) : 0) << b;
-    }
+    for (int b = 0; b < SHEETS_TILE / BLOCK; b++)
+        reached |= (blocks & needs[b] ? UINT32_C(1) : 0) << b;
     return reached;
 }
 
-/* Filters rows across, into `across`, whose columns are pixels. */
-static void filter_across(struct tile *t, const float (*from)[SHEETS_GRID][4],
-                          const uint32_t *blocks) {
-    const struct sheets_group *g = &t->group;
-    const struct sheets_filter *f = g->filter[0];
-    int j = g->scale[0], n = 2 * f->taps + 1, reach = 4 * f->taps;
-    const struct zoom *z = t->zoom[0];
-    for (int y = t->row0; y < t->row1; y++) {
-        t->crossed[y] = 0;
-        if (!blocks[y])
-            continue;
-        uint32_t reached = j ? blocks_reached(blocks[y], j, f->taps)
-                             : widen(blocks[y], f->taps) >> ORIGIN / BLOCK &
-                                   ((1u << (SHEETS_TILE / BLOCK)) - 1);
-        t->crossed[y] = reached;
-        for (; reached; reached &= reached - 1) {
-            int x = __builtin_ctz(reached) * BLOCK;
-            float *to = t->s->across[y][x];
-            for (int p = 0; p < VECTORS; p++) {
-                if (j == 0) {
-                    sp_wide_store(to + p * W,
-                                  taps(&from[y][x + ORIGIN][0] + p * W - reach, 4, f->weight, n));
-                    continue;
-                }
-                int px = x + p * PX;
-                const float *sample = from[y][(px >> j) - 1 - f->taps + ORIGIN];
-                const float(*w)[W] = z->across[(px & ((1 << j) - 1)) / PX];
-                sp_wide sum = repeat(load4(sample)) * sp_wide_load(w[0]);
-                for (int k = 1; k < z->taps; k++)
-                    sum += repeat(load4(sample + 4 * k)) * sp_wide_load(w[k]);
-                sp_wide_store(to + p * W, sum);
+/* One row of blocks, a pixel a sample. */
+static inline void filter_row(const float *from, const float *weight, int n, uint32_t reached,
+                              float *to) {
+    for (; reached; reached &= reached - 1) {
+        int at = __builtin_ctz(reached) * BLOCK * 4;
+        for (int p = 0; p < VECTORS; p++)
+            sp_wide_store(to + at + p * W, taps(from + at + p * W, 4, weight, n));
+    }
+}
+
+/* The same with samples of 2^scale pixels; `from` is that of the tile's left edge. */
+static inline void zoom_row(const float *from, const struct zoom *z, int n, uint32_t reached,
+                            float *to) {
+    int period = (1 << z->scale) - 1;
+    for (; reached; reached &= reached - 1) {
+        int x = __builtin_ctz(reached) * BLOCK;
+        for (int p = 0; p < VECTORS; p++, x += PX) {
+            const float *sample = from + 4 * (x >> z->scale);
+            const float(*w)[W] = z->across[(x & period) / PX];
+            sp_wide even = repeat(load4(sample)) * sp_wide_load(w[0]), odd = sp_wide_all(0);
+            for (int k = 1; k + 1 < n; k += 2) {
+                odd += repeat(load4(sample + 4 * k)) * sp_wide_load(w[k]);
+                even += repeat(load4(sample + 4 * k + 4)) * sp_wide_load(w[k + 1]);
             }
+            if (n % 2 == 0)
+                odd += repeat(load4(sample + 4 * n - 4)) * sp_wide_load(w[n - 1]);
+            sp_wide_store(to + 4 * x, even + odd);
         }
     }
 }
 
+/* Loops over taps whose number the compiler knows. */
+#define WITH_TAPS(n, call)                                                                         \
+    switch (n) {                                                                                   \
+    case 3: { enum { N = 3 }; call; break; }                                                       \
+    case 5: { enum { N = 5 }; call; break; }                                                       \
+    case 6: { enum { N = 6 }; call; break; }                                                       \
+    case 7: { enum { N = 7 }; call; break; }                                                       \
+    case 8: { enum { N = 8 }; call; break; }                                                       \
+    case 9: { enum { N = 9 }; call; break; }                                                       \
+    case 10: { enum { N = 10 }; call; break; }                                                     \
+    case 11: { enum { N = 11 }; call; break; }                                                     \
+    case 13: { enum { N = 13 }; call; break; }                                                     \
+    default: { const int N = (n); call; }                                                          \
+    }
+
+/* Filters rows across, into `across`, whose columns are pixels. */
+static void filter_across(struct tile *t, const float (*from)[SHEETS_PITCH][4],
+                          const uint32_t *blocks) {
+    const struct sheets_group *g = &t->group;
+    const struct sheets_filter *f = g->filter[0];
+    const struct zoom *z = t->zoom[0];
+    int j = g->scale[0];
+    for (int y = t->row0; y < t->row1; y++) {
+        t->crossed[y] = 0;
+        if (!blocks[y])
+            continue;
+        float *to = t->s->across[y][0];
+        uint32_t reached;
+        if (j == 0) {
+            reached = widen(blocks[y], f->taps) >> ORIGIN / BLOCK &
+                      ((1u << (SHEETS_TILE / BLOCK)) - 1);
+            const float *row = from[y][ORIGIN - f->taps];
+            WITH_TAPS(2 * f->taps + 1, filter_row(row, f->weight, N, reached, to));
+        } else {
+            reached = blocks_reached(blocks[y], t->needs);
+            const float *row = from[y][ORIGIN - 1 - f->taps];
+            WITH_TAPS(z->taps, zoom_row(row, z, N, reached, to));
+        }
+        t->crossed[y] = reached;
+    }
+}
+
 /* Empties the rows' marked blocks. */
-static void clear_blocks(float (*grid)[SHEETS_GRID][4], uint32_t *blocks, int begin, int end) {
+static void clear_blocks(float (*grid)[SHEETS_PITCH][4], uint32_t *blocks, int begin, int end) {
     for (int y = begin; y < end; y++) {
         for (uint32_t m = blocks[y]; m; m &= m - 1)
             memset(grid[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
@@ -721,7 +794,7 @@ static void clear_blocks(float (*grid)[SHEETS_GRID][4], uint32_t *blocks, int be
 /* Filters along a diagonal, into `skew`; rows are then row0 … row1 of that. */
 static void filter_diagonally(struct tile *t) {
     const struct sheets_filter *f = t->group.diagonal;
-    int n = f->taps, stride = 4 * (SHEETS_GRID + t->group.sign);
+    int n = f->taps, stride = 4 * (SHEETS_PITCH + t->group.sign);
     int low = t->row0 - n < 0 ? 0 : t->row0 - n;
     int high = t->row1 + n > SHEETS_GRID ? SHEETS_GRID : t->row1 + n;
     /* Blocks that the next filter reads: so nothing beside the grid is. */
@@ -773,18 +846,21 @@ static inline void composite(const struct tile *t, int y, int x, const sp_wide s
     sp_wide_store(&done[3][y][x], through * pass);
 }
 
-/* Rows of `from` (SHEETS_TILE pixels each) weighted, into the picture, or the layer's sum. */
-static inline void finish_row(struct tile *t, int y, const float *from, const float *weight, int n,
-                              uint32_t blocks, bool last) {
-    enum { STRIDE = SHEETS_TILE * 4, GROUP = W / BLOCK, STEP = GROUP ? GROUP : 1 };
+/* Rows of `from` weighted, for the blocks of one row of pixels: into the picture, or the layer's
+ * sum. */
+static inline void finish_blocks(struct tile *t, int y, const float *from, const float *weight,
+                                 int n, uint32_t blocks, bool last) {
+    enum { STRIDE = SHEETS_ROW * 4, STEP = W > BLOCK ? W / BLOCK : 1 };
     const uint32_t group = (UINT32_C(1) << STEP) - 1;
-    blocks &= (UINT32_C(1) << (SHEETS_TILE / BLOCK)) - 1;
     while (blocks) {
         int b = __builtin_ctz(blocks) / STEP * STEP;
         blocks &= ~(group << b);
         sp_wide sums[4];
         for (int i = 0; i < 4; i++)
-            sums[i] = taps(from + b * BLOCK * 4 + i * W, STRIDE, weight, n);
+            sums[i] = sp_wide_load(from + b * BLOCK * 4 + i * W) * weight[0];
+        for (int k = 1; k < n; k++)
+            for (int i = 0; i < 4; i++)
+                sums[i] += sp_wide_load(from + b * BLOCK * 4 + i * W + k * STRIDE) * weight[k];
         if (last) {
             composite(t, y, b * BLOCK, sums);
             continue;
@@ -794,6 +870,15 @@ static inline void finish_row(struct tile *t, int y, const float *from, const fl
             sp_wide_store(sum + i * W, sp_wide_load(sum + i * W) + sums[i]);
         t->summed[y] |= group << b;
     }
+}
+
+static void finish_row(struct tile *t, int y, const float *from, const float *weight, int n,
+                       uint32_t blocks, bool last) {
+    blocks &= (UINT32_C(1) << (SHEETS_TILE / BLOCK)) - 1;
+    if (last)
+        WITH_TAPS(n, finish_blocks(t, y, from, weight, N, blocks, true))
+    else
+        finish_blocks(t, y, from, weight, n, blocks, false);
 }
 
 static uint32_t alive_blocks(const struct tile *t, int y) {
@@ -832,11 +917,11 @@ static void filter_down(struct tile *t, bool last) {
 /* Filters what was deposited, and composites it if it is the last group of its layer. */
 static void close_group(struct tile *t, bool last) {
     if (t->row0 < t->row1) {
-        const float(*from)[SHEETS_GRID][4] = (const float(*)[SHEETS_GRID][4])t->s->grid;
+        const float(*from)[SHEETS_PITCH][4] = (const float(*)[SHEETS_PITCH][4])t->s->grid;
         const uint32_t *blocks = t->deposited;
         if (t->group.diagonal) {
             filter_diagonally(t);
-            from = (const float(*)[SHEETS_GRID][4])t->s->skew;
+            from = (const float(*)[SHEETS_PITCH][4])t->s->skew;
             blocks = t->skewed;
         }
         filter_across(t, from, blocks);
