@@ -828,6 +828,8 @@ static inline int pixel_at(int i) {
 static inline void composite(const struct tile *t, int y, int x, const sp_wide sums[4]) {
     sp_wide p[4];
     planes(sums, p);
+    if (!sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), p[3])))
+        return;
     float(*done)[SHEETS_TILE][SHEETS_TILE] = t->s->done;
     sp_wide through = sp_wide_load(&done[3][y][x]), depth = sp_wide_max(p[3], sp_wide_all(0)), pass, f;
     if (t->sheets->linear) {
