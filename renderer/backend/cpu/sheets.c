@@ -2,7 +2,6 @@
 #include "backend/cpu/sheets.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
@@ -145,7 +144,7 @@ bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b
                                 .range = { w / wide, w * wide },
                                 .sign = v[2] < 0 ? -1 : 1 };
     for (int a = 0; a < 2; a++)
-        while (g->scale[a] + 1 < SHEETS_SCALES &&
+        while (g->scale[a] < b->scale_max[a] &&
                v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
             g->scale[a]++;
     float radius = sheets->levels[b->level].ewa.radius;
@@ -194,6 +193,41 @@ struct prepare {
     bool *sight;                /* by brick: it may be seen */
 };
 
+static float sinc(float x) {
+    return fabsf(x) < 1e-3f ? 1 : sinf(x) / x;
+}
+
+/* Voxels at equal distances and the grid's samples beat. How much of a constant field that leaves
+ * along one axis: `pitch` is the voxels' distance in samples, `rest` the variance of the filter. */
+static float beat(float pitch, float rest, bool interpolated) {
+    float omega = 2 * (float)M_PI / pitch, alias = omega - 2 * (float)M_PI * roundf(1 / pitch);
+    if (omega <= (float)M_PI)
+        return 0; /* the grid resolves them */
+    float b = sinc(0.5f * omega), c = interpolated ? sinc(0.5f * alias) : 1;
+    return b * b * b * b * expf(-0.5f * rest * alias * alias) * c * c * c;
+}
+
+/* How wide samples may be before they beat; false when even pixels do. */
+static bool choose_scales(const struct sheets *sheets, float sigma, struct sheets_brick *b) {
+    float v[3], w = sqrtf(b->range[0] * b->range[1]);
+    variance_at(b, w, v);
+    for (int a = 0; a < 2; a++) {
+        float pitch = sqrtf(fmaxf(v[a] - b->lowpass2, 1e-6f)) / sigma;
+        int best = -1;
+        for (int j = 0; j < SHEETS_SCALES; j++) {
+            float size = (float)(1 << j), rest = v[a] / (size * size) - (j ? 7.0f / 12 : 1.0f / 3);
+            if (j > 0 && v[a] < sheets->smooth * size * size)
+                break;
+            if (beat(pitch / size, fmaxf(rest, 0), j > 0) <= (j ? 0.001f : 0.002f))
+                best = j;
+        }
+        if (best < 0)
+            return false;
+        b->scale_max[a] = (uint8_t)best;
+    }
+    return true;
+}
+
 /* What a brick says of its footprints: those at u. */
 static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, const float u[3],
                           float v[3], float *scale, float *lowpass2) {
@@ -227,8 +261,9 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
 }
 
 /* Pixels that a brick's voxels can reach; false when there are none in the picture. */
-static bool find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
-                           const float size[3], const struct sheets *sheets) {
+static bool find_box(const struct sheets *sheets, float sigma, const float size[3],
+                     struct sheets_brick *b) {
+    const struct sp_ewa_frame *f = &sheets->levels[b->level].ewa;
     float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     float nearest = INFINITY, farthest = -INFINITY;
     for (int corner = 0; corner < 8; corner++) {
@@ -258,7 +293,8 @@ static bool find_box(const struct sp_ewa_frame *f, struct sheets_brick *b,
     }
     float v[3], most[2] = { b->range[1], b->range[1] };
     struct sheets_group group;
-    bool has_filter = sheets_group_make(sheets, b, b->range, &group) &&
+    bool has_filter = choose_scales(sheets, sigma, b) &&
+                      sheets_group_make(sheets, b, b->range, &group) &&
                       sheets_group_make(sheets, b, most, &group);
     variance_at(b, b->range[1], v);
     int box[2][2];
@@ -346,7 +382,7 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
         if (middle[2] < l->ewa.near)
             middle[2] = l->ewa.near;
         find_variance(&l->ewa, b->mode, middle, b->spread, &b->scale, &b->lowpass2);
-        p->sight[i] = find_box(&l->ewa, b, size, p->sheets);
+        p->sight[i] = find_box(p->sheets, (float)sp_kernel_sigma(&view->filter), size, b);
         if (p->sight[i])
             find_depths(p, b);
     }
@@ -449,9 +485,9 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
                         .shade = frame->shade,
                         .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
                         .axis = frame->axis,
-                        .thin = getenv("THIN") ? (float)atof(getenv("THIN")) : view->filter.mode == SP_FILTER_ADAPTIVE ? 0.3f : 0,
                         .exact = exact,
-                        .smooth = getenv("SMOOTH") ? (float)atof(getenv("SMOOTH")) : view->filter.mode == SP_FILTER_ADAPTIVE ? .56f : 1.3f,
+                        .thin = exact ? 0 : 0.3f,
+                        .smooth = exact ? 1.3f : 0.56f,
                         .levels[0].level = frame->level,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
                         .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };

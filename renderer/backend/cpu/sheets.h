@@ -96,6 +96,7 @@ struct sheets_level {
 struct sheets_brick {
     uint32_t brick;
     uint8_t level, mode;    /* enum sp_filter_mode */
+    uint8_t scale_max[2];   /* samples of 2^j px do not beat with the voxels up to this j */
     bool is_unfit;          /* no filter serves its footprints: they are drawn one by one */
     int16_t x0, y0, x1, y1; /* px that its voxels may reach, inside the picture */
     float base[3];          /* u of its first voxel, cells */
