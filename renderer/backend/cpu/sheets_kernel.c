@@ -1121,22 +1121,50 @@ static void draw_layer(struct tile *t, struct sheets_run *runs, uint32_t count) 
         check_cells(t);
 }
 
+/* [0, 1] → 0 … 255, beyond it the nearest. */
+static inline sp_wide_int to_byte(sp_wide x) {
+    x = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
+    return sp_wide_to_int(x * 255.0f + 0.5f);
+}
+
+/* A row of bytes: sp_resolve_rgba8(). */
+static void resolve_bytes(const struct tile *t, int y, const float background[4],
+                          unsigned char *out) {
+    int32_t row[SHEETS_TILE];
+    for (int x = 0; x < SHEETS_TILE; x += W) {
+        sp_wide through = sp_wide_load(&t->s->done[3][y][x]), share = through * background[3];
+        sp_wide alpha = 1.0f - through + share;
+        sp_wide undo = sp_wide_keep(sp_wide_lt(sp_wide_all(1e-6f), alpha), 1.0f / alpha);
+        sp_wide_bits pixels = (sp_wide_bits)to_byte(alpha) << 24;
+        for (int c = 0; c < 3; c++) {
+            sp_wide colour = sp_wide_load(&t->s->done[c][y][x]) + share * background[c];
+            pixels |= (sp_wide_bits)to_byte(colour * undo) << 8 * c;
+        }
+        int32_t lanes[W];
+        sp_wide_int_store(lanes, (sp_wide_int)pixels);
+        for (int i = 0; i < W; i++)
+            row[x + pixel_at(i)] = lanes[i];
+    }
+    memcpy(out, row, (size_t)t->width * sizeof *row);
+}
+
 static void resolve(const struct tile *t) {
     struct sp_frame *frame = t->sheets->job->frame;
     const float *background = t->sheets->job->view->background;
     for (int y = 0; y < t->height; y++) {
+        unsigned char *out =
+            (unsigned char *)frame->pixels + (size_t)(t->y + y) * frame->stride_bytes;
+        if (frame->format == SP_RGBA8) {
+            resolve_bytes(t, y, background, out + 4 * (size_t)t->x);
+            continue;
+        }
         _Alignas(64) float row[4][SHEETS_TILE];
-        for (int x = 0; x < SHEETS_TILE; x += W)
-            for (int i = 0; i < W; i++)
-                for (int c = 0; c < 4; c++)
-                    row[(c + 1) % 4][x + pixel_at(i)] = t->s->done[c][y][x + i];
+        for (int x = 0; x < SHEETS_TILE; x++)
+            for (int c = 0; c < 4; c++)
+                row[(c + 1) % 4][x / W * W + pixel_at(x % W)] = t->s->done[c][y][x];
         const float *const p[4] = { row[0], row[1], row[2], row[3] };
-        unsigned char *out = (unsigned char *)frame->pixels + (size_t)(t->y + y) * frame->stride_bytes;
-        if (frame->format == SP_RGBAF32)
-            sp_resolve_rgbaf32(p, (uint32_t)t->width, background,
-                               (float *)(void *)out + 4 * (size_t)t->x);
-        else
-            sp_resolve_rgba8(p, (uint32_t)t->width, background, out + 4 * (size_t)t->x);
+        sp_resolve_rgbaf32(p, (uint32_t)t->width, background,
+                           (float *)(void *)out + 4 * (size_t)t->x);
     }
 }
 
