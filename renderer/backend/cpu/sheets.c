@@ -8,8 +8,6 @@
 #include "tile/order.h"
 #include "volume/grid.h"
 
-/* ------------------------------------------------------------------ tables */
-
 /* Cubic B-spline at distance x. */
 static double spline(double x) {
     x = fabs(x);
@@ -83,10 +81,8 @@ void sheets_tables_init(struct sheets_tables *t) {
             make_filter(&t->filters[i][n], (double)n / SHEETS_STEPS, i ? 4 : 3);
 }
 
-/* ------------------------------------------------------------------ filters */
-
 static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
-static const float no_cross = 0.02f;   /* of the variance: less of it across does not count */
+static const float no_cross = 0.02f; /* of the variance: less of it across does not count */
 static const float small_cross = 0.1f; /* … and so much a deposit can give by itself */
 static const float alike = 0.25f;      /* relative difference of variances in a group */
 
@@ -170,8 +166,6 @@ int sheets_group_fits(const struct sheets_group *g, const struct sheets_brick *b
     return low <= range[0] && high >= range[1] ? 2 : 1;
 }
 
-/* ------------------------------------------------------------------ bricks */
-
 bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
     const struct sp_clip *clip = &view->clip;
     bool is_whole = clip->plane_count == 0;
@@ -182,7 +176,8 @@ bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
            view->transfer_function.order == SP_TF_PRE && is_whole && !sp_grid_is_rectilinear(grid);
 }
 
-/* A brick whose voxels are that much nearer and farther sees them from too many sides for one filter. */
+/* A brick whose voxels are that much nearer and farther sees them from too many sides for one
+ * filter. */
 static const float uneven = 1.4f;
 
 struct prepare {
@@ -302,11 +297,11 @@ static bool find_box(const struct sheets *sheets, float sigma, const float size[
         /* Another group of the tile may have one tap more, and wider samples. */
         float reach = 4 * f->radius * sqrtf(v[i]);
         if (has_filter)
-            reach = 1.15f * (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] -
-                    SHEETS_TILE;
+            reach =
+                1.15f * (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] - SHEETS_TILE;
         box[0][i] = near ? 0 : (int)fmaxf(0, fminf(low[i] - reach, 16384));
-        box[1][i] = near ? f->size[i]
-                         : (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
+        box[1][i] =
+            near ? f->size[i] : (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
         if (box[0][i] >= box[1][i])
             return false;
     }
@@ -345,8 +340,8 @@ static float layer_length(const struct sheets_frame *frame) {
             d.m[r][a] = grid->direction[r][a] * grid->spacing[a];
     struct sp_mat3 inverse = sp_mat3_inverse(&d, &det);
     /* Row `axis` of the inverse: slices that a world unit along the ray crosses. */
-    double crossed = fabs(sp_vec3_dot(sp_vec3_from(inverse.m[frame->axis]),
-                                      sp_vec3_from(frame->camera->w.m[2])));
+    double crossed = fabs(
+        sp_vec3_dot(sp_vec3_from(inverse.m[frame->axis]), sp_vec3_from(frame->camera->w.m[2])));
     return (float)(1 / (crossed * frame->job->view->transfer_function.reference_length));
 }
 
@@ -495,7 +490,9 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&frame->level->visible);
     s.levels[0].layer = make_layers(frame, &s.layers);
     s.bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s.bricks);
-    struct prepare p = { .frame = frame, .sheets = &s, .slots = s.bricks, .length = layer_length(frame) };
+    struct prepare p = {
+        .frame = frame, .sheets = &s, .slots = s.bricks, .length = layer_length(frame)
+    };
     p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *p.sight);
     if (frame->arena->failed)
         return fail_memory(frame->arena, err);

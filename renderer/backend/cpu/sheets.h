@@ -38,9 +38,9 @@ enum {
     SHEETS_GRID = SHEETS_TILE + 2 * SHEETS_MARGIN,
     SHEETS_PITCH = SHEETS_GRID + 4, /* samples a row of the grid: rows 4 KiB apart would collide */
     SHEETS_ROW = SHEETS_TILE + 4,   /* pixels a row, likewise */
-    SHEETS_SCALES = 7,   /* a sample is at most 2^6 px wide, a tile */
-    SHEETS_PHASES = 256, /* of a voxel between two samples */
-    SHEETS_STEPS = 16,   /* filters are made for whole multiples of 1/16 of variance */
+    SHEETS_SCALES = 7,              /* a sample is at most 2^6 px wide, a tile */
+    SHEETS_PHASES = 256,            /* of a voxel between two samples */
+    SHEETS_STEPS = 16,              /* filters are made for whole multiples of 1/16 of variance */
     SHEETS_VARIANCE = 10,
     SHEETS_FILTERS = SHEETS_VARIANCE * SHEETS_STEPS + 1,
     SHEETS_CELL_WIDTH = 16,
@@ -68,22 +68,21 @@ void sheets_tables_init(struct sheets_tables *tables);
 
 /* Bricks of a layer whose footprints are alike, and the filter for them. */
 struct sheets_group {
-    float reference[2]; /* variance that it is made for, px²: xx, yy */
-    float middle;       /* 1/u2 there */
-    float range[2];     /* of 1/u2 of the voxels that it serves */
-    int scale[2];       /* j: a sample is 2^j px wide */
-    float per_px[2];    /* 2^−j */
-    float base[2];      /* variance that deposit and filter give, samples² */
-    float offset[2];    /* sample number of the tile's corner */
+    float reference[2];    /* variance that it is made for, px²: xx, yy */
+    float middle;          /* 1/u2 there */
+    float range[2];        /* of 1/u2 of the voxels that it serves */
+    int scale[2];          /* j: a sample is 2^j px wide */
+    float per_px[2];       /* 2^−j */
+    float base[2];         /* variance that deposit and filter give, samples² */
+    float offset[2];       /* sample number of the tile's corner */
     float low[2], high[2]; /* samples from which voxels matter */
     const struct sheets_filter *filter[2], *diagonal; /* NULL = none */
     int sign;                                         /* of the diagonal */
-    float end[2];   /* sample number of the tile's other corner */
-    float area;     /* of a footprint, px */
-    float cross;   /* variance across that the diagonal gives, samples² */
+    float end[2];                                     /* sample number of the tile's other corner */
+    float area;                                       /* of a footprint, px */
+    float cross;    /* variance across that the diagonal gives, samples² */
     bool has_cross; /* deposits have to give the rest of it */
 };
-
 
 /* One level's lists, and what is needed to draw them. */
 struct sheets_level {
@@ -125,23 +124,24 @@ struct sheets {
     /* Consecutive layers that together add at most this much depth to any pixel are composited as
      * one: transmittance is the same, only whose colour is in front is lost. */
     float thin;
-    bool exact; /* not adaptive: filters reach farther, and are made for less different footprints */
+    bool
+        exact; /* not adaptive: filters reach farther, and are made for less different footprints */
     float smooth; /* a sample is made wider while footprints keep that variance, samples² */
     unsigned axis;
     uint32_t layers;
     struct sheets_level levels[SP_LEVELS];
     struct sheets_brick *bricks;
     uint32_t brick_count;
-    int columns, rows; /* of tiles */
-    uint32_t *first;   /* [tiles + 1]: what a tile meets */
-    uint32_t *met;     /* bricks */
+    int columns, rows;              /* of tiles */
+    uint32_t *first;                /* [tiles + 1]: what a tile meets */
+    uint32_t *met;                  /* bricks */
     struct sheets_scratch *scratch; /* by worker */
 };
 
 /* What a worker needs for one tile. */
 struct sheets_scratch {
-    _Alignas(64) float grid[SHEETS_GRID][SHEETS_PITCH][4];   /* deposited; zero between layers */
-    _Alignas(64) float skew[SHEETS_GRID][SHEETS_PITCH][4];   /* filtered along a diagonal */
+    _Alignas(64) float grid[SHEETS_GRID][SHEETS_PITCH][4]; /* deposited; zero between layers */
+    _Alignas(64) float skew[SHEETS_GRID][SHEETS_PITCH][4]; /* filtered along a diagonal */
     _Alignas(64) float across[SHEETS_GRID][SHEETS_ROW][4]; /* filtered across; zero likewise */
     _Alignas(64) float sum[SHEETS_TILE][SHEETS_ROW][4];    /* of several groups of a layer */
     /* Composited so far: red, green, blue, transmittance; pixels in the order of the kernels. */

@@ -1,0 +1,420 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/cpu/sheets_tile.h"
+#include "frame/resolve.h"
+#include "splat/exp2.h"
+#include "tile/blend.h"
+
+/* Weights of the samples from ⌊x/2^scale⌋ − 1 − filter->taps on, for pixel x. */
+static void make_zoom(const struct sheets_tables *tables, const struct sheets_filter *f, int scale,
+                      struct zoom *z) {
+    if (z->filter == f && z->scale == scale)
+        return;
+    int n = 2 * f->taps + 1, period = 1 << scale;
+    z->filter = f;
+    z->scale = scale;
+    z->taps = n + 3;
+    memset(z->down, 0, sizeof z->down[0] * (size_t)period);
+    for (int p = 0; p < period; p++)
+        for (int i = 0; i < 4; i++)
+            for (int k = 0; k < n; k++)
+                z->down[p][i + k] += tables->between[scale][p][i] * f->weight[k];
+}
+
+/* The same for vectors of pixels: one more sample where a vector spans two. */
+static void make_wide_zoom(const struct sheets_tables *tables, const struct sheets_filter *f,
+                           int scale, struct zoom *z) {
+    if (z->filter == f && z->scale == scale)
+        return;
+    make_zoom(tables, f, scale, z);
+    int extra = (PX - 1) >> scale, vectors = (1 << scale) / PX;
+    for (int v = 0; v < (vectors ? vectors : 1); v++) {
+        memset(z->across[v], 0, sizeof z->across[v][0] * (size_t)(z->taps + extra));
+        for (int i = 0; i < PX; i++) {
+            int x = v * PX + i, sample = (x >> scale) - (v * PX >> scale);
+            for (int k = 0; k < z->taps; k++)
+                for (int c = 0; c < 4; c++)
+                    z->across[v][k + sample][4 * i + c] = z->down[x & ((1 << scale) - 1)][k];
+        }
+    }
+    z->taps += extra;
+}
+
+/* Which blocks of samples each block of pixels needs. */
+static void find_needs(struct sheets_open_tile *t) {
+    int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
+    for (int b = 0; b < SHEETS_TILE / BLOCK; b++) {
+        int first = (b * BLOCK >> scale) - 1 - reach + ORIGIN;
+        int last = ((b * BLOCK + BLOCK - 1) >> scale) + 2 + reach + ORIGIN;
+        t->needs[b] = (UINT32_C(2) << last / BLOCK) - (UINT32_C(1) << first / BLOCK);
+    }
+}
+
+bool sheets_start_group(struct sheets_open_tile *t, const struct sheets_run *runs, uint32_t count) {
+    struct sheets_group *g = &t->group;
+    float range[2] = { runs[0].range[0], runs[0].range[1] };
+    for (uint32_t i = 1; i < count; i++)
+        range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
+    if (!sheets_group_make(t->sheets, &t->sheets->bricks[runs[0].brick], range, g))
+        return false;
+    if (g->scale[0])
+        find_needs(t);
+    if (g->scale[0])
+        make_wide_zoom(t->sheets->tables, g->filter[0], g->scale[0], t->zoom[0]);
+    if (g->scale[1])
+        make_zoom(t->sheets->tables, g->filter[1], g->scale[1], t->zoom[1]);
+    return true;
+}
+
+/* dilated[y] = the blocks of rows y − n … y + n, for rows [r0, r1). */
+static void join_rows(const uint32_t *from, int r0, int r1, int n, int low, int high,
+                      uint32_t *to) {
+    for (int y = low; y < high; y++) {
+        uint32_t m = 0;
+        int begin = y - n < r0 ? r0 : y - n, end = y + n + 1 > r1 ? r1 : y + n + 1;
+        for (int k = begin; k < end; k++)
+            m |= from[k];
+        to[y] = m;
+    }
+}
+
+static inline uint32_t widen(uint32_t blocks, int samples) {
+    int n = (samples + BLOCK - 1) / BLOCK;
+    for (int i = 0; i < n; i++)
+        blocks |= blocks << 1 | blocks >> 1;
+    return blocks;
+}
+
+/* One vector: Σ weight[k] · from[k · stride], in two sums that do not wait for each other. */
+static inline sp_wide taps(const float *from, int stride, const float *weight, int n) {
+    sp_wide even = sp_wide_load(from) * weight[0], odd = sp_wide_all(0);
+    for (int k = 1; k + 1 < n; k += 2) {
+        odd += sp_wide_load(from + k * stride) * weight[k];
+        even += sp_wide_load(from + (k + 1) * stride) * weight[k + 1];
+    }
+    if (n % 2 == 0)
+        odd += sp_wide_load(from + (n - 1) * stride) * weight[n - 1];
+    return even + odd;
+}
+
+/* Blocks of the tile that samples in `blocks` reach. */
+static uint32_t blocks_reached(uint32_t blocks, const uint32_t needs[SHEETS_TILE / BLOCK]) {
+    uint32_t reached = 0;
+    for (int b = 0; b < SHEETS_TILE / BLOCK; b++)
+        reached |= (blocks & needs[b] ? UINT32_C(1) : 0) << b;
+    return reached;
+}
+
+/* One row of blocks, a pixel a sample. */
+static inline void filter_row(const float *from, const float *weight, int n, uint32_t reached,
+                              float *to) {
+    for (; reached; reached &= reached - 1) {
+        int at = __builtin_ctz(reached) * BLOCK * 4;
+        for (int p = 0; p < VECTORS; p++)
+            sp_wide_store(to + at + p * W, taps(from + at + p * W, 4, weight, n));
+    }
+}
+
+/* The same with samples of 2^scale pixels; `from` is that of the tile's left edge. */
+static inline void zoom_row(const float *from, const struct zoom *z, int n, uint32_t reached,
+                            float *to) {
+    int period = (1 << z->scale) - 1;
+    for (; reached; reached &= reached - 1) {
+        int x = __builtin_ctz(reached) * BLOCK;
+        for (int p = 0; p < VECTORS; p++, x += PX) {
+            const float *sample = from + 4 * (x >> z->scale);
+            const float(*w)[W] = z->across[(x & period) / PX];
+            sp_wide even = repeat(load4(sample)) * sp_wide_load(w[0]), odd = sp_wide_all(0);
+            for (int k = 1; k + 1 < n; k += 2) {
+                odd += repeat(load4(sample + 4 * k)) * sp_wide_load(w[k]);
+                even += repeat(load4(sample + 4 * k + 4)) * sp_wide_load(w[k + 1]);
+            }
+            if (n % 2 == 0)
+                odd += repeat(load4(sample + 4 * n - 4)) * sp_wide_load(w[n - 1]);
+            sp_wide_store(to + 4 * x, even + odd);
+        }
+    }
+}
+
+/* Loops over taps whose number, N, the compiler knows. */
+#define TAPS_CASE(k, call)                                                                         \
+    case k: {                                                                                      \
+        enum { N = k };                                                                            \
+        call;                                                                                      \
+        break;                                                                                     \
+    }
+#define WITH_TAPS(n, call)                                                                         \
+    switch (n) {                                                                                   \
+        TAPS_CASE(3, call)                                                                         \
+        TAPS_CASE(5, call)                                                                         \
+        TAPS_CASE(6, call)                                                                         \
+        TAPS_CASE(7, call)                                                                         \
+        TAPS_CASE(8, call)                                                                         \
+        TAPS_CASE(9, call)                                                                         \
+        TAPS_CASE(10, call)                                                                        \
+        TAPS_CASE(11, call)                                                                        \
+        TAPS_CASE(13, call)                                                                        \
+    default: {                                                                                     \
+        const int N = (n);                                                                         \
+        call;                                                                                      \
+    }                                                                                              \
+    }
+
+/* Filters rows across, into `across`, whose columns are pixels. */
+static void filter_across(struct sheets_open_tile *t, const float (*from)[SHEETS_PITCH][4],
+                          const uint32_t *blocks) {
+    const struct sheets_group *g = &t->group;
+    const struct sheets_filter *f = g->filter[0];
+    const struct zoom *z = t->zoom[0];
+    int j = g->scale[0];
+    for (int y = t->row0; y < t->row1; y++) {
+        t->crossed[y] = 0;
+        if (!blocks[y])
+            continue;
+        float *to = t->s->across[y][0];
+        uint32_t reached;
+        if (j == 0) {
+            reached =
+                widen(blocks[y], f->taps) >> ORIGIN / BLOCK & ((1u << (SHEETS_TILE / BLOCK)) - 1);
+            const float *row = from[y][ORIGIN - f->taps];
+            WITH_TAPS(2 * f->taps + 1, filter_row(row, f->weight, N, reached, to));
+        } else {
+            reached = blocks_reached(blocks[y], t->needs);
+            const float *row = from[y][ORIGIN - 1 - f->taps];
+            WITH_TAPS(z->taps, zoom_row(row, z, N, reached, to));
+        }
+        t->crossed[y] = reached;
+    }
+}
+
+/* Empties the rows' marked blocks. */
+static void clear_blocks(float (*grid)[SHEETS_PITCH][4], uint32_t *blocks, int begin, int end) {
+    for (int y = begin; y < end; y++) {
+        for (uint32_t m = blocks[y]; m; m &= m - 1)
+            memset(grid[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
+        blocks[y] = 0;
+    }
+}
+
+/* Filters along a diagonal, into `skew`; rows are then row0 … row1 of that. */
+static void filter_diagonally(struct sheets_open_tile *t) {
+    const struct sheets_filter *f = t->group.diagonal;
+    int n = f->taps, stride = 4 * (SHEETS_PITCH + t->group.sign);
+    int low = t->row0 - n < 0 ? 0 : t->row0 - n;
+    int high = t->row1 + n > SHEETS_GRID ? SHEETS_GRID : t->row1 + n;
+    /* Blocks that the next filter reads: so nothing beside the grid is. */
+    int left = ORIGIN - 1 - t->group.filter[0]->taps;
+    int right = ORIGIN + (SHEETS_TILE >> t->group.scale[0]) + 2 + t->group.filter[0]->taps;
+    uint32_t needed = (UINT32_C(2) << right / BLOCK) - (UINT32_C(1) << left / BLOCK);
+    join_rows(t->deposited, t->row0, t->row1, n, low, high, t->skewed);
+    for (int y = low; y < high; y++) {
+        t->skewed[y] = widen(t->skewed[y], n) & needed;
+        /* Rows outside the grid hold nothing. */
+        int first = y - n < 0 ? n - y : 0,
+            last = y + n >= SHEETS_GRID ? SHEETS_GRID - 1 - y + n : 2 * n;
+        for (uint32_t m = t->skewed[y]; m; m &= m - 1) {
+            int x = __builtin_ctz(m) * BLOCK;
+            for (int p = 0; p < VECTORS; p++)
+                sp_wide_store(&t->s->skew[y][x][0] + p * W,
+                              taps(&t->s->grid[y][x][0] + p * W + (first - n) * stride, stride,
+                                   f->weight + first, last - first + 1));
+        }
+    }
+    clear_blocks(t->s->grid, t->deposited, t->row0, t->row1);
+    t->row0 = low;
+    t->row1 = high;
+}
+
+/* Composites W pixels of a row. */
+static inline void composite(const struct sheets_open_tile *t, int y, int x,
+                             const sp_wide sums[4]) {
+    sp_wide p[4];
+    planes(sums, p);
+    if (!sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), p[3])))
+        return;
+    float(*done)[SHEETS_TILE][SHEETS_TILE] = t->s->done;
+    sp_wide through = sp_wide_load(&done[3][y][x]), depth = sp_wide_max(p[3], sp_wide_all(0)), pass,
+            f;
+    if (t->sheets->linear) {
+        pass = sp_wide_max(1.0f - depth, sp_wide_all(0));
+        f = reciprocal(sp_wide_max(depth, sp_wide_all(1)));
+    } else {
+        sp_wide e = sp_wide_exp2(depth * -SP_LOG2E);
+        sp_wide series = 1.0f - depth * (0.5f - depth * (1.0f / 6));
+        f = sp_wide_select(sp_wide_lt(depth, sp_wide_all(0.01f)), series,
+                           (1.0f - e) * reciprocal(sp_wide_max(depth, sp_wide_all(0.01f))));
+        pass = sp_wide_max(1.0f - depth * f, sp_wide_all(0));
+    }
+    f *= through;
+    for (int c = 0; c < 3; c++)
+        sp_wide_store(&done[c][y][x], sp_wide_load(&done[c][y][x]) + f * p[c]);
+    sp_wide_store(&done[3][y][x], through * pass);
+}
+
+/* Rows of `from` weighted, for the blocks of one row of pixels: into the picture, or the layer's
+ * sum. */
+static inline void finish_blocks(struct sheets_open_tile *t, int y, const float *from,
+                                 const float *weight, int n, uint32_t blocks, bool last) {
+    enum { STRIDE = SHEETS_ROW * 4, STEP = W > BLOCK ? W / BLOCK : 1 };
+    const uint32_t group = (UINT32_C(1) << STEP) - 1;
+    while (blocks) {
+        int b = __builtin_ctz(blocks) / STEP * STEP;
+        blocks &= ~(group << b);
+        sp_wide sums[4];
+        for (int i = 0; i < 4; i++)
+            sums[i] = sp_wide_load(from + b * BLOCK * 4 + i * W) * weight[0];
+        for (int k = 1; k < n; k++)
+            for (int i = 0; i < 4; i++)
+                sums[i] += sp_wide_load(from + b * BLOCK * 4 + i * W + k * STRIDE) * weight[k];
+        if (last) {
+            composite(t, y, b * BLOCK, sums);
+            continue;
+        }
+        float *sum = &t->s->sum[y][b * BLOCK][0];
+        for (int i = 0; i < 4; i++)
+            sp_wide_store(sum + i * W, sp_wide_load(sum + i * W) + sums[i]);
+        t->summed[y] |= group << b;
+    }
+}
+
+static void finish_row(struct sheets_open_tile *t, int y, const float *from, const float *weight,
+                       int n, uint32_t blocks, bool last) {
+    blocks &= (UINT32_C(1) << (SHEETS_TILE / BLOCK)) - 1;
+    if (last)
+        WITH_TAPS(n, finish_blocks(t, y, from, weight, N, blocks, true))
+    else
+        finish_blocks(t, y, from, weight, n, blocks, false);
+}
+
+static uint32_t alive_blocks(const struct sheets_open_tile *t, int y) {
+    uint32_t cells = t->alive >> (y / SHEETS_CELL_HEIGHT * SHEETS_CELLS_ACROSS) & 15, m = 0;
+    for (int c = 0; c < SHEETS_CELLS_ACROSS; c++)
+        if (cells >> c & 1)
+            m |= UINT32_C(15) << (4 * c);
+    return m;
+}
+
+static void filter_down(struct sheets_open_tile *t, bool last) {
+    const struct sheets_group *g = &t->group;
+    const struct sheets_filter *f = g->filter[1];
+    int j = g->scale[1], n = 2 * f->taps + 1;
+    uint32_t blocks[SHEETS_GRID];
+    if (j == 0) {
+        int low = t->row0 - f->taps < ORIGIN ? ORIGIN : t->row0 - f->taps;
+        int high =
+            t->row1 + f->taps > ORIGIN + SHEETS_TILE ? ORIGIN + SHEETS_TILE : t->row1 + f->taps;
+        join_rows(t->crossed, t->row0, t->row1, f->taps, low, high, blocks);
+        for (int y = low; y < high; y++)
+            finish_row(t, y - ORIGIN, t->s->across[y - f->taps][0], f->weight, n,
+                       blocks[y] & alive_blocks(t, y - ORIGIN), last);
+        return;
+    }
+    /* What pixels between samples y and y + 1 see. */
+    int begin = ORIGIN, end = ORIGIN + ((SHEETS_TILE - 1) >> j) + 1;
+    join_rows(t->crossed, t->row0, t->row1, f->taps + 2, begin, end, blocks);
+    for (int y = 0; y < SHEETS_TILE; y++) {
+        int row = (y >> j) + ORIGIN;
+        finish_row(t, y, t->s->across[row - 1 - f->taps][0], t->zoom[1]->down[y & ((1 << j) - 1)],
+                   t->zoom[1]->taps, blocks[row] & alive_blocks(t, y), last);
+    }
+}
+
+void sheets_close_group(struct sheets_open_tile *t, bool last) {
+    if (t->row0 < t->row1) {
+        const float(*from)[SHEETS_PITCH][4] = (const float(*)[SHEETS_PITCH][4])t->s->grid;
+        const uint32_t *blocks = t->deposited;
+        if (t->group.diagonal) {
+            filter_diagonally(t);
+            from = (const float(*)[SHEETS_PITCH][4])t->s->skew;
+            blocks = t->skewed;
+        }
+        filter_across(t, from, blocks);
+        if (t->group.diagonal)
+            clear_blocks(t->s->skew, t->skewed, t->row0, t->row1);
+        else
+            clear_blocks(t->s->grid, t->deposited, t->row0, t->row1);
+        filter_down(t, last);
+        for (int y = t->row0; y < t->row1; y++)
+            for (uint32_t m = t->crossed[y]; m; m &= m - 1)
+                memset(t->s->across[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
+    }
+    t->row0 = SHEETS_GRID;
+    t->row1 = 0;
+}
+
+void sheets_close_sum(struct sheets_open_tile *t) {
+    static const float one = 1;
+    for (int y = 0; y < SHEETS_TILE; y++) {
+        uint32_t m = t->summed[y];
+        if (!m)
+            continue;
+        finish_row(t, y, t->s->sum[y][0], &one, 1, m & alive_blocks(t, y), true);
+        for (; m; m &= m - 1)
+            memset(t->s->sum[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
+        t->summed[y] = 0;
+    }
+}
+
+void sheets_check_cells(struct sheets_open_tile *t) {
+    for (int r = 0; r < SHEETS_TILE / SHEETS_CELL_HEIGHT; r++)
+        for (int c = 0; c < SHEETS_CELLS_ACROSS; c++) {
+            uint32_t bit = UINT32_C(1) << (r * SHEETS_CELLS_ACROSS + c);
+            if (!(t->alive & bit))
+                continue;
+            sp_wide most = sp_wide_all(0);
+            for (int y = 0; y < SHEETS_CELL_HEIGHT; y++)
+                for (int x = 0; x < SHEETS_CELL_WIDTH; x += W)
+                    most = sp_wide_max(
+                        most,
+                        sp_wide_load(
+                            &t->s->done[3][r * SHEETS_CELL_HEIGHT + y][c * SHEETS_CELL_WIDTH + x]));
+            if (!sp_wide_mask_bits(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), most)))
+                t->alive &= ~bit;
+        }
+}
+
+/* [0, 1] → 0 … 255, beyond it the nearest. */
+static inline sp_wide_int to_byte(sp_wide x) {
+    x = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
+    return sp_wide_to_int(x * 255.0f + 0.5f);
+}
+
+/* A row of bytes: sp_resolve_rgba8(). */
+static void resolve_bytes(const struct sheets_open_tile *t, int y, const float background[4],
+                          unsigned char *out) {
+    int32_t row[SHEETS_TILE];
+    for (int x = 0; x < SHEETS_TILE; x += W) {
+        sp_wide through = sp_wide_load(&t->s->done[3][y][x]), share = through * background[3];
+        sp_wide alpha = 1.0f - through + share;
+        sp_wide undo = sp_wide_keep(sp_wide_lt(sp_wide_all(1e-6f), alpha), 1.0f / alpha);
+        sp_wide_bits pixels = (sp_wide_bits)to_byte(alpha) << 24;
+        for (int c = 0; c < 3; c++) {
+            sp_wide colour = sp_wide_load(&t->s->done[c][y][x]) + share * background[c];
+            pixels |= (sp_wide_bits)to_byte(colour * undo) << 8 * c;
+        }
+        int32_t lanes[W];
+        sp_wide_int_store(lanes, (sp_wide_int)pixels);
+        for (int i = 0; i < W; i++)
+            row[x + sheets_pixel_at(i)] = lanes[i];
+    }
+    memcpy(out, row, (size_t)t->width * sizeof *row);
+}
+
+void sheets_resolve(const struct sheets_open_tile *t) {
+    struct sp_frame *frame = t->sheets->job->frame;
+    const float *background = t->sheets->job->view->background;
+    for (int y = 0; y < t->height; y++) {
+        unsigned char *out =
+            (unsigned char *)frame->pixels + (size_t)(t->y + y) * frame->stride_bytes;
+        if (frame->format == SP_RGBA8) {
+            resolve_bytes(t, y, background, out + 4 * (size_t)t->x);
+            continue;
+        }
+        _Alignas(64) float row[4][SHEETS_TILE];
+        for (int x = 0; x < SHEETS_TILE; x++)
+            for (int c = 0; c < 4; c++)
+                row[(c + 1) % 4][x / W * W + sheets_pixel_at(x % W)] = t->s->done[c][y][x];
+        const float *const p[4] = { row[0], row[1], row[2], row[3] };
+        sp_resolve_rgbaf32(p, (uint32_t)t->width, background,
+                           (float *)(void *)out + 4 * (size_t)t->x);
+    }
+}
