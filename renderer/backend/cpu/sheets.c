@@ -511,7 +511,7 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     for (unsigned w = 0; w < sp_pool_threads(frame->pool); w++) {
         stats->splats += s.scratch[w].splats;
-        stats->fragments += (uint64_t)s.scratch[w].fragments;
+        stats->fragments += s.scratch[w].fragments;
     }
     stats->stage_count = 3;
     stats->stages[0] = (struct sp_stage_time){ "classify", frame->classify_ms };

@@ -148,8 +148,7 @@ struct sheets_scratch {
     _Alignas(64) float done[4][SHEETS_TILE][SHEETS_TILE];
     struct sheets_run *runs; /* of the tile, by layer */
     uint32_t *starts;        /* [layers + 1] */
-    uint64_t splats;
-    double fragments;
+    uint64_t splats, fragments;
 };
 
 /* Draws one tile into the frame. */

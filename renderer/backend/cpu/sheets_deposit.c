@@ -410,7 +410,7 @@ void sheets_add_run(struct sheets_open_tile *t, const struct sheets_run *run, bo
         }
     }
     t->s->splats += count;
-    t->s->fragments += (double)count * (double)t->group.area;
+    t->s->fragments += count * (uint64_t)(t->group.area + 0.5f);
 }
 
 /* Adds footprints to the layer's sum one by one: those that no filter serves. */
@@ -441,7 +441,7 @@ static void add_footprint(struct sheets_open_tile *t, const struct sp_splat *spl
     int right = splat->x < (float)(t->x + SHEETS_TILE) && splat->x >= (float)t->x;
     if (right && splat->y < (float)(t->y + SHEETS_TILE) && splat->y >= (float)t->y) {
         t->s->splats++;
-        t->s->fragments += (double)splat->area;
+        t->s->fragments += (uint64_t)(splat->area + 0.5f);
     }
 }
 
