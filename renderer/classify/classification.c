@@ -257,16 +257,19 @@ static bool turn(const struct sp_visible *list, const struct sp_classify_job *jo
 
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err) {
-    assert(job->axis <= SP_NO_AXIS && job->level < SP_LEVELS);
+    assert(job->axis <= SP_NO_AXIS && job->levels && job->levels < 1u << SP_LEVELS);
     if (!update_transfer(c, job, err))
         return false;
     check_reach(c, job);
     if (!update_all(c, job, err) || !count_visible(c, job->pool, err))
         return false;
-    for (unsigned l = 1; l <= job->level; l++)
+    for (unsigned l = 1; job->levels >> l; l++) /* each is made of the one before */
         if (!update_coarse(c, l, job, err))
             return false;
-    return turn(&c->levels[job->level].visible, job, err);
+    for (unsigned l = 0; job->levels >> l; l++)
+        if (job->levels >> l & 1 && !turn(&c->levels[l].visible, job, err))
+            return false;
+    return true;
 }
 
 uint64_t sp_classification_bytes(const struct sp_classification *c) {

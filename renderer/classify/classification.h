@@ -20,7 +20,7 @@ struct sp_level {
     double reach;            /* order post: the kernel's radius that the list was made for */
     uint64_t *cells; /* order post: reach.h, by brick; while the list is being made, else NULL */
 };
-enum { SP_LEVELS = 3 };
+enum { SP_LEVELS = 8 }; /* 16 · 2^7 = 2048 voxels an axis are one brick of the last */
 
 /* All voxels in levels[0], then coarser and coarser ones (coarse.h), made when they are first asked
  * for. */
@@ -43,10 +43,10 @@ enum { SP_NO_AXIS = 3 };
 /* What an update needs beside the classification. */
 struct sp_classify_job {
     const struct sp_transfer_function *tf;
-    unsigned level; /* that will be used, below SP_LEVELS */
-    unsigned axis;  /* that the bricks are to be cut along, or SP_NO_AXIS: always the same */
-    bool normals;   /* its list must have them */
-    double reach;   /* order post: the kernel's radius, voxels */
+    uint32_t levels; /* bit l: level l will be used, l < SP_LEVELS */
+    unsigned axis;   /* that the bricks are to be cut along, or SP_NO_AXIS: always the same */
+    bool normals;    /* their lists must have them */
+    double reach;    /* order post: the kernel's radius, voxels */
     const struct sp_classification
         *from;          /* of the same volume, to derive lists from; NULL = none */
     bool widens;        /* a new list is to serve more edits like the one that made it necessary */
@@ -55,7 +55,7 @@ struct sp_classify_job {
     const atomic_bool *cancel; /* NULL = never */
 };
 
-/* Brings the list of job->level up to date, doing only what the changes ask for: a
+/* Brings the lists of job->levels up to date, doing only what the changes ask for: a
  * new colour costs a table (and the coarse levels); a new set of visible values, given lists to
  * derive from, the bricks that have such values (change.h), else a pass over the volume. On failure
  * what is out of date is dropped: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */

@@ -102,7 +102,8 @@ static void join_runs(const struct sort *s, uint32_t bricks, int64_t first,
                     order->first[l]++;
                 else
                     order->runs[order->first[l]++] =
-                        (struct sp_run){ b, (uint16_t)i, (uint16_t)(end - i) };
+                        (struct sp_run){ b, (uint16_t)i, (uint16_t)(end - i),
+                                         (uint8_t)s->job->level, s->job->is_enlarged };
             }
         }
         uint64_t sum = 0;

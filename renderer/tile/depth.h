@@ -17,6 +17,8 @@
 struct sp_depth_job {
     const struct sp_ewa_frame *frame;
     const struct sp_visible *list;
+    unsigned level; /* of the list, for the runs; all of it is drawn */
+    bool is_enlarged;
     double
         thickness; /* cells, > 0; made larger where the volume would have more than 65,000 layers */
     double reach;  /* cells before a voxel where its kernel begins; single splats: 0 */

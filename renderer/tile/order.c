@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "tile/order.h"
 
+#include <string.h>
+
 #include "volume/grid.h"
 
 static struct sp_mat3 directions(const struct sp_grid *grid) {
@@ -67,51 +69,64 @@ void sp_order_slices(const struct sp_camera_frame *camera, const struct sp_grid 
     }
 }
 
-/* Slices of bricks that are not empty. */
-static uint64_t count_runs(const struct sp_visible *visible) {
-    uint32_t bricks = sp_visible_bricks(visible);
-    uint64_t n = 0;
-    for (uint32_t b = 0; b < bricks; b++)
-        for (int s = 0; visible->first[b] < visible->first[b + 1] && s < SP_BRICK; s++)
-            n += visible->start[b][s] < visible->start[b][s + 1];
-    return n;
+/* Index of a brick along an axis. */
+static uint32_t brick_along(const struct sp_visible *list, uint32_t brick, unsigned axis) {
+    uint32_t corner[3];
+    sp_visible_corner(list, brick, corner);
+    return corner[axis];
 }
 
-/* Lists what the bricks have of one slice; returns how many runs. */
-static uint64_t list_runs(const struct sp_visible *visible, unsigned axis, uint32_t slice,
-                          struct sp_run *runs) {
-    uint32_t begin[3] = { 0, 0, 0 }, end[3], s = slice % SP_BRICK;
-    for (int a = 0; a < 3; a++)
-        end[a] = visible->bricks[a];
-    begin[axis] = slice >> SP_BRICK_SHIFT;
-    end[axis] = begin[axis] + 1;
-    uint64_t n = 0;
-    for (uint32_t b2 = begin[2]; b2 < end[2]; b2++)
-        for (uint32_t b1 = begin[1]; b1 < end[1]; b1++)
-            for (uint32_t b0 = begin[0]; b0 < end[0]; b0++) {
-                uint32_t b = b0 + visible->bricks[0] * (b1 + visible->bricks[1] * b2);
-                const uint16_t *start = &visible->start[b][s];
-                if (visible->first[b] < visible->first[b + 1] && start[0] < start[1])
-                    runs[n++] = (struct sp_run){ b, start[0], (uint16_t)(start[1] - start[0]) };
-            }
-    return n;
+/* The runs of a brick by layer. runs NULL: counts them in first[layer]; else puts them there and
+ * counts on. */
+static void add_brick(const struct sp_level *levels, const struct sp_detail_brick *brick,
+                      unsigned axis, const uint32_t *layers, uint64_t *first, struct sp_run *runs) {
+    const struct sp_visible *list = &levels[brick->level].visible;
+    const uint16_t *start = list->start[brick->brick];
+    if (list->first[brick->brick] == list->first[brick->brick + 1])
+        return;
+    uint32_t corner = brick_along(list, brick->brick, axis);
+    for (uint32_t s = 0; s < SP_BRICK; s++) {
+        if (start[s] == start[s + 1])
+            continue;
+        uint32_t layer =
+            sp_order_layer(layers, levels[0].grid.dims[axis], brick->level, corner + s);
+        if (runs)
+            runs[first[layer]] =
+                (struct sp_run){ brick->brick, start[s], (uint16_t)(start[s + 1] - start[s]),
+                                 brick->level, brick->is_enlarged };
+        first[layer]++;
+    }
 }
 
-bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *level,
-                     unsigned axis, struct sp_arena *arena, struct sp_order *order) {
-    uint32_t layers = level->grid.dims[axis];
-    uint32_t *sheets = sp_arena_alloc(arena, "order of sheets", layers, sizeof *sheets);
-    *order = (struct sp_order){ .layers = layers };
-    order->first = sp_arena_alloc(arena, "layers", layers + (size_t)1, sizeof *order->first);
-    order->runs = sp_arena_alloc(arena, "runs", count_runs(&level->visible), sizeof *order->runs);
+bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *levels,
+                     const struct sp_detail *detail, unsigned axis, struct sp_arena *arena,
+                     struct sp_order *order) {
+    uint32_t count = levels[0].grid.dims[axis];
+    uint32_t *sheets = sp_arena_alloc(arena, "order of sheets", count, sizeof *sheets);
+    uint32_t *layers = sp_arena_alloc(arena, "layers of sheets", count, sizeof *layers);
+    *order = (struct sp_order){ .layers = count };
+    order->first = sp_arena_alloc(arena, "layers", count + (size_t)1, sizeof *order->first);
     if (arena->failed)
         return false;
-    sp_order_slices(camera, &level->grid, axis, sheets);
-    uint64_t n = 0;
-    for (uint32_t k = 0; k < layers; k++) {
-        order->first[k] = n;
-        n += list_runs(&level->visible, axis, sheets[k], order->runs + n);
+    sp_order_slices(camera, &levels[0].grid, axis, sheets);
+    for (uint32_t k = 0; k < count; k++)
+        layers[sheets[k]] = k;
+    memset(order->first, 0, (count + (size_t)1) * sizeof *order->first);
+    for (uint32_t i = 0; i < detail->count; i++)
+        add_brick(levels, &detail->bricks[i], axis, layers, order->first, NULL);
+    uint64_t sum = 0;
+    for (uint32_t k = 0; k <= count; k++) {
+        uint64_t runs = order->first[k];
+        order->first[k] = sum;
+        sum += runs;
     }
-    order->first[layers] = n;
+    order->runs = sp_arena_alloc(arena, "runs", sum, sizeof *order->runs);
+    if (arena->failed)
+        return false;
+    for (uint32_t i = 0; i < detail->count; i++)
+        add_brick(levels, &detail->bricks[i], axis, layers, order->first, order->runs);
+    /* Now first[k] is the end of layer k, which is the begin of the next. */
+    memmove(order->first + 1, order->first, count * sizeof *order->first);
+    order->first[0] = 0;
     return true;
 }

@@ -20,16 +20,20 @@
 #ifndef SP_TILE_ORDER_H
 #define SP_TILE_ORDER_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/arena.h"
 #include "classify/classification.h"
 #include "splat/camera.h"
+#include "splat/detail.h"
 
-/* Places [begin, begin + count) of one brick's order; count > 0. */
+/* Places [begin, begin + count) of the order of one brick of a level; count > 0. */
 struct sp_run {
     uint32_t brick;
     uint16_t begin, count;
+    uint8_t level;
+    bool is_enlarged; /* detail.h */
 };
 
 struct sp_order {
@@ -47,9 +51,18 @@ unsigned sp_order_axis(const struct sp_camera_frame *camera, const struct sp_gri
 void sp_order_slices(const struct sp_camera_frame *camera, const struct sp_grid *grid,
                      unsigned axis, uint32_t *slices);
 
-/* The slices along `axis`, which the level's bricks are cut along, as layers. Memory is the
- * arena's. False when the arena could not allocate. */
-bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *level,
-                     unsigned axis, struct sp_arena *arena, struct sp_order *order);
+/* The place front to back of the sheet that slice `slice` of a level belongs to: the one of the
+ * finest level where its centre lies (beyond it, where that is between two). layers: by sheet. */
+static inline uint32_t sp_order_layer(const uint32_t *layers, uint32_t count, unsigned level,
+                                      uint32_t slice) {
+    uint64_t centre = ((uint64_t)slice << level) + (level ? UINT64_C(1) << (level - 1) : 0);
+    return layers[centre < count ? centre : count - 1];
+}
+
+/* The slices along `axis`, which the levels' bricks are cut along, as layers: as many as the finest
+ * level has slices. Memory is the arena's. False when the arena could not allocate. */
+bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *levels,
+                     const struct sp_detail *detail, unsigned axis, struct sp_arena *arena,
+                     struct sp_order *order);
 
 #endif

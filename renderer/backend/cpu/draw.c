@@ -36,6 +36,14 @@ struct block {
     double fragments; /* px of their footprints inside the picture */
 };
 
+/* A level of the pyramid: for bricks that are small enough in the picture, and for enlarged ones.
+ */
+struct part {
+    const struct sp_level *level;
+    struct sp_ewa_frame ewa[2];
+    const uint8_t *modes[2]; /* by brick: adaptive; else NULL */
+};
+
 struct draw {
     const struct sp_backend_job *job;
     const struct cpu_kernels *kernels;
@@ -45,14 +53,17 @@ struct draw {
     double fragments;
 
     struct sp_camera_frame camera;
-    struct sp_ewa_frame ewa;
+    struct sp_detail detail;
+    struct part parts[SP_LEVELS];
+    const struct sp_ewa_frame *ewa; /* of the finest level that is drawn */
     struct sp_shade shade;
     const struct sp_shade *shading; /* &shade, or NULL */
-    unsigned coarse;                /* of the level that is drawn */
-    const struct sp_level *level;
-    const struct sp_visible *list;
-    uint64_t visible;     /* voxels of the finest level */
-    const uint8_t *modes; /* by brick: adaptive; or NULL */
+    unsigned coarse;                /* no finer level is asked for */
+    unsigned finest;                /* level that is drawn */
+    const struct sp_level *level;   /* the same */
+    const struct sp_level *levels;  /* all */
+    bool has_filters;               /* sheets without footprints: see sheets.h */
+    uint64_t visible;               /* voxels of the volume */
 
     struct sp_order order;
     struct sp_blend blend;
@@ -96,15 +107,16 @@ static uint32_t make_batch(struct draw *d, uint64_t *run, uint32_t *layer) {
  * apart. */
 static void prefetch_run(const struct draw *d, const struct sp_run *run) {
     enum { LINE = 16 }; /* entries that come together */
-    uint64_t first = d->list->first[run->brick];
+    const struct sp_visible *list = &d->parts[run->level].level->visible;
+    uint64_t first = list->first[run->brick];
     const uint16_t *order = d->order.order ? d->order.order + first : NULL;
     uint32_t end = (uint32_t)run->begin + run->count;
     for (uint32_t p = run->begin; p < end; p += order ? 1 : LINE) {
         uint64_t e = first + (order ? order[p] : p);
-        __builtin_prefetch(&d->list->place[e]);
-        __builtin_prefetch((const uint8_t *)d->list->key + e * d->list->key_bytes);
-        if (d->list->normal)
-            __builtin_prefetch((const uint8_t *)d->list->normal + e * d->list->normal_bytes);
+        __builtin_prefetch(&list->place[e]);
+        __builtin_prefetch((const uint8_t *)list->key + e * list->key_bytes);
+        if (list->normal)
+            __builtin_prefetch((const uint8_t *)list->normal + e * list->normal_bytes);
     }
 }
 
@@ -131,29 +143,27 @@ static void keep_seen(struct draw *d, struct block *block, size_t from, uint32_t
 static void set_up_block(struct draw *d, size_t b) {
     struct block *block = &d->blocks[b];
     uint16_t local[BLOCK];
-    struct sp_ewa_run run = { .local = local,
-                              .list = d->list,
-                              .transfer = &d->level->transfer,
-                              .shade = d->shading,
-                              .sheet = block->layer,
-                              .mode = d->job->view->filter.mode };
+    struct sp_ewa_run run = { .local = local, .shade = d->shading, .sheet = block->layer };
     for (uint64_t k = block->run; k < block->run + block->runs; k++) {
         const struct sp_run *from = &d->order.runs[k];
         while (k >= d->order.first[run.sheet + 1])
             run.sheet++;
-        sp_visible_corner(d->list, from->brick, run.brick);
-        run.first = d->list->first[from->brick];
+        const struct part *part = &d->parts[from->level];
+        const uint8_t *modes = part->modes[from->is_enlarged];
+        run.list = &part->level->visible;
+        run.transfer = &part->level->transfer;
+        run.mode = modes ? (enum sp_filter_mode)modes[from->brick] : d->job->view->filter.mode;
+        sp_visible_corner(run.list, from->brick, run.brick);
+        run.first = run.list->first[from->brick];
         run.order = d->order.order ? d->order.order + run.first : NULL;
         run.begin = from->begin;
         run.count = from->count;
-        sp_visible_locals(d->list, from->brick, run.order, run.begin, run.count, local);
+        sp_visible_locals(run.list, from->brick, run.order, run.begin, run.count, local);
         if (k + 1 < block->run + block->runs)
             prefetch_run(d, from + 1);
-        if (d->modes)
-            run.mode = (enum sp_filter_mode)d->modes[from->brick];
         size_t at = b * BLOCK + block->count;
         struct sp_splats out = sp_splats_from(&d->records, at);
-        keep_seen(d, block, at, d->kernels->set_up(&d->ewa, &run, &out));
+        keep_seen(d, block, at, d->kernels->set_up(&part->ewa[from->is_enlarged], &run, &out));
     }
 }
 
@@ -270,7 +280,7 @@ static size_t sums_bytes(const struct sp_blend *blend) {
 static int band_rows(const struct draw *d) {
     size_t tiles = BAND_BYTES / sums_bytes(&d->blend);
     int rows = (int)(tiles < BAND_TILES ? tiles : BAND_TILES) / d->grid.columns;
-    int needed = (d->ewa.size[1] + SP_TILE - 1) / SP_TILE;
+    int needed = (d->ewa->size[1] + SP_TILE - 1) / SP_TILE;
     return rows < 1 ? 1 : rows < needed ? rows : needed;
 }
 
@@ -296,7 +306,7 @@ static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *er
     d->records.splat = sp_arena_alloc(arena, "splats", RECORDS, sizeof *d->records.splat);
     if (d->blend.mode == SP_COMPOSITE_SLAB)
         d->records.span = sp_arena_alloc(arena, "spans", RECORDS, sizeof *d->records.span);
-    if (d->ewa.clip.count)
+    if (d->ewa->clip.count)
         d->records.cut = sp_arena_alloc(arena, "cuts", RECORDS, sizeof *d->records.cut);
     d->blocks = sp_arena_alloc(arena, "blocks", BATCH_BLOCKS, sizeof *d->blocks);
     d->bins.counts =
@@ -307,17 +317,80 @@ static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *er
     return !arena->failed || fail_memory(arena, err);
 }
 
-static bool choose_filters(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
-    if (d->job->view->filter.mode != SP_FILTER_ADAPTIVE)
-        return true;
+/* Adaptive: the filter of each brick of a level. Of one that is small enough it is the one that its
+ * voxels would have. */
+static const uint8_t *choose_modes(struct draw *d, unsigned level, bool enlarged,
+                                   struct sp_arena *arena) {
     struct sp_adaptive adaptive;
-    sp_adaptive_init(&adaptive, &d->camera, &d->level->grid, d->job->view);
-    uint8_t *modes = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(&d->level->grid), 1);
-    if (!modes)
+    struct sp_view view = *d->job->view;
+    const struct sp_grid *grid = &d->parts[level].level->grid;
+    uint8_t *modes = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(grid), 1);
+    if (!enlarged)
+        view.filter.sigma = ldexp(view.filter.sigma, -(int)level);
+    if (modes) {
+        sp_adaptive_init(&adaptive, &d->camera, grid, &view);
+        sp_adaptive_fill(&adaptive, modes);
+    }
+    return modes;
+}
+
+/* Bricks of several levels are drawn in sheets of footprints; otherwise all are of one, the finest
+ * that some brick needs. */
+static uint32_t levels_drawn(const struct draw *d) {
+    bool is_mixed = d->job->view->compositing.mode == SP_COMPOSITE_SHEET && !d->has_filters;
+    return is_mixed ? d->detail.levels : 1u << d->finest;
+}
+
+/* Whether the one level is too coarse for some of its bricks. */
+static bool is_enlarged(const struct draw *d) {
+    for (uint32_t i = 0; i < d->detail.count; i++)
+        if (d->detail.bricks[i].level == d->finest && d->detail.bricks[i].is_enlarged)
+            return true;
+    return false;
+}
+
+/* Levels that a frame needs. */
+static bool choose_levels(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
+    const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
+    unsigned levels = sp_detail_levels(grid->dims, SP_LEVELS);
+    struct sp_detail_job job = { .camera = &d->camera,
+                                 .grid = grid,
+                                 .view = d->job->view,
+                                 .floor = d->coarse,
+                                 .levels = levels > d->coarse ? levels : d->coarse + 1 };
+    if (!sp_detail_choose(&job, arena, &d->detail))
         return fail_memory(arena, err);
-    sp_adaptive_fill(&adaptive, modes);
-    d->modes = modes;
+    d->finest = (unsigned)__builtin_ctz(d->detail.levels);
     return true;
+}
+
+static bool make_parts(struct draw *d, struct sp_arena *arena, struct sp_error *err) {
+    const struct sp_view *view = d->job->view;
+    uint32_t levels = levels_drawn(d);
+    for (unsigned l = 0; levels >> l; l++)
+        for (int enlarged = 0; levels >> l & 1 && enlarged < 2; enlarged++) {
+            struct part *part = &d->parts[l];
+            struct sp_ewa_frame *ewa = &part->ewa[enlarged];
+            struct sp_view own = *view;
+            part->level = &d->levels[l];
+            own.filter = sp_detail_filter(&view->filter, l, enlarged);
+            sp_ewa_frame_init(ewa, &d->camera, &part->level->grid, &own);
+            sp_clip_frame_init(&ewa->clip, &d->camera, &d->levels[0].grid, &view->clip, ewa->unit);
+            if (view->filter.mode == SP_FILTER_ADAPTIVE &&
+                !(part->modes[enlarged] = choose_modes(d, l, enlarged, arena)))
+                return fail_memory(arena, err);
+        }
+    d->level = d->parts[d->finest].level;
+    d->ewa = &d->parts[d->finest].ewa[is_enlarged(d)];
+    return true;
+}
+
+static void set_rows(struct draw *d, int begin, int end) {
+    for (int l = 0; l < SP_LEVELS; l++)
+        for (int enlarged = 0; enlarged < 2; enlarged++) {
+            d->parts[l].ewa[enlarged].rows[0] = begin;
+            d->parts[l].ewa[enlarged].rows[1] = end;
+        }
 }
 
 /* What the compositor needs to know; slabs get as many slots as a kernel may span, and as thick as
@@ -331,7 +404,7 @@ static void choose_blend(struct draw *d, const struct cpu_state *state, double *
         .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .planes = is_post ? SP_PLANES + 1 : SP_PLANES,
         .slots = 1,
-        .cut = d->ewa.cut,
+        .cut = d->ewa->cut,
         .cubic = view->filter.kernel == SP_KERNEL_CUBIC ? &state->cubic : NULL,
         .post = is_post ? &d->post : NULL,
     };
@@ -343,9 +416,9 @@ static void choose_blend(struct draw *d, const struct cpu_state *state, double *
     double radius[2],
         spacing = fmin(measure->spacing[0], fmin(measure->spacing[1], measure->spacing[2]));
     sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
-    *reach = (double)d->ewa.radius * radius[1] / d->ewa.unit;
+    *reach = (double)d->ewa->radius * radius[1] / d->ewa->unit;
     double thickness =
-        sp_depth_thickness(&d->ewa, view->compositing.slab * spacing / d->ewa.unit, *reach);
+        sp_depth_thickness(d->ewa, view->compositing.slab * spacing / d->ewa->unit, *reach);
     double most = fmin(SP_SLOTS_MAX, (double)(ROW_BYTES / sums_bytes(&d->blend)) / d->grid.columns);
     thickness = fmax(thickness, 2 * *reach / (most - 3));
     d->blend.slots = (uint32_t)ceil(2 * *reach / thickness) + 2;
@@ -355,14 +428,16 @@ static void choose_blend(struct draw *d, const struct cpu_state *state, double *
 static bool choose_order(struct draw *d, struct cpu_state *state, unsigned axis, double reach,
                          struct sp_error *err) {
     double nearest = 0;
-    struct sp_depth_job job = { .frame = &d->ewa,
-                                .list = d->list,
+    struct sp_depth_job job = { .frame = d->ewa,
+                                .list = &d->level->visible,
+                                .level = d->finest,
+                                .is_enlarged = is_enlarged(d),
                                 .thickness = SPLAT_RANGE,
                                 .reach = reach,
                                 .pool = d->pool,
                                 .arena = &state->arena };
     if (d->blend.mode == SP_COMPOSITE_SHEET)
-        return sp_order_sheets(&d->camera, d->level, axis, &state->arena, &d->order) ||
+        return sp_order_sheets(&d->camera, d->levels, &d->detail, axis, &state->arena, &d->order) ||
                fail_memory(&state->arena, err);
     if (d->blend.mode == SP_COMPOSITE_SLAB)
         job.thickness = (double)d->blend.thickness;
@@ -388,11 +463,11 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     const struct sp_volume_info *info = sp_volume_info(d->job->volume);
     sp_gradient_units_init(&gradient, info);
     d->post = (struct sp_post){ .shade = d->shading,
-                                .half = (float)(0.5 * (double)d->blend.thickness * d->ewa.unit *
+                                .half = (float)(0.5 * (double)d->blend.thickness * d->ewa->unit *
                                                 gradient.unit),
                                 .perspective = view->camera.projection == SP_PERSPECTIVE,
                                 .focal = (float)d->camera.scale,
-                                .centre = { d->ewa.centre[0], d->ewa.centre[1] } };
+                                .centre = { d->ewa->centre[0], d->ewa->centre[1] } };
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
             d->post.to_camera[r][k] = (float)d->camera.w.m[r][k];
@@ -414,7 +489,7 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
     unsigned axis =
         view->compositing.mode == SP_COMPOSITE_SHEET ? sp_order_axis(&d->camera, grid) : SP_NO_AXIS;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
-                                        .level = d->coarse,
+                                        .levels = 1,
                                         .axis = axis,
                                         .normals = view->shading.mode == SP_SHADING_PHONG ||
                                                    view->transfer_function.gradient_count > 0 ||
@@ -423,22 +498,23 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel };
+    d->has_filters = state->kernels.sheets_tile && sheets_can(view, grid);
+    if (!choose_levels(d, &state->arena, err))
+        return false;
+    classify.levels = levels_drawn(d);
     const struct sp_classification *classification =
         cpu_cache_get(&state->cache, d->job->volume, &classify, err);
     if (!classification)
         return false;
-    d->level = &classification->levels[d->coarse];
-    d->list = &d->level->visible;
     d->visible = classification->visible;
-    sp_ewa_frame_init(&d->ewa, &d->camera, &d->level->grid, view);
-    sp_clip_frame_init(&d->ewa.clip, &d->camera, grid, &view->clip, d->ewa.unit);
+    d->levels = classification->levels;
     *sheets_axis = axis;
-    return true;
+    return make_parts(d, &state->arena, err);
 }
 
 /* The rest of what is between the view and the first batch. */
 static bool prepare(struct draw *d, struct cpu_state *state, unsigned axis, struct sp_error *err) {
-    d->grid.columns = (d->ewa.size[0] + SP_TILE - 1) / SP_TILE;
+    d->grid.columns = (d->ewa->size[0] + SP_TILE - 1) / SP_TILE;
     double reach;
     choose_blend(d, state, &reach);
     return choose_shading(d, &state->arena, err) && choose_order(d, state, axis, reach, err) &&
@@ -454,16 +530,16 @@ static bool all_saturated(const struct draw *d) {
 
 /* Draws the rows of tiles from picture row y on. */
 static void draw_band(struct draw *d, int y) {
-    int left = (d->ewa.size[1] - y + SP_TILE - 1) / SP_TILE;
+    int left = (d->ewa->size[1] - y + SP_TILE - 1) / SP_TILE;
     d->grid.rows = left < d->grid.rows ? left : d->grid.rows;
-    d->grid.y = d->ewa.rows[0] = y;
+    d->grid.y = y;
     int end = y + d->grid.rows * SP_TILE;
-    d->ewa.rows[1] = end < d->ewa.size[1] ? end : d->ewa.size[1];
+    set_rows(d, y, end < d->ewa->size[1] ? end : d->ewa->size[1]);
     d->bins.tiles = (uint32_t)(d->grid.columns * d->grid.rows);
     for (int r = 0; r < d->grid.rows; r++)
         for (int c = 0; c < d->grid.columns; c++)
             sp_tile_init(&d->grid.tiles[r * d->grid.columns + c], c * SP_TILE, y + r * SP_TILE,
-                         d->ewa.size, &d->blend);
+                         d->ewa->size, &d->blend);
     uint64_t run = 0;
     uint32_t layer = 0, count;
     while (!is_cancelled(d) && !all_saturated(d) && (count = make_batch(d, &run, &layer)) > 0) {
@@ -484,7 +560,7 @@ static void draw_band(struct draw *d, int y) {
 static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
     static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
     stats->coarse = d->coarse;
-    stats->visible_voxels = d->coarse ? d->list->count : d->visible;
+    stats->visible_voxels = d->coarse ? d->level->visible.count : d->visible;
     stats->splats = d->splats;
     stats->fragments = (uint64_t)d->fragments;
     stats->stage_count = STAGES;
@@ -504,16 +580,17 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis,
                                   .camera = &d->camera,
                                   .shade =
                                       view->shading.mode == SP_SHADING_PHONG ? &d->shade : NULL,
-                                  .finest = d->level,
+                                  .finest = &d->levels[0],
                                   .level = d->level,
-                                  .modes = d->modes,
+                                  .ewa = d->ewa,
+                                  .modes = d->parts[d->finest].modes[is_enlarged(d)],
                                   .axis = axis,
                                   .classify_ms = d->stage_ms[CLASSIFY],
                                   .draw_tile = state->kernels.sheets_tile,
                                   .pool = d->pool,
                                   .arena = &state->arena };
     stats->coarse = d->coarse;
-    stats->visible_voxels = d->list->count;
+    stats->visible_voxels = d->coarse ? d->level->visible.count : d->visible;
     return sheets_draw(&frame, err);
 }
 
@@ -522,17 +599,17 @@ bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct 
     double clock = sp_clock_ms();
     unsigned axis;
     sp_arena_reset(&state->arena);
-    if (!choose_level(&d, state, &axis, err) || !choose_filters(&d, &state->arena, err))
+    if (!choose_level(&d, state, &axis, err))
         return false;
     add_time(&d, CLASSIFY, clock);
-    if (state->kernels.sheets_tile && sheets_can(job->view, d.ewa.grid))
+    if (d.has_filters)
         return draw_sheets(&d, state, axis, err);
     clock = sp_clock_ms();
     if (!prepare(&d, state, axis, err))
         return false;
     add_time(&d, CLASSIFY, clock);
     int step = d.grid.rows * SP_TILE;
-    for (int y = 0; y < d.ewa.size[1] && !is_cancelled(&d); y += step)
+    for (int y = 0; y < d.ewa->size[1] && !is_cancelled(&d); y += step)
         draw_band(&d, y);
     if (is_cancelled(&d))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

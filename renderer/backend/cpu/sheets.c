@@ -486,7 +486,7 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
                         .levels[0].level = frame->level,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
                         .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };
-    sp_ewa_frame_init(&s.levels[0].ewa, frame->camera, &frame->level->grid, view);
+    s.levels[0].ewa = *frame->ewa;
     uint32_t bricks = sp_visible_bricks(&frame->level->visible);
     s.levels[0].layer = make_layers(frame, &s.layers);
     s.bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s.bricks);

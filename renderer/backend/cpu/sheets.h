@@ -168,10 +168,11 @@ struct sheets_frame {
     const struct sp_backend_job *job;
     const struct sheets_tables *tables;
     const struct sp_camera_frame *camera;
-    const struct sp_shade *shade;  /* NULL = none */
-    const struct sp_level *finest; /* its grid's slices are the sheets */
-    const struct sp_level *level;  /* that is drawn */
-    const uint8_t *modes;          /* by brick of it: adaptive; NULL = the view's for all */
+    const struct sp_shade *shade;   /* NULL = none */
+    const struct sp_level *finest;  /* its grid's slices are the sheets */
+    const struct sp_level *level;   /* that is drawn */
+    const struct sp_ewa_frame *ewa; /* of it */
+    const uint8_t *modes;           /* by brick of it: adaptive; NULL = the view's for all */
     unsigned axis;
     double classify_ms; /* spent before, for the stats */
     void (*draw_tile)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);

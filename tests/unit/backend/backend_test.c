@@ -294,12 +294,26 @@ static void derived_data_is_counted_and_forgotten(void **state) {
     finish_rig(&rig);
 }
 
+/* Largest difference of any channel. */
+static float largest_difference(const struct sp_frame *a, const struct sp_frame *b) {
+    float most = 0;
+    for (uint32_t y = 0; y < a->height; y++)
+        for (uint32_t i = 0; i < 4 * a->width; i++)
+            most = fmaxf(most, fabsf(pixel(a, 0, y)[i] - pixel(b, 0, y)[i]));
+    return most;
+}
+
 /* The picture and the count of visible voxels are those of a renderer that never saw another
- * transfer function, whatever the lists hold after a row of edits. */
-static void edited_pictures_are_fresh_pictures(void **state) {
-    (void)state;
+ * transfer function, whatever the lists hold after a row of edits: to the bit where voxels are
+ * drawn one by one; several at a time are added in another order when hidden ones lie between. */
+static void check_edits(const char *isa, float tolerance) {
     struct rig rig = make_rig("cpu", 2, make_ball(36, (double[3]){ 1, 1, 1 }));
     struct rig fresh = make_rig("cpu", 2, sp_volume_ref(rig.volume));
+    struct sp_renderer_options options = { .backend = "cpu", .isa = isa, .threads = 2 };
+    sp_renderer_destroy(&rig.renderer);
+    sp_renderer_destroy(&fresh.renderer);
+    rig.renderer = sp_renderer_create(&options, NULL);
+    fresh.renderer = sp_renderer_create(&options, NULL);
     /* Thresholds that a hand moves to and fro, in small steps and large ones; then it rests. */
     for (int k = 0; k < 40; k++) {
         struct sp_transfer_function *tf = &rig.view.transfer_function;
@@ -311,7 +325,7 @@ static void edited_pictures_are_fresh_pictures(void **state) {
         fresh.view = rig.view;
         sp_renderer_forget(fresh.renderer, fresh.volume);
         struct sp_frame *a = draw(&rig, SP_RGBAF32), *b = draw(&fresh, SP_RGBAF32);
-        assert_true(same_pixels(a, b));
+        assert_true(largest_difference(a, b) <= tolerance);
         assert_int_equal(a->stats.visible_voxels, b->stats.visible_voxels);
         assert_int_equal(a->stats.splats, b->stats.splats);
         sp_frame_unref(&a);
@@ -319,6 +333,12 @@ static void edited_pictures_are_fresh_pictures(void **state) {
     }
     finish_rig(&rig);
     finish_rig(&fresh);
+}
+
+static void edited_pictures_are_fresh_pictures(void **state) {
+    (void)state;
+    check_edits("scalar", 0);
+    check_edits("auto", 1e-5f);
 }
 
 static uint64_t memory_at(struct rig *rig, double threshold, int frames) {

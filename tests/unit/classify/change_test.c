@@ -131,7 +131,7 @@ static void derived_lists_are_those_of_a_pass(void **state) {
         struct sp_transfer_function tf;
         struct sp_classification chain[2], fresh;
         struct sp_classify_job job = {
-            .tf = &tf, .axis = SP_NO_AXIS, .normals = n % 3 != 0, .pool = pool
+            .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .normals = n % 3 != 0, .pool = pool
         };
         start(&tf, range);
         sp_classification_init(&chain[0], volume);

@@ -321,7 +321,7 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
     const struct sp_visible *list = &c.levels[0].visible;
     for (unsigned axis = 0; axis <= SP_NO_AXIS; axis++) {
         struct sp_classify_job job = {
-            .tf = &ramp, .axis = axis, .pool = pool, .normals = axis == 1
+            .tf = &ramp, .levels = 1, .axis = axis, .pool = pool, .normals = axis == 1
         };
         assert_true(sp_classification_update(&c, &job, NULL));
         assert_int_equal(list->count, visible);
@@ -384,12 +384,14 @@ static void coarse_levels_average_what_was_classified(void **state) {
     struct sp_classification c;
     sp_classification_init(&c, v);
     for (unsigned l = 1; l < SP_LEVELS; l++) {
-        struct sp_classify_job job = { .tf = &ramp, .level = l, .axis = l, .pool = pool };
+        struct sp_classify_job job = {
+            .tf = &ramp, .levels = 1u << l, .axis = l % 3, .pool = pool
+        };
         assert_true(sp_classification_update(&c, &job, NULL));
         const struct sp_level *level = &c.levels[l];
         const struct sp_visible *list = &level->visible;
         const uint32_t *d = level->grid.dims;
-        check_slices(list, l);
+        check_slices(list, l % 3);
         uint64_t cells = 0;
         for (uint32_t i = 0; i < d[0] * d[1] * d[2]; i++)
             cells += average(values, dims, l,
@@ -432,7 +434,7 @@ static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
     struct sp_pool *pool = sp_pool_create(2, NULL);
     struct sp_classification c;
     sp_classification_init(&c, v);
-    struct sp_classify_job job = { .tf = &ramp, .level = 2, .pool = pool };
+    struct sp_classify_job job = { .tf = &ramp, .levels = 1 << 2, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
     /* Cells reach over [-0.5, 2.5], [2.5, 6.5], [6.5, 12], [12, 18] from the first sample on. */
     static const double middles[4] = { 1, 4.5, 9.25, 15 };
@@ -478,7 +480,7 @@ static void coarse_normals_are_those_of_the_surface(void **state) {
     struct sp_pool *pool = sp_pool_create(2, NULL);
     struct sp_classification c;
     sp_classification_init(&c, v);
-    struct sp_classify_job job = { .tf = &ramp, .axis = 2, .level = 1, .pool = pool };
+    struct sp_classify_job job = { .tf = &ramp, .levels = 1 << 1, .axis = 2, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
     assert_null(c.levels[1].visible.normal);
     job.normals = true;
@@ -524,6 +526,7 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
         struct sp_classification c;
         sp_classification_init(&c, v);
         struct sp_classify_job job = { .tf = &ramp,
+                                       .levels = 1,
                                        .axis = cases[i].axis,
                                        .normals = cases[i].normals,
                                        .bytes_max = N * N * N * cases[i].entries,
@@ -535,7 +538,7 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
         job.bytes_max += 2000;
         assert_true(sp_classification_update(&c, &job, &err));
         assert_true(sp_classification_bytes(&c) <= job.bytes_max);
-        job.level = 1;
+        job.levels = 1 << 1;
         assert_false(sp_classification_update(&c, &job, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
         job.bytes_max *= 8;
@@ -555,7 +558,7 @@ static void only_what_changed_is_redone(void **state) {
     struct sp_volume *v = make_volume((uint32_t[3]){ 4, 4, 4 }, SP_UINT8, values);
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_transfer_function tf = ramp;
-    struct sp_classify_job job = { .tf = &tf, .axis = 0, .pool = pool };
+    struct sp_classify_job job = { .tf = &tf, .levels = 1, .axis = 0, .pool = pool };
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));

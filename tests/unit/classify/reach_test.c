@@ -121,7 +121,7 @@ static void voxels_that_matter_are_listed(void **state) {
                                                      .opacity = (float)cases[i].points[k][1] };
             struct sp_classification c;
             struct sp_classify_job job = {
-                .tf = &tf, .axis = SP_NO_AXIS, .reach = cases[i].radius, .pool = pool
+                .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .reach = cases[i].radius, .pool = pool
             };
             sp_classification_init(&c, v);
             assert_true(sp_classification_update(&c, &job, NULL));
@@ -148,14 +148,14 @@ static void lists_follow_the_kernel(void **state) {
     sp_classification_init(&c, v);
     for (int i = 0; i < 4; i++) {
         struct sp_classify_job job = {
-            .tf = &tf, .axis = SP_NO_AXIS, .reach = radii[i], .pool = pool
+            .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .reach = radii[i], .pool = pool
         };
         assert_true(sp_classification_update(&c, &job, NULL));
         counts[i] = c.levels[0].visible.count;
     }
     assert_true(counts[1] > counts[0] && counts[2] == counts[1] && counts[3] < counts[0]);
     tf.order = SP_TF_PRE; /* and the list of visible voxels is another one */
-    struct sp_classify_job job = { .tf = &tf, .axis = SP_NO_AXIS, .pool = pool };
+    struct sp_classify_job job = { .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
     assert_true(c.levels[0].visible.count < counts[3]);
     sp_classification_finish(&c);
@@ -180,7 +180,7 @@ static void coarse_levels_average_the_scalar(void **state) {
                                        .points = { { 3, { 0 }, 0.5f } } };
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_classify_job job = {
-        .tf = &tf, .level = 1, .axis = SP_NO_AXIS, .normals = true, .reach = 2, .pool = pool
+        .tf = &tf, .levels = 1 << 1, .axis = SP_NO_AXIS, .normals = true, .reach = 2, .pool = pool
     };
     struct sp_classification c;
     sp_classification_init(&c, v);
@@ -261,7 +261,9 @@ static void graded_axes_have_kernels_of_their_own(void **state) {
                                        .point_count = 2,
                                        .points = { { 50, { 0 }, 0 }, { 60, { 0 }, 0.5f } } };
     struct sp_pool *pool = sp_pool_create(1, NULL);
-    struct sp_classify_job job = { .tf = &tf, .axis = SP_NO_AXIS, .reach = 2.1, .pool = pool };
+    struct sp_classify_job job = {
+        .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .reach = 2.1, .pool = pool
+    };
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Level of detail: pictures of minified volumes with it and without.
+ *
+ * Claim: they agree to 40 dB or better (the least of three views), and the median of the scenes
+ * to 45.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "quality.h"
+#include "support/data.h"
+
+enum { VIEWS = 3 };
+
+/* Real volumes come from the folder of data, which may be absent. */
+static const struct {
+    const char *source;
+    uint32_t size; /* px */
+} scenes[] = {
+    { "demo:engine?size=96", 32 },           { "demo:engine?size=192", 24 },
+    { "demo:phantom?size=128", 32 },         { "demo:phantom?size=160", 40 },
+    { "demo:galaxy?size=128", 32 },          { "demo:vessels?size=128", 40 },
+    { "demo:checkerboard?size=128", 32 },    { "engine_256x256x128_uint8.nrrd", 64 },
+    { "bonsai_256x256x256_uint8.nrrd", 64 }, { "cthead_256x256x113_uint16.nrrd", 32 },
+};
+enum { SCENES = sizeof scenes / sizeof *scenes };
+
+static struct sp_volume *load(const char *source) {
+    struct sp_load_options options = { .importer = SPLATD_BIN_DIR "/splat-import" };
+    struct sp_error err;
+    char path[1024];
+    if (strncmp(source, "demo:", 5) == 0)
+        snprintf(path, sizeof path, "%s", source);
+    else if (!test_data_path(SPLATD_DATA_DIR, source, path, sizeof path))
+        return NULL;
+    struct sp_volume *volume = sp_volume_load(path, &options, &err);
+    if (!volume) {
+        printf("FAILED %s: %s\n", path, err.text);
+        exit(EXIT_FAILURE);
+    }
+    return volume;
+}
+
+/* Turns the default view's camera about its target. */
+static void turn(struct sp_view *view, int n) {
+    double *p = view->camera.position, *t = view->camera.target, angle = 0.7 * n;
+    double x = p[0] - t[0], y = p[1] - t[1], z = p[2] - t[2];
+    p[0] = t[0] + x * cos(angle) + y * sin(angle);
+    p[1] = t[1] - x * sin(angle) + y * cos(angle);
+    p[2] = t[2] + z + 0.2 * n * sqrt(x * x + y * y);
+}
+
+/* The worst of the views. */
+static double compare(const struct quality *q, struct sp_volume *volume, uint32_t size) {
+    double worst = INFINITY;
+    for (int n = 0; n < VIEWS; n++) {
+        struct sp_view view;
+        sp_view_init(&view, sp_volume_info(volume), "v");
+        view.size[0] = view.size[1] = size;
+        view.shading.mode = SP_SHADING_NONE;
+        turn(&view, n);
+        struct test_image by[2];
+        for (int lod = 0; lod < 2; lod++) {
+            view.level_of_detail = lod ? SP_LOD_AUTO : SP_LOD_OFF;
+            by[lod] = quality_render(q, volume, &view);
+        }
+        worst = fmin(worst, test_image_psnr(&by[0], &by[1]));
+        test_image_finish(&by[0]);
+        test_image_finish(&by[1]);
+    }
+    return worst;
+}
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static void measure(struct quality *q) {
+    double found[SCENES];
+    size_t count = 0;
+    printf("  level of detail against none, dB            px\n");
+    for (size_t i = 0; i < SCENES; i++) {
+        struct sp_volume *volume = load(scenes[i].source);
+        if (!volume)
+            continue;
+        double db = compare(q, volume, scenes[i].size);
+        printf("  %-42s %4u  %6.1f\n", scenes[i].source, scenes[i].size, db);
+        quality_expect(q, db >= 40, "%s: %.1f dB", scenes[i].source, db);
+        found[count++] = db;
+        quality_forget(q, &volume);
+    }
+    qsort(found, count, sizeof *found, by_size);
+    quality_expect(q, found[count / 2] >= 45, "the median is %.1f dB", found[count / 2]);
+    quality_expect(q, found[0] < 120, "no scene is drawn at another level");
+}
+
+int main(void) {
+    return quality_main(measure);
+}
