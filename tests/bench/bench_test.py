@@ -119,6 +119,14 @@ class CommandLine(unittest.TestCase):
         cold, = self.lines(run('--cold', *options))
         self.assertGreater(cold['allocations'], 0)
 
+    def test_the_steady_state_allocates_nothing(self):
+        # An orbit is drawn once to warm up; its cameras see the volume along more than one axis.
+        options = ('--volume', 'demo:engine?size=48', '--size', '96', '--views', '24', '--warm', '24')
+        for choice in ((), ('--shading', 'phong'), ('--compositing', 'slab'), ('--compositing', 'splat'), ('--isa', 'scalar'),
+                       ('--size', '16'), ('--coarse', '1')):
+            line, = self.lines(run(*options, *choice))
+            self.assertEqual(line['allocations'], 0, choice)
+
     def test_saved_volumes_are_the_same(self):
         prefix = os.path.join(self.folder.name, 'kept-')
         options = ('--size', '16', '--views', '1', '--warm', '0')
