@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "support/sheets.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "tile/order.h"
+
+static bool classify(struct test_sheets *t, const struct test_scene *scene, struct sp_error *err) {
+    const struct sp_view *view = &scene->view;
+    t->axis = sp_order_axis(&t->camera, &scene->info.grid);
+    struct sp_classify_job job = { .tf = &view->transfer_function,
+                                   .levels = 1,
+                                   .axis = t->axis,
+                                   .normals = view->shading.mode == SP_SHADING_PHONG ||
+                                              view->transfer_function.gradient_count > 0,
+                                   .pool = t->pool };
+    sp_ewa_frame_init(&t->ewa, &t->camera, &scene->info.grid, view);
+    sp_classification_init(&t->classification, t->volume);
+    return sp_classification_update(&t->classification, &job, err);
+}
+
+static bool choose_modes(struct test_sheets *t, const struct test_scene *scene,
+                         struct sp_error *err) {
+    struct sp_adaptive adaptive;
+    if (scene->view.filter.mode != SP_FILTER_ADAPTIVE)
+        return true;
+    sp_adaptive_init(&adaptive, &t->camera, &scene->info.grid, &scene->view);
+    t->modes = malloc(sp_adaptive_count(&scene->info.grid));
+    if (!t->modes)
+        return sp_fail(err, SP_ERR_MEMORY, "", "filter modes");
+    sp_adaptive_fill(&adaptive, t->modes);
+    return true;
+}
+
+static bool start(struct test_sheets *t, const struct test_scene *scene, unsigned threads,
+                  struct sp_error *err) {
+    const struct sp_view *view = &scene->view;
+    sp_arena_init(&t->arena);
+    sheets_tables_init(&t->tables);
+    sp_camera_frame_init(&t->camera, &view->camera, view->size);
+    sp_shade_init(&t->shade, &t->camera, &view->shading);
+    t->pool = sp_pool_create(threads, err);
+    t->frames = t->pool ? sp_frame_pool_create(0, err) : NULL;
+    if (t->frames)
+        t->frame = sp_frame_create(t->frames, view->size[0], view->size[1], SP_RGBAF32, err);
+    t->volume = t->frame ? test_scene_volume(scene, err) : NULL;
+    t->job = (struct sp_backend_job){ .volume = t->volume, .view = view, .frame = t->frame };
+    return t->volume && classify(t, scene, err) && choose_modes(t, scene, err);
+}
+
+struct test_sheets *test_sheets_open(const struct test_scene *scene, unsigned threads,
+                                     struct sp_error *err) {
+    struct test_sheets *t = aligned_alloc(64, (sizeof *t + 63) & ~(size_t)63);
+    if (!t) {
+        sp_fail(err, SP_ERR_MEMORY, "", "sheets");
+        return NULL;
+    }
+    memset(t, 0, sizeof *t);
+    if (start(t, scene, threads, err))
+        return t;
+    test_sheets_close(t);
+    return NULL;
+}
+
+void test_sheets_close(struct test_sheets *t) {
+    free(t->modes);
+    if (t->classification.volume)
+        sp_classification_finish(&t->classification);
+    sp_volume_unref(&t->volume);
+    sp_frame_unref(&t->frame);
+    if (t->frames)
+        sp_frame_pool_destroy(&t->frames);
+    if (t->pool)
+        sp_pool_destroy(&t->pool);
+    sp_arena_finish(&t->arena);
+    free(t);
+}
+
+bool test_sheets_draw(struct test_sheets *t, test_tile_fn *tile, const atomic_bool *cancel,
+                      struct sp_error *err) {
+    const struct sp_level *level = &t->classification.levels[0];
+    bool is_lit = t->job.view->shading.mode == SP_SHADING_PHONG;
+    t->job.cancel = cancel;
+    sp_arena_reset(&t->arena);
+    memset(&t->frame->stats, 0, sizeof t->frame->stats);
+    struct sheets_frame frame = { .job = &t->job,
+                                  .tables = &t->tables,
+                                  .camera = &t->camera,
+                                  .shade = is_lit ? &t->shade : NULL,
+                                  .finest = level,
+                                  .level = level,
+                                  .ewa = &t->ewa,
+                                  .modes = t->modes,
+                                  .axis = t->axis,
+                                  .draw_tile = tile,
+                                  .pool = t->pool,
+                                  .arena = &t->arena };
+    return sheets_draw(&frame, err);
+}
