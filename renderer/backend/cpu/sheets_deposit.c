@@ -2,8 +2,15 @@
 #include "backend/cpu/sheets_tile.h"
 #include "splat/exp2.h"
 
+enum { PHASE_BITS = 8 };
+_Static_assert(SHEETS_PHASES == 1 << PHASE_BITS, "phases are the low bits of a place");
+
+typedef int32_t ivec4 __attribute__((vector_size(16)));
+
 struct chunk {
-    _Alignas(64) int32_t column[CHUNK], row[CHUNK]; /* of the voxel, 1/SHEETS_PHASES samples */
+    _Alignas(64) int32_t column[CHUNK], row[CHUNK]; /* the first of the samples that it reaches */
+    _Alignas(64) int32_t at[CHUNK];       /* of that sample, floats from the grid's first */
+    _Alignas(64) int32_t phase[2][CHUNK]; /* row of the tables, floats from the first */
     _Alignas(64) float gain[CHUNK];
     _Alignas(64) float delta[3][CHUNK]; /* of the variance: xx, yy, xy, samples² */
     _Alignas(64) float to_eye[3][CHUNK];
@@ -144,8 +151,14 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         sp_wide_mask own =
             in_range(column - r->own[0], r->own[2]) & in_range(row - r->own[1], r->own[3]);
         c->own |= sp_wide_mask_bits(own) << v;
-        sp_wide_int_store(&c->column[v], column + r->low[0]);
-        sp_wide_int_store(&c->row[v], row + r->low[1]);
+        column += r->low[0];
+        row += r->low[1];
+        sp_wide_int first = (column >> PHASE_BITS) - 1, top = (row >> PHASE_BITS) - 1;
+        sp_wide_int_store(&c->column[v], first);
+        sp_wide_int_store(&c->row[v], top);
+        sp_wide_int_store(&c->at[v], (top * SHEETS_PITCH + first) * 4);
+        sp_wide_int_store(&c->phase[0][v], (column & (SHEETS_PHASES - 1)) * 8);
+        sp_wide_int_store(&c->phase[1][v], (row & (SHEETS_PHASES - 1)) * 8);
         sp_wide fx = r->scale * inv, fx2 = fx * fx, lengths = sp_wide_all(1);
         if (r->perspective) {
             sp_wide most0 = sp_wide_all(r->ratio_max[0]), most1 = sp_wide_all(r->ratio_max[1]);
@@ -176,26 +189,26 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
     return inside & elements(n);
 }
 
-/* Adds voxel i of a chunk; returns whether there is anything to add. */
-static inline bool deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
-                           const struct sp_class *class, bool cross,
-                           float grid[SHEETS_GRID][SHEETS_PITCH][4]) {
+/* Adds voxel i of a chunk. */
+static inline void deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
+                           const struct sp_class *class, bool cross, float *grid) {
     enum { STRIDE = SHEETS_PITCH * 4 };
-    const float *sx = tables->spline[c->column[i] & (SHEETS_PHASES - 1)];
-    const float *sy = tables->spline[c->row[i] & (SHEETS_PHASES - 1)];
+    const float *sx = tables->spline[0] + c->phase[0][i];
+    const float *sy = tables->spline[0] + c->phase[1][i];
     vec4 wx = load4(sx) + c->delta[0][i] * load4(sx + 4);
     vec4 wy = load4(sy) + c->delta[1][i] * load4(sy + 4);
     vec4 sums;
     memcpy(&sums, class, sizeof sums); /* red, green, blue, depth */
-    float depth = sums[3] * c->gain[i];
-    sums[3] = 1;
+    float depth = sums[3];
+    sums = (vec4)(((ivec4)sums & (ivec4){ -1, -1, -1, 0 }) | (ivec4)(vec4){ 0, 0, 0, 1 });
     sp_wide value = repeat(sums * depth);
-    float *to = &grid[c->row[i] / SHEETS_PHASES - 1][c->column[i] / SHEETS_PHASES - 1][0];
+    wy *= c->gain[i];
     vec4 dx = wx, dy = wy;
     if (cross) {
-        dx = c->delta[2][i] * load4(tables->slope[c->column[i] & (SHEETS_PHASES - 1)]);
-        dy = load4(tables->slope[c->row[i] & (SHEETS_PHASES - 1)]);
+        dx = c->delta[2][i] * load4(tables->slope[0] + c->phase[0][i] / 2);
+        dy = load4(tables->slope[0] + c->phase[1][i] / 2) * c->gain[i];
     }
+    float *to = grid + c->at[i];
     for (int p = 0; p < VECTORS; p++) {
         sp_wide part = value * spread(wx, p), slant = cross ? value * spread(dx, p) : part;
         for (int y = 0; y < 4; y++) {
@@ -203,7 +216,13 @@ static inline bool deposit(const struct sheets_tables *tables, const struct chun
             sp_wide_store(to + y * STRIDE + p * W, cross ? sum + slant * dy[y] : sum);
         }
     }
-    return depth > 0;
+}
+
+/* Lists may hold voxels that nothing is seen of. */
+static inline uint32_t has_depth(const struct sp_class *class) {
+    int32_t bits; /* of a float that is not negative: compared without a vector register */
+    memcpy(&bits, &class->depth, sizeof bits);
+    return bits > 0;
 }
 
 /* 1 << n of each lane, n in [0, 30]: by way of a float's exponent. */
@@ -216,8 +235,7 @@ static inline void mark(struct sheets_open_tile *t, const struct chunk *c, uint3
     sp_wide_int columns = sp_wide_int_all(0), rows = columns;
     for (int v = 0; v < CHUNK; v += W) {
         sp_wide_int in = power_of_two(sp_wide_int_count() + v) & (int32_t)inside;
-        sp_wide_int x = sp_wide_int_load(&c->column[v]) / SHEETS_PHASES - 1;
-        sp_wide_int y = sp_wide_int_load(&c->row[v]) / SHEETS_PHASES - 1;
+        sp_wide_int x = sp_wide_int_load(&c->column[v]), y = sp_wide_int_load(&c->row[v]);
         sp_wide_int keep = (sp_wide_int)(in != 0);
         columns |= (power_of_two(x >> 2) | power_of_two((x + 3) >> 2)) & keep;
         rows |= (power_of_two(y >> 2) | power_of_two((y + 3) >> 2)) & keep;
@@ -249,7 +267,8 @@ static inline uint32_t deposit_keys(const struct sheets_open_tile *t, const stru
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m), k = chunk_order[i];
         uint32_t key = key_bytes == 1 ? key1[k] : key_bytes == 2 ? key2[k] : key4[k];
-        count += deposit(t->sheets->tables, c, i, &table[key], cross, t->s->grid) & c->own >> i;
+        deposit(t->sheets->tables, c, i, &table[key], cross, t->s->grid[0][0]);
+        count += has_depth(&table[key]) & c->own >> i;
     }
     return count;
 }
@@ -277,10 +296,11 @@ static uint32_t deposit_classes(const struct sheets_open_tile *t, const struct c
     uint32_t count = 0;
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m);
-        bool any = t->group.has_cross
-                       ? deposit(t->sheets->tables, c, i, &c->class[i], true, t->s->grid)
-                       : deposit(t->sheets->tables, c, i, &c->class[i], false, t->s->grid);
-        count += any & c->own >> i;
+        if (t->group.has_cross)
+            deposit(t->sheets->tables, c, i, &c->class[i], true, t->s->grid[0][0]);
+        else
+            deposit(t->sheets->tables, c, i, &c->class[i], false, t->s->grid[0][0]);
+        count += has_depth(&c->class[i]) & c->own >> i;
     }
     return count;
 }
