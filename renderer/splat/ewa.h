@@ -97,6 +97,7 @@ struct sp_ewa_frame {
     float near;
     float lowpass2;    /* h² [px²], at least SP_VARIANCE_MIN */
     bool post;         /* splats carry the scalar, not a colour */
+    float sigma;       /* of the kernel, voxels */
     float radius, cut; /* r, and ½·log2 e·r² */
     float gain;        /* depth of a class → τ, but for the footprint: unit/L */
     float peak;        /* of a footprint of unit variance: 1/(2π·(1 − e^{−r²/2})) */

@@ -36,14 +36,6 @@ struct block {
     double fragments; /* px of their footprints inside the picture */
 };
 
-/* A level of the pyramid: for bricks that are small enough in the picture, and for enlarged ones.
- */
-struct part {
-    const struct sp_level *level;
-    struct sp_ewa_frame ewa[2];
-    const uint8_t *modes[2]; /* by brick: adaptive; else NULL */
-};
-
 struct draw {
     const struct sp_backend_job *job;
     const struct cpu_kernels *kernels;
@@ -54,7 +46,7 @@ struct draw {
 
     struct sp_camera_frame camera;
     struct sp_detail detail;
-    struct part parts[SP_LEVELS];
+    struct cpu_part parts[SP_LEVELS];
     const struct sp_ewa_frame *ewa; /* of the finest level that is drawn */
     struct sp_shade shade;
     const struct sp_shade *shading; /* &shade, or NULL */
@@ -148,7 +140,7 @@ static void set_up_block(struct draw *d, size_t b) {
         const struct sp_run *from = &d->order.runs[k];
         while (k >= d->order.first[run.sheet + 1])
             run.sheet++;
-        const struct part *part = &d->parts[from->level];
+        const struct cpu_part *part = &d->parts[from->level];
         const uint8_t *modes = part->modes[from->is_enlarged];
         run.list = &part->level->visible;
         run.transfer = &part->level->transfer;
@@ -337,7 +329,7 @@ static const uint8_t *choose_modes(struct draw *d, unsigned level, bool enlarged
 /* Bricks of several levels are drawn in sheets of footprints; otherwise all are of one, the finest
  * that some brick needs. */
 static uint32_t levels_drawn(const struct draw *d) {
-    bool is_mixed = d->job->view->compositing.mode == SP_COMPOSITE_SHEET && !d->has_filters;
+    bool is_mixed = d->job->view->compositing.mode == SP_COMPOSITE_SHEET;
     return is_mixed ? d->detail.levels : 1u << d->finest;
 }
 
@@ -369,7 +361,7 @@ static bool make_parts(struct draw *d, struct sp_arena *arena, struct sp_error *
     uint32_t levels = levels_drawn(d);
     for (unsigned l = 0; levels >> l; l++)
         for (int enlarged = 0; levels >> l & 1 && enlarged < 2; enlarged++) {
-            struct part *part = &d->parts[l];
+            struct cpu_part *part = &d->parts[l];
             struct sp_ewa_frame *ewa = &part->ewa[enlarged];
             struct sp_view own = *view;
             part->level = &d->levels[l];
@@ -580,10 +572,9 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis,
                                   .camera = &d->camera,
                                   .shade =
                                       view->shading.mode == SP_SHADING_PHONG ? &d->shade : NULL,
-                                  .finest = &d->levels[0],
-                                  .level = d->level,
-                                  .ewa = d->ewa,
-                                  .modes = d->parts[d->finest].modes[is_enlarged(d)],
+                                  .grid = &d->levels[0].grid,
+                                  .parts = d->parts,
+                                  .detail = &d->detail,
                                   .axis = axis,
                                   .classify_ms = d->stage_ms[CLASSIFY],
                                   .draw_tile = state->kernels.sheets_tile,

@@ -143,7 +143,7 @@ bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b
         while (g->scale[a] < b->scale_max[a] &&
                v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
             g->scale[a]++;
-    float radius = sheets->levels[b->level].ewa.radius;
+    float radius = sheets_ewa(sheets, b)->radius;
     g->area = (float)M_PI * radius * radius * sqrtf(fmaxf(0, v[0] * v[1] - v[2] * v[2]));
     while (!find_filters(sheets, v, g)) {
         int a = g->scale[1] > g->scale[0];
@@ -256,9 +256,8 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
 }
 
 /* Pixels that a brick's voxels can reach; false when there are none in the picture. */
-static bool find_box(const struct sheets *sheets, float sigma, const float size[3],
-                     struct sheets_brick *b) {
-    const struct sp_ewa_frame *f = &sheets->levels[b->level].ewa;
+static bool find_box(const struct sheets *sheets, const float size[3], struct sheets_brick *b) {
+    const struct sp_ewa_frame *f = sheets_ewa(sheets, b);
     float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     float nearest = INFINITY, farthest = -INFINITY;
     for (int corner = 0; corner < 8; corner++) {
@@ -288,7 +287,7 @@ static bool find_box(const struct sheets *sheets, float sigma, const float size[
     }
     float v[3], most[2] = { b->range[1], b->range[1] };
     struct sheets_group group;
-    bool has_filter = choose_scales(sheets, sigma, b) &&
+    bool has_filter = choose_scales(sheets, f->sigma, b) &&
                       sheets_group_make(sheets, b, b->range, &group) &&
                       sheets_group_make(sheets, b, most, &group);
     variance_at(b, b->range[1], v);
@@ -315,8 +314,9 @@ static bool find_box(const struct sheets *sheets, float sigma, const float size[
 
 /* Largest depth of a class in each slice of the brick along the axis. */
 static void find_depths(const struct prepare *p, struct sheets_brick *b) {
-    const struct sp_level *level = p->frame->level;
+    const struct sp_level *level = sheets_level(p->sheets, b);
     const struct sp_visible *list = &level->visible;
+    float length = ldexpf(p->length, b->level);
     uint64_t first = list->first[b->brick];
     const uint16_t *start = list->start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
@@ -325,14 +325,14 @@ static void find_depths(const struct prepare *p, struct sheets_brick *b) {
             float depth = sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth;
             most = depth > most ? depth : most;
         }
-        b->depth[k] = most * p->length;
+        b->depth[k] = most * length;
     }
 }
 
 /* Length of a ray in one layer over the transfer function's reference, in the middle of the
  * picture. */
 static float layer_length(const struct sheets_frame *frame) {
-    const struct sp_grid *grid = &frame->level->grid;
+    const struct sp_grid *grid = frame->grid;
     struct sp_mat3 d;
     double det;
     for (int r = 0; r < 3; r++)
@@ -345,39 +345,52 @@ static float layer_length(const struct sheets_frame *frame) {
     return (float)(1 / (crossed * frame->job->view->transfer_function.reference_length));
 }
 
+/* Where the brick's first voxel lies, how far the last is from it in voxels, and u of its middle,
+ * which is not before the near plane. */
+static void place_brick(const struct sheets *sheets, struct sheets_brick *b, float size[3],
+                        float middle[3]) {
+    const struct sp_level *level = sheets_level(sheets, b);
+    const struct sp_ewa_frame *ewa = sheets_ewa(sheets, b);
+    uint32_t corner[3];
+    struct sp_ewa_brick place;
+    sp_visible_corner(&level->visible, b->brick, corner);
+    sp_ewa_brick_init(&place, ewa, corner);
+    memcpy(b->base, place.base, sizeof b->base);
+    for (int a = 0; a < 3; a++) {
+        uint32_t left = level->grid.dims[a] - corner[a];
+        size[a] = (float)(left < SP_BRICK ? left : SP_BRICK) - 1;
+    }
+    for (int r = 0; r < 3; r++) {
+        middle[r] = b->base[r];
+        for (int a = 0; a < 3; a++)
+            middle[r] += 0.5f * ewa->step[r][a] * size[a];
+    }
+    if (middle[2] < ewa->near)
+        middle[2] = ewa->near;
+}
+
 static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct prepare *p = user;
-    const struct sheets_level *l = &p->sheets->levels[0];
-    const struct sp_visible *list = &l->level->visible;
-    const struct sp_view *view = p->frame->job->view;
+    const struct sp_detail_brick *bricks = p->frame->detail->bricks;
     for (size_t i = begin; i < end; i++) {
-        p->sight[i] = false;
-        if (list->first[i] == list->first[i + 1])
-            continue;
         struct sheets_brick *b = &p->slots[i];
-        *b = (struct sheets_brick){ .brick = (uint32_t)i,
-                                    .mode = (uint8_t)(p->frame->modes ? p->frame->modes[i]
-                                                                      : view->filter.mode) };
-        uint32_t corner[3];
-        struct sp_ewa_brick place;
+        const struct cpu_part *part = &p->sheets->parts[bricks[i].level];
+        const uint64_t *first = &part->level->visible.first[bricks[i].brick];
+        const uint8_t *modes = part->modes[bricks[i].is_enlarged];
         float size[3], middle[3];
-        sp_visible_corner(list, b->brick, corner);
-        sp_ewa_brick_init(&place, &l->ewa, corner);
-        memcpy(b->base, place.base, sizeof b->base);
-        for (int a = 0; a < 3; a++) {
-            uint32_t left = l->level->grid.dims[a] - corner[a];
-            size[a] = (float)(left < SP_BRICK ? left : SP_BRICK) - 1;
-        }
-        for (int r = 0; r < 3; r++) {
-            middle[r] = b->base[r];
-            for (int a = 0; a < 3; a++)
-                middle[r] += 0.5f * l->ewa.step[r][a] * size[a];
-        }
-        if (middle[2] < l->ewa.near)
-            middle[2] = l->ewa.near;
-        find_variance(&l->ewa, b->mode, middle, b->spread, &b->scale, &b->lowpass2);
-        p->sight[i] = find_box(p->sheets, (float)sp_kernel_sigma(&view->filter), size, b);
+        p->sight[i] = false;
+        if (first[0] == first[1])
+            continue;
+        *b = (struct sheets_brick){ .brick = bricks[i].brick,
+                                    .level = bricks[i].level,
+                                    .is_enlarged = bricks[i].is_enlarged,
+                                    .mode = (uint8_t)(modes ? modes[bricks[i].brick]
+                                                            : p->frame->job->view->filter.mode) };
+        place_brick(p->sheets, b, size, middle);
+        find_variance(sheets_ewa(p->sheets, b), (enum sp_filter_mode)b->mode, middle, b->spread,
+                      &b->scale, &b->lowpass2);
+        p->sight[i] = find_box(p->sheets, size, b);
         if (p->sight[i])
             find_depths(p, b);
     }
@@ -458,7 +471,7 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
 
 /* The layer of each slice. */
 static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) {
-    const struct sp_grid *grid = &frame->level->grid;
+    const struct sp_grid *grid = frame->grid;
     uint32_t n = *count = grid->dims[frame->axis];
     uint32_t *slices = sp_arena_alloc(frame->arena, "order of sheets", n, sizeof *slices);
     uint32_t *layers = sp_arena_alloc(frame->arena, "order of sheets", n, sizeof *layers);
@@ -483,12 +496,11 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
                         .exact = exact,
                         .thin = exact ? 0 : 0.3f,
                         .smooth = exact ? 1.3f : 0.56f,
-                        .levels[0].level = frame->level,
+                        .parts = frame->parts,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
                         .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };
-    s.levels[0].ewa = *frame->ewa;
-    uint32_t bricks = sp_visible_bricks(&frame->level->visible);
-    s.levels[0].layer = make_layers(frame, &s.layers);
+    uint32_t bricks = frame->detail->count;
+    s.layer = make_layers(frame, &s.layers);
     s.bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s.bricks);
     struct prepare p = {
         .frame = frame, .sheets = &s, .slots = s.bricks, .length = layer_length(frame)

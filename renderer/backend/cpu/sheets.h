@@ -29,6 +29,7 @@
 #include "base/isa.h"
 #include "base/parallel_for.h"
 #include "classify/classification.h"
+#include "splat/detail.h"
 #include "splat/ewa.h"
 
 enum {
@@ -84,17 +85,19 @@ struct sheets_group {
     bool has_cross; /* deposits have to give the rest of it */
 };
 
-/* One level's lists, and what is needed to draw them. */
-struct sheets_level {
-    const struct sp_level *level;
-    struct sp_ewa_frame ewa;
-    const uint32_t *layer; /* of each slice of the level along the axis */
+/* A level of the pyramid: for bricks that are small enough in the picture, and for enlarged ones.
+ */
+struct cpu_part {
+    const struct sp_level *level; /* NULL = not drawn */
+    struct sp_ewa_frame ewa[2];
+    const uint8_t *modes[2]; /* by brick: adaptive; else NULL */
 };
 
 /* One brick that may be seen. */
 struct sheets_brick {
     uint32_t brick;
     uint8_t level, mode;    /* enum sp_filter_mode */
+    bool is_enlarged;       /* as in sp_detail_brick */
     uint8_t scale_max[2];   /* samples of 2^j px do not beat with the voxels up to this j */
     bool is_unfit;          /* no filter serves its footprints: they are drawn one by one */
     int16_t x0, y0, x1, y1; /* px that its voxels may reach, inside the picture */
@@ -129,7 +132,8 @@ struct sheets {
     float smooth; /* a sample is made wider while footprints keep that variance, samples² */
     unsigned axis;
     uint32_t layers;
-    struct sheets_level levels[SP_LEVELS];
+    const struct cpu_part *parts; /* [SP_LEVELS] */
+    const uint32_t *layer;        /* of each slice of the volume along the axis */
     struct sheets_brick *bricks;
     uint32_t brick_count;
     int columns, rows;              /* of tiles */
@@ -154,6 +158,17 @@ struct sheets_scratch {
 /* Draws one tile into the frame. */
 void sheets_tile(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
 
+/* What a brick is drawn with. */
+static inline const struct sp_level *sheets_level(const struct sheets *sheets,
+                                                  const struct sheets_brick *brick) {
+    return sheets->parts[brick->level].level;
+}
+
+static inline const struct sp_ewa_frame *sheets_ewa(const struct sheets *sheets,
+                                                    const struct sheets_brick *brick) {
+    return &sheets->parts[brick->level].ewa[brick->is_enlarged];
+}
+
 /* The filters for a brick's voxels from `range` on, with samples as wide as they allow; false when
  * there are none. */
 bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *brick,
@@ -169,10 +184,9 @@ struct sheets_frame {
     const struct sheets_tables *tables;
     const struct sp_camera_frame *camera;
     const struct sp_shade *shade;   /* NULL = none */
-    const struct sp_level *finest;  /* its grid's slices are the sheets */
-    const struct sp_level *level;   /* that is drawn */
-    const struct sp_ewa_frame *ewa; /* of it */
-    const uint8_t *modes;           /* by brick of it: adaptive; NULL = the view's for all */
+    const struct sp_grid *grid;     /* its slices are the sheets */
+    const struct cpu_part *parts;   /* [SP_LEVELS] */
+    const struct sp_detail *detail; /* the bricks */
     unsigned axis;
     double classify_ms; /* spent before, for the stats */
     void (*draw_tile)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);

@@ -40,12 +40,12 @@ struct run_frame {
 static void start_run(const struct sheets_open_tile *t, const struct sheets_run *run, bool all,
                       struct run_frame *r) {
     const struct sheets_brick *b = &t->sheets->bricks[run->brick];
-    const struct sheets_level *level = &t->sheets->levels[b->level];
-    const struct sp_ewa_frame *f = &level->ewa;
+    const struct sp_level *level = sheets_level(t->sheets, b);
+    const struct sp_ewa_frame *f = sheets_ewa(t->sheets, b);
     const struct sheets_group *g = &t->group;
     unsigned axis = t->sheets->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
-    r->list = &level->level->visible;
-    r->transfer = &level->level->transfer;
+    r->list = &level->visible;
+    r->transfer = &level->transfer;
     r->perspective = f->projection == SP_PERSPECTIVE;
     r->near = f->near;
     /* Elsewhere than at its ends a range is the brick's own: what rounding puts outside is in. */
@@ -468,14 +468,15 @@ static void add_footprint(struct sheets_open_tile *t, const struct sp_splat *spl
 void sheets_add_footprints(struct sheets_open_tile *t, const struct sheets_run *run) {
     enum { COUNT = 64 };
     const struct sheets_brick *b = &t->sheets->bricks[run->brick];
-    const struct sheets_level *level = &t->sheets->levels[b->level];
+    const struct sp_level *level = sheets_level(t->sheets, b);
+    const struct sp_ewa_frame *ewa = sheets_ewa(t->sheets, b);
     struct sp_splat splats[COUNT];
     struct sp_splats out = { .splat = splats };
-    const struct sp_visible *list = &level->level->visible;
+    const struct sp_visible *list = &level->visible;
     uint16_t local[COUNT];
     struct sp_ewa_run r = { .list = list,
                             .local = local,
-                            .transfer = &level->level->transfer,
+                            .transfer = &level->transfer,
                             .shade = t->sheets->shade,
                             .first = list->first[b->brick],
                             .mode = (enum sp_filter_mode)b->mode };
@@ -484,8 +485,8 @@ void sheets_add_footprints(struct sheets_open_tile *t, const struct sheets_run *
         r.begin = at;
         r.count = run->end - at < COUNT ? run->end - at : COUNT;
         sp_visible_locals(list, b->brick, NULL, r.begin, r.count, local);
-        uint32_t n = sp_ewa_set_up(&level->ewa, &r, &out);
+        uint32_t n = sp_ewa_set_up(ewa, &r, &out);
         for (uint32_t i = 0; i < n; i++)
-            add_footprint(t, &splats[i], level->ewa.cut);
+            add_footprint(t, &splats[i], ewa->cut);
     }
 }

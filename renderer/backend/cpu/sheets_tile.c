@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/cpu/sheets_tile.h"
+#include "tile/order.h"
 
 static uint32_t cells_of(const struct sheets_open_tile *t, const struct sheets_brick *b) {
     int x0 = b->x0 - t->x, y0 = b->y0 - t->y, x1 = b->x1 - 1 - t->x, y1 = b->y1 - 1 - t->y;
@@ -21,15 +22,16 @@ static void sort_runs(struct sheets_open_tile *t, uint32_t tile) {
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++) {
             const struct sheets_brick *b = &s->bricks[s->met[n]];
-            const struct sheets_level *level = &s->levels[b->level];
-            const uint16_t *start = level->level->visible.start[b->brick];
+            const struct sp_level *level = sheets_level(s, b);
+            const uint16_t *start = level->visible.start[b->brick];
             uint32_t corner[3];
-            sp_visible_corner(&level->level->visible, b->brick, corner);
+            sp_visible_corner(&level->visible, b->brick, corner);
             uint32_t cells = pass ? cells_of(t, b) : 0;
             for (int k = 0; k < SP_BRICK; k++) {
                 if (start[k] == start[k + 1] || !(b->depth[k] > 0))
                     continue;
-                uint32_t layer = level->layer[corner[s->axis] + (uint32_t)k];
+                uint32_t layer =
+                    sp_order_layer(s->layer, s->layers, b->level, corner[s->axis] + (uint32_t)k);
                 if (pass)
                     t->s->runs[starts[layer]++] =
                         (struct sheets_run){ .brick = s->met[n],
