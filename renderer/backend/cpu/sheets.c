@@ -312,7 +312,7 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     return true;
 }
 
-/* Largest depth of a class in each slice of the brick along the axis. */
+/* Largest depth of a class in each slice of the brick along the axis; of thick ones some. */
 static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const struct sp_level *level = sheets_level(p->sheets, b);
     const struct sp_visible *list = &level->visible;
@@ -321,7 +321,9 @@ static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const uint16_t *start = list->start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
         float most = 0;
-        for (uint64_t e = first + start[k]; e < first + start[k + 1]; e++) {
+        /* Beyond what is thin it does not matter how much. */
+        for (uint64_t e = first + start[k];
+             e < first + start[k + 1] && !(most * length > p->sheets->thin); e++) {
             float depth = sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth;
             most = depth > most ? depth : most;
         }
