@@ -77,21 +77,34 @@ void test_sheets_close(struct test_sheets *t) {
     free(t);
 }
 
+/* All bricks, of the finest level. */
+static bool choose_bricks(struct test_sheets *t) {
+    const struct sp_level *level = &t->classification.levels[0];
+    uint32_t count = sp_visible_bricks(&level->visible);
+    struct sp_detail_brick *bricks = sp_arena_alloc(&t->arena, "bricks", count, sizeof *bricks);
+    for (uint32_t i = 0; bricks && i < count; i++)
+        bricks[i] = (struct sp_detail_brick){ .brick = i };
+    t->detail = (struct sp_detail){ .bricks = bricks, .count = count, .levels = 1 };
+    t->parts[0] = (struct cpu_part){ .level = level, .ewa[0] = t->ewa, .modes[0] = t->modes };
+    return bricks;
+}
+
 bool test_sheets_draw(struct test_sheets *t, test_tile_fn *tile, const atomic_bool *cancel,
                       struct sp_error *err) {
     const struct sp_level *level = &t->classification.levels[0];
     bool is_lit = t->job.view->shading.mode == SP_SHADING_PHONG;
     t->job.cancel = cancel;
     sp_arena_reset(&t->arena);
+    if (!choose_bricks(t))
+        return sp_fail(err, SP_ERR_MEMORY, "", "sheets");
     memset(&t->frame->stats, 0, sizeof t->frame->stats);
     struct sheets_frame frame = { .job = &t->job,
                                   .tables = &t->tables,
                                   .camera = &t->camera,
                                   .shade = is_lit ? &t->shade : NULL,
-                                  .finest = level,
-                                  .level = level,
-                                  .ewa = &t->ewa,
-                                  .modes = t->modes,
+                                  .grid = &level->grid,
+                                  .parts = t->parts,
+                                  .detail = &t->detail,
                                   .axis = t->axis,
                                   .draw_tile = tile,
                                   .pool = t->pool,

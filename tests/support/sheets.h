@@ -23,6 +23,8 @@ struct test_sheets {
     struct sp_camera_frame camera;
     struct sp_shade shade;
     struct sp_ewa_frame ewa;
+    struct cpu_part parts[SP_LEVELS];
+    struct sp_detail detail;
     struct sheets_tables tables;
     unsigned axis;
     uint8_t *modes; /* adaptive; else NULL */
