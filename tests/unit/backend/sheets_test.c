@@ -133,8 +133,9 @@ static void every_footprint_has_filters_or_none(void **state) {
     srand(21);
     unsigned made = 0;
     for (int n = 0; n < 200000; n++) {
+        const struct cpu_part part = { .ewa[0].radius = 3 };
         struct sheets s = {
-            .tables = t, .exact = n % 2, .smooth = n % 2 ? 1.3f : 0.56f, .levels[0].ewa.radius = 3
+            .tables = t, .exact = n % 2, .smooth = n % 2 ? 1.3f : 0.56f, .parts = &part
         };
         double spread = pow(10, uniform(-4, 6)), longer = n % 3 ? 1 : pow(10, uniform(0, 4));
         double v[3] = { spread, spread * longer };
@@ -212,7 +213,7 @@ static bool is_met(const struct sheets *s, int column, int row, uint32_t brick) 
 static void check_brick(const struct sheets *s, uint32_t brick, struct count *count) {
     enum { COUNT = 256 };
     const struct test_sheets *t = test_sheets_of(s);
-    const struct sp_level *level = s->levels[0].level;
+    const struct sp_level *level = s->parts[0].level;
     const struct sp_visible *list = &level->visible;
     uint32_t entries = (uint32_t)(list->first[brick + 1] - list->first[brick]);
     static struct sp_splat splats[COUNT];
@@ -228,7 +229,7 @@ static void check_brick(const struct sheets *s, uint32_t brick, struct count *co
     for (; run.begin < entries; run.begin += COUNT) {
         run.count = entries - run.begin < COUNT ? entries - run.begin : COUNT;
         sp_visible_locals(list, brick, NULL, run.begin, run.count, local);
-        uint32_t n = sp_ewa_set_up(&s->levels[0].ewa, &run, &out);
+        uint32_t n = sp_ewa_set_up(&s->parts[0].ewa[0], &run, &out);
         for (uint32_t i = 0; i < n; i++)
             for (int r = splats[i].y0 / SHEETS_TILE; r <= (splats[i].y1 - 1) / SHEETS_TILE; r++)
                 for (int c = splats[i].x0 / SHEETS_TILE; c <= (splats[i].x1 - 1) / SHEETS_TILE;
@@ -243,7 +244,7 @@ static void check_lists(const struct sheets *s, struct sheets_scratch *scratch, 
     (void)scratch;
     struct count *count = test_sheets_of(s)->user;
     atomic_fetch_add(&count->tiles, 1);
-    for (uint32_t b = 0; tile == 0 && b < sp_visible_bricks(&s->levels[0].level->visible); b++)
+    for (uint32_t b = 0; tile == 0 && b < sp_visible_bricks(&s->parts[0].level->visible); b++)
         check_brick(s, b, count);
 }
 
