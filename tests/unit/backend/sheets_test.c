@@ -172,7 +172,8 @@ static void a_group_serves_its_range(void **state) {
     struct sheets_tables *t = make_tables();
     srand(22);
     for (int n = 0; n < 20000; n++) {
-        struct sheets s = { .tables = t, .exact = n % 2, .smooth = 1.3f };
+        const struct cpu_part part = { .ewa[0].radius = 3 };
+        struct sheets s = { .tables = t, .exact = n % 2, .smooth = 1.3f, .parts = &part };
         struct sheets_brick b = { .scale = 1,
                                   .spread = { (float)uniform(0.5, 9), (float)uniform(0.5, 9) },
                                   .scale_max = { 6, 6 } };
