@@ -18,6 +18,7 @@ static double init_kernel(struct sp_ewa_frame *frame, const struct sp_filter *fi
     } else {
         peak = 1 / (2 * M_PI * -expm1(-0.5 * radius * radius));
     }
+    frame->sigma = (float)sigma;
     frame->radius = (float)radius;
     frame->cut = (float)(0.5 * radius * radius) * SP_LOG2E;
     frame->peak = (float)peak;
