@@ -229,7 +229,9 @@ static inline void composite(const struct sheets_open_tile *t, int y, int x,
                              const sp_wide sums[4]) {
     sp_wide p[4];
     planes(sums, p);
-    if (!sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), p[3])))
+    /* A deposit that is narrower than its B-spline is negative beside it. */
+    sp_wide_mask any = sp_wide_lt(sp_wide_all(0), p[3]);
+    if (!sp_wide_mask_bits(any))
         return;
     float(*done)[SHEETS_TILE][SHEETS_TILE] = t->s->done;
     sp_wide through = sp_wide_load(&done[3][y][x]), depth = sp_wide_max(p[3], sp_wide_all(0)), pass,
@@ -244,7 +246,7 @@ static inline void composite(const struct sheets_open_tile *t, int y, int x,
                            (1.0f - e) * reciprocal(sp_wide_max(depth, sp_wide_all(0.01f))));
         pass = sp_wide_max(1.0f - depth * f, sp_wide_all(0));
     }
-    f *= through;
+    f = sp_wide_keep(any, f * through);
     for (int c = 0; c < 3; c++)
         sp_wide_store(&done[c][y][x], sp_wide_load(&done[c][y][x]) + f * p[c]);
     sp_wide_store(&done[3][y][x], through * pass);
