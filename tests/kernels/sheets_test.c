@@ -19,6 +19,7 @@
 #include "backend/cpu/kernels.h"
 #include "support/formula.h"
 #include "support/image.h"
+#include "support/render.h"
 #include "support/sheets.h"
 
 enum { GUARD = 4096, SETS = 8, SCENES = 160 };
@@ -309,10 +310,158 @@ static void tiles_have_no_seams(void **state) {
     }
 }
 
+/* Anything valid that a camera may be: in the volume, against a voxel, almost 180° wide, in units
+ * of nanometres and of astronomers. */
+static void make_extreme(struct test_scene *s, int n) {
+    static const double units[] = { 1, 1e-6, 1e6, 1e-9, 1e9 };
+    struct sp_view *v = &s->view;
+    double density = uniform(0.02, 1), unit = units[n % 5], eye[3];
+    test_view_init(v);
+    test_scene_points(s, (const double[][5]){ { 19, 1, 1, 1, 0 }, { 20, 0, 1, 1, 0.999 } }, 2);
+    assert_true(test_scene_voxels(
+        s, "extreme",
+        (uint32_t[]){ 1 + (uint32_t)uniform(0, 40), 1 + (uint32_t)uniform(0, 40),
+                      1 + (uint32_t)uniform(0, 40) },
+        (double[]){ unit, unit * pow(10, uniform(-2, 2)), unit * pow(10, uniform(-1, 1)) },
+        n % 3 ? SP_UINT8 : SP_FLOAT32, sparse, &density));
+    test_scene_direction(s, (double[]){ uniform(-180, 180), uniform(-180, 180), 0 }, n % 2 ? 1 : -1,
+                         uniform(-2, 2));
+    const struct sp_grid *grid = &s->info.grid;
+    for (int a = 0; a < 3; a++)
+        eye[a] = unit * uniform(-1, 1) * grid->dims[a];
+    test_scene_orbit(s, eye, uniform(-180, 180), uniform(-89, 89),
+                     unit * pow(10, uniform(-3, n % 4 ? 2 : 6)));
+    v->size[0] = 1 + (uint32_t)uniform(0, 150);
+    v->size[1] = 1 + (uint32_t)uniform(0, 150);
+    v->camera.projection = n % 4 == 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
+    v->camera.height = unit * pow(10, uniform(-3, 4));
+    v->camera.fov_y = n % 3 ? 170 : uniform(1, 170);
+    v->camera.near = unit * (n % 7 ? 1e-3 : 3);
+    v->transfer_function.reference_length = unit * pow(10, uniform(-3, 3));
+    v->filter.mode = (enum sp_filter_mode)(n % 5); /* all but none */
+    v->filter.sigma = n % 6 ? uniform(0.3, 2) : 2;
+    v->filter.lowpass = n % 6 == 1 ? 0 : uniform(0, 4);
+    v->compositing.attenuation = n % 2 ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
+    v->shading.mode = n % 4 == 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
+}
+
+static void extreme_cameras_give_a_picture(void **state) {
+    (void)state;
+    struct cpu_kernels sets[SETS];
+    unsigned count = find_sets(sets), drawn = 0;
+    if (!count)
+        skip();
+    srand(32);
+    for (int n = 0; n < 300; n++) {
+        struct test_scene scene;
+        struct test_image image;
+        struct sp_error err;
+        struct drawing seen = { .kernels = &sets[(unsigned)n % count] };
+        make_extreme(&scene, n);
+        if (!sp_view_validate(&scene.view, &err))
+            fail_msg("scene %d: %s: %s", n, err.place, err.text);
+        struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+        if (!t)
+            fail_msg("scene %d: %s", n, err.text);
+        draw(t, t->frame, &seen);
+        drawn += t->frame->stats.splats > 0;
+        assert_true(test_image_from_frame(&image, t->frame));
+        for (size_t k = 0; k < (size_t)image.width * image.height * 4; k++)
+            if (!(image.rgba[k] > -1e-4 && (image.rgba[k] < 1.0001 || k % 4 < 3) &&
+                  isfinite(image.rgba[k])))
+                fail_msg("scene %d: channel %zu of pixel %zu is %g", n, k % 4, k / 4,
+                         image.rgba[k]);
+        test_image_finish(&image);
+        test_sheets_close(t);
+        test_scene_finish(&scene);
+    }
+    print_message("  %u of 300 show something\n", drawn);
+    assert_true(drawn > 100);
+}
+
+static void draw_plainly(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+    const struct drawing *d = test_sheets_of(s)->user;
+    d->kernels->sheets_tile(s, scratch, tile);
+}
+
+/* Which thread draws a tile, and what it has drawn before, is not seen. */
+static void threads_do_not_matter(void **state) {
+    (void)state;
+    struct cpu_kernels sets[SETS];
+    unsigned count = find_sets(sets);
+    if (!count)
+        skip();
+    srand(33);
+    for (int n = 0; n < 24; n++) {
+        struct test_scene scene;
+        struct sp_error err;
+        struct drawing d = { .kernels = &sets[(unsigned)n % count] };
+        struct test_sheets *t[2];
+        make_scene(&scene, n);
+        scene.view.size[0] = 330;
+        scene.view.size[1] = 270;
+        scene.view.filter.mode = n % 2 ? SP_FILTER_ADAPTIVE : SP_FILTER_EWA;
+        for (int k = 0; k < 2; k++) {
+            t[k] = test_sheets_open(&scene, k ? 5 : 1, &err);
+            assert_non_null(t[k]);
+            t[k]->user = &d;
+            assert_true(test_sheets_draw(t[k], draw_plainly, NULL, &err));
+        }
+        assert_true(test_frames_equal(t[0]->frame, t[1]->frame));
+        assert_true(t[0]->frame->stats.splats == t[1]->frame->stats.splats);
+        assert_true(t[0]->frame->stats.fragments == t[1]->frame->stats.fragments);
+        for (int k = 0; k < 2; k++)
+            test_sheets_close(t[k]);
+        test_scene_finish(&scene);
+    }
+}
+
+/* What the kernel sees is cancelled once a tile has begun. */
+struct late {
+    const struct cpu_kernels *kernels;
+    atomic_bool cancel;
+    uint64_t splats;
+};
+
+static void cancel_and_draw(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+    struct late *late = test_sheets_of(s)->user;
+    atomic_store(&late->cancel, true);
+    late->kernels->sheets_tile(s, scratch, tile);
+    late->splats += scratch->splats;
+}
+
+static void a_tile_stops_when_cancelled(void **state) {
+    (void)state;
+    struct cpu_kernels sets[SETS];
+    unsigned count = find_sets(sets);
+    struct test_scene scene;
+    struct sp_error err;
+    if (!count)
+        skip();
+    srand(34);
+    make_scene(&scene, 2);
+    for (unsigned i = 0; i < count; i++) {
+        struct drawing d = { .kernels = &sets[i] };
+        struct late late = { .kernels = &sets[i] };
+        struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+        assert_non_null(t);
+        t->user = &d;
+        assert_true(test_sheets_draw(t, draw_plainly, NULL, &err));
+        assert_true(t->frame->stats.splats > 0);
+        t->user = &late;
+        assert_false(test_sheets_draw(t, cancel_and_draw, &late.cancel, &err));
+        assert_int_equal(err.code, SP_ERR_CANCELLED);
+        assert_true(late.splats == 0); /* no layer after the one in progress */
+        test_sheets_close(t);
+    }
+    test_scene_finish(&scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tiles_are_what_the_formulas_say),
-        cmocka_unit_test(tiles_have_no_seams),
+        cmocka_unit_test(tiles_are_what_the_formulas_say), cmocka_unit_test(tiles_have_no_seams),
+        cmocka_unit_test(extreme_cameras_give_a_picture),  cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(a_tile_stops_when_cancelled),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
