@@ -192,40 +192,63 @@ static float sinc(float x) {
     return fabsf(x) < 1e-3f ? 1 : sinf(x) / x;
 }
 
-/* Voxels at equal distances and the grid's samples beat. How much of a constant field that leaves
- * along one axis: `pitch` is the voxels' distance in samples, `rest` the variance of the filter. */
-static float beat(float pitch, float rest, bool interpolated) {
-    float omega = 2 * (float)M_PI / pitch, alias = omega - 2 * (float)M_PI * roundf(1 / pitch);
-    if (omega <= (float)M_PI)
-        return 0; /* the grid resolves them */
+/* What a grid of samples lets through of one component of a wave, and as what: deposit, filter of
+ * variance `rest` and interpolation of its alias. `omega` is per sample. */
+static float response(float omega, float rest, bool interpolated) {
+    float alias = omega - 2 * (float)M_PI * roundf(omega / (2 * (float)M_PI));
     float b = sinc(0.5f * omega), c = interpolated ? sinc(0.5f * alias) : 1;
     return b * b * b * b * expf(-0.5f * rest * alias * alias) * c * c * c;
 }
 
-/* How wide samples may be before they beat; false when even pixels do. */
-static bool choose_scales(const struct sheets *sheets, float sigma, struct sheets_brick *b) {
-    float v[3], w = sqrtf(b->range[0] * b->range[1]);
-    variance_at(b, w, v);
+/* The voxels of a sheet are a lattice too, and beat with the samples. How much of a constant field
+ * comes out as waves, at most; step: of the lattice's two axes in the picture, px. */
+static float beat(const float step[2][2], const float v[3], const int scale[2]) {
+    float det = step[0][0] * step[1][1] - step[0][1] * step[1][0], sum = 0;
+    float waves[4][2]; /* of the lattice: the reciprocal vectors and their sum and difference */
     for (int a = 0; a < 2; a++) {
-        float pitch = sqrtf(fmaxf(v[a] - b->lowpass2, 1e-6f)) / sigma;
-        int best = -1;
-        for (int j = 0; j < SHEETS_SCALES; j++) {
-            float size = (float)(1 << j), rest = v[a] / (size * size) - (j ? 7.0f / 12 : 1.0f / 3);
-            if (j > 0 && v[a] < sheets->smooth * size * size)
-                break;
-            if (beat(pitch / size, fmaxf(rest, 0), j > 0) <= (j ? 0.001f : 0.002f))
-                best = j;
-        }
-        if (best < 0)
-            return false;
-        b->scale_max[a] = (uint8_t)best;
+        float turn = (a ? -2 : 2) * (float)M_PI / det;
+        waves[0][a] = turn * step[1][!a];
+        waves[1][a] = -turn * step[0][!a];
+        waves[2][a] = waves[0][a] + waves[1][a];
+        waves[3][a] = waves[0][a] - waves[1][a];
     }
-    return true;
+    for (int k = 0; k < 4; k++) {
+        float share = 2;
+        bool aliased = false;
+        for (int a = 0; a < 2; a++) {
+            float size = (float)(1 << scale[a]), omega = waves[k][a] * size;
+            float rest = v[a] / (size * size) - (scale[a] ? 7.0f / 12 : 1.0f / 3);
+            share *= response(omega, fmaxf(rest, 0), scale[a] > 0);
+            aliased |= fabsf(omega) > (float)M_PI;
+        }
+        sum += aliased ? share : 0; /* what the samples resolve belongs to the footprints */
+    }
+    return isfinite(sum) ? sum : 0;
+}
+
+/* Waves that are let through of a constant field, by whether the filter is exact; of pixels. */
+static const float most_beat[2] = { 0.012f, 0.004f }, most_beat_of_pixels = 0.008f;
+
+/* How wide samples may be before they beat; false when even pixels do. */
+static bool choose_scales(const struct sheets *sheets, struct sheets_brick *b) {
+    float v[3], w = sqrtf(b->range[0] * b->range[1]);
+    int scale[2] = { 0, 0 };
+    variance_at(b, w, v);
+    for (int a = 0; a < 2; a++)
+        while (scale[a] + 1 < SHEETS_SCALES && v[a] >= sheets->smooth * (float)(4 << 2 * scale[a]))
+            scale[a]++;
+    while ((scale[0] || scale[1]) && beat(b->step, v, scale) > most_beat[sheets->exact])
+        scale[scale[1] > scale[0]]--;
+    b->scale_max[0] = (uint8_t)scale[0];
+    b->scale_max[1] = (uint8_t)scale[1];
+    return scale[0] || scale[1] || beat(b->step, v, scale) <= most_beat_of_pixels;
 }
 
 /* What a brick says of its footprints: those at u. */
-static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, const float u[3],
-                          float v[3], float *scale, float *lowpass2) {
+static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, unsigned axis,
+                          const float u[3], struct sheets_brick *b) {
+    float *v = b->spread, *scale = &b->scale, *lowpass2 = &b->lowpass2;
+    unsigned across[2] = { axis == 0, axis == 2 ? 1 : 2 };
     float t[2] = { 0, 0 }, fx = f->scale, m[2][3];
     if (f->projection == SP_PERSPECTIVE) {
         fx /= u[2];
@@ -235,6 +258,9 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
     for (int i = 0; i < 2; i++)
         for (int a = 0; a < 3; a++)
             m[i][a] = fx * (f->kernel[i][a] - t[i] * f->kernel[2][a]);
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 2; i++)
+            b->step[k][i] = fx * (f->step[i][across[k]] - t[i] * f->step[2][across[k]]);
     v[0] = m[0][0] * m[0][0] + m[0][1] * m[0][1] + m[0][2] * m[0][2];
     v[1] = m[1][0] * m[1][0] + m[1][1] * m[1][1] + m[1][2] * m[1][2];
     v[2] = m[0][0] * m[1][0] + m[0][1] * m[1][1] + m[0][2] * m[1][2];
@@ -287,8 +313,7 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     }
     float v[3], most[2] = { b->range[1], b->range[1] };
     struct sheets_group group;
-    bool has_filter = choose_scales(sheets, f->sigma, b) &&
-                      sheets_group_make(sheets, b, b->range, &group) &&
+    bool has_filter = choose_scales(sheets, b) && sheets_group_make(sheets, b, b->range, &group) &&
                       sheets_group_make(sheets, b, most, &group);
     variance_at(b, b->range[1], v);
     int box[2][2];
@@ -390,8 +415,8 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
                                     .mode = (uint8_t)(modes ? modes[bricks[i].brick]
                                                             : p->frame->job->view->filter.mode) };
         place_brick(p->sheets, b, size, middle);
-        find_variance(sheets_ewa(p->sheets, b), (enum sp_filter_mode)b->mode, middle, b->spread,
-                      &b->scale, &b->lowpass2);
+        find_variance(sheets_ewa(p->sheets, b), (enum sp_filter_mode)b->mode, p->sheets->axis,
+                      middle, b);
         p->sight[i] = find_box(p->sheets, size, b);
         if (p->sight[i])
             find_depths(p, b);

@@ -104,6 +104,7 @@ struct sheets_brick {
     float base[3];          /* u of its first voxel, cells */
     float range[2];         /* of 1/u2 of its voxels, orthographic: 1 [1/cells] */
     float spread[3];        /* of the footprint, times u2²: xx, yy, xy [px²], without … */
+    float step[2][2];       /* of the slices' axes in the picture, there [px] */
     float lowpass2;         /* … this much of low-pass filter, px² */
     float scale;            /* what V̂ was multiplied by: swan; 0 = lowpass */
     float depth[SP_BRICK];  /* most that each of its slices can add to a pixel */
