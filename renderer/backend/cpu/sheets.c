@@ -202,7 +202,7 @@ static float response(float omega, float rest, bool interpolated) {
 
 /* The voxels of a sheet are a lattice too, and beat with the samples. How much of a constant field
  * comes out as waves, at most; step: of the lattice's two axes in the picture, px. */
-static float beat(const float step[2][2], const float v[3], const int scale[2]) {
+static float beat(const float (*step)[2], const float v[3], const int scale[2]) {
     float det = step[0][0] * step[1][1] - step[0][1] * step[1][0], sum = 0;
     float waves[4][2]; /* of the lattice: the reciprocal vectors and their sum and difference */
     for (int a = 0; a < 2; a++) {
