@@ -14,7 +14,7 @@
 
 /* Filter, low-pass, compositing, slab, cutoff, attenuation, floor, measured, apart. */
 static const struct manifest_row constant_cube[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 69.1, 69.59, 85.5 },
+    { EWA, 0, SHEET, 0, 0, 0, 69.1, 69.59, 71 },
     { EWA, 1, SHEET, 0, 0, 0, 59.0, 59.51, 69.5 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 59.0, 59.51, 69.5 },
     { EWA, 0, SPLAT, 0, 0, 0, 69.1, 69.59, 0 },
@@ -23,7 +23,7 @@ static const struct manifest_row constant_cube[] = {
 };
 
 static const struct manifest_row thin_shells[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 57.8, 58.30, 75.5 },    { EWA, 1, SHEET, 0, 0, 0, 41.5, 42.05, 59 },
+    { EWA, 0, SHEET, 0, 0, 0, 57.8, 58.30, 71 },      { EWA, 1, SHEET, 0, 0, 0, 41.5, 42.05, 59 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 41.5, 42.05, 59 }, { EWA, 0, SPLAT, 0, 0, 0, 57.8, 58.31, 0 },
     { EWA, 0, SLAB, 1, 0, 0, 57.8, 58.31, 0 },        { EWA, 1, SLAB, 1, 0, 0, 41.5, 42.04, 0 },
 };
@@ -90,10 +90,10 @@ static const struct manifest_row blobs[] = {
     { EWA, 0, SLAB, 1, 2, 0, 51.8, 52.31, 0 },
     { EWA, 0, SLAB, 0.5, 2, 0, 51.8, 52.34, 0 },
     { EWA, 0, SPLAT, 0, 4, 0, 72.0, 72.51, 0 },
-    { EWA, 0, SHEET, 0, 4, 0, 64.8, 65.26, 94 },
+    { EWA, 0, SHEET, 0, 4, 0, 64.8, 65.26, 91 },
     { EWA, 0, SLAB, 1, 4, 0, 74.3, 74.79, 0 },
     { EWA, 0, SLAB, 0.5, 4, 0, 74.4, 74.89, 0 },
-    { EWA, 0.3, SHEET, 0, 0, 0, 63.5, 63.99, 82 },
+    { EWA, 0.3, SHEET, 0, 0, 0, 63.5, 63.99, 78.5 },
     { EWA, 0.3, SLAB, 0.5, 0, 0, 67.9, 68.40, 0 },
     { EWA, 0.55, SHEET, 0, 0, 0, 62.0, 62.48, 74.5 },
     { EWA, 0.55, SLAB, 0.5, 0, 0, 64.5, 65.03, 0 },
@@ -114,13 +114,13 @@ static const struct manifest_row orthographic[] = {
 };
 
 static const struct manifest_row rotated[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 62.3, 62.81, 69 },      { EWA, 1, SHEET, 0, 0, 0, 50.3, 50.76, 65.5 },
+    { EWA, 0, SHEET, 0, 0, 0, 62.3, 62.81, 67 },      { EWA, 1, SHEET, 0, 0, 0, 50.3, 50.76, 65.5 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 50.3, 50.76, 64 }, { EWA, 0, SPLAT, 0, 0, 0, 59.2, 59.68, 0 },
     { EWA, 0, SLAB, 1, 0, 0, 62.6, 63.12, 0 },        { EWA, 1, SLAB, 1, 0, 0, 49.8, 50.27, 0 },
 };
 
 static const struct manifest_row left_handed[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 63.5, 63.98, 70.5 },
+    { EWA, 0, SHEET, 0, 0, 0, 63.5, 63.98, 69.8 },
     { EWA, 1, SHEET, 0, 0, 0, 52.7, 53.22, 66.5 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 52.7, 53.22, 65.5 },
     { EWA, 0, SPLAT, 0, 0, 0, 60.3, 60.84, 0 },
@@ -129,7 +129,7 @@ static const struct manifest_row left_handed[] = {
 };
 
 static const struct manifest_row sheared[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 60.0, 60.48, 88.5 },    { EWA, 1, SHEET, 0, 0, 0, 46.1, 46.62, 79.5 },
+    { EWA, 0, SHEET, 0, 0, 0, 60.0, 60.48, 79 },      { EWA, 1, SHEET, 0, 0, 0, 46.1, 46.62, 79.5 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 46.1, 46.62, 78 }, { EWA, 0, SPLAT, 0, 0, 0, 56.7, 57.24, 0 },
     { EWA, 0, SLAB, 1, 0, 0, 60.6, 61.08, 0 },        { EWA, 1, SLAB, 1, 0, 0, 46.0, 46.45, 0 },
 };
@@ -147,7 +147,7 @@ static const struct manifest_row wide_kernel[] = {
 };
 
 static const struct manifest_row lit_shell[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 46.3, 46.81, 91.5 },
+    { EWA, 0, SHEET, 0, 0, 0, 46.3, 46.81, 84.5 },
     { EWA, 1, SHEET, 0, 0, 0, 37.4, 37.89, 82.5 },
     { ADAPTIVE, 1, SHEET, 0, 0, 0, 37.4, 37.89, 79.5 },
     { EWA, 0, SPLAT, 0, 0, 0, 50.2, 50.72, 0 },
