@@ -240,7 +240,7 @@ static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker)
     struct draw *d = user;
     struct sp_frame *frame = d->job->frame;
     const float *background = d->job->view->background;
-    for (size_t t = begin; t < end; t++) {
+    for (size_t t = begin; t < end && !is_cancelled(d); t++) {
         struct sp_tile *tile = &d->grid.tiles[t];
         d->kernels->tile_close(tile, &d->blend);
         int left = (int)frame->width - tile->x, below = (int)frame->height - tile->y;
