@@ -166,14 +166,45 @@ int sheets_group_fits(const struct sheets_group *g, const struct sheets_brick *b
     return low <= range[0] && high >= range[1] ? 2 : 1;
 }
 
-bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
+/* Whether the plane n·t ≥ offset leaves every kernel of the grid whole. */
+static bool is_beyond(const double normal[3], double offset, const struct sp_grid *grid,
+                      const struct sp_filter *filter) {
+    double largest = fmax(fabs(normal[0]), fmax(fabs(normal[1]), fabs(normal[2])));
+    double lowest = 0, length2 = 0, spacing2 = 0;
+    for (int r = 0; r < 3; r++) {
+        lowest += normal[r] / largest * grid->origin[r];
+        length2 += normal[r] / largest * (normal[r] / largest);
+    }
+    for (unsigned a = 0; a < 3; a++) {
+        double extent[2], along = 0;
+        sp_grid_extent(grid, a, extent);
+        for (int r = 0; r < 3; r++)
+            along += normal[r] / largest * grid->direction[r][a];
+        lowest += fmin(along * extent[0], along * extent[1]);
+        spacing2 += grid->spacing[a] * grid->spacing[a];
+    }
+    double reach = fmax(4 * sp_kernel_sigma(filter), sp_kernel_reach(filter));
+    return lowest - offset / largest >= reach * sqrt(spacing2 * length2);
+}
+
+/* Whether anything is clipped. A plane that is far enough away is none, so that it does not change
+ * how the picture is drawn. */
+static bool is_cut(const struct sp_view *view, const struct sp_grid *grid) {
     const struct sp_clip *clip = &view->clip;
-    bool is_whole = clip->plane_count == 0;
     for (int a = 0; a < 3; a++)
-        is_whole = is_whole && clip->box[0][a] <= 0 && clip->box[1][a] >= 1;
+        if (clip->box[0][a] > 0 || clip->box[1][a] < 1)
+            return true;
+    for (uint32_t i = 0; i < clip->plane_count; i++)
+        if (!is_beyond(clip->planes[i].normal, clip->planes[i].offset, grid, &view->filter))
+            return true;
+    return false;
+}
+
+bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
     return view->compositing.mode == SP_COMPOSITE_SHEET &&
            view->filter.kernel == SP_KERNEL_GAUSSIAN && view->filter.mode != SP_FILTER_NONE &&
-           view->transfer_function.order == SP_TF_PRE && is_whole && !sp_grid_is_rectilinear(grid);
+           view->transfer_function.order == SP_TF_PRE && !sp_grid_is_rectilinear(grid) &&
+           !is_cut(view, grid);
 }
 
 /* A brick whose voxels are that much nearer and farther sees them from too many sides for one
