@@ -312,6 +312,19 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
         v[i] *= *scale * w2;
 }
 
+/* Whether there are filters for all of a brick's voxels. Where samples get wider, or with a
+ * diagonal, the nearest and the farthest do not speak for those between. */
+static bool has_filters(const struct sheets *sheets, const struct sheets_brick *b) {
+    enum { STEPS = 16 };
+    struct sheets_group group;
+    bool is_plain = fabsf(b->spread[2]) <= 0.5f * small_cross * fminf(b->spread[0], b->spread[1]);
+    float step = powf(b->range[1] / b->range[0], 1.0f / STEPS), w = b->range[0];
+    for (int k = 0; k <= STEPS && !is_plain; k++, w *= step)
+        if (!sheets_group_make(sheets, b, (float[2]){ w, w }, &group))
+            return false;
+    return sheets_group_make(sheets, b, b->range, &group);
+}
+
 /* Pixels that a brick's voxels can reach; false when there are none in the picture. */
 static bool find_box(const struct sheets *sheets, const float size[3], struct sheets_brick *b) {
     const struct sp_ewa_frame *f = sheets_ewa(sheets, b);
@@ -344,7 +357,7 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     }
     float v[3], most[2] = { b->range[1], b->range[1] };
     struct sheets_group group;
-    bool has_filter = choose_scales(sheets, b) && sheets_group_make(sheets, b, b->range, &group) &&
+    bool has_filter = choose_scales(sheets, b) && has_filters(sheets, b) &&
                       sheets_group_make(sheets, b, most, &group);
     variance_at(b, b->range[1], v);
     int box[2][2];

@@ -119,8 +119,16 @@ static void draw_layer(struct sheets_open_tile *t, struct sheets_run *runs, uint
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
-        if (!t->is_open)
-            t->is_open = sheets_start_group(t, runs, count);
+        if (!t->is_open && !sheets_start_group(t, runs, count)) {
+            /* find_box() looked closely, but not at every distance. */
+            several = true;
+            if (runs[0].range[0] <= t->sheets->bricks[runs[0].brick].range[0])
+                sheets_add_footprints(t, &runs[0]);
+            runs[0] = runs[--count];
+            sift(t, runs, &count);
+            continue;
+        }
+        t->is_open = true;
         for (uint32_t i = 0; i < count; i++) {
             int part =
                 sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick], runs[i].range);
