@@ -559,13 +559,14 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
     struct sp_frame_stats *stats = &frame->job->frame->stats;
     double clock = sp_clock_ms();
     bool exact = view->filter.mode != SP_FILTER_ADAPTIVE;
+    bool linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
     struct sheets s = { .job = frame->job,
                         .tables = frame->tables,
                         .shade = frame->shade,
-                        .linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+                        .linear = linear,
                         .axis = frame->axis,
                         .exact = exact,
-                        .thin = exact ? 0 : 0.3f,
+                        .thin = exact || linear ? 0 : 0.3f, /* linear depths do not add up */
                         .smooth = exact ? 1.3f : 0.56f,
                         .parts = frame->parts,
                         .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,

@@ -414,6 +414,35 @@ static void endless_work_can_be_cancelled(void **state) {
     finish_rig(&rig);
 }
 
+/* Adaptive may join thin sheets, which must not be seen whatever attenuates them. */
+static void thin_sheets_attenuate_alike(void **state) {
+    (void)state;
+    for (int linear = 0; linear < 2; linear++) {
+        struct rig rig = make_rig("cpu", 2, make_ball(48, (double[3]){ 1, 1, 1 }));
+        rig.view.shading.mode = SP_SHADING_NONE;
+        rig.view.compositing.attenuation =
+            linear ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
+        for (uint32_t i = 0; i < rig.view.transfer_function.point_count; i++)
+            rig.view.transfer_function.points[i].opacity *= 0.03f;
+        rig.view.filter.mode = SP_FILTER_EWA;
+        struct sp_frame *ewa = draw(&rig, SP_RGBAF32);
+        rig.view.filter.mode = SP_FILTER_ADAPTIVE;
+        struct sp_frame *adaptive = draw(&rig, SP_RGBAF32);
+        float most = 0;
+        for (uint32_t y = 0; y < ewa->height; y++)
+            for (uint32_t x = 0; x < ewa->width; x++)
+                for (int c = 0; c < 3; c++) {
+                    float a = pixel(ewa, x, y)[c], b = pixel(adaptive, x, y)[c];
+                    most = fmaxf(most, a);
+                    assert_true(fabsf(a - b) < 0.006f);
+                }
+        assert_true(most > 0.1f); /* there is something to attenuate */
+        sp_frame_unref(&ewa);
+        sp_frame_unref(&adaptive);
+        finish_rig(&rig);
+    }
+}
+
 static void one_voxel_has_its_analytic_depth(void **state) {
     (void)state;
     struct rig rig = make_rig("cpu", 1, make_voxel());
@@ -536,6 +565,7 @@ int main(void) {
         cmocka_unit_test(edited_pictures_are_fresh_pictures),
         cmocka_unit_test(lists_are_cut_down_when_edits_stop),
         cmocka_unit_test(endless_work_can_be_cancelled),
+        cmocka_unit_test(thin_sheets_attenuate_alike),
         cmocka_unit_test(one_voxel_has_its_analytic_depth),
         cmocka_unit_test(odd_sizes_and_places_are_drawn),
         cmocka_unit_test(bands_leave_no_seam),
