@@ -18,6 +18,15 @@
 #include "import/launch.h"
 #include "import/limits.h"
 
+#if defined(__SANITIZE_THREAD__)
+/* As in encode/oiio.c: OpenImageIO's spin locks, which TSan cannot see. This is a program of its
+ * own. */
+__attribute__((visibility("default"))) const char *__tsan_default_suppressions(void);
+const char *__tsan_default_suppressions(void) {
+    return "called_from_lib:libOpenImageIO_Util.so\n";
+}
+#endif
+
 struct job {
     struct import_file file;
     const struct import_format *format;
