@@ -200,11 +200,14 @@ static bool is_cut(const struct sp_view *view, const struct sp_grid *grid) {
     return false;
 }
 
+/* Filters reach three deviations and farther: nearer cuts of the Gaussian are not theirs. */
+static const double least_cutoff = 3;
+
 bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
     return view->compositing.mode == SP_COMPOSITE_SHEET &&
            view->filter.kernel == SP_KERNEL_GAUSSIAN && view->filter.mode != SP_FILTER_NONE &&
-           view->transfer_function.order == SP_TF_PRE && !sp_grid_is_rectilinear(grid) &&
-           !is_cut(view, grid);
+           view->filter.cutoff >= least_cutoff && view->transfer_function.order == SP_TF_PRE &&
+           !sp_grid_is_rectilinear(grid) && !is_cut(view, grid);
 }
 
 /* A brick whose voxels are that much nearer and farther sees them from too many sides for one

@@ -18,6 +18,9 @@
  * one that the filter was made for goes into its deposit, to first order: B-spline plus ½ δ times
  * its second derivative. So footprints stay exact from voxel to voxel, and tiles have no seams.
  *
+ * Nothing is cut at the view's cutoff: from 3 on what lies beyond is too little to matter (54 dB
+ * and more on scans, 44 at 2.5), and views whose kernels end nearer are not drawn so.
+ *
  * A tile draws alone: no records, no sorting, no step that waits for other tiles. Bricks that only
  * meet pixels that are opaque already are never set up.
  */

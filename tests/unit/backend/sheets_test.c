@@ -335,7 +335,7 @@ static void views_with_footprints_are_left_to_them(void **state) {
     srand(25);
     make_scene(&s, 1);
     assert_true(sheets_can(&s.view, &s.info.grid));
-    for (int k = 0; k < 7; k++) {
+    for (int k = 0; k < 8; k++) {
         view = s.view;
         struct sp_grid grid = s.info.grid;
         if (k == 0)
@@ -352,6 +352,8 @@ static void views_with_footprints_are_left_to_them(void **state) {
             view.clip.box[1][2] = 0.75;
         if (k == 6)
             grid.coordinates[0] = even;
+        if (k == 7)
+            view.filter.cutoff = 2.9;
         assert_false(sheets_can(&view, &grid));
     }
     test_scene_finish(&s);
