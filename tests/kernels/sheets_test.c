@@ -416,6 +416,70 @@ static void threads_do_not_matter(void **state) {
     }
 }
 
+/* Bricks drawn otherwise than they were prepared: one by one, or as if they had filters. */
+struct forced {
+    const struct cpu_kernels *kernels;
+    bool is_unfit;
+};
+
+static void draw_forced(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+    const struct forced *forced = test_sheets_of(s)->user;
+    size_t bytes = s->brick_count * sizeof *s->bricks;
+    struct sheets own = *s;
+    own.bricks = malloc(bytes);
+    assert_non_null(own.bricks);
+    memcpy(own.bricks, s->bricks, bytes);
+    for (uint32_t i = 0; i < s->brick_count; i++) {
+        own.bricks[i].is_unfit = forced->is_unfit;
+        own.bricks[i].scale_max[0] = own.bricks[i].scale_max[1] = 0;
+    }
+    forced->kernels->sheets_tile(&own, scratch, tile);
+    free(own.bricks);
+}
+
+/* Samples that may not be wider than pixels serve the far voxels of a brick and not the near ones,
+ * or none of them: what they leave is drawn one by one, each voxel once. */
+static void what_filters_leave_is_drawn(void **state) {
+    (void)state;
+    struct cpu_kernels sets[SETS];
+    unsigned count = find_sets(sets);
+    double lowest = INFINITY;
+    if (!count)
+        skip();
+    srand(35);
+    for (int n = 0; n < 24; n++) {
+        struct test_scene scene;
+        struct test_image images[2];
+        struct sp_error err;
+        double density = 0.3;
+        make_scene(&scene, n);
+        free(scene.voxels);
+        assert_true(test_scene_voxels(&scene, "near", (uint32_t[]){ 30, 30, 20 },
+                                      (double[]){ 1, 1, 1 }, SP_UINT8, sparse, &density));
+        test_scene_orbit(&scene, NULL, uniform(-40, 40), uniform(-40, 40), 50);
+        scene.view.camera.projection = SP_PERSPECTIVE;
+        scene.view.camera.fov_y = 360 / M_PI * atan(0.5 * scene.view.size[1] / (50 * 3.5));
+        scene.view.filter.mode = SP_FILTER_EWA;
+        scene.view.filter.sigma = uniform(0.5, 1.2);
+        for (int k = 0; k < 2; k++) {
+            struct forced forced = { .kernels = &sets[(unsigned)n % count], .is_unfit = k };
+            struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+            assert_non_null(t);
+            t->user = &forced;
+            assert_true(test_sheets_draw(t, draw_forced, NULL, &err));
+            assert_true(t->frame->stats.splats > 0);
+            assert_true(test_image_from_frame(&images[k], t->frame));
+            test_sheets_close(t);
+        }
+        lowest = fmin(lowest, test_image_psnr(&images[0], &images[1]));
+        for (int k = 0; k < 2; k++)
+            test_image_finish(&images[k]);
+        test_scene_finish(&scene);
+    }
+    print_message("  %.2f dB from footprints\n", lowest);
+    assert_true(lowest > FORMULA_FLOOR);
+}
+
 /* What the kernel sees is cancelled once a tile has begun. */
 struct late {
     const struct cpu_kernels *kernels;
@@ -459,8 +523,11 @@ static void a_tile_stops_when_cancelled(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tiles_are_what_the_formulas_say), cmocka_unit_test(tiles_have_no_seams),
-        cmocka_unit_test(extreme_cameras_give_a_picture),  cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(tiles_are_what_the_formulas_say),
+        cmocka_unit_test(tiles_have_no_seams),
+        cmocka_unit_test(extreme_cameras_give_a_picture),
+        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(what_filters_leave_is_drawn),
         cmocka_unit_test(a_tile_stops_when_cancelled),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

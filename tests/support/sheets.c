@@ -109,5 +109,6 @@ bool test_sheets_draw(struct test_sheets *t, test_tile_fn *tile, const atomic_bo
                                   .draw_tile = tile,
                                   .pool = t->pool,
                                   .arena = &t->arena };
-    return sheets_draw(&frame, err);
+    struct sheets sheets;
+    return sheets_prepare(&frame, &sheets, err) && sheets_draw(&frame, &sheets, err);
 }

@@ -560,8 +560,8 @@ static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
         stats->stages[i] = (struct sp_stage_time){ names[i], d->stage_ms[i] };
 }
 
-/* Post-convolved: see sheets.h. */
-static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis,
+/* Post-convolved: see sheets.h; *drawn says whether that pays. */
+static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, bool *drawn,
                         struct sp_error *err) {
     const struct sp_view *view = d->job->view;
     struct sp_frame_stats *stats = &d->job->frame->stats;
@@ -580,9 +580,16 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis,
                                   .draw_tile = state->kernels.sheets_tile,
                                   .pool = d->pool,
                                   .arena = &state->arena };
+    struct sheets sheets;
+    if (!sheets_prepare(&frame, &sheets, err))
+        return false;
+    *drawn = sheets_pay(&sheets);
+    d->stage_ms[SPLAT] += sheets.prepare_ms;
+    if (!*drawn)
+        return true;
     stats->coarse = d->coarse;
     stats->visible_voxels = d->coarse ? d->level->visible.count : d->visible;
-    return sheets_draw(&frame, err);
+    return sheets_draw(&frame, &sheets, err);
 }
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
@@ -593,8 +600,11 @@ bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct 
     if (!choose_level(&d, state, &axis, err))
         return false;
     add_time(&d, CLASSIFY, clock);
-    if (d.has_filters)
-        return draw_sheets(&d, state, axis, err);
+    bool drawn = false;
+    if (d.has_filters && !draw_sheets(&d, state, axis, &drawn, err))
+        return false;
+    if (drawn)
+        return true;
     clock = sp_clock_ms();
     if (!prepare(&d, state, axis, err))
         return false;

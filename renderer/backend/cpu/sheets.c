@@ -360,14 +360,14 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     }
     float v[3], most[2] = { b->range[1], b->range[1] };
     struct sheets_group group;
-    bool has_filter = choose_scales(sheets, b) && has_filters(sheets, b) &&
-                      sheets_group_make(sheets, b, most, &group);
+    b->is_unfit = b->range[1] > uneven * b->range[0] || !choose_scales(sheets, b) ||
+                  !has_filters(sheets, b) || !sheets_group_make(sheets, b, most, &group);
     variance_at(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
         /* Another group of the tile may have one tap more, and wider samples. */
         float reach = 4 * f->radius * sqrtf(v[i]);
-        if (has_filter)
+        if (!b->is_unfit)
             reach =
                 1.15f * (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] - SHEETS_TILE;
         box[0][i] = near ? 0 : (int)fmaxf(0, fminf(low[i] - reach, 16384));
@@ -380,7 +380,6 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     b->y0 = (int16_t)box[0][1];
     b->x1 = (int16_t)box[1][0];
     b->y1 = (int16_t)box[1][1];
-    b->is_unfit = !has_filter || b->range[1] > uneven * b->range[0];
     return true;
 }
 
@@ -470,7 +469,12 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
     }
 }
 
-/* Which bricks each tile meets. */
+static double count_voxels(const struct sheets *s, const struct sheets_brick *b) {
+    const uint64_t *first = &sheets_level(s, b)->visible.first[b->brick];
+    return (double)(first[1] - first[0]);
+}
+
+/* Which bricks each tile meets, and how many voxels tiles have to look at. */
 static bool meet_tiles(struct sheets *s, struct sp_arena *arena) {
     uint32_t tiles = (uint32_t)(s->columns * s->rows);
     s->first = sp_arena_alloc(arena, "bricks of tiles", tiles + (size_t)2, sizeof *s->first);
@@ -481,6 +485,9 @@ static bool meet_tiles(struct sheets *s, struct sp_arena *arena) {
         for (uint32_t i = 0; i < s->brick_count; i++) {
             const struct sheets_brick *b = &s->bricks[i];
             int c1 = (b->x1 - 1) / SHEETS_TILE, r1 = (b->y1 - 1) / SHEETS_TILE;
+            int met = (c1 - b->x0 / SHEETS_TILE + 1) * (r1 - b->y0 / SHEETS_TILE + 1);
+            if (pass)
+                s->work[b->is_unfit] += (double)met * count_voxels(s, b);
             for (int r = b->y0 / SHEETS_TILE; r <= r1; r++)
                 for (int c = b->x0 / SHEETS_TILE; c <= c1; c++) {
                     uint32_t t = (uint32_t)(r * s->columns + c);
@@ -557,28 +564,27 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
     return layers;
 }
 
-bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
+bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
     const struct sp_view *view = frame->job->view;
-    struct sp_frame_stats *stats = &frame->job->frame->stats;
     double clock = sp_clock_ms();
     bool exact = view->filter.mode != SP_FILTER_ADAPTIVE;
     bool linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
-    struct sheets s = { .job = frame->job,
-                        .tables = frame->tables,
-                        .shade = frame->shade,
-                        .linear = linear,
-                        .axis = frame->axis,
-                        .exact = exact,
-                        .thin = exact || linear ? 0 : 0.3f, /* linear depths do not add up */
-                        .smooth = exact ? 1.3f : 0.56f,
-                        .parts = frame->parts,
-                        .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
-                        .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };
+    *s = (struct sheets){ .job = frame->job,
+                          .tables = frame->tables,
+                          .shade = frame->shade,
+                          .linear = linear,
+                          .axis = frame->axis,
+                          .exact = exact,
+                          .thin = exact || linear ? 0 : 0.3f, /* linear depths do not add up */
+                          .smooth = exact ? 1.3f : 0.56f,
+                          .parts = frame->parts,
+                          .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
+                          .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };
     uint32_t bricks = frame->detail->count;
-    s.layer = make_layers(frame, &s.layers);
-    s.bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s.bricks);
+    s->layer = make_layers(frame, &s->layers);
+    s->bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s->bricks);
     struct prepare p = {
-        .frame = frame, .sheets = &s, .slots = s.bricks, .length = layer_length(frame)
+        .frame = frame, .sheets = s, .slots = s->bricks, .length = layer_length(frame)
     };
     p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *p.sight);
     if (frame->arena->failed)
@@ -586,23 +592,38 @@ bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err) {
     sp_parallel_for(frame->pool, bricks, 64, prepare_bricks, &p);
     for (uint32_t i = 0; i < bricks; i++) {
         if (p.sight[i])
-            s.bricks[s.brick_count++] = s.bricks[i];
+            s->bricks[s->brick_count++] = s->bricks[i];
     }
-    if (!meet_tiles(&s, frame->arena) ||
-        !allocate_scratch(&s, sp_pool_threads(frame->pool), frame->arena))
+    if (!meet_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
-    double ready = sp_clock_ms();
-    struct tiles tiles = { &s, frame->draw_tile };
-    sp_parallel_for(frame->pool, (size_t)(s.columns * s.rows), 1, draw_tiles, &tiles);
+    s->prepare_ms = sp_clock_ms() - clock;
+    return true;
+}
+
+/* A footprint costs a tile so much more than a deposit that this share of them is half of the time.
+ */
+static const double most_unfit = 1.0 / 32;
+
+bool sheets_pay(const struct sheets *s) {
+    return s->work[1] <= most_unfit * (s->work[0] + s->work[1]);
+}
+
+bool sheets_draw(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
+    struct sp_frame_stats *stats = &frame->job->frame->stats;
+    double clock = sp_clock_ms();
+    if (!allocate_scratch(s, sp_pool_threads(frame->pool), frame->arena))
+        return fail_memory(frame->arena, err);
+    struct tiles tiles = { s, frame->draw_tile };
+    sp_parallel_for(frame->pool, (size_t)(s->columns * s->rows), 1, draw_tiles, &tiles);
     if (sp_job_is_cancelled(frame->job))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     for (unsigned w = 0; w < sp_pool_threads(frame->pool); w++) {
-        stats->splats += s.scratch[w].splats;
-        stats->fragments += s.scratch[w].fragments;
+        stats->splats += s->scratch[w].splats;
+        stats->fragments += s->scratch[w].fragments;
     }
     stats->stage_count = 3;
     stats->stages[0] = (struct sp_stage_time){ "classify", frame->classify_ms };
-    stats->stages[1] = (struct sp_stage_time){ "splat", ready - clock };
-    stats->stages[2] = (struct sp_stage_time){ "tile", sp_clock_ms() - ready };
+    stats->stages[1] = (struct sp_stage_time){ "splat", s->prepare_ms };
+    stats->stages[2] = (struct sp_stage_time){ "tile", sp_clock_ms() - clock };
     return true;
 }

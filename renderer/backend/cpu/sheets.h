@@ -140,9 +140,11 @@ struct sheets {
     const uint32_t *layer;        /* of each slice of the volume along the axis */
     struct sheets_brick *bricks;
     uint32_t brick_count;
-    int columns, rows;              /* of tiles */
-    uint32_t *first;                /* [tiles + 1]: what a tile meets */
-    uint32_t *met;                  /* bricks */
+    int columns, rows; /* of tiles */
+    uint32_t *first;   /* [tiles + 1]: what a tile meets */
+    uint32_t *met;     /* bricks */
+    double work[2];    /* voxels that tiles meet: with filters, and one by one */
+    double prepare_ms;
     struct sheets_scratch *scratch; /* by worker */
 };
 
@@ -201,7 +203,14 @@ struct sheets_frame {
 /* Whether the view asks for something that this can draw. */
 bool sheets_can(const struct sp_view *view, const struct sp_grid *grid);
 
+/* Finds the bricks that may be seen and the tiles that they meet; SP_ERR_MEMORY. */
+bool sheets_prepare(const struct sheets_frame *frame, struct sheets *sheets, struct sp_error *err);
+
+/* Whether so many bricks have filters that a frame drawn by tiles is sooner done than one whose
+ * footprints are all set up once and sorted: not where the eye is close to the voxels. */
+bool sheets_pay(const struct sheets *sheets);
+
 /* Draws all of it and adds to the stats; SP_ERR_MEMORY, SP_ERR_CANCELLED. */
-bool sheets_draw(const struct sheets_frame *frame, struct sp_error *err);
+bool sheets_draw(const struct sheets_frame *frame, struct sheets *sheets, struct sp_error *err);
 
 #endif

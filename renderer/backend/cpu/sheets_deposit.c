@@ -120,6 +120,19 @@ static inline sp_wide_mask in_range(sp_wide_int a, int32_t end) {
     return sp_wide_int_lt(sp_wide_int_all(-1), a) & sp_wide_int_lt(a, sp_wide_int_all(end));
 }
 
+/* u of W voxels at places of the slice, and 1/u2. */
+static inline sp_wide locate(const struct run_frame *r, sp_wide_int at, sp_wide u[3]) {
+    sp_wide i0 = sp_wide_from_int(at & 15), i1 = sp_wide_from_int(at >> 4);
+    for (int a = 0; a < 3; a++)
+        u[a] = r->base[a] + r->step[0][a] * i0 + r->step[1][a] * i1;
+    return r->perspective ? reciprocal(sp_wide_max(u[2], sp_wide_all(r->near))) : sp_wide_all(1);
+}
+
+/* Those in the range of 1/u2: what one group leaves, another finds, to the last bit. */
+static inline sp_wide_mask in_part(const struct run_frame *r, sp_wide inv) {
+    return sp_wide_le(sp_wide_all(r->range[0]), inv) & sp_wide_lt(inv, sp_wide_all(r->range[1]));
+}
+
 /* Where the voxels lie, and what their footprints are. Returns those that matter to the tile. */
 static inline uint32_t place_chunk(const struct run_frame *r, const struct sheets_group *g,
                                    const uint8_t *places, uint32_t n, bool shaded,
@@ -127,14 +140,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
     c->own = 0;
     uint32_t inside = 0;
     for (int v = 0; v < CHUNK; v += W) {
-        sp_wide_int at = read_places(places, v);
-        sp_wide i0 = sp_wide_from_int(at & 15), i1 = sp_wide_from_int(at >> 4);
-        sp_wide u[3];
-        for (int a = 0; a < 3; a++)
-            u[a] = r->base[a] + r->step[0][a] * i0 + r->step[1][a] * i1;
-        sp_wide inv = sp_wide_all(1);
-        if (r->perspective)
-            inv = reciprocal(sp_wide_max(u[2], sp_wide_all(r->near)));
+        sp_wide u[3], inv = locate(r, read_places(places, v), u);
         sp_wide t0 = u[0] * inv, t1 = u[1] * inv;
         sp_wide x = r->focal[0] * t0 + r->centre[0], y = r->focal[1] * t1 + r->centre[1];
         /* From the first sample that matters on; whatever lies far outside does not fit. */
@@ -142,8 +148,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         sp_wide_mask mask = sp_wide_le(sp_wide_all(r->near), u[2]) & in_range(column, r->columns) &
                             in_range(row, r->rows);
         if (r->is_part)
-            mask = mask & sp_wide_le(sp_wide_all(r->range[0]), inv) &
-                   sp_wide_lt(inv, sp_wide_all(r->range[1]));
+            mask = mask & in_part(r, inv);
         uint32_t in = sp_wide_mask_bits(mask);
         if (!in)
             continue;
@@ -465,26 +470,49 @@ static void add_footprint(struct sheets_open_tile *t, const struct sp_splat *spl
     }
 }
 
+/* Entries of the brick that are still to be drawn, from *at on; at most `most`, a multiple of
+ * CHUNK.
+ */
+static uint32_t find_entries(const struct run_frame *r, const struct sheets_run *run,
+                             uint64_t first, uint32_t *at, uint32_t most, uint16_t *entries) {
+    uint32_t count = 0;
+    for (; *at < run->end && count + CHUNK <= most; *at += CHUNK) {
+        uint32_t left = run->end - *at, wanted = elements(left < CHUNK ? left : CHUNK), part = 0;
+        for (int v = 0; v < CHUNK; v += W) {
+            sp_wide u[3], inv = locate(r, read_places(r->list->place + first + *at, v), u);
+            part |= sp_wide_mask_bits(in_part(r, inv)) << v;
+        }
+        if (r->is_part)
+            wanted &= part;
+        for (; wanted; wanted &= wanted - 1)
+            entries[count++] = (uint16_t)(*at + chunk_order[__builtin_ctz(wanted)]);
+    }
+    return count;
+}
+
 void sheets_add_footprints(struct sheets_open_tile *t, const struct sheets_run *run) {
-    enum { COUNT = 64 };
+    enum { COUNT = 4 * CHUNK };
     const struct sheets_brick *b = &t->sheets->bricks[run->brick];
     const struct sp_level *level = sheets_level(t->sheets, b);
     const struct sp_ewa_frame *ewa = sheets_ewa(t->sheets, b);
     struct sp_splat splats[COUNT];
     struct sp_splats out = { .splat = splats };
     const struct sp_visible *list = &level->visible;
-    uint16_t local[COUNT];
+    uint16_t local[COUNT], entries[COUNT];
     struct sp_ewa_run r = { .list = list,
                             .local = local,
                             .transfer = &level->transfer,
                             .shade = t->sheets->shade,
                             .first = list->first[b->brick],
+                            .order = entries,
                             .mode = (enum sp_filter_mode)b->mode };
+    struct run_frame frame;
+    start_run(t, run, true, &frame);
     sp_visible_corner(list, b->brick, r.brick);
-    for (uint32_t at = run->begin; at < run->end; at += COUNT) {
-        r.begin = at;
-        r.count = run->end - at < COUNT ? run->end - at : COUNT;
-        sp_visible_locals(list, b->brick, NULL, r.begin, r.count, local);
+    /* They may be wide: so few at a time that a cancelled frame is soon left. */
+    for (uint32_t at = run->begin; at < run->end && !sp_job_is_cancelled(t->sheets->job);) {
+        r.count = find_entries(&frame, run, r.first, &at, COUNT, entries);
+        sp_visible_locals(list, b->brick, entries, 0, r.count, local);
         uint32_t n = sp_ewa_set_up(ewa, &r, &out);
         for (uint32_t i = 0; i < n; i++)
             add_footprint(t, &splats[i], ewa->cut);

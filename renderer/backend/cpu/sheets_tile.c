@@ -74,16 +74,21 @@ static void flush(struct sheets_open_tile *t) {
     t->pending = 0;
 }
 
+/* How much of a run the open group serves: sheets_group_fits(). */
+static int fit_part(const struct sheets_open_tile *t, const struct sheets_run *run) {
+    return t->is_open ? sheets_group_fits(&t->group, &t->sheets->bricks[run->brick], run->range)
+                      : 0;
+}
+
 /* Drops the runs that only meet opaque cells, and says whether what is pending has a filter for all
  * the others. The one with the farthest voxels comes first. */
 static bool sift(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t *count) {
     uint32_t n = 0;
-    bool fits = t->is_open;
+    bool fits = true;
     for (uint32_t i = 0; i < *count; i++) {
         if (!(runs[i].cells & t->alive))
             continue;
-        fits = fits && !t->sheets->bricks[runs[i].brick].is_unfit &&
-               sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick], runs[i].range) == 2;
+        fits = fits && !t->sheets->bricks[runs[i].brick].is_unfit && fit_part(t, &runs[i]) == 2;
         runs[n] = runs[i];
         if (runs[n].range[0] < runs[0].range[0]) {
             struct sheets_run first = runs[n];
@@ -119,21 +124,15 @@ static void draw_layer(struct sheets_open_tile *t, struct sheets_run *runs, uint
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
-        if (!t->is_open && !sheets_start_group(t, runs, count)) {
-            /* find_box() looked closely, but not at every distance. */
-            several = true;
-            if (runs[0].range[0] <= t->sheets->bricks[runs[0].brick].range[0])
-                sheets_add_footprints(t, &runs[0]);
-            runs[0] = runs[--count];
-            sift(t, runs, &count);
-            continue;
-        }
-        t->is_open = true;
+        t->is_open = t->is_open || sheets_start_group(t, runs, count);
         for (uint32_t i = 0; i < count; i++) {
-            int part =
-                sheets_group_fits(&t->group, &t->sheets->bricks[runs[i].brick], runs[i].range);
-            if (i == 0 && part == 0)
-                continue; /* cannot be: the group was made for it */
+            int part = fit_part(t, &runs[i]);
+            if (i == 0 && part == 0) {
+                /* find_box() looked closely, but not at every distance. */
+                sheets_add_footprints(t, &runs[i]);
+                several = true;
+                continue;
+            }
             if (part)
                 sheets_add_run(t, &runs[i], part == 2);
             if (part == 2)

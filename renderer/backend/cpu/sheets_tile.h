@@ -146,7 +146,7 @@ bool sheets_start_group(struct sheets_open_tile *tile, const struct sheets_run *
 /* Deposits the voxels of a run, or those in the group's range alone. */
 void sheets_add_run(struct sheets_open_tile *tile, const struct sheets_run *run, bool all);
 
-/* Adds a run's footprints to the layer's sum one by one. */
+/* Adds the footprints of a run, or of what is left of it, to the layer's sum one by one. */
 void sheets_add_footprints(struct sheets_open_tile *tile, const struct sheets_run *run);
 
 /* Filters what was deposited into the picture, if it is the last group of its layer, or into the

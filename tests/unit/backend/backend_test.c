@@ -252,8 +252,8 @@ static void the_steady_state_allocates_nothing(void **state) {
     struct cpu_state *cpu_state = pointer;
     struct sp_camera camera = rig.view.camera;
     uint64_t arena = 0, frames = 0;
-    for (int k = 0; k < 24; k++) { /* around all three major axes, near and far */
-        double angle = k * 0.7, distance = k % 5 == 4 ? 12 : 100;
+    for (int k = 0; k < 24; k++) { /* around all three major axes, far and near */
+        double angle = k * 0.7, distance = k % 5 == 1 ? 12 : 100;
         for (int i = 0; i < 3; i++)
             rig.view.camera.position[i] =
                 camera.target[i] + distance * (i == 0   ? cos(angle)
@@ -264,7 +264,7 @@ static void the_steady_state_allocates_nothing(void **state) {
         struct sp_backend_job job = { .volume = rig.volume, .view = &rig.view, .frame = frame };
         assert_true(cpu->render(pointer, &job, &err));
         sp_frame_unref(&frame);
-        if (k == 2) { /* the third frame joins what the first two allocated */
+        if (k == 2) { /* the third frame joins what the first two, far and near, allocated */
             arena = cpu_state->arena.system_allocations;
             frames = sp_frame_pool_allocations(rig.pool);
         }
