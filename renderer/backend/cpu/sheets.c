@@ -219,6 +219,7 @@ struct prepare {
     struct sheets *sheets;
     struct sheets_brick *slots; /* by brick of the level */
     float length;               /* of a ray in a layer, reference lengths */
+    float deepest;              /* of the transfer function, over one of them */
     bool *sight;                /* by brick: it may be seen */
 };
 
@@ -360,7 +361,7 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     }
     float v[3], most[2] = { b->range[1], b->range[1] };
     struct sheets_group group;
-    b->is_unfit = b->range[1] > uneven * b->range[0] || !choose_scales(sheets, b) ||
+    b->is_unfit = b->is_unfit || b->range[1] > uneven * b->range[0] || !choose_scales(sheets, b) ||
                   !has_filters(sheets, b) || !sheets_group_make(sheets, b, most, &group);
     variance_at(b, b->range[1], v);
     int box[2][2];
@@ -383,23 +384,46 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     return true;
 }
 
-/* Largest depth of a class in each slice of the brick along the axis; of thick ones some. */
+/* Filters do not end at the cutoff: at three deviations there is 1.1 % of so much depth left, which
+ * shows. */
+static const float most_depth = 6;
+
+/* What a footprint's depth is at its centre over that of a layer of its like, where that is more:
+ * footprints that leave gaps. */
+static float find_peak(const struct sheets_brick *b) {
+    float v[3], cell = fabsf(b->step[0][0] * b->step[1][1] - b->step[0][1] * b->step[1][0]);
+    variance_at(b, sqrtf(b->range[0] * b->range[1]), v);
+    float det = fmaxf(v[0] * v[1] - v[2] * v[2], SP_VARIANCE_MIN * SP_VARIANCE_MIN);
+    return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
+}
+
+/* Largest depth in each slice of the brick along the axis; of thick ones some. */
 static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const struct sp_level *level = sheets_level(p->sheets, b);
     const struct sp_visible *list = &level->visible;
-    float length = ldexpf(p->length, b->level);
+    float scale = ldexpf(p->length, b->level) * find_peak(b);
+    /* Beyond that it does not matter how much. */
+    float enough = p->deepest * scale > most_depth ? most_depth : p->sheets->thin;
     uint64_t first = list->first[b->brick];
     const uint16_t *start = list->start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
         float most = 0;
-        /* Beyond what is thin it does not matter how much. */
-        for (uint64_t e = first + start[k];
-             e < first + start[k + 1] && !(most * length > p->sheets->thin); e++) {
+        for (uint64_t e = first + start[k]; e < first + start[k + 1] && !(most * scale > enough);
+             e++) {
             float depth = sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth;
             most = depth > most ? depth : most;
         }
-        b->depth[k] = most * length;
+        b->depth[k] = most * scale;
+        b->is_unfit |= b->depth[k] > most_depth;
     }
+}
+
+/* Most depth of a class. */
+static float find_deepest(const struct sp_transfer_function *tf) {
+    float most = 0;
+    for (uint32_t i = 0; i < tf->point_count; i++)
+        most = fmaxf(most, -log1pf(-tf->points[i].opacity));
+    return most;
 }
 
 /* Length of a ray in one layer over the transfer function's reference, in the middle of the
@@ -464,8 +488,12 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
         find_variance(sheets_ewa(p->sheets, b), (enum sp_filter_mode)b->mode, p->sheets->axis,
                       middle, b);
         p->sight[i] = find_box(p->sheets, size, b);
-        if (p->sight[i])
-            find_depths(p, b);
+        if (!p->sight[i])
+            continue;
+        bool is_unfit = b->is_unfit;
+        find_depths(p, b);
+        if (b->is_unfit != is_unfit)
+            p->sight[i] = find_box(p->sheets, size, b);
     }
 }
 
@@ -583,9 +611,11 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
     uint32_t bricks = frame->detail->count;
     s->layer = make_layers(frame, &s->layers);
     s->bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s->bricks);
-    struct prepare p = {
-        .frame = frame, .sheets = s, .slots = s->bricks, .length = layer_length(frame)
-    };
+    struct prepare p = { .frame = frame,
+                         .sheets = s,
+                         .slots = s->bricks,
+                         .length = layer_length(frame),
+                         .deepest = find_deepest(&view->transfer_function) };
     p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *p.sight);
     if (frame->arena->failed)
         return fail_memory(frame->arena, err);

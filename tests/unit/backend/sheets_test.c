@@ -307,27 +307,29 @@ static void note_work(const struct sheets *s, struct sheets_scratch *scratch, ui
     *(bool *)test_sheets_of(s)->user = sheets_pay(s);
 }
 
-/* Filters do not serve voxels that are seen from too many sides: an eye among them. */
-static void close_eyes_are_left_to_footprints(void **state) {
+/* Filters do not serve voxels that are seen from too many sides, by an eye among them, nor those so
+ * deep that they are seen where their footprints have ended. */
+static void what_filters_do_not_serve_is_left_to_footprints(void **state) {
     (void)state;
     srand(26);
     for (int n = 0; n < 20; n++) {
         struct test_scene scene;
         struct sp_error err;
-        bool pays = n % 2;
+        bool is_near = n % 2, is_deep = n % 4 == 2, pays = is_near || is_deep;
         test_view_init(&scene.view);
         assert_true(test_scene_voxels(&scene, "waves", (uint32_t[]){ 50, 50, 50 },
                                       (double[]){ 1, 1, 1 }, SP_UINT8, waves, NULL));
         test_scene_points(&scene, (const double[][5]){ { 0, 1, 1, 1, 0.2 }, { 1, 1, 0, 0, 0.6 } },
                           2);
-        test_scene_orbit(&scene, NULL, uniform(-180, 180), uniform(-80, 80), n % 2 ? 2 : 150);
+        test_scene_orbit(&scene, NULL, uniform(-180, 180), uniform(-80, 80), is_near ? 2 : 150);
         scene.view.size[0] = scene.view.size[1] = 200;
-        scene.view.camera.fov_y = n % 2 ? 100 : 30;
+        scene.view.camera.fov_y = is_near ? 100 : 30;
+        scene.view.transfer_function.reference_length = is_deep ? 0.01 : 1;
         struct test_sheets *t = test_sheets_open(&scene, 2, &err);
         assert_non_null(t);
         t->user = &pays;
         assert_true(test_sheets_draw(t, note_work, NULL, &err));
-        assert_int_equal(pays, n % 2 == 0);
+        assert_int_equal(pays, !is_near && !is_deep);
         test_sheets_close(t);
         test_scene_finish(&scene);
     }
@@ -398,7 +400,7 @@ int main(void) {
         cmocka_unit_test(every_footprint_has_filters_or_none),
         cmocka_unit_test(a_group_serves_its_range),
         cmocka_unit_test(tiles_meet_every_brick_that_reaches_them),
-        cmocka_unit_test(close_eyes_are_left_to_footprints),
+        cmocka_unit_test(what_filters_do_not_serve_is_left_to_footprints),
         cmocka_unit_test(no_tile_begins_after_cancel),
         cmocka_unit_test(views_with_footprints_are_left_to_them),
     };
