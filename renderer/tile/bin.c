@@ -23,10 +23,14 @@ bool sp_bins_is_hidden(const struct sp_tile_grid *grid, const struct sp_splat *s
     return true;
 }
 
+void sp_bins_clear(const struct sp_bins *bins, uint32_t block) {
+    uint32_t *counts = bins->counts + (size_t)block * bins->tiles;
+    memset(counts, 0, bins->tiles * sizeof *counts);
+}
+
 void sp_bins_count(const struct sp_bins *bins, uint32_t block, const struct sp_tile_grid *grid,
                    const struct sp_splat *records, uint32_t count) {
     uint32_t *counts = bins->counts + (size_t)block * bins->tiles;
-    memset(counts, 0, bins->tiles * sizeof *counts);
     for (uint32_t i = 0; i < count; i++) {
         struct span t = find_span(grid, &records[i]);
         for (int r = t.r0; r <= t.r1; r++)

@@ -20,7 +20,10 @@ struct sp_bins {
     uint32_t capacity; /* of entries */
 };
 
-/* Counts the records of one block; adds their entries to *total. */
+/* A block has no records … */
+void sp_bins_clear(const struct sp_bins *bins, uint32_t block);
+
+/* … and these more. */
 void sp_bins_count(const struct sp_bins *bins, uint32_t block, const struct sp_tile_grid *grid,
                    const struct sp_splat *records, uint32_t count);
 
@@ -30,7 +33,7 @@ uint64_t sp_bins_block_total(const struct sp_bins *bins, uint32_t block);
 /* Turns the counts of blocks [begin, end) into starts. Their entries must fit the capacity. */
 void sp_bins_start(struct sp_bins *bins, uint32_t begin, uint32_t end);
 
-/* Writes the entries of one block; `first_record` is the number of records[0]. */
+/* Writes the entries of the next records of a block; `first_record` is the number of records[0]. */
 void sp_bins_fill(struct sp_bins *bins, uint32_t block, const struct sp_tile_grid *grid,
                   const struct sp_splat *records, uint32_t count, uint32_t first_record);
 

@@ -16,6 +16,7 @@ enum {
     BAND_TILES = 2304,       /* tiles a band, 32 KiB each: one band up to 1920 × 1080 */
     ENTRIES_MIN = 1 << 20,
     POLL_EVERY = 64, /* splats of a tile between two looks at the cancel flag */
+    PIECE = 256,     /* records between two, while they are sorted into tiles */
     AHEAD = 6,       /* splats of a tile that are asked for before their turn */
 };
 /* Sums of the open slabs: of a band, and of a row of tiles at least. */
@@ -136,7 +137,7 @@ static void set_up_block(struct draw *d, size_t b) {
     struct block *block = &d->blocks[b];
     uint16_t local[BLOCK];
     struct sp_ewa_run run = { .local = local, .shade = d->shading, .sheet = block->layer };
-    for (uint64_t k = block->run; k < block->run + block->runs; k++) {
+    for (uint64_t k = block->run; k < block->run + block->runs && !is_cancelled(d); k++) {
         const struct sp_run *from = &d->order.runs[k];
         while (k >= d->order.first[run.sheet + 1])
             run.sheet++;
@@ -166,12 +167,23 @@ static void splat_blocks(void *user, size_t begin, size_t end, unsigned worker) 
         set_up_block(d, b);
 }
 
+/* Next piece of a block's records, before which the cancel flag is looked at: each of them may
+ * touch every tile. */
+static bool next_piece(const struct draw *d, const struct block *block, uint32_t *at, uint32_t *n) {
+    *at += *n;
+    uint32_t left = block->count - *at;
+    *n = left < PIECE ? left : PIECE;
+    return *n && !is_cancelled(d);
+}
+
 static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct draw *d = user;
-    for (size_t b = begin; b < end; b++)
-        sp_bins_count(&d->bins, (uint32_t)b, &d->grid, d->records.splat + b * BLOCK,
-                      d->blocks[b].count);
+    for (size_t b = begin; b < end; b++) {
+        sp_bins_clear(&d->bins, (uint32_t)b);
+        for (uint32_t at = 0, n = 0; next_piece(d, &d->blocks[b], &at, &n);)
+            sp_bins_count(&d->bins, (uint32_t)b, &d->grid, d->records.splat + b * BLOCK + at, n);
+    }
 }
 
 struct fill {
@@ -185,8 +197,9 @@ static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     struct draw *d = fill->draw;
     for (size_t i = begin; i < end; i++) {
         uint32_t b = fill->first + (uint32_t)i;
-        sp_bins_fill(&d->bins, b, &d->grid, d->records.splat + (size_t)b * BLOCK,
-                     d->blocks[b].count, b * BLOCK);
+        for (uint32_t at = 0, n = 0; next_piece(d, &d->blocks[b], &at, &n);)
+            sp_bins_fill(&d->bins, b, &d->grid, d->records.splat + (size_t)b * BLOCK + at, n,
+                         b * BLOCK + at);
     }
 }
 
@@ -201,12 +214,12 @@ static inline void prefetch_record(const struct draw *d, uint32_t e) {
 static void add_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct draw *d = user;
-    for (size_t t = begin; t < end; t++) {
+    for (size_t t = begin; t < end && !is_cancelled(d); t++) {
         struct sp_tile *tile = &d->grid.tiles[t];
         uint32_t stop = d->bins.first[t + 1];
         for (uint32_t e = d->bins.first[t]; e < stop && !tile->saturated; e++) {
             if (e % POLL_EVERY == 0 && is_cancelled(d))
-                return;
+                break;
             if (e + AHEAD < stop)
                 prefetch_record(d, e + AHEAD);
             d->kernels->add[d->blend.mode](tile, &d->blend, &d->records, d->bins.entries[e]);
@@ -230,6 +243,8 @@ static void add_batch(struct draw *d, uint32_t count) {
         struct fill fill = { .draw = d, .first = begin };
         sp_parallel_for(d->pool, end - begin, 1, fill_blocks, &fill);
         clock = add_time(d, BIN, clock);
+        if (is_cancelled(d))
+            return; /* there are entries that were not written */
         sp_parallel_for(d->pool, d->bins.tiles, 1, add_tiles, d);
         clock = add_time(d, TILE, clock);
     }

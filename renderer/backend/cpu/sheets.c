@@ -470,7 +470,7 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
     (void)worker;
     struct prepare *p = user;
     const struct sp_detail_brick *bricks = p->frame->detail->bricks;
-    for (size_t i = begin; i < end; i++) {
+    for (size_t i = begin; i < end && !sp_job_is_cancelled(p->frame->job); i++) {
         struct sheets_brick *b = &p->slots[i];
         const struct cpu_part *part = &p->sheets->parts[bricks[i].level];
         const uint64_t *first = &part->level->visible.first[bricks[i].brick];
@@ -620,6 +620,8 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
     if (frame->arena->failed)
         return fail_memory(frame->arena, err);
     sp_parallel_for(frame->pool, bricks, 64, prepare_bricks, &p);
+    if (sp_job_is_cancelled(frame->job))
+        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     for (uint32_t i = 0; i < bricks; i++) {
         if (p.sight[i])
             s->bricks[s->brick_count++] = s->bricks[i];

@@ -203,7 +203,8 @@ struct sheets_frame {
 /* Whether the view asks for something that this can draw. */
 bool sheets_can(const struct sp_view *view, const struct sp_grid *grid);
 
-/* Finds the bricks that may be seen and the tiles that they meet; SP_ERR_MEMORY. */
+/* Finds the bricks that may be seen and the tiles that they meet; SP_ERR_MEMORY, SP_ERR_CANCELLED.
+ */
 bool sheets_prepare(const struct sheets_frame *frame, struct sheets *sheets, struct sp_error *err);
 
 /* Whether so many bricks have filters that a frame drawn by tiles is sooner done than one whose

@@ -97,14 +97,17 @@ static struct bench sort(const struct sp_tile_grid *grid, struct sp_splat *recor
     uint64_t total = 0;
     for (uint32_t k = 0; k < b.bins.blocks; k++) {
         uint32_t n = count - k * 700 < 700 ? count - k * 700 : 700;
-        sp_bins_count(&b.bins, k, grid, records + k * 700, n);
+        sp_bins_clear(&b.bins, k);
+        sp_bins_count(&b.bins, k, grid, records + k * 700, n / 3); /* in pieces */
+        sp_bins_count(&b.bins, k, grid, records + k * 700 + n / 3, n - n / 3);
         total += sp_bins_block_total(&b.bins, k);
     }
     sp_bins_start(&b.bins, 0, b.bins.blocks);
     assert_int_equal(b.bins.first[b.bins.tiles], total);
     for (uint32_t k = 0; k < b.bins.blocks; k++) {
         uint32_t n = count - k * 700 < 700 ? count - k * 700 : 700;
-        sp_bins_fill(&b.bins, k, grid, records + k * 700, n, k * 700);
+        sp_bins_fill(&b.bins, k, grid, records + k * 700, n / 2, k * 700);
+        sp_bins_fill(&b.bins, k, grid, records + k * 700 + n / 2, n - n / 2, k * 700 + n / 2);
     }
     return b;
 }
