@@ -114,9 +114,15 @@ static bool find_filters(const struct sheets *sheets, const float v[3], struct s
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
         int samples = SHEETS_TILE >> g->scale[a];
         g->offset[a] = (float)SHEETS_MARGIN - (g->scale[a] ? 0 : 0.5f);
-        g->low[a] = (float)(SHEETS_MARGIN - reach - 2 - (g->scale[a] > 0));
-        g->high[a] = (float)(SHEETS_MARGIN + samples + reach + 2 + (g->scale[a] > 0));
         g->end[a] = g->offset[a] + SHEETS_TILE * g->per_px[a];
+        /* As far as samples reach, or footprints: a whole number of phases. */
+        float around = sheets->reach * sqrtf(v[a]) * g->per_px[a];
+        float low =
+            fmaxf((float)(SHEETS_MARGIN - reach - 2 - (g->scale[a] > 0)), g->offset[a] - around);
+        float high = fminf((float)(SHEETS_MARGIN + samples + reach + 2 + (g->scale[a] > 0)),
+                           g->end[a] + around);
+        g->low[a] = floorf(low * SHEETS_PHASES) / SHEETS_PHASES;
+        g->high[a] = ceilf(high * SHEETS_PHASES) / SHEETS_PHASES;
         if (reach + 6 > SHEETS_MARGIN)
             return false;
     }
@@ -366,11 +372,12 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
     variance_at(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
-        /* Another group of the tile may have one tap more, and wider samples. */
+        /* Another group of the tile may be made for wider ones, and so may some of the brick's be.
+         */
         float reach = 4 * f->radius * sqrtf(v[i]);
         if (!b->is_unfit)
-            reach =
-                1.15f * (group.high[i] - (float)SHEETS_MARGIN + 1) / group.per_px[i] - SHEETS_TILE;
+            reach = 1.1f * sheets->reach * sqrtf(v[i] / (1 - alike)) + 1;
+        b->reach[i] = reach;
         box[0][i] = near ? 0 : (int)fmaxf(0, fminf(low[i] - reach, 16384));
         box[1][i] =
             near ? f->size[i] : (int)fmaxf(0, fminf(high[i] + reach + 1, (float)f->size[i]));
@@ -397,23 +404,44 @@ static float find_peak(const struct sheets_brick *b) {
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
 
-/* Largest depth in each slice of the brick along the axis; of thick ones some. */
+static inline float larger(float a, float b) {
+    return a > b ? a : b;
+}
+
+/* Largest depth of a class among the entries [first, end); beyond `enough` some. */
+static float find_depth(const struct sp_level *level, uint64_t first, uint64_t end, float enough) {
+    enum { STEP = 32 };
+    const struct sp_visible *list = &level->visible;
+    const struct sp_class *table = level->transfer.table;
+    float most = 0;
+    while (first < end && !(most > enough)) {
+        uint64_t stop = end - first < STEP ? end : first + STEP;
+        if (table && list->key_bytes == 1)
+            for (uint64_t e = first; e < stop; e++)
+                most = larger(most, table[((const uint8_t *)list->key)[e]].depth);
+        else if (table && list->key_bytes == 2)
+            for (uint64_t e = first; e < stop; e++)
+                most = larger(most, table[((const uint16_t *)list->key)[e]].depth);
+        else
+            for (uint64_t e = first; e < stop; e++)
+                most = larger(most,
+                              sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth);
+        first = stop;
+    }
+    return most;
+}
+
+/* The same in each slice of the brick along the axis, for a ray's length there. */
 static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const struct sp_level *level = sheets_level(p->sheets, b);
-    const struct sp_visible *list = &level->visible;
     float scale = ldexpf(p->length, b->level) * find_peak(b);
     /* Beyond that it does not matter how much. */
-    float enough = p->deepest * scale > most_depth ? most_depth : p->sheets->thin;
-    uint64_t first = list->first[b->brick];
-    const uint16_t *start = list->start[b->brick];
+    float enough = p->deepest * scale > most_depth ? most_depth : p->sheets->thin_pair;
+    uint64_t first = level->visible.first[b->brick];
+    const uint16_t *start = level->visible.start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
-        float most = 0;
-        for (uint64_t e = first + start[k]; e < first + start[k + 1] && !(most * scale > enough);
-             e++) {
-            float depth = sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth;
-            most = depth > most ? depth : most;
-        }
-        b->depth[k] = most * scale;
+        b->depth[k] =
+            scale * find_depth(level, first + start[k], first + start[k + 1], enough / scale);
         b->is_unfit |= b->depth[k] > most_depth;
     }
 }
@@ -558,6 +586,8 @@ static bool allocate_scratch(struct sheets *s, unsigned workers, struct sp_arena
         scratch->runs = sp_arena_alloc(arena, "runs", most, sizeof *scratch->runs);
         scratch->starts =
             sp_arena_alloc(arena, "layers", s->layers + (size_t)1, sizeof *scratch->starts);
+        scratch->ends =
+            sp_arena_alloc(arena, "layers", s->layers + (size_t)1, sizeof *scratch->ends);
     }
     return !arena->failed;
 }
@@ -603,7 +633,10 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
                           .linear = linear,
                           .axis = frame->axis,
                           .exact = exact,
-                          .thin = exact || linear ? 0 : 0.3f, /* linear depths do not add up */
+                          /* Linear depths do not add up. */
+                          .thin_pair = exact || linear ? 0 : 3,
+                          .thin = exact || linear ? 0 : 0.6f,
+                          .reach = fmaxf(exact ? 4 : 3, (float)view->filter.cutoff),
                           .smooth = exact ? 1.3f : 0.56f,
                           .parts = frame->parts,
                           .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,

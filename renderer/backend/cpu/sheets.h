@@ -104,6 +104,7 @@ struct sheets_brick {
     uint8_t scale_max[2];   /* samples of 2^j px do not beat with the voxels up to this j */
     bool is_unfit;          /* no filter serves its footprints: they are drawn one by one */
     int16_t x0, y0, x1, y1; /* px that its voxels may reach, inside the picture */
+    float reach[2];         /* px to each side that a voxel may */
     float base[3];          /* u of its first voxel, cells */
     float range[2];         /* of 1/u2 of its voxels, orthographic: 1 [1/cells] */
     float spread[3];        /* of the footprint, times u2²: xx, yy, xy [px²], without … */
@@ -128,11 +129,13 @@ struct sheets {
     const struct sheets_tables *tables;
     const struct sp_shade *shade; /* NULL = none */
     bool linear;                  /* attenuation */
-    /* Consecutive layers that together add at most this much depth to any pixel are composited as
-     * one: transmittance is the same, only whose colour is in front is lost. */
-    float thin;
+    /* Layers that together add at most this much depth to any pixel are composited as one: 2n and
+     * 2n + 1 of the frame, so that tiles agree, or any that follow each other. Transmittance is the
+     * same, only whose colour is in front is lost. 0 = every layer for itself. */
+    float thin_pair, thin;
     bool
         exact; /* not adaptive: filters reach farther, and are made for less different footprints */
+    float reach;  /* deviations from a voxel to the pixels that it matters to */
     float smooth; /* a sample is made wider while footprints keep that variance, samples² */
     unsigned axis;
     uint32_t layers;
@@ -157,7 +160,8 @@ struct sheets_scratch {
     /* Composited so far: red, green, blue, transmittance; pixels in the order of the kernels. */
     _Alignas(64) float done[4][SHEETS_TILE][SHEETS_TILE];
     struct sheets_run *runs; /* of the tile, by layer */
-    uint32_t *starts;        /* [layers + 1] */
+    uint32_t *starts;        /* [layers + 1]: where a layer's runs may begin */
+    uint32_t *ends;          /* [layers] */
     uint64_t splats, fragments;
 };
 

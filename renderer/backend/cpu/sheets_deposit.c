@@ -70,14 +70,14 @@ static void start_run(const struct sheets_open_tile *t, const struct sheets_run 
         float first_sample = (f->centre[a] - (float)corner[a]) * g->per_px[a] + g->offset[a];
         r->focal[a] = f->scale * g->per_px[a] * SHEETS_PHASES;
         r->centre[a] = (first_sample - g->low[a]) * SHEETS_PHASES;
-        r->low[a] = (int32_t)g->low[a] * SHEETS_PHASES;
+        r->low[a] = (int32_t)(g->low[a] * SHEETS_PHASES);
         r->own[a] = (int32_t)((g->offset[a] - g->low[a]) * SHEETS_PHASES);
         r->own[2 + a] = (int32_t)((g->end[a] - g->offset[a]) * SHEETS_PHASES);
         r->variance[a] = b->scale * g->per_px[a] * g->per_px[a];
         r->rest[a] = b->lowpass2 * g->per_px[a] * g->per_px[a] - g->base[a];
     }
-    r->columns = (int32_t)(g->high[0] - g->low[0]) * SHEETS_PHASES;
-    r->rows = (int32_t)(g->high[1] - g->low[1]) * SHEETS_PHASES;
+    r->columns = (int32_t)((g->high[0] - g->low[0]) * SHEETS_PHASES);
+    r->rows = (int32_t)((g->high[1] - g->low[1]) * SHEETS_PHASES);
     r->variance[2] = b->scale * g->per_px[0] * g->per_px[1];
     r->rest[2] = -g->cross;
     r->gain = f->gain * g->per_px[0] * g->per_px[1];
@@ -133,8 +133,28 @@ static inline sp_wide_mask in_part(const struct run_frame *r, sp_wide inv) {
     return sp_wide_le(sp_wide_all(r->range[0]), inv) & sp_wide_lt(inv, sp_wide_all(r->range[1]));
 }
 
+/* Bits of the lanes that are wanted, by block of four columns and four rows. */
+static inline uint32_t wanted_bits(const uint32_t wanted[SHEETS_WANTED], sp_wide_int column,
+                                   sp_wide_int row) {
+#if defined SP_WIDE_AVX512
+    __m512i blocks = _mm512_permutex2var_epi32(_mm512_load_si512(wanted), (__m512i)row,
+                                               _mm512_load_si512(wanted + 16));
+    return _mm512_test_epi32_mask(_mm512_srlv_epi32(blocks, (__m512i)column), _mm512_set1_epi32(1));
+#elif defined SP_WIDE_AVX2
+    __m256i quad = _mm256_and_si256((__m256i)row, _mm256_set1_epi32(SHEETS_WANTED - 1));
+    __m256i blocks = _mm256_i32gather_epi32((const int *)wanted, quad, 4);
+    blocks = _mm256_slli_epi32(_mm256_srlv_epi32(blocks, (__m256i)column), 31);
+    return (uint32_t)_mm256_movemask_ps((__m256)blocks);
+#else
+    uint32_t bits = 0;
+    for (int i = 0; i < W; i++)
+        bits |= (wanted[row[i] & (SHEETS_WANTED - 1)] >> (column[i] & 31) & 1) << i;
+    return bits;
+#endif
+}
+
 /* Where the voxels lie, and what their footprints are. Returns those that matter to the tile. */
-static inline uint32_t place_chunk(const struct run_frame *r, const struct sheets_group *g,
+static inline uint32_t place_chunk(const struct run_frame *r, const struct sheets_open_tile *t,
                                    const uint8_t *places, uint32_t n, bool shaded,
                                    struct chunk *c) {
     c->own = 0;
@@ -152,12 +172,17 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         uint32_t in = sp_wide_mask_bits(mask);
         if (!in)
             continue;
-        inside |= in << v;
         sp_wide_mask own =
             in_range(column - r->own[0], r->own[2]) & in_range(row - r->own[1], r->own[3]);
         c->own |= sp_wide_mask_bits(own) << v;
         column += r->low[0];
         row += r->low[1];
+        if (t->has_dead) {
+            in &= wanted_bits(t->wanted, column >> (PHASE_BITS + 2), row >> (PHASE_BITS + 2));
+            if (!in)
+                continue;
+        }
+        inside |= in << v;
         sp_wide_int first = (column >> PHASE_BITS) - 1, top = (row >> PHASE_BITS) - 1;
         sp_wide_int_store(&c->column[v], first);
         sp_wide_int_store(&c->row[v], top);
@@ -180,7 +205,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         sp_wide_store(&c->gain[v], fx2 * lengths * r->gain);
         sp_wide_store(&c->delta[0][v], v00 * fx2 * r->variance[0] + r->rest[0]);
         sp_wide_store(&c->delta[1][v], v11 * fx2 * r->variance[1] + r->rest[1]);
-        if (g->has_cross)
+        if (t->group.has_cross)
             sp_wide_store(&c->delta[2][v], v01 * fx2 * r->variance[2] + r->rest[2]);
         if (!shaded)
             continue;
@@ -235,6 +260,18 @@ static inline sp_wide_int power_of_two(sp_wide_int n) {
     return sp_wide_to_int((sp_wide)((n + 127) << 23));
 }
 
+/* The bits of all lanes together. */
+static inline int32_t any_of(sp_wide_int a) {
+#if defined SP_WIDE_AVX512
+    return _mm512_reduce_or_epi32((__m512i)a);
+#else
+    int32_t bits = 0;
+    for (int i = 0; i < W; i++)
+        bits |= a[i];
+    return bits;
+#endif
+}
+
 /* Marks the blocks that a chunk's voxels reach: rows by fours. */
 static inline void mark(struct sheets_open_tile *t, const struct chunk *c, uint32_t inside) {
     sp_wide_int columns = sp_wide_int_all(0), rows = columns;
@@ -245,11 +282,7 @@ static inline void mark(struct sheets_open_tile *t, const struct chunk *c, uint3
         columns |= (power_of_two(x >> 2) | power_of_two((x + 3) >> 2)) & keep;
         rows |= (power_of_two(y >> 2) | power_of_two((y + 3) >> 2)) & keep;
     }
-    uint32_t blocks = 0, quads = 0;
-    for (int i = 0; i < W; i++) {
-        blocks |= (uint32_t)columns[i];
-        quads |= (uint32_t)rows[i];
-    }
+    uint32_t blocks = (uint32_t)any_of(columns), quads = (uint32_t)any_of(rows);
     int first = 4 * __builtin_ctz(quads), last = 4 * (31 - __builtin_clz(quads)) + 4;
     t->row0 = first < t->row0 ? first : t->row0;
     t->row1 = last > t->row1 ? last : t->row1;
@@ -420,7 +453,7 @@ void sheets_add_run(struct sheets_open_tile *t, const struct sheets_run *run, bo
     for (uint64_t e = first + run->begin; e < first + run->end; e += CHUNK) {
         uint64_t left = first + run->end - e;
         struct chunk c;
-        uint32_t inside = place_chunk(&r, &t->group, r.list->place + e,
+        uint32_t inside = place_chunk(&r, t, r.list->place + e,
                                       left < CHUNK ? (uint32_t)left : CHUNK, t->sheets->shade, &c);
         if (!inside)
             continue;

@@ -49,6 +49,32 @@ static void find_needs(struct sheets_open_tile *t) {
     }
 }
 
+/* Blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
+static void find_span(const struct sheets_group *g, int axis, int block, int span[2]) {
+    float start = g->offset[axis] + (float)(block * BLOCK) * g->per_px[axis];
+    float before = g->offset[axis] - g->low[axis];
+    span[0] = (int)(start - before) / BLOCK;
+    span[1] = (int)(start + BLOCK * g->per_px[axis] + before) / BLOCK;
+}
+
+void sheets_find_wanted(struct sheets_open_tile *t) {
+    uint32_t columns[SHEETS_TILE / BLOCK];
+    int span[2];
+    memset(t->wanted, 0, sizeof t->wanted);
+    for (int b = 0; b < SHEETS_TILE / BLOCK; b++) {
+        find_span(&t->group, 0, b, span);
+        columns[b] = (UINT32_C(2) << span[1]) - (UINT32_C(1) << span[0]);
+    }
+    for (int r = 0; r < SHEETS_TILE / BLOCK; r++) {
+        uint32_t wanted = 0;
+        for (uint32_t live = t->live[r]; live; live &= live - 1)
+            wanted |= columns[__builtin_ctz(live)];
+        find_span(&t->group, 1, r, span);
+        for (int q = span[0]; q <= span[1]; q++)
+            t->wanted[q] |= wanted;
+    }
+}
+
 bool sheets_start_group(struct sheets_open_tile *t, const struct sheets_run *runs, uint32_t count) {
     struct sheets_group *g = &t->group;
     float range[2] = { runs[0].range[0], runs[0].range[1] };
@@ -56,6 +82,8 @@ bool sheets_start_group(struct sheets_open_tile *t, const struct sheets_run *run
         range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
     if (!sheets_group_make(t->sheets, &t->sheets->bricks[runs[0].brick], range, g))
         return false;
+    if (t->has_dead)
+        sheets_find_wanted(t);
     if (g->scale[0])
         find_needs(t);
     if (g->scale[0])
@@ -287,14 +315,6 @@ static void finish_row(struct sheets_open_tile *t, int y, const float *from, con
         finish_blocks(t, y, from, weight, n, blocks, false);
 }
 
-static uint32_t alive_blocks(const struct sheets_open_tile *t, int y) {
-    uint32_t cells = t->alive >> (y / SHEETS_CELL_HEIGHT * SHEETS_CELLS_ACROSS) & 15, m = 0;
-    for (int c = 0; c < SHEETS_CELLS_ACROSS; c++)
-        if (cells >> c & 1)
-            m |= UINT32_C(15) << (4 * c);
-    return m;
-}
-
 static void filter_down(struct sheets_open_tile *t, bool last) {
     const struct sheets_group *g = &t->group;
     const struct sheets_filter *f = g->filter[1];
@@ -307,7 +327,7 @@ static void filter_down(struct sheets_open_tile *t, bool last) {
         join_rows(t->crossed, t->row0, t->row1, f->taps, low, high, blocks);
         for (int y = low; y < high; y++)
             finish_row(t, y - ORIGIN, t->s->across[y - f->taps][0], f->weight, n,
-                       blocks[y] & alive_blocks(t, y - ORIGIN), last);
+                       blocks[y] & t->live[(y - ORIGIN) / BLOCK], last);
         return;
     }
     /* What pixels between samples y and y + 1 see. */
@@ -316,7 +336,7 @@ static void filter_down(struct sheets_open_tile *t, bool last) {
     for (int y = 0; y < SHEETS_TILE; y++) {
         int row = (y >> j) + ORIGIN;
         finish_row(t, y, t->s->across[row - 1 - f->taps][0], t->zoom[1]->down[y & ((1 << j) - 1)],
-                   t->zoom[1]->taps, blocks[row] & alive_blocks(t, y), last);
+                   t->zoom[1]->taps, blocks[row] & t->live[y / BLOCK], last);
     }
 }
 
@@ -349,29 +369,52 @@ void sheets_close_sum(struct sheets_open_tile *t) {
         uint32_t m = t->summed[y];
         if (!m)
             continue;
-        finish_row(t, y, t->s->sum[y][0], &one, 1, m & alive_blocks(t, y), true);
+        finish_row(t, y, t->s->sum[y][0], &one, 1, m & t->live[y / BLOCK], true);
         for (; m; m &= m - 1)
             memset(t->s->sum[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
         t->summed[y] = 0;
     }
 }
 
+/* Blocks of W pixels, from bits of their planes' elements. */
+static inline uint32_t blocks_of(uint32_t elements) {
+    if (W == 4)
+        return elements ? 1 : 0;
+    if (W == 16)
+        elements |= elements >> 8;
+    elements |= elements >> 4;
+    return W == 16 ? elements & 15 : (elements & 3 ? 1 : 0) | (elements & 12 ? 2 : 0);
+}
+
 void sheets_check_cells(struct sheets_open_tile *t) {
-    for (int r = 0; r < SHEETS_TILE / SHEETS_CELL_HEIGHT; r++)
-        for (int c = 0; c < SHEETS_CELLS_ACROSS; c++) {
-            uint32_t bit = UINT32_C(1) << (r * SHEETS_CELLS_ACROSS + c);
-            if (!(t->alive & bit))
-                continue;
-            sp_wide most = sp_wide_all(0);
-            for (int y = 0; y < SHEETS_CELL_HEIGHT; y++)
-                for (int x = 0; x < SHEETS_CELL_WIDTH; x += W)
-                    most = sp_wide_max(
-                        most,
-                        sp_wide_load(
-                            &t->s->done[3][r * SHEETS_CELL_HEIGHT + y][c * SHEETS_CELL_WIDTH + x]));
-            if (!sp_wide_mask_bits(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), most)))
-                t->alive &= ~bit;
+    enum { ROWS = SHEETS_CELL_HEIGHT / BLOCK };
+    bool changed = false;
+    for (int r = 0; r < SHEETS_TILE / BLOCK; r++) {
+        uint32_t live = 0;
+        if (!t->live[r])
+            continue;
+        for (int x = 0; x < SHEETS_TILE; x += W) {
+            sp_wide most = sp_wide_load(&t->s->done[3][r * BLOCK][x]);
+            for (int y = 1; y < BLOCK; y++)
+                most = sp_wide_max(most, sp_wide_load(&t->s->done[3][r * BLOCK + y][x]));
+            live |=
+                blocks_of(sp_wide_mask_bits(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), most)))
+                << x / BLOCK;
         }
+        changed |= live != t->live[r];
+        t->live[r] = live;
+    }
+    if (!changed)
+        return;
+    t->alive = 0;
+    for (int r = 0; r < SHEETS_TILE / BLOCK; r++)
+        for (int c = 0; c < SHEETS_CELLS_ACROSS; c++)
+            if (t->live[r] >> (c * SHEETS_CELL_WIDTH / BLOCK) &
+                ((1 << SHEETS_CELL_WIDTH / BLOCK) - 1))
+                t->alive |= UINT32_C(1) << (r / ROWS * SHEETS_CELLS_ACROSS + c);
+    t->has_dead = true;
+    if (t->is_open)
+        sheets_find_wanted(t);
 }
 
 /* [0, 1] → 0 … 255, beyond it the nearest. */

@@ -1,59 +1,119 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/cpu/sheets_tile.h"
+
+#include <math.h>
+
 #include "tile/order.h"
 
-static uint32_t cells_of(const struct sheets_open_tile *t, const struct sheets_brick *b) {
-    int x0 = b->x0 - t->x, y0 = b->y0 - t->y, x1 = b->x1 - 1 - t->x, y1 = b->y1 - 1 - t->y;
-    x0 = x0 < 0 ? 0 : x0 / SHEETS_CELL_WIDTH;
-    y0 = y0 < 0 ? 0 : y0 / SHEETS_CELL_HEIGHT;
-    x1 = x1 >= SHEETS_TILE ? SHEETS_CELLS_ACROSS - 1 : x1 / SHEETS_CELL_WIDTH;
-    y1 = y1 >= SHEETS_TILE ? SHEETS_TILE / SHEETS_CELL_HEIGHT - 1 : y1 / SHEETS_CELL_HEIGHT;
-    uint32_t row = (UINT32_C(2) << x1) - (UINT32_C(1) << x0), cells = 0;
-    for (int y = y0; y <= y1; y++)
-        cells |= row << (y * SHEETS_CELLS_ACROSS);
+/* Cells of columns c0 … c1 in rows r0 … r1. */
+static uint32_t cells_between(int c0, int r0, int c1, int r1) {
+    enum { ROW = SHEETS_CELLS_ACROSS };
+    uint32_t row = (UINT32_C(2) << c1) - (UINT32_C(1) << c0), cells = 0;
+    for (int r = r0; r <= r1; r++)
+        cells |= row << (r * ROW);
     return cells;
+}
+
+/* Pixels of the tile that a brick's slices may reach, from and to, by slice: those of the corners
+ * and what is around a voxel. Returns the slices that reach any. */
+static uint32_t find_slices(const struct sheets_open_tile *t, const struct sheets_brick *b,
+                            int32_t (*reached)[2][SP_BRICK]) {
+    const struct sp_ewa_frame *f = sheets_ewa(t->sheets, b);
+    unsigned axis = t->sheets->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
+    const float box[2][2] = { { (float)(b->x0 - t->x), (float)(b->x1 - t->x) },
+                              { (float)(b->y0 - t->y), (float)(b->y1 - t->y) } };
+    uint32_t met = 0;
+    for (int v = 0; v < SP_BRICK; v += W) {
+        sp_wide slice = sp_wide_from_int(sp_wide_int_count() + v), nearest = sp_wide_all(INFINITY);
+        sp_wide low[2], high[2], u[3];
+        low[0] = low[1] = nearest;
+        high[0] = high[1] = -nearest;
+        for (int corner = 0; corner < 4; corner++) {
+            for (int a = 0; a < 3; a++)
+                u[a] = b->base[a] + (corner & 1 ? (SP_BRICK - 1) * f->step[a][first] : 0) +
+                       (corner & 2 ? (SP_BRICK - 1) * f->step[a][second] : 0) +
+                       f->step[a][axis] * slice;
+            nearest = sp_wide_min(nearest, u[2]);
+            sp_wide inv = sp_wide_all(f->scale);
+            if (f->projection == SP_PERSPECTIVE)
+                inv = f->scale * reciprocal(sp_wide_max(u[2], sp_wide_all(f->near)));
+            for (int i = 0; i < 2; i++) {
+                low[i] = sp_wide_min(low[i], u[i] * inv);
+                high[i] = sp_wide_max(high[i], u[i] * inv);
+            }
+        }
+        sp_wide_mask whole = sp_wide_le(sp_wide_all(f->near), nearest);
+        sp_wide_mask meets = sp_wide_le(sp_wide_all(0), sp_wide_all(0));
+        for (int i = 0; i < 2; i++) {
+            float centre = f->centre[i] - (float)(i ? t->y : t->x);
+            sp_wide from = sp_wide_max(low[i] + (centre - b->reach[i]), sp_wide_all(box[i][0]));
+            sp_wide to = sp_wide_min(high[i] + (centre + b->reach[i]), sp_wide_all(box[i][1] - 1));
+            from = sp_wide_select(whole, from, sp_wide_all(box[i][0]));
+            to = sp_wide_select(whole, to, sp_wide_all(box[i][1] - 1));
+            from = sp_wide_max(from, sp_wide_all(0));
+            to = sp_wide_min(to, sp_wide_all(SHEETS_TILE - 1));
+            meets = meets & sp_wide_le(from, to);
+            sp_wide_int_store(&reached[i][0][v], sp_wide_to_int(from));
+            sp_wide_int_store(&reached[i][1][v], sp_wide_to_int(to));
+        }
+        met |= sp_wide_mask_bits(meets) << v;
+    }
+    return met;
+}
+
+/* Adds a brick's slices that the tile meets to the runs of their layers. */
+static void add_runs(struct sheets_open_tile *t, uint32_t number) {
+    const struct sheets *s = t->sheets;
+    const struct sheets_brick *b = &s->bricks[number];
+    const struct sp_visible *list = &sheets_level(s, b)->visible;
+    const uint16_t *start = list->start[b->brick];
+    _Alignas(64) int32_t reached[2][2][SP_BRICK];
+    uint32_t corner[3];
+    sp_visible_corner(list, b->brick, corner);
+    for (uint32_t met = find_slices(t, b, reached); met; met &= met - 1) {
+        int k = __builtin_ctz(met);
+        if (start[k] == start[k + 1] || !(b->depth[k] > 0))
+            continue;
+        uint32_t layer =
+            sp_order_layer(s->layer, s->layers, b->level, corner[s->axis] + (uint32_t)k);
+        t->s->runs[t->s->ends[layer]++] =
+            (struct sheets_run){ .brick = number,
+                                 .slice = (uint8_t)k,
+                                 .begin = start[k],
+                                 .end = start[k + 1],
+                                 .depth = b->depth[k],
+                                 .range = { b->range[0], b->range[1] },
+                                 .cells = cells_between(reached[0][0][k] / SHEETS_CELL_WIDTH,
+                                                        reached[1][0][k] / SHEETS_CELL_HEIGHT,
+                                                        reached[0][1][k] / SHEETS_CELL_WIDTH,
+                                                        reached[1][1][k] / SHEETS_CELL_HEIGHT) };
+    }
 }
 
 /* Sorts the slices of the bricks that meet the tile by layer. */
 static void sort_runs(struct sheets_open_tile *t, uint32_t tile) {
     const struct sheets *s = t->sheets;
-    uint32_t *starts = t->s->starts;
+    uint32_t *starts = t->s->starts, sum = 0;
     memset(starts, 0, (s->layers + (size_t)1) * sizeof *starts);
-    for (int pass = 0; pass < 2; pass++) {
-        for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++) {
-            const struct sheets_brick *b = &s->bricks[s->met[n]];
-            const struct sp_level *level = sheets_level(s, b);
-            const uint16_t *start = level->visible.start[b->brick];
-            uint32_t corner[3];
-            sp_visible_corner(&level->visible, b->brick, corner);
-            uint32_t cells = pass ? cells_of(t, b) : 0;
-            for (int k = 0; k < SP_BRICK; k++) {
-                if (start[k] == start[k + 1] || !(b->depth[k] > 0))
-                    continue;
-                uint32_t layer =
-                    sp_order_layer(s->layer, s->layers, b->level, corner[s->axis] + (uint32_t)k);
-                if (pass)
-                    t->s->runs[starts[layer]++] =
-                        (struct sheets_run){ .brick = s->met[n],
-                                             .slice = (uint8_t)k,
-                                             .begin = start[k],
-                                             .end = start[k + 1],
-                                             .depth = b->depth[k],
-                                             .range = { b->range[0], b->range[1] },
-                                             .cells = cells };
-                else
-                    starts[layer]++;
-            }
-        }
-        uint32_t sum = 0;
-        for (uint32_t l = 0; !pass && l <= s->layers; l++) {
-            uint32_t count = starts[l];
-            starts[l] = sum;
-            sum += count;
-        }
+    for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++) {
+        const struct sheets_brick *b = &s->bricks[s->met[n]];
+        const struct sp_visible *list = &sheets_level(s, b)->visible;
+        const uint16_t *start = list->start[b->brick];
+        uint32_t corner[3];
+        sp_visible_corner(list, b->brick, corner);
+        for (int k = 0; k < SP_BRICK; k++)
+            if (start[k] != start[k + 1] && b->depth[k] > 0)
+                starts[sp_order_layer(s->layer, s->layers, b->level,
+                                      corner[s->axis] + (uint32_t)k)]++;
     }
-    memmove(starts + 1, starts, s->layers * sizeof *starts);
-    starts[0] = 0;
+    for (uint32_t l = 0; l <= s->layers; l++) {
+        uint32_t count = starts[l];
+        starts[l] = sum;
+        sum += count;
+    }
+    memcpy(t->s->ends, starts, s->layers * sizeof *starts);
+    for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++)
+        add_runs(t, s->met[n]);
 }
 
 /* Most that any pixel can get of the depth of a layer's runs. */
@@ -114,13 +174,16 @@ static bool add_unfit(struct sheets_open_tile *t, struct sheets_run *runs, uint3
     return left < all;
 }
 
-/* Adds the runs of a layer, group by group, the farthest voxels first; `runs` is used up. Thin
- * layers are composited together: see sheets.thin. */
-static void draw_layer(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t count) {
+/* Adds the runs of a layer, group by group, the farthest voxels first; `runs` is used up. Layers
+ * may be composited together: see sheets.thin. */
+static void draw_layer(struct sheets_open_tile *t, uint32_t layer, struct sheets_run *runs,
+                       uint32_t count) {
     float depth = bound_depth(t, runs, count);
+    bool is_second = layer % 2 && layer == t->last + 1;
     bool fits = sift(t, runs, &count);
-    if (!fits || !(t->sheets->thin > 0 && t->pending + depth <= t->sheets->thin))
+    if (!fits || !(t->pending + depth <= (is_second ? t->sheets->thin_pair : t->sheets->thin)))
         flush(t);
+    t->last = layer;
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
@@ -180,15 +243,16 @@ void sheets_tile(const struct sheets *sheets, struct sheets_scratch *scratch, ui
             if (x / W * W + sheets_pixel_at(x % W) < t.width)
                 scratch->done[3][y][x] = 1;
     t.alive = UINT32_MAX;
+    memset(t.live, 0xff, sizeof t.live);
     sheets_check_cells(&t);
     sort_runs(&t, number);
     for (uint32_t l = 0; l < sheets->layers && t.alive; l++) {
-        uint32_t begin = scratch->starts[l], end = scratch->starts[l + 1];
+        uint32_t begin = scratch->starts[l], end = scratch->ends[l];
         if (begin == end)
             continue;
         if (sp_job_is_cancelled(sheets->job))
             break;
-        draw_layer(&t, scratch->runs + begin, end - begin);
+        draw_layer(&t, l, scratch->runs + begin, end - begin);
     }
     flush(&t);
     sheets_resolve(&t);

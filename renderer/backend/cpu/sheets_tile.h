@@ -22,7 +22,8 @@ enum {
     BLOCK = 4,        /* samples that a bit of a mask stands for */
     VECTORS = 16 / W, /* of a block */
     ORIGIN = SHEETS_MARGIN,
-    CHECK_EVERY = 4
+    CHECK_EVERY = 4,
+    SHEETS_WANTED = 32 /* at least SHEETS_GRID / BLOCK, for a lookup in registers */
 };
 
 static inline vec4 load4(const float *p) {
@@ -125,17 +126,22 @@ struct zoom {
 struct sheets_open_tile {
     const struct sheets *sheets;
     struct sheets_scratch *s;
-    int x, y, width, height; /* px in the picture */
-    uint32_t alive;          /* cells that are not opaque */
+    int x, y, width, height;            /* px in the picture */
+    uint32_t alive;                     /* cells that are not opaque */
+    uint32_t live[SHEETS_TILE / BLOCK]; /* the same by blocks of 4 × 4 pixels */
+    bool has_dead;                      /* some are not */
     uint32_t closed;
     bool is_open;  /* `group` has deposits */
     float pending; /* most depth that they can add to a pixel */
+    uint32_t last; /* layer */
     struct sheets_group group;
     struct zoom *zoom[2];
     uint32_t needs[SHEETS_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
     /* By row: blocks that are not zero. */
     uint32_t deposited[SHEETS_GRID], skewed[SHEETS_GRID], crossed[SHEETS_GRID], summed[SHEETS_TILE];
     int row0, row1; /* rows of `deposited` that are not empty */
+    /* By four rows of the grid: blocks where a voxel matters to live pixels, if some are dead. */
+    _Alignas(64) uint32_t wanted[SHEETS_WANTED];
 };
 
 /* Makes the filters for the first run's footprints and as many of the others as may be; false when
@@ -153,6 +159,9 @@ void sheets_add_footprints(struct sheets_open_tile *tile, const struct sheets_ru
  * layer's sum; sheets_close_sum() composites that. */
 void sheets_close_group(struct sheets_open_tile *tile, bool last);
 void sheets_close_sum(struct sheets_open_tile *tile);
+
+/* Finds out where voxels matter to what is not opaque. */
+void sheets_find_wanted(struct sheets_open_tile *tile);
 
 /* Finds the cells that have become opaque. */
 void sheets_check_cells(struct sheets_open_tile *tile);

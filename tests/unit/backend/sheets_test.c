@@ -100,7 +100,7 @@ static void filters_have_their_variance(void **state) {
 
 /* Whether a group is what its user, the kernel, needs: inside the scratch's margins, and as much
  * variance as its footprints have, but for what deposits can give. */
-static void check_group(const struct sheets_group *g, const double v[3]) {
+static void check_group(const struct sheets_group *g, const double v[3], double deviations) {
     double narrowest = INFINITY;
     for (int a = 0; a < 2; a++) {
         double size = (double)(1 << g->scale[a]);
@@ -113,9 +113,13 @@ static void check_group(const struct sheets_group *g, const double v[3]) {
         assert_true(rest > -0.051 - 0.5 / SHEETS_STEPS && rest < 0.501 / SHEETS_STEPS);
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
         assert_true(reach + 6 <= SHEETS_MARGIN);
-        /* A voxel beyond low and high adds nothing to the tile. */
-        assert_true((double)g->low[a] <= SHEETS_MARGIN - reach - 2);
-        assert_true((double)g->high[a] >= SHEETS_MARGIN + (SHEETS_TILE >> g->scale[a]) + reach + 2);
+        /* A voxel beyond low and high adds nothing to the tile, or less than is drawn of it. */
+        double around = deviations * sqrt(v[a]) * (double)g->per_px[a] - 1e-4;
+        double end = (double)g->offset[a] + SHEETS_TILE * (double)g->per_px[a];
+        assert_true((double)g->low[a] <=
+                    fmax(SHEETS_MARGIN - reach - 2, (double)g->offset[a] - around));
+        assert_true((double)g->high[a] >=
+                    fmin(SHEETS_MARGIN + (SHEETS_TILE >> g->scale[a]) + reach + 2, end + around));
         assert_true(g->low[a] >= 2 && g->high[a] <= SHEETS_GRID - 2);
         narrowest = fmin(narrowest, v[a] / size / size);
     }
@@ -134,9 +138,11 @@ static void every_footprint_has_filters_or_none(void **state) {
     unsigned made = 0;
     for (int n = 0; n < 200000; n++) {
         const struct cpu_part part = { .ewa[0].radius = 3 };
-        struct sheets s = {
-            .tables = t, .exact = n % 2, .smooth = n % 2 ? 1.3f : 0.56f, .parts = &part
-        };
+        struct sheets s = { .tables = t,
+                            .exact = n % 2,
+                            .smooth = n % 2 ? 1.3f : 0.56f,
+                            .reach = n % 2 ? 4 : 3,
+                            .parts = &part };
         double spread = pow(10, uniform(-4, 6)), longer = n % 3 ? 1 : pow(10, uniform(0, 4));
         double v[3] = { spread, spread * longer };
         v[2] = n % 5 == 0 ? sqrt(v[0] * v[1]) * uniform(-1, 1) : 0;
@@ -153,7 +159,7 @@ static void every_footprint_has_filters_or_none(void **state) {
         bool is_made = sheets_group_make(&s, &b, range, &g);
         if (is_made) {
             made++;
-            check_group(&g, v);
+            check_group(&g, v, (double)s.reach);
             assert_int_equal(sheets_group_fits(&g, &b, range), 2);
         }
         /* Round footprints have filters, from a B-spline's variance to a tile's width. */
