@@ -56,7 +56,11 @@ bool sp_coarse_grid(struct sp_level *coarse, const struct sp_grid *fine, struct 
 
 /* What the eight voxels of a cell add up to. */
 struct sum {
-    float depth, color[3], normal[3]; /* order post: share, value in color[0], gradient */
+    float depth, color[3]; /* order post: share, value in color[0] */
+    union {
+        struct sp_flakes_sum flakes;
+        float gradient[3]; /* order post */
+    };
 };
 
 /* The cells of one brick; all zero between bricks. */
@@ -77,18 +81,6 @@ struct merge {
 static float size_share(const struct merge *m, unsigned axis, uint32_t i) {
     return (float)(sp_grid_local_spacing(&m->fine->grid, axis, i) /
                    sp_grid_local_spacing(&m->coarse->grid, axis, i / 2));
-}
-
-/* Shading has two sides, so a normal counts as its opposite does: the two faces of a thin wall
- * agree instead of cancelling. A steep gradient counts more than the noise inside of matter. */
-static void add_normal(uint32_t packed, float depth, float sum[3]) {
-    float n[3], share = (float)(packed >> 22) / SP_GRADIENT_MAGNITUDES;
-    sp_gradient_unpack(packed, n);
-    float weight = depth * share * share; /* the magnitude is stored as a square root */
-    if (n[0] * sum[0] + n[1] * sum[1] + n[2] * sum[2] < 0)
-        weight = -weight;
-    for (int k = 0; k < 3; k++)
-        sum[k] += n[k] * weight;
 }
 
 /* The fine bricks of a coarse one, and where the cells of each begin in it; returns how many. */
@@ -148,14 +140,17 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
 /* A classified voxel, which takes `part` of its cell. */
 static void add_class(const struct merge *m, uint64_t e, float part, struct sum *sum) {
     const struct sp_visible *list = &m->fine->visible;
-    uint32_t gradient = list->normal ? sp_visible_normal(list, e) : 0;
+    bool has_flakes = sp_visible_has_flakes(list);
+    uint32_t gradient = list->normal && !has_flakes ? sp_visible_normal(list, e) : 0;
     struct sp_class c = sp_transfer_class_at(&m->fine->transfer, sp_visible_key(list, e), gradient);
     c.depth *= part;
     sum->depth += c.depth;
     for (int k = 0; k < 3; k++)
         sum->color[k] += c.color[k] * c.depth;
-    if (list->normal)
-        add_normal(gradient, c.depth, sum->normal);
+    if (has_flakes)
+        sp_flakes_add(&sum->flakes, *sp_visible_flakes(list, e), c.depth);
+    else
+        sp_flakes_add_normal(&sum->flakes, gradient, c.depth);
 }
 
 /* A voxel of a scalar that pixels will classify: value and gradient are averaged as they are. */
@@ -169,7 +164,7 @@ static void add_scalar(const struct merge *m, uint64_t e, float part, struct sum
     uint32_t packed = sp_visible_normal(list, e);
     sp_gradient_unpack(packed, n);
     for (int k = 0; k < 3; k++)
-        sum->normal[k] += n[k] * sp_gradient_share(packed) * part;
+        sum->gradient[k] += n[k] * sp_gradient_share(packed) * part;
 }
 
 static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick, uint16_t offset) {
@@ -199,30 +194,32 @@ static void add_brick(const struct merge *m, struct cells *cells, uint32_t brick
     }
 }
 
-static void write_entry(const struct merge *m, uint64_t out, uint32_t cell, const struct sum *sum) {
+static void write_scalar(const struct merge *m, uint64_t out, const struct sum *sum) {
     static const struct sp_gradient_grid unit = { .bound = 1 };
     struct sp_visible *list = &m->coarse->visible;
+    double n[3], inverse = sum->depth > 0 ? 1 / (double)sum->depth : 0;
+    union {
+        float value;
+        uint32_t bits;
+    } u = { .value = (float)((double)sum->color[0] * inverse) };
+    sp_visible_set_key(list, out, u.bits);
+    if (!list->normal)
+        return;
+    for (int k = 0; k < 3; k++)
+        n[k] = (double)sum->gradient[k] * inverse;
+    sp_visible_set_normal(list, out, sp_gradient_pack(&unit, n));
+}
+
+static void write_class(const struct merge *m, uint64_t out, const struct sum *sum) {
+    struct sp_visible *list = &m->coarse->visible;
+    struct sp_class *c = &m->coarse->transfer.table[out];
     float inverse = sum->depth > 0 ? 1 / sum->depth : 0;
-    list->place[out] = (uint8_t)cell;
-    if (m->is_post) {
-        union {
-            float value;
-            uint32_t bits;
-        } u = { .value = sum->color[0] * inverse };
-        sp_visible_set_key(list, out, u.bits);
-    } else {
-        struct sp_class *c = &m->coarse->transfer.table[out];
-        sp_visible_set_key(list, out, (uint32_t)out);
-        c->depth = sum->depth;
-        for (int k = 0; k < 3; k++)
-            c->color[k] = sum->color[k] * inverse;
-    }
-    if (list->normal) {
-        double n[3];
-        for (int k = 0; k < 3; k++)
-            n[k] = (double)(sum->normal[k] * inverse);
-        sp_visible_set_normal(list, out, sp_gradient_pack(&unit, n));
-    }
+    sp_visible_set_key(list, out, (uint32_t)out);
+    c->depth = sum->depth;
+    for (int k = 0; k < 3; k++)
+        c->color[k] = sum->color[k] * inverse;
+    if (list->normal)
+        *sp_visible_flakes(list, out) = sp_flakes_pack(&sum->flakes, sum->depth);
 }
 
 static void fill_brick(const struct merge *m, struct cells *cells, uint32_t brick) {
@@ -237,7 +234,11 @@ static void fill_brick(const struct merge *m, struct cells *cells, uint32_t bric
     for (uint32_t w = 0; w < SP_BRICK_VOXELS / 64; w++) {
         for (; cells->used[w]; cells->used[w] &= cells->used[w] - 1) {
             uint32_t cell = 64 * w + (uint32_t)__builtin_ctzll(cells->used[w]);
-            write_entry(m, out++, cell, &cells->sums[cell]);
+            list->place[out] = (uint8_t)cell;
+            if (m->is_post)
+                write_scalar(m, out++, &cells->sums[cell]);
+            else
+                write_class(m, out++, &cells->sums[cell]);
             cells->sums[cell] = (struct sum){ 0 };
         }
         list->start[brick][w / 4 + 1] =
@@ -303,12 +304,12 @@ static bool merge_level(struct merge *m, struct sp_error *err) {
 
 bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
                     const struct sp_classify_job *job, struct sp_error *err) {
+    bool is_post = job->tf->order == SP_TF_POST;
+    uint32_t normal_bytes = is_post ? 4 : sizeof(struct sp_flakes);
     if (!sp_coarse_grid(coarse, &fine->grid, err) ||
-        !sp_visible_init(&coarse->visible, coarse->grid.dims, 4, 4, err))
+        !sp_visible_init(&coarse->visible, coarse->grid.dims, 4, normal_bytes, err))
         return false;
-    struct merge m = {
-        .fine = fine, .coarse = coarse, .is_post = job->tf->order == SP_TF_POST, .job = job
-    };
+    struct merge m = { .fine = fine, .coarse = coarse, .is_post = is_post, .job = job };
     m.cells = calloc(sp_pool_threads(job->pool), sizeof *m.cells);
     bool ok = m.cells ? merge_level(&m, err)
                       : sp_fail(err, SP_ERR_MEMORY, "", "no memory for a brick of a coarse level");

@@ -41,7 +41,8 @@ static void pack_rows(const uint16_t used[ROWS], const void *from, void *to, uin
         const uint8_t *row = in + (size_t)r * SP_BRICK * bytes;
         uint32_t n = bytes == 1   ? pack_row(row, out, used[r], 1)
                      : bytes == 2 ? pack_row(row, out, used[r], 2)
-                                  : pack_row(row, out, used[r], 4);
+                     : bytes == 4 ? pack_row(row, out, used[r], 4)
+                                  : pack_row(row, out, used[r], 8);
         out += (size_t)n * bytes;
     }
 }
@@ -86,8 +87,10 @@ static void scatter_all(const void *from, void *to, const uint16_t *element, uin
         scatter(from, to, element, count, 1);
     else if (bytes == 2)
         scatter(from, to, element, count, 2);
-    else
+    else if (bytes == 4)
         scatter(from, to, element, count, 4);
+    else
+        scatter(from, to, element, count, 8);
 }
 
 /* 16 bytes that are 0 or 1 → a bit each. */

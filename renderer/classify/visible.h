@@ -10,7 +10,8 @@
  * slice they rise by place, so that the order is the same whatever happened to the list before.
  *
  * Keys are as wide as the volume's type needs, and normals half a word for 8 and 16 bits: there an
- * entry takes 2 and 3 bytes, 4 and 5 with normals; 5 and 9 for other types.
+ * entry takes 2 and 3 bytes, 4 and 5 with normals; 5 and 9 for other types. Coarse levels keep
+ * flakes in their place.
  */
 #ifndef SP_CLASSIFY_VISIBLE_H
 #define SP_CLASSIFY_VISIBLE_H
@@ -20,6 +21,7 @@
 #include <stdint.h>
 
 #include "base/parallel_for.h"
+#include "classify/flakes.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
 
@@ -41,7 +43,7 @@ struct sp_visible {
     void *key;      /* see transfer.h; sp_visible_key() reads them */
     uint32_t key_bytes;    /* of each: 1, 2 or 4, unsigned */
     void *normal;          /* see gradient.h; sp_visible_normal() reads them; NULL = not made */
-    uint32_t normal_bytes; /* of each: 2 (direction alone) or 4 */
+    uint32_t normal_bytes; /* of each: 2 (direction alone) or 4; 8: struct sp_flakes instead */
 };
 
 /* Number of bricks; under 2^25, as volumes go. */
@@ -76,8 +78,8 @@ static inline void sp_visible_set_key(const struct sp_visible *visible, uint64_t
         ((uint32_t *)visible->key)[e] = key;
 }
 
-/* Packed gradient of entry e of a list that has them; of 2 bytes the magnitude is unknown, and full
- * unless the gradient is zero. */
+/* Packed gradient of entry e of a list that has them, and no flakes; of 2 bytes the magnitude is
+ * unknown, and full unless the gradient is zero. */
 static inline uint32_t sp_visible_normal(const struct sp_visible *visible, uint64_t e) {
     if (visible->normal_bytes == 2)
         return sp_gradient_widen(((const uint16_t *)visible->normal)[e]);
@@ -104,6 +106,15 @@ static inline uint16_t sp_visible_local(unsigned axis, uint32_t s, uint8_t place
  * NULL = as they are. */
 void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,
                        uint32_t begin, uint32_t count, uint16_t *local);
+
+static inline bool sp_visible_has_flakes(const struct sp_visible *visible) {
+    return visible->normal && visible->normal_bytes == sizeof(struct sp_flakes);
+}
+
+/* Flakes of entry e of a list that has them. */
+static inline struct sp_flakes *sp_visible_flakes(const struct sp_visible *visible, uint64_t e) {
+    return (struct sp_flakes *)visible->normal + e;
+}
 
 /* Sets bricks and widths and takes memory for what there is a brick, all zero; SP_ERR_MEMORY. */
 bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_t key_bytes,

@@ -26,7 +26,7 @@ unsigned sp_detail_levels(const uint32_t dims[3], unsigned most) {
 bool sp_detail_is_possible(const struct sp_view *view) {
     enum sp_filter_mode mode = view->filter.mode;
     return view->level_of_detail == SP_LOD_AUTO && view->transfer_function.order == SP_TF_PRE &&
-           view->shading.mode == SP_SHADING_NONE && view->filter.kernel == SP_KERNEL_GAUSSIAN &&
+           view->filter.kernel == SP_KERNEL_GAUSSIAN &&
            (mode == SP_FILTER_EWA || mode == SP_FILTER_ADAPTIVE || mode == SP_FILTER_LOWPASS);
 }
 

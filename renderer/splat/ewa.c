@@ -221,9 +221,9 @@ static bool write_extent(const struct sp_ewa_frame *f, const struct places *p, i
 
 /* What entries add at the centres of their footprints. */
 struct amounts {
-    float depth[SP_WIDE], color[3][SP_WIDE]; /* post: length and gradient */
-    float value[SP_WIDE];                    /* post: the scalar */
-    uint32_t gradient[SP_WIDE];
+    float depth[SP_WIDE], color[3][SP_WIDE];        /* post: length and gradient */
+    float value[SP_WIDE];                           /* post: the scalar */
+    uint32_t gradient[SP_WIDE], flakes[2][SP_WIDE]; /* one of the two */
 };
 
 static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3],
@@ -243,10 +243,14 @@ static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3
 static unsigned classify(const struct sp_ewa_run *run, const uint64_t *e, const float *gain,
                          unsigned bits, struct amounts *to) {
     unsigned left = 0;
+    bool has_flakes = sp_visible_has_flakes(run->list);
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
         uint32_t key = sp_visible_key(run->list, e[i]);
-        to->gradient[i] = run->list->normal ? sp_visible_normal(run->list, e[i]) : 0;
+        for (int k = 0; has_flakes && k < 2; k++)
+            to->flakes[k][i] = sp_visible_flakes(run->list, e[i])->word[k];
+        if (run->list->normal && !has_flakes)
+            to->gradient[i] = sp_visible_normal(run->list, e[i]);
         struct sp_class c = sp_transfer_class_at(run->transfer, key, to->gradient[i]);
         to->depth[i] = c.depth * gain[i];
         if (!(to->depth[i] > 0))
@@ -259,14 +263,21 @@ static unsigned classify(const struct sp_ewa_run *run, const uint64_t *e, const 
     return left;
 }
 
-static inline void shade(const struct sp_ewa_frame *f, const struct sp_shade *shade,
+static inline void shade(const struct sp_ewa_frame *f, const struct sp_ewa_run *run,
                          const struct places *p, struct amounts *a) {
-    sp_wide to_eye[3], color[3];
-    sp_wide_int gradient = sp_wide_int_load((const int32_t *)a->gradient);
+    sp_wide to_eye[3], color[3], lit[3], shine[3];
     eye_direction(f, p->u, to_eye);
     for (int k = 0; k < 3; k++)
         color[k] = sp_wide_load(a->color[k]);
-    sp_shade_apply(shade, gradient, to_eye, color);
+    if (sp_visible_has_flakes(run->list)) {
+        const sp_wide_int word[2] = { sp_wide_int_load((const int32_t *)a->flakes[0]),
+                                      sp_wide_int_load((const int32_t *)a->flakes[1]) };
+        sp_shade_flakes(run->shade, word, to_eye, lit, shine);
+        for (int k = 0; k < 3; k++)
+            color[k] = color[k] * lit[k] + shine[k];
+    } else {
+        sp_shade_apply(run->shade, sp_wide_int_load((const int32_t *)a->gradient), to_eye, color);
+    }
     for (int k = 0; k < 3; k++)
         sp_wide_store(a->color[k], color[k]);
 }
@@ -352,7 +363,7 @@ static inline uint32_t set_up(const struct sp_ewa_frame *f, const struct sp_ewa_
     else
         bits = classify(run, entry, gain, bits, &a);
     if (run->shade && bits)
-        shade(f, run->shade, &p, &a);
+        shade(f, run, &p, &a);
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
         struct sp_splat *s = &out->splat[written];

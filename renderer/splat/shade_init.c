@@ -1,6 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/shade.h"
 
+#include <math.h>
+
+#define GLINT_WIDTH_MIN (1.0 / 128) /* flakes are kept in 8 bits: narrower is not known */
+
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
                    const struct sp_shading *shading) {
     *shade = (struct sp_shade){ .ambient = (float)shading->ambient,
@@ -8,6 +12,8 @@ void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
                                 .specular = (float)shading->specular,
                                 .exponent = (float)shading->exponent,
                                 .light_count = (int)shading->light_count };
+    shade->glint_width = (float)fmax(1 / shading->exponent, GLINT_WIDTH_MIN);
+    shade->glint_gain = (float)(0.5 * shading->exponent * log2(3) - log2(shading->exponent + 1));
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
             shade->to_camera[r][c] = (float)camera->w.m[r][c];
@@ -22,6 +28,9 @@ void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
             d = (struct sp_vec3){ { d.v[0], -d.v[1], -d.v[2] } };
         for (int c = 0; c < 3; c++) {
             shade->lights[i].direction[c] = (float)d.v[c];
+            shade->lights[i].world[c] =
+                (float)(camera->w.m[0][c] * d.v[0] + camera->w.m[1][c] * d.v[1] +
+                        camera->w.m[2][c] * d.v[2]);
             shade->lights[i].color[c] = light->color[c];
         }
     }

@@ -264,17 +264,14 @@ static void check_set_up(const struct cpu_kernels *kernels) {
                                   .spacing = { 1, 2, 0.5 },
                                   .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
     uint16_t local[COUNT], order[COUNT], of_run[COUNT];
-    uint32_t key[COUNT], normal[COUNT];
+    uint32_t key[COUNT], normal[2 * COUNT];
     uint64_t first[2] = { 0, COUNT };
     struct sp_class classes[4] = {
         { { 1, 0, 0 }, 0.1f }, { { 0, 1, 0 }, 1 }, { { 0, 0, 1 }, 10 }, { { 1, 1, 1 }, 0.01f }
     };
-    struct sp_visible list = { .bricks = { 1, 1, 1 },
-                               .count = COUNT,
-                               .first = first,
-                               .key = key,
-                               .normal = normal,
-                               .normal_bytes = 4 };
+    struct sp_visible list = {
+        .bricks = { 1, 1, 1 }, .count = COUNT, .first = first, .key = key, .normal = normal
+    };
     struct sp_transfer transfer = { .table = classes, .count = 4 };
     struct sp_splat *a = malloc((COUNT + 2) * sizeof *a), *b = malloc((COUNT + 2) * sizeof *b);
     static struct sp_span spans[2][COUNT];
@@ -291,6 +288,13 @@ static void check_set_up(const struct cpu_kernels *kernels) {
                         .height = pow(10, uniform(-3, 4)),
                         .near = 0.1 },
             .transfer_function = { .reference_length = 1 },
+            .shading = { .mode = SP_SHADING_PHONG,
+                         .ambient = 0.1,
+                         .diffuse = 1,
+                         .specular = 1,
+                         .exponent = pow(2, n % 8),
+                         .light_count = 1,
+                         .lights = { { { 1, 2, 3 }, SP_LIGHT_WORLD, { 1, 0.5f, 0.2f } } } },
             .filter = { SP_FILTER_EWA, (enum sp_kernel)(n / 2 % 2), 0.7, 3, 1, 0.3, NAN },
             .clip = { .box = { { 0, 0.4, 0 }, { 1, 1, 1 } },
                       .plane_count = 1,
@@ -301,16 +305,21 @@ static void check_set_up(const struct cpu_kernels *kernels) {
             local[i] = (uint16_t)(rand() % 4096);
             order[i] = (uint16_t)(rand() % COUNT);
             sp_visible_set_key(&list, (uint64_t)i, (uint32_t)rand() % 4);
-            normal[i] = (uint32_t)rand() << 1;
+            normal[2 * i] = (uint32_t)rand() << 1;
+            normal[2 * i + 1] = (uint32_t)rand() << 1;
         }
+        list.normal_bytes = n % 3 ? 4 : 8; /* normals, or flakes */
         struct sp_camera_frame camera;
         struct sp_ewa_frame frame;
+        struct sp_shade shade;
         sp_camera_frame_init(&camera, &view.camera, view.size);
         sp_ewa_frame_init(&frame, &camera, &grid, &view);
+        sp_shade_init(&shade, &camera, &view.shading);
         sp_clip_frame_init(&frame.clip, &camera, &grid, &view.clip, frame.unit);
         struct sp_ewa_run run = { .list = &list,
                                   .local = of_run,
                                   .transfer = &transfer,
+                                  .shade = n % 4 ? &shade : NULL,
                                   .brick = { (uint32_t)n % 6 * 16, 32, (uint32_t)n % 5 * 16 },
                                   .order = n % 2 ? order : NULL,
                                   .begin = (uint32_t)n % 5,
@@ -330,6 +339,8 @@ static void check_set_up(const struct cpu_kernels *kernels) {
         for (uint32_t i = 1; i <= got; i++) {
             assert_true(is_near(a[i].x, b[i].x, 1e-3f, 1e-6f) &&
                         fabsf(a[i].depth - b[i].depth) <= 1e-4f * b[i].depth);
+            for (int k = 0; k < 3; k++) /* colours are of order 1 */
+                assert_true(fabsf(a[i].emission[k] - b[i].emission[k]) <= 2e-3f * b[i].depth);
             assert_int_equal(a[i].sheet, 9);
             assert_int_equal(a[i].cuts, b[i].cuts);
             const struct sp_span *p = &spans[0][i - 1], *q = &spans[1][i - 1];

@@ -154,6 +154,7 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
 
 static void far_away_a_volume_is_one_brick(void **state) {
     (void)state;
+    const enum sp_shading_mode shadings[2] = { SP_SHADING_NONE, SP_SHADING_PHONG };
     struct sp_arena arena;
     sp_arena_init(&arena);
     const uint32_t dims[3] = { 500, 33, 17 };
@@ -161,15 +162,18 @@ static void far_away_a_volume_is_one_brick(void **state) {
     assert_int_equal(sp_detail_levels(dims, 8), 6); /* 500 cells, 250, 125, 63, 32, 16 */
     assert_int_equal(sp_detail_levels(dims, 3), 3);
     assert_int_equal(sp_detail_levels((const uint32_t[3]){ 16, 1, 16 }, 8), 1);
-    struct sp_view view = make_view(SP_PERSPECTIVE, 1e6);
-    struct sp_camera_frame camera;
-    sp_camera_frame_init(&camera, &view.camera, view.size);
-    struct sp_detail detail;
-    struct sp_detail_job job = { .camera = &camera, .grid = &grid, .view = &view, .levels = 6 };
-    assert_true(sp_detail_choose(&job, &arena, &detail));
-    assert_int_equal(detail.count, 1);
-    assert_int_equal(detail.bricks[0].level, 5);
-    assert_false(detail.bricks[0].is_enlarged);
+    for (int lit = 0; lit < 2; lit++) {
+        struct sp_view view = make_view(SP_PERSPECTIVE, 1e6);
+        view.shading.mode = shadings[lit];
+        struct sp_camera_frame camera;
+        sp_camera_frame_init(&camera, &view.camera, view.size);
+        struct sp_detail detail;
+        struct sp_detail_job job = { .camera = &camera, .grid = &grid, .view = &view, .levels = 6 };
+        assert_true(sp_detail_choose(&job, &arena, &detail));
+        assert_int_equal(detail.count, 1);
+        assert_int_equal(detail.bricks[0].level, 5);
+        assert_false(detail.bricks[0].is_enlarged);
+    }
     sp_arena_finish(&arena);
 }
 
@@ -180,7 +184,7 @@ static void what_cannot_be_averaged_is_whole(void **state) {
     sp_arena_init(&arena);
     const uint32_t dims[3] = { 100, 100, 100 };
     struct sp_grid grid = make_grid(dims);
-    for (int n = 0; n < 8; n++)
+    for (int n = 0; n < 7; n++)
         for (unsigned floor = 0; floor < 3; floor++) {
             struct sp_view view = make_view(SP_PERSPECTIVE, 1e5);
             struct sp_camera_frame camera;
@@ -193,9 +197,7 @@ static void what_cannot_be_averaged_is_whole(void **state) {
                 view.filter.kernel = SP_KERNEL_CUBIC;
             if (n == 3)
                 view.filter.lowpass = 0;
-            if (n == 7)
-                view.shading.mode = SP_SHADING_PHONG;
-            else if (n > 3)
+            if (n > 3)
                 view.filter.mode =
                     (const enum sp_filter_mode[]){ SP_FILTER_RECONSTRUCTION, SP_FILTER_SWAN,
                                                    SP_FILTER_NONE }[n - 4];
