@@ -623,6 +623,14 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
     return layers;
 }
 
+/* Deviations from a voxel to the pixels that it matters to. Beyond them it is left out where a tile
+ * ends, and less than a 400th of the light may be missed there: for a straight edge of depth d that
+ * is where d/2 · erfc(r/√2) is, about. */
+static float find_reach(const struct sheets *s, float cutoff, float deepest) {
+    float seam = sqrtf(2 * logf(fmaxf(1, 53 * deepest)));
+    return fmaxf(cutoff, s->exact ? 4 : fminf(4, seam));
+}
+
 bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
     const struct sp_view *view = frame->job->view;
     double clock = sp_clock_ms();
@@ -637,7 +645,6 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
                           /* Linear depths do not add up. */
                           .thin_pair = exact || linear ? 0 : 3,
                           .thin = exact || linear ? 0 : 0.6f,
-                          .reach = fmaxf(exact ? 4 : 3, (float)view->filter.cutoff),
                           .smooth = exact ? 1.3f : 0.56f,
                           .parts = frame->parts,
                           .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
@@ -650,6 +657,9 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
                          .slots = s->bricks,
                          .length = layer_length(frame),
                          .deepest = find_deepest(&view->transfer_function) };
+    unsigned coarsest = 31 - (unsigned)__builtin_clz(frame->detail->levels | 1);
+    s->reach =
+        find_reach(s, (float)view->filter.cutoff, ldexpf(p.deepest * p.length, (int)coarsest));
     p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *p.sight);
     if (frame->arena->failed)
         return fail_memory(frame->arena, err);

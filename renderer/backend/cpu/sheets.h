@@ -21,8 +21,9 @@
  * Nothing is cut at the view's cutoff: from 3 on what lies beyond is too little to matter (54 dB
  * and more on scans, 44 at 2.5), and views whose kernels end nearer are not drawn so.
  *
- * A tile draws alone: no records, no sorting, no step that waits for other tiles. Bricks that only
- * meet pixels that are opaque already are never set up.
+ * A tile draws alone: no records, no sorting, no step that waits for other tiles. It knows which of
+ * its pixels are opaque already, and leaves out what reaches no others: bricks, their slices, and
+ * voxels one by one.
  */
 #ifndef SP_BACKEND_CPU_SHEETS_H
 #define SP_BACKEND_CPU_SHEETS_H
