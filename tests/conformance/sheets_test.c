@@ -1,0 +1,203 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Sheets as instruction sets draw them (backend/cpu/sheets.h, or footprints where that does not
+ * serve) against the scalar reference, where volumes and cameras are unlike any scan: one slice,
+ * one edge of voxels, spacings of 1 to 6, eyes inside and far away, rolled, lit or not; all filters
+ * over their whole range, depths from thin air to stone.
+ *
+ * Kernels end at the cutoff, or farther out where they have no footprints: the reference is drawn
+ * both ways, and the nearer picture counts.
+ *
+ *   test_conformance_sheets [SEED [END]]
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sp/log.h"
+#include "support/render.h"
+
+/* Measured: 51.55 dB, adaptive 61.66; over seeds 0 … 5999 42.06 and 38.88, each of 2×2×2 voxels. */
+enum { SCENES = 240, CUTOFF_FAR = 6 };
+static const double floors[2] = { 51, 58 }; /* adaptive: the second */
+
+/* Footprints alone are nearer to the reference. */
+#define FOOTPRINTS 110
+
+struct dice {
+    uint64_t state;
+};
+
+/* [0, 1); an xorshift generator, so that a seed means the same everywhere. */
+static double roll(struct dice *d) {
+    d->state ^= d->state << 13;
+    d->state ^= d->state >> 7;
+    d->state ^= d->state << 17;
+    return (double)(d->state >> 11) * 0x1p-53;
+}
+
+static double between(struct dice *d, double low, double high) {
+    return low + (high - low) * roll(d);
+}
+
+static double one_of(struct dice *d, const double *values, unsigned count) {
+    return values[(unsigned)(roll(d) * count)];
+}
+#define ONE_OF(d, ...)                                                                             \
+    one_of(d, (const double[]){ __VA_ARGS__ },                                                     \
+           sizeof(const double[]){ __VA_ARGS__ } / sizeof(double))
+
+static double bumps(const void *user, double x, double y, double z) {
+    double rough = *(const double *)user;
+    return 120 + 100 * sin(0.31 * x + 0.2 * y) * cos(0.23 * z + 0.1) +
+           rough * sin(37 * x + 11 * y + 5 * z);
+}
+
+static bool make_volume(struct test_scene *s, struct dice *d) {
+    static const uint32_t shapes[][3] = { { 24, 21, 18 }, { 20, 40, 8 }, { 30, 1, 27 },
+                                          { 33, 25, 1 },  { 2, 2, 2 },   { 60, 1, 1 } };
+    static const double spacings[][3] = { { 1, 1, 1 }, { 1, 1, 6 }, { 4, 1, 1 }, { 1, 2.5, 1 } };
+    const uint32_t *shape = shapes[(unsigned)(roll(d) * 6)];
+    const double *spacing = spacings[(unsigned)(roll(d) * 4)];
+    double rough = ONE_OF(d, 0, 0, 30);
+    return test_scene_voxels(s, "bumps", shape, spacing, SP_UINT8, bumps, &rough);
+}
+
+static double radius(const struct sp_grid *grid) {
+    double sum = 0;
+    for (int a = 0; a < 3; a++)
+        sum += pow(grid->dims[a] * grid->spacing[a], 2);
+    return 0.5 * sqrt(sum);
+}
+
+static void place_camera(struct test_scene *s, struct dice *d) {
+    struct sp_view *v = &s->view;
+    double size = radius(&s->info.grid), distance = size * ONE_OF(d, 0.01, 0.5, 1.2, 2, 2, 3, 20);
+    double aim[3];
+    for (int a = 0; a < 3; a++)
+        aim[a] = between(d, -0.1, 0.1) * size;
+    test_scene_orbit(s, aim, between(d, -180, 180), between(d, -80, 80), distance);
+    for (int a = 0; a < 3; a++) /* rolled */
+        v->camera.up[a] = between(d, -1, 1);
+    v->camera.projection = roll(d) < 0.3 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
+    v->camera.fov_y = ONE_OF(d, 1, 10, 30, 40, 60, 170);
+    v->camera.height = size * ONE_OF(d, 0.05, 0.5, 1, 2, 4);
+    v->camera.near = ONE_OF(d, 0.1, 1e-4, 1);
+    v->size[0] = (uint32_t)ONE_OF(d, 1, 3, 64, 90, 130);
+    v->size[1] = (uint32_t)ONE_OF(d, 1, 2, 64, 75, 100);
+}
+
+static void choose_filter(struct sp_view *v, struct dice *d) {
+    v->filter.mode = (enum sp_filter_mode)(int)(roll(d) * 5); /* all but none */
+    v->filter.sigma = ONE_OF(d, 0.3, 0.5, 0.7, 0.7, 1, 2);
+    v->filter.lowpass = ONE_OF(d, 0, 0.3, 1, 1, 2, 8);
+    v->filter.cutoff = ONE_OF(d, 2, 3, 3, 3, 3, 4, 6);
+}
+
+static bool make_scene(struct test_scene *s, unsigned seed) {
+    struct dice d = { UINT64_C(0x9e3779b97f4a7c15) * (seed + 1) };
+    struct sp_view *v = &s->view;
+    for (int i = 0; i < 8; i++)
+        roll(&d);
+    test_view_init(v);
+    if (!make_volume(s, &d))
+        return false;
+    test_scene_points(s,
+                      (const double[][5]){ { 60, 0.9, 0.3, 0.1, 0 },
+                                           { 120, 0.9, 0.8, 0.3, 0.1 },
+                                           { 220, 1, 1, 1, 0.7 } },
+                      3);
+    v->transfer_function.reference_length = ONE_OF(&d, 1, 1, 1, 1, 1, 100, 0.01);
+    place_camera(s, &d);
+    choose_filter(v, &d);
+    v->compositing.attenuation =
+        roll(&d) < 0.5 ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
+    v->level_of_detail = roll(&d) < 0.5 ? SP_LOD_OFF : SP_LOD_AUTO;
+    v->shading.mode = roll(&d) < 0.5 ? SP_SHADING_PHONG : SP_SHADING_NONE;
+    v->background[3] = 1;
+    return true;
+}
+
+/* dB between the two renderers' pictures. */
+static double compare(const struct test_renderer *reference, const struct test_renderer *r,
+                      const struct test_scene *scene) {
+    struct test_scene far = *scene;
+    struct test_image wanted, image;
+    struct sp_error err;
+    double psnr = -INFINITY;
+    if (!test_render_scene(r, scene, &image, &err)) {
+        printf("%s: %s\n", err.place, err.text);
+        return NAN;
+    }
+    for (int k = 0; k < 2; k++) {
+        if (test_render_scene(reference, &far, &wanted, &err)) {
+            psnr = fmax(psnr, test_image_psnr(&image, &wanted));
+            test_image_finish(&wanted);
+        }
+        if (far.view.filter.cutoff < 3)
+            break; /* that is what kernels end at */
+        far.view.filter.cutoff = CUTOFF_FAR;
+    }
+    test_image_finish(&image);
+    return psnr;
+}
+
+struct tally {
+    double lowest[2]; /* dB */
+    unsigned filtered, failed;
+};
+
+static void check(const struct test_renderer *reference, const struct test_renderer *r,
+                  const char *isa, unsigned seed, struct tally *t) {
+    struct test_scene scene;
+    if (!make_scene(&scene, seed))
+        exit(EXIT_FAILURE);
+    const struct sp_view *v = &scene.view;
+    const uint32_t *dims = scene.info.grid.dims;
+    bool is_adaptive = v->filter.mode == SP_FILTER_ADAPTIVE;
+    double psnr = compare(reference, r, &scene);
+    bool ok = psnr >= floors[is_adaptive];
+    t->lowest[is_adaptive] = fmin(t->lowest[is_adaptive], psnr);
+    t->filtered += psnr < FOOTPRINTS;
+    t->failed += !ok;
+    if (!ok)
+        printf(
+            "FAILED %s seed %u: %.2f dB; %u×%u×%u voxels, %u×%u px, filter %d, sigma %g, low-pass "
+            "%g, cutoff %g\n",
+            isa, seed, psnr, dims[0], dims[1], dims[2], v->size[0], v->size[1], (int)v->filter.mode,
+            v->filter.sigma, v->filter.lowpass, v->filter.cutoff);
+    test_scene_finish(&scene);
+}
+
+int main(int argc, char **argv) {
+    unsigned first = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 10) : 0;
+    unsigned end = argc > 2 ? (unsigned)strtoul(argv[2], NULL, 10) : argc > 1 ? first + 1 : SCENES;
+    struct test_target target, scalar = { "cpu", "scalar" };
+    struct test_renderer reference, r;
+    struct sp_error err;
+    unsigned failed = 0, ran = 0;
+    sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    if (!test_renderer_open(&reference, &scalar, 2, &err)) {
+        printf("FAILED scalar: %s\n", err.text);
+        return EXIT_FAILURE;
+    }
+    for (unsigned i = 0; test_target_at(i, &target); i++) {
+        struct tally t = { .lowest = { INFINITY, INFINITY } };
+        if (strcmp(target.backend, "cpu") != 0 || strcmp(target.isa, "scalar") == 0)
+            continue;
+        if (!test_renderer_open(&r, &target, 2, &err)) {
+            printf("skipped: %s: %s\n", target.isa, err.text);
+            continue;
+        }
+        for (unsigned seed = first; seed < end; seed++, ran++)
+            check(&reference, &r, target.isa, seed, &t);
+        printf("%s: lowest %.2f dB, adaptive %.2f dB; %u pictures without footprints\n", target.isa,
+               t.lowest[0], t.lowest[1], t.filtered);
+        failed += t.failed + (argc == 1 && t.filtered < SCENES / 8);
+        test_renderer_close(&r);
+    }
+    test_renderer_close(&reference);
+    printf("%u of %u scenes failed\n", failed, ran);
+    return failed ? EXIT_FAILURE : EXIT_SUCCESS;
+}
