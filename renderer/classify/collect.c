@@ -425,7 +425,10 @@ static void pack_normals(void *user, size_t begin, size_t end, unsigned worker) 
         uint32_t corner[3], count = (uint32_t)(list->first[b + 1] - list->first[b]);
         sp_visible_corner(list, (uint32_t)b, corner);
         sp_visible_locals(list, (uint32_t)b, NULL, 0, count, local);
-        for (uint32_t e = 0; e < count; e++)
+        if (list->normal_bytes == 2)
+            sp_gradient_pack_directions(&n->grid, corner, local, count,
+                                        (uint16_t *)list->normal + list->first[b]);
+        for (uint32_t e = 0; list->normal_bytes == 4 && e < count; e++)
             sp_visible_set_normal(list, list->first[b] + e,
                                   pack_normal(&n->grid, list->normal_bytes, corner, local[e]));
     }

@@ -49,6 +49,11 @@ uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double grad
 /* Any gradient → its direction in 16 bits. */
 uint16_t sp_gradient_pack_direction(const double gradient[3]);
 
+/* The same for voxels of a brick of an 8- or 16-bit volume, i0 | i1 << 4 | i2 << 8 from its corner
+ * on: sp_gradient_pack_direction() of sp_gradient_at(), to the bit. */
+void sp_gradient_pack_directions(const struct sp_gradient_grid *grid, const uint32_t corner[3],
+                                 const uint16_t *local, uint32_t count, uint16_t *packed);
+
 /* A direction in 16 bits as a packed gradient of full magnitude. */
 static inline uint32_t sp_gradient_widen(uint16_t direction) {
     /* 1031/128 is SP_GRADIENT_STEPS over SP_DIRECTION_STEPS, rounded to the nearest step. */

@@ -243,6 +243,54 @@ static void directions_in_16_bits_are_within_about_a_degree(void **state) {
     assert_true(sp_gradient_pack_direction(down) != 0);
 }
 
+/* Bricks of every type whose lists keep directions, at borders, on even and rectilinear grids. */
+static void directions_of_bricks_are_those_of_voxels(void **state) {
+    (void)state;
+    enum { X = 19, Y = 17, Z = 1 + SP_BRICK, COUNT = X * Y * Z };
+    static const enum sp_type types[] = { SP_UINT8, SP_INT8, SP_UINT16, SP_INT16 };
+    static uint16_t values[COUNT], local[SP_BRICK_VOXELS], packed[SP_BRICK_VOXELS + 1];
+    double coordinates[Y];
+    srand(6);
+    for (int i = 0; i < COUNT; i++) /* in some places everything is the same */
+        values[i] = (uint16_t)(i % 7 < 3 && i % X > 6 ? rand() : 0x0101);
+    for (int i = 0; i < Y; i++)
+        coordinates[i] = i + 0.3 * (i % 3);
+    for (int n = 0; n < 8; n++) {
+        struct sp_grid grid = {
+            .dims = { X, Y, n < 4 ? Z : 1 },
+            .spacing = { 1, 1.5, 0.5 },
+            .direction = { { 0.6, -0.8, 0 }, { 0.8, 0.6, 0 }, { 0, 0, -1 } },
+            .coordinates = { NULL, n % 2 ? coordinates : NULL, NULL },
+        };
+        if (n % 2)
+            grid.spacing[1] = coordinates[Y - 1] / (Y - 1);
+        struct sp_volume *v = sp_volume_create(&grid, types[n / 2], values, "", NULL);
+        assert_non_null(v);
+        struct sp_gradient_grid gradients;
+        sp_gradient_grid_init(&gradients, v);
+        for (int b = 0; b < 8; b++) {
+            uint32_t corner[3] = { b & 1 ? 16 : 0, b & 2 ? 16 : 0, b & 4 ? 16 : 0 }, count = 0;
+            for (uint16_t k = 0; k < SP_BRICK_VOXELS; k++)
+                if (rand() % 3 && corner[0] + (k & 15) < X && corner[1] + (k >> 4 & 15) < Y &&
+                    corner[2] + (k >> 8u) < grid.dims[2])
+                    local[count++] = k;
+            packed[count] = 0x5a5a;
+            sp_gradient_pack_directions(&gradients, corner, local, count, packed);
+            assert_int_equal(packed[count], 0x5a5a);
+            for (uint32_t e = 0; e < count; e++) {
+                double g[3];
+                sp_gradient_at(&gradients,
+                               (uint32_t[3]){ corner[0] + (local[e] & 15u),
+                                              corner[1] + (local[e] >> 4 & 15u),
+                                              corner[2] + (local[e] >> 8) },
+                               g);
+                assert_int_equal(packed[e], sp_gradient_pack_direction(g));
+            }
+        }
+        sp_volume_unref(&v);
+    }
+}
+
 static void gradients_pass_by_what_is_not_a_number(void **state) {
     (void)state;
     float values[27];
@@ -666,6 +714,7 @@ int main(void) {
         cmocka_unit_test(gradients_of_rectilinear_grids_are_those_of_the_world),
         cmocka_unit_test(packed_directions_are_within_an_eighth_of_a_degree),
         cmocka_unit_test(directions_in_16_bits_are_within_about_a_degree),
+        cmocka_unit_test(directions_of_bricks_are_those_of_voxels),
         cmocka_unit_test(gradients_pass_by_what_is_not_a_number),
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
         cmocka_unit_test(coarse_levels_average_what_was_classified),
