@@ -188,7 +188,8 @@ static void draw_layer(struct sheets_open_tile *t, uint32_t layer, struct sheets
     while (count) {
         uint32_t left = 0;
         t->is_open = t->is_open || sheets_start_group(t, runs, count);
-        for (uint32_t i = 0; i < count; i++) {
+        /* What a cancelled frame leaves is not seen; a layer may have thousands of runs. */
+        for (uint32_t i = 0; i < count && !sp_job_is_cancelled(t->sheets->job); i++) {
             int part = fit_part(t, &runs[i]);
             if (i == 0 && part == 0) {
                 /* find_box() looked closely, but not at every distance. */
