@@ -405,6 +405,10 @@ static float find_peak(const struct sheets_brick *b) {
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
 
+/* Layers 2n and 2n + 1 are composited as one up to this depth, and any that follow each other up
+ * to that. */
+static const float thin_pair = 3.5f, thin = 0.6f;
+
 static inline float larger(float a, float b) {
     return a > b ? a : b;
 }
@@ -437,7 +441,7 @@ static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const struct sp_level *level = sheets_level(p->sheets, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
     /* Beyond that it does not matter how much. */
-    float enough = p->deepest * scale > most_depth ? most_depth : p->sheets->thin_pair;
+    float enough = p->deepest * scale > most_depth ? most_depth : thin_pair;
     uint64_t first = level->visible.first[b->brick];
     const uint16_t *start = level->visible.start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
@@ -623,6 +627,37 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
     return layers;
 }
 
+/* Composites consecutive layers as one while together they add little depth to any pixel:
+ * transmittance is the same, only whose colour is in front is lost. For the frame as a whole, so
+ * that there is no seam where a tile meets less than the next. */
+static bool join_layers(struct sheets *s, struct sp_arena *arena) {
+    float *depth = sp_arena_alloc(arena, "depths of sheets", s->layers, sizeof *depth), sum = 0;
+    uint32_t *joined = sp_arena_alloc(arena, "order of sheets", s->layers, sizeof *joined);
+    if (!depth || !joined)
+        return false;
+    memset(depth, 0, s->layers * sizeof *depth);
+    for (uint32_t i = 0; i < s->brick_count; i++) {
+        const struct sheets_brick *b = &s->bricks[i];
+        uint32_t corner[3];
+        sp_visible_corner(&sheets_level(s, b)->visible, b->brick, corner);
+        for (uint32_t k = 0; k < SP_BRICK; k++) {
+            if (!(b->depth[k] > 0))
+                continue;
+            uint32_t layer = sp_order_layer(s->layer, s->layers, b->level, corner[s->axis] + k);
+            depth[layer] = larger(depth[layer], b->depth[k]);
+        }
+    }
+    for (uint32_t l = 0; l < s->layers; l++) {
+        bool is_second = l % 2 && joined[l - 1] == l - 1;
+        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? thin_pair : thin);
+        joined[l] = is_joined ? joined[l - 1] : l;
+        sum = is_joined ? sum + depth[l] : depth[l];
+    }
+    for (uint32_t k = 0; k < s->layers; k++)
+        s->layer[k] = joined[s->layer[k]];
+    return true;
+}
+
 /* Deviations from a voxel to the pixels that it matters to. Beyond them it is left out where a tile
  * ends, and less than a 400th of the light may be missed there: for a straight edge of depth d that
  * is where d/2 · erfc(r/√2) is, about. */
@@ -642,9 +677,6 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
                           .linear = linear,
                           .axis = frame->axis,
                           .exact = exact,
-                          /* Linear depths do not add up. */
-                          .thin_pair = exact || linear ? 0 : 3,
-                          .thin = exact || linear ? 0 : 0.6f,
                           .smooth = exact ? 1.3f : 0.56f,
                           .parts = frame->parts,
                           .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
@@ -670,6 +702,9 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
         if (p.sight[i])
             s->bricks[s->brick_count++] = s->bricks[i];
     }
+    /* Linear depths do not add up. */
+    if (!exact && !linear && !join_layers(s, frame->arena))
+        return fail_memory(frame->arena, err);
     if (!meet_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
     s->prepare_ms = sp_clock_ms() - clock;
@@ -678,7 +713,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
 
 /* A footprint costs a tile so much more than a deposit that this share of them is half of the time.
  */
-static const double most_unfit = 1.0 / 32;
+static const double most_unfit = 1.0 / 8;
 
 bool sheets_pay(const struct sheets *s) {
     return s->work[1] <= most_unfit * (s->work[0] + s->work[1]);

@@ -119,7 +119,6 @@ struct sheets_run {
     uint32_t brick;      /* of sheets.bricks */
     uint16_t begin, end; /* its entries */
     uint8_t slice;       /* of the brick, along the axis */
-    float depth;         /* as in sheets_brick */
     float range[2];      /* of 1/u2 that is still to be drawn */
     uint32_t cells;      /* of the tile that it meets: bit row · SHEETS_CELLS_ACROSS + column */
 };
@@ -130,10 +129,6 @@ struct sheets {
     const struct sheets_tables *tables;
     const struct sp_shade *shade; /* NULL = none */
     bool linear;                  /* attenuation */
-    /* Layers that together add at most this much depth to any pixel are composited as one: 2n and
-     * 2n + 1 of the frame, so that tiles agree, or any that follow each other. Transmittance is the
-     * same, only whose colour is in front is lost. 0 = every layer for itself. */
-    float thin_pair, thin;
     bool
         exact; /* not adaptive: filters reach farther, and are made for less different footprints */
     float reach;  /* deviations from a voxel to the pixels that it matters to */
@@ -141,7 +136,7 @@ struct sheets {
     unsigned axis;
     uint32_t layers;
     const struct cpu_part *parts; /* [SP_LEVELS] */
-    const uint32_t *layer;        /* of each slice of the volume along the axis */
+    uint32_t *layer; /* of each slice of the volume along the axis; several may share one */
     struct sheets_brick *bricks;
     uint32_t brick_count;
     int columns, rows; /* of tiles */

@@ -81,7 +81,6 @@ static void add_runs(struct sheets_open_tile *t, uint32_t number) {
                                  .slice = (uint8_t)k,
                                  .begin = start[k],
                                  .end = start[k + 1],
-                                 .depth = b->depth[k],
                                  .range = { b->range[0], b->range[1] },
                                  .cells = cells_between(reached[0][0][k] / SHEETS_CELL_WIDTH,
                                                         reached[1][0][k] / SHEETS_CELL_HEIGHT,
@@ -116,39 +115,18 @@ static void sort_runs(struct sheets_open_tile *t, uint32_t tile) {
         add_runs(t, s->met[n]);
 }
 
-/* Most that any pixel can get of the depth of a layer's runs. */
-static float bound_depth(const struct sheets_open_tile *t, const struct sheets_run *runs,
-                         uint32_t count) {
-    float most = 0;
-    for (uint32_t i = 0; i < count; i++)
-        most = runs[i].cells & t->alive && runs[i].depth > most ? runs[i].depth : most;
-    return most;
-}
-
-/* Composites what is pending. */
-static void flush(struct sheets_open_tile *t) {
-    if (!t->is_open)
-        return;
-    sheets_close_group(t, true);
-    t->is_open = false;
-    t->pending = 0;
-}
-
 /* How much of a run the open group serves: sheets_group_fits(). */
 static int fit_part(const struct sheets_open_tile *t, const struct sheets_run *run) {
     return t->is_open ? sheets_group_fits(&t->group, &t->sheets->bricks[run->brick], run->range)
                       : 0;
 }
 
-/* Drops the runs that only meet opaque cells, and says whether what is pending has a filter for all
- * the others. The one with the farthest voxels comes first. */
-static bool sift(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t *count) {
+/* Drops the runs that only meet opaque cells. The one with the farthest voxels comes first. */
+static uint32_t sift(const struct sheets_open_tile *t, struct sheets_run *runs, uint32_t count) {
     uint32_t n = 0;
-    bool fits = true;
-    for (uint32_t i = 0; i < *count; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         if (!(runs[i].cells & t->alive))
             continue;
-        fits = fits && !t->sheets->bricks[runs[i].brick].is_unfit && fit_part(t, &runs[i]) == 2;
         runs[n] = runs[i];
         if (runs[n].range[0] < runs[0].range[0]) {
             struct sheets_run first = runs[n];
@@ -157,8 +135,7 @@ static bool sift(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t *
         }
         n++;
     }
-    *count = n;
-    return fits;
+    return n;
 }
 
 /* Adds those runs that no filter serves, and takes them from the list. */
@@ -174,20 +151,13 @@ static bool add_unfit(struct sheets_open_tile *t, struct sheets_run *runs, uint3
     return left < all;
 }
 
-/* Adds the runs of a layer, group by group, the farthest voxels first; `runs` is used up. Layers
- * may be composited together: see sheets.thin. */
-static void draw_layer(struct sheets_open_tile *t, uint32_t layer, struct sheets_run *runs,
-                       uint32_t count) {
-    float depth = bound_depth(t, runs, count);
-    bool is_second = layer % 2 && layer == t->last + 1;
-    bool fits = sift(t, runs, &count);
-    if (!fits || !(t->pending + depth <= (is_second ? t->sheets->thin_pair : t->sheets->thin)))
-        flush(t);
-    t->last = layer;
+/* Composites the runs of a layer, group by group, the farthest voxels first; `runs` is used up. */
+static void draw_layer(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t count) {
+    count = sift(t, runs, count);
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
-        t->is_open = t->is_open || sheets_start_group(t, runs, count);
+        t->is_open = sheets_start_group(t, runs, count);
         /* What a cancelled frame leaves is not seen; a layer may have thousands of runs. */
         for (uint32_t i = 0; i < count && !sp_job_is_cancelled(t->sheets->job); i++) {
             int part = fit_part(t, &runs[i]);
@@ -207,20 +177,12 @@ static void draw_layer(struct sheets_open_tile *t, uint32_t layer, struct sheets
             left++;
         }
         several |= left > 0;
-        if (several) {
-            sheets_close_group(t, false);
-            t->is_open = false;
-        }
-        sift(t, runs, &left);
-        count = left;
-    }
-    if (several) {
-        sheets_close_sum(t);
+        sheets_close_group(t, !several);
         t->is_open = false;
-        t->pending = 0;
-    } else {
-        t->pending += depth;
+        count = sift(t, runs, left);
     }
+    if (several)
+        sheets_close_sum(t);
     if (++t->closed % CHECK_EVERY == 0)
         sheets_check_cells(t);
 }
@@ -253,8 +215,7 @@ void sheets_tile(const struct sheets *sheets, struct sheets_scratch *scratch, ui
             continue;
         if (sp_job_is_cancelled(sheets->job))
             break;
-        draw_layer(&t, l, scratch->runs + begin, end - begin);
+        draw_layer(&t, scratch->runs + begin, end - begin);
     }
-    flush(&t);
     sheets_resolve(&t);
 }

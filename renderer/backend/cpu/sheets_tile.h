@@ -22,7 +22,7 @@ enum {
     BLOCK = 4,        /* samples that a bit of a mask stands for */
     VECTORS = 16 / W, /* of a block */
     ORIGIN = SHEETS_MARGIN,
-    CHECK_EVERY = 4,
+    CHECK_EVERY = 2,
     SHEETS_WANTED = 32 /* at least SHEETS_GRID / BLOCK, for a lookup in registers */
 };
 
@@ -131,9 +131,7 @@ struct sheets_open_tile {
     uint32_t live[SHEETS_TILE / BLOCK]; /* the same by blocks of 4 × 4 pixels */
     bool has_dead;                      /* some are not */
     uint32_t closed;
-    bool is_open;  /* `group` has deposits */
-    float pending; /* most depth that they can add to a pixel */
-    uint32_t last; /* layer */
+    bool is_open; /* `group` has deposits */
     struct sheets_group group;
     struct zoom *zoom[2];
     uint32_t needs[SHEETS_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
