@@ -405,9 +405,13 @@ static float find_peak(const struct sheets_brick *b) {
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
 
-/* Layers 2n and 2n + 1 are composited as one up to this depth, and any that follow each other up
- * to that. */
-static const float thin_pair = 3.5f, thin = 0.6f;
+/* Layers 2n and 2n + 1 are composited as one up to this depth, lit ones, whose colours differ more,
+ * up to that, and any that follow each other up to the last. */
+static const float thin_pair = 3.5f, thin_lit_pair = 1, thin = 0.6f;
+
+static float most_joined(const struct sheets *s) {
+    return s->exact || s->linear ? 0 : s->shade ? thin_lit_pair : thin_pair; /* linear: see below */
+}
 
 static inline float larger(float a, float b) {
     return a > b ? a : b;
@@ -441,7 +445,7 @@ static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const struct sp_level *level = sheets_level(p->sheets, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
     /* Beyond that it does not matter how much. */
-    float enough = p->deepest * scale > most_depth ? most_depth : thin_pair;
+    float enough = p->deepest * scale > most_depth ? most_depth : most_joined(p->sheets);
     uint64_t first = level->visible.first[b->brick];
     const uint16_t *start = level->visible.start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
@@ -649,7 +653,7 @@ static bool join_layers(struct sheets *s, struct sp_arena *arena) {
     }
     for (uint32_t l = 0; l < s->layers; l++) {
         bool is_second = l % 2 && joined[l - 1] == l - 1;
-        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? thin_pair : thin);
+        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? most_joined(s) : thin);
         joined[l] = is_joined ? joined[l - 1] : l;
         sum = is_joined ? sum + depth[l] : depth[l];
     }
@@ -703,7 +707,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
             s->bricks[s->brick_count++] = s->bricks[i];
     }
     /* Linear depths do not add up. */
-    if (!exact && !linear && !join_layers(s, frame->arena))
+    if (most_joined(s) > 0 && !join_layers(s, frame->arena))
         return fail_memory(frame->arena, err);
     if (!meet_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
