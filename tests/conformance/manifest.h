@@ -38,7 +38,7 @@ struct manifest_scene {
  * (backend/cpu/sheets.h). Above MANIFEST_ALIKE dB the two cannot be told apart and nothing is
  * asked. */
 enum { MANIFEST_ALIKE = 60 };
-#define MANIFEST_ADAPTIVE_LOSS 2.3
+#define MANIFEST_ADAPTIVE_LOSS 2.5
 
 /* The CPU's instruction sets against the scalar reference, and against the first of the others that
  * the machine has. Measured: 97.21 where all of them draw footprints, 94.03 where pixels become

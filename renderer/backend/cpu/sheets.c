@@ -407,10 +407,11 @@ static float find_peak(const struct sheets_brick *b) {
 
 /* Layers 2n and 2n + 1 are composited as one up to this depth, lit ones, whose colours differ more,
  * up to that, and any that follow each other up to the last. */
-static const float thin_pair = 3.5f, thin_lit_pair = 1, thin = 0.6f;
+static const float thin_pair = 3, thin_lit_pair = 1, thin = 0.6f;
 
+/* Depth of a pair; linear depths do not add up. */
 static float most_joined(const struct sheets *s) {
-    return s->exact || s->linear ? 0 : s->shade ? thin_lit_pair : thin_pair; /* linear: see below */
+    return s->exact || s->linear ? 0 : s->shade ? thin_lit_pair : thin_pair;
 }
 
 static inline float larger(float a, float b) {
@@ -634,7 +635,7 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
 /* Composites consecutive layers as one while together they add little depth to any pixel:
  * transmittance is the same, only whose colour is in front is lost. For the frame as a whole, so
  * that there is no seam where a tile meets less than the next. */
-static bool join_layers(struct sheets *s, struct sp_arena *arena) {
+static bool join_layers(struct sheets *s, float pair, struct sp_arena *arena) {
     float *depth = sp_arena_alloc(arena, "depths of sheets", s->layers, sizeof *depth), sum = 0;
     uint32_t *joined = sp_arena_alloc(arena, "order of sheets", s->layers, sizeof *joined);
     if (!depth || !joined)
@@ -653,7 +654,7 @@ static bool join_layers(struct sheets *s, struct sp_arena *arena) {
     }
     for (uint32_t l = 0; l < s->layers; l++) {
         bool is_second = l % 2 && joined[l - 1] == l - 1;
-        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? most_joined(s) : thin);
+        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? pair : thin);
         joined[l] = is_joined ? joined[l - 1] : l;
         sum = is_joined ? sum + depth[l] : depth[l];
     }
@@ -706,8 +707,8 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
         if (p.sight[i])
             s->bricks[s->brick_count++] = s->bricks[i];
     }
-    /* Linear depths do not add up. */
-    if (most_joined(s) > 0 && !join_layers(s, frame->arena))
+    float pair = most_joined(s);
+    if (pair > 0 && !join_layers(s, pair, frame->arena))
         return fail_memory(frame->arena, err);
     if (!meet_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
