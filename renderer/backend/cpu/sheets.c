@@ -409,7 +409,7 @@ static float find_peak(const struct sheets_brick *b) {
  * up to that, and any that follow each other up to the last. */
 static const float thin_pair = 3, thin_lit_pair = 1, thin = 0.6f;
 
-/* Depth of a pair; linear depths do not add up. */
+/* Depth that may be joined; linear depths do not add up. */
 static float most_joined(const struct sheets *s) {
     return s->exact || s->linear ? 0 : s->shade ? thin_lit_pair : thin_pair;
 }
@@ -632,10 +632,23 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
     return layers;
 }
 
+/* Whether joining pays and does not show: plates of a few slices gain little, and where voxels are
+ * wide each of them can be told from the next. */
+static bool may_join(const struct sheets *s) {
+    enum { FEW_LAYERS = 8 };
+    const double widest = 5; /* px, on average */
+    double sum = 0;
+    for (uint32_t i = 0; i < s->brick_count; i++) {
+        const float(*step)[2] = s->bricks[i].step;
+        sum += sqrt(fabs((double)(step[0][0] * step[1][1] - step[0][1] * step[1][0])));
+    }
+    return most_joined(s) > 0 && s->layers >= FEW_LAYERS && sum <= widest * s->brick_count;
+}
+
 /* Composites consecutive layers as one while together they add little depth to any pixel:
  * transmittance is the same, only whose colour is in front is lost. For the frame as a whole, so
  * that there is no seam where a tile meets less than the next. */
-static bool join_layers(struct sheets *s, float pair, struct sp_arena *arena) {
+static bool join_layers(struct sheets *s, struct sp_arena *arena) {
     float *depth = sp_arena_alloc(arena, "depths of sheets", s->layers, sizeof *depth), sum = 0;
     uint32_t *joined = sp_arena_alloc(arena, "order of sheets", s->layers, sizeof *joined);
     if (!depth || !joined)
@@ -654,7 +667,7 @@ static bool join_layers(struct sheets *s, float pair, struct sp_arena *arena) {
     }
     for (uint32_t l = 0; l < s->layers; l++) {
         bool is_second = l % 2 && joined[l - 1] == l - 1;
-        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? pair : thin);
+        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? most_joined(s) : thin);
         joined[l] = is_joined ? joined[l - 1] : l;
         sum = is_joined ? sum + depth[l] : depth[l];
     }
@@ -707,8 +720,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
         if (p.sight[i])
             s->bricks[s->brick_count++] = s->bricks[i];
     }
-    float pair = most_joined(s);
-    if (pair > 0 && !join_layers(s, pair, frame->arena))
+    if (may_join(s) && !join_layers(s, frame->arena))
         return fail_memory(frame->arena, err);
     if (!meet_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
