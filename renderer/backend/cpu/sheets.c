@@ -129,6 +129,11 @@ static bool find_filters(const struct sheets *sheets, const float v[3], struct s
     return true;
 }
 
+/* Variance of footprints, px², from which samples of 2^(scale + 1) px do. */
+static float variance_to_widen(const struct sheets *sheets, int scale) {
+    return sheets->smooth[scale > 0] * (float)(4 << 2 * scale);
+}
+
 /* Variance of a brick's footprints at 1/u2 = w. */
 static void variance_at(const struct sheets_brick *b, float w, float v[3]) {
     for (int i = 0; i < 3; i++)
@@ -146,8 +151,7 @@ bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b
                                 .range = { w / wide, w * wide },
                                 .sign = v[2] < 0 ? -1 : 1 };
     for (int a = 0; a < 2; a++)
-        while (g->scale[a] < b->scale_max[a] &&
-               v[a] >= sheets->smooth * (float)(4 << 2 * g->scale[a]))
+        while (g->scale[a] < b->scale_max[a] && v[a] >= variance_to_widen(sheets, g->scale[a]))
             g->scale[a]++;
     float radius = sheets_ewa(sheets, b)->radius;
     g->area = (float)M_PI * radius * radius * sqrtf(fmaxf(0, v[0] * v[1] - v[2] * v[2]));
@@ -276,7 +280,7 @@ static bool choose_scales(const struct sheets *sheets, struct sheets_brick *b) {
     int scale[2] = { 0, 0 };
     variance_at(b, w, v);
     for (int a = 0; a < 2; a++)
-        while (scale[a] + 1 < SHEETS_SCALES && v[a] >= sheets->smooth * (float)(4 << 2 * scale[a]))
+        while (scale[a] + 1 < SHEETS_SCALES && v[a] >= variance_to_widen(sheets, scale[a]))
             scale[a]++;
     while ((scale[0] || scale[1]) && beat(b->step, v, scale) > most_beat[sheets->exact])
         scale[scale[1] > scale[0]]--;
@@ -695,7 +699,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
                           .linear = linear,
                           .axis = frame->axis,
                           .exact = exact,
-                          .smooth = exact ? 1.3f : 0.56f,
+                          .smooth = { exact ? 1.3f : 0.56f, exact ? 1.3f : 1 },
                           .parts = frame->parts,
                           .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
                           .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };

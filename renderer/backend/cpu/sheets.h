@@ -6,7 +6,7 @@
  * once a voxel. Each voxel is deposited on a small grid with a cubic B-spline, 4 × 4 samples, and
  * the rest of the variance is one separable filter a sheet:
  *
- *   V̂ + h²I  =  ⅓ I (deposit)  +  R (filter)  [+ ⅓ I (interpolation)],  in units of grid samples
+ *   V̂ + h²I  =  ⅓ I (deposit)  +  R (filter)  [+ ¼ I (interpolation)],  in units of grid samples
  *
  *   bricks that meet the tile ─► runs by layer ─► for each layer, front to back:
  *       deposit   T, E of a voxel into 4 × 4 samples                        cost: voxels
@@ -14,7 +14,7 @@
  *       composite what a pixel gets, as tile/blend.h has it                 cost: pixels touched
  *
  * A grid sample is a pixel, or 2^j pixels along an axis where footprints are that wide: then the
- * filtered sheet is interpolated with the same B-spline. What a voxel's own V̂ differs by from the
+ * filtered sheet is interpolated with a quadratic one. What a voxel's own V̂ differs by from the
  * one that the filter was made for goes into its deposit, to first order: B-spline plus ½ δ times
  * its second derivative. So footprints stay exact from voxel to voxel, and tiles have no seams.
  *
@@ -131,8 +131,9 @@ struct sheets {
     bool linear;                  /* attenuation */
     bool
         exact; /* not adaptive: filters reach farther, and are made for less different footprints */
-    float reach;  /* deviations from a voxel to the pixels that it matters to */
-    float smooth; /* a sample is made wider while footprints keep that variance, samples² */
+    float reach; /* deviations from a voxel to the pixels that it matters to */
+    /* Samples become two pixels wide, and wider, while footprints keep that variance, samples². */
+    float smooth[2];
     unsigned axis;
     uint32_t layers;
     const struct cpu_part *parts; /* [SP_LEVELS] */

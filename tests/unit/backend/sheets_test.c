@@ -140,7 +140,7 @@ static void every_footprint_has_filters_or_none(void **state) {
         const struct cpu_part part = { .ewa[0].radius = 3 };
         struct sheets s = { .tables = t,
                             .exact = n % 2,
-                            .smooth = n % 2 ? 1.3f : 0.56f,
+                            .smooth = { n % 2 ? 1.3f : 0.56f, n % 2 ? 1.3f : 1 },
                             .reach = n % 2 ? 4 : 3,
                             .parts = &part };
         double spread = pow(10, uniform(-4, 6)), longer = n % 3 ? 1 : pow(10, uniform(0, 4));
@@ -179,7 +179,7 @@ static void a_group_serves_its_range(void **state) {
     srand(22);
     for (int n = 0; n < 20000; n++) {
         const struct cpu_part part = { .ewa[0].radius = 3 };
-        struct sheets s = { .tables = t, .exact = n % 2, .smooth = 1.3f, .parts = &part };
+        struct sheets s = { .tables = t, .exact = n % 2, .smooth = { 1.3f, 1.3f }, .parts = &part };
         struct sheets_brick b = { .scale = 1,
                                   .spread = { (float)uniform(0.5, 9), (float)uniform(0.5, 9) },
                                   .scale_max = { 6, 6 } };
