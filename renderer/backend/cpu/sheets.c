@@ -409,14 +409,8 @@ static float find_peak(const struct sheets_brick *b) {
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
 
-/* Layers 2n and 2n + 1 are composited as one up to this depth, lit ones, whose colours differ more,
- * up to that, and any that follow each other up to the last. */
-static const float thin_pair = 3, thin_lit_pair = 1, thin = 0.6f;
-
-/* Depth that may be joined; linear depths do not add up. */
-static float most_joined(const struct sheets *s) {
-    return s->exact || s->linear ? 0 : s->shade ? thin_lit_pair : thin_pair;
-}
+/* Layers that follow each other are composited as one up to this depth. */
+static const float thin = 0.25f;
 
 static inline float larger(float a, float b) {
     return a > b ? a : b;
@@ -450,7 +444,7 @@ static void find_depths(const struct prepare *p, struct sheets_brick *b) {
     const struct sp_level *level = sheets_level(p->sheets, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
     /* Beyond that it does not matter how much. */
-    float enough = p->deepest * scale > most_depth ? most_depth : most_joined(p->sheets);
+    float enough = p->deepest * scale > most_depth ? most_depth : thin;
     uint64_t first = level->visible.first[b->brick];
     const uint16_t *start = level->visible.start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
@@ -636,23 +630,31 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
     return layers;
 }
 
-/* Whether joining pays and does not show: plates of a few slices gain little, and where voxels are
- * wide each of them can be told from the next. */
-static bool may_join(const struct sheets *s) {
+/* Whether layers 2n and 2n + 1 are composited as one, too. They are the same all the time that the
+ * camera moves: nothing but the view and the whole volume says so. Plates of a few slices gain
+ * little; where voxels are wide, opaque or lit, each of them can be told from the next. */
+static bool may_pair(const struct sheets_frame *frame, const struct sheets *s, float deepest) {
     enum { FEW_LAYERS = 8 };
-    const double widest = 5; /* px, on average */
-    double sum = 0;
-    for (uint32_t i = 0; i < s->brick_count; i++) {
-        const float(*step)[2] = s->bricks[i].step;
-        sum += sqrt(fabs((double)(step[0][0] * step[1][1] - step[0][1] * step[1][0])));
-    }
-    return most_joined(s) > 0 && s->layers >= FEW_LAYERS && sum <= widest * s->brick_count;
+    const double widest = 5, most = 0.95; /* px of a voxel; depth of a slice straight through */
+    const struct sp_grid *grid = frame->grid;
+    unsigned first = s->axis == 0, second = s->axis == 2 ? 1 : 2;
+    double width = sqrt(grid->spacing[first] * grid->spacing[second]) * frame->camera->scale;
+    struct sp_vec3 middle = frame->camera->eye;
+    for (int a = 0; a < 3; a++)
+        for (int r = 0; r < 3; r++)
+            middle.v[r] -= (a ? 0 : grid->origin[r]) +
+                           grid->direction[r][a] * grid->spacing[a] * (grid->dims[a] - 1) / 2;
+    if (frame->camera->projection == SP_PERSPECTIVE)
+        width /= sp_vec3_length(middle);
+    double depth = (double)deepest * grid->spacing[s->axis] /
+                   frame->job->view->transfer_function.reference_length;
+    return !s->shade && s->layers >= FEW_LAYERS && width <= widest && depth <= most;
 }
 
-/* Composites consecutive layers as one while together they add little depth to any pixel:
- * transmittance is the same, only whose colour is in front is lost. For the frame as a whole, so
- * that there is no seam where a tile meets less than the next. */
-static bool join_layers(struct sheets *s, struct sp_arena *arena) {
+/* Composites consecutive layers as one while together they add little depth to any pixel, and
+ * pairs: transmittance is the same, only whose colour is in front is lost. For the frame as a
+ * whole, so that there is no seam where a tile meets less than the next. */
+static bool join_layers(struct sheets *s, bool pairs, struct sp_arena *arena) {
     float *depth = sp_arena_alloc(arena, "depths of sheets", s->layers, sizeof *depth), sum = 0;
     uint32_t *joined = sp_arena_alloc(arena, "order of sheets", s->layers, sizeof *joined);
     if (!depth || !joined)
@@ -670,8 +672,8 @@ static bool join_layers(struct sheets *s, struct sp_arena *arena) {
         }
     }
     for (uint32_t l = 0; l < s->layers; l++) {
-        bool is_second = l % 2 && joined[l - 1] == l - 1;
-        bool is_joined = l > 0 && sum + depth[l] <= (is_second ? most_joined(s) : thin);
+        bool is_second = pairs && l % 2 && joined[l - 1] == l - 1;
+        bool is_joined = l > 0 && (is_second || sum + depth[l] <= thin);
         joined[l] = is_joined ? joined[l - 1] : l;
         sum = is_joined ? sum + depth[l] : depth[l];
     }
@@ -724,7 +726,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
         if (p.sight[i])
             s->bricks[s->brick_count++] = s->bricks[i];
     }
-    if (may_join(s) && !join_layers(s, frame->arena))
+    if (!exact && !linear && !join_layers(s, may_pair(frame, s, p.deepest), frame->arena))
         return fail_memory(frame->arena, err);
     if (!meet_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
