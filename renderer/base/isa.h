@@ -56,7 +56,6 @@
 #define sheets_close_group SP_ISA_NAME(sheets_close_group)
 #define sheets_close_sum SP_ISA_NAME(sheets_close_sum)
 #define sheets_check_cells SP_ISA_NAME(sheets_check_cells)
-#define sheets_find_wanted SP_ISA_NAME(sheets_find_wanted)
 #define sheets_resolve SP_ISA_NAME(sheets_resolve)
 
 #else

@@ -57,7 +57,8 @@ static void find_span(const struct sheets_group *g, int axis, int block, int spa
     span[1] = (int)(start + BLOCK * g->per_px[axis] + before) / BLOCK;
 }
 
-void sheets_find_wanted(struct sheets_open_tile *t) {
+/* Where voxels of the group matter to what is not opaque. */
+static void find_wanted(struct sheets_open_tile *t) {
     uint32_t columns[SHEETS_TILE / BLOCK];
     int span[2];
     memset(t->wanted, 0, sizeof t->wanted);
@@ -83,7 +84,7 @@ bool sheets_start_group(struct sheets_open_tile *t, const struct sheets_run *run
     if (!sheets_group_make(t->sheets, &t->sheets->bricks[runs[0].brick], range, g))
         return false;
     if (t->has_dead)
-        sheets_find_wanted(t);
+        find_wanted(t);
     if (g->scale[0])
         find_needs(t);
     if (g->scale[0])
@@ -423,8 +424,6 @@ void sheets_check_cells(struct sheets_open_tile *t) {
                 ((1 << SHEETS_CELL_WIDTH / BLOCK) - 1))
                 t->alive |= UINT32_C(1) << (r / ROWS * SHEETS_CELLS_ACROSS + c);
     t->has_dead = true;
-    if (t->is_open)
-        sheets_find_wanted(t);
 }
 
 /* [0, 1] → 0 … 255, beyond it the nearest. */

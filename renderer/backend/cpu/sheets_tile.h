@@ -158,9 +158,6 @@ void sheets_add_footprints(struct sheets_open_tile *tile, const struct sheets_ru
 void sheets_close_group(struct sheets_open_tile *tile, bool last);
 void sheets_close_sum(struct sheets_open_tile *tile);
 
-/* Finds out where voxels matter to what is not opaque. */
-void sheets_find_wanted(struct sheets_open_tile *tile);
-
 /* Finds the cells that have become opaque. */
 void sheets_check_cells(struct sheets_open_tile *tile);
 
