@@ -129,8 +129,7 @@ struct sheets {
     const struct sheets_tables *tables;
     const struct sp_shade *shade; /* NULL = none */
     bool linear;                  /* attenuation */
-    bool
-        exact; /* not adaptive: filters reach farther, and are made for less different footprints */
+    bool exact;  /* not adaptive: filters reach farther, for less different footprints */
     float reach; /* deviations from a voxel to the pixels that it matters to */
     /* Samples become two pixels wide, and wider, while footprints keep that variance, samples². */
     float smooth[2];

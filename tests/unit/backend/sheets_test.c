@@ -398,6 +398,64 @@ static void views_with_footprints_are_left_to_them(void **state) {
     test_scene_finish(&s);
 }
 
+/* A block in a corner of what is else the same everywhere. */
+static double corner_block(const void *user, double x, double y, double z) {
+    (void)user;
+    return x < 6 && y < 6 && z < 30 ? 1 : 0.5;
+}
+
+struct pairs {
+    atomic_uint joined, alone;
+};
+
+static void count_pairs(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+    (void)scratch;
+    struct pairs *p = test_sheets_of(s)->user;
+    for (uint32_t k = 0; tile == 0 && k + 1 < s->layers; k++)
+        atomic_fetch_add(s->layer[k] == s->layer[k + 1] ? &p->joined : &p->alone, 1);
+}
+
+/* Which sheets are joined depends on the view and the whole volume: it stays when the deepest
+ * voxels leave the picture. */
+static void pairs_do_not_depend_on_what_is_in_sight(void **state) {
+    (void)state;
+    for (int deep = 0; deep < 2; deep++)
+        for (int beside = 0; beside < 2; beside++) {
+            struct test_scene scene;
+            struct pairs pairs = { 0 };
+            struct sp_error err;
+            test_view_init(&scene.view);
+            assert_true(test_scene_voxels(&scene, "block", (uint32_t[]){ 32, 32, 32 },
+                                          (double[]){ 1, 1, 1 }, SP_UINT8, corner_block, NULL));
+            test_scene_points(&scene,
+                              (const double[][5]){ { 0, 1, 0, 0, 0 },
+                                                   { 0.5, 0, 1, 0, 0.5 },
+                                                   { 1, 0, 0, 1, deep ? 0.8 : 0.6 } },
+                              3);
+            test_scene_orbit(&scene, NULL, 0, 0, 100);
+            struct sp_camera *c = &scene.view.camera;
+            c->projection = SP_ORTHOGRAPHIC;
+            c->height = 16;
+            for (int a = 0; a < 3; a++) {
+                c->target[a] = beside ? 24 : 8;
+                c->position[a] = c->target[a] - (a == 2 ? 100 : 0);
+            }
+            c->up[0] = c->up[2] = 0;
+            c->up[1] = 1;
+            scene.view.filter.mode = SP_FILTER_ADAPTIVE;
+            scene.view.size[0] = scene.view.size[1] = 48;
+            struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+            if (!t)
+                fail_msg("%s", err.text);
+            t->user = &pairs;
+            assert_true(test_sheets_draw(t, count_pairs, NULL, &err));
+            assert_int_equal(pairs.joined, deep ? 0 : 16);
+            assert_int_equal(pairs.alone, deep ? 31 : 15);
+            test_sheets_close(t);
+            test_scene_finish(&scene);
+        }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(deposits_keep_weight_and_place),
@@ -406,6 +464,7 @@ int main(void) {
         cmocka_unit_test(every_footprint_has_filters_or_none),
         cmocka_unit_test(a_group_serves_its_range),
         cmocka_unit_test(tiles_meet_every_brick_that_reaches_them),
+        cmocka_unit_test(pairs_do_not_depend_on_what_is_in_sight),
         cmocka_unit_test(what_filters_do_not_serve_is_left_to_footprints),
         cmocka_unit_test(no_tile_begins_after_cancel),
         cmocka_unit_test(views_with_footprints_are_left_to_them),
