@@ -158,7 +158,7 @@ for (const signal of ['SIGTERM', 'SIGINT']) {
     const stream = await daemon.stream();
     await stream.final(0);
     const raw = await Raw.connect(daemon.port);
-    const body = JSON.stringify({ volume: 'engine', size: [2000, 2000] });
+    const body = JSON.stringify({ volume: 'engine', size: [1000, 1000] });
     raw.write(`POST /api/v1/render?format=png HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n`
       + `Content-Length: ${body.length + 1}\r\n\r\n${body}`);
     // The request is under way, but lacks its last byte until the daemon said that it is shutting down.
