@@ -310,7 +310,7 @@ static void tiles_meet_every_brick_that_reaches_them(void **state) {
 
 static void note_work(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
     (void)scratch, (void)tile;
-    *(bool *)test_sheets_of(s)->user = sheets_pay(s);
+    atomic_store((atomic_bool *)test_sheets_of(s)->user, sheets_pay(s));
 }
 
 /* Filters do not serve voxels that are seen from too many sides, by an eye among them, nor those so
@@ -321,7 +321,8 @@ static void what_filters_do_not_serve_is_left_to_footprints(void **state) {
     for (int n = 0; n < 20; n++) {
         struct test_scene scene;
         struct sp_error err;
-        bool is_near = n % 2, is_deep = n % 4 == 2, pays = is_near || is_deep;
+        bool is_near = n % 2, is_deep = n % 4 == 2;
+        atomic_bool pays = is_near || is_deep;
         test_view_init(&scene.view);
         assert_true(test_scene_voxels(&scene, "waves", (uint32_t[]){ 50, 50, 50 },
                                       (double[]){ 1, 1, 1 }, SP_UINT8, waves, NULL));
@@ -335,7 +336,7 @@ static void what_filters_do_not_serve_is_left_to_footprints(void **state) {
         assert_non_null(t);
         t->user = &pays;
         assert_true(test_sheets_draw(t, note_work, NULL, &err));
-        assert_int_equal(pays, !is_near && !is_deep);
+        assert_int_equal(atomic_load(&pays), !is_near && !is_deep);
         test_sheets_close(t);
         test_scene_finish(&scene);
     }
