@@ -109,17 +109,14 @@ static const struct manifest_row blobs[] = {
 
 static const struct manifest_row orthographic[] = {
     { EWA, 0, SHEET, 0, 0, 0, 65.2, 65.73, 69.5 },    { EWA, 1, SHEET, 0, 0, 0, 53.6, 54.14, 67.5 },
-    { ADAPTIVE, 1, SHEET, 0, 0, 0, 51.6, 52.17, 57 }, { EWA, 0, SPLAT, 0, 0, 0, 69.3, 69.84, 0 },
+    { ADAPTIVE, 1, SHEET, 0, 0, 0, 53.6, 54.14, 66 }, { EWA, 0, SPLAT, 0, 0, 0, 69.3, 69.84, 0 },
     { EWA, 0, SLAB, 1, 0, 0, 69.3, 69.84, 0 },        { EWA, 1, SLAB, 1, 0, 0, 54.0, 54.47, 0 },
 };
 
 static const struct manifest_row rotated[] = {
-    { EWA, 0, SHEET, 0, 0, 0, 62.3, 62.81, 67 },
-    { EWA, 1, SHEET, 0, 0, 0, 50.3, 50.76, 65.5 },
-    { ADAPTIVE, 1, SHEET, 0, 0, 0, 47.9, 48.43, 54.3 },
-    { EWA, 0, SPLAT, 0, 0, 0, 59.2, 59.68, 0 },
-    { EWA, 0, SLAB, 1, 0, 0, 62.6, 63.12, 0 },
-    { EWA, 1, SLAB, 1, 0, 0, 49.8, 50.27, 0 },
+    { EWA, 0, SHEET, 0, 0, 0, 62.3, 62.81, 67 },      { EWA, 1, SHEET, 0, 0, 0, 50.3, 50.76, 65.5 },
+    { ADAPTIVE, 1, SHEET, 0, 0, 0, 50.3, 50.76, 64 }, { EWA, 0, SPLAT, 0, 0, 0, 59.2, 59.68, 0 },
+    { EWA, 0, SLAB, 1, 0, 0, 62.6, 63.12, 0 },        { EWA, 1, SLAB, 1, 0, 0, 49.8, 50.27, 0 },
 };
 
 static const struct manifest_row left_handed[] = {
@@ -256,7 +253,7 @@ static const struct manifest_row cubic[] = {
 
 static const struct manifest_row gradient_axis[] = {
     { EWA, 0, SHEET, 0, 0, 0, 57.2, 57.69, 69.5 },      { EWA, 1, SHEET, 0, 0, 0, 45.9, 46.35, 61 },
-    { ADAPTIVE, 1, SHEET, 0, 0, 0, 45.9, 46.35, 59.8 }, { EWA, 0, SPLAT, 0, 0, 0, 58.9, 59.43, 0 },
+    { ADAPTIVE, 1, SHEET, 0, 0, 0, 45.9, 46.35, 60.5 }, { EWA, 0, SPLAT, 0, 0, 0, 58.9, 59.43, 0 },
     { EWA, 0, SLAB, 1, 0, 0, 59.8, 60.32, 0 },          { EWA, 1, SLAB, 1, 0, 0, 45.8, 46.34, 0 },
 };
 

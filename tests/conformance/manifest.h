@@ -34,21 +34,19 @@ struct manifest_scene {
     size_t count;
 };
 
-/* Adaptive may lose this much against ewa, both held to the integral: it composites sheets in pairs
- * (backend/cpu/sheets.h). Above MANIFEST_ALIKE dB the two cannot be told apart and nothing is
- * asked. */
+/* Adaptive may lose this much against ewa, both held to the integral; above MANIFEST_ALIKE dB the
+ * two cannot be told apart and nothing is asked. */
 enum { MANIFEST_ALIKE = 60 };
-#define MANIFEST_ADAPTIVE_LOSS 2.5
+#define MANIFEST_ADAPTIVE_LOSS 0.5
 
 /* The CPU's instruction sets against the scalar reference, and against the first of the others that
- * the machine has. Measured: 97.21 where all of them draw footprints, 94.03 where pixels become
- * opaque: what comes after one part in 512 is left out by blocks, and rounding says from when on.
+ * the machine has. Measured: 97.21 where all of them draw footprints.
  *
  * All but scalar draw sheets without footprints (backend/cpu/sheets.h), and are `apart` dB from it
  * at least: half a decibel less than measured. Footprints end at the cutoff, and theirs do not, so
  * that neither is the nearer to the integral. A row without `apart` is drawn with footprints by
  * all: its view, or the way its bricks are seen, asks for them. */
-#define MANIFEST_ISA_FLOOR 93.5
+#define MANIFEST_ISA_FLOOR 96.7
 
 extern const struct manifest_scene manifest[];
 extern const size_t manifest_count;

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "quality.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "sp/log.h"
 #include "support/data.h"
@@ -58,6 +60,38 @@ struct sp_volume *quality_volume(const struct test_scene *scene) {
     if (!volume)
         stop(scene->info.name, &err);
     return volume;
+}
+
+struct sp_volume *quality_load(const char *source) {
+    struct sp_load_options options = { .importer = SPLATD_BIN_DIR "/splat-import" };
+    struct sp_error err;
+    char path[1024];
+    if (strncmp(source, "demo:", 5) == 0)
+        snprintf(path, sizeof path, "%s", source);
+    else if (!test_data_path(SPLATD_DATA_DIR, source, path, sizeof path))
+        return NULL;
+    struct sp_volume *volume = sp_volume_load(path, &options, &err);
+    if (!volume)
+        stop(path, &err);
+    return volume;
+}
+
+void quality_turn(struct sp_view *view, int n) {
+    double *p = view->camera.position, *t = view->camera.target, angle = 0.7 * n;
+    double x = p[0] - t[0], y = p[1] - t[1], z = p[2] - t[2];
+    p[0] = t[0] + x * cos(angle) + y * sin(angle);
+    p[1] = t[1] - x * sin(angle) + y * cos(angle);
+    p[2] = t[2] + z + 0.2 * n * sqrt(x * x + y * y);
+}
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+double quality_median(double *found, size_t count) {
+    qsort(found, count, sizeof *found, by_size);
+    return found[count / 2];
 }
 
 void quality_forget(const struct quality *q, struct sp_volume **volume) {

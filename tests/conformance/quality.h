@@ -28,6 +28,16 @@ struct test_image quality_render(const struct quality *q, struct sp_volume *volu
                                  const struct sp_view *view);
 struct sp_volume *quality_volume(const struct test_scene *scene);
 
+/* A built-in volume ("demo:…") or a real one of the folder of data; NULL when that is absent. Ends
+ * the program where loading fails. */
+struct sp_volume *quality_load(const char *source);
+
+/* Turns the default view's camera about its target: n = 0, 1, … */
+void quality_turn(struct sp_view *view, int n);
+
+/* Sorts what was found; its median. */
+double quality_median(double *found, size_t count);
+
 /* Drops what was derived from the volume, and the reference. */
 void quality_forget(const struct quality *q, struct sp_volume **volume);
 

@@ -9,10 +9,8 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "quality.h"
-#include "support/data.h"
 
 enum { VIEWS = 3 };
 
@@ -29,31 +27,6 @@ static const struct {
     { "bonsai_256x256x256_uint8.nrrd", 64, 0 }, { "cthead_256x256x113_uint16.nrrd", 32, 0 },
 };
 enum { SCENES = sizeof scenes / sizeof *scenes };
-
-static struct sp_volume *load(const char *source) {
-    struct sp_load_options options = { .importer = SPLATD_BIN_DIR "/splat-import" };
-    struct sp_error err;
-    char path[1024];
-    if (strncmp(source, "demo:", 5) == 0)
-        snprintf(path, sizeof path, "%s", source);
-    else if (!test_data_path(SPLATD_DATA_DIR, source, path, sizeof path))
-        return NULL;
-    struct sp_volume *volume = sp_volume_load(path, &options, &err);
-    if (!volume) {
-        printf("FAILED %s: %s\n", path, err.text);
-        exit(EXIT_FAILURE);
-    }
-    return volume;
-}
-
-/* Turns the default view's camera about its target. */
-static void turn(struct sp_view *view, int n) {
-    double *p = view->camera.position, *t = view->camera.target, angle = 0.7 * n;
-    double x = p[0] - t[0], y = p[1] - t[1], z = p[2] - t[2];
-    p[0] = t[0] + x * cos(angle) + y * sin(angle);
-    p[1] = t[1] - x * sin(angle) + y * cos(angle);
-    p[2] = t[2] + z + 0.2 * n * sqrt(x * x + y * y);
-}
 
 /* Two lights have broad highlights, and one of them stays where it is when the eye moves. */
 enum lighting { UNLIT, DEFAULT_LIGHT, TWO_LIGHTS, LIGHTINGS };
@@ -84,7 +57,7 @@ static double compare(const struct quality *q, struct sp_volume *volume, uint32_
         sp_view_init(&view, sp_volume_info(volume), "v");
         view.size[0] = view.size[1] = size;
         set_lighting(&view, lighting);
-        turn(&view, n);
+        quality_turn(&view, n);
         struct test_image by[2];
         for (int lod = 0; lod < 2; lod++) {
             view.level_of_detail = lod ? SP_LOD_AUTO : SP_LOD_OFF;
@@ -97,23 +70,12 @@ static double compare(const struct quality *q, struct sp_volume *volume, uint32_
     return worst;
 }
 
-static int by_size(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* The median of what was found. */
-static double median(double *found, size_t count) {
-    qsort(found, count, sizeof *found, by_size);
-    return found[count / 2];
-}
-
 static void measure(struct quality *q) {
     double found[LIGHTINGS][SCENES];
     size_t count = 0;
     printf("  level of detail against none, dB            px   unlit     lit  two lights\n");
     for (size_t i = 0; i < SCENES; i++) {
-        struct sp_volume *volume = load(scenes[i].source);
+        struct sp_volume *volume = quality_load(scenes[i].source);
         if (!volume)
             continue;
         printf("  %-42s %4u", scenes[i].source, scenes[i].size);
@@ -129,7 +91,7 @@ static void measure(struct quality *q) {
         quality_forget(q, &volume);
     }
     for (int l = 0; l < LIGHTINGS; l++) {
-        double middle = median(found[l], count);
+        double middle = quality_median(found[l], count);
         quality_expect(q, middle >= 45, "the median in light %d is %.1f dB", l, middle);
         quality_expect(q, found[l][0] < 120, "no scene is drawn at another level in light %d", l);
     }

@@ -30,7 +30,7 @@ enum { GUARD = 4096, SETS = 8, SCENES = 160 };
  * a sheet earlier. */
 #define FORMULA_FLOOR 56
 #define FORMULA_SLACK 0.025
-#define SETS_FLOOR 81
+#define SETS_FLOOR 84
 #define SEAM 1.2e-3 /* measured: 1.005e-3, where voxels are narrower than pixels */
 
 static double uniform(double low, double high) {

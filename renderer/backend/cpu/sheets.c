@@ -410,7 +410,7 @@ static float find_peak(const struct sheets_brick *b) {
 }
 
 /* Layers that follow each other are composited as one up to this depth. */
-static const float thin = 0.25f;
+static const float thin = 0.2f;
 
 static inline float larger(float a, float b) {
     return a > b ? a : b;
@@ -631,10 +631,10 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
 }
 
 /* Whether layers 2n and 2n + 1 are composited as one, too. They are the same all the time that the
- * camera moves: nothing but the view and the whole volume says so. Plates of a few slices gain
- * little; where voxels are wide, opaque or lit, each of them can be told from the next. */
+ * camera moves: nothing but the view and the whole volume says so. Few slices gain little; where
+ * voxels are wide, opaque or lit, each of them can be told from the next. */
 static bool may_pair(const struct sheets_frame *frame, const struct sheets *s, float deepest) {
-    enum { FEW_LAYERS = 8 };
+    enum { FEW_LAYERS = 64 };
     const double widest = 5, most = 0.95; /* px of a voxel; depth of a slice straight through */
     const struct sp_grid *grid = frame->grid;
     unsigned first = s->axis == 0, second = s->axis == 2 ? 1 : 2;
