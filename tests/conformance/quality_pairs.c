@@ -4,8 +4,8 @@
  * (backend/cpu/sheets.h): whole volumes, not lit, at most as opaque as that still happens, adaptive
  * against ewa.
  *
- * Claim: they agree to 48 dB or better (the least of three views; measured: 48.6), the median of the
- * scenes to 58 (61).
+ * Claim: they agree to 48 dB or better (the least of three views; measured: 48.6), the median of
+ * the scenes to 58 (61).
  */
 #include <math.h>
 #include <stdio.h>
