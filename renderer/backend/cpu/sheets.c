@@ -2,179 +2,12 @@
 #include "backend/cpu/sheets.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "tile/order.h"
 #include "volume/grid.h"
-
-/* Cubic B-spline at distance x. */
-static double spline(double x) {
-    x = fabs(x);
-    if (x < 1)
-        return 2.0 / 3 - x * x * (1 - x / 2);
-    return x < 2 ? (2 - x) * (2 - x) * (2 - x) / 6 : 0;
-}
-
-/* Its first derivative. */
-static double slope(double x) {
-    double a = fabs(x), d = a < 1 ? -2 * a + 1.5 * a * a : a < 2 ? -0.5 * (2 - a) * (2 - a) : 0;
-    return x < 0 ? -d : d;
-}
-
-/* Quadratic B-spline. */
-static double quadratic(double x) {
-    x = fabs(x);
-    if (x < 0.5)
-        return 0.75 - x * x;
-    return x < 1.5 ? 0.5 * (1.5 - x) * (1.5 - x) : 0;
-}
-
-/* The cubic's second derivative is a difference of linear ones. */
-static double bend(double x) {
-    double sum = -2 * fmax(0, 1 - fabs(x));
-    return sum + fmax(0, 1 - fabs(x + 1)) + fmax(0, 1 - fabs(x - 1));
-}
-
-static double fill_filter(struct sheets_filter *f, double spread) {
-    double sum = 0, variance = 0;
-    for (int k = -f->taps; k <= f->taps; k++)
-        sum += exp(-0.5 * k * k / spread);
-    for (int k = -f->taps; k <= f->taps; k++) {
-        double w = exp(-0.5 * k * k / spread) / sum;
-        f->weight[k + f->taps] = (float)w;
-        variance += w * k * k;
-    }
-    return variance;
-}
-
-/* A Gaussian cut at some samples is narrower than its name says: it is made wider until its
- * variance is right. */
-static void make_filter(struct sheets_filter *f, double variance, double reach) {
-    *f = (struct sheets_filter){ .taps = (int)ceil(reach * sqrt(variance)), .weight = { 1 } };
-    if (f->taps > SHEETS_TAPS)
-        f->taps = SHEETS_TAPS;
-    double low = 1e-3, high = 4 * variance + 1e-2;
-    for (int i = 0; i < 60 && f->taps > 0; i++) {
-        double middle = 0.5 * (low + high);
-        if (fill_filter(f, middle) < variance)
-            low = middle;
-        else
-            high = middle;
-    }
-}
-
-void sheets_tables_init(struct sheets_tables *t) {
-    for (int p = 0; p < SHEETS_PHASES; p++)
-        for (int k = 0; k < 4; k++) {
-            double x = k - 1 - (p + 0.5) / SHEETS_PHASES;
-            t->spline[p][k] = (float)spline(x);
-            t->spline[p][4 + k] = (float)(0.5 * bend(x));
-            t->slope[p][k] = (float)slope(x);
-        }
-    for (int j = 0; j < SHEETS_SCALES; j++)
-        for (int p = 0; p < 1 << j; p++)
-            for (int k = 0; k < 4; k++)
-                t->between[j][p][k] = (float)quadratic(k - 1 - (p + 0.5) / (1 << j));
-    for (int n = 0; n < SHEETS_FILTERS; n++)
-        for (int i = 0; i < 2; i++)
-            make_filter(&t->filters[i][n], (double)n / SHEETS_STEPS, i ? 4 : 3);
-}
-
-static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
-static const float no_cross = 0.02f; /* of the variance: less of it across does not count */
-static const float small_cross = 0.1f; /* … and so much a deposit can give by itself */
-static const float alike = 0.25f;      /* relative difference of variances in a group */
-
-/* Filters for samples that are 2^scale px wide; false where there are none. */
-static bool find_filters(const struct sheets *sheets, const float v[3], struct sheets_group *g) {
-    const struct sheets_filter *filters = sheets->tables->filters[sheets->exact];
-    float cross = fabsf(v[2]);
-    for (int a = 0; a < 2; a++) {
-        g->per_px[a] = 1.0f / (float)(1 << g->scale[a]);
-        cross *= g->per_px[a];
-    }
-    float least = fminf(v[0] * g->per_px[0] * g->per_px[0], v[1] * g->per_px[1] * g->per_px[1]);
-    int step = 0;
-    if (cross > small_cross * least)
-        step = (int)fminf(cross * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
-    g->has_cross = cross > no_cross * least;
-    g->cross = (float)(g->sign * step) / SHEETS_STEPS;
-    if (step >= SHEETS_FILTERS)
-        return false;
-    g->diagonal = step > 0 ? &filters[step] : NULL;
-    for (int a = 0; a < 2; a++) {
-        float fixed = (g->scale[a] ? 1.0f / 3 + 1.0f / 4 : 1.0f / 3) + (float)step / SHEETS_STEPS;
-        float rest = v[a] * g->per_px[a] * g->per_px[a] - fixed;
-        int n = (int)fminf(rest * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
-        if (rest < -sharpest || n >= SHEETS_FILTERS)
-            return false;
-        g->filter[a] = &filters[n];
-        g->base[a] = fixed + (float)n / SHEETS_STEPS;
-        int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
-        int samples = SHEETS_TILE >> g->scale[a];
-        g->offset[a] = (float)SHEETS_MARGIN - (g->scale[a] ? 0 : 0.5f);
-        g->end[a] = g->offset[a] + SHEETS_TILE * g->per_px[a];
-        /* As far as samples reach, or footprints: a whole number of phases. */
-        float around = sheets->reach * sqrtf(v[a]) * g->per_px[a];
-        float low =
-            fmaxf((float)(SHEETS_MARGIN - reach - 2 - (g->scale[a] > 0)), g->offset[a] - around);
-        float high = fminf((float)(SHEETS_MARGIN + samples + reach + 2 + (g->scale[a] > 0)),
-                           g->end[a] + around);
-        g->low[a] = floorf(low * SHEETS_PHASES) / SHEETS_PHASES;
-        g->high[a] = ceilf(high * SHEETS_PHASES) / SHEETS_PHASES;
-        if (reach + 6 > SHEETS_MARGIN)
-            return false;
-    }
-    return true;
-}
-
-/* Variance of footprints, px², from which samples of 2^(scale + 1) px do. */
-static float variance_to_widen(const struct sheets *sheets, int scale) {
-    return sheets->smooth[scale > 0] * (float)(4 << 2 * scale);
-}
-
-/* Variance of a brick's footprints at 1/u2 = w. */
-static void variance_at(const struct sheets_brick *b, float w, float v[3]) {
-    for (int i = 0; i < 3; i++)
-        v[i] = b->spread[i] * w * w + (i < 2 ? b->lowpass2 : 0);
-}
-
-bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b,
-                       const float range[2], struct sheets_group *g) {
-    float narrow = sheets->exact ? 1.06f : 1.08f, wide = sheets->exact ? 1.08f : 1.1f;
-    float v[3], w = fminf(sqrtf(range[0] * range[1]), narrow * range[0]);
-    /* A group's middle is not much nearer than its farthest voxels, and neither are its ends. */
-    variance_at(b, w, v);
-    *g = (struct sheets_group){ .reference = { v[0], v[1] },
-                                .middle = w,
-                                .range = { w / wide, w * wide },
-                                .sign = v[2] < 0 ? -1 : 1 };
-    for (int a = 0; a < 2; a++)
-        while (g->scale[a] < b->scale_max[a] && v[a] >= variance_to_widen(sheets, g->scale[a]))
-            g->scale[a]++;
-    float radius = sheets_ewa(sheets, b)->radius;
-    g->area = (float)M_PI * radius * radius * sqrtf(fmaxf(0, v[0] * v[1] - v[2] * v[2]));
-    while (!find_filters(sheets, v, g)) {
-        int a = g->scale[1] > g->scale[0];
-        if (g->scale[a] == 0)
-            return false;
-        g->scale[a]--;
-    }
-    return true;
-}
-
-int sheets_group_fits(const struct sheets_group *g, const struct sheets_brick *b,
-                      const float range[2]) {
-    float low = fmaxf(range[0], g->range[0]), high = fminf(range[1], g->range[1]), v[3];
-    if (!(low <= high))
-        return 0;
-    variance_at(b, sqrtf(low * high), v);
-    for (int a = 0; a < 2; a++)
-        if (!(fabsf(v[a] - g->reference[a]) <= alike * g->reference[a]))
-            return 0;
-    return low <= range[0] && high >= range[1] ? 2 : 1;
-}
 
 /* Whether the plane n·t ≥ offset leaves every kernel of the grid whole. */
 static bool is_beyond(const double normal[3], double offset, const struct sp_grid *grid,
@@ -220,10 +53,6 @@ bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
            !sp_grid_is_rectilinear(grid) && !is_cut(view, grid);
 }
 
-/* A brick whose voxels are that much nearer and farther sees them from too many sides for one
- * filter. */
-static const float uneven = 1.4f;
-
 struct prepare {
     const struct sheets_frame *frame;
     struct sheets *sheets;
@@ -232,62 +61,6 @@ struct prepare {
     float deepest;              /* of the transfer function, over one of them */
     bool *sight;                /* by brick: it may be seen */
 };
-
-static float sinc(float x) {
-    return fabsf(x) < 1e-3f ? 1 : sinf(x) / x;
-}
-
-/* What a grid of samples lets through of one component of a wave, and as what: deposit, filter of
- * variance `rest` and interpolation of its alias. `omega` is per sample. */
-static float response(float omega, float rest, bool interpolated) {
-    float alias = omega - 2 * (float)M_PI * roundf(omega / (2 * (float)M_PI));
-    float b = sinc(0.5f * omega), c = interpolated ? sinc(0.5f * alias) : 1;
-    return b * b * b * b * expf(-0.5f * rest * alias * alias) * c * c * c;
-}
-
-/* The voxels of a sheet are a lattice too, and beat with the samples. How much of a constant field
- * comes out as waves, at most; step: of the lattice's two axes in the picture, px. */
-static float beat(const float (*step)[2], const float v[3], const int scale[2]) {
-    float det = step[0][0] * step[1][1] - step[0][1] * step[1][0], sum = 0;
-    float waves[4][2]; /* of the lattice: the reciprocal vectors and their sum and difference */
-    for (int a = 0; a < 2; a++) {
-        float turn = (a ? -2 : 2) * (float)M_PI / det;
-        waves[0][a] = turn * step[1][!a];
-        waves[1][a] = -turn * step[0][!a];
-        waves[2][a] = waves[0][a] + waves[1][a];
-        waves[3][a] = waves[0][a] - waves[1][a];
-    }
-    for (int k = 0; k < 4; k++) {
-        float share = 2;
-        bool aliased = false;
-        for (int a = 0; a < 2; a++) {
-            float size = (float)(1 << scale[a]), omega = waves[k][a] * size;
-            float rest = v[a] / (size * size) - (scale[a] ? 7.0f / 12 : 1.0f / 3);
-            share *= response(omega, fmaxf(rest, 0), scale[a] > 0);
-            aliased |= fabsf(omega) > (float)M_PI;
-        }
-        sum += aliased ? share : 0; /* what the samples resolve belongs to the footprints */
-    }
-    return isfinite(sum) ? sum : 0;
-}
-
-/* Waves that are let through of a constant field, by whether the filter is exact; of pixels. */
-static const float most_beat[2] = { 0.012f, 0.004f }, most_beat_of_pixels = 0.008f;
-
-/* How wide samples may be before they beat; false when even pixels do. */
-static bool choose_scales(const struct sheets *sheets, struct sheets_brick *b) {
-    float v[3], w = sqrtf(b->range[0] * b->range[1]);
-    int scale[2] = { 0, 0 };
-    variance_at(b, w, v);
-    for (int a = 0; a < 2; a++)
-        while (scale[a] + 1 < SHEETS_SCALES && v[a] >= variance_to_widen(sheets, scale[a]))
-            scale[a]++;
-    while ((scale[0] || scale[1]) && beat(b->step, v, scale) > most_beat[sheets->exact])
-        scale[scale[1] > scale[0]]--;
-    b->scale_max[0] = (uint8_t)scale[0];
-    b->scale_max[1] = (uint8_t)scale[1];
-    return scale[0] || scale[1] || beat(b->step, v, scale) <= most_beat_of_pixels;
-}
 
 /* What a brick says of its footprints: those at u. */
 static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, unsigned axis,
@@ -326,19 +99,6 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
         v[i] *= *scale * w2;
 }
 
-/* Whether there are filters for all of a brick's voxels. Where samples get wider, or with a
- * diagonal, the nearest and the farthest do not speak for those between. */
-static bool has_filters(const struct sheets *sheets, const struct sheets_brick *b) {
-    enum { STEPS = 16 };
-    struct sheets_group group;
-    bool is_plain = fabsf(b->spread[2]) <= 0.5f * small_cross * fminf(b->spread[0], b->spread[1]);
-    float step = powf(b->range[1] / b->range[0], 1.0f / STEPS), w = b->range[0];
-    for (int k = 0; k <= STEPS && !is_plain; k++, w *= step)
-        if (!sheets_group_make(sheets, b, (float[2]){ w, w }, &group))
-            return false;
-    return sheets_group_make(sheets, b, b->range, &group);
-}
-
 /* Pixels that a brick's voxels can reach; false when there are none in the picture. */
 static bool find_box(const struct sheets *sheets, const float size[3], struct sheets_brick *b) {
     const struct sp_ewa_frame *f = sheets_ewa(sheets, b);
@@ -369,18 +129,16 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
         b->range[0] = 1 / farthest;
         b->range[1] = 1 / (near ? f->near : nearest);
     }
-    float v[3], most[2] = { b->range[1], b->range[1] };
-    struct sheets_group group;
-    b->is_unfit = b->is_unfit || b->range[1] > uneven * b->range[0] || !choose_scales(sheets, b) ||
-                  !has_filters(sheets, b) || !sheets_group_make(sheets, b, most, &group);
-    variance_at(b, b->range[1], v);
+    float v[3];
+    b->is_unfit = b->is_unfit || !sheets_find_filters(sheets, b);
+    sheets_variance(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
         /* Another group of the tile may be made for wider ones, and so may some of the brick's be.
          */
         float reach = 4 * f->radius * sqrtf(v[i]);
         if (!b->is_unfit)
-            reach = 1.1f * sheets->reach * sqrtf(v[i] / (1 - alike)) + 1;
+            reach = 1.1f * sheets->reach * sqrtf(v[i] / (1 - SHEETS_ALIKE)) + 1;
         b->reach[i] = reach;
         box[0][i] = near ? 0 : (int)fmaxf(0, fminf(low[i] - reach, 16384));
         box[1][i] =
@@ -404,7 +162,7 @@ static const float most_depth = 24;
  * footprints that leave gaps. */
 static float find_peak(const struct sheets_brick *b) {
     float v[3], cell = fabsf(b->step[0][0] * b->step[1][1] - b->step[0][1] * b->step[1][0]);
-    variance_at(b, sqrtf(b->range[0] * b->range[1]), v);
+    sheets_variance(b, sqrtf(b->range[0] * b->range[1]), v);
     float det = fmaxf(v[0] * v[1] - v[2] * v[2], SP_VARIANCE_MIN * SP_VARIANCE_MIN);
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
@@ -533,9 +291,9 @@ static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker
     }
 }
 
-static double count_voxels(const struct sheets *s, const struct sheets_brick *b) {
+static uint64_t count_voxels(const struct sheets *s, const struct sheets_brick *b) {
     const uint64_t *first = &sheets_level(s, b)->visible.first[b->brick];
-    return (double)(first[1] - first[0]);
+    return first[1] - first[0];
 }
 
 /* Which bricks each tile meets, and how many voxels tiles have to look at. */
@@ -551,7 +309,7 @@ static bool meet_tiles(struct sheets *s, struct sp_arena *arena) {
             int c1 = (b->x1 - 1) / SHEETS_TILE, r1 = (b->y1 - 1) / SHEETS_TILE;
             int met = (c1 - b->x0 / SHEETS_TILE + 1) * (r1 - b->y0 / SHEETS_TILE + 1);
             if (pass)
-                s->work[b->is_unfit] += (double)met * count_voxels(s, b);
+                s->work[b->is_unfit] += (double)met * (double)count_voxels(s, b);
             for (int r = b->y0 / SHEETS_TILE; r <= r1; r++)
                 for (int c = b->x0 / SHEETS_TILE; c <= c1; c++) {
                     uint32_t t = (uint32_t)(r * s->columns + c);
@@ -569,6 +327,27 @@ static bool meet_tiles(struct sheets *s, struct sp_arena *arena) {
         if (!s->met)
             return false;
     }
+    return true;
+}
+
+static int by_voxels(const void *a, const void *b) {
+    const struct sheets_turn *x = a, *y = b;
+    return x->voxels == y->voxels ? (x->tile > y->tile) - (x->tile < y->tile)
+                                  : (x->voxels < y->voxels) - (x->voxels > y->voxels);
+}
+
+/* In which order tiles are claimed. */
+static bool order_tiles(struct sheets *s, struct sp_arena *arena) {
+    uint32_t tiles = (uint32_t)(s->columns * s->rows);
+    s->order = sp_arena_alloc(arena, "order of tiles", tiles, sizeof *s->order);
+    if (!s->order)
+        return false;
+    for (uint32_t t = 0; t < tiles; t++) {
+        s->order[t] = (struct sheets_turn){ .tile = t };
+        for (uint32_t n = s->first[t]; n < s->first[t + 1]; n++)
+            s->order[t].voxels += count_voxels(s, &s->bricks[s->met[n]]);
+    }
+    qsort(s->order, tiles, sizeof *s->order, by_voxels);
     return true;
 }
 
@@ -608,7 +387,7 @@ struct tiles {
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     const struct tiles *t = user;
     for (size_t i = begin; i < end && !sp_job_is_cancelled(t->sheets->job); i++)
-        t->draw(t->sheets, &t->sheets->scratch[worker], (uint32_t)i);
+        t->draw(t->sheets, &t->sheets->scratch[worker], t->sheets->order[i].tile);
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -728,7 +507,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
     }
     if (!exact && !linear && !join_layers(s, may_pair(frame, s, p.deepest), frame->arena))
         return fail_memory(frame->arena, err);
-    if (!meet_tiles(s, frame->arena))
+    if (!meet_tiles(s, frame->arena) || !order_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
     s->prepare_ms = sp_clock_ms() - clock;
     return true;

@@ -37,19 +37,19 @@
 #include "splat/ewa.h"
 
 enum {
-    SHEETS_TILE = 64,   /* px, both ways */
+    SHEETS_TILE = 96,   /* px, both ways */
     SHEETS_TAPS = 10,   /* a filter reaches at most so many samples to each side */
     SHEETS_MARGIN = 16, /* samples around a tile: for filter and deposit, a multiple of four */
     SHEETS_GRID = SHEETS_TILE + 2 * SHEETS_MARGIN,
     SHEETS_PITCH = SHEETS_GRID + 4, /* samples a row of the grid: rows 4 KiB apart would collide */
     SHEETS_ROW = SHEETS_TILE + 4,   /* pixels a row, likewise */
-    SHEETS_SCALES = 7,              /* a sample is at most 2^6 px wide, a tile */
+    SHEETS_SCALES = 6,              /* a sample is at most 2^5 px wide: tiles have whole ones */
     SHEETS_PHASES = 256,            /* of a voxel between two samples */
     SHEETS_STEPS = 16,              /* filters are made for whole multiples of 1/16 of variance */
     SHEETS_VARIANCE = 10,
     SHEETS_FILTERS = SHEETS_VARIANCE * SHEETS_STEPS + 1,
-    SHEETS_CELL_WIDTH = 16,
-    SHEETS_CELL_HEIGHT = 8, /* px of a cell: what is opaque is known by cells */
+    SHEETS_CELL_WIDTH = 24,
+    SHEETS_CELL_HEIGHT = 12, /* px of a cell: what is opaque is known by cells */
     SHEETS_CELLS_ACROSS = SHEETS_TILE / SHEETS_CELL_WIDTH
 };
 
@@ -123,6 +123,12 @@ struct sheets_run {
     uint32_t cells;      /* of the tile that it meets: bit row · SHEETS_CELLS_ACROSS + column */
 };
 
+/* A tile, and how many voxels it meets. */
+struct sheets_turn {
+    uint64_t voxels;
+    uint32_t tile;
+};
+
 /* A frame. */
 struct sheets {
     const struct sp_backend_job *job;
@@ -139,10 +145,11 @@ struct sheets {
     uint32_t *layer; /* of each slice of the volume along the axis; several may share one */
     struct sheets_brick *bricks;
     uint32_t brick_count;
-    int columns, rows; /* of tiles */
-    uint32_t *first;   /* [tiles + 1]: what a tile meets */
-    uint32_t *met;     /* bricks */
-    double work[2];    /* voxels that tiles meet: with filters, and one by one */
+    int columns, rows;         /* of tiles */
+    uint32_t *first;           /* [tiles + 1]: what a tile meets */
+    uint32_t *met;             /* bricks */
+    struct sheets_turn *order; /* [tiles]: those with most voxels first, so that none is late */
+    double work[2];            /* voxels that tiles meet: with filters, and one by one */
     double prepare_ms;
     struct sheets_scratch *scratch; /* by worker */
 };
@@ -174,6 +181,18 @@ static inline const struct sp_ewa_frame *sheets_ewa(const struct sheets *sheets,
                                                     const struct sheets_brick *brick) {
     return &sheets->parts[brick->level].ewa[brick->is_enlarged];
 }
+
+#define SHEETS_ALIKE 0.25f /* relative difference of variances in a group */
+
+/* Variance of a brick's footprints at 1/u2 = w, px²: xx, yy, xy. */
+static inline void sheets_variance(const struct sheets_brick *brick, float w, float v[3]) {
+    for (int i = 0; i < 3; i++)
+        v[i] = brick->spread[i] * w * w + (i < 2 ? brick->lowpass2 : 0);
+}
+
+/* Chooses how wide a brick's samples may be. False when there are no filters for all of its voxels.
+ */
+bool sheets_find_filters(const struct sheets *sheets, struct sheets_brick *brick);
 
 /* The filters for a brick's voxels from `range` on, with samples as wide as they allow; false when
  * there are none. */

@@ -297,7 +297,8 @@ static void tiles_meet_every_brick_that_reaches_them(void **state) {
         t->user = &count;
         assert_true(test_sheets_draw(t, check_lists, NULL, &err));
         const uint32_t *size = scene.view.size;
-        assert_int_equal(count.tiles, (size[0] + 63) / 64 * ((size[1] + 63) / 64));
+        assert_int_equal(count.tiles, (size[0] + SHEETS_TILE - 1) / SHEETS_TILE *
+                                          ((size[1] + SHEETS_TILE - 1) / SHEETS_TILE));
         if (count.missed)
             fail_msg("scene %d: %u of %u pairs of tile and footprint are missed", n, count.missed,
                      count.needed);
