@@ -56,6 +56,17 @@ struct sp_backend_entry {
 };
 const struct sp_backend_entry *sp_backend_at(unsigned i);
 
+/* What one GPU can do at most; 0 = it does not tell. */
+struct sp_gpu_limits {
+    uint64_t video_bytes;         /* its own memory */
+    uint64_t storage_block_bytes; /* one buffer as a shader sees it */
+    unsigned storage_blocks;      /* buffers that a compute shader sees at a time */
+    unsigned storage_alignment;   /* [B], of where in a buffer a block begins */
+    unsigned shared_bytes;        /* memory that a work group shares */
+    unsigned group_invocations;   /* of a work group */
+    unsigned group_size[3], group_count[3];
+};
+
 enum { SP_COARSE_MAX = 2 };
 
 struct sp_render_options {

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/egl.h"
+
+#include <dlfcn.h>
+#include <stdio.h>
+#include <string.h>
+
+bool gl_egl_fail(struct sp_error *err, const char *call) {
+    static const char *const names[] = {
+        "EGL_SUCCESS",       "EGL_NOT_INITIALIZED",     "EGL_BAD_ACCESS",
+        "EGL_BAD_ALLOC",     "EGL_BAD_ATTRIBUTE",       "EGL_BAD_CONFIG",
+        "EGL_BAD_CONTEXT",   "EGL_BAD_CURRENT_SURFACE", "EGL_BAD_DISPLAY",
+        "EGL_BAD_MATCH",     "EGL_BAD_NATIVE_PIXMAP",   "EGL_BAD_NATIVE_WINDOW",
+        "EGL_BAD_PARAMETER", "EGL_BAD_SURFACE",         "EGL_CONTEXT_LOST",
+    };
+    unsigned code = (unsigned)eglGetError() - EGL_SUCCESS;
+    if (code < sizeof names / sizeof names[0])
+        return sp_fail(err, SP_ERR_BACKEND, "", "%s fails: %s", call, names[code]);
+    return sp_fail(err, SP_ERR_BACKEND, "", "%s fails: EGL error 0x%x", call, code + EGL_SUCCESS);
+}
+
+/* libepoxy loads the libraries at the first call and ends the process where it cannot; so they are
+ * loaded here first, under its names, and stay. */
+static bool load_libraries(struct sp_error *err) {
+    static const char *const choices[][2] = { { "libEGL.so.1", "libEGL.so.1" },
+                                              { "libOpenGL.so.0", "libGL.so.1" } };
+    for (int i = 0; i < 2; i++) {
+        void *library = NULL;
+        for (int k = 0; k < 2 && !library; k++)
+            library = dlopen(choices[i][k], RTLD_LAZY | RTLD_LOCAL | RTLD_NODELETE);
+        if (!library)
+            return sp_fail(err, SP_ERR_BACKEND, "", "%s cannot be loaded: %s", choices[i][1],
+                           dlerror());
+        dlclose(library);
+    }
+    return true;
+}
+
+/* Whether a list of extensions, separated by spaces, has the name; a NULL list has none. */
+static bool has_extension(const char *list, const char *name) {
+    size_t length = strlen(name);
+    while (list && (list = strstr(list, name))) {
+        if (list[length] == ' ' || list[length] == 0)
+            return true;
+        list += length;
+    }
+    return false;
+}
+
+bool gl_places_list(struct gl_places *places, struct sp_error *err) {
+    *places = (struct gl_places){ .count = 0 };
+    if (!load_libraries(err))
+        return false;
+    const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
+    bool base = has_extension(client, "EGL_EXT_platform_base");
+    bool lists = has_extension(client, "EGL_EXT_device_enumeration") ||
+                 has_extension(client, "EGL_EXT_device_base");
+    EGLDeviceEXT devices[GL_DEVICES_MAX];
+    EGLint count = 0;
+    if (base && lists && has_extension(client, "EGL_EXT_platform_device") &&
+        eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))
+        for (; places->devices < (unsigned)count; places->devices++)
+            places->list[places->count++] = (struct gl_place){ .platform = "device",
+                                                               .gpu = (int)places->devices,
+                                                               .device = devices[places->devices] };
+    if (base && has_extension(client, "EGL_MESA_platform_surfaceless"))
+        places->list[places->count++] = (struct gl_place){ .platform = "surfaceless", .gpu = -1 };
+    places->list[places->count++] = (struct gl_place){ .platform = "default", .gpu = -1 };
+    return true;
+}
+
+void gl_place_name(const struct gl_place *place, char *text, size_t size) {
+    if (place->gpu >= 0)
+        snprintf(text, size, "device %d", place->gpu);
+    else
+        snprintf(text, size, "%s display", place->platform);
+}
+
+EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err) {
+    EGLDisplay display;
+    if (place->gpu >= 0)
+        display = eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, place->device, NULL);
+    else if (strcmp(place->platform, "surfaceless") == 0)
+        display =
+            eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL);
+    else
+        display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
+    if (display == EGL_NO_DISPLAY)
+        gl_egl_fail(err, "eglGetDisplay");
+    else if (!eglInitialize(display, NULL, NULL)) {
+        gl_egl_fail(err, "eglInitialize");
+        display = EGL_NO_DISPLAY;
+    }
+    return display;
+}

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Where GL may be had on this machine, and the way there. All functions are safe on any thread.
+ *
+ * Displays are EGL's own: one a device for the whole process, handed out again to whoever asks. So
+ * they are initialised here and never terminated, which would end every context on them, also those
+ * of other renderers.
+ */
+#ifndef GL_EGL_H
+#define GL_EGL_H
+
+#define EGL_NO_X11 /* else it includes X11, whose macros are everywhere */
+#include <epoxy/egl.h>
+#include <stdbool.h>
+
+#include "backend/gl/context.h"
+
+struct gl_place {
+    const char *platform; /* as in gl_info */
+    int gpu;              /* as in gl_info */
+    EGLDeviceEXT device;  /* of the platform "device" */
+};
+
+enum { GL_DEVICES_MAX = 64, GL_PLACES_MAX = GL_DEVICES_MAX + 2 };
+
+struct gl_places {
+    struct gl_place list[GL_PLACES_MAX]; /* devices first, in EGL's order; place i is device i */
+    unsigned count, devices;
+};
+
+/* Lists the places in the order in which they are tried. False with *err set (SP_ERR_BACKEND) when
+ * libEGL or libGL cannot be loaded. */
+bool gl_places_list(struct gl_places *places, struct sp_error *err);
+
+/* "device 0", "surfaceless display", "default display". */
+void gl_place_name(const struct gl_place *place, char *text, size_t size);
+
+/* An initialised display, or EGL_NO_DISPLAY with *err set (SP_ERR_BACKEND). */
+EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err);
+
+/* A context at one place, of hardware or software. As gl_context_create(). */
+struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error *err);
+
+/* Whether the context is of the wanted kind; else false with *err set. */
+bool gl_context_is_wanted(const struct gl_info *info, bool software, struct sp_error *err);
+
+/* Sets *err to "CALL fails: EGL_…" from this thread's EGL error, SP_ERR_BACKEND; returns false. */
+bool gl_egl_fail(struct sp_error *err, const char *call);
+
+#endif
