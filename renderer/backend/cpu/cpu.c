@@ -26,7 +26,7 @@ static void read_device(char *text, size_t size) {
 
 static void cpu_destroy(void *pointer) {
     struct cpu_state *state = pointer;
-    cpu_cache_forget(&state->cache, NULL);
+    sp_classify_cache_forget(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -68,12 +68,12 @@ static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct s
 
 static void cpu_forget(void *pointer, const struct sp_volume *volume) {
     struct cpu_state *state = pointer;
-    cpu_cache_forget(&state->cache, volume);
+    sp_classify_cache_forget(&state->cache, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
     const struct cpu_state *state = pointer;
-    return cpu_cache_bytes(&state->cache, volume);
+    return sp_classify_cache_bytes(&state->cache, volume);
 }
 
 extern const struct sp_backend cpu_backend;

@@ -286,7 +286,7 @@ static void derived_data_is_counted_and_forgotten(void **state) {
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
     sp_renderer_forget(rig.renderer, rig.volume);
     /* More transfer functions than there are slots. */
-    for (int i = 0; i < 3 * CPU_CACHE_SLOTS; i++) {
+    for (int i = 0; i < 3 * SP_CLASSIFY_SLOTS; i++) {
         rig.view.transfer_function.points[0].value = 1 + i;
         frame = draw(&rig, SP_RGBA8);
         sp_frame_unref(&frame);
