@@ -17,8 +17,9 @@
 enum { SRV_CONFIG_VOLUMES = 64 };
 
 struct srv_config {
-    char *listen, *data, *backend, *isa, *token_file, *log_level; /* owned; NULL = not set */
-    char *volumes[SRV_CONFIG_VOLUMES];                            /* owned */
+    /* Owned; NULL = not set. */
+    char *listen, *data, *backend, *gpu, *isa, *token_file, *log_level;
+    char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory;
     int64_t connections, connections_per_address, sessions, participants;
@@ -26,6 +27,7 @@ struct srv_config {
     int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, stall_time_ms,
         ping_time_ms, drain_time_ms, rest_time_ms;
     int64_t http_threads, encode_threads;
+    bool require_gpu;
     bool help, version, print_config;
 };
 

@@ -17,7 +17,7 @@ static void read_device(char *text, size_t size) {
         if (strncmp(line, "model name", 10) == 0 && colon) {
             colon += 1 + strspn(colon + 1, " \t");
             colon[strcspn(colon, "\n")] = 0;
-            snprintf(text, size, "%.90s", colon);
+            snprintf(text, size, "%s", colon);
             break;
         }
     }
@@ -55,11 +55,11 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
 static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
     const struct cpu_state *state = pointer;
     *info = (struct sp_renderer_info){ .backend = "cpu",
-                                       .device = state->device,
                                        .isa = state->kernels.isa,
                                        .threads = sp_pool_threads(state->pool),
                                        .lanes = state->kernels.lanes,
                                        .vectorised = state->kernels.vectorised };
+    memcpy(info->device, state->device, sizeof info->device);
 }
 
 static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {

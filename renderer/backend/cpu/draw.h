@@ -28,7 +28,7 @@ struct cpu_state {
     struct sp_classify_cache cache;
     struct sp_cubic_table cubic;
     struct sheets_tables sheets;
-    char device[96];
+    char device[SP_DEVICE_NAME];
 };
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err);

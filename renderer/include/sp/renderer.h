@@ -22,7 +22,13 @@
 struct sp_renderer;
 
 struct sp_renderer_options {
-    const char *backend; /* "auto" (default, NULL), "cpu", "null", …: a name of sp_backend_at() */
+    /* A name of sp_backend_at(): "cpu", "null", …; "auto" (default, NULL) is the first that starts,
+     * and while it renders the next one when that has failed (SP_ERR_BACKEND) three times in a row.
+     */
+    const char *backend;
+    const char *gpu;  /* "auto" (default, NULL) is the first that works; "0", "1", …: this one of
+                         EGL's devices */
+    bool require_gpu; /* default false: true takes nothing but a GPU, at the start and ever after */
     /* Instruction set of the CPU backend: "auto" (default, NULL) is the best that this machine has
      * of "scalar" (the reference), "sse41", "avx2", "avx512", "neon". */
     const char *isa;
@@ -33,20 +39,25 @@ struct sp_renderer_options {
     uint64_t memory_bytes;
 };
 
-/* NULL with *err set when no backend starts; every refusal is logged with its reason. `options` may
- * be NULL. */
+/* NULL with *err set when no backend starts: SP_ERR_INVALID (options), SP_ERR_MEMORY,
+ * SP_ERR_BACKEND. Every refusal is logged with its reason, and so is what was taken. `options` may
+ * be NULL; its strings are copied. */
 struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options,
                                        struct sp_error *err);
 void sp_renderer_destroy(struct sp_renderer **renderer);
 
 struct sp_renderer_info {
-    const char *backend, *device, *isa;
+    const char *backend, *isa; /* constant strings; isa: "" = has none */
+    char device[SP_DEVICE_NAME];
+    char given_up[SP_ERROR_TEXT]; /* why the backend before this one was given up while rendering;
+                                     "" = there was none */
     unsigned threads;
     unsigned lanes; /* voxels or pixels that the CPU's kernels handle at a time; 0 = not known */
     /* The choices of a view that they handle so, by the names that a view has for them; ends with
      * NULL. NULL = not known. All else is handled one by one. */
     const char *const *vectorised;
 };
+/* For the renderer's thread. It changes only where a render gives a backend up. */
 void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
 
 /* One compiled backend a call in the order in which "auto" tries them, i from 0; NULL past the end.
@@ -86,8 +97,8 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
                                     const struct sp_view *view, struct sp_frame_pool *pool,
                                     const struct sp_render_options *options, struct sp_error *err);
 
-/* Checks whether this renderer could draw the view, without drawing: validity and support. Reads
- * constants alone: any thread may call it, also while another one renders. */
+/* Checks whether this renderer could draw the view, without drawing: validity and support. Any
+ * thread may call it, also while another one renders. */
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err);
 
