@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The GPU backend, once for hardware and once for software GL: one implementation, two entries.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "backend/gl/draw.h"
+
+static void gl_destroy(void *pointer) {
+    struct gl_state *state = pointer;
+    if (state->context && gl_context_bind(state->context, NULL)) {
+        gl_draw_finish(state);
+        gl_context_unbind(state->context);
+    }
+    gl_context_destroy(&state->context);
+    sp_classify_cache_forget(&state->cache, NULL);
+    sp_pool_destroy(&state->pool);
+    sp_arena_finish(&state->arena);
+    free(state);
+}
+
+static void name_device(struct gl_state *state) {
+    const struct gl_info *info = gl_context_info(state->context);
+    snprintf(state->device, sizeof state->device, "%.90s%s", info->renderer,
+             info->software ? ", software GL, for correctness only" : "");
+}
+
+static bool start(struct gl_state *state, const struct gl_options *options, struct sp_error *err) {
+    state->context = gl_context_create(options, err);
+    if (!state->context || !gl_context_bind(state->context, err))
+        return false;
+    bool ok = gl_draw_init(state, err);
+    gl_context_unbind(state->context);
+    name_device(state);
+    return ok;
+}
+
+static void *create(const struct sp_backend_options *options, bool software, struct sp_error *err) {
+    const struct gl_options gl = { .gpu = software ? -1 : options->gpu, .software = software };
+    struct gl_state *state = calloc(1, sizeof *state);
+    if (!state) {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the gl backend");
+        return NULL;
+    }
+    sp_arena_init(&state->arena);
+    state->cache.limit_bytes = options->memory_bytes;
+    state->lists.limit_bytes = options->memory_bytes;
+    state->pool = sp_pool_create(options->threads, err);
+    if (!state->pool || !start(state, &gl, err)) {
+        gl_destroy(state);
+        return NULL;
+    }
+    state->lists.block_bytes = state->block_bytes;
+    return state;
+}
+
+static void *gl_create(const struct sp_backend_options *options, struct sp_error *err) {
+    return create(options, false, err);
+}
+
+static void *gl_create_software(const struct sp_backend_options *options, struct sp_error *err) {
+    return create(options, true, err);
+}
+
+static void gl_info(const void *pointer, struct sp_renderer_info *info) {
+    const struct gl_state *state = pointer;
+    bool is_software = gl_context_info(state->context)->software;
+    *info = (struct sp_renderer_info){ .backend = is_software ? "gl-software" : "gl",
+                                       .isa = "",
+                                       .threads = sp_pool_threads(state->pool) };
+    memcpy(info->device, state->device, sizeof info->device);
+}
+
+static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+    struct gl_state *state = pointer;
+    if (!gl_context_bind(state->context, err))
+        return false;
+    bool ok = gl_draw(state, job, err);
+    gl_context_unbind(state->context);
+    return ok;
+}
+
+static void gl_forget(void *pointer, const struct sp_volume *volume) {
+    struct gl_state *state = pointer;
+    if (gl_context_bind(state->context, NULL)) {
+        gl_lists_forget(&state->lists, volume);
+        gl_context_unbind(state->context);
+    }
+    sp_classify_cache_forget(&state->cache, volume);
+}
+
+static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
+    const struct gl_state *state = pointer;
+    return sp_classify_cache_bytes(&state->cache, volume) + gl_lists_bytes(&state->lists, volume);
+}
+
+#define CAPABILITIES                                                                               \
+    {                                                                                              \
+        .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC), .filters = SP_CAN_ALL,    \
+        .kernels = SP_CAN_ALL, .compositings = SP_CAN(SP_COMPOSITE_SHEET),                         \
+        .attenuations = SP_CAN_ALL, .orders = SP_CAN(SP_TF_PRE),                                   \
+        .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),                            \
+        .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),                                                 \
+        .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true        \
+    }
+
+extern const struct sp_backend gl_backend, gl_software_backend;
+const struct sp_backend gl_backend = {
+    .entry = { "gl", "EWA splatting on a GPU, with compute shaders through EGL" },
+    .by_name_only = true,
+    .is_gpu = true,
+    .capabilities = CAPABILITIES,
+    .create = gl_create,
+    .destroy = gl_destroy,
+    .info = gl_info,
+    .render = gl_render,
+    .forget = gl_forget,
+    .memory = gl_memory,
+};
+const struct sp_backend gl_software_backend = {
+    .entry = { "gl-software", "the same on the processor, by software GL: for tests" },
+    .by_name_only = true,
+    .capabilities = CAPABILITIES,
+    .create = gl_create_software,
+    .destroy = gl_destroy,
+    .info = gl_info,
+    .render = gl_render,
+    .forget = gl_forget,
+    .memory = gl_memory,
+};
