@@ -107,6 +107,38 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
     *renderer = NULL;
 }
 
+struct probing {
+    sp_device_visit *visit;
+    void *user;
+    bool works; /* a GPU */
+};
+
+static void note_gpu(void *user, const struct sp_device *device) {
+    struct probing *probing = user;
+    probing->works = probing->works || (device->is_gpu && !device->refusal[0]);
+    probing->visit(probing->user, device);
+}
+
+bool sp_probe(sp_device_visit *visit, void *user) {
+    const struct sp_backend_options options = {
+        .threads = count_cores(), .memory_bytes = half_of_memory(), .isa = "auto", .gpu = -1
+    };
+    const struct sp_device none = {
+        .backend = "none", .place = "GPU", .refusal = "this build has no backend for one", .gpu = -1
+    };
+    struct probing probing = { .visit = visit, .user = user };
+    bool has_gpu = false;
+    const struct sp_backend *backend;
+    for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
+        has_gpu = has_gpu || backend->is_gpu;
+    if (!has_gpu)
+        visit(user, &none);
+    for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
+        if (backend->probe)
+            backend->probe(&options, note_gpu, &probing);
+    return probing.works;
+}
+
 void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info) {
     *info = renderer->info;
 }

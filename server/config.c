@@ -42,7 +42,8 @@ static const struct setting settings[] = {
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "budget for volumes; 0 = half of the machine's memory" },
     { "backend", TEXT, AT(backend), "auto", 0, 0, "NAME", "renderer to use; see below" },
-    { "gpu", TEXT, AT(gpu), "auto", 0, 0, "N", "GPU to use, from 0; auto is the first that works" },
+    { "gpu", TEXT, AT(gpu), "auto", 0, 0, "N",
+      "GPU to use, as --probe numbers them; auto is the first that works" },
     { "require-gpu", YES_NO, AT(require_gpu), "no", 0, 0, NULL,
       "do not start without a GPU, and never go over to the CPU" },
     { "isa", TEXT, AT(isa), "auto", 0, 0, "NAME",
@@ -86,6 +87,8 @@ static const struct setting settings[] = {
     { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",
       "read settings from a file of `key = value` lines" },
+    { "probe", SWITCH, AT(probe), NULL, 0, 0, NULL,
+      "print what there is to render on, and why not on the rest, and exit" },
     { "print-config", SWITCH, AT(print_config), NULL, 0, 0, NULL,
       "print the settings as such a file and exit" },
     { "help", SWITCH, AT(help), NULL, 0, 0, NULL, "print this text and exit" },
@@ -344,7 +347,8 @@ void srv_config_print_help(FILE *out) {
     fprintf(out, "\nBuilt-in volumes (demo:NAME, demo:NAME?size=N):\n");
     for (size_t i = 0; sp_demo_at(i); i++)
         fprintf(out, "  %-14s %s\n", sp_demo_at(i)->name, sp_demo_at(i)->doc);
-    fprintf(out, "\nSizes take K, M, G, T. Exit status: 0 success, 1 failure, 2 usage.\n");
+    fprintf(out, "\nSizes take K, M, G, T. Exit status: 0 success, 1 failure, 2 usage; "
+                 "of --probe 0 if a GPU works and 3 if none does.\n");
 }
 
 void srv_config_print(const struct srv_config *config, FILE *out) {

@@ -28,7 +28,7 @@ struct srv_config {
         ping_time_ms, drain_time_ms, rest_time_ms;
     int64_t http_threads, encode_threads;
     bool require_gpu;
-    bool help, version, print_config;
+    bool probe, help, version, print_config;
 };
 
 /* Fills in the defaults. */

@@ -73,6 +73,9 @@ struct sp_backend {
     /* Optional; NULL = nothing is derived from volumes. */
     void (*forget)(void *state, const struct sp_volume *volume);
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
+
+    /* Optional; NULL = nothing to tell. For sp_probe(), and without a state. */
+    void (*probe)(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 };
 
 /* registry.c: the compiled backends in the order in which "auto" tries them; NULL past the end. */

@@ -76,6 +76,21 @@ static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) 
     return sp_classify_cache_bytes(&state->cache, volume);
 }
 
+static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,
+                      void *user) {
+    struct sp_device device = {
+        .backend = "cpu", .place = "processor", .gpu = -1, .threads = options->threads
+    };
+    struct cpu_kernels kernels;
+    size_t used = 0;
+    read_device(device.name, sizeof device.name);
+    for (unsigned i = 0; cpu_isa_at(i); i++)
+        if (cpu_kernels_init(&kernels, cpu_isa_at(i), NULL))
+            used += (size_t)snprintf(device.version + used, sizeof device.version - used, "%s%s",
+                                     used ? ", " : "", cpu_isa_at(i));
+    visit(user, &device);
+}
+
 extern const struct sp_backend cpu_backend;
 const struct sp_backend cpu_backend = {
     .entry = { "cpu", "EWA splatting on the processor, the reference of all backends" },
@@ -97,4 +112,5 @@ const struct sp_backend cpu_backend = {
     .render = cpu_render,
     .forget = cpu_forget,
     .memory = cpu_memory,
+    .probe = cpu_probe,
 };

@@ -89,8 +89,12 @@ static EGLContext create_core(EGLDisplay display, EGLConfig config) {
     return context;
 }
 
-static void copy_name(char text[GL_NAME], const void *name) {
-    snprintf(text, GL_NAME, "%s", name && *(const char *)name ? (const char *)name : "unnamed");
+/* A driver's text; it goes into JSON and headers, which take no byte as it comes. */
+static void copy_name(char text[SP_DEVICE_NAME], const char *name) {
+    snprintf(text, SP_DEVICE_NAME, "%s", name && *name ? name : "unnamed");
+    for (char *c = text; *c; c++)
+        if (*c < ' ' || *c > '~')
+            *c = '?';
 }
 
 static bool is_software(const char *renderer) {
@@ -146,11 +150,13 @@ static void read_info(struct gl_context *c, const struct gl_place *place) {
     struct gl_info *info = &c->info;
     info->platform = place->platform;
     info->gpu = place->gpu;
-    copy_name(info->renderer, glGetString(GL_RENDERER));
-    copy_name(info->vendor, glGetString(GL_VENDOR));
-    copy_name(info->version, glGetString(GL_VERSION));
-    snprintf(info->driver, sizeof info->driver, "%s, EGL %s",
-             eglQueryString(c->display, EGL_VENDOR), eglQueryString(c->display, EGL_VERSION));
+    copy_name(info->renderer, (const char *)glGetString(GL_RENDERER));
+    copy_name(info->vendor, (const char *)glGetString(GL_VENDOR));
+    copy_name(info->version, (const char *)glGetString(GL_VERSION));
+    char driver[SP_DEVICE_NAME];
+    snprintf(driver, sizeof driver, "%s, EGL %s", eglQueryString(c->display, EGL_VENDOR),
+             eglQueryString(c->display, EGL_VERSION));
+    copy_name(info->driver, driver);
     info->major = epoxy_gl_version() / 10;
     info->minor = epoxy_gl_version() % 10;
     info->software = is_software(info->renderer);
@@ -231,9 +237,10 @@ struct gl_context *gl_context_create(const struct gl_options *options, struct sp
         if (c && gl_context_is_wanted(&c->info, options->software, &why))
             return c;
         gl_context_destroy(&c);
-        char name[32];
+        gl_place_add_cause(&places.list[i], &why);
+        char name[96];
         gl_place_name(&places.list[i], name, sizeof name);
-        sp_log(SP_LOG_INFO, "EGL %s is not used: %s", name, why.text);
+        sp_log(SP_LOG_INFO, "%s is not used: %s", name, why.text);
         if (used < sizeof reasons)
             used += (size_t)snprintf(reasons + used, sizeof reasons - used, "%s%s: %s",
                                      used ? "; " : "", name, why.text);

@@ -21,12 +21,11 @@ struct gl_options {
     bool software; /* true: software GL alone; false: never */
 };
 
-enum { GL_NAME = 128 };
-
-/* What a context runs on. Strings are cut to fit, never empty. */
+/* What a context runs on. Strings are printable ASCII, cut to fit, never empty. */
 struct gl_info {
-    char renderer[GL_NAME], vendor[GL_NAME], version[GL_NAME]; /* as GL gives them */
-    char driver[GL_NAME];                                      /* EGL's vendor and version */
+    /* As GL gives them; the driver is EGL's vendor and version. */
+    char renderer[SP_DEVICE_NAME], vendor[SP_DEVICE_NAME], version[SP_DEVICE_NAME];
+    char driver[SP_DEVICE_NAME];
     const char *platform; /* "device", "surfaceless" or "default" */
     int gpu;              /* index of the EGL device; −1 on the other platforms */
     int major, minor;     /* of the version, 4.3 or later */

@@ -2,8 +2,10 @@
 #include "backend/gl/egl.h"
 
 #include <dlfcn.h>
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 bool gl_egl_fail(struct sp_error *err, const char *call) {
     static const char *const names[] = {
@@ -47,22 +49,46 @@ static bool has_extension(const char *list, const char *name) {
     return false;
 }
 
+#ifndef EGL_DRM_RENDER_NODE_FILE_EXT /* newer than the header */
+#define EGL_DRM_RENDER_NODE_FILE_EXT 0x3377
+#endif
+
+static struct gl_place device_place(unsigned i, EGLDeviceEXT device) {
+    static const struct {
+        const char *extension;
+        EGLint name;
+    } files[] = { { "EGL_EXT_device_drm_render_node", EGL_DRM_RENDER_NODE_FILE_EXT },
+                  { "EGL_EXT_device_drm", EGL_DRM_DEVICE_FILE_EXT } };
+    struct gl_place place = { .platform = "device", .gpu = (int)i, .device = device };
+    const char *extensions = eglQueryDeviceStringEXT(device, EGL_EXTENSIONS), *file = NULL;
+    for (int k = 0; k < 2 && !file; k++)
+        if (has_extension(extensions, files[k].extension))
+            file = eglQueryDeviceStringEXT(device, files[k].name);
+    snprintf(place.file, sizeof place.file, "%s", file ? file : "");
+    return place;
+}
+
+static void list_devices(struct gl_places *places) {
+    EGLDeviceEXT devices[GL_DEVICES_MAX];
+    EGLint count = 0;
+    if (!eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))
+        count = 0;
+    for (; places->devices < (unsigned)count; places->devices++)
+        places->list[places->count++] = device_place(places->devices, devices[places->devices]);
+}
+
 bool gl_places_list(struct gl_places *places, struct sp_error *err) {
     *places = (struct gl_places){ .count = 0 };
     if (!load_libraries(err))
         return false;
     const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
     bool base = has_extension(client, "EGL_EXT_platform_base");
-    bool lists = has_extension(client, "EGL_EXT_device_enumeration") ||
-                 has_extension(client, "EGL_EXT_device_base");
-    EGLDeviceEXT devices[GL_DEVICES_MAX];
-    EGLint count = 0;
-    if (base && lists && has_extension(client, "EGL_EXT_platform_device") &&
-        eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))
-        for (; places->devices < (unsigned)count; places->devices++)
-            places->list[places->count++] = (struct gl_place){ .platform = "device",
-                                                               .gpu = (int)places->devices,
-                                                               .device = devices[places->devices] };
+    /* The older extension is the two newer ones together. */
+    bool lists = has_extension(client, "EGL_EXT_device_base") ||
+                 (has_extension(client, "EGL_EXT_device_enumeration") &&
+                  has_extension(client, "EGL_EXT_device_query"));
+    if (base && lists && has_extension(client, "EGL_EXT_platform_device"))
+        list_devices(places);
     if (base && has_extension(client, "EGL_MESA_platform_surfaceless"))
         places->list[places->count++] = (struct gl_place){ .platform = "surfaceless", .gpu = -1 };
     places->list[places->count++] = (struct gl_place){ .platform = "default", .gpu = -1 };
@@ -70,10 +96,20 @@ bool gl_places_list(struct gl_places *places, struct sp_error *err) {
 }
 
 void gl_place_name(const struct gl_place *place, char *text, size_t size) {
-    if (place->gpu >= 0)
-        snprintf(text, size, "device %d", place->gpu);
-    else
+    if (place->gpu < 0)
         snprintf(text, size, "%s display", place->platform);
+    else
+        snprintf(text, size, "EGL device %d%s%s%s", place->gpu, place->file[0] ? " (" : "",
+                 place->file, place->file[0] ? ")" : "");
+}
+
+void gl_place_add_cause(const struct gl_place *place, struct sp_error *why) {
+    if (!place->file[0] || access(place->file, R_OK | W_OK) == 0)
+        return;
+    const char *cause = strerror(errno);
+    size_t used = strlen(why->text);
+    snprintf(why->text + used, sizeof why->text - used, "; %s cannot be opened: %s", place->file,
+             cause);
 }
 
 EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err) {

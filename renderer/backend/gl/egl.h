@@ -13,12 +13,14 @@
 #include <epoxy/egl.h>
 #include <stdbool.h>
 
+#include "backend/backend.h"
 #include "backend/gl/context.h"
 
 struct gl_place {
     const char *platform; /* as in gl_info */
     int gpu;              /* as in gl_info */
     EGLDeviceEXT device;  /* of the platform "device" */
+    char file[64];        /* the device's node, "/dev/dri/card0"; "" = has none, or not told */
 };
 
 enum { GL_DEVICES_MAX = 64, GL_PLACES_MAX = GL_DEVICES_MAX + 2 };
@@ -32,14 +34,21 @@ struct gl_places {
  * libEGL or libGL cannot be loaded. */
 bool gl_places_list(struct gl_places *places, struct sp_error *err);
 
-/* "device 0", "surfaceless display", "default display". */
+/* "EGL device 0 (/dev/dri/card0)", "surfaceless display", "default display". */
 void gl_place_name(const struct gl_place *place, char *text, size_t size);
+
+/* Adds to the reason why a place is refused that its node cannot be opened, if that is so: drivers
+ * keep this to themselves and offer software instead. */
+void gl_place_add_cause(const struct gl_place *place, struct sp_error *why);
 
 /* An initialised display, or EGL_NO_DISPLAY with *err set (SP_ERR_BACKEND). */
 EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err);
 
 /* A context at one place, of hardware or software. As gl_context_create(). */
 struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error *err);
+
+/* For the backends' table. */
+void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 
 /* Whether the context is of the wanted kind; else false with *err set. */
 bool gl_context_is_wanted(const struct gl_info *info, bool software, struct sp_error *err);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "backend/gl/draw.h"
+#include "backend/gl/egl.h"
 
 static void gl_destroy(void *pointer) {
     struct gl_state *state = pointer;
@@ -38,7 +39,7 @@ static bool start(struct gl_state *state, const struct gl_options *options, stru
 }
 
 static void *create(const struct sp_backend_options *options, bool software, struct sp_error *err) {
-    const struct gl_options gl = { .gpu = software ? -1 : options->gpu, .software = software };
+    const struct gl_options gl = { .gpu = options->gpu, .software = software };
     struct gl_state *state = calloc(1, sizeof *state);
     if (!state) {
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for the gl backend");
@@ -111,6 +112,7 @@ const struct sp_backend gl_backend = {
     .entry = { "gl", "EWA splatting on a GPU, with compute shaders through EGL" },
     .by_name_only = true,
     .is_gpu = true,
+    .is_gpu = true,
     .capabilities = CAPABILITIES,
     .create = gl_create,
     .destroy = gl_destroy,
@@ -118,6 +120,7 @@ const struct sp_backend gl_backend = {
     .render = gl_render,
     .forget = gl_forget,
     .memory = gl_memory,
+    .probe = gl_probe, /* of both entries */
 };
 const struct sp_backend gl_software_backend = {
     .entry = { "gl-software", "the same on the processor, by software GL: for tests" },

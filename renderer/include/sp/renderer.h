@@ -27,7 +27,7 @@ struct sp_renderer_options {
      */
     const char *backend;
     const char *gpu;  /* "auto" (default, NULL) is the first that works; "0", "1", …: this one of
-                         EGL's devices */
+                         sp_probe() */
     bool require_gpu; /* default false: true takes nothing but a GPU, at the start and ever after */
     /* Instruction set of the CPU backend: "auto" (default, NULL) is the best that this machine has
      * of "scalar" (the reference), "sse41", "avx2", "avx512", "neon". */
@@ -77,6 +77,28 @@ struct sp_gpu_limits {
     unsigned group_invocations;   /* of a work group */
     unsigned group_size[3], group_count[3];
 };
+
+/* Something to render on, or a way to it that fails. Texts are cut to fit. */
+struct sp_device {
+    const char *backend;          /* constant; the one that would use it */
+    char place[96];               /* "EGL device 0 (/dev/dri/card0)", "surfaceless display", … */
+    char refusal[SP_ERROR_TEXT];  /* why it does not work; "" = it does, and what follows is set */
+    bool is_gpu;                  /* a hardware GPU */
+    int gpu;                      /* its number for sp_renderer_options.gpu; −1 = has none */
+    char name[SP_DEVICE_NAME];    /* what sp_renderer_info.device will be */
+    char vendor[SP_DEVICE_NAME];  /* "" = not told, here and below */
+    char version[SP_DEVICE_NAME]; /* of OpenGL; instruction sets of a processor */
+    char driver[SP_DEVICE_NAME];
+    unsigned threads;            /* of a processor; 0 elsewhere */
+    struct sp_gpu_limits limits; /* of a GPU, or of what acts as one */
+};
+
+/* Called once for each, before sp_probe() returns; *device lives as long as the call. */
+typedef void sp_device_visit(void *user, const struct sp_device *device);
+
+/* Tries everything that backends could render on, GPUs first, and tells what came of it. Returns
+ * whether a hardware GPU works. Any thread; takes a few hundred ms. */
+bool sp_probe(sp_device_visit *visit, void *user);
 
 enum { SP_COARSE_MAX = 2 };
 

@@ -111,10 +111,10 @@ static void forms(void **state) {
         assert_int_equal(config.require_gpu, switches[i].expected);
         srv_config_finish(&config);
     }
-    static const char *const wrong[] = {
-        "volume",   "--",        "-h",    "--help=yes",     "--volum",
-        "--volume", "--volume=", "--gpu", "--require-gpu=", "--require-gpu=1"
-    };
+    static const char *const wrong[] = { "volume",          "--",         "-h",
+                                         "--help=yes",      "--volum",    "--volume",
+                                         "--volume=",       "--gpu",      "--require-gpu=",
+                                         "--require-gpu=1", "--probe=yes" };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         assert_false(parse(&config, &err, wrong[i], NULL, NULL));
         assert_int_equal(err.code, SP_ERR_INVALID);
@@ -135,9 +135,10 @@ static void lines(void **state) {
     assert_string_equal(config.data, "/a b/c=d");
     assert_true(srv_config_line(&config, "require-gpu = yes", "f:4", &err));
     assert_true(config.require_gpu);
-    static const char *const wrong[] = { "sessions",       "sessions =",     "= 7",
-                                         "help = 1",       "config = other", "Sessions = 7",
-                                         "sessions = 7 8", "require-gpu",    "require-gpu =" };
+    static const char *const wrong[] = {
+        "sessions",     "sessions =",     "= 7",         "help = 1",      "config = other",
+        "Sessions = 7", "sessions = 7 8", "require-gpu", "require-gpu =", "probe = yes"
+    };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         assert_false(srv_config_line(&config, wrong[i], "f:5", &err));
         assert_string_equal(err.place, "f:5");
