@@ -68,30 +68,45 @@ static struct gl_place device_place(unsigned i, EGLDeviceEXT device) {
     return place;
 }
 
-static void list_devices(struct gl_places *places) {
+static void add(struct gl_places *places, const char *platform, const char *missing) {
+    places->list[places->count++] =
+        (struct gl_place){ .platform = platform, .gpu = -1, .missing = missing };
+}
+
+/* The first of these that EGL lacks; NULL = none. The loader that chooses among drivers has an
+ * empty list when there is none. */
+static const char *missing_of(const char *client, const char *const *extensions) {
+    if (client && !*client)
+        return "a driver";
+    while (*extensions && has_extension(client, *extensions))
+        extensions++;
+    return *extensions;
+}
+
+static void list_devices(struct gl_places *places, const char *client) {
+    static const char *const wanted[] = { "EGL_EXT_platform_base", "EGL_EXT_device_enumeration",
+                                          "EGL_EXT_device_query", "EGL_EXT_platform_device", NULL };
     EGLDeviceEXT devices[GL_DEVICES_MAX];
     EGLint count = 0;
-    if (!eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))
+    const char *missing = missing_of(client, wanted);
+    if (!missing && !eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))
         count = 0;
     for (; places->devices < (unsigned)count; places->devices++)
         places->list[places->count++] = device_place(places->devices, devices[places->devices]);
+    if (count == 0)
+        add(places, "device", missing ? missing : "any device");
 }
 
 bool gl_places_list(struct gl_places *places, struct sp_error *err) {
+    static const char *const surfaceless[] = { "EGL_EXT_platform_base",
+                                               "EGL_MESA_platform_surfaceless", NULL };
     *places = (struct gl_places){ .count = 0 };
     if (!load_libraries(err))
         return false;
     const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
-    bool base = has_extension(client, "EGL_EXT_platform_base");
-    /* The older extension is the two newer ones together. */
-    bool lists = has_extension(client, "EGL_EXT_device_base") ||
-                 (has_extension(client, "EGL_EXT_device_enumeration") &&
-                  has_extension(client, "EGL_EXT_device_query"));
-    if (base && lists && has_extension(client, "EGL_EXT_platform_device"))
-        list_devices(places);
-    if (base && has_extension(client, "EGL_MESA_platform_surfaceless"))
-        places->list[places->count++] = (struct gl_place){ .platform = "surfaceless", .gpu = -1 };
-    places->list[places->count++] = (struct gl_place){ .platform = "default", .gpu = -1 };
+    list_devices(places, client);
+    add(places, "surfaceless", missing_of(client, surfaceless));
+    add(places, "default", NULL);
     return true;
 }
 
@@ -114,6 +129,10 @@ void gl_place_add_cause(const struct gl_place *place, struct sp_error *why) {
 
 EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err) {
     EGLDisplay display;
+    if (place->missing) {
+        sp_fail(err, SP_ERR_BACKEND, "", "EGL does not have %s", place->missing);
+        return EGL_NO_DISPLAY;
+    }
     if (place->gpu >= 0)
         display = eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, place->device, NULL);
     else if (strcmp(place->platform, "surfaceless") == 0)

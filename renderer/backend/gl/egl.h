@@ -19,19 +19,21 @@
 struct gl_place {
     const char *platform; /* as in gl_info */
     int gpu;              /* as in gl_info */
-    EGLDeviceEXT device;  /* of the platform "device" */
+    const char *missing;  /* what EGL lacks to open it, constant; NULL = nothing */
+    EGLDeviceEXT device;  /* of a device */
     char file[64];        /* the device's node, "/dev/dri/card0"; "" = has none, or not told */
 };
 
 enum { GL_DEVICES_MAX = 64, GL_PLACES_MAX = GL_DEVICES_MAX + 2 };
 
 struct gl_places {
-    struct gl_place list[GL_PLACES_MAX]; /* devices first, in EGL's order; place i is device i */
+    struct gl_place list[GL_PLACES_MAX]; /* place i is device i, of those that there are */
     unsigned count, devices;
 };
 
-/* Lists the places in the order in which they are tried. False with *err set (SP_ERR_BACKEND) when
- * libEGL or libGL cannot be loaded. */
+/* Lists the places in the order in which they are tried, also those that EGL lacks, which
+ * gl_place_open() refuses: devices, or a place that stands for their lack; surfaceless; default.
+ * False with *err set (SP_ERR_BACKEND) when libEGL or libGL cannot be loaded. */
 bool gl_places_list(struct gl_places *places, struct sp_error *err);
 
 /* "EGL device 0 (/dev/dri/card0)", "surfaceless display", "default display". */

@@ -112,7 +112,6 @@ const struct sp_backend gl_backend = {
     .entry = { "gl", "EWA splatting on a GPU, with compute shaders through EGL" },
     .by_name_only = true,
     .is_gpu = true,
-    .is_gpu = true,
     .capabilities = CAPABILITIES,
     .create = gl_create,
     .destroy = gl_destroy,
