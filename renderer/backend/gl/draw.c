@@ -9,20 +9,18 @@
 
 enum {
     PAIRS_MIN = 1 << 20,
-    PAIRS_MOST = 1 << 25,  /* of a batch: the compositor's longest dispatch */
-    GROUPS_MOST = 65535,   /* along an axis of a dispatch, on any GPU */
-    HEAD_WORDS = 16,       /* of the bins: shaders/bins.glsl */
+    PAIRS_MOST = 1 << 25,   /* the longest dispatch of the compositor */
+    GROUPS_MOST = 65535,    /* along an axis of a dispatch, on any GPU */
+    RECORDS_MOST = 4000000, /* 32 bytes each fit 128 MB; the counts of GL_SCAN_BLOCK bins, a word */
+    BINS_MOST = 1 << 22,
+    TILES_MOST = 1 << 16,
+    HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
     LAYERS_MOST = 65535,   /* a record has 16 bits for its layer */
     POLL_NS = 5 * 1000000, /* between two looks at the cancel flag */
     IN_FLIGHT = 2          /* batches that the GPU may lie behind */
 };
 
 enum { STAGE_CLASSIFY, STAGE_SPLAT, STAGE_BIN, STAGE_TILE, STAGE_RESOLVE, STAGES };
-
-/* The first words of the bins. */
-struct head {
-    uint32_t splats, fragments, carry, needed;
-};
 
 struct draw {
     struct gl_state *state;
@@ -50,12 +48,8 @@ static bool check(const char *what, struct sp_error *err) {
                    "GL error 0x%04x while the frame was %s", error, what);
 }
 
-static uint32_t divide_up(uint32_t a, uint32_t b) {
-    return (a + b - 1) / b;
-}
-
 static uint32_t tile_rows(const struct draw *d) {
-    return divide_up(d->end - d->y, GL_TILE);
+    return gl_divide_up(d->end - d->y, GL_TILE);
 }
 
 static uint32_t band_tiles(const struct draw *d) {
@@ -103,20 +97,24 @@ static void drop_fences(struct draw *d) {
     }
 }
 
-static void use(const struct draw *d, enum gl_stage stage, uint32_t layers) {
+static struct gl_bins_space space_of(const struct draw *d, const struct gl_batch *batch) {
+    return (struct gl_bins_space){ d->columns, d->y, d->end, tile_rows(d), batch->layers };
+}
+
+static void use(const struct draw *d, enum gl_stage stage, const struct gl_batch *batch) {
+    const struct gl_bins_space space = space_of(d, batch);
     glUseProgram(d->state->programs[stage]);
-    if (stage != GL_RESOLVE)
-        glUniform4ui(0, d->columns, d->y, d->end, layers);
+    gl_bins_set_space(&space);
 }
 
 static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
-    use(d, GL_PROJECT, batch->layers);
+    use(d, GL_PROJECT, batch);
     gl_buffer_bind(&s->buffers.constants, 0);
     gl_buffer_bind(&s->buffers.bricks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
     gl_buffer_bind(&s->buffers.spans, 6);
-    gl_buffer_bind(&s->buffers.bins, 7);
+    gl_buffer_bind(&s->bins.counts, 7);
     for (int l = 0; l < SP_LEVELS; l++) {
         const struct gl_list *list = d->frame.lists[l];
         if (!batch->bricks[l])
@@ -138,24 +136,8 @@ static void project(struct draw *d, const struct gl_batch *batch) {
 
 static void bin(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
-    uint32_t bins = band_tiles(d) * batch->layers, blocks = divide_up(bins, GL_SCAN_BLOCK);
-    use(d, GL_SCAN, batch->layers);
-    glUniform1ui(1, bins);
-    gl_buffer_bind(&s->buffers.bins, 7);
-    gl_buffer_bind(&s->buffers.totals, 6);
-    glDispatchCompute(blocks, 1, 1);
-    storage_barrier();
-    use(d, GL_TOTALS, batch->layers);
-    glUniform1ui(1, blocks);
-    glDispatchCompute(1, 1, 1);
-    storage_barrier();
-    use(d, GL_SCATTER, batch->layers);
-    glUniform2ui(1, batch->records, (GLuint)s->pairs);
-    gl_buffer_bind(&s->buffers.spans, 1);
-    gl_buffer_bind(&s->buffers.totals, 2);
-    gl_buffer_bind(&s->buffers.pairs, 3);
-    glDispatchCompute(divide_up(batch->records, GL_GROUP), 1, 1);
-    storage_barrier();
+    const struct gl_bins_space space = space_of(d, batch);
+    gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->pairs);
     gl_timer_stamp(&s->timer, STAGE_BIN);
 }
 
@@ -165,18 +147,18 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
     uint32_t kernel = view->filter.mode == SP_FILTER_NONE      ? 2
                       : view->filter.kernel == SP_KERNEL_CUBIC ? 1
                                                                : 0;
-    use(d, GL_COMPOSITE, batch->layers);
+    use(d, GL_COMPOSITE, batch);
     glUniform2ui(1, d->job->frame->width, (GLuint)s->pairs);
     glUniform4ui(2, view->compositing.attenuation == SP_ATTENUATION_LINEAR, kernel, batch->resumes,
                  batch->stays_open);
     glUniform1f(3, d->frame.ewa[d->frame.finest][0].cut);
     gl_buffer_bind(&s->buffers.records, 1);
-    gl_buffer_bind(&s->buffers.totals, 2);
-    gl_buffer_bind(&s->buffers.pairs, 3);
+    gl_buffer_bind(&s->bins.totals, 2);
+    gl_buffer_bind(&s->bins.pairs, 3);
     gl_buffer_bind(&s->buffers.done, 4);
     gl_buffer_bind(&s->buffers.open, 5);
     gl_buffer_bind(&s->buffers.cubic, 6);
-    gl_buffer_bind(&s->buffers.bins, 7);
+    gl_buffer_bind(&s->bins.counts, 7);
     glDispatchCompute(d->columns, tile_rows(d), 1);
     storage_barrier();
     gl_timer_stamp(&s->timer, STAGE_TILE);
@@ -184,21 +166,14 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
 
 static void resolve(struct draw *d) {
     struct gl_state *s = d->state;
-    use(d, GL_RESOLVE, 0);
+    glUseProgram(s->programs[GL_RESOLVE]);
     glUniform2ui(0, band_pixels(d), d->job->frame->format == SP_RGBAF32);
     glUniform4fv(1, 1, d->job->view->background);
     gl_buffer_bind(&s->buffers.done, 1);
     gl_buffer_bind(&s->buffers.pixels, 2);
-    glDispatchCompute(divide_up(band_pixels(d), GL_GROUP), 1, 1);
+    glDispatchCompute(gl_divide_up(band_pixels(d), GL_GROUP), 1, 1);
     glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
     gl_timer_stamp(&s->timer, STAGE_RESOLVE);
-}
-
-static void clear(const struct gl_buffer *buffer, uint64_t offset, uint64_t bytes) {
-    const uint32_t zero = 0;
-    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
-    glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_R32UI, (GLintptr)offset, (GLsizeiptr)bytes,
-                         GL_RED_INTEGER, GL_UNSIGNED_INT, &zero);
 }
 
 static void start_band(const struct draw *d) {
@@ -207,16 +182,16 @@ static void start_band(const struct draw *d) {
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
                          (GLsizeiptr)band_pixels(d) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
                          GL_FLOAT, clear_pixel);
-    clear(&d->state->buffers.bins, 0, HEAD_WORDS * sizeof(uint32_t));
+    gl_bins_clear_head(&d->state->bins);
 }
 
 /* Copies what came back into the frame. */
-static bool take_pixels(struct draw *d, struct head *head, struct sp_error *err) {
+static bool take_pixels(struct draw *d, struct gl_bins_head *head, struct sp_error *err) {
     struct sp_frame *frame = d->job->frame;
     size_t row = (size_t)frame->width * pixel_bytes(d), all = row * (d->end - d->y);
     glBindBuffer(GL_COPY_READ_BUFFER, d->state->buffers.back.name);
-    const unsigned char *from = glMapBufferRange(
-        GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(all + HEAD_WORDS * sizeof(uint32_t)), GL_MAP_READ_BIT);
+    const unsigned char *from =
+        glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(all + HEAD_BYTES), GL_MAP_READ_BIT);
     if (!from)
         return check("read back", err) &&
                sp_fail(err, SP_ERR_BACKEND, "", "the frame cannot be read back");
@@ -228,15 +203,14 @@ static bool take_pixels(struct draw *d, struct head *head, struct sp_error *err)
            sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was read back");
 }
 
-static bool read_back(struct draw *d, struct head *head, struct sp_error *err) {
+static bool read_back(struct draw *d, struct gl_bins_head *head, struct sp_error *err) {
     struct gl_state *s = d->state;
     GLsizeiptr all = (GLsizeiptr)band_pixels(d) * (GLsizeiptr)pixel_bytes(d);
     glBindBuffer(GL_COPY_WRITE_BUFFER, s->buffers.back.name);
     glBindBuffer(GL_COPY_READ_BUFFER, s->buffers.pixels.name);
     glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, 0, all);
-    glBindBuffer(GL_COPY_READ_BUFFER, s->buffers.bins.name);
-    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, all,
-                        HEAD_WORDS * sizeof(uint32_t));
+    glBindBuffer(GL_COPY_READ_BUFFER, s->bins.counts.name);
+    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, all, HEAD_BYTES);
     GLsync fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
     return check("drawn", err) && wait(d, fence, err) && take_pixels(d, head, err);
 }
@@ -251,7 +225,6 @@ static bool reserve(struct draw *d, struct sp_error *err) {
         records = b->records > records ? b->records : records;
         bins = own > bins ? own : bins;
     }
-    uint64_t blocks = bins / GL_SCAN_BLOCK + 1;
     struct {
         struct gl_buffer *buffer;
         const char *what;
@@ -264,24 +237,21 @@ static bool reserve(struct draw *d, struct sp_error *err) {
           GL_USE_STREAM },
         { &s->buffers.records, "splats", records * 32, GL_USE_SCRATCH },
         { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
-        { &s->buffers.bins, "bins", (bins + HEAD_WORDS) * 4, GL_USE_SCRATCH },
-        { &s->buffers.totals, "bins", blocks * 4, GL_USE_SCRATCH },
-        { &s->buffers.pairs, "pairs of splats and tiles", s->pairs * 4, GL_USE_SCRATCH },
         { &s->buffers.done, "pixels", pixels * 16, GL_USE_SCRATCH },
         { &s->buffers.open, "pixels", pixels * 16, GL_USE_SCRATCH },
         { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d), GL_USE_SCRATCH },
-        { &s->buffers.back, "pixels", pixels * pixel_bytes(d) + HEAD_WORDS * 4, GL_USE_READ },
+        { &s->buffers.back, "pixels", pixels * pixel_bytes(d) + HEAD_BYTES, GL_USE_READ },
     };
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         if (!gl_buffer_reserve(wanted[i].buffer, wanted[i].what, wanted[i].bytes, most,
                                wanted[i].usage, err))
             return false;
-    return true;
+    return gl_bins_reserve(&s->bins, bins, s->pairs, most, err);
 }
 
 /* Layers of a batch: as many as the bins have room for. */
 static uint32_t layers_of_batch(const struct draw *d) {
-    uint32_t room = GL_BINS / band_tiles(d);
+    uint32_t room = d->state->limits.bins / band_tiles(d);
     room = room < 1 ? 1 : room;
     return room < d->state->layers ? room : d->state->layers;
 }
@@ -290,7 +260,7 @@ static uint32_t layers_of_batch(const struct draw *d) {
 static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     uint32_t layers = layers_of_batch(d);
-    if (layers != d->cut_for && !gl_frame_cut(&d->frame, layers, &s->arena))
+    if (layers != d->cut_for && !gl_frame_cut(&d->frame, layers, s->limits.records, &s->arena))
         return fail_memory(&s->arena, err);
     if (!reserve(d, err))
         return false;
@@ -306,7 +276,8 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
         const struct gl_batch *batch = &d->frame.batches[i];
         if (sp_job_is_cancelled(d->job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-        clear(&d->state->buffers.bins, HEAD_WORDS * 4, (uint64_t)band_tiles(d) * batch->layers * 4);
+        const struct gl_bins_space space = space_of(d, batch);
+        gl_bins_clear(&d->state->bins, &space);
         project(d, batch);
         bin(d, batch);
         composite(d, batch);
@@ -319,32 +290,38 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
 /* After pairs had no room: more room, or else fewer layers at a time, or else a smaller band. */
 static bool make_room(struct draw *d, uint32_t needed, struct sp_error *err) {
     struct gl_state *s = d->state;
-    uint64_t most = s->block_bytes / 4 < PAIRS_MOST ? s->block_bytes / 4 : PAIRS_MOST;
+    uint64_t most = s->limits.pairs, more = (uint64_t)needed + needed / 4;
     uint32_t layers = layers_of_batch(d);
-    if (needed <= most) {
-        s->pairs = (uint64_t)needed + needed / 4 < most ? (uint64_t)needed + needed / 4 : most;
-        return true;
-    }
-    if (layers > 1) {
+    if (needed <= most)
+        s->pairs = more < most ? more : most;
+    else if (layers > 1)
         s->layers = layers / 2;
-        return true;
-    }
-    if (tile_rows(d) > 1) {
+    else if (tile_rows(d) > 1)
         s->rows = tile_rows(d) / 2;
-        return true;
-    }
-    return sp_fail(err, SP_ERR_BUDGET, "",
-                   "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
-                   "room for %llu: use a smaller kernel or picture",
-                   (unsigned long)needed, (unsigned long long)most);
+    else
+        return sp_fail(
+            err, SP_ERR_BUDGET, "",
+            "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
+            "room for %llu: use a smaller kernel or picture",
+            (unsigned long)needed, (unsigned long long)most);
+    return true;
+}
+
+/* After a band that left most of the room empty: larger pieces again. */
+static void grow(struct gl_state *s, uint32_t needed) {
+    if (needed > s->limits.pairs / 4)
+        return;
+    s->layers = s->layers < LAYERS_MOST / 2 ? 2 * s->layers : LAYERS_MOST;
+    s->rows = s->rows < TILES_MOST / 2 ? 2 * s->rows : TILES_MOST;
 }
 
 /* Draws the band from row y on; *done is false when it has to be drawn again. */
 static bool draw_band(struct draw *d, bool *done, struct sp_error *err) {
     struct gl_state *s = d->state;
-    struct head head;
+    struct gl_bins_head head;
     uint32_t left = d->job->frame->height - d->y;
-    uint32_t rows = GL_TILES / d->columns < s->rows ? GL_TILES / d->columns : s->rows;
+    uint32_t rows = s->limits.tiles / d->columns;
+    rows = rows < 1 ? 1 : rows < s->rows ? rows : s->rows;
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
     if (!cut(d, err))
         return false;
@@ -359,6 +336,7 @@ static bool draw_band(struct draw *d, bool *done, struct sp_error *err) {
     *done = head.needed <= s->pairs;
     if (!*done)
         return make_room(d, head.needed, err);
+    grow(s, head.needed);
     d->splats += head.splats;
     d->fragments += (uint64_t)head.carry << 32 | head.fragments;
     return true;
@@ -395,7 +373,7 @@ bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp
     if (!gl_frame_begin(&d.frame, job, &from, err) || !write_constants(&d, err))
         return false;
     d.stage_ms[STAGE_CLASSIFY] = d.frame.classify_ms;
-    d.columns = divide_up(job->frame->width, GL_TILE);
+    d.columns = gl_divide_up(job->frame->width, GL_TILE);
     bool ok = true, done = false;
     for (; ok && d.y < job->frame->height; d.y = done ? d.end : d.y)
         ok = draw_band(&d, &done, err);
@@ -420,21 +398,23 @@ static bool write_cubic(struct gl_state *s, struct sp_error *err) {
 bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     static const char *const programs[GL_STAGE_COUNT] = {
         [GL_PROJECT] = "frame bins shade 10_project",
-        [GL_SCAN] = "bins 20_scan",
-        [GL_TOTALS] = "bins 21_totals",
-        [GL_SCATTER] = "bins 22_scatter",
         [GL_COMPOSITE] = "bins 30_composite",
         [GL_RESOLVE] = "40_resolve",
     };
+    s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
+    uint64_t words = s->block_bytes ? s->block_bytes / sizeof(uint32_t) : PAIRS_MOST;
+    s->limits = (struct gl_limits){ .records = RECORDS_MOST,
+                                    .bins = BINS_MOST,
+                                    .tiles = TILES_MOST,
+                                    .pairs = words < PAIRS_MOST ? words : PAIRS_MOST };
     s->pairs = PAIRS_MIN;
     s->layers = LAYERS_MOST;
-    s->rows = GL_TILES;
-    s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
+    s->rows = TILES_MOST;
     gl_timer_init(&s->timer);
     for (int i = 0; i < GL_STAGE_COUNT; i++)
         if (!(s->programs[i] = gl_program_open(programs[i], err)))
             return false;
-    return write_cubic(s, err);
+    return gl_bins_init(&s->bins, err) && write_cubic(s, err);
 }
 
 void gl_draw_finish(struct gl_state *s) {
@@ -444,5 +424,6 @@ void gl_draw_finish(struct gl_state *s) {
         gl_buffer_finish(&buffers[i]);
     for (int i = 0; i < GL_STAGE_COUNT; i++)
         glDeleteProgram(s->programs[i]);
+    gl_bins_finish(&s->bins);
     gl_timer_finish(&s->timer);
 }

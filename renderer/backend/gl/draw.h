@@ -15,19 +15,20 @@
 #ifndef GL_DRAW_H
 #define GL_DRAW_H
 
+#include "backend/gl/bins.h"
 #include "backend/gl/buffer.h"
 #include "backend/gl/context.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/timer.h"
 
-enum gl_stage {
-    GL_PROJECT,
-    GL_SCAN,
-    GL_TOTALS,
-    GL_SCATTER,
-    GL_COMPOSITE,
-    GL_RESOLVE,
-    GL_STAGE_COUNT
+enum gl_stage { GL_PROJECT, GL_COMPOSITE, GL_RESOLVE, GL_STAGE_COUNT };
+
+/* Sizes of the pieces that a frame is drawn in. They bound memory, and what one dispatch takes. */
+struct gl_limits {
+    uint32_t records; /* of a batch */
+    uint32_t bins;    /* of a batch: tiles times layers, but one layer at least */
+    uint32_t tiles;   /* of a band, but one row at least */
+    uint64_t pairs;   /* of a batch */
 };
 
 struct gl_state {
@@ -37,11 +38,12 @@ struct gl_state {
     struct sp_classify_cache cache;
     struct gl_lists lists;
     struct gl_timer timer;
+    struct gl_bins bins;
     unsigned programs[GL_STAGE_COUNT];
     struct {
-        struct gl_buffer constants, bricks, records, spans, bins, totals, pairs, done, open, cubic,
-            pixels, back;
+        struct gl_buffer constants, bricks, records, spans, done, open, cubic, pixels, back;
     } buffers;
+    struct gl_limits limits;
     uint64_t pairs;  /* room for them */
     uint32_t layers; /* most of a batch; fewer after pairs had no room */
     uint32_t rows;   /* of tiles a band, likewise */

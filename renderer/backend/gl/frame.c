@@ -225,13 +225,13 @@ static void write_brick(const struct gl_frame *f, const struct gl_item *item, ui
 
 /* Adds the batches of layers [begin, end): one, unless its entries are more than a batch's records.
  * Only counts where there is no memory yet. */
-static void add_batches(struct gl_frame *f, uint32_t begin, uint32_t end) {
+static void add_batches(struct gl_frame *f, uint32_t begin, uint32_t end, uint32_t records) {
     struct gl_batch batch = { .first = begin, .layers = end - begin };
     for (uint32_t i = 0; i < f->item_count; i++) {
         const struct gl_item *item = &f->items[i];
         if (item->near >= end || item->far < begin)
             continue;
-        if (batch.records + item->count > GL_RECORDS) {
+        if (batch.records + item->count > records) {
             batch.stays_open = true;
             if (f->batches)
                 f->batches[f->batch_count] = batch;
@@ -276,28 +276,28 @@ static bool sum_entries(const struct gl_frame *f, struct sp_arena *arena, struct
     return true;
 }
 
-static void cut(struct gl_frame *f, uint32_t layers, const struct sums *s) {
+static void cut(struct gl_frame *f, uint32_t layers, uint32_t records, const struct sums *s) {
     f->batch_count = f->brick_count = 0;
     for (uint32_t begin = 0, end; begin < f->layer_count; begin = end) {
         for (end = begin + 1; end < f->layer_count && end - begin < layers; end++)
-            if (s->begun[end + 1] - s->ended[begin] > GL_RECORDS)
+            if (s->begun[end + 1] - s->ended[begin] > records)
                 break;
         if (s->begun[end] > s->ended[begin])
-            add_batches(f, begin, end);
+            add_batches(f, begin, end, records);
     }
 }
 
-bool gl_frame_cut(struct gl_frame *f, uint32_t layers, struct sp_arena *arena) {
+bool gl_frame_cut(struct gl_frame *f, uint32_t layers, uint32_t records, struct sp_arena *arena) {
     struct sums s;
     if (!sum_entries(f, arena, &s))
         return false;
     f->bricks = NULL;
     f->batches = NULL;
-    cut(f, layers, &s);
+    cut(f, layers, records, &s);
     f->bricks = sp_arena_alloc(arena, "bricks of batches", f->brick_count, sizeof *f->bricks);
     f->batches = sp_arena_alloc(arena, "batches", f->batch_count, sizeof *f->batches);
     if (arena->failed)
         return false;
-    cut(f, layers, &s);
+    cut(f, layers, records, &s);
     return true;
 }

@@ -21,13 +21,6 @@
 #include "splat/detail.h"
 #include "splat/ewa.h"
 
-enum {
-    GL_RECORDS = 4000000, /* of a batch: 32 bytes each fit a block of 128 MB, and the counts of
-                             GL_SCAN_BLOCK bins a word */
-    GL_BINS = 1 << 22,    /* tiles times layers of a batch */
-    GL_TILES = 1 << 16    /* of a band; one row of tiles at least */
-};
-
 /* shaders/frame.glsl: std430. */
 struct gl_constants {
     struct gl_part {
@@ -90,8 +83,9 @@ struct gl_sources {
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,
                     const struct gl_sources *from, struct sp_error *err);
 
-/* Cuts the frame into batches of at most `layers` layers; may be called again with fewer. False
- * when the arena could not allocate. */
-bool gl_frame_cut(struct gl_frame *frame, uint32_t layers, struct sp_arena *arena);
+/* Cuts the frame into batches of at most `layers` layers and `records` records, which is at least
+ * SP_BRICK_VOXELS; may be called again. False when the arena could not allocate. */
+bool gl_frame_cut(struct gl_frame *frame, uint32_t layers, uint32_t records,
+                  struct sp_arena *arena);
 
 #endif
