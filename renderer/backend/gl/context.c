@@ -97,12 +97,12 @@ static void copy_name(char text[SP_DEVICE_NAME], const char *name) {
             *c = '?';
 }
 
+/* Nothing but the name tells; drivers that pass on to another one have its name in theirs. */
 static bool is_software(const char *renderer) {
-    static const char *const names[] = { "llvmpipe",   "lavapipe", "softpipe",
-                                         "swrast",     "SWR",      "Software Rasterizer",
-                                         "SwiftShader" };
-    for (unsigned i = 0; i < sizeof names / sizeof names[0]; i++)
-        if (strcasestr(renderer, names[i]))
+    static const char *const words[] = { "llvmpipe", "lavapipe",    "softpipe",     "swrast",
+                                         "SWR (",    "SwiftShader", "Basic Render", "software" };
+    for (unsigned i = 0; i < sizeof words / sizeof words[0]; i++)
+        if (strcasestr(renderer, words[i]))
             return true;
     return false;
 }

@@ -171,21 +171,6 @@ static void contexts_do_not_end_each_other(void **state) {
     gl_context_destroy(&second);
 }
 
-static void a_node_that_cannot_be_opened_is_named(void **state) {
-    (void)state;
-    struct gl_place place = { .platform = "device", .gpu = 2, .file = "/dev/dri/renderD999" };
-    struct sp_error why = { .text = "x is software GL" };
-    char name[96];
-    gl_place_name(&place, name, sizeof name);
-    assert_string_equal(name, "EGL device 2 (/dev/dri/renderD999)");
-    gl_place_add_cause(&place, &why);
-    assert_string_equal(why.text, "x is software GL; /dev/dri/renderD999 cannot be opened: No such "
-                                  "file or directory");
-    snprintf(place.file, sizeof place.file, "/dev/null");
-    gl_place_add_cause(&place, &why);
-    assert_null(strstr(why.text, "/dev/null"));
-}
-
 static void without_libegl(void **state) {
     (void)state;
     for (int i = 0; i < 2; i++)
@@ -241,7 +226,6 @@ static const struct CMUnitTest machine[] = {
     cmocka_unit_test(it_moves_between_threads_but_not_to_two),
     cmocka_unit_test(a_context_in_use_is_refused),
     cmocka_unit_test(contexts_do_not_end_each_other),
-    cmocka_unit_test(a_node_that_cannot_be_opened_is_named),
 };
 static const struct CMUnitTest no_egl[] = { cmocka_unit_test(without_libegl) };
 static const struct CMUnitTest no_gl[] = { cmocka_unit_test(without_libgl) };
