@@ -161,7 +161,8 @@ static void registry_finds_names_and_refuses_others(void **state) {
     struct sp_renderer *automatic = sp_renderer_create(NULL, &err);
     struct sp_renderer_info info;
     sp_renderer_info(automatic, &info);
-    assert_string_equal(info.backend, "cpu");
+    assert_string_not_equal(info.backend, "null"); /* what is for tests has to be named */
+    assert_string_not_equal(info.backend, "gl-software");
     sp_renderer_destroy(&automatic);
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
