@@ -27,6 +27,24 @@ void gl_context_unbind(struct gl_context *context) {
     eglMakeCurrent(context->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
 }
 
+bool gl_context_is_lost(const struct gl_context *context, struct sp_error *err) {
+    static const struct {
+        GLenum status;
+        const char *why;
+    } reasons[] = { { GL_GUILTY_CONTEXT_RESET, "for what this program asked of it" },
+                    { GL_INNOCENT_CONTEXT_RESET, "for what another program asked of it" },
+                    { GL_UNKNOWN_CONTEXT_RESET, "for a reason that it does not tell" } };
+    GLenum status = context->info.tells_reset ? glGetGraphicsResetStatus() : GL_NO_ERROR;
+    if (status == GL_NO_ERROR)
+        return false;
+    const char *why = reasons[2].why;
+    for (int i = 0; i < 2; i++)
+        if (reasons[i].status == status)
+            why = reasons[i].why;
+    sp_fail(err, SP_ERR_BACKEND, "", "the driver has reset %.100s %s", context->info.renderer, why);
+    return true;
+}
+
 const struct gl_info *gl_context_info(const struct gl_context *context) {
     return &context->info;
 }
@@ -161,7 +179,9 @@ static void read_info(struct gl_context *c, const struct gl_place *place) {
     info->minor = epoxy_gl_version() % 10;
     info->software = is_software(info->renderer);
     if (epoxy_gl_version() >= 43) {
-        info->tells_reset = integer(GL_RESET_NOTIFICATION_STRATEGY) == GL_LOSE_CONTEXT_ON_RESET;
+        info->tells_reset =
+            (epoxy_gl_version() >= 45 || epoxy_has_gl_extension("GL_KHR_robustness")) &&
+            integer(GL_RESET_NOTIFICATION_STRATEGY) == GL_LOSE_CONTEXT_ON_RESET;
         read_limits(&info->limits);
     }
 }

@@ -50,6 +50,11 @@ void gl_context_destroy(struct gl_context **context);
 bool gl_context_bind(struct gl_context *context, struct sp_error *err);
 void gl_context_unbind(struct gl_context *context);
 
+/* Whether the driver has reset the context, which must be current: what it held is gone, whatever
+ * it draws is worthless, and another one is to be made. *err is set then (SP_ERR_BACKEND). Where
+ * drivers do not tell (info->tells_reset) it never is. */
+bool gl_context_is_lost(const struct gl_context *context, struct sp_error *err);
+
 /* Constant; lives as long as the context. */
 const struct gl_info *gl_context_info(const struct gl_context *context);
 

@@ -32,8 +32,9 @@ struct gl_limits {
 };
 
 struct gl_state {
-    struct gl_context *context;
-    struct sp_pool *pool; /* classifies, and fills what is uploaded */
+    struct gl_options options;  /* of the context */
+    struct gl_context *context; /* NULL = was lost; the next frame makes another */
+    struct sp_pool *pool;       /* classifies, and fills what is uploaded */
     struct sp_arena arena;
     struct sp_classify_cache cache;
     struct gl_lists lists;

@@ -28,32 +28,36 @@ static void name_device(struct gl_state *state) {
              info->software ? ", software GL, for correctness only" : "");
 }
 
-static bool start(struct gl_state *state, const struct gl_options *options, struct sp_error *err) {
-    state->context = gl_context_create(options, err);
+/* A context and what does not change. One that follows a lost one is of the same device, and knows
+ * nothing of what the state had there: its names are let go. */
+static bool start(struct gl_state *state, struct sp_error *err) {
+    state->context = gl_context_create(&state->options, err);
     if (!state->context || !gl_context_bind(state->context, err))
         return false;
+    gl_draw_finish(state);
     bool ok = gl_draw_init(state, err);
     gl_context_unbind(state->context);
+    state->options.gpu = gl_context_info(state->context)->gpu;
+    state->lists.block_bytes = state->block_bytes;
     name_device(state);
     return ok;
 }
 
 static void *create(const struct sp_backend_options *options, bool software, struct sp_error *err) {
-    const struct gl_options gl = { .gpu = options->gpu, .software = software };
     struct gl_state *state = calloc(1, sizeof *state);
     if (!state) {
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for the gl backend");
         return NULL;
     }
     sp_arena_init(&state->arena);
+    state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
     state->cache.limit_bytes = options->memory_bytes;
     state->lists.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
-    if (!state->pool || !start(state, &gl, err)) {
+    if (!state->pool || !start(state, err)) {
         gl_destroy(state);
         return NULL;
     }
-    state->lists.block_bytes = state->block_bytes;
     return state;
 }
 
@@ -67,25 +71,33 @@ static void *gl_create_software(const struct sp_backend_options *options, struct
 
 static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     const struct gl_state *state = pointer;
-    bool is_software = gl_context_info(state->context)->software;
-    *info = (struct sp_renderer_info){ .backend = is_software ? "gl-software" : "gl",
+    *info = (struct sp_renderer_info){ .backend = state->options.software ? "gl-software" : "gl",
                                        .isa = "",
                                        .threads = sp_pool_threads(state->pool) };
     memcpy(info->device, state->device, sizeof info->device);
 }
 
+/* A frame of a context that is lost fails, and the next one begins with another context. What the
+ * processor derived from volumes is kept, and uploaded again. */
 static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
     struct gl_state *state = pointer;
-    if (!gl_context_bind(state->context, err))
-        return false;
-    bool ok = gl_draw(state, job, err);
-    gl_context_unbind(state->context);
-    return ok;
+    struct sp_error why = { .code = SP_OK };
+    bool bound = state->context ? gl_context_bind(state->context, &why)
+                                : start(state, &why) && gl_context_bind(state->context, &why);
+    bool ok = bound && gl_draw(state, job, &why);
+    if (!bound || gl_context_is_lost(state->context, &why)) {
+        gl_context_destroy(&state->context);
+        ok = false;
+    } else {
+        gl_context_unbind(state->context);
+    }
+    return ok || sp_fail(err, why.code, why.place, "%s", why.text);
 }
 
 static void gl_forget(void *pointer, const struct sp_volume *volume) {
     struct gl_state *state = pointer;
-    if (gl_context_bind(state->context, NULL)) {
+    /* A lost context has taken all lists with it. */
+    if (state->context && gl_context_bind(state->context, NULL)) {
         gl_lists_forget(&state->lists, volume);
         gl_context_unbind(state->context);
     }
@@ -94,7 +106,8 @@ static void gl_forget(void *pointer, const struct sp_volume *volume) {
 
 static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     const struct gl_state *state = pointer;
-    return sp_classify_cache_bytes(&state->cache, volume) + gl_lists_bytes(&state->lists, volume);
+    uint64_t lists = state->context ? gl_lists_bytes(&state->lists, volume) : 0;
+    return sp_classify_cache_bytes(&state->cache, volume) + lists;
 }
 
 #define CAPABILITIES                                                                               \

@@ -183,11 +183,11 @@ static const GLubyte *get_string(GLenum name) {
 
 static const GLubyte *get_string_at(GLenum name, GLuint i) {
     (void)name;
-    return (const GLubyte *)(i == 0 ? "GL_NVX_gpu_memory_info" : "GL_ARB_nothing");
+    return (const GLubyte *)(i == 0 ? "GL_KHR_robustness" : "GL_NVX_gpu_memory_info");
 }
 
 static void get_integers(GLenum name, GLint *value) {
-    *value = name == GL_NUM_EXTENSIONS ? machine.current->video_mib > 0 : 0;
+    *value = name == GL_NUM_EXTENSIONS ? 1 + (machine.current->video_mib > 0) : 0;
 }
 
 static void get_integer(GLenum name, GLint64 *value) {
