@@ -231,11 +231,20 @@ struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error
     return c;
 }
 
-bool gl_context_is_wanted(const struct gl_info *info, bool software, struct sp_error *err) {
-    if (info->software == software)
-        return true;
-    return sp_fail(err, SP_ERR_BACKEND, "", "%s is %s", info->renderer,
-                   software ? "hardware" : "software GL");
+/* A context of the wanted kind. */
+static struct gl_context *open_kind(const struct gl_place *place, bool software,
+                                    struct sp_error *err) {
+    if (place->is_software && !software) {
+        sp_fail(err, SP_ERR_BACKEND, "", "this device is software GL");
+        return NULL;
+    }
+    struct gl_context *c = gl_context_open(place, err);
+    if (!c || c->info.software == software)
+        return c;
+    sp_fail(err, SP_ERR_BACKEND, "", "%s is %s", c->info.renderer,
+            software ? "hardware" : "software GL");
+    gl_context_destroy(&c);
+    return NULL;
 }
 
 struct gl_context *gl_context_create(const struct gl_options *options, struct sp_error *err) {
@@ -253,10 +262,9 @@ struct gl_context *gl_context_create(const struct gl_options *options, struct sp
     size_t used = 0;
     for (unsigned i = first; i < end; i++) {
         struct sp_error why;
-        struct gl_context *c = gl_context_open(&places.list[i], &why);
-        if (c && gl_context_is_wanted(&c->info, options->software, &why))
+        struct gl_context *c = open_kind(&places.list[i], options->software, &why);
+        if (c)
             return c;
-        gl_context_destroy(&c);
         gl_place_add_cause(&places.list[i], &why);
         char name[96];
         gl_place_name(&places.list[i], name, sizeof name);

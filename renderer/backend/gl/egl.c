@@ -64,6 +64,7 @@ static struct gl_place device_place(unsigned i, EGLDeviceEXT device) {
     for (int k = 0; k < 2 && !file; k++)
         if (has_extension(extensions, files[k].extension))
             file = eglQueryDeviceStringEXT(device, files[k].name);
+    place.is_software = has_extension(extensions, "EGL_MESA_device_software");
     snprintf(place.file, sizeof place.file, "%s", file ? file : "");
     return place;
 }

@@ -4,7 +4,8 @@
  *
  * Displays are EGL's own: one a device for the whole process, handed out again to whoever asks. So
  * they are initialised here and never terminated, which would end every context on them, also those
- * of other renderers.
+ * of other renderers. Software keeps threads for each, so that where a GPU is wanted its device is
+ * left alone.
  */
 #ifndef GL_EGL_H
 #define GL_EGL_H
@@ -21,6 +22,7 @@ struct gl_place {
     int gpu;              /* as in gl_info */
     const char *missing;  /* what EGL lacks to open it, constant; NULL = nothing */
     EGLDeviceEXT device;  /* of a device */
+    bool is_software;     /* EGL says so of the device; of others only the renderer's name does */
     char file[64];        /* the device's node, "/dev/dri/card0"; "" = has none, or not told */
 };
 
@@ -51,9 +53,6 @@ struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error
 
 /* For the backends' table. */
 void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
-
-/* Whether the context is of the wanted kind; else false with *err set. */
-bool gl_context_is_wanted(const struct gl_info *info, bool software, struct sp_error *err);
 
 /* Sets *err to "CALL fails: EGL_…" from this thread's EGL error, SP_ERR_BACKEND; returns false. */
 bool gl_egl_fail(struct sp_error *err, const char *call);

@@ -27,8 +27,9 @@ struct driver {
     bool no_resets;     /* gives none that tells of resets */
     bool no_desktop;    /* gives no context of desktop GL at all */
     bool wants_surface; /* has not the extensions to do without */
-    const char *file;   /* the device's node */
-    int video_mib;      /* by GL_NVX_gpu_memory_info; 0 = does not tell */
+    bool is_known_software; /* the device says so */
+    const char *file;       /* the device's node */
+    int video_mib;          /* by GL_NVX_gpu_memory_info; 0 = does not tell */
 };
 
 enum { DEVICES = 4, SURFACELESS = DEVICES, DEFAULT, DRIVERS };
@@ -79,7 +80,9 @@ static EGLBoolean query_devices(EGLint max, EGLDeviceEXT *devices, EGLint *count
 static const char *query_device_string(EGLDeviceEXT device, EGLint name) {
     const struct driver *driver = device;
     if (name == EGL_EXTENSIONS)
-        return driver->file ? "EGL_EXT_device_drm" : "";
+        return driver->file                ? "EGL_EXT_device_drm"
+               : driver->is_known_software ? "EGL_MESA_device_software"
+                                           : "";
     return name == EGL_DRM_DEVICE_FILE_EXT ? driver->file : fail_with(EGL_BAD_PARAMETER);
 }
 
@@ -340,6 +343,20 @@ static void software_is_known_by_its_name(void **state) {
     }
 }
 
+static void a_device_for_software_is_not_opened_for_a_gpu(void **state) {
+    (void)state;
+    struct gl_info info;
+    struct sp_error err;
+    device_count = 2;
+    drivers[0].name = "llvmpipe";
+    drivers[0].is_known_software = true;
+    assert_int_equal(take(-1, false, &info, &err), 1);
+    assert_int_equal(machine.initialised, 2);
+    assert_int_equal(take(0, false, &info, &err), -1);
+    assert_string_equal(err.text, "EGL device 0: this device is software GL");
+    assert_int_equal(take(-1, true, &info, &err), 0);
+}
+
 static void the_newest_context_is_taken(void **state) {
     (void)state;
     struct gl_info info;
@@ -473,6 +490,7 @@ int main(void) {
         TEST(one_device_is_taken_alone),
         TEST(other_platforms_come_after_devices),
         TEST(software_is_known_by_its_name),
+        TEST(a_device_for_software_is_not_opened_for_a_gpu),
         TEST(the_newest_context_is_taken),
         TEST(limits_and_names_are_read),
         TEST(a_surface_is_made_where_one_is_needed),
