@@ -129,7 +129,7 @@ static void registry_finds_names_and_refuses_others(void **state) {
         struct sp_error why;
         struct sp_renderer *r = sp_renderer_create(&options, &why);
         struct sp_renderer_info info;
-        if (!r && sp_registry_at(n)->is_gpu) {
+        if (!r && strncmp(sp_backend_at(n)->name, "gl", 2) == 0) { /* needs a driver */
             print_message("skipped: %s\n", why.text);
             assert_int_equal(why.code, SP_ERR_BACKEND);
             assert_int_equal(lines, 1); /* a refusal is logged */
@@ -139,7 +139,7 @@ static void registry_finds_names_and_refuses_others(void **state) {
         assert_non_null(r);
         sp_renderer_info(r, &info);
         assert_string_equal(info.backend, sp_backend_at(n)->name);
-        assert_non_null(info.device);
+        assert_true(info.device[0]);
         assert_int_equal(info.threads, 1);
         sp_renderer_destroy(&r);
         assert_null(r);
