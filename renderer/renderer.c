@@ -55,6 +55,7 @@ static bool read_options(struct sp_renderer *r, const struct sp_renderer_options
     r->wanted = (struct sp_backend_options){
         .threads = o->threads ? o->threads : count_cores(),
         .memory_bytes = o->memory_bytes ? o->memory_bytes : half_of_memory(),
+        .video_bytes = o->video_bytes,
         .isa = strdup(o->isa ? o->isa : "auto"),
         .require_gpu = o->require_gpu,
     };

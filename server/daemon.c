@@ -73,7 +73,7 @@ static uint64_t half_of_memory(void) {
 }
 
 /* What two renderers may derive together is as much as all volumes may take, but they must be able
- * to work. */
+ * to work. Each has half of what there is on a GPU. */
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
 
 static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
@@ -84,6 +84,7 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
                                            .require_gpu = c->require_gpu,
                                            .isa = c->isa,
                                            .threads = (unsigned)c->threads,
+                                           .video_bytes = ((uint64_t)c->video_memory + 1) / 2,
                                            .memory_bytes = budget / 2 > DERIVED_BYTES_MIN
                                                                ? budget / 2
                                                                : DERIVED_BYTES_MIN };

@@ -34,6 +34,7 @@ struct sp_capabilities {
 struct sp_backend_options {
     unsigned threads;      /* [1, 256] */
     uint64_t memory_bytes; /* as in sp_renderer_options, > 0 */
+    uint64_t video_bytes;  /* as in sp_renderer_options */
     const char *isa; /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
     int gpu; /* index of the GPU to use; −1 = the first that works. Of no meaning to others */
     bool require_gpu; /* backends that do without one are not started */

@@ -45,6 +45,11 @@ bool gl_context_is_lost(const struct gl_context *context, struct sp_error *err) 
     return true;
 }
 
+uint64_t gl_video_budget(const struct gl_info *info, const struct sp_backend_options *options) {
+    uint64_t all = info->limits.video_bytes;
+    return options->video_bytes ? options->video_bytes : all ? all / 8 * 3 : options->memory_bytes;
+}
+
 const struct gl_info *gl_context_info(const struct gl_context *context) {
     return &context->info;
 }

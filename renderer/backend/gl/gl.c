@@ -52,12 +52,12 @@ static void *create(const struct sp_backend_options *options, bool software, str
     sp_arena_init(&state->arena);
     state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
     state->cache.limit_bytes = options->memory_bytes;
-    state->lists.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
     if (!state->pool || !start(state, err)) {
         gl_destroy(state);
         return NULL;
     }
+    state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), options);
     return state;
 }
 

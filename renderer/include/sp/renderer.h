@@ -37,6 +37,10 @@ struct sp_renderer_options {
      * first, and a view that needs more than all of it is refused (SP_ERR_BUDGET). 0 = half of the
      * machine's memory. */
     uint64_t memory_bytes;
+    /* The same of a GPU's own memory, for what is uploaded of volumes. 0 = three eighths of it, so
+     * that two renderers leave a quarter for pictures and other programs; memory_bytes where the
+     * GPU does not tell. */
+    uint64_t video_bytes;
 };
 
 /* NULL with *err set when no backend starts: SP_ERR_INVALID (options), SP_ERR_MEMORY,

@@ -51,6 +51,8 @@ static void values(void **state) {
         { "--memory", "1.5G", INT64_C(3) << 29, AT(memory) },
         { "--memory", "2T", INT64_C(2) << 40, AT(memory) },
         { "--memory", "65T", -1, AT(memory) },
+        { "--video-memory", "16G", INT64_C(16) << 30, AT(video_memory) },
+        { "--video-memory", "some", -1, AT(video_memory) },
         { "--memory", "-1", -1, AT(memory) },
         { "--memory", "", -1, AT(memory) },
         { "--memory", "K", -1, AT(memory) },

@@ -395,10 +395,17 @@ static void limits_and_names_are_read(void **state) {
     }
     assert_string_equal(info.vendor, "Fake & S??hne?"); /* fit for JSON and headers */
     assert_string_equal(info.driver, "Fake, EGL 1.5");
+    struct sp_backend_options options = { .memory_bytes = 4000 };
+    assert_true(gl_video_budget(&info, &options) == UINT64_C(143771) * 3 << 17);
+    options.video_bytes = 5000;
+    assert_true(gl_video_budget(&info, &options) == 5000);
     drivers[0].video_mib = 0;
     drivers[0].name = NULL;
     assert_int_equal(take(0, false, &info, &err), 0);
     assert_true(info.limits.video_bytes == 0);
+    assert_true(gl_video_budget(&info, &options) == 5000);
+    options.video_bytes = 0;
+    assert_true(gl_video_budget(&info, &options) == 4000);
     assert_string_equal(info.renderer, "unnamed");
 }
 
