@@ -73,7 +73,7 @@ const struct sp_backend_entry *sp_backend_at(unsigned i);
 
 /* What one GPU can do at most; 0 = it does not tell. */
 struct sp_gpu_limits {
-    uint64_t video_bytes;         /* its own memory */
+    uint64_t video_bytes;         /* its own memory; what is free of it, with some drivers */
     uint64_t storage_block_bytes; /* one buffer as a shader sees it */
     unsigned storage_blocks;      /* buffers that a compute shader sees at a time */
     unsigned storage_alignment;   /* [B], of where in a buffer a block begins */
