@@ -104,8 +104,12 @@ static bool draw(struct scene *scene, int i, unsigned char pixels[SIZE][SIZE][4]
     struct sp_view view;
     sp_view_init(&view, sp_volume_info(scene->volumes[i]), "v");
     view.size[0] = view.size[1] = SIZE;
-    view.compositing.mode = SP_COMPOSITE_SHEET;
     view.shading.mode = SP_SHADING_PHONG;
+    struct sp_view other = view; /* with programs and tables of its own */
+    other.compositing.mode = SP_COMPOSITE_SLAB;
+    other.transfer_function.order = SP_TF_POST;
+    if (i == 1 && sp_renderer_supports(scene->renderer, &other, NULL))
+        view = other;
     struct sp_frame *frame = sp_renderer_render(scene->renderer, scene->volumes[i], &view,
                                                 scene->pool, NULL, &scene->err);
     for (int y = 0; frame && y < SIZE; y++)
