@@ -100,16 +100,15 @@ struct scene {
 };
 
 /* Draws volume i; false with scene->err set. */
-static bool draw(struct scene *scene, int i, unsigned char pixels[SIZE][SIZE][4]) {
+static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[SIZE][SIZE][4]) {
     struct sp_view view;
     sp_view_init(&view, sp_volume_info(scene->volumes[i]), "v");
     view.size[0] = view.size[1] = SIZE;
     view.shading.mode = SP_SHADING_PHONG;
-    struct sp_view other = view; /* with programs and tables of its own */
-    other.compositing.mode = SP_COMPOSITE_SLAB;
-    other.transfer_function.order = SP_TF_POST;
-    if (i == 1 && sp_renderer_supports(scene->renderer, &other, NULL))
-        view = other;
+    if (is_slab) { /* programs and tables of its own */
+        view.compositing.mode = SP_COMPOSITE_SLAB;
+        view.transfer_function.order = SP_TF_POST;
+    }
     struct sp_frame *frame = sp_renderer_render(scene->renderer, scene->volumes[i], &view,
                                                 scene->pool, NULL, &scene->err);
     for (int y = 0; frame && y < SIZE; y++)
@@ -122,7 +121,7 @@ static bool draw(struct scene *scene, int i, unsigned char pixels[SIZE][SIZE][4]
 static void check_pictures(struct scene *scene) {
     unsigned char got[SIZE][SIZE][4];
     for (int i = 0; i < 2; i++) {
-        if (!draw(scene, i, got))
+        if (!draw(scene, i, false, got))
             fail_msg("%s", scene->err.text);
         assert_memory_equal(got, scene->wanted[i], sizeof got);
     }
@@ -157,6 +156,20 @@ static void a_reset_costs_no_frame(void **state) {
     }
 }
 
+static void what_slabs_need_is_made_again(void **state) {
+    struct scene *scene = *state;
+    static unsigned char wanted[SIZE][SIZE][4], got[SIZE][SIZE][4];
+    if (!draw(scene, 0, true, wanted)) {
+        assert_int_equal(scene->err.code, SP_ERR_UNSUPPORTED);
+        return;
+    }
+    assert_memory_not_equal(wanted, scene->wanted[0], sizeof wanted);
+    plan.resets = 1;
+    assert_true(draw(scene, 0, true, got));
+    assert_int_equal(plan.resets, 0);
+    assert_memory_equal(got, wanted, sizeof got);
+}
+
 static void a_context_that_cannot_be_bound_is_replaced(void **state) {
     plan.binds = 2;
     check_pictures(*state);
@@ -169,7 +182,7 @@ static void a_gpu_that_is_reset_again_and_again_is_given_up(void **state) {
     struct scene *scene = *state;
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 3;
-    assert_false(draw(scene, 0, pixels)); /* it was named, so nothing takes over */
+    assert_false(draw(scene, 0, false, pixels)); /* it was named, so nothing takes over */
     assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     assert_int_equal(warnings, 3);
     /* There is no context now; what needs none goes on. */
@@ -183,10 +196,10 @@ static void without_another_context_the_next_frame_tries_again(void **state) {
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 1;
     plan.contexts = 1000;
-    assert_false(draw(scene, 1, pixels));
+    assert_false(draw(scene, 1, false, pixels));
     assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(scene->err.text, "EGL_BAD_ALLOC"));
-    assert_false(draw(scene, 1, pixels));
+    assert_false(draw(scene, 1, false, pixels));
     plan.contexts = 0;
     check_pictures(scene);
 }
@@ -196,7 +209,7 @@ static void it_may_end_lost(void **state) {
     struct scene *scene = *state;
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 3;
-    assert_false(draw(scene, 0, pixels));
+    assert_false(draw(scene, 0, false, pixels));
     sp_renderer_destroy(&scene->renderer);
     assert_null(eglGetCurrentContext());
 }
@@ -209,7 +222,7 @@ static bool init_scene(struct scene *scene) {
     bool ok = scene->pool != NULL;
     for (int i = 0; ok && i < 2; i++)
         ok = (scene->volumes[i] = sp_volume_load(sources[i], NULL, &scene->err)) &&
-             draw(scene, i, scene->wanted[i]);
+             draw(scene, i, false, scene->wanted[i]);
     return ok;
 }
 
@@ -225,6 +238,7 @@ int main(void) {
     { #name, name, begin, NULL, &scene }
     const struct CMUnitTest tests[] = {
         TEST(a_reset_costs_no_frame),
+        TEST(what_slabs_need_is_made_again),
         TEST(a_context_that_cannot_be_bound_is_replaced),
         TEST(a_gpu_that_is_reset_again_and_again_is_given_up),
         TEST(without_another_context_the_next_frame_tries_again),
