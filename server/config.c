@@ -17,7 +17,7 @@
 #include "sp/renderer.h"
 #include "sp/volume.h"
 
-enum kind { TEXT, COUNT, SIZE, SECONDS, VOLUME, FILE_TO_READ, SWITCH };
+enum kind { TEXT, COUNT, SIZE, SECONDS, YES_NO, VOLUME, FILE_TO_READ, SWITCH };
 
 #define KIB INT64_C(1024)
 #define MIB (KIB * 1024)
@@ -41,7 +41,13 @@ static const struct setting settings[] = {
     { "data", TEXT, AT(data), NULL, 0, 0, "DIR", "folder from which clients may load volumes" },
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "budget for volumes; 0 = half of the machine's memory" },
+    { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",
+      "budget for volumes on a GPU; 0 = three quarters of its memory" },
     { "backend", TEXT, AT(backend), "auto", 0, 0, "NAME", "renderer to use; see below" },
+    { "gpu", TEXT, AT(gpu), "auto", 0, 0, "N",
+      "GPU to use, as --probe numbers them; auto is the first that works" },
+    { "require-gpu", YES_NO, AT(require_gpu), "no", 0, 0, NULL,
+      "do not start without a GPU, and never go over to the CPU" },
     { "isa", TEXT, AT(isa), "auto", 0, 0, "NAME",
       "instruction set of the CPU renderer: auto, scalar, sse41, avx2, avx512, neon" },
     { "threads", COUNT, AT(threads), "0", 0, 256, "N", "render threads; 0 = one a core" },
@@ -83,6 +89,8 @@ static const struct setting settings[] = {
     { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",
       "read settings from a file of `key = value` lines" },
+    { "probe", SWITCH, AT(probe), NULL, 0, 0, NULL,
+      "print what there is to render on, and why not on the rest, and exit" },
     { "print-config", SWITCH, AT(print_config), NULL, 0, 0, NULL,
       "print the settings as such a file and exit" },
     { "help", SWITCH, AT(help), NULL, 0, 0, NULL, "print this text and exit" },
@@ -172,6 +180,11 @@ static bool set(struct srv_config *config, const struct setting *setting, const 
     case SIZE:
     case SECONDS:
         return parse_number(setting, value, field(config, setting), place, err);
+    case YES_NO:
+        if (strcmp(value, "yes") != 0 && strcmp(value, "no") != 0)
+            return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is neither yes nor no", value);
+        *(bool *)field(config, setting) = value[0] == 'y';
+        return true;
     case VOLUME:
         if (!*value)
             return sp_fail(err, SP_ERR_INVALID, place, "the value is empty");
@@ -299,6 +312,8 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
         const char *value = equals ? equals + 1 : NULL;
         if (setting->kind == SWITCH && value)
             return sp_fail(err, SP_ERR_INVALID, place, "takes no value");
+        if (setting->kind == YES_NO && !value)
+            value = "yes";
         if (setting->kind != SWITCH && !value && !(value = argv[i + 1] ? argv[++i] : NULL))
             return sp_fail(err, SP_ERR_INVALID, place, "needs a value (%s)", setting->argument);
         if (!set(config, setting, value, place, err))
@@ -334,7 +349,8 @@ void srv_config_print_help(FILE *out) {
     fprintf(out, "\nBuilt-in volumes (demo:NAME, demo:NAME?size=N):\n");
     for (size_t i = 0; sp_demo_at(i); i++)
         fprintf(out, "  %-14s %s\n", sp_demo_at(i)->name, sp_demo_at(i)->doc);
-    fprintf(out, "\nSizes take K, M, G, T. Exit status: 0 success, 1 failure, 2 usage.\n");
+    fprintf(out, "\nSizes take K, M, G, T. Exit status: 0 success, 1 failure, 2 usage; "
+                 "of --probe 0 if a GPU works and 3 if none does.\n");
 }
 
 void srv_config_print(const struct srv_config *config, FILE *out) {
@@ -353,6 +369,8 @@ void srv_config_print(const struct srv_config *config, FILE *out) {
         } else if (s->kind == TEXT) {
             const char *value = *(char *const *)at;
             fprintf(out, "%s%s = %s\n", value ? "" : "# ", s->name, value ? value : "");
+        } else if (s->kind == YES_NO) {
+            fprintf(out, "%s = %s\n", s->name, *(const bool *)at ? "yes" : "no");
         } else {
             number_to_text(s->kind, *(const int64_t *)at, text);
             fprintf(out, "%s = %s\n", s->name, text);

@@ -17,16 +17,18 @@
 enum { SRV_CONFIG_VOLUMES = 64 };
 
 struct srv_config {
-    char *listen, *data, *backend, *isa, *token_file, *log_level; /* owned; NULL = not set */
-    char *volumes[SRV_CONFIG_VOLUMES];                            /* owned */
+    /* Owned; NULL = not set. */
+    char *listen, *data, *backend, *gpu, *isa, *token_file, *log_level;
+    char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
-    int64_t threads, memory;
+    int64_t threads, memory, video_memory;
     int64_t connections, connections_per_address, sessions, participants;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue;
     int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, stall_time_ms,
         ping_time_ms, drain_time_ms, rest_time_ms;
     int64_t http_threads, encode_threads;
-    bool help, version, print_config;
+    bool require_gpu;
+    bool probe, help, version, print_config;
 };
 
 /* Fills in the defaults. */

@@ -73,15 +73,18 @@ static uint64_t half_of_memory(void) {
 }
 
 /* What two renderers may derive together is as much as all volumes may take, but they must be able
- * to work. */
+ * to work. Each has half of what there is on a GPU. */
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
 
 static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
     const struct srv_config *c = d->config;
     uint64_t budget = c->memory ? (uint64_t)c->memory : half_of_memory();
     struct sp_renderer_options options = { .backend = c->backend,
+                                           .gpu = c->gpu,
+                                           .require_gpu = c->require_gpu,
                                            .isa = c->isa,
                                            .threads = (unsigned)c->threads,
+                                           .video_bytes = ((uint64_t)c->video_memory + 1) / 2,
                                            .memory_bytes = budget / 2 > DERIVED_BYTES_MIN
                                                                ? budget / 2
                                                                : DERIVED_BYTES_MIN };
@@ -90,7 +93,6 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
     log->capture = false;
     if (!renderer)
         return false;
-    sp_renderer_info(renderer, &d->http_options.backend);
     for (unsigned i = 0; i < log->refusal_count; i++)
         d->refusals[i] = log->refusals[i];
     d->http_options.refusals = d->refusals;
@@ -123,7 +125,6 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
     };
     if (!(d->hub = srv_hub_create(&hub, err)))
         return false;
-    srv_hub_set_backend(d->hub, d->http_options.backend.backend, d->http_options.backend.device);
     struct srv_streams_options streams = { .hub = d->hub,
                                            .message_bytes = (size_t)c->message_size,
                                            .ping_ms = (double)c->ping_time_ms,

@@ -9,8 +9,9 @@
 
 #include "config.h"
 #include "daemon.h"
+#include "probe.h"
 
-enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2 };
+enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_NO_GPU = 3 };
 
 static int complain(const struct sp_error *err) {
     fprintf(stderr, "splatd: %s%s%s\n", err->place, err->place[0] ? ": " : "", err->text);
@@ -72,6 +73,8 @@ int main(int argc, char **argv) {
         srv_config_print_help(stdout);
     else if (config.version)
         printf("splatd %s\n", SPLATD_VERSION);
+    else if (config.probe)
+        status = srv_probe(stdout) ? EXIT_OK : EXIT_NO_GPU;
     else if (config.print_config)
         srv_config_print(&config, stdout);
     else

@@ -23,6 +23,7 @@ static struct sp_frame *render_frame(const struct options *options, struct sp_vo
                                      const struct sp_view *view, enum sp_image_format format,
                                      struct sp_frame_pool *pool, struct sp_error *err) {
     const struct sp_renderer_options how = { .backend = options->backend,
+                                             .gpu = options->gpu,
                                              .isa = options->isa,
                                              .threads = options->threads };
     const struct sp_render_options what = { .format = sp_image_format_info(format)->wants_float
@@ -45,8 +46,8 @@ static bool encode_and_write(const struct options *options, const struct sp_fram
                                    &picture.size, err);
     if (ok) {
         picture.bytes = bytes;
-        snprintf(picture.backend, sizeof picture.backend, "%s %s", frame->stats.backend,
-                 frame->stats.isa);
+        snprintf(picture.backend, sizeof picture.backend, "%s%s%s", frame->stats.backend,
+                 frame->stats.isa[0] ? " " : "", frame->stats.isa);
         snprintf(picture.render_time, sizeof picture.render_time, "%.3f", frame->stats.render_ms);
         snprintf(picture.splats, sizeof picture.splats, "%" PRIu64, frame->stats.splats);
         ok = write_picture(options, &picture, sp_image_format_info(format)->name, err);

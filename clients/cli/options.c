@@ -19,6 +19,7 @@ enum option_id {
     OPT_LOCAL,
     OPT_THREADS,
     OPT_BACKEND,
+    OPT_GPU,
     OPT_ISA,
     OPT_TIMEOUT,
     OPT_JSON,
@@ -39,6 +40,7 @@ static const struct option known[] = {
     { "local", no_argument, NULL, OPT_LOCAL },
     { "threads", required_argument, NULL, OPT_THREADS },
     { "backend", required_argument, NULL, OPT_BACKEND },
+    { "gpu", required_argument, NULL, OPT_GPU },
     { "isa", required_argument, NULL, OPT_ISA },
     { "timeout", required_argument, NULL, OPT_TIMEOUT },
     { "json", no_argument, NULL, OPT_JSON },
@@ -77,7 +79,8 @@ static const char help_text[] =
     "  --quality N             1 to 100, for jpeg and webp (default 90)\n"
     "  --local                 render in this process, without a daemon; the same picture\n"
     "  --threads N             with --local: render threads (default: one a core)\n"
-    "  --backend NAME          with --local: auto, cpu, null (default auto)\n"
+    "  --backend NAME          with --local: auto (default), gl, gl-software, cpu, null\n"
+    "  --gpu N                 with --local: GPU to use, as \"splatd --probe\" numbers them\n"
     "  --isa NAME              with --local: instruction set of the CPU backend: auto (default),\n"
     "                          scalar, sse41, avx2, avx512, neon\n"
     "\n"
@@ -178,6 +181,9 @@ static bool apply_option(struct options *o, int id, const char *value) {
         return true;
     case OPT_BACKEND:
         o->backend = value;
+        return true;
+    case OPT_GPU:
+        o->gpu = value;
         return true;
     case OPT_ISA:
         o->isa = value;

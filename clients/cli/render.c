@@ -124,8 +124,8 @@ int command_render(const struct options *options, struct sp_error *err) {
     if (format == SP_IMAGE_FORMAT_COUNT)
         return usage_error(options->format ? options->format : options->out,
                            "no such image format; known are jpeg, png, webp and exr (--format)");
-    if (!options->local && (options->threads || options->backend || options->isa))
-        return usage_error("--threads, --backend and --isa",
+    if (!options->local && (options->threads || options->backend || options->gpu || options->isa))
+        return usage_error("--threads, --backend, --gpu and --isa",
                            "are the daemon's choice; for --local");
     proto_json *view = read_view(options, err);
     if (!view)

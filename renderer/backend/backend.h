@@ -34,7 +34,10 @@ struct sp_capabilities {
 struct sp_backend_options {
     unsigned threads;      /* [1, 256] */
     uint64_t memory_bytes; /* as in sp_renderer_options, > 0 */
+    uint64_t video_bytes;  /* as in sp_renderer_options */
     const char *isa; /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
+    int gpu; /* index of the GPU to use; −1 = the first that works. Of no meaning to others */
+    bool require_gpu; /* backends that do without one are not started */
 };
 
 /* One frame to make. */
@@ -53,6 +56,7 @@ static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
 struct sp_backend {
     struct sp_backend_entry entry; /* as sp_backend_at() shows it */
     bool by_name_only;             /* "auto" passes it over */
+    bool is_gpu;                   /* starts on a GPU alone, never on software that acts as one */
     struct sp_capabilities capabilities;
 
     /* Mandatory. Returns the backend's state, or NULL with *err set: the reason is logged and
@@ -63,21 +67,30 @@ struct sp_backend {
 
     /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
      * stages. False with *err set leaves the frame's pixels undefined and the state usable.
-     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED; SP_ERR_BACKEND: the same call may work
+     * now, and is made again. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional; NULL = nothing is derived from volumes. */
     void (*forget)(void *state, const struct sp_volume *volume);
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
+
+    /* Optional; NULL = nothing to tell. For sp_probe(), and without a state. */
+    void (*probe)(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 };
 
-/* The compiled backends in the order in which "auto" tries them; NULL past the end. */
+/* registry.c: the compiled backends in the order in which "auto" tries them; NULL past the end. */
 const struct sp_backend *sp_registry_at(unsigned i);
 
-/* Starts the backend called `name`, or with "auto" the first that starts; *state is its state.
- * NULL with *err set when none does; each refusal is logged. */
+/* choose.c: starts the backend called `name`, or with "auto" the first that starts; *state is its
+ * state. NULL with *err set when none does; each refusal is logged. */
 const struct sp_backend *sp_registry_start(const char *name,
                                            const struct sp_backend_options *options, void **state,
                                            struct sp_error *err);
+
+/* The same with "auto", among those that come after `failed`. */
+const struct sp_backend *sp_registry_follow(const struct sp_backend *failed,
+                                            const struct sp_backend_options *options, void **state,
+                                            struct sp_error *err);
 
 #endif

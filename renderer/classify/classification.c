@@ -31,6 +31,7 @@ static bool may_grow(const struct sp_classification *c, const struct sp_classify
 
 static void drop_lists(struct sp_level *level) {
     sp_visible_finish(&level->visible);
+    level->list_made = 0;
     free(level->listed);
     level->listed = NULL;
     free(level->cells);
@@ -106,6 +107,7 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
         sp_level_finish(&c->levels[l]);
     sp_transfer_finish(&all->transfer);
     all->transfer = next;
+    all->table_made = 0;
     return true;
 }
 
@@ -226,6 +228,7 @@ static bool update_all(struct sp_classification *c, const struct sp_classify_job
         return true;
     free(list->normal);
     list->normal = NULL;
+    c->levels[0].list_made = 0;
     list->normal_bytes = wide ? 4 : list->normal_bytes;
     return may_grow(c, job, list->count, list->count * list->normal_bytes, err) &&
            sp_collect_normals(&c->levels[0], c->volume, job, err);
@@ -255,6 +258,14 @@ static bool turn(const struct sp_visible *list, const struct sp_classify_job *jo
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
+/* Numbers for what was made. */
+static void count_made(struct sp_level *level, uint64_t *made) {
+    if (!level->list_made)
+        level->list_made = ++*made;
+    if (!level->table_made)
+        level->table_made = ++*made;
+}
+
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err) {
     assert(job->axis <= SP_NO_AXIS && job->levels && job->levels < 1u << SP_LEVELS);
@@ -269,6 +280,8 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     for (unsigned l = 0; job->levels >> l; l++)
         if (job->levels >> l & 1 && !turn(&c->levels[l].visible, job, err))
             return false;
+    for (unsigned l = 0; job->made && job->levels >> l; l++)
+        count_made(&c->levels[l], job->made);
     return true;
 }
 

@@ -18,6 +18,9 @@ struct sp_level {
                         what is visible and more (see sp_classification_fit()); else NULL */
     struct sp_range *ranges; /* by brick: of all values; finest level; NULL = not made */
     double reach;            /* order post: the kernel's radius that the list was made for */
+    /* Numbers of the list with its normals and of the table: others whenever they are made anew, so
+     * that whoever copied them knows. */
+    uint64_t list_made, table_made;
     uint64_t *cells; /* order post: reach.h, by brick; while the list is being made, else NULL */
 };
 enum { SP_LEVELS = 8 }; /* 16 · 2^7 = 2048 voxels an axis are one brick of the last */
@@ -50,6 +53,7 @@ struct sp_classify_job {
     const struct sp_classification
         *from;          /* of the same volume, to derive lists from; NULL = none */
     bool widens;        /* a new list is to serve more edits like the one that made it necessary */
+    uint64_t *made;     /* counts the lists and tables that are made; NULL = they get no numbers */
     uint64_t bytes_max; /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */

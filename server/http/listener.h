@@ -28,8 +28,7 @@ struct srv_http_options {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_streams *streams;
-    struct sp_renderer_info backend;
-    const char *const *refusals; /* why other backends were not taken */
+    const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
     char instance[17]; /* random: frames of different runs have different ETags */
     char token[SRV_TOKEN_BYTES];

@@ -76,7 +76,9 @@ void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {
 }
 
 void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
-    const struct sp_renderer_info *backend = &request->app->backend;
+    struct sp_renderer_info info[2]; /* of streams and stills */
+    const struct sp_renderer_info *backend = &info[0];
+    srv_scheduler_info(request->app->scheduler, &info[0], &info[1]);
     proto_json *json = proto_json_object(), *refused = proto_json_array();
     proto_json *vectorised = proto_json_array();
     bool ok = proto_json_set_string(json, "status", "ready");
@@ -91,6 +93,9 @@ void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     ok = proto_json_set(json, "vectorised", vectorised) && ok;
     for (unsigned i = 0; i < request->app->refusal_count; i++)
         ok = proto_json_append_string(refused, request->app->refusals[i]) && ok;
+    for (int i = 0; i < 2; i++)
+        if (info[i].given_up[0])
+            ok = proto_json_append_string(refused, info[i].given_up) && ok;
     ok = proto_json_set(json, "refused", refused) && ok;
     if (!ok)
         proto_json_free(&json);

@@ -35,6 +35,7 @@ enum lane_name { STREAMS, STILLS, LANES };
 
 struct lane {
     struct sp_renderer *renderer; /* its thread's */
+    struct sp_renderer_info info; /* of the renderer; its thread writes it with the mutex held */
     pthread_t thread;
     bool running;
     pthread_cond_t wake; /* `generation`, stop */
@@ -100,6 +101,7 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
         return NULL;
     }
     s->lanes[STREAMS].renderer = *renderer;
+    sp_renderer_info(*renderer, &s->lanes[STREAMS].info);
     *renderer = NULL;
     return s;
 }
@@ -311,6 +313,20 @@ static void pass_on(struct srv_scheduler *s, struct work work) {
     pthread_mutex_unlock(&s->mutex);
 }
 
+/* After anything that may have changed the renderer's backend. */
+static void note_backend(struct srv_scheduler *s, enum lane_name name) {
+    struct lane *lane = &s->lanes[name];
+    struct sp_renderer_info info;
+    sp_renderer_info(lane->renderer, &info);
+    if (lane->info.backend && strcmp(info.backend, lane->info.backend) == 0)
+        return;
+    pthread_mutex_lock(&s->mutex);
+    lane->info = info;
+    pthread_mutex_unlock(&s->mutex);
+    if (name == STREAMS)
+        srv_hub_set_backend(s->hub, info.backend, info.device);
+}
+
 static struct sp_frame *render(struct srv_scheduler *s, enum lane_name name,
                                struct srv_volume *volume, const struct sp_view *view,
                                enum sp_pixel_format format, unsigned coarse, struct sp_error *err) {
@@ -323,6 +339,7 @@ static struct sp_frame *render(struct srv_scheduler *s, enum lane_name name,
         sp_renderer_render(lane->renderer, voxels, view, s->pool, &options, err);
     srv_catalog_set_derived(s->options.catalog, volume, name,
                             sp_renderer_memory(lane->renderer, voxels));
+    note_backend(s, name);
     return frame;
 }
 
@@ -510,6 +527,7 @@ static void *still_main(void *user) {
 
 bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp_error *err) {
     s->hub = hub;
+    srv_hub_set_backend(hub, s->lanes[STREAMS].info.backend, s->lanes[STREAMS].info.device);
     for (unsigned i = 0; i < s->options.encode_threads; i++) {
         struct encode_start *start = malloc(sizeof *start);
         if (!start)
@@ -640,6 +658,14 @@ void srv_scheduler_tick(struct srv_scheduler *s) {
     give_up(s);
     pthread_mutex_unlock(&s->mutex);
     fail_all(s, gone, "who asked for this picture has left");
+}
+
+void srv_scheduler_info(struct srv_scheduler *s, struct sp_renderer_info *streams,
+                        struct sp_renderer_info *stills) {
+    pthread_mutex_lock(&s->mutex);
+    *streams = s->lanes[STREAMS].info;
+    *stills = s->lanes[STILLS].info;
+    pthread_mutex_unlock(&s->mutex);
 }
 
 unsigned srv_scheduler_waiting(struct srv_scheduler *s) {

@@ -16,6 +16,8 @@
  * it is far over its budget, so that a long drag always shows something. A still is cancelled when
  * who asked for it is gone.
  *
+ * A renderer whose backend fails goes over to the next one (sp/renderer.h): the hub tells clients.
+ *
  * The last picture with all voxels and of full size is kept: when the view rests and nothing but
  * the encoding can get better, it is encoded again, not rendered.
  */
@@ -74,6 +76,9 @@ bool srv_scheduler_submit(struct srv_scheduler *scheduler, const struct srv_stil
 /* Drops the stills of those who left, and moving frames that go over their budget while a newer
  * view waits; about ten times a second. */
 void srv_scheduler_tick(struct srv_scheduler *scheduler);
+/* What renders for sessions, and for stills: backend NULL before the first one. Any thread. */
+void srv_scheduler_info(struct srv_scheduler *scheduler, struct sp_renderer_info *streams,
+                        struct sp_renderer_info *stills);
 unsigned srv_scheduler_waiting(struct srv_scheduler *scheduler); /* stills not yet answered */
 
 /* For srv_hub_options and srv_catalog_options; `user` is the scheduler. */

@@ -19,7 +19,6 @@ struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_
     }
     assert(options->participants_max >= 1 && options->participants_max <= SRV_PARTICIPANTS_MAX);
     hub->options = *options;
-    hub->backend = hub->device = "";
     pthread_mutex_init(&hub->mutex, NULL);
     return hub;
 }
@@ -330,8 +329,10 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
 
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device) {
     pthread_mutex_lock(&hub->mutex);
-    hub->backend = backend;
-    hub->device = device;
+    snprintf(hub->backend, sizeof hub->backend, "%s", backend);
+    snprintf(hub->device, sizeof hub->device, "%s", device);
+    for (struct srv_session *s = hub->sessions; s; s = s->next)
+        srv_hub_note_others(hub, s, 0, SRV_NOTE_STATS);
     pthread_mutex_unlock(&hub->mutex);
 }
 

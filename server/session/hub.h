@@ -98,7 +98,7 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms);
  */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason);
-/* What the status line of clients shows besides the frame's own numbers. Constant strings. */
+/* What the status line of clients shows besides the frame's own numbers; all are told at once. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 void srv_hub_drain(struct srv_hub *hub);
 size_t srv_hub_session_count(struct srv_hub *hub);

@@ -96,7 +96,7 @@ struct srv_hub {
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];
     unsigned volume_count;
     uint64_t volume_clock;
-    const char *backend, *device;
+    char backend[32], device[SP_DEVICE_NAME]; /* that renders for sessions */
     bool draining;
 };
 

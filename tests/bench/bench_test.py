@@ -37,7 +37,8 @@ class CommandLine(unittest.TestCase):
         small = self.scene('small.json', name='small', volume='demo:hydrogen?size=24',
                            view={'size': [40, 30], 'shading': {'mode': 'none'}})
         absent = self.scene('absent.json', name='absent', volume='nowhere.nrrd')
-        first, second = self.lines(run('--threads', '2', '--views', '3', '--warm', '1', '--size', '32', small, absent))
+        first, second = self.lines(run('--backend', 'cpu', '--threads', '2', '--views', '3', '--warm', '1', '--size', '32', small,
+                                       absent))
         self.assertEqual(set(first), KEYS)
         self.assertEqual((first['scene'], first['backend'], first['threads'], first['size'], first['views']),
                          ('small', 'cpu', 2, 32, 3))

@@ -15,7 +15,8 @@ static const char usage[] =
     "       splat-bench [OPTION]... --volume demo:NAME|FILE\n"
     "Draws every camera of each scene and prints one JSON line a scene.\n"
     "\n"
-    "  --backend NAME      auto (default), cpu, null, ...\n"
+    "  --backend NAME      auto (default), gl, gl-software, cpu, null\n"
+    "  --gpu N             GPU to use, as \"splatd --probe\" numbers them; default auto\n"
     "  --isa NAME          the most that the cpu backend may use; default auto\n"
     "  --threads N         render threads, 1 to 256; default one a core\n"
     "  --size N            pixels both ways, 1 to 8192; default as the scene says\n"
@@ -110,6 +111,7 @@ static bool parse_option(struct bench_options *o, const char *name, const char *
         const char *name;
         const char **to;
     } texts[] = { { "backend", &o->renderer.backend },
+                  { "gpu", &o->renderer.gpu },
                   { "isa", &o->renderer.isa },
                   { "against", &o->against_text },
                   { "data", &o->data },
@@ -145,6 +147,7 @@ static bool parse_against(struct bench_options *o) {
 enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **argv) {
     static const struct option flags[] = {
         { "backend", required_argument, NULL, LONG_ONLY },
+        { "gpu", required_argument, NULL, LONG_ONLY },
         { "isa", required_argument, NULL, LONG_ONLY },
         { "threads", required_argument, NULL, LONG_ONLY },
         { "size", required_argument, NULL, LONG_ONLY },

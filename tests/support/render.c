@@ -25,18 +25,19 @@ static const char *isa_at(unsigned i) {
 
 bool test_target_at(unsigned i, struct test_target *target) {
     const struct sp_backend_entry *entry;
+    unsigned sets = 0;
+    while (isa_at(sets))
+        sets++;
+    if (i < sets) {
+        *target = (struct test_target){ "cpu", isa_at(i) };
+        return true;
+    }
+    i -= sets;
     for (unsigned b = 0; (entry = sp_backend_at(b)); b++) {
-        bool is_cpu = strcmp(entry->name, "cpu") == 0;
-        unsigned count = 1;
-        if (strcmp(entry->name, "null") == 0)
+        if (strcmp(entry->name, "null") == 0 || strcmp(entry->name, "cpu") == 0 || i-- > 0)
             continue;
-        while (is_cpu && isa_at(count))
-            count++;
-        if (i < count) {
-            *target = (struct test_target){ entry->name, is_cpu ? isa_at(i) : "auto" };
-            return true;
-        }
-        i -= count;
+        *target = (struct test_target){ entry->name, "auto" };
+        return true;
     }
     return false;
 }

@@ -17,7 +17,7 @@ static void read_device(char *text, size_t size) {
         if (strncmp(line, "model name", 10) == 0 && colon) {
             colon += 1 + strspn(colon + 1, " \t");
             colon[strcspn(colon, "\n")] = 0;
-            snprintf(text, size, "%.90s", colon);
+            snprintf(text, size, "%s", colon);
             break;
         }
     }
@@ -26,7 +26,7 @@ static void read_device(char *text, size_t size) {
 
 static void cpu_destroy(void *pointer) {
     struct cpu_state *state = pointer;
-    cpu_cache_forget(&state->cache, NULL);
+    sp_classify_cache_forget(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -55,11 +55,11 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
 static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
     const struct cpu_state *state = pointer;
     *info = (struct sp_renderer_info){ .backend = "cpu",
-                                       .device = state->device,
                                        .isa = state->kernels.isa,
                                        .threads = sp_pool_threads(state->pool),
                                        .lanes = state->kernels.lanes,
                                        .vectorised = state->kernels.vectorised };
+    memcpy(info->device, state->device, sizeof info->device);
 }
 
 static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
@@ -68,12 +68,27 @@ static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct s
 
 static void cpu_forget(void *pointer, const struct sp_volume *volume) {
     struct cpu_state *state = pointer;
-    cpu_cache_forget(&state->cache, volume);
+    sp_classify_cache_forget(&state->cache, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
     const struct cpu_state *state = pointer;
-    return cpu_cache_bytes(&state->cache, volume);
+    return sp_classify_cache_bytes(&state->cache, volume);
+}
+
+static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,
+                      void *user) {
+    struct sp_device device = {
+        .backend = "cpu", .place = "processor", .gpu = -1, .threads = options->threads
+    };
+    struct cpu_kernels kernels;
+    size_t used = 0;
+    read_device(device.name, sizeof device.name);
+    for (unsigned i = 0; cpu_isa_at(i); i++)
+        if (cpu_kernels_init(&kernels, cpu_isa_at(i), NULL))
+            used += (size_t)snprintf(device.version + used, sizeof device.version - used, "%s%s",
+                                     used ? ", " : "", cpu_isa_at(i));
+    visit(user, &device);
 }
 
 extern const struct sp_backend cpu_backend;
@@ -97,4 +112,5 @@ const struct sp_backend cpu_backend = {
     .render = cpu_render,
     .forget = cpu_forget,
     .memory = cpu_memory,
+    .probe = cpu_probe,
 };

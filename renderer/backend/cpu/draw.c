@@ -510,7 +510,7 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
         return false;
     classify.levels = levels_drawn(d);
     const struct sp_classification *classification =
-        cpu_cache_get(&state->cache, d->job->volume, &classify, err);
+        sp_classify_cache_get(&state->cache, d->job->volume, &classify, err);
     if (!classification)
         return false;
     d->visible = classification->visible;

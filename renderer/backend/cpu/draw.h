@@ -16,19 +16,19 @@
 #define SP_BACKEND_CPU_DRAW_H
 
 #include "backend/backend.h"
-#include "backend/cpu/cache.h"
 #include "backend/cpu/kernels.h"
 #include "backend/cpu/sheets.h"
 #include "base/arena.h"
+#include "classify/cache.h"
 
 struct cpu_state {
     struct sp_pool *pool;
     struct sp_arena arena; /* of one frame */
     struct cpu_kernels kernels;
-    struct cpu_cache cache;
+    struct sp_classify_cache cache;
     struct sp_cubic_table cubic;
     struct sheets_tables sheets;
-    char device[96];
+    char device[SP_DEVICE_NAME];
 };
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err);

@@ -23,10 +23,12 @@ struct sp_stage_time {
     double ms;
 }; /* name: constant string, "classify", "splat", "bin", "tile", "resolve" */
 
+enum { SP_DEVICE_NAME = 128 };
+
 struct sp_frame_stats {
-    const char *backend; /* constant: "cpu", "null"; */
-    const char *device;  /* lives as long as the renderer's process; the CPU's or GPU's name */
-    const char *isa;     /* constant: "scalar", … or "" */
+    const char *backend;         /* constant: "cpu", "null", … */
+    const char *isa;             /* constant: "scalar", … or "" */
+    char device[SP_DEVICE_NAME]; /* the CPU's or GPU's name */
     uint32_t threads;
     uint32_t coarse;          /* 0 = all voxels, n = 2^n × 2^n × 2^n averaged into one */
     uint64_t visible_voxels;  /* after classification */

@@ -22,7 +22,13 @@
 struct sp_renderer;
 
 struct sp_renderer_options {
-    const char *backend; /* "auto" (default, NULL), "cpu", "null", …: a name of sp_backend_at() */
+    /* A name of sp_backend_at(): "cpu", "null", …; "auto" (default, NULL) is the first that starts,
+     * and while it renders the next one when that has failed (SP_ERR_BACKEND) three times in a row.
+     */
+    const char *backend;
+    const char *gpu;  /* "auto" (default, NULL) is the first that works; "0", "1", …: this one of
+                         sp_probe() */
+    bool require_gpu; /* default false: true takes nothing but a GPU, at the start and ever after */
     /* Instruction set of the CPU backend: "auto" (default, NULL) is the best that this machine has
      * of "scalar" (the reference), "sse41", "avx2", "avx512", "neon". */
     const char *isa;
@@ -31,22 +37,31 @@ struct sp_renderer_options {
      * first, and a view that needs more than all of it is refused (SP_ERR_BUDGET). 0 = half of the
      * machine's memory. */
     uint64_t memory_bytes;
+    /* The same of a GPU's own memory, for what is uploaded of volumes. 0 = three eighths of it, so
+     * that two renderers leave a quarter for pictures and other programs; memory_bytes where the
+     * GPU does not tell. */
+    uint64_t video_bytes;
 };
 
-/* NULL with *err set when no backend starts; every refusal is logged with its reason. `options` may
- * be NULL. */
+/* NULL with *err set when no backend starts: SP_ERR_INVALID (options), SP_ERR_MEMORY,
+ * SP_ERR_BACKEND. Every refusal is logged with its reason, and so is what was taken. `options` may
+ * be NULL; its strings are copied. */
 struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options,
                                        struct sp_error *err);
 void sp_renderer_destroy(struct sp_renderer **renderer);
 
 struct sp_renderer_info {
-    const char *backend, *device, *isa;
+    const char *backend, *isa; /* constant strings; isa: "" = has none */
+    char device[SP_DEVICE_NAME];
+    char given_up[SP_ERROR_TEXT]; /* why the backend before this one was given up while rendering;
+                                     "" = there was none */
     unsigned threads;
     unsigned lanes; /* voxels or pixels that the CPU's kernels handle at a time; 0 = not known */
     /* The choices of a view that they handle so, by the names that a view has for them; ends with
      * NULL. NULL = not known. All else is handled one by one. */
     const char *const *vectorised;
 };
+/* For the renderer's thread. It changes only where a render gives a backend up. */
 void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
 
 /* One compiled backend a call in the order in which "auto" tries them, i from 0; NULL past the end.
@@ -55,6 +70,39 @@ struct sp_backend_entry {
     const char *name, *doc;
 };
 const struct sp_backend_entry *sp_backend_at(unsigned i);
+
+/* What one GPU can do at most; 0 = it does not tell. */
+struct sp_gpu_limits {
+    uint64_t video_bytes;         /* its own memory; what is free of it, with some drivers */
+    uint64_t storage_block_bytes; /* one buffer as a shader sees it */
+    unsigned storage_blocks;      /* buffers that a compute shader sees at a time */
+    unsigned storage_alignment;   /* [B], of where in a buffer a block begins */
+    unsigned shared_bytes;        /* memory that a work group shares */
+    unsigned group_invocations;   /* of a work group */
+    unsigned group_size[3], group_count[3];
+};
+
+/* Something to render on, or a way to it that fails. Texts are cut to fit. */
+struct sp_device {
+    const char *backend;          /* constant; the one that would use it */
+    char place[96];               /* "EGL device 0 (/dev/dri/card0)", "surfaceless display", … */
+    char refusal[SP_ERROR_TEXT];  /* why it does not work; "" = it does, and what follows is set */
+    bool is_gpu;                  /* a hardware GPU */
+    int gpu;                      /* its number for sp_renderer_options.gpu; −1 = has none */
+    char name[SP_DEVICE_NAME];    /* what sp_renderer_info.device will be */
+    char vendor[SP_DEVICE_NAME];  /* "" = not told, here and below */
+    char version[SP_DEVICE_NAME]; /* of OpenGL; instruction sets of a processor */
+    char driver[SP_DEVICE_NAME];
+    unsigned threads;            /* of a processor; 0 elsewhere */
+    struct sp_gpu_limits limits; /* of a GPU, or of what acts as one */
+};
+
+/* Called once for each, before sp_probe() returns; *device lives as long as the call. */
+typedef void sp_device_visit(void *user, const struct sp_device *device);
+
+/* Tries everything that backends could render on, GPUs first, and tells what came of it. Returns
+ * whether a hardware GPU works. Any thread; takes a few hundred ms. */
+bool sp_probe(sp_device_visit *visit, void *user);
 
 enum { SP_COARSE_MAX = 2 };
 
@@ -75,8 +123,8 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
                                     const struct sp_view *view, struct sp_frame_pool *pool,
                                     const struct sp_render_options *options, struct sp_error *err);
 
-/* Checks whether this renderer could draw the view, without drawing: validity and support. Reads
- * constants alone: any thread may call it, also while another one renders. */
+/* Checks whether this renderer could draw the view, without drawing: validity and support. Any
+ * thread may call it, also while another one renders. */
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err);
 

@@ -126,12 +126,20 @@ static void registry_finds_names_and_refuses_others(void **state) {
     unsigned n = 0;
     for (; sp_backend_at(n); n++) {
         struct sp_renderer_options options = { .backend = sp_backend_at(n)->name, .threads = 1 };
-        struct sp_renderer *r = sp_renderer_create(&options, NULL);
+        struct sp_error why;
+        struct sp_renderer *r = sp_renderer_create(&options, &why);
         struct sp_renderer_info info;
+        if (!r && strncmp(sp_backend_at(n)->name, "gl", 2) == 0) { /* needs a driver */
+            print_message("skipped: %s\n", why.text);
+            assert_int_equal(why.code, SP_ERR_BACKEND);
+            assert_int_equal(lines, 1); /* a refusal is logged */
+            lines = 0;
+            continue;
+        }
         assert_non_null(r);
         sp_renderer_info(r, &info);
         assert_string_equal(info.backend, sp_backend_at(n)->name);
-        assert_non_null(info.device);
+        assert_true(info.device[0]);
         assert_int_equal(info.threads, 1);
         sp_renderer_destroy(&r);
         assert_null(r);
@@ -153,7 +161,8 @@ static void registry_finds_names_and_refuses_others(void **state) {
     struct sp_renderer *automatic = sp_renderer_create(NULL, &err);
     struct sp_renderer_info info;
     sp_renderer_info(automatic, &info);
-    assert_string_equal(info.backend, "cpu");
+    assert_string_not_equal(info.backend, "null"); /* what is for tests has to be named */
+    assert_string_not_equal(info.backend, "gl-software");
     sp_renderer_destroy(&automatic);
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
@@ -286,7 +295,7 @@ static void derived_data_is_counted_and_forgotten(void **state) {
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
     sp_renderer_forget(rig.renderer, rig.volume);
     /* More transfer functions than there are slots. */
-    for (int i = 0; i < 3 * CPU_CACHE_SLOTS; i++) {
+    for (int i = 0; i < 3 * SP_CLASSIFY_SLOTS; i++) {
         rig.view.transfer_function.points[0].value = 1 + i;
         frame = draw(&rig, SP_RGBA8);
         sp_frame_unref(&frame);

@@ -652,6 +652,47 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
     sp_volume_unref(&v);
 }
 
+/* What was made since the numbers in `seen`: bit 0 the list, bit 1 the table. */
+static unsigned made_since(const struct sp_level *level, uint64_t seen[2]) {
+    unsigned bits =
+        (level->list_made != seen[0] ? 1u : 0u) | (level->table_made != seen[1] ? 2u : 0u);
+    seen[0] = level->list_made;
+    seen[1] = level->table_made;
+    return bits;
+}
+
+static void what_is_made_is_numbered(void **state) {
+    (void)state;
+    uint8_t values[64];
+    for (int i = 0; i < 64; i++)
+        values[i] = (uint8_t)i;
+    struct sp_volume *v = make_volume((uint32_t[3]){ 4, 4, 4 }, SP_UINT8, values);
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    struct sp_transfer_function tf = ramp;
+    uint64_t made = 0, fine[2] = { 0 }, coarse[2] = { 0 };
+    struct sp_classify_job job = { .tf = &tf, .levels = 3, .axis = 2, .pool = pool, .made = &made };
+    struct sp_classification c;
+    sp_classification_init(&c, v);
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_int_equal(made_since(&c.levels[0], fine), 3);
+    assert_int_equal(made_since(&c.levels[1], coarse), 3);
+    assert_true(sp_classification_update(&c, &job, NULL)); /* nothing changed */
+    assert_int_equal(made_since(&c.levels[0], fine) | made_since(&c.levels[1], coarse), 0);
+    tf.points[1].color[0] = 0.25f; /* a colour: the table, and coarse levels altogether */
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_int_equal(made_since(&c.levels[0], fine), 2);
+    assert_int_equal(made_since(&c.levels[1], coarse), 3);
+    job.normals = true; /* gradients belong to the list */
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_int_equal(made_since(&c.levels[0], fine), 1);
+    tf.points[0].value = 5; /* other voxels */
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_int_equal(made_since(&c.levels[0], fine), 3);
+    sp_classification_finish(&c);
+    sp_pool_destroy(&pool);
+    sp_volume_unref(&v);
+}
+
 static void only_what_changed_is_redone(void **state) {
     (void)state;
     uint8_t values[64];
@@ -722,6 +763,7 @@ int main(void) {
         cmocka_unit_test(coarse_flakes_are_those_of_all_voxels),
         cmocka_unit_test(coarse_flakes_are_those_of_the_surface),
         cmocka_unit_test(a_budget_is_kept_before_memory_is_taken),
+        cmocka_unit_test(what_is_made_is_numbered),
         cmocka_unit_test(only_what_changed_is_redone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -28,6 +28,8 @@ static void defaults(void **state) {
     assert_true(parse(&config, &err, NULL, NULL, NULL));
     assert_string_equal(config.listen, "127.0.0.1:8080");
     assert_string_equal(config.backend, "auto");
+    assert_string_equal(config.gpu, "auto");
+    assert_false(config.require_gpu);
     assert_null(config.data);
     assert_int_equal(config.volume_count, 0);
     assert_int_equal(config.body_size, 1 << 20);
@@ -49,6 +51,8 @@ static void values(void **state) {
         { "--memory", "1.5G", INT64_C(3) << 29, AT(memory) },
         { "--memory", "2T", INT64_C(2) << 40, AT(memory) },
         { "--memory", "65T", -1, AT(memory) },
+        { "--video-memory", "16G", INT64_C(16) << 30, AT(video_memory) },
+        { "--video-memory", "some", -1, AT(video_memory) },
         { "--memory", "-1", -1, AT(memory) },
         { "--memory", "", -1, AT(memory) },
         { "--memory", "K", -1, AT(memory) },
@@ -96,8 +100,23 @@ static void forms(void **state) {
     assert_true(parse(&config, &err, "--listen=a:1", "--listen", "b:2"));
     assert_string_equal(config.listen, "b:2");
     srv_config_finish(&config);
-    static const char *const wrong[] = { "volume",  "--",       "-h",       "--help=yes",
-                                         "--volum", "--volume", "--volume=" };
+    static const struct {
+        const char *a, *b, *c;
+        bool expected;
+    } switches[] = { { "--require-gpu", "--gpu", "1", true },
+                     { "--gpu=1", "--require-gpu", NULL, true },
+                     { "--gpu=1", "--require-gpu=yes", NULL, true },
+                     { "--gpu=1", "--require-gpu", "--require-gpu=no", false } };
+    for (size_t i = 0; i < sizeof switches / sizeof *switches; i++) {
+        assert_true(parse(&config, &err, switches[i].a, switches[i].b, switches[i].c));
+        assert_string_equal(config.gpu, "1");
+        assert_int_equal(config.require_gpu, switches[i].expected);
+        srv_config_finish(&config);
+    }
+    static const char *const wrong[] = { "volume",          "--",         "-h",
+                                         "--help=yes",      "--volum",    "--volume",
+                                         "--volume=",       "--gpu",      "--require-gpu=",
+                                         "--require-gpu=1", "--probe=yes" };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         assert_false(parse(&config, &err, wrong[i], NULL, NULL));
         assert_int_equal(err.code, SP_ERR_INVALID);
@@ -116,9 +135,12 @@ static void lines(void **state) {
     assert_int_equal(config.sessions, 7);
     assert_true(srv_config_line(&config, "data = /a b/c=d", "f:4", &err));
     assert_string_equal(config.data, "/a b/c=d");
-    static const char *const wrong[] = { "sessions",      "sessions =",     "= 7",
-                                         "help = 1",      "config = other", "Sessions = 7",
-                                         "sessions = 7 8" };
+    assert_true(srv_config_line(&config, "require-gpu = yes", "f:4", &err));
+    assert_true(config.require_gpu);
+    static const char *const wrong[] = {
+        "sessions",     "sessions =",     "= 7",         "help = 1",      "config = other",
+        "Sessions = 7", "sessions = 7 8", "require-gpu", "require-gpu =", "probe = yes"
+    };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         assert_false(srv_config_line(&config, wrong[i], "f:5", &err));
         assert_string_equal(err.place, "f:5");

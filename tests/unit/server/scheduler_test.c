@@ -2,7 +2,8 @@
  *
  * The stream lane between a real hub and a renderer behind a gate: the linker puts the gate in the
  * place of sp_renderer_render(). A render that has begun waits there until the test lets it through
- * or its cancel flag is set, so that "while it is being rendered" is a state, not a moment.
+ * or its cancel flag is set, so that "while it is being rendered" is a state, not a moment. What a
+ * renderer says of itself comes from the gate as well.
  */
 #include <math.h>
 #include <pthread.h>
@@ -28,6 +29,7 @@ struct gate {
     unsigned sharp;                      /* renders that entered with all voxels at full size */
     uint32_t size[2];                    /* of the newest render */
     unsigned coarse;
+    struct sp_renderer_info info; /* as a renderer tells it after its next render */
 };
 static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
 
@@ -70,6 +72,14 @@ struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct 
     memset(frame->pixels, 0, frame->stride_bytes * frame->height);
     frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
     return frame;
+}
+
+void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
+void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info) {
+    (void)renderer;
+    pthread_mutex_lock(&gate.mutex);
+    *info = gate.info;
+    pthread_mutex_unlock(&gate.mutex);
 }
 
 static unsigned look_at(const unsigned *counter) {
@@ -141,6 +151,7 @@ static void begin(struct fixture *f, double rest_ms) {
                                            .progress = on_progress,
                                            .unloaded = on_unloaded };
     gate.entered = gate.cancelled = gate.passes = gate.sharp = 0;
+    gate.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
     f->catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(f->catalog);
     load(f, "demo:phantom?size=8");
@@ -314,6 +325,41 @@ static void what_nobody_wants_is_given_up(void **state) {
     wait_for(&gate.cancelled, 2);
 }
 
+/* The next stream.stats that arrives; the caller frees it. */
+static char *next_stats(struct fixture *f) {
+    for (;; sched_yield()) {
+        struct srv_message message;
+        srv_hub_next_message(f->hub, f->participant, false, srv_clock_ms(), &message);
+        if (message.text && strstr(message.text, "\"stream.stats\""))
+            return message.text;
+        free(message.text);
+    }
+}
+
+static void a_backend_that_is_given_up_is_told_at_once(void **state) {
+    struct fixture *f = *state;
+    struct sp_renderer_info streams, stills;
+    begin(f, 1e6);
+    srv_scheduler_info(f->scheduler, &streams, &stills);
+    assert_string_equal(streams.backend, "gate");
+    assert_string_equal(streams.given_up, "");
+    assert_null(stills.backend); /* there was no still yet */
+    wait_for(&gate.entered, 1);
+    pthread_mutex_lock(&gate.mutex);
+    gate.info = (struct sp_renderer_info){
+        .backend = "fence", .isa = "", .device = "a hedge", .given_up = "the gate is stuck"
+    };
+    pthread_mutex_unlock(&gate.mutex);
+    let_through(1);
+    char *stats = next_stats(f);
+    assert_non_null(strstr(stats, "\"backend\":\"fence\""));
+    assert_non_null(strstr(stats, "\"device\":\"a hedge\""));
+    free(stats);
+    srv_scheduler_info(f->scheduler, &streams, &stills);
+    assert_string_equal(streams.backend, "fence");
+    assert_string_equal(streams.given_up, "the gate is stuck");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -322,6 +368,7 @@ int main(void) {
         TEST(the_tick_gives_up_what_nobody_interrupts_any_more),
         TEST(a_sharp_moving_picture_is_encoded_again_not_rendered),
         TEST(what_nobody_wants_is_given_up),
+        TEST(a_backend_that_is_given_up_is_told_at_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

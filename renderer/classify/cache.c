@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/cpu/cache.h"
+#include "classify/cache.h"
 
 enum { REPEATS = 8 }; /* frames of one transfer function after which its edits have stopped */
 
-static void empty_slot(struct cpu_slot *slot) {
+static void empty_slot(struct sp_classify_slot *slot) {
     if (slot->c.volume)
         sp_classification_finish(&slot->c);
-    *slot = (struct cpu_slot){ 0 };
+    *slot = (struct sp_classify_slot){ 0 };
 }
 
-static struct cpu_slot *find_exact(struct cpu_cache *cache, const struct sp_volume *volume,
-                                   const struct sp_transfer_function *tf) {
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
-        struct cpu_slot *slot = &cache->slots[i];
+static struct sp_classify_slot *find_exact(struct sp_classify_cache *cache,
+                                           const struct sp_volume *volume,
+                                           const struct sp_transfer_function *tf) {
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++) {
+        struct sp_classify_slot *slot = &cache->slots[i];
         if (slot->c.volume == volume &&
             sp_transfer_function_equal(&slot->c.levels[0].transfer.tf, tf))
             return slot;
@@ -21,10 +22,11 @@ static struct cpu_slot *find_exact(struct cpu_cache *cache, const struct sp_volu
 }
 
 /* The newest lists of the volume; NULL = none. */
-static struct cpu_slot *find_newest(struct cpu_cache *cache, const struct sp_volume *volume) {
-    struct cpu_slot *newest = NULL;
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
-        struct cpu_slot *slot = &cache->slots[i];
+static struct sp_classify_slot *find_newest(struct sp_classify_cache *cache,
+                                            const struct sp_volume *volume) {
+    struct sp_classify_slot *newest = NULL;
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++) {
+        struct sp_classify_slot *slot = &cache->slots[i];
         if (slot->c.volume == volume && (!newest || slot->used > newest->used))
             newest = slot;
     }
@@ -33,13 +35,14 @@ static struct cpu_slot *find_newest(struct cpu_cache *cache, const struct sp_vol
 
 /* What the slots are to a transfer function that none was made for. */
 struct match {
-    struct cpu_slot *serving; /* its list will do; NULL = none */
-    struct cpu_slot *nearest; /* the one whose list differs least; NULL = none can be compared */
+    struct sp_classify_slot *serving; /* its list will do; NULL = none */
+    struct sp_classify_slot
+        *nearest; /* the one whose list differs least; NULL = none can be compared */
     uint64_t serving_excess, differs, visible; /* voxels */
 };
 
-static void match_slot(struct match *m, struct cpu_slot *slot, const struct sp_transfer *transfer,
-                       struct sp_pool *pool) {
+static void match_slot(struct match *m, struct sp_classify_slot *slot,
+                       const struct sp_transfer *transfer, struct sp_pool *pool) {
     struct sp_fit fit;
     if (sp_transfer_same_voxels(&slot->c.levels[0].transfer, transfer) && !m->serving) {
         m->serving = slot;
@@ -58,51 +61,52 @@ static void match_slot(struct match *m, struct cpu_slot *slot, const struct sp_t
     }
 }
 
-static bool find_match(struct cpu_cache *cache, const struct sp_volume *volume,
+static bool find_match(struct sp_classify_cache *cache, const struct sp_volume *volume,
                        const struct sp_classify_job *job, struct match *match,
                        struct sp_error *err) {
     struct sp_transfer transfer;
-    const struct cpu_slot *newest = find_newest(cache, volume);
+    const struct sp_classify_slot *newest = find_newest(cache, volume);
     const struct sp_transfer *like = newest ? &newest->c.levels[0].transfer : NULL;
     *match = (struct match){ 0 };
     if (!newest)
         return true;
     if (!sp_transfer_init_like(&transfer, job->tf, sp_volume_info(volume), like, err))
         return false;
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++)
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (cache->slots[i].c.volume == volume)
             match_slot(match, &cache->slots[i], &transfer, job->pool);
     sp_transfer_finish(&transfer);
     return true;
 }
 
-static struct cpu_slot *find_oldest(struct cpu_cache *cache, const struct cpu_slot *except) {
-    struct cpu_slot *oldest = NULL;
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++) {
-        struct cpu_slot *slot = &cache->slots[i];
+static struct sp_classify_slot *find_oldest(struct sp_classify_cache *cache,
+                                            const struct sp_classify_slot *except) {
+    struct sp_classify_slot *oldest = NULL;
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++) {
+        struct sp_classify_slot *slot = &cache->slots[i];
         if (slot != except && (!oldest || slot->used < oldest->used))
             oldest = slot;
     }
     return oldest;
 }
 
-static void trim(struct cpu_cache *cache, const struct cpu_slot *in_use) {
+static void trim(struct sp_classify_cache *cache, const struct sp_classify_slot *in_use) {
     uint64_t bytes = 0;
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++)
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         bytes += sp_classification_bytes(&cache->slots[i].c);
-    for (int i = 0; i < CPU_CACHE_SLOTS && bytes > cache->limit_bytes; i++) {
-        struct cpu_slot *slot = find_oldest(cache, in_use);
+    for (int i = 0; i < SP_CLASSIFY_SLOTS && bytes > cache->limit_bytes; i++) {
+        struct sp_classify_slot *slot = find_oldest(cache, in_use);
         bytes -= sp_classification_bytes(&slot->c);
         empty_slot(slot);
         slot->used = UINT64_MAX; /* so that the next round finds another */
     }
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++)
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (!cache->slots[i].c.volume)
             cache->slots[i].used = 0;
 }
 
 /* Makes lists anew in the slot, deriving them from what it has. */
-static bool renew(struct cpu_slot *slot, struct sp_volume *volume,
+static bool renew(struct sp_classify_slot *slot, struct sp_volume *volume,
                   const struct sp_classify_job *job, bool widens, struct sp_error *err) {
     struct sp_classification next;
     struct sp_classify_job derive = *job;
@@ -124,7 +128,7 @@ static bool renew(struct cpu_slot *slot, struct sp_volume *volume,
 
 /* The slot of this very transfer function. When edits have stopped, its list is cut down to what is
  * visible. */
-static bool use_again(struct cpu_slot *slot, struct sp_volume *volume,
+static bool use_again(struct sp_classify_slot *slot, struct sp_volume *volume,
                       const struct sp_classify_job *job, struct sp_error *err) {
     const struct sp_classification *c = &slot->c;
     uint64_t excess = c->levels[0].visible.count - c->visible;
@@ -136,10 +140,12 @@ static bool use_again(struct cpu_slot *slot, struct sp_volume *volume,
 
 /* A slot for a transfer function that none serves. One that differs little is an edit of the
  * nearest, and takes its place. */
-static struct cpu_slot *take_slot(struct cpu_cache *cache, struct sp_volume *volume,
-                                  const struct sp_classify_job *job, const struct match *match,
-                                  bool *ok, struct sp_error *err) {
-    struct cpu_slot *source = match->nearest ? match->nearest : find_newest(cache, volume), *slot;
+static struct sp_classify_slot *take_slot(struct sp_classify_cache *cache, struct sp_volume *volume,
+                                          const struct sp_classify_job *job,
+                                          const struct match *match, bool *ok,
+                                          struct sp_error *err) {
+    struct sp_classify_slot *source = match->nearest ? match->nearest : find_newest(cache, volume),
+                            *slot;
     if (match->nearest && match->differs <= match->visible / 2) {
         *ok = renew(source, volume, job, true, err);
         return source;
@@ -153,9 +159,13 @@ static struct cpu_slot *take_slot(struct cpu_cache *cache, struct sp_volume *vol
     return slot;
 }
 
-struct sp_classification *cpu_cache_get(struct cpu_cache *cache, struct sp_volume *volume,
-                                        const struct sp_classify_job *job, struct sp_error *err) {
-    struct cpu_slot *slot = find_exact(cache, volume, job->tf);
+struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
+                                                struct sp_volume *volume,
+                                                const struct sp_classify_job *wanted,
+                                                struct sp_error *err) {
+    struct sp_classify_job counted = *wanted, *job = &counted;
+    counted.made = &cache->made;
+    struct sp_classify_slot *slot = find_exact(cache, volume, job->tf);
     bool ok;
     if (slot) {
         ok = use_again(slot, volume, job, err);
@@ -178,15 +188,16 @@ struct sp_classification *cpu_cache_get(struct cpu_cache *cache, struct sp_volum
     return ok ? &slot->c : NULL;
 }
 
-void cpu_cache_forget(struct cpu_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++)
+void sp_classify_cache_forget(struct sp_classify_cache *cache, const struct sp_volume *volume) {
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (!volume || cache->slots[i].c.volume == volume)
             empty_slot(&cache->slots[i]);
 }
 
-uint64_t cpu_cache_bytes(const struct cpu_cache *cache, const struct sp_volume *volume) {
+uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
+                                 const struct sp_volume *volume) {
     uint64_t bytes = 0;
-    for (int i = 0; i < CPU_CACHE_SLOTS; i++)
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (cache->slots[i].c.volume == volume)
             bytes += sp_classification_bytes(&cache->slots[i].c);
     return bytes;

@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Which of the registry's backends a renderer gets. Nothing here knows one by its name.
+ */
+#include <assert.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "backend/backend.h"
+#include "sp/log.h"
+
+const struct sp_backend_entry *sp_backend_at(unsigned i) {
+    const struct sp_backend *backend = sp_registry_at(i);
+    return backend ? &backend->entry : NULL;
+}
+
+static bool start(const struct sp_backend *backend, const struct sp_backend_options *options,
+                  void **state, struct sp_error *err) {
+    assert(backend->create && backend->destroy && backend->info && backend->render);
+    struct sp_error why = { .code = SP_ERR_BACKEND };
+    *state = backend->create(options, &why);
+    if (*state)
+        return true;
+    sp_log(SP_LOG_WARN, "backend %s does not start: %s", backend->entry.name, why.text);
+    return sp_fail(err, why.code, why.place, "backend %s does not start: %s", backend->entry.name,
+                   why.text);
+}
+
+/* The first that starts by itself, from the table's place i on. */
+static const struct sp_backend *start_any(unsigned i, const struct sp_backend_options *options,
+                                          void **state, struct sp_error *err) {
+    sp_fail(err, SP_ERR_BACKEND, "", "no backend %sstarts by itself; name one",
+            options->require_gpu ? "for a GPU " : "");
+    for (const struct sp_backend *backend; (backend = sp_registry_at(i)); i++)
+        if (!backend->by_name_only && (backend->is_gpu || !options->require_gpu) &&
+            start(backend, options, state, err))
+            return backend;
+    return NULL;
+}
+
+static const struct sp_backend *fail_unknown(const char *name, struct sp_error *err) {
+    char names[256];
+    size_t used = (size_t)snprintf(names, sizeof names, "auto");
+    for (unsigned i = 0; sp_backend_at(i) && used < sizeof names; i++)
+        used += (size_t)snprintf(names + used, sizeof names - used, ", %s", sp_backend_at(i)->name);
+    sp_fail(err, SP_ERR_INVALID, "", "no backend is called \"%.64s\"; there are %s", name, names);
+    return NULL;
+}
+
+const struct sp_backend *sp_registry_start(const char *name,
+                                           const struct sp_backend_options *options, void **state,
+                                           struct sp_error *err) {
+    if (strcmp(name, "auto") == 0)
+        return start_any(0, options, state, err);
+    const struct sp_backend *backend;
+    for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
+        if (strcmp(name, backend->entry.name) == 0)
+            break;
+    if (!backend)
+        return fail_unknown(name, err);
+    if (options->require_gpu && !backend->is_gpu) {
+        sp_fail(err, SP_ERR_INVALID, "", "backend %s does without a GPU, and one is required",
+                name);
+        return NULL;
+    }
+    return start(backend, options, state, err) ? backend : NULL;
+}
+
+const struct sp_backend *sp_registry_follow(const struct sp_backend *failed,
+                                            const struct sp_backend_options *options, void **state,
+                                            struct sp_error *err) {
+    unsigned i = 0;
+    while (sp_registry_at(i) != failed)
+        i++;
+    return start_any(i + 1, options, state, err);
+}

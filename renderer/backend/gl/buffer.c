@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/buffer.h"
+
+#include <assert.h>
+#include <epoxy/gl.h>
+
+static const GLenum usages[] = { [GL_USE_KEPT] = GL_STATIC_DRAW,
+                                 [GL_USE_STREAM] = GL_STREAM_DRAW,
+                                 [GL_USE_SCRATCH] = GL_DYNAMIC_COPY,
+                                 [GL_USE_READ] = GL_STREAM_READ };
+
+bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t bytes, uint64_t most,
+                       enum gl_usage usage, struct sp_error *err) {
+    if (bytes <= buffer->bytes)
+        return true;
+    if (most && bytes > most)
+        return sp_fail(err, SP_ERR_BUDGET, "",
+                       "the %s take %llu bytes and a buffer of this GPU has at most %llu", what,
+                       (unsigned long long)bytes, (unsigned long long)most);
+    /* A quarter more, so that a scene that comes nearer does not reallocate every frame. */
+    uint64_t room = bytes + bytes / 4;
+    room = most && room > most ? bytes : room;
+    gl_buffer_finish(buffer);
+    glGenBuffers(1, &buffer->name);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
+    glGetError(); /* of what came before */
+    glBufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)room, NULL, usages[usage]);
+    if (glGetError() != GL_NO_ERROR) {
+        gl_buffer_finish(buffer);
+        return sp_fail(err, SP_ERR_MEMORY, "", "the GPU has no %llu bytes for the %s",
+                       (unsigned long long)room, what);
+    }
+    buffer->bytes = room;
+    return true;
+}
+
+void gl_buffer_finish(struct gl_buffer *buffer) {
+    if (buffer->name)
+        glDeleteBuffers(1, &buffer->name);
+    *buffer = (struct gl_buffer){ 0 };
+}
+
+void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t bytes) {
+    assert(bytes <= buffer->bytes);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
+    glInvalidateBufferData(buffer->name);
+    glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes, data);
+}
+
+void gl_buffer_bind(const struct gl_buffer *buffer, unsigned binding) {
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, binding, buffer->name);
+}
+
+void *gl_buffer_map(const struct gl_buffer *buffer, uint64_t bytes, struct sp_error *err) {
+    assert(bytes <= buffer->bytes);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
+    void *data = glMapBufferRange(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes,
+                                  GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
+    if (!data)
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory to fill %llu bytes of the GPU's",
+                (unsigned long long)bytes);
+    return data;
+}
+
+bool gl_buffer_unmap(const struct gl_buffer *buffer, struct sp_error *err) {
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
+    return glUnmapBuffer(GL_SHADER_STORAGE_BUFFER) ||
+           sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was written to it");
+}

@@ -1,0 +1,429 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/draw.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "splat/cubic.h"
+
+enum {
+    PAIRS_MIN = 1 << 20,
+    PAIRS_MOST = 1 << 25,   /* the longest dispatch of the compositor */
+    GROUPS_MOST = 65535,    /* along an axis of a dispatch, on any GPU */
+    RECORDS_MOST = 4000000, /* 32 bytes each fit 128 MB; the counts of GL_SCAN_BLOCK bins, a word */
+    BINS_MOST = 1 << 22,
+    TILES_MOST = 1 << 16,
+    HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
+    LAYERS_MOST = 65535,   /* a record has 16 bits for its layer */
+    POLL_NS = 5 * 1000000, /* between two looks at the cancel flag */
+    IN_FLIGHT = 2          /* batches that the GPU may lie behind */
+};
+
+enum { STAGE_CLASSIFY, STAGE_SPLAT, STAGE_BIN, STAGE_TILE, STAGE_RESOLVE, STAGES };
+
+struct draw {
+    struct gl_state *state;
+    const struct sp_backend_job *job;
+    struct gl_frame frame;
+    double stage_ms[STAGES];
+    uint64_t splats, fragments;
+    uint32_t columns; /* of tiles */
+    uint32_t y, end;  /* rows of the band [px] */
+    uint32_t cut_for; /* layers of a batch that the frame is cut for */
+    GLsync sent[IN_FLIGHT];
+    unsigned sent_count;
+};
+
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+                   arena->failed ? arena->failed : "data");
+}
+
+static bool check(const char *what, struct sp_error *err) {
+    GLenum error = glGetError();
+    if (error == GL_NO_ERROR)
+        return true;
+    return sp_fail(err, error == GL_OUT_OF_MEMORY ? SP_ERR_MEMORY : SP_ERR_BACKEND, "",
+                   "GL error 0x%04x while the frame was %s", error, what);
+}
+
+static uint32_t tile_rows(const struct draw *d) {
+    return gl_divide_up(d->end - d->y, GL_TILE);
+}
+
+static uint32_t band_tiles(const struct draw *d) {
+    return d->columns * tile_rows(d);
+}
+
+static uint32_t band_pixels(const struct draw *d) {
+    return d->job->frame->width * (d->end - d->y);
+}
+
+static uint32_t pixel_bytes(const struct draw *d) {
+    return d->job->frame->format == SP_RGBAF32 ? 16 : 4;
+}
+
+static void storage_barrier(void) {
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+}
+
+/* Waits for the fence, which it deletes. False when the frame is no longer wanted, or the GPU gone.
+ */
+static bool wait(const struct draw *d, GLsync fence, struct sp_error *err) {
+    GLenum got = GL_TIMEOUT_EXPIRED;
+    while (got == GL_TIMEOUT_EXPIRED && !sp_job_is_cancelled(d->job))
+        got = glClientWaitSync(fence, GL_SYNC_FLUSH_COMMANDS_BIT, POLL_NS);
+    glDeleteSync(fence);
+    if (got == GL_TIMEOUT_EXPIRED)
+        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    return got != GL_WAIT_FAILED || sp_fail(err, SP_ERR_BACKEND, "", "the GPU does not answer");
+}
+
+/* Marks the end of a batch, and waits for the one before the last: a cancelled frame leaves little
+ * behind. */
+static bool follow(struct draw *d, struct sp_error *err) {
+    unsigned place = d->sent_count++ % IN_FLIGHT;
+    GLsync last = d->sent[place];
+    d->sent[place] = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    return !last || wait(d, last, err);
+}
+
+static void drop_fences(struct draw *d) {
+    for (int i = 0; i < IN_FLIGHT; i++) {
+        if (d->sent[i])
+            glDeleteSync(d->sent[i]);
+        d->sent[i] = NULL;
+    }
+}
+
+static struct gl_bins_space space_of(const struct draw *d, const struct gl_batch *batch) {
+    return (struct gl_bins_space){ d->columns, d->y, d->end, tile_rows(d), batch->layers };
+}
+
+static void use(const struct draw *d, enum gl_stage stage, const struct gl_batch *batch) {
+    const struct gl_bins_space space = space_of(d, batch);
+    glUseProgram(d->state->programs[stage]);
+    gl_bins_set_space(&space);
+}
+
+static void project(struct draw *d, const struct gl_batch *batch) {
+    struct gl_state *s = d->state;
+    use(d, GL_PROJECT, batch);
+    gl_buffer_bind(&s->buffers.constants, 0);
+    gl_buffer_bind(&s->buffers.bricks, 1);
+    gl_buffer_bind(&s->buffers.records, 5);
+    gl_buffer_bind(&s->buffers.spans, 6);
+    gl_buffer_bind(&s->bins.counts, 7);
+    for (int l = 0; l < SP_LEVELS; l++) {
+        const struct gl_list *list = d->frame.lists[l];
+        if (!batch->bricks[l])
+            continue;
+        gl_buffer_bind(&list->entries, 2);
+        gl_buffer_bind(&list->tables, 3);
+        gl_buffer_bind(list->normal_bytes ? &list->normals : &list->tables, 4);
+        glUniform4ui(2, list->has_keys, list->normal_bytes, list->first_class, list->has_scales);
+        for (uint32_t done = 0, n; done < batch->bricks[l]; done += n) {
+            uint32_t left = batch->bricks[l] - done;
+            n = left < GROUPS_MOST ? left : GROUPS_MOST;
+            glUniform2ui(1, batch->brick[l] + done, batch->first);
+            glDispatchCompute(n, 1, 1);
+        }
+    }
+    storage_barrier();
+    gl_timer_stamp(&s->timer, STAGE_SPLAT);
+}
+
+static void bin(struct draw *d, const struct gl_batch *batch) {
+    struct gl_state *s = d->state;
+    const struct gl_bins_space space = space_of(d, batch);
+    gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->pairs);
+    gl_timer_stamp(&s->timer, STAGE_BIN);
+}
+
+static void composite(struct draw *d, const struct gl_batch *batch) {
+    struct gl_state *s = d->state;
+    const struct sp_view *view = d->job->view;
+    uint32_t kernel = view->filter.mode == SP_FILTER_NONE      ? 2
+                      : view->filter.kernel == SP_KERNEL_CUBIC ? 1
+                                                               : 0;
+    use(d, GL_COMPOSITE, batch);
+    glUniform2ui(1, d->job->frame->width, (GLuint)s->pairs);
+    glUniform4ui(2, view->compositing.attenuation == SP_ATTENUATION_LINEAR, kernel, batch->resumes,
+                 batch->stays_open);
+    glUniform1f(3, d->frame.ewa[d->frame.finest][0].cut);
+    gl_buffer_bind(&s->buffers.records, 1);
+    gl_buffer_bind(&s->bins.totals, 2);
+    gl_buffer_bind(&s->bins.pairs, 3);
+    gl_buffer_bind(&s->buffers.done, 4);
+    gl_buffer_bind(&s->buffers.open, 5);
+    gl_buffer_bind(&s->buffers.cubic, 6);
+    gl_buffer_bind(&s->bins.counts, 7);
+    glDispatchCompute(d->columns, tile_rows(d), 1);
+    storage_barrier();
+    gl_timer_stamp(&s->timer, STAGE_TILE);
+}
+
+static void resolve(struct draw *d) {
+    struct gl_state *s = d->state;
+    glUseProgram(s->programs[GL_RESOLVE]);
+    glUniform2ui(0, band_pixels(d), d->job->frame->format == SP_RGBAF32);
+    glUniform4fv(1, 1, d->job->view->background);
+    gl_buffer_bind(&s->buffers.done, 1);
+    gl_buffer_bind(&s->buffers.pixels, 2);
+    glDispatchCompute(gl_divide_up(band_pixels(d), GL_GROUP), 1, 1);
+    glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
+    gl_timer_stamp(&s->timer, STAGE_RESOLVE);
+}
+
+static void start_band(const struct draw *d) {
+    static const float clear_pixel[4] = { 1, 0, 0, 0 };
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, d->state->buffers.done.name);
+    glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
+                         (GLsizeiptr)band_pixels(d) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
+                         GL_FLOAT, clear_pixel);
+    gl_bins_clear_head(&d->state->bins);
+}
+
+/* Copies what came back into the frame. */
+static bool take_pixels(struct draw *d, struct gl_bins_head *head, struct sp_error *err) {
+    struct sp_frame *frame = d->job->frame;
+    size_t row = (size_t)frame->width * pixel_bytes(d), all = row * (d->end - d->y);
+    glBindBuffer(GL_COPY_READ_BUFFER, d->state->buffers.back.name);
+    const unsigned char *from =
+        glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(all + HEAD_BYTES), GL_MAP_READ_BIT);
+    if (!from)
+        return check("read back", err) &&
+               sp_fail(err, SP_ERR_BACKEND, "", "the frame cannot be read back");
+    for (uint32_t y = d->y; y < d->end; y++)
+        memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
+               from + (y - d->y) * row, row);
+    memcpy(head, from + all, sizeof *head);
+    return glUnmapBuffer(GL_COPY_READ_BUFFER) ||
+           sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was read back");
+}
+
+static bool read_back(struct draw *d, struct gl_bins_head *head, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    GLsizeiptr all = (GLsizeiptr)band_pixels(d) * (GLsizeiptr)pixel_bytes(d);
+    glBindBuffer(GL_COPY_WRITE_BUFFER, s->buffers.back.name);
+    glBindBuffer(GL_COPY_READ_BUFFER, s->buffers.pixels.name);
+    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, 0, all);
+    glBindBuffer(GL_COPY_READ_BUFFER, s->bins.counts.name);
+    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, all, HEAD_BYTES);
+    GLsync fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    return check("drawn", err) && wait(d, fence, err) && take_pixels(d, head, err);
+}
+
+/* Memory for the largest of the batches and for a band. */
+static bool reserve(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    uint64_t most = s->block_bytes, records = 1, bins = 1, pixels = band_pixels(d);
+    for (uint32_t i = 0; i < d->frame.batch_count; i++) {
+        const struct gl_batch *b = &d->frame.batches[i];
+        uint64_t own = (uint64_t)band_tiles(d) * b->layers;
+        records = b->records > records ? b->records : records;
+        bins = own > bins ? own : bins;
+    }
+    struct {
+        struct gl_buffer *buffer;
+        const char *what;
+        uint64_t bytes;
+        enum gl_usage usage;
+    } wanted[] = {
+        { &s->buffers.constants, "constants",
+          sizeof d->frame.constants + d->frame.layer_count * sizeof(uint32_t), GL_USE_STREAM },
+        { &s->buffers.bricks, "bricks", (d->frame.brick_count + 1) * sizeof(struct gl_brick),
+          GL_USE_STREAM },
+        { &s->buffers.records, "splats", records * 32, GL_USE_SCRATCH },
+        { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
+        { &s->buffers.done, "pixels", pixels * 16, GL_USE_SCRATCH },
+        { &s->buffers.open, "pixels", pixels * 16, GL_USE_SCRATCH },
+        { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d), GL_USE_SCRATCH },
+        { &s->buffers.back, "pixels", pixels * pixel_bytes(d) + HEAD_BYTES, GL_USE_READ },
+    };
+    for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
+        if (!gl_buffer_reserve(wanted[i].buffer, wanted[i].what, wanted[i].bytes, most,
+                               wanted[i].usage, err))
+            return false;
+    return gl_bins_reserve(&s->bins, bins, s->pairs, most, err);
+}
+
+/* Layers of a batch: as many as the bins have room for. */
+static uint32_t layers_of_batch(const struct draw *d) {
+    uint32_t room = d->state->limits.bins / band_tiles(d);
+    room = room < 1 ? 1 : room;
+    return room < d->state->layers ? room : d->state->layers;
+}
+
+/* Cuts the frame for the band, unless it is already. */
+static bool cut(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    uint32_t layers = layers_of_batch(d);
+    if (layers != d->cut_for && !gl_frame_cut(&d->frame, layers, s->limits.records, &s->arena))
+        return fail_memory(&s->arena, err);
+    if (!reserve(d, err))
+        return false;
+    if (layers != d->cut_for && d->frame.brick_count)
+        gl_buffer_write(&s->buffers.bricks, d->frame.bricks,
+                        d->frame.brick_count * sizeof *d->frame.bricks);
+    d->cut_for = layers;
+    return true;
+}
+
+static bool draw_batches(struct draw *d, struct sp_error *err) {
+    for (uint32_t i = 0; i < d->frame.batch_count; i++) {
+        const struct gl_batch *batch = &d->frame.batches[i];
+        if (sp_job_is_cancelled(d->job))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        const struct gl_bins_space space = space_of(d, batch);
+        gl_bins_clear(&d->state->bins, &space);
+        project(d, batch);
+        bin(d, batch);
+        composite(d, batch);
+        if (!follow(d, err))
+            return false;
+    }
+    return true;
+}
+
+/* After pairs had no room: more room, or else fewer layers at a time, or else a smaller band. */
+static bool make_room(struct draw *d, uint32_t needed, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    uint64_t most = s->limits.pairs, more = (uint64_t)needed + needed / 4;
+    uint32_t layers = layers_of_batch(d);
+    if (needed <= most)
+        s->pairs = more < most ? more : most;
+    else if (layers > 1)
+        s->layers = layers / 2;
+    else if (tile_rows(d) > 1)
+        s->rows = tile_rows(d) / 2;
+    else
+        return sp_fail(
+            err, SP_ERR_BUDGET, "",
+            "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
+            "room for %llu: use a smaller kernel or picture",
+            (unsigned long)needed, (unsigned long long)most);
+    return true;
+}
+
+/* After a band that left most of the room empty: larger pieces again. */
+static void grow(struct gl_state *s, uint32_t needed) {
+    if (needed > s->limits.pairs / 4)
+        return;
+    s->layers = s->layers < LAYERS_MOST / 2 ? 2 * s->layers : LAYERS_MOST;
+    s->rows = s->rows < TILES_MOST / 2 ? 2 * s->rows : TILES_MOST;
+}
+
+/* Draws the band from row y on; *done is false when it has to be drawn again. */
+static bool draw_band(struct draw *d, bool *done, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    struct gl_bins_head head;
+    uint32_t left = d->job->frame->height - d->y;
+    uint32_t rows = s->limits.tiles / d->columns;
+    rows = rows < 1 ? 1 : rows < s->rows ? rows : s->rows;
+    d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
+    if (!cut(d, err))
+        return false;
+    gl_timer_start(&s->timer);
+    start_band(d);
+    if (!draw_batches(d, err))
+        return false;
+    resolve(d);
+    if (!read_back(d, &head, err))
+        return false;
+    gl_timer_read(&s->timer, d->stage_ms);
+    *done = head.needed <= s->pairs;
+    if (!*done)
+        return make_room(d, head.needed, err);
+    grow(s, head.needed);
+    d->splats += head.splats;
+    d->fragments += (uint64_t)head.carry << 32 | head.fragments;
+    return true;
+}
+
+static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
+    static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
+    const struct gl_frame *f = &d->frame;
+    stats->coarse = f->coarse;
+    stats->visible_voxels = f->coarse ? f->levels[f->finest].visible.count : f->visible;
+    stats->splats = d->splats;
+    stats->fragments = d->fragments;
+    stats->stage_count = STAGES;
+    for (int i = 0; i < STAGES; i++)
+        stats->stages[i] = (struct sp_stage_time){ names[i], d->stage_ms[i] };
+}
+
+static bool write_constants(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    const struct gl_frame *f = &d->frame;
+    uint64_t layers = f->layer_count * sizeof *f->layers, all = sizeof f->constants + layers;
+    if (!gl_buffer_reserve(&s->buffers.constants, "constants", all, s->block_bytes, GL_USE_STREAM,
+                           err))
+        return false;
+    gl_buffer_write(&s->buffers.constants, &f->constants, sizeof f->constants);
+    glBufferSubData(GL_SHADER_STORAGE_BUFFER, sizeof f->constants, (GLsizeiptr)layers, f->layers);
+    return true;
+}
+
+bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err) {
+    struct draw d = { .state = state, .job = job };
+    const struct gl_sources from = { &state->cache, &state->lists, state->pool, &state->arena };
+    sp_arena_reset(&state->arena);
+    if (!gl_frame_begin(&d.frame, job, &from, err) || !write_constants(&d, err))
+        return false;
+    d.stage_ms[STAGE_CLASSIFY] = d.frame.classify_ms;
+    d.columns = gl_divide_up(job->frame->width, GL_TILE);
+    bool ok = true, done = false;
+    for (; ok && d.y < job->frame->height; d.y = done ? d.end : d.y)
+        ok = draw_band(&d, &done, err);
+    drop_fences(&d);
+    if (ok)
+        write_stats(&d, &job->frame->stats);
+    return ok;
+}
+
+static bool write_cubic(struct gl_state *s, struct sp_error *err) {
+    static const size_t bytes = sizeof((struct sp_cubic_table *)0)->weight;
+    struct sp_cubic_table *table = sp_arena_alloc(&s->arena, "cubic kernel", 1, sizeof *table);
+    if (!table)
+        return fail_memory(&s->arena, err);
+    sp_cubic_table_init(table);
+    if (!gl_buffer_reserve(&s->buffers.cubic, "cubic kernel", bytes, 0, GL_USE_KEPT, err))
+        return false;
+    gl_buffer_write(&s->buffers.cubic, table->weight, bytes);
+    return true;
+}
+
+bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
+    static const char *const programs[GL_STAGE_COUNT] = {
+        [GL_PROJECT] = "frame bins shade 10_project",
+        [GL_COMPOSITE] = "bins 30_composite",
+        [GL_RESOLVE] = "40_resolve",
+    };
+    s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
+    uint64_t words = s->block_bytes ? s->block_bytes / sizeof(uint32_t) : PAIRS_MOST;
+    s->limits = (struct gl_limits){ .records = RECORDS_MOST,
+                                    .bins = BINS_MOST,
+                                    .tiles = TILES_MOST,
+                                    .pairs = words < PAIRS_MOST ? words : PAIRS_MOST };
+    s->pairs = PAIRS_MIN;
+    s->layers = LAYERS_MOST;
+    s->rows = TILES_MOST;
+    gl_timer_init(&s->timer);
+    for (int i = 0; i < GL_STAGE_COUNT; i++)
+        if (!(s->programs[i] = gl_program_open(programs[i], err)))
+            return false;
+    return gl_bins_init(&s->bins, err) && write_cubic(s, err);
+}
+
+void gl_draw_finish(struct gl_state *s) {
+    struct gl_buffer *buffers = (struct gl_buffer *)&s->buffers;
+    gl_lists_forget(&s->lists, NULL);
+    for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
+        gl_buffer_finish(&buffers[i]);
+    for (int i = 0; i < GL_STAGE_COUNT; i++)
+        glDeleteProgram(s->programs[i]);
+    gl_bins_finish(&s->bins);
+    gl_timer_finish(&s->timer);
+}

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One frame on the GPU.
+ *
+ *   classify (processor, frame.h) ─► for each band of tiles, for each batch of layers, front to
+ * back: 10_project    entry → record, tiles that it touches, counts by tile and layer 20, 21 counts
+ * → where each bin begins 22_scatter    records → bins: by tile, inside it by layer 30_composite  a
+ * tile: layers summed and composited ─► 40_resolve ─► read back
+ *
+ * Bands bound the memory of pixels, batches that of records and bins. Pairs of a record and a tile
+ * are counted before they are written: where they are more than there is room for, nothing is
+ * drawn, and the band is drawn again with more room, or in smaller pieces. So nothing is read back
+ * in the middle of a frame, and nothing is left out.
+ */
+#ifndef GL_DRAW_H
+#define GL_DRAW_H
+
+#include "backend/gl/bins.h"
+#include "backend/gl/buffer.h"
+#include "backend/gl/context.h"
+#include "backend/gl/frame.h"
+#include "backend/gl/timer.h"
+
+enum gl_stage { GL_PROJECT, GL_COMPOSITE, GL_RESOLVE, GL_STAGE_COUNT };
+
+/* Sizes of the pieces that a frame is drawn in. They bound memory, and what one dispatch takes. */
+struct gl_limits {
+    uint32_t records; /* of a batch */
+    uint32_t bins;    /* of a batch: tiles times layers, but one layer at least */
+    uint32_t tiles;   /* of a band, but one row at least */
+    uint64_t pairs;   /* of a batch */
+};
+
+struct gl_state {
+    struct gl_options options;  /* of the context */
+    struct gl_context *context; /* NULL = was lost; the next frame makes another */
+    struct sp_pool *pool;       /* classifies, and fills what is uploaded */
+    struct sp_arena arena;
+    struct sp_classify_cache cache;
+    struct gl_lists lists;
+    struct gl_timer timer;
+    struct gl_bins bins;
+    unsigned programs[GL_STAGE_COUNT];
+    struct {
+        struct gl_buffer constants, bricks, records, spans, done, open, cubic, pixels, back;
+    } buffers;
+    struct gl_limits limits;
+    uint64_t pairs;  /* room for them */
+    uint32_t layers; /* most of a batch; fewer after pairs had no room */
+    uint32_t rows;   /* of tiles a band, likewise */
+    uint64_t block_bytes;
+    char device[SP_DEVICE_NAME];
+};
+
+/* The context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
+
+/* Programs and tables that do not change; what was made before a failure is gl_draw_finish()'s. */
+bool gl_draw_init(struct gl_state *state, struct sp_error *err);
+void gl_draw_finish(struct gl_state *state);
+
+#endif

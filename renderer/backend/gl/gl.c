@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The GPU backend, once for hardware and once for software GL: one implementation, two entries.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "backend/gl/draw.h"
+#include "backend/gl/egl.h"
+
+static void gl_destroy(void *pointer) {
+    struct gl_state *state = pointer;
+    if (state->context && gl_context_bind(state->context, NULL)) {
+        gl_draw_finish(state);
+        gl_context_unbind(state->context);
+    }
+    gl_context_destroy(&state->context);
+    sp_classify_cache_forget(&state->cache, NULL);
+    sp_pool_destroy(&state->pool);
+    sp_arena_finish(&state->arena);
+    free(state);
+}
+
+static void name_device(struct gl_state *state) {
+    const struct gl_info *info = gl_context_info(state->context);
+    snprintf(state->device, sizeof state->device, "%.90s%s", info->renderer,
+             info->software ? ", software GL, for correctness only" : "");
+}
+
+/* A context and what does not change. One that follows a lost one is of the same device, and knows
+ * nothing of what the state had there: its names are let go. */
+static bool start(struct gl_state *state, struct sp_error *err) {
+    state->context = gl_context_create(&state->options, err);
+    if (!state->context || !gl_context_bind(state->context, err))
+        return false;
+    gl_draw_finish(state);
+    bool ok = gl_draw_init(state, err);
+    gl_context_unbind(state->context);
+    state->options.gpu = gl_context_info(state->context)->gpu;
+    state->lists.block_bytes = state->block_bytes;
+    name_device(state);
+    return ok;
+}
+
+static void *create(const struct sp_backend_options *options, bool software, struct sp_error *err) {
+    struct gl_state *state = calloc(1, sizeof *state);
+    if (!state) {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the gl backend");
+        return NULL;
+    }
+    sp_arena_init(&state->arena);
+    state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
+    state->cache.limit_bytes = options->memory_bytes;
+    state->pool = sp_pool_create(options->threads, err);
+    if (!state->pool || !start(state, err)) {
+        gl_destroy(state);
+        return NULL;
+    }
+    state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), options);
+    return state;
+}
+
+static void *gl_create(const struct sp_backend_options *options, struct sp_error *err) {
+    return create(options, false, err);
+}
+
+static void *gl_create_software(const struct sp_backend_options *options, struct sp_error *err) {
+    return create(options, true, err);
+}
+
+static void gl_info(const void *pointer, struct sp_renderer_info *info) {
+    const struct gl_state *state = pointer;
+    *info = (struct sp_renderer_info){ .backend = state->options.software ? "gl-software" : "gl",
+                                       .isa = "",
+                                       .threads = sp_pool_threads(state->pool) };
+    memcpy(info->device, state->device, sizeof info->device);
+}
+
+/* A frame of a context that is lost fails, and the next one begins with another context. What the
+ * processor derived from volumes is kept, and uploaded again. */
+static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+    struct gl_state *state = pointer;
+    struct sp_error why = { .code = SP_OK };
+    bool bound = state->context ? gl_context_bind(state->context, &why)
+                                : start(state, &why) && gl_context_bind(state->context, &why);
+    bool ok = bound && gl_draw(state, job, &why);
+    if (!bound || gl_context_is_lost(state->context, &why)) {
+        gl_context_destroy(&state->context);
+        ok = false;
+    } else {
+        gl_context_unbind(state->context);
+    }
+    return ok || sp_fail(err, why.code, why.place, "%s", why.text);
+}
+
+static void gl_forget(void *pointer, const struct sp_volume *volume) {
+    struct gl_state *state = pointer;
+    /* A lost context has taken all lists with it. */
+    if (state->context && gl_context_bind(state->context, NULL)) {
+        gl_lists_forget(&state->lists, volume);
+        gl_context_unbind(state->context);
+    }
+    sp_classify_cache_forget(&state->cache, volume);
+}
+
+static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
+    const struct gl_state *state = pointer;
+    uint64_t lists = state->context ? gl_lists_bytes(&state->lists, volume) : 0;
+    return sp_classify_cache_bytes(&state->cache, volume) + lists;
+}
+
+#define CAPABILITIES                                                                               \
+    {                                                                                              \
+        .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC), .filters = SP_CAN_ALL,    \
+        .kernels = SP_CAN_ALL, .compositings = SP_CAN(SP_COMPOSITE_SHEET),                         \
+        .attenuations = SP_CAN_ALL, .orders = SP_CAN(SP_TF_PRE),                                   \
+        .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),                            \
+        .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),                                                 \
+        .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true        \
+    }
+
+extern const struct sp_backend gl_backend, gl_software_backend;
+const struct sp_backend gl_backend = {
+    .entry = { "gl", "EWA splatting on a GPU, with compute shaders through EGL" },
+    .by_name_only = true,
+    .is_gpu = true,
+    .capabilities = CAPABILITIES,
+    .create = gl_create,
+    .destroy = gl_destroy,
+    .info = gl_info,
+    .render = gl_render,
+    .forget = gl_forget,
+    .memory = gl_memory,
+    .probe = gl_probe, /* of both entries */
+};
+const struct sp_backend gl_software_backend = {
+    .entry = { "gl-software", "the same on the processor, by software GL: for tests" },
+    .by_name_only = true,
+    .capabilities = CAPABILITIES,
+    .create = gl_create_software,
+    .destroy = gl_destroy,
+    .info = gl_info,
+    .render = gl_render,
+    .forget = gl_forget,
+    .memory = gl_memory,
+};

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Every place where GL may be had, each opened and closed again.
+ */
+#include <stdio.h>
+#include <string.h>
+
+#include "backend/gl/egl.h"
+
+static void describe(struct sp_device *device, const struct gl_info *info) {
+    device->backend = info->software ? "gl-software" : "gl";
+    device->is_gpu = !info->software;
+    device->limits = info->limits;
+    memcpy(device->name, info->renderer, sizeof device->name);
+    memcpy(device->vendor, info->vendor, sizeof device->vendor);
+    memcpy(device->version, info->version, sizeof device->version);
+    memcpy(device->driver, info->driver, sizeof device->driver);
+}
+
+static void probe_place(const struct gl_place *place, sp_device_visit *visit, void *user) {
+    struct sp_device device = { .backend = "gl", .gpu = place->gpu };
+    struct sp_error why;
+    gl_place_name(place, device.place, sizeof device.place);
+    struct gl_context *context = gl_context_open(place, &why);
+    if (context) {
+        describe(&device, gl_context_info(context));
+    } else {
+        gl_place_add_cause(place, &why);
+        memcpy(device.refusal, why.text, sizeof device.refusal);
+    }
+    visit(user, &device);
+    gl_context_destroy(&context);
+}
+
+void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, void *user) {
+    struct gl_places places;
+    struct sp_error why;
+    (void)options;
+    if (gl_places_list(&places, &why)) {
+        for (unsigned i = 0; i < places.count; i++)
+            probe_place(&places.list[i], visit, user);
+    } else {
+        struct sp_device device = { .backend = "gl", .place = "EGL", .gpu = -1 };
+        memcpy(device.refusal, why.text, sizeof device.refusal);
+        visit(user, &device);
+    }
+}

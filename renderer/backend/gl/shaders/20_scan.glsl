@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Counts → where each bin's pairs begin inside its block of SCAN_BLOCK bins, and each block's total. Four bins a
+// thread, Hillis & Steele in shared memory.
+
+layout(local_size_x = GROUP) in;
+layout(std430, binding = 6) writeonly buffer Totals { uint totals[]; };
+layout(location = 1) uniform uint bins;
+
+shared uint sums[GROUP];
+
+void main() {
+    uint thread = gl_LocalInvocationIndex, first = gl_WorkGroupID.x * SCAN_BLOCK + 4u * thread;
+    uint own[4], sum = 0u;
+    for (uint i = 0u; i < 4u; i++) {
+        own[i] = sum;
+        sum += first + i < bins ? count[first + i] : 0u;
+    }
+    sums[thread] = sum;
+    barrier();
+    for (uint step = 1u; step < GROUP; step *= 2u) {
+        uint before = thread >= step ? sums[thread - step] : 0u;
+        barrier();
+        sums[thread] += before;
+        barrier();
+    }
+    uint start = sums[thread] - sum;
+    for (uint i = 0u; i < 4u; i++)
+        if (first + i < bins)
+            count[first + i] = start + own[i];
+    if (thread == GROUP - 1u)
+        totals[gl_WorkGroupID.x] = sums[thread];
+}

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Composited pixels over the background → the frame's format (frame/resolve.h).
+
+layout(local_size_x = GROUP) in;
+layout(std430, binding = 1) readonly buffer Done { vec4 done[]; };
+layout(std430, binding = 2) writeonly buffer Pixels { uint pixels[]; };
+layout(location = 0) uniform uvec2 format; // pixels, as floats
+layout(location = 1) uniform vec4 background;
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= format.x)
+        return;
+    vec4 pixel = done[i];
+    float share = pixel.x * background.a, alpha = 1.0 - pixel.x + share;
+    vec4 color = vec4(pixel.yzw + share * background.rgb, alpha);
+    if (format.y != 0u) {
+        for (uint c = 0u; c < 4u; c++)
+            pixels[4u * i + c] = floatBitsToUint(color[c]);
+        return;
+    }
+    color.rgb *= alpha > 1e-6 ? 1.0 / alpha : 0.0;
+    uvec4 bytes = uvec4(clamp(color, 0.0, 1.0) * 255.0 + 0.5);
+    pixels[i] = bytes.r | bytes.g << 8 | bytes.b << 16 | bytes.a << 24;
+}

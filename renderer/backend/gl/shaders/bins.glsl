@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Splats by tile and layer, and what is counted of them.
+//
+//   bin = tile · layers + layer      count[bin] ─► (20, 21) where its pairs begin ─► (22) end
+
+layout(std430, binding = 7) coherent buffer Bins {
+    uint splats;           // drawn, of the frame
+    uint fragments, carry; // px inside their cutoffs: low and high word
+    uint needed;           // pairs of the batch that had most
+    uint total;            // pairs of this batch
+    uint unused[11];
+    uint count[];
+};
+
+layout(location = 0) uniform uvec4 tiles;  // columns, first and last + 1 of the picture's rows, layers of the batch

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Constants of a frame: struct gl_frame of frame.h. Lengths in cells (splat/ewa.h).
+
+// One level of the volume, as it is or enlarged (splat/detail.h).
+struct Part {
+    vec4 step[3];   // rows of C
+    vec4 kernel[3]; // rows of K
+    vec4 view;      // scale, centre x, centre y [px], near
+    vec4 footprint; // h² [px²], Mahalanobis radius, cut, peak
+    vec4 bounds;    // gain, half of a flat footprint [standard deviations], largest u0/u2, u1/u2
+    uvec4 kind;     // level, rectilinear
+};
+
+struct Light {
+    vec4 direction, world, color; // unit, in camera space and in the world's
+};
+
+layout(std430, binding = 0) readonly buffer Frame {
+    Part parts[PARTS];
+    vec4 to_camera[3]; // rows of W
+    vec4 phong;        // ambient, diffuse, specular, exponent
+    vec4 glint;        // width, gain
+    Light lights[8];
+    uvec4 choice;  // perspective, lit, lights, layers of the frame
+    uvec4 picture; // width, height [px], axis of the sheets
+    uint layers[]; // by sheet of the finest level: its place front to back
+};

@@ -1,0 +1,252 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Frames of the GPU backend on software GL: drawn whole and in pieces of any size, one after the
+ * other, with edits between them, cancelled, over budget.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "backend/backend.h"
+#include "backend/gl/draw.h"
+#include "sp/log.h"
+#include "support/data.h"
+#include "support/image.h"
+#include "support/scene.h"
+
+struct rig {
+    const struct sp_backend *backend;
+    struct gl_state *state;
+    struct sp_frame_pool *pool;
+};
+
+static const struct sp_backend *find_backend(const char *name) {
+    for (unsigned i = 0; sp_registry_at(i); i++)
+        if (strcmp(sp_registry_at(i)->entry.name, name) == 0)
+            return sp_registry_at(i);
+    return NULL;
+}
+
+static bool open_rig(struct rig *rig, uint64_t memory_bytes, struct sp_error *err) {
+    const struct sp_backend_options options = {
+        .threads = 2, .memory_bytes = memory_bytes, .isa = "auto", .gpu = -1
+    };
+    *rig = (struct rig){ .backend = find_backend("gl-software") };
+    rig->state = rig->backend->create(&options, err);
+    rig->pool = rig->state ? sp_frame_pool_create((size_t)64 << 20, err) : NULL;
+    return rig->pool != NULL;
+}
+
+static void close_rig(struct rig *rig) {
+    rig->backend->destroy(rig->state);
+    sp_frame_pool_destroy(&rig->pool);
+}
+
+/* False with *err set. */
+static bool draw(struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
+                 const atomic_bool *cancel, struct test_image *image, struct sp_frame_stats *stats,
+                 struct sp_error *err) {
+    struct sp_frame *frame =
+        sp_frame_create(rig->pool, view->size[0], view->size[1], SP_RGBAF32, err);
+    assert_non_null(frame);
+    struct sp_backend_job job = {
+        .volume = volume, .view = view, .frame = frame, .cancel = cancel
+    };
+    bool ok = rig->backend->render(rig->state, &job, err);
+    if (ok && image)
+        assert_true(test_image_from_frame(image, frame));
+    if (stats)
+        *stats = frame->stats;
+    sp_frame_unref(&frame);
+    return ok;
+}
+
+/* Sheets of a scene that has them, in a picture whose sides no tile divides. */
+static struct sp_volume *make_scene(test_scene_fn *build, struct test_scene *scene) {
+    assert_true(build(scene));
+    scene->view.compositing.mode = SP_COMPOSITE_SHEET;
+    scene->view.size[0] = 75;
+    scene->view.size[1] = 53;
+    struct sp_volume *volume = test_scene_volume(scene, NULL);
+    assert_non_null(volume);
+    return volume;
+}
+
+static struct test_image draw_ok(struct rig *rig, struct sp_volume *volume,
+                                 const struct sp_view *view, struct sp_frame_stats *stats) {
+    struct test_image image;
+    struct sp_error err;
+    if (!draw(rig, volume, view, NULL, &image, stats, &err))
+        fail_msg("%s", err.text);
+    return image;
+}
+
+static void check_same(struct test_image *got, const struct test_image *wanted, const char *what) {
+    double psnr = test_image_psnr(got, wanted);
+    print_message("  %s: %.1f dB\n", what, psnr);
+    assert_true(psnr >= 110);
+    test_image_finish(got);
+}
+
+/* Forgets what earlier frames had no room for. */
+static void reset(struct rig *rig, const struct gl_limits *limits) {
+    rig->state->limits = *limits;
+    rig->state->rows = limits->tiles;
+    rig->state->layers = limits->bins;
+}
+
+static void pieces_make_the_whole(void **state) {
+    struct rig *rig = *state;
+    static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,
+                                             test_scene_rectilinear_blobs,
+                                             test_scene_checkerboard };
+    const struct gl_limits whole = rig->state->limits, small[] = {
+        { SP_BRICK_VOXELS, whole.bins, whole.tiles, whole.pairs }, /* a brick or two a batch */
+        { whole.records, 1, whole.tiles, whole.pairs },            /* a layer a batch */
+        { SP_BRICK_VOXELS, 1, 1, whole.pairs },                    /* and a row of tiles a band */
+        { whole.records, whole.bins, whole.tiles, 3000 },          /* found when it is too much */
+    };
+    for (size_t b = 0; b < sizeof builds / sizeof *builds; b++) {
+        struct test_scene scene;
+        struct sp_volume *volume = make_scene(builds[b], &scene);
+        struct sp_frame_stats stats, own;
+        struct test_image wanted = draw_ok(rig, volume, &scene.view, &stats);
+        for (size_t i = 0; i < sizeof small / sizeof *small; i++) {
+            struct test_image got;
+            rig->state->limits = small[i];
+            if (small[i].pairs < rig->state->pairs)
+                rig->state->pairs = small[i].pairs / 2;
+            got = draw_ok(rig, volume, &scene.view, &own);
+            check_same(&got, &wanted, scene.info.name);
+            assert_true(own.splats >= stats.splats); /* across bands they count twice */
+            reset(rig, &whole);
+        }
+        test_image_finish(&wanted);
+        rig->backend->forget(rig->state, volume);
+        sp_volume_unref(&volume);
+        test_scene_finish(&scene);
+    }
+}
+
+static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
+    struct rig *rig = *state;
+    struct test_scene scene;
+    struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
+    const struct gl_limits whole = rig->state->limits;
+    struct sp_error err = { 0 };
+    rig->state->limits.pairs = rig->state->pairs = 7;
+    assert_false(draw(rig, volume, &scene.view, NULL, NULL, NULL, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_non_null(strstr(err.text, "room for 7"));
+    reset(rig, &whole);
+    struct test_image image = draw_ok(rig, volume, &scene.view, NULL);
+    test_image_finish(&image);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
+static void an_edit_uploads_what_it_changes(void **state) {
+    struct rig *rig = *state;
+    struct test_scene scene;
+    struct sp_volume *volume = make_scene(test_scene_constant_cube, &scene);
+    struct sp_view view = scene.view;
+    struct test_image before = draw_ok(rig, volume, &view, NULL);
+    uint64_t first = rig->state->lists.uploaded;
+    view.camera.position[0] += 5; /* a view change uploads nothing of the volume */
+    struct test_image turned = draw_ok(rig, volume, &view, NULL);
+    assert_int_equal(rig->state->lists.uploaded, first);
+    assert_true(test_image_psnr(&turned, &before) < 60);
+    view = scene.view;
+    for (uint32_t p = 0; p < view.transfer_function.point_count; p++)
+        view.transfer_function.points[p].color[1] = 0; /* colours alone: a table */
+    struct test_image tinted = draw_ok(rig, volume, &view, NULL);
+    uint64_t table = rig->state->lists.uploaded - first;
+    assert_true(table > 0 && table < 70000);
+    assert_true(test_image_psnr(&tinted, &before) < 60);
+    struct test_image again = draw_ok(rig, volume, &scene.view, NULL);
+    check_same(&again, &before, "edited back");
+    assert_true(rig->backend->memory(rig->state, volume) > 0);
+    rig->backend->forget(rig->state, volume);
+    assert_int_equal(rig->backend->memory(rig->state, volume), 0);
+    test_image_finish(&before);
+    test_image_finish(&turned);
+    test_image_finish(&tinted);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
+static void a_cancelled_frame_leaves_nothing_behind(void **state) {
+    struct rig *rig = *state;
+    struct test_scene scene;
+    struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
+    struct test_image wanted = draw_ok(rig, volume, &scene.view, NULL);
+    atomic_bool cancel = true;
+    struct sp_error err;
+    assert_false(draw(rig, volume, &scene.view, &cancel, NULL, NULL, &err));
+    assert_int_equal(err.code, SP_ERR_CANCELLED);
+    struct test_image got = draw_ok(rig, volume, &scene.view, NULL);
+    check_same(&got, &wanted, "after a cancelled frame");
+    test_image_finish(&wanted);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
+static void volumes_share_a_budget_by_least_recent_use(void **state) {
+    (void)state;
+    struct test_scene scenes[2];
+    struct sp_volume *volumes[2] = { make_scene(test_scene_blobs, &scenes[0]),
+                                     make_scene(test_scene_constant_cube, &scenes[1]) };
+    struct rig rig;
+    struct sp_error err;
+    assert_true(open_rig(&rig, (uint64_t)1 << 30, &err));
+    for (int i = 0; i < 2; i++) {
+        struct test_image image = draw_ok(&rig, volumes[i], &scenes[i].view, NULL);
+        test_image_finish(&image);
+        assert_true(gl_lists_bytes(&rig.state->lists, volumes[i]) > 0);
+    }
+    rig.state->lists.limit_bytes = gl_lists_bytes(&rig.state->lists, NULL) - 1;
+    struct test_image image = draw_ok(&rig, volumes[1], &scenes[1].view, NULL);
+    test_image_finish(&image);
+    image = draw_ok(&rig, volumes[0], &scenes[0].view, NULL);
+    test_image_finish(&image);
+    assert_true(gl_lists_bytes(&rig.state->lists, volumes[0]) > 0);
+    assert_int_equal(gl_lists_bytes(&rig.state->lists, volumes[1]), 0);
+    rig.state->lists.limit_bytes = 1000; /* less than either takes */
+    assert_false(draw(&rig, volumes[0], &scenes[0].view, NULL, NULL, NULL, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_non_null(strstr(err.text, " 1000 "));
+    close_rig(&rig);
+    for (int i = 0; i < 2; i++) {
+        sp_volume_unref(&volumes[i]);
+        test_scene_finish(&scenes[i]);
+    }
+}
+
+int main(void) {
+    struct rig rig;
+    struct sp_error err;
+    sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    if (!open_rig(&rig, (uint64_t)1 << 30, &err)) {
+        printf("skipped: no software GL here: %s\n", err.text);
+        return TEST_SKIPPED;
+    }
+#define ON(test)                                                                                   \
+    { #test, test, NULL, NULL, &rig }
+    const struct CMUnitTest tests[] = {
+        ON(pieces_make_the_whole),
+        ON(what_has_no_room_at_all_is_refused_with_both_numbers),
+        ON(an_edit_uploads_what_it_changes),
+        ON(a_cancelled_frame_leaves_nothing_behind),
+        ON(volumes_share_a_budget_by_least_recent_use),
+    };
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    close_rig(&rig);
+    return failed;
+}

@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Contexts that are lost in the middle: another one is made, volumes are uploaded again, and the
+ * picture is the same. The loss is played: calls of GL and EGL are answered here as a driver
+ * answers them that has reset its GPU.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "backend/gl/egl.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "sp/log.h"
+#include "sp/renderer.h"
+
+enum { SIZE = 40, SKIPPED = 77 };
+
+/* What is about to fail, so many times each. */
+static struct {
+    unsigned resets, binds, contexts;
+    GLenum status;
+} plan;
+static unsigned contexts_made, warnings;
+static char last_warning[512];
+
+static struct {
+    PFNEGLMAKECURRENTPROC make_current;
+    PFNEGLCREATECONTEXTPROC create_context;
+    PFNEGLGETERRORPROC get_error;
+} real;
+static EGLint error;
+
+static bool fails(unsigned *planned) {
+    bool now = *planned > 0;
+    *planned -= now;
+    return now;
+}
+
+static GLenum reset_status(void) {
+    return fails(&plan.resets) ? plan.status : GL_NO_ERROR;
+}
+
+static EGLBoolean make_current(EGLDisplay display, EGLSurface draw, EGLSurface read,
+                               EGLContext context) {
+    if (context && fails(&plan.binds)) {
+        error = EGL_CONTEXT_LOST;
+        return EGL_FALSE;
+    }
+    return real.make_current(display, draw, read, context);
+}
+
+static EGLContext create_context(EGLDisplay display, EGLConfig config, EGLContext share,
+                                 const EGLint *attributes) {
+    if (fails(&plan.contexts)) {
+        error = EGL_BAD_ALLOC;
+        return EGL_NO_CONTEXT;
+    }
+    contexts_made++;
+    return real.create_context(display, config, share, attributes);
+}
+
+static EGLint get_error(void) {
+    EGLint planned = error;
+    error = 0;
+    return planned ? planned : real.get_error();
+}
+
+/* Once a context was there: until then libepoxy looks the functions up, and replaces these. */
+static void play_the_driver(void) {
+    real.make_current = epoxy_eglMakeCurrent;
+    real.create_context = epoxy_eglCreateContext;
+    real.get_error = epoxy_eglGetError;
+    epoxy_glGetGraphicsResetStatus = reset_status;
+    epoxy_eglMakeCurrent = make_current;
+    epoxy_eglCreateContext = create_context;
+    epoxy_eglGetError = get_error;
+}
+
+static void count_warning(void *user, enum sp_log_level level, const char *line) {
+    (void)user;
+    if (level == SP_LOG_WARN) {
+        warnings++;
+        snprintf(last_warning, sizeof last_warning, "%s", line);
+    }
+}
+
+struct scene {
+    struct sp_renderer *renderer;
+    struct sp_frame_pool *pool;
+    struct sp_volume *volumes[2];
+    unsigned char wanted[2][SIZE][SIZE][4];
+    struct sp_error err;
+};
+
+/* Draws volume i; false with scene->err set. */
+static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[SIZE][SIZE][4]) {
+    struct sp_view view;
+    sp_view_init(&view, sp_volume_info(scene->volumes[i]), "v");
+    view.size[0] = view.size[1] = SIZE;
+    view.shading.mode = SP_SHADING_PHONG;
+    if (is_slab) { /* programs and tables of its own */
+        view.compositing.mode = SP_COMPOSITE_SLAB;
+        view.transfer_function.order = SP_TF_POST;
+    }
+    struct sp_frame *frame = sp_renderer_render(scene->renderer, scene->volumes[i], &view,
+                                                scene->pool, NULL, &scene->err);
+    for (int y = 0; frame && y < SIZE; y++)
+        memcpy(pixels[y], (char *)frame->pixels + frame->stride_bytes * y, 4 * SIZE);
+    bool ok = frame != NULL;
+    sp_frame_unref(&frame);
+    return ok;
+}
+
+static void check_pictures(struct scene *scene) {
+    unsigned char got[SIZE][SIZE][4];
+    for (int i = 0; i < 2; i++) {
+        if (!draw(scene, i, false, got))
+            fail_msg("%s", scene->err.text);
+        assert_memory_equal(got, scene->wanted[i], sizeof got);
+    }
+}
+
+static int begin(void **state) {
+    struct scene *scene = *state;
+    memset(&plan, 0, sizeof plan);
+    plan.status = GL_GUILTY_CONTEXT_RESET;
+    check_pictures(scene);
+    warnings = contexts_made = 0;
+    return 0;
+}
+
+static void a_reset_costs_no_frame(void **state) {
+    static const struct {
+        GLenum status;
+        const char *words;
+    } resets[] = { { GL_GUILTY_CONTEXT_RESET, "for what this program asked of it" },
+                   { GL_INNOCENT_CONTEXT_RESET, "for what another program asked of it" },
+                   { GL_UNKNOWN_CONTEXT_RESET, "for a reason that it does not tell" },
+                   { 0x92bb, "for a reason that it does not tell" } };
+    for (unsigned i = 0; i < sizeof resets / sizeof resets[0]; i++) {
+        plan.status = resets[i].status;
+        plan.resets = 1;
+        check_pictures(*state);
+        assert_int_equal(plan.resets, 0);
+        assert_int_equal(warnings, i + 1);
+        assert_int_equal(contexts_made, i + 1);
+        assert_non_null(strstr(last_warning, "backend gl-software fails: the driver has reset "));
+        assert_non_null(strstr(last_warning, resets[i].words));
+    }
+}
+
+static void what_slabs_need_is_made_again(void **state) {
+    struct scene *scene = *state;
+    static unsigned char wanted[SIZE][SIZE][4], got[SIZE][SIZE][4];
+    if (!draw(scene, 0, true, wanted)) {
+        assert_int_equal(scene->err.code, SP_ERR_UNSUPPORTED);
+        return;
+    }
+    assert_memory_not_equal(wanted, scene->wanted[0], sizeof wanted);
+    plan.resets = 1;
+    assert_true(draw(scene, 0, true, got));
+    assert_int_equal(plan.resets, 0);
+    assert_memory_equal(got, wanted, sizeof got);
+}
+
+static void a_context_that_cannot_be_bound_is_replaced(void **state) {
+    plan.binds = 2;
+    check_pictures(*state);
+    assert_int_equal(plan.binds, 0);
+    assert_int_equal(warnings, 2);
+    assert_non_null(strstr(last_warning, "eglMakeCurrent fails: EGL_CONTEXT_LOST"));
+}
+
+static void a_gpu_that_is_reset_again_and_again_is_given_up(void **state) {
+    struct scene *scene = *state;
+    unsigned char pixels[SIZE][SIZE][4];
+    plan.resets = 3;
+    assert_false(draw(scene, 0, false, pixels)); /* it was named, so nothing takes over */
+    assert_int_equal(scene->err.code, SP_ERR_BACKEND);
+    assert_int_equal(warnings, 3);
+    /* There is no context now; what needs none goes on. */
+    sp_renderer_forget(scene->renderer, scene->volumes[0]);
+    assert_int_equal(sp_renderer_memory(scene->renderer, scene->volumes[0]), 0);
+    check_pictures(scene);
+}
+
+static void without_another_context_the_next_frame_tries_again(void **state) {
+    struct scene *scene = *state;
+    unsigned char pixels[SIZE][SIZE][4];
+    plan.resets = 1;
+    plan.contexts = 1000;
+    assert_false(draw(scene, 1, false, pixels));
+    assert_int_equal(scene->err.code, SP_ERR_BACKEND);
+    assert_non_null(strstr(scene->err.text, "EGL_BAD_ALLOC"));
+    assert_false(draw(scene, 1, false, pixels));
+    plan.contexts = 0;
+    check_pictures(scene);
+}
+
+/* The last test: the renderer ends without a context. */
+static void it_may_end_lost(void **state) {
+    struct scene *scene = *state;
+    unsigned char pixels[SIZE][SIZE][4];
+    plan.resets = 3;
+    assert_false(draw(scene, 0, false, pixels));
+    sp_renderer_destroy(&scene->renderer);
+    assert_null(eglGetCurrentContext());
+}
+
+static bool init_scene(struct scene *scene) {
+    static const char *const sources[] = { "demo:phantom?size=16", "demo:vessels?size=20" };
+    const struct sp_renderer_options options = { .backend = "gl-software", .threads = 1 };
+    scene->renderer = sp_renderer_create(&options, &scene->err);
+    scene->pool = scene->renderer ? sp_frame_pool_create(0, &scene->err) : NULL;
+    bool ok = scene->pool != NULL;
+    for (int i = 0; ok && i < 2; i++)
+        ok = (scene->volumes[i] = sp_volume_load(sources[i], NULL, &scene->err)) &&
+             draw(scene, i, false, scene->wanted[i]);
+    return ok;
+}
+
+int main(void) {
+    static struct scene scene;
+    sp_log_init(count_warning, NULL, SP_LOG_WARN);
+    if (!init_scene(&scene)) {
+        printf("skipped: %s\n", scene.err.text);
+        return SKIPPED;
+    }
+    play_the_driver();
+#define TEST(name)                                                                                 \
+    { #name, name, begin, NULL, &scene }
+    const struct CMUnitTest tests[] = {
+        TEST(a_reset_costs_no_frame),
+        TEST(what_slabs_need_is_made_again),
+        TEST(a_context_that_cannot_be_bound_is_replaced),
+        TEST(a_gpu_that_is_reset_again_and_again_is_given_up),
+        TEST(without_another_context_the_next_frame_tries_again),
+        TEST(it_may_end_lost),
+    };
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    sp_renderer_destroy(&scene.renderer);
+    sp_frame_pool_destroy(&scene.pool);
+    for (int i = 0; i < 2; i++)
+        sp_volume_unref(&scene.volumes[i]);
+    return failed;
+}

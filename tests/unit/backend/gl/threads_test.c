@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Renderers of the GPU backend on several threads, as the daemon's lanes have them: at the same
+ * time, made on one thread and used on another, ended while others draw.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sp/log.h"
+#include "sp/renderer.h"
+
+enum { SIZE = 40, FRAMES = 4, LANES = 3, ROUNDS = 2, SKIPPED = 77 };
+static const struct sp_renderer_options gl = { .backend = "gl-software", .threads = 1 };
+
+struct pictures {
+    unsigned char pixels[FRAMES][SIZE][SIZE][4];
+};
+
+/* Some views of the volume, one after the other. Called on several threads: asserts nothing. */
+static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct pictures *out) {
+    struct sp_frame_pool *pool = sp_frame_pool_create(0, NULL);
+    struct sp_view view;
+    sp_view_init(&view, sp_volume_info(volume), "v");
+    view.size[0] = view.size[1] = SIZE;
+    view.compositing.mode = SP_COMPOSITE_SHEET;
+    bool ok = pool != NULL;
+    for (int i = 0; ok && i < FRAMES; i++) {
+        view.camera.position[i % 3] += 5;
+        struct sp_frame *frame = sp_renderer_render(renderer, volume, &view, pool, NULL, NULL);
+        ok = frame != NULL;
+        for (int y = 0; ok && y < SIZE; y++)
+            memcpy(out->pixels[i][y], (char *)frame->pixels + frame->stride_bytes * y, 4 * SIZE);
+        sp_frame_unref(&frame);
+    }
+    sp_frame_pool_destroy(&pool);
+    return ok;
+}
+
+struct lane {
+    struct sp_volume *volume;
+    struct sp_renderer *first; /* has drawn on the main thread; the later ones are made here */
+    const struct pictures *wanted;
+    unsigned right;
+    pthread_t thread;
+};
+
+static void *run_lane(void *user) {
+    struct lane *lane = user;
+    struct pictures *got = malloc(sizeof *got);
+    for (int i = 0; got && i < ROUNDS; i++) {
+        if (!lane->first)
+            lane->first = sp_renderer_create(&gl, NULL);
+        if (lane->first && draw(lane->first, lane->volume, got))
+            lane->right += memcmp(got, lane->wanted, sizeof *got) == 0;
+        sp_renderer_destroy(&lane->first);
+    }
+    free(got);
+    return NULL;
+}
+
+static void lanes_draw_what_one_draws_alone(void **state) {
+    (void)state;
+    static const char *const sources[LANES] = { "demo:phantom?size=16", "demo:vessels?size=20",
+                                                "demo:phantom?size=16" };
+    static struct pictures wanted[LANES];
+    struct lane lanes[LANES] = { { 0 } };
+    for (int i = 0; i < LANES; i++) {
+        lanes[i].volume = sp_volume_load(sources[i], NULL, NULL);
+        lanes[i].first = sp_renderer_create(&gl, NULL);
+        lanes[i].wanted = &wanted[i];
+        assert_non_null(lanes[i].first);
+        assert_true(draw(lanes[i].first, lanes[i].volume, &wanted[i]));
+    }
+    assert_memory_equal(&wanted[0], &wanted[2], sizeof wanted[0]);
+    assert_memory_not_equal(&wanted[0], &wanted[1], sizeof wanted[0]);
+    assert_memory_not_equal(wanted[0].pixels[0], wanted[0].pixels[1], sizeof wanted[0].pixels[0]);
+    for (int i = 0; i < LANES; i++)
+        assert_int_equal(pthread_create(&lanes[i].thread, NULL, run_lane, &lanes[i]), 0);
+    for (int i = 0; i < LANES; i++)
+        assert_int_equal(pthread_join(lanes[i].thread, NULL), 0);
+    for (int i = 0; i < LANES; i++) {
+        assert_int_equal(lanes[i].right, ROUNDS);
+        sp_volume_unref(&lanes[i].volume);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = { cmocka_unit_test(lanes_draw_what_one_draws_alone) };
+    struct sp_error err;
+    sp_log_init(NULL, NULL, SP_LOG_WARN);
+    struct sp_renderer *renderer = sp_renderer_create(&gl, &err);
+    if (!renderer) {
+        printf("skipped: %s\n", err.text);
+        return SKIPPED;
+    }
+    sp_renderer_destroy(&renderer);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
