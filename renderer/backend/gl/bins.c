@@ -8,13 +8,15 @@
 bool gl_bins_init(struct gl_bins *bins, struct sp_error *err) {
     return (bins->scan = gl_program_open("bins 20_scan", err)) &&
            (bins->totals_program = gl_program_open("bins 21_totals", err)) &&
-           (bins->scatter = gl_program_open("bins 22_scatter", err));
+           (bins->scatter = gl_program_open("bins records 22_scatter", err)) &&
+           (bins->order = gl_program_open("bins 23_order", err));
 }
 
 void gl_bins_finish(struct gl_bins *bins) {
     glDeleteProgram(bins->scan);
     glDeleteProgram(bins->totals_program);
     glDeleteProgram(bins->scatter);
+    glDeleteProgram(bins->order);
     gl_buffer_finish(&bins->counts);
     gl_buffer_finish(&bins->totals);
     gl_buffer_finish(&bins->pairs);
@@ -71,5 +73,16 @@ void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
     gl_buffer_bind(&bins->totals, 2);
     gl_buffer_bind(&bins->pairs, 3);
     glDispatchCompute(gl_divide_up(records, GL_GROUP), 1, 1);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+}
+
+void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs) {
+    uint32_t count = gl_bins_count(space);
+    glUseProgram(bins->order);
+    glUniform2ui(1, count, pairs);
+    gl_buffer_bind(&bins->totals, 2);
+    gl_buffer_bind(&bins->pairs, 3);
+    gl_buffer_bind(&bins->counts, 7);
+    glDispatchCompute(gl_divide_up(count, GL_GROUP), 1, 1);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
 }

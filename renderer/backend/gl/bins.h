@@ -5,7 +5,8 @@
  *   bin = tile · layers + layer
  *   count[bin] ─ 20_scan, 21_totals ─► where each bin begins ─ 22_scatter ─► pairs[] by bin
  *
- * Inside a bin the order is free. Where pairs are more than there is room for, none is written.
+ * Inside a bin the order is free, unless 23_order makes it that of the records. Where pairs are
+ * more than there is room for, none is written.
  */
 #ifndef GL_BINS_H
 #define GL_BINS_H
@@ -19,13 +20,15 @@ struct gl_bins_head {
     uint32_t splats;           /* drawn */
     uint32_t fragments, carry; /* px inside their cutoffs: low and high word */
     uint32_t needed;           /* pairs of the batch that had most; UINT32_MAX: that many or more */
+    uint32_t total;            /* pairs of the last batch */
+    uint32_t longest;          /* pairs of the tile that had most in a batch */
 };
 
 struct gl_bins {
-    unsigned scan, totals_program, scatter; /* programs */
-    struct gl_buffer counts;                /* head, then a word a bin */
-    struct gl_buffer totals;                /* by GL_SCAN_BLOCK bins */
-    struct gl_buffer pairs;                 /* numbers of records */
+    unsigned scan, totals_program, scatter, order; /* programs */
+    struct gl_buffer counts;                       /* head, then a word a bin */
+    struct gl_buffer totals;                       /* by GL_SCAN_BLOCK bins */
+    struct gl_buffer pairs;                        /* numbers of records */
 };
 
 /* Tiles and layers that are sorted into: the uniform `tiles` of shaders/bins.glsl. */
@@ -64,5 +67,8 @@ void gl_bins_set_space(const struct gl_bins_space *space);
  * counts[bin] + totals[bin / GL_SCAN_BLOCK] is where the bin ends. */
 void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
                   const struct gl_buffer *spans, uint32_t records, uint32_t pairs);
+
+/* Then puts the records of each bin in rising order. */
+void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs);
 
 #endif

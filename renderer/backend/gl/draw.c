@@ -2,6 +2,7 @@
 #include "backend/gl/draw.h"
 
 #include <epoxy/gl.h>
+#include <math.h>
 #include <string.h>
 
 #include "base/clock.h"
@@ -10,14 +11,19 @@
 enum {
     PAIRS_MIN = 1 << 20,
     PAIRS_MOST = 1 << 25,   /* the longest dispatch of the compositor */
-    GROUPS_MOST = 65535,    /* along an axis of a dispatch, on any GPU */
-    RECORDS_MOST = 4000000, /* 32 bytes each fit 128 MB; the counts of GL_SCAN_BLOCK bins, a word */
+    RECORDS_MOST = 4000000, /* a pair has 22 bits for one; counts of GL_SCAN_BLOCK bins, a word */
     BINS_MOST = 1 << 22,
-    TILES_MOST = 1 << 16,
+    TILES_MOST = 1 << 15,
+    LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
+    GROUPS_MOST = 65535,   /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    LAYERS_MOST = 65535,   /* a record has 16 bits for its layer */
     POLL_NS = 5 * 1000000, /* between two looks at the cancel flag */
-    IN_FLIGHT = 2          /* batches that the GPU may lie behind */
+    IN_FLIGHT = 2,         /* batches that the GPU may lie behind */
+    LOOPS_MOST = 1 << 22,
+    LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
+                               iteration of a loop in a loop is two */
+    ENTRIES_EACH = SP_BRICK_VOXELS / GL_GROUP, /* that an invocation sets up, at most */
+    ORDER_ROUNDS = 24                          /* for a pair while its bin is put in order */
 };
 
 enum { STAGE_CLASSIFY, STAGE_SPLAT, STAGE_BIN, STAGE_TILE, STAGE_RESOLVE, STAGES };
@@ -28,9 +34,9 @@ struct draw {
     struct gl_frame frame;
     double stage_ms[STAGES];
     uint64_t splats, fragments;
-    uint32_t columns; /* of tiles */
-    uint32_t y, end;  /* rows of the band [px] */
-    uint32_t cut_for; /* layers of a batch that the frame is cut for */
+    uint32_t columns;    /* of tiles */
+    uint32_t y, end;     /* rows of the band [px] */
+    uint32_t cut_for[2]; /* layers and records of a batch that the frame is cut for */
     GLsync sent[IN_FLIGHT];
     unsigned sent_count;
 };
@@ -122,6 +128,7 @@ static void project(struct draw *d, const struct gl_batch *batch) {
         gl_buffer_bind(&list->entries, 2);
         gl_buffer_bind(&list->tables, 3);
         gl_buffer_bind(list->normal_bytes ? &list->normals : &list->tables, 4);
+        glUniform1ui(3, d->frame.stride);
         glUniform4ui(2, list->has_keys, list->normal_bytes, list->first_class, list->has_scales);
         for (uint32_t done = 0, n; done < batch->bricks[l]; done += n) {
             uint32_t left = batch->bricks[l] - done;
@@ -138,25 +145,31 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     const struct gl_bins_space space = space_of(d, batch);
     gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->pairs);
+    if (d->frame.compositing == SP_COMPOSITE_SPLAT)
+        gl_bins_order(&s->bins, &space, (uint32_t)s->pairs);
     gl_timer_stamp(&s->timer, STAGE_BIN);
 }
 
 static void composite(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
+    const struct gl_frame *f = &d->frame;
     const struct sp_view *view = d->job->view;
-    uint32_t kernel = view->filter.mode == SP_FILTER_NONE      ? 2
-                      : view->filter.kernel == SP_KERNEL_CUBIC ? 1
-                                                               : 0;
-    use(d, GL_COMPOSITE, batch);
+    bool is_flat = view->filter.mode == SP_FILTER_NONE;
+    bool is_cubic = view->filter.kernel == SP_KERNEL_CUBIC;
+    use(d, f->is_post ? GL_COMPOSITE_POST : GL_COMPOSITE, batch);
     glUniform2ui(1, d->job->frame->width, (GLuint)s->pairs);
-    glUniform4ui(2, view->compositing.attenuation == SP_ATTENUATION_LINEAR, kernel, batch->resumes,
+    glUniform3ui(2, view->compositing.attenuation == SP_ATTENUATION_LINEAR, batch->resumes,
                  batch->stays_open);
-    glUniform1f(3, d->frame.ewa[d->frame.finest][0].cut);
+    glUniform1f(3, gl_frame_ewa(f)->cut);
+    glUniform4ui(4, f->compositing, gl_frame_ewa(f)->clip.count, f->stride, f->is_post);
+    glUniform2f(5, (float)batch->first, (float)f->thickness);
+    glUniform1ui(6, is_flat ? 2 : is_cubic ? 1 : 0);
+    gl_buffer_bind(&s->buffers.constants, 0);
     gl_buffer_bind(&s->buffers.records, 1);
     gl_buffer_bind(&s->bins.totals, 2);
     gl_buffer_bind(&s->bins.pairs, 3);
-    gl_buffer_bind(&s->buffers.done, 4);
-    gl_buffer_bind(&s->buffers.open, 5);
+    gl_buffer_bind(&s->buffers.image, 4);
+    gl_buffer_bind(f->is_post ? &s->curve.buffer : &s->buffers.image, 5);
     gl_buffer_bind(&s->buffers.cubic, 6);
     gl_buffer_bind(&s->bins.counts, 7);
     glDispatchCompute(d->columns, tile_rows(d), 1);
@@ -169,7 +182,7 @@ static void resolve(struct draw *d) {
     glUseProgram(s->programs[GL_RESOLVE]);
     glUniform2ui(0, band_pixels(d), d->job->frame->format == SP_RGBAF32);
     glUniform4fv(1, 1, d->job->view->background);
-    gl_buffer_bind(&s->buffers.done, 1);
+    gl_buffer_bind(&s->buffers.image, 1);
     gl_buffer_bind(&s->buffers.pixels, 2);
     glDispatchCompute(gl_divide_up(band_pixels(d), GL_GROUP), 1, 1);
     glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
@@ -178,7 +191,7 @@ static void resolve(struct draw *d) {
 
 static void start_band(const struct draw *d) {
     static const float clear_pixel[4] = { 1, 0, 0, 0 };
-    glBindBuffer(GL_SHADER_STORAGE_BUFFER, d->state->buffers.done.name);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, d->state->buffers.image.name);
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
                          (GLsizeiptr)band_pixels(d) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
                          GL_FLOAT, clear_pixel);
@@ -232,13 +245,12 @@ static bool reserve(struct draw *d, struct sp_error *err) {
         enum gl_usage usage;
     } wanted[] = {
         { &s->buffers.constants, "constants",
-          sizeof d->frame.constants + d->frame.layer_count * sizeof(uint32_t), GL_USE_STREAM },
+          sizeof d->frame.constants + d->frame.sheet_count * sizeof(uint32_t), GL_USE_STREAM },
         { &s->buffers.bricks, "bricks", (d->frame.brick_count + 1) * sizeof(struct gl_brick),
           GL_USE_STREAM },
-        { &s->buffers.records, "splats", records * 32, GL_USE_SCRATCH },
+        { &s->buffers.records, "splats", records * 16 * d->frame.stride, GL_USE_SCRATCH },
         { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
-        { &s->buffers.done, "pixels", pixels * 16, GL_USE_SCRATCH },
-        { &s->buffers.open, "pixels", pixels * 16, GL_USE_SCRATCH },
+        { &s->buffers.image, "pixels", pixels * 48, GL_USE_SCRATCH },
         { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d), GL_USE_SCRATCH },
         { &s->buffers.back, "pixels", pixels * pixel_bytes(d) + HEAD_BYTES, GL_USE_READ },
     };
@@ -256,19 +268,45 @@ static uint32_t layers_of_batch(const struct draw *d) {
     return room < d->state->layers ? room : d->state->layers;
 }
 
+static uint32_t records_of_batch(const struct draw *d) {
+    const struct gl_state *s = d->state;
+    uint64_t room = s->block_bytes / (16 * d->frame.stride);
+    return s->block_bytes && room < s->records ? (uint32_t)room : s->records;
+}
+
 /* Cuts the frame for the band, unless it is already. */
 static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
-    uint32_t layers = layers_of_batch(d);
-    if (layers != d->cut_for && !gl_frame_cut(&d->frame, layers, s->limits.records, &s->arena))
+    uint32_t layers = layers_of_batch(d), records = records_of_batch(d);
+    bool is_cut = layers == d->cut_for[0] && records == d->cut_for[1];
+    if (!is_cut && !gl_frame_cut(&d->frame, layers, records, &s->arena))
         return fail_memory(&s->arena, err);
     if (!reserve(d, err))
         return false;
-    if (layers != d->cut_for && d->frame.brick_count)
+    if (!is_cut && d->frame.brick_count)
         gl_buffer_write(&s->buffers.bricks, d->frame.bricks,
                         d->frame.brick_count * sizeof *d->frame.bricks);
-    d->cut_for = layers;
+    d->cut_for[0] = layers;
+    d->cut_for[1] = records;
     return true;
+}
+
+/* Tiles of a band: a splat may touch them all, in as many layers as it lies in. */
+static uint32_t tiles_of_band(const struct draw *d) {
+    const struct gl_limits *limits = &d->state->limits;
+    uint32_t most = limits->loops / (ENTRIES_EACH * (d->frame.spanned + 2));
+    return most < limits->tiles ? most : limits->tiles;
+}
+
+/* Pairs that a tile may have in a batch. */
+static uint32_t pairs_of_tile(const struct draw *d) {
+    const struct gl_frame *f = &d->frame;
+    uint32_t rounds = 1 + gl_frame_ewa(f)->clip.count;
+    if (f->is_post) /* closing a layer looks for a value and a magnitude */
+        rounds += 9 + d->job->view->transfer_function.gradient_count;
+    if (f->compositing == SP_COMPOSITE_SPLAT)
+        rounds += ORDER_ROUNDS;
+    return d->state->limits.loops / rounds;
 }
 
 static bool draw_batches(struct draw *d, struct sp_error *err) {
@@ -287,31 +325,52 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
     return true;
 }
 
-/* After pairs had no room: more room, or else fewer layers at a time, or else a smaller band. */
-static bool make_room(struct draw *d, uint32_t needed, struct sp_error *err) {
+/* What has to shrink by this factor, < 1, so that something fits. */
+static uint32_t shrink(uint32_t size, double factor) {
+    uint32_t less = (uint32_t)(0.9 * factor * size);
+    return less > 1 ? less : 1;
+}
+
+/* The most layers that a batch has. */
+static uint32_t most_layers(const struct gl_frame *f) {
+    uint32_t most = 1;
+    for (uint32_t i = 0; i < f->batch_count; i++)
+        most = f->batches[i].layers > most ? f->batches[i].layers : most;
+    return most;
+}
+
+/* After a batch was too much: more room for pairs, or else fewer layers at a time, fewer records,
+ * or a smaller band. */
+static bool make_room(struct draw *d, const struct gl_bins_head *head, struct sp_error *err) {
     struct gl_state *s = d->state;
-    uint64_t most = s->limits.pairs, more = (uint64_t)needed + needed / 4;
-    uint32_t layers = layers_of_batch(d);
-    if (needed <= most)
+    uint64_t most = s->limits.pairs, more = (uint64_t)head->needed + head->needed / 4;
+    double factor = fmin((double)most / fmax(head->needed, 1),
+                         (double)pairs_of_tile(d) / fmax(head->longest, 1));
+    uint32_t layers = most_layers(&d->frame), records = records_of_batch(d);
+    if (head->needed > s->pairs && head->needed <= most)
         s->pairs = more < most ? more : most;
     else if (layers > 1)
-        s->layers = layers / 2;
+        s->layers = shrink(layers, factor);
+    else if (records > SP_BRICK_VOXELS)
+        s->records = fmax(SP_BRICK_VOXELS, shrink(records, factor));
     else if (tile_rows(d) > 1)
-        s->rows = tile_rows(d) / 2;
+        s->rows = shrink(tile_rows(d), factor);
     else
         return sp_fail(
             err, SP_ERR_BUDGET, "",
             "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
             "room for %llu: use a smaller kernel or picture",
-            (unsigned long)needed, (unsigned long long)most);
+            (unsigned long)head->needed, (unsigned long long)most);
     return true;
 }
 
 /* After a band that left most of the room empty: larger pieces again. */
-static void grow(struct gl_state *s, uint32_t needed) {
-    if (needed > s->limits.pairs / 4)
+static void grow(struct draw *d, const struct gl_bins_head *head) {
+    struct gl_state *s = d->state;
+    if (head->needed > s->limits.pairs / 4 || head->longest > pairs_of_tile(d) / 4)
         return;
     s->layers = s->layers < LAYERS_MOST / 2 ? 2 * s->layers : LAYERS_MOST;
+    s->records = s->records < s->limits.records / 2 ? 2 * s->records : s->limits.records;
     s->rows = s->rows < TILES_MOST / 2 ? 2 * s->rows : TILES_MOST;
 }
 
@@ -320,7 +379,7 @@ static bool draw_band(struct draw *d, bool *done, struct sp_error *err) {
     struct gl_state *s = d->state;
     struct gl_bins_head head;
     uint32_t left = d->job->frame->height - d->y;
-    uint32_t rows = s->limits.tiles / d->columns;
+    uint32_t rows = tiles_of_band(d) / d->columns;
     rows = rows < 1 ? 1 : rows < s->rows ? rows : s->rows;
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
     if (!cut(d, err))
@@ -333,10 +392,10 @@ static bool draw_band(struct draw *d, bool *done, struct sp_error *err) {
     if (!read_back(d, &head, err))
         return false;
     gl_timer_read(&s->timer, d->stage_ms);
-    *done = head.needed <= s->pairs;
+    *done = head.needed <= s->pairs && head.longest <= pairs_of_tile(d);
     if (!*done)
-        return make_room(d, head.needed, err);
-    grow(s, head.needed);
+        return make_room(d, &head, err);
+    grow(d, &head);
     d->splats += head.splats;
     d->fragments += (uint64_t)head.carry << 32 | head.fragments;
     return true;
@@ -357,20 +416,28 @@ static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
 static bool write_constants(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
-    uint64_t layers = f->layer_count * sizeof *f->layers, all = sizeof f->constants + layers;
+    uint64_t sheets = f->sheet_count * sizeof *f->sheets, all = sizeof f->constants + sheets;
     if (!gl_buffer_reserve(&s->buffers.constants, "constants", all, s->block_bytes, GL_USE_STREAM,
                            err))
         return false;
     gl_buffer_write(&s->buffers.constants, &f->constants, sizeof f->constants);
-    glBufferSubData(GL_SHADER_STORAGE_BUFFER, sizeof f->constants, (GLsizeiptr)layers, f->layers);
+    glBufferSubData(GL_SHADER_STORAGE_BUFFER, sizeof f->constants, (GLsizeiptr)sheets, f->sheets);
     return true;
+}
+
+static bool write_curve(struct draw *d, struct sp_error *err) {
+    const struct gl_frame *f = &d->frame;
+    return !f->is_post || gl_curve_update(&d->state->curve, d->job->volume, &f->levels[f->finest],
+                                          &d->job->view->transfer_function,
+                                          f->thickness * gl_frame_ewa(f)->unit, err);
 }
 
 bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct draw d = { .state = state, .job = job };
     const struct gl_sources from = { &state->cache, &state->lists, state->pool, &state->arena };
     sp_arena_reset(&state->arena);
-    if (!gl_frame_begin(&d.frame, job, &from, err) || !write_constants(&d, err))
+    if (!gl_frame_begin(&d.frame, job, &from, err) || !write_constants(&d, err) ||
+        !write_curve(&d, err))
         return false;
     d.stage_ms[STAGE_CLASSIFY] = d.frame.classify_ms;
     d.columns = gl_divide_up(job->frame->width, GL_TILE);
@@ -384,21 +451,21 @@ bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp
 }
 
 static bool write_cubic(struct gl_state *s, struct sp_error *err) {
-    static const size_t bytes = sizeof((struct sp_cubic_table *)0)->weight;
     struct sp_cubic_table *table = sp_arena_alloc(&s->arena, "cubic kernel", 1, sizeof *table);
     if (!table)
         return fail_memory(&s->arena, err);
     sp_cubic_table_init(table);
-    if (!gl_buffer_reserve(&s->buffers.cubic, "cubic kernel", bytes, 0, GL_USE_KEPT, err))
+    if (!gl_buffer_reserve(&s->buffers.cubic, "cubic kernel", sizeof *table, 0, GL_USE_KEPT, err))
         return false;
-    gl_buffer_write(&s->buffers.cubic, table->weight, bytes);
+    gl_buffer_write(&s->buffers.cubic, table, sizeof *table);
     return true;
 }
 
 bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     static const char *const programs[GL_STAGE_COUNT] = {
-        [GL_PROJECT] = "frame bins shade 10_project",
-        [GL_COMPOSITE] = "bins 30_composite",
+        [GL_PROJECT] = "frame bins records shade 10_project",
+        [GL_COMPOSITE] = "bins records footprint 30_composite",
+        [GL_COMPOSITE_POST] = "frame bins records footprint shade post 30_composite",
         [GL_RESOLVE] = "40_resolve",
     };
     s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
@@ -406,7 +473,10 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->limits = (struct gl_limits){ .records = RECORDS_MOST,
                                     .bins = BINS_MOST,
                                     .tiles = TILES_MOST,
-                                    .pairs = words < PAIRS_MOST ? words : PAIRS_MOST };
+                                    .pairs = words < PAIRS_MOST ? words : PAIRS_MOST,
+                                    .loops = gl_context_info(s->context)->software ? LOOPS_SOFTWARE
+                                                                                   : LOOPS_MOST };
+    s->records = s->limits.records;
     s->pairs = PAIRS_MIN;
     s->layers = LAYERS_MOST;
     s->rows = TILES_MOST;
@@ -425,5 +495,6 @@ void gl_draw_finish(struct gl_state *s) {
     for (int i = 0; i < GL_STAGE_COUNT; i++)
         glDeleteProgram(s->programs[i]);
     gl_bins_finish(&s->bins);
+    gl_buffer_finish(&s->curve.buffer);
     gl_timer_finish(&s->timer);
 }

@@ -18,10 +18,11 @@
 #include "backend/gl/bins.h"
 #include "backend/gl/buffer.h"
 #include "backend/gl/context.h"
+#include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/timer.h"
 
-enum gl_stage { GL_PROJECT, GL_COMPOSITE, GL_RESOLVE, GL_STAGE_COUNT };
+enum gl_stage { GL_PROJECT, GL_COMPOSITE, GL_COMPOSITE_POST, GL_RESOLVE, GL_STAGE_COUNT };
 
 /* Sizes of the pieces that a frame is drawn in. They bound memory, and what one dispatch takes. */
 struct gl_limits {
@@ -29,6 +30,7 @@ struct gl_limits {
     uint32_t bins;    /* of a batch: tiles times layers, but one layer at least */
     uint32_t tiles;   /* of a band, but one row at least */
     uint64_t pairs;   /* of a batch */
+    uint32_t loops;   /* rounds of all loops of one invocation */
 };
 
 struct gl_state {
@@ -40,14 +42,16 @@ struct gl_state {
     struct gl_lists lists;
     struct gl_timer timer;
     struct gl_bins bins;
+    struct gl_curve curve;
     unsigned programs[GL_STAGE_COUNT];
     struct {
-        struct gl_buffer constants, bricks, records, spans, done, open, cubic, pixels, back;
+        struct gl_buffer constants, bricks, records, spans, image, cubic, pixels, back;
     } buffers;
     struct gl_limits limits;
-    uint64_t pairs;  /* room for them */
-    uint32_t layers; /* most of a batch; fewer after pairs had no room */
-    uint32_t rows;   /* of tiles a band, likewise */
+    uint64_t pairs;   /* room for them */
+    uint32_t records; /* most of a batch … */
+    uint32_t layers;  /* most of a batch; fewer after pairs had no room */
+    uint32_t rows;    /* of tiles a band, likewise */
     uint64_t block_bytes;
     char device[SP_DEVICE_NAME];
 };

@@ -6,14 +6,20 @@
 
 #include "base/clock.h"
 #include "splat/adaptive.h"
+#include "tile/blend.h"
+#include "tile/depth.h"
 #include "tile/order.h"
 
+#define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
+#define FARTHEST 1e7           /* cells; all beyond is as far, as in tile/depth.c */
+
+_Static_assert((int)SP_CUTS_MAX == (int)GL_CUTS, "room for the planes that clip");
 _Static_assert(2 * (int)SP_LEVELS <= (int)GL_PARTS, "a part for each level, enlarged or not");
 
 /* A brick that is drawn. */
 struct gl_item {
     uint32_t brick, count; /* of its level; entries */
-    uint32_t near, far;    /* layers that it may have entries in: [near, far] */
+    int64_t near, far;     /* layers that it may have entries in: [near, far] */
     uint8_t level;
     bool is_enlarged;
 };
@@ -36,6 +42,11 @@ static bool choose_levels(struct gl_frame *f, const struct sp_backend_job *job,
     if (!sp_detail_choose(&detail, arena, &f->detail))
         return false;
     f->finest = (unsigned)__builtin_ctz(f->detail.levels);
+    /* Layers by distance are of one level, the finest that some brick needs. */
+    for (uint32_t i = 0; i < f->detail.count; i++)
+        f->is_enlarged = f->is_enlarged || (f->detail.bricks[i].level == f->finest &&
+                                            f->detail.bricks[i].is_enlarged);
+    f->drawn = f->compositing == SP_COMPOSITE_SHEET ? f->detail.levels : 1u << f->finest;
     return true;
 }
 
@@ -43,10 +54,11 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
                       const struct gl_sources *from, struct sp_error *err) {
     const struct sp_view *view = job->view;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
-                                        .levels = f->detail.levels,
+                                        .levels = f->drawn,
                                         .axis = SP_NO_AXIS, /* any will do */
                                         .normals = view->shading.mode == SP_SHADING_PHONG ||
-                                                   view->transfer_function.gradient_count > 0,
+                                                   view->transfer_function.gradient_count > 0 ||
+                                                   f->is_post,
                                         .reach = sp_kernel_reach(&view->filter),
                                         .bytes_max = from->cache->limit_bytes,
                                         .pool = from->pool,
@@ -58,8 +70,8 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
     f->visible = c->visible;
     f->levels = c->levels;
     gl_lists_begin(from->lists);
-    for (unsigned l = 0; f->detail.levels >> l; l++)
-        if (f->detail.levels >> l & 1) {
+    for (unsigned l = 0; f->drawn >> l; l++)
+        if (f->drawn >> l & 1) {
             f->lists[l] = gl_lists_get(from->lists, job->volume, &c->levels[l], from->pool, err);
             if (!f->lists[l])
                 return false;
@@ -79,6 +91,10 @@ static void write_part(struct gl_part *to, const struct sp_ewa_frame *e, unsigne
            sizeof to->bounds);
     to->kind[0] = level;
     to->kind[1] = sp_grid_is_rectilinear(e->grid);
+    for (uint32_t i = 0; i < e->clip.count; i++) {
+        memcpy(to->planes[i], e->clip.planes[i].normal, sizeof e->clip.planes[i].normal);
+        to->planes[i][3] = e->clip.planes[i].offset;
+    }
 }
 
 /* Filters by brick of a level. Of one that is small enough it is the one that its voxels would
@@ -100,11 +116,13 @@ static bool choose_modes(struct gl_frame *f, const struct sp_view *view, unsigne
 }
 
 static bool make_parts(struct gl_frame *f, const struct sp_view *view, struct sp_arena *arena) {
-    for (unsigned l = 0; f->detail.levels >> l; l++)
-        for (int enlarged = 0; f->detail.levels >> l & 1 && enlarged < 2; enlarged++) {
+    for (unsigned l = 0; f->drawn >> l; l++)
+        for (int enlarged = 0; f->drawn >> l & 1 && enlarged < 2; enlarged++) {
             struct sp_view own = *view;
             own.filter = sp_detail_filter(&view->filter, l, enlarged);
-            sp_ewa_frame_init(&f->ewa[l][enlarged], &f->camera, &f->levels[l].grid, &own);
+            struct sp_ewa_frame *ewa = &f->ewa[l][enlarged];
+            sp_ewa_frame_init(ewa, &f->camera, &f->levels[l].grid, &own);
+            sp_clip_frame_init(&ewa->clip, &f->camera, &f->levels[0].grid, &view->clip, ewa->unit);
             write_part(&f->constants.parts[2 * l + (unsigned)enlarged], &f->ewa[l][enlarged], l);
             if (view->filter.mode == SP_FILTER_ADAPTIVE &&
                 !choose_modes(f, view, l, enlarged, arena))
@@ -132,55 +150,146 @@ static void write_constants(struct gl_frame *f, const struct sp_view *view) {
     c->choice[0] = view->camera.projection == SP_PERSPECTIVE;
     c->choice[1] = is_lit;
     c->choice[2] = (uint32_t)shade.light_count;
-    c->choice[3] = f->layer_count;
+    c->choice[3] = f->sheet_count;
     c->picture[0] = view->size[0];
     c->picture[1] = view->size[1];
     c->picture[2] = f->axis;
+    c->picture[3] = gl_frame_ewa(f)->clip.count;
+    c->compose[0] = f->compositing;
+    c->compose[1] = f->is_post;
+    c->slabs[0] = (float)((double)f->nearest * f->thickness);
+    c->slabs[1] = (float)f->thickness;
+    c->lens[0] = (float)f->camera.scale;
+    c->lens[1] = gl_frame_ewa(f)->centre[0];
+    c->lens[2] = gl_frame_ewa(f)->centre[1];
 }
 
-/* Where the layers of a brick lie in the order. */
-static void find_layers(const struct gl_frame *f, struct gl_item *item) {
+/* The sheets that a brick has slices in. */
+static void find_sheets(const struct gl_frame *f, struct gl_item *item) {
     const struct sp_level *level = &f->levels[item->level];
     uint32_t corner[3], first, dim = level->grid.dims[f->axis];
     sp_visible_corner(&level->visible, item->brick, corner);
     first = corner[f->axis];
-    item->near = UINT32_MAX;
+    item->near = INT64_MAX;
     item->far = 0;
     for (uint32_t s = first; s < first + SP_BRICK && s < dim; s++) {
-        uint32_t layer = sp_order_layer(f->layers, f->layer_count, item->level, s);
+        int64_t layer = sp_order_layer(f->sheets, f->sheet_count, item->level, s);
         item->near = layer < item->near ? layer : item->near;
         item->far = layer > item->far ? layer : item->far;
     }
 }
 
-/* Bricks that are not empty, those of a level together. */
-static bool list_items(struct gl_frame *f, struct sp_arena *arena) {
+/* Layers by distance that kernels of a brick may lie in, counted from the eye: those of the sphere
+ * around it, and one more on either side for rounding. */
+static void find_distances(const struct gl_frame *f, double reach, struct gl_item *item) {
+    const struct sp_level *level = &f->levels[item->level];
+    const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
+    struct sp_ewa_brick brick;
+    uint32_t corner[3], last[3];
+    float u[8][3], centre[3], radius = 0;
+    sp_visible_corner(&level->visible, item->brick, corner);
+    sp_ewa_brick_init(&brick, ewa, corner);
+    for (int a = 0; a < 3; a++) {
+        uint32_t end = level->grid.dims[a] - corner[a];
+        last[a] = end < SP_BRICK ? end - 1 : SP_BRICK - 1;
+    }
+    for (int i = 0; i < 8; i++)
+        sp_ewa_brick_place(&brick, ewa,
+                           (uint16_t)((i & 1 ? last[0] : 0) | (i & 2 ? last[1] << 4 : 0) |
+                                      (i & 4 ? last[2] << 8 : 0)),
+                           u[i]);
+    for (int r = 0; r < 3; r++)
+        centre[r] = 0.5f * (u[0][r] + u[7][r]);
+    for (int i = 0; i < 8; i++) {
+        float d[3] = { u[i][0] - centre[0], u[i][1] - centre[1], u[i][2] - centre[2] };
+        radius = fmaxf(radius, sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]));
+    }
+    double distance = (double)sp_ewa_distance(ewa, centre), beyond = (double)radius + reach;
+    double near = fmax(fmin(distance - (double)radius, FARTHEST) - reach, -FARTHEST);
+    double far = fmin(distance + beyond, FARTHEST + reach);
+    item->near = (int64_t)floor(near / f->thickness) - 1;
+    item->far = (int64_t)floor(fmax(near, far) / f->thickness) + 1;
+}
+
+static void add_item(struct gl_frame *f, uint32_t brick, unsigned level, bool is_enlarged) {
+    const uint64_t *first = f->levels[level].visible.first;
+    uint64_t count = first[brick + 1] - first[brick];
+    if (count)
+        f->items[f->item_count++] = (struct gl_item){ .brick = brick,
+                                                      .count = (uint32_t)count,
+                                                      .level = (uint8_t)level,
+                                                      .is_enlarged = is_enlarged };
+}
+
+/* Sheets: bricks of the cut that are not empty, those of a level together. */
+static bool list_sheets(struct gl_frame *f, struct sp_arena *arena) {
     f->items = sp_arena_alloc(arena, "bricks", f->detail.count, sizeof *f->items);
-    for (unsigned l = 0; f->items && f->detail.levels >> l; l++)
-        for (uint32_t i = 0; f->detail.levels >> l & 1 && i < f->detail.count; i++) {
-            const struct sp_detail_brick *b = &f->detail.bricks[i];
-            const uint64_t *first = f->levels[l].visible.first;
-            if (b->level != l || first[b->brick] == first[b->brick + 1])
-                continue;
-            struct gl_item *item = &f->items[f->item_count++];
-            *item = (struct gl_item){ .brick = b->brick,
-                                      .count = (uint32_t)(first[b->brick + 1] - first[b->brick]),
-                                      .level = b->level,
-                                      .is_enlarged = b->is_enlarged };
-            find_layers(f, item);
-        }
+    for (unsigned l = 0; f->items && f->drawn >> l; l++)
+        for (uint32_t i = 0; f->drawn >> l & 1 && i < f->detail.count; i++)
+            if (f->detail.bricks[i].level == l)
+                add_item(f, f->detail.bricks[i].brick, l, f->detail.bricks[i].is_enlarged);
+    for (uint32_t i = 0; i < f->item_count; i++)
+        find_sheets(f, &f->items[i]);
+    f->layer_count = f->sheet_count;
     return f->items != NULL;
 }
 
+/* Slabs and single splats: all bricks of the one level. */
+static bool list_distances(struct gl_frame *f, double reach, struct sp_arena *arena) {
+    uint32_t bricks = sp_visible_bricks(&f->levels[f->finest].visible);
+    int64_t near = INT64_MAX, far = INT64_MIN;
+    f->items = sp_arena_alloc(arena, "bricks", bricks, sizeof *f->items);
+    for (uint32_t b = 0; f->items && b < bricks; b++)
+        add_item(f, b, f->finest, f->is_enlarged);
+    for (uint32_t i = 0; i < f->item_count; i++) {
+        find_distances(f, reach, &f->items[i]);
+        near = f->items[i].near < near ? f->items[i].near : near;
+        far = f->items[i].far > far ? f->items[i].far : far;
+    }
+    for (uint32_t i = 0; i < f->item_count; i++) {
+        f->items[i].near -= near;
+        f->items[i].far -= near;
+    }
+    f->nearest = f->item_count ? near : 0;
+    f->layer_count = f->item_count ? (uint32_t)(far - near + 1) : 0;
+    return f->items != NULL;
+}
+
+/* As thick as the view wants slabs, as long as a kernel lies in no more than SP_SLOTS_MAX. */
+static double slab_thickness(const struct gl_frame *f, const struct sp_view *view, double *reach) {
+    const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
+    const struct sp_grid *grid = &f->levels[f->finest].grid;
+    /* A coarse scalar is no smoother to the transfer function: its slabs stay as thin. */
+    const double *spacing = f->is_post ? f->levels[0].grid.spacing : grid->spacing;
+    double radius[2], smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
+    sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
+    *reach = (double)ewa->radius * radius[1] / ewa->unit;
+    double thickness =
+        sp_depth_thickness(ewa, view->compositing.slab * smallest / ewa->unit, *reach);
+    return fmax(thickness, 2 * *reach / (SP_SLOTS_MAX - 3));
+}
+
+static bool list_items(struct gl_frame *f, const struct sp_view *view, struct sp_arena *arena) {
+    double reach = 0;
+    f->spanned = 1;
+    if (f->compositing == SP_COMPOSITE_SHEET)
+        return list_sheets(f, arena);
+    f->thickness = f->compositing == SP_COMPOSITE_SLAB
+                       ? slab_thickness(f, view, &reach)
+                       : sp_depth_thickness(gl_frame_ewa(f), SPLAT_RANGE, 0);
+    f->spanned += (uint32_t)ceil(2 * reach / f->thickness);
+    return list_distances(f, reach, arena);
+}
+
 static bool order_sheets(struct gl_frame *f, const struct sp_grid *grid, struct sp_arena *arena) {
-    f->layer_count = grid->dims[f->axis];
-    uint32_t *sheets = sp_arena_alloc(arena, "order of sheets", f->layer_count, sizeof *sheets);
-    f->layers = sp_arena_alloc(arena, "layers of sheets", f->layer_count, sizeof *f->layers);
+    f->sheet_count = grid->dims[f->axis];
+    uint32_t *order = sp_arena_alloc(arena, "order of sheets", f->sheet_count, sizeof *order);
+    f->sheets = sp_arena_alloc(arena, "layers of sheets", f->sheet_count, sizeof *f->sheets);
     if (arena->failed)
         return false;
-    sp_order_slices(&f->camera, grid, f->axis, sheets);
-    for (uint32_t k = 0; k < f->layer_count; k++)
-        f->layers[sheets[k]] = k;
+    sp_order_slices(&f->camera, grid, f->axis, order);
+    for (uint32_t k = 0; k < f->sheet_count; k++)
+        f->sheets[order[k]] = k;
     return true;
 }
 
@@ -189,16 +298,24 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     struct sp_arena *arena = from->arena;
     double start_ms = sp_clock_ms();
-    *f = (struct gl_frame){ .coarse = job->coarse, .mode = job->view->filter.mode };
+    bool is_post = job->view->transfer_function.order == SP_TF_POST;
+    *f = (struct gl_frame){ .mode = job->view->filter.mode,
+                            .compositing = job->view->compositing.mode,
+                            .is_post = is_post,
+                            /* A scalar averaged over 4³ voxels is another object to the transfer
+                             * function. */
+                            .coarse = is_post && job->coarse > 1 ? 1 : job->coarse };
     sp_camera_frame_init(&f->camera, &job->view->camera, job->view->size);
     f->axis = sp_order_axis(&f->camera, grid);
     if (!choose_levels(f, job, arena))
         return fail_memory(arena, err);
     if (!get_lists(f, job, from, err))
         return false;
-    if (!order_sheets(f, grid, arena) || !make_parts(f, job->view, arena) || !list_items(f, arena))
+    if (!order_sheets(f, grid, arena) || !make_parts(f, job->view, arena) ||
+        !list_items(f, job->view, arena))
         return fail_memory(arena, err);
     write_constants(f, job->view);
+    f->stride = 2 + (f->compositing == SP_COMPOSITE_SLAB ? 2 : 0) + gl_frame_ewa(f)->clip.count;
     f->classify_ms = sp_clock_ms() - start_ms;
     return true;
 }

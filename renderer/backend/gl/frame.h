@@ -27,12 +27,14 @@ struct gl_constants {
         float step[3][4], kernel[3][4];
         float view[4], footprint[4], bounds[4];
         uint32_t kind[4];
+        float planes[GL_CUTS][4];
     } parts[GL_PARTS]; /* level · 2 + enlarged */
     float to_camera[3][4], phong[4], glint[4];
     struct {
         float direction[4], world[4], color[4];
     } lights[SP_LIGHTS_MAX];
-    uint32_t choice[4], picture[4];
+    uint32_t choice[4], picture[4], compose[4];
+    float slabs[4], lens[4];
 };
 
 /* shaders/10_project.glsl. */
@@ -52,12 +54,21 @@ struct gl_frame {
     const struct sp_level *levels; /* the cache's */
     const struct gl_list *lists[SP_LEVELS];
     unsigned coarse, finest, axis;
+    uint32_t drawn; /* bit l: level l */
+    enum sp_compositing compositing;
+    bool is_post;
+    bool is_enlarged; /* by distance: some brick of the one level is (splat/detail.h) */
+    uint32_t stride;  /* of a record, in words of four: shaders/records.glsl */
+    double thickness; /* of a layer by distance [cells] … */
+    int64_t nearest;  /* … and the first that some brick has, counted from the eye */
     enum sp_filter_mode mode;
     uint64_t visible;   /* voxels of the volume */
     double classify_ms; /* lists and their uploads */
     struct gl_constants constants;
-    uint32_t *layers; /* [layer_count]: by sheet, place front to back */
-    uint32_t layer_count;
+    uint32_t *sheets; /* [sheet_count]: by sheet, place front to back */
+    uint32_t sheet_count;
+    uint32_t layer_count; /* of all that is drawn */
+    uint32_t spanned;     /* layers that a kernel lies in, at most */
     struct sp_camera_frame camera;
     struct sp_detail detail;
     struct sp_ewa_frame ewa[SP_LEVELS][2];
@@ -69,6 +80,11 @@ struct gl_frame {
     struct gl_batch *batches;
     uint32_t batch_count;
 };
+
+/* The frame of the finest level, as it is drawn by distance. */
+static inline const struct sp_ewa_frame *gl_frame_ewa(const struct gl_frame *frame) {
+    return &frame->ewa[frame->finest][frame->is_enlarged];
+}
 
 /* What of the backend's state a frame needs. */
 struct gl_sources {

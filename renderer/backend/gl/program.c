@@ -31,8 +31,8 @@ static bool compile(unsigned shader, const char *name, const char *const *source
     int count = 1, ok = 0, length = 0;
     snprintf(preamble, sizeof preamble,
              "#version 430 core\n#define TILE %d\n#define GROUP %d\n#define SCAN_BLOCK %d\n"
-             "#define TABLE_SCALES %d\n#define PARTS %d\n",
-             GL_TILE, GL_GROUP, GL_SCAN_BLOCK, GL_TABLE_SCALES, GL_PARTS);
+             "#define TABLE_SCALES %d\n#define PARTS %d\n#define CUTS %d\n",
+             GL_TILE, GL_GROUP, GL_SCAN_BLOCK, GL_TABLE_SCALES, GL_PARTS, GL_CUTS);
     for (; sources[count - 1]; count++) {
         assert(count < SOURCES_MAX);
         texts[count] = sources[count - 1];

@@ -42,17 +42,23 @@ static void write_words(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
+/* Colour and depth; order post: the value. */
+static void write_class(const struct sp_transfer *transfer, uint32_t key, float row[4]) {
+    if (transfer->tf.order == SP_TF_POST) {
+        memcpy(row, (float[4]){ sp_transfer_value(transfer, key) }, sizeof(float[4]));
+        return;
+    }
+    struct sp_class c = sp_transfer_class(transfer, key);
+    memcpy(row, c.color, sizeof c.color);
+    row[3] = c.depth;
+}
+
 /* Of entries, whose classes no table by key holds. */
 static void write_classes(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct upload *u = user;
-    for (size_t e = begin; e < end; e++) {
-        struct sp_class c =
-            sp_transfer_class(&u->level->transfer, sp_visible_key(&u->level->visible, e));
-        for (int k = 0; k < 3; k++)
-            u->classes[e][k] = c.color[k];
-        u->classes[e][3] = c.depth;
-    }
+    for (size_t e = begin; e < end; e++)
+        write_class(&u->level->transfer, sp_visible_key(&u->level->visible, e), u->classes[e]);
 }
 
 static bool upload_entries(struct gl_lists *lists, struct gl_list *list,
@@ -127,10 +133,8 @@ static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
     write_scales(transfer, rows);
     write_axes(list, &level->grid, rows);
     struct upload u = { .level = level, .classes = rows + list->first_class };
-    for (uint32_t k = 0; list->has_keys && k < transfer->count; k++) {
-        memcpy(u.classes[k], transfer->table[k].color, sizeof(float[3]));
-        u.classes[k][3] = transfer->table[k].depth;
-    }
+    for (uint32_t k = 0; list->has_keys && k < transfer->count; k++)
+        write_class(transfer, k, u.classes[k]);
     if (!list->has_keys)
         sp_parallel_for(pool, level->visible.count, SP_BRICK_VOXELS, write_classes, &u);
     lists->uploaded += bytes;

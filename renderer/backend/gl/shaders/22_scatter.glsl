@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes each record's number into the bins of its tiles. Inside a bin the order is free: a sheet sums.
+// Writes each record's number into the bins of its tiles. Inside a bin the order is free: a layer sums.
 
 layout(local_size_x = GROUP) in;
 layout(std430, binding = 1) readonly buffer Spans { uvec2 spans[]; };
@@ -11,12 +11,12 @@ void main() {
     uint record = gl_GlobalInvocationID.x;
     if (record >= batch.x || total > batch.y)
         return;
-    uvec2 span = spans[record], first = uvec2(span.x, span.x >> 10) & 1023u;
-    uvec2 last = uvec2(span.y, span.y >> 10) & 1023u;
-    uint layer = span.x >> 20 | span.y >> 20 << 12;
-    for (uint r = first.y; r <= last.y; r++)
-        for (uint c = first.x; c <= last.x; c++) {
-            uint bin = (r * tiles.x + c) * tiles.w + layer;
-            pairs[totals[bin / SCAN_BLOCK] + atomicAdd(count[bin], 1u)] = record;
-        }
+    Span span = unpack_span(spans[record]);
+    for (uint r = span.first.y; r <= span.last.y; r++)
+        for (uint c = span.first.x; c <= span.last.x; c++)
+            for (uint l = span.layers.x; l <= span.layers.y; l++) {
+                uint bin = (r * tiles.x + c) * tiles.w + l;
+                pairs[totals[bin / SCAN_BLOCK] + atomicAdd(count[bin], 1u)] =
+                    record | (l - span.layers.x) << RECORD_BITS;
+            }
 }

@@ -2,7 +2,7 @@
 // Composited pixels over the background → the frame's format (frame/resolve.h).
 
 layout(local_size_x = GROUP) in;
-layout(std430, binding = 1) readonly buffer Done { vec4 done[]; };
+layout(std430, binding = 1) readonly buffer Image { vec4 image[]; };
 layout(std430, binding = 2) writeonly buffer Pixels { uint pixels[]; };
 layout(location = 0) uniform uvec2 format; // pixels, as floats
 layout(location = 1) uniform vec4 background;
@@ -11,7 +11,7 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= format.x)
         return;
-    vec4 pixel = done[i];
+    vec4 pixel = image[i];
     float share = pixel.x * background.a, alpha = 1.0 - pixel.x + share;
     vec4 color = vec4(pixel.yzw + share * background.rgb, alpha);
     if (format.y != 0u) {

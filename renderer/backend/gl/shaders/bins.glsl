@@ -8,7 +8,8 @@ layout(std430, binding = 7) coherent buffer Bins {
     uint fragments, carry; // px inside their cutoffs: low and high word
     uint needed;           // pairs of the batch that had most
     uint total;            // pairs of this batch
-    uint unused[11];
+    uint longest;          // pairs of the tile that had most in a batch
+    uint unused[10];
     uint count[];
 };
 

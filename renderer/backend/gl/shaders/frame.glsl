@@ -9,6 +9,7 @@ struct Part {
     vec4 footprint; // h² [px²], Mahalanobis radius, cut, peak
     vec4 bounds;    // gain, half of a flat footprint [standard deviations], largest u0/u2, u1/u2
     uvec4 kind;     // level, rectilinear
+    vec4 planes[CUTS]; // that clip: unit normal in camera space, offset
 };
 
 struct Light {
@@ -21,7 +22,10 @@ layout(std430, binding = 0) readonly buffer Frame {
     vec4 phong;        // ambient, diffuse, specular, exponent
     vec4 glint;        // width, gain
     Light lights[8];
-    uvec4 choice;  // perspective, lit, lights, layers of the frame
-    uvec4 picture; // width, height [px], axis of the sheets
+    uvec4 choice;  // perspective, lit, lights, sheets of the frame
+    uvec4 picture; // width, height [px], axis of the sheets, clipping planes
+    uvec4 compose; // enum sp_compositing, post-classified
+    vec4 slabs;    // distance where layer 0 begins, thickness of a layer
+    vec4 lens;     // the camera's scale, centre x, centre y [px]
     uint layers[]; // by sheet of the finest level: its place front to back
 };

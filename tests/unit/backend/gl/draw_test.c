@@ -100,6 +100,7 @@ static void reset(struct rig *rig, const struct gl_limits *limits) {
     rig->state->limits = *limits;
     rig->state->rows = limits->tiles;
     rig->state->layers = limits->bins;
+    rig->state->records = limits->records;
 }
 
 static void pieces_make_the_whole(void **state) {
@@ -107,12 +108,14 @@ static void pieces_make_the_whole(void **state) {
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,
                                              test_scene_rectilinear_blobs,
                                              test_scene_checkerboard };
-    const struct gl_limits whole = rig->state->limits, small[] = {
-        { SP_BRICK_VOXELS, whole.bins, whole.tiles, whole.pairs }, /* a brick or two a batch */
-        { whole.records, 1, whole.tiles, whole.pairs },            /* a layer a batch */
-        { SP_BRICK_VOXELS, 1, 1, whole.pairs },                    /* and a row of tiles a band */
-        { whole.records, whole.bins, whole.tiles, 3000 },          /* found when it is too much */
-    };
+    const struct gl_limits whole = rig->state->limits;
+    struct gl_limits small[] = { whole, whole, whole, whole, whole };
+    small[0].records = SP_BRICK_VOXELS; /* a brick or two a batch */
+    small[1].bins = 1;                  /* a layer a batch */
+    small[2].records = SP_BRICK_VOXELS; /* … a few of its bricks, and a row of tiles a band */
+    small[2].bins = small[2].tiles = 1;
+    small[3].pairs = 3000; /* found when it is too much */
+    small[4].loops = 1000; /* the same, a tile at a time */
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b++) {
         struct test_scene scene;
         struct sp_volume *volume = make_scene(builds[b], &scene);
@@ -120,7 +123,7 @@ static void pieces_make_the_whole(void **state) {
         struct test_image wanted = draw_ok(rig, volume, &scene.view, &stats);
         for (size_t i = 0; i < sizeof small / sizeof *small; i++) {
             struct test_image got;
-            rig->state->limits = small[i];
+            reset(rig, &small[i]);
             if (small[i].pairs < rig->state->pairs)
                 rig->state->pairs = small[i].pairs / 2;
             got = draw_ok(rig, volume, &scene.view, &own);

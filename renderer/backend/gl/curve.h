@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The transfer function for pixels (tile/post.h) on the GPU, as shaders/post.glsl reads it.
+ */
+#ifndef GL_CURVE_H
+#define GL_CURVE_H
+
+#include "backend/gl/buffer.h"
+#include "classify/classification.h"
+
+struct gl_curve {
+    struct gl_buffer buffer;
+    const struct sp_volume *volume; /* what it was made for: compared, never read */
+    struct sp_transfer_function tf;
+    float half;
+};
+
+/* Makes and uploads it, unless it is there: for pixels of slabs `thickness` thick [world units]. A
+ * context must be current. SP_ERR_MEMORY. */
+bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume,
+                     const struct sp_level *level, const struct sp_transfer_function *tf,
+                     double thickness, struct sp_error *err);
+
+#endif

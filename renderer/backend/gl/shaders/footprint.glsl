@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pixels of a splat (tile/footprint.h): weight, and the share of the ray's way through the kernel that counts.
+
+layout(std430, binding = 1) readonly buffer Records { uvec4 records[]; };
+// Tables of struct sp_cubic_table, one after the other: F(ρ)/F(0) by (ρ/t)², and ∫₀^z / F(ρ) by z/√(t²−ρ²).
+layout(std430, binding = 6) readonly buffer Cubic { float cubic[]; };
+
+layout(location = 3) uniform float cut;    // largest exponent
+layout(location = 4) uniform uvec4 way;    // compositing, clipping planes, words of four of a record, post-classified
+layout(location = 5) uniform vec2 slab;    // index of the batch's first layer, thickness of a layer
+layout(location = 6) uniform uint kernel;  // 0 Gaussian, 1 cubic, 2 flat
+
+const float LOG2E = 1.44269504, UNBOUNDED = 1e4;
+const uint CUBIC_STEPS = 512u, CUBIC_ROWS = 32u, CUBIC_COLUMNS = 64u;
+const uint CUBIC_SHARES = CUBIC_STEPS + 2u, CUBIC_ROW = CUBIC_COLUMNS + 2u;
+const float CUBIC_RADIUS = 1.556228 / 0.44654961306714; // standard deviations
+
+float cubic_weight(float q) {
+    float at = q * float(CUBIC_STEPS);
+    uint i = min(uint(at), CUBIC_STEPS);
+    return mix(cubic[i], cubic[i + 1u], at - float(i));
+}
+
+// The share before ζ standard deviations; q = (ρ/t)².
+float cubic_share(float q, float zeta) {
+    float end = CUBIC_RADIUS * sqrt(max(1.0 - q, 0.0)), z = abs(zeta);
+    if (!(z < end))
+        return zeta > 0.0 ? 1.0 : 0.0;
+    float row = min(q, 1.0) * float(CUBIC_ROWS), column = z / end * float(CUBIC_COLUMNS);
+    uint i = min(uint(row), CUBIC_ROWS), k = min(uint(column), CUBIC_COLUMNS);
+    uint at = CUBIC_SHARES + i * CUBIC_ROW + k;
+    float f = column - float(k), low = mix(cubic[at], cubic[at + 1u], f);
+    float high = mix(cubic[at + CUBIC_ROW], cubic[at + CUBIC_ROW + 1u], f);
+    float part = mix(low, high, row - float(i));
+    return zeta > 0.0 ? 0.5 + part : 0.5 - part;
+}
+
+// Φ (splat/normal.h).
+float normal_share(float x) {
+    float z = abs(x) * 0.707106781, t = 1.0 / (1.0 + 0.3275911 * z);
+    float p = t * (0.254829592 +
+                   t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))));
+    float tail = 0.5 * p * exp2(-LOG2E * z * z);
+    return x < 0.0 ? tail : 1.0 - tail;
+}
+
+float share(float exponent, float depth) {
+    return kernel == 1u ? cubic_share(exponent / cut, depth) : normal_share(depth);
+}
+
+// Weight at d from the centre, with its exponent; 0 beyond the cutoff. `place`: the record's first words.
+float weigh(uvec4 place, float c, vec2 at, out vec2 d, out float exponent) {
+    exponent = 0.0;
+    d = at - uintBitsToFloat(place.xy);
+    if (kernel == 2u) {
+        uvec4 box = uvec4(place.z & 0xffffu, place.w & 0xffffu, place.z >> 16, place.w >> 16);
+        uvec2 px = uvec2(at);
+        return all(greaterThanEqual(px, box.xy)) && all(lessThan(px, box.zw)) ? 1.0 : 0.0;
+    }
+    vec2 ab = uintBitsToFloat(place.zw);
+    exponent = (ab.x * d.x + ab.y * d.y) * d.x + c * d.y * d.y;
+    if (!(exponent <= cut))
+        return 0.0;
+    return kernel == 1u ? cubic_weight(exponent / cut) : exp2(-exponent);
+}
+
+// Share of the ray that planes leave: a factor, and bounds of depth in standard deviations.
+float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
+    float factor = 1.0;
+    for (uint i = 0u; i < way.y; i++) {
+        uvec4 plane = records[at + i];
+        if (plane.w == CUT_NONE)
+            break;
+        vec3 p = uintBitsToFloat(plane.xyz);
+        float eta = p.x + dot(p.yz, d);
+        if (plane.w == CUT_BEFORE)
+            bounds.x = max(bounds.x, -eta);
+        else if (plane.w == CUT_BEHIND)
+            bounds.y = min(bounds.y, eta);
+        else
+            factor *= share(exponent, eta);
+    }
+    return factor;
+}
+
+// Share of the record's weight that layer `layer` of the batch gets at d.
+float share_of(uint at, uint layer, vec2 d, float exponent) {
+    bool is_slab = way.x == COMPOSITE_SLAB;
+    vec2 bounds = vec2(-UNBOUNDED, UNBOUNDED), shares;
+    float factor = clip_ray(at + (is_slab ? 4u : 2u), d, exponent, bounds);
+    if (is_slab) {
+        vec4 line = uintBitsToFloat(records[at + 2u]);
+        ivec2 range = ivec2(records[at + 3u].xy);
+        int own = int(slab.x) + int(layer);
+        float near = (float(own) * slab.y - line.x - dot(line.yz, d)) * line.w;
+        float far = near + slab.y * line.w;
+        // What lies beyond the kernel's reach is counted with its first and last slab.
+        if (own > range.x)
+            bounds.x = max(bounds.x, near);
+        if (own < range.y)
+            bounds.y = min(bounds.y, far);
+    }
+    if (bounds.x <= -UNBOUNDED && bounds.y >= UNBOUNDED)
+        return factor;
+    shares.x = bounds.x <= -UNBOUNDED ? 0.0 : share(exponent, bounds.x);
+    shares.y = bounds.y >= UNBOUNDED ? 1.0 : share(exponent, bounds.y);
+    return factor * max(shares.y - shares.x, 0.0);
+}
