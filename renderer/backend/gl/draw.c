@@ -3,6 +3,7 @@
 
 #include <epoxy/gl.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/clock.h"
@@ -32,6 +33,7 @@ struct draw {
     struct gl_state *state;
     const struct sp_backend_job *job;
     struct gl_frame frame;
+    unsigned compositor; /* program */
     double stage_ms[STAGES];
     uint64_t splats, fragments;
     uint32_t columns;    /* of tiles */
@@ -107,15 +109,15 @@ static struct gl_bins_space space_of(const struct draw *d, const struct gl_batch
     return (struct gl_bins_space){ d->columns, d->y, d->end, tile_rows(d), batch->layers };
 }
 
-static void use(const struct draw *d, enum gl_stage stage, const struct gl_batch *batch) {
+static void use(const struct draw *d, unsigned program, const struct gl_batch *batch) {
     const struct gl_bins_space space = space_of(d, batch);
-    glUseProgram(d->state->programs[stage]);
+    glUseProgram(program);
     gl_bins_set_space(&space);
 }
 
 static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
-    use(d, GL_PROJECT, batch);
+    use(d, s->project, batch);
     gl_buffer_bind(&s->buffers.constants, 0);
     gl_buffer_bind(&s->buffers.bricks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
@@ -150,20 +152,37 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     gl_timer_stamp(&s->timer, STAGE_BIN);
 }
 
+/* The compositor that the view needs; 0 with *err set. */
+static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
+                                const struct sp_view *view, struct sp_error *err) {
+    int kernel = view->filter.mode == SP_FILTER_NONE      ? 2
+                 : view->filter.kernel == SP_KERNEL_CUBIC ? 1
+                                                          : 0;
+    bool is_clipped = gl_frame_ewa(f)->clip.count > 0;
+    bool is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
+    unsigned *program = &s->composite[f->compositing][kernel][is_clipped][is_linear][f->is_post];
+    char defines[160];
+    snprintf(defines, sizeof defines,
+             "#define COMPOSITING %du\n#define KERNEL %du\n#define CLIPPED %d\n"
+             "#define LINEAR %d\n#define POST %d\n",
+             (int)f->compositing, kernel, is_clipped, is_linear, f->is_post);
+    if (!*program)
+        *program =
+            gl_program_open(f->is_post ? "frame bins records footprint shade post 30_composite"
+                                       : "bins records footprint 30_composite",
+                            defines, err);
+    return *program;
+}
+
 static void composite(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
-    const struct sp_view *view = d->job->view;
-    bool is_flat = view->filter.mode == SP_FILTER_NONE;
-    bool is_cubic = view->filter.kernel == SP_KERNEL_CUBIC;
-    use(d, f->is_post ? GL_COMPOSITE_POST : GL_COMPOSITE, batch);
+    use(d, d->compositor, batch);
     glUniform2ui(1, d->job->frame->width, (GLuint)s->pairs);
-    glUniform3ui(2, view->compositing.attenuation == SP_ATTENUATION_LINEAR, batch->resumes,
-                 batch->stays_open);
+    glUniform2ui(2, batch->resumes, batch->stays_open);
     glUniform1f(3, gl_frame_ewa(f)->cut);
-    glUniform4ui(4, f->compositing, gl_frame_ewa(f)->clip.count, f->stride, f->is_post);
+    glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
-    glUniform1ui(6, is_flat ? 2 : is_cubic ? 1 : 0);
     gl_buffer_bind(&s->buffers.constants, 0);
     gl_buffer_bind(&s->buffers.records, 1);
     gl_buffer_bind(&s->bins.totals, 2);
@@ -179,7 +198,7 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
 
 static void resolve(struct draw *d) {
     struct gl_state *s = d->state;
-    glUseProgram(s->programs[GL_RESOLVE]);
+    glUseProgram(s->resolve);
     glUniform2ui(0, band_pixels(d), d->job->frame->format == SP_RGBAF32);
     glUniform4fv(1, 1, d->job->view->background);
     gl_buffer_bind(&s->buffers.image, 1);
@@ -437,7 +456,7 @@ bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp
     const struct gl_sources from = { &state->cache, &state->lists, state->pool, &state->arena };
     sp_arena_reset(&state->arena);
     if (!gl_frame_begin(&d.frame, job, &from, err) || !write_constants(&d, err) ||
-        !write_curve(&d, err))
+        !write_curve(&d, err) || !(d.compositor = find_compositor(state, &d.frame, job->view, err)))
         return false;
     d.stage_ms[STAGE_CLASSIFY] = d.frame.classify_ms;
     d.columns = gl_divide_up(job->frame->width, GL_TILE);
@@ -462,12 +481,6 @@ static bool write_cubic(struct gl_state *s, struct sp_error *err) {
 }
 
 bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
-    static const char *const programs[GL_STAGE_COUNT] = {
-        [GL_PROJECT] = "frame bins records shade 10_project",
-        [GL_COMPOSITE] = "bins records footprint 30_composite",
-        [GL_COMPOSITE_POST] = "frame bins records footprint shade post 30_composite",
-        [GL_RESOLVE] = "40_resolve",
-    };
     s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
     uint64_t words = s->block_bytes ? s->block_bytes / sizeof(uint32_t) : PAIRS_MOST;
     s->limits = (struct gl_limits){ .records = RECORDS_MOST,
@@ -481,10 +494,9 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->layers = LAYERS_MOST;
     s->rows = TILES_MOST;
     gl_timer_init(&s->timer);
-    for (int i = 0; i < GL_STAGE_COUNT; i++)
-        if (!(s->programs[i] = gl_program_open(programs[i], err)))
-            return false;
-    return gl_bins_init(&s->bins, err) && write_cubic(s, err);
+    s->project = gl_program_open("frame bins records shade 10_project", "", err);
+    s->resolve = s->project ? gl_program_open("40_resolve", "", err) : 0;
+    return s->resolve && gl_bins_init(&s->bins, err) && write_cubic(s, err);
 }
 
 void gl_draw_finish(struct gl_state *s) {
@@ -492,8 +504,11 @@ void gl_draw_finish(struct gl_state *s) {
     gl_lists_forget(&s->lists, NULL);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         gl_buffer_finish(&buffers[i]);
-    for (int i = 0; i < GL_STAGE_COUNT; i++)
-        glDeleteProgram(s->programs[i]);
+    unsigned *composite = &s->composite[0][0][0][0][0];
+    for (size_t i = 0; i < sizeof s->composite / sizeof *composite; i++)
+        glDeleteProgram(composite[i]);
+    glDeleteProgram(s->project);
+    glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_buffer_finish(&s->curve.buffer);
     gl_timer_finish(&s->timer);

@@ -22,8 +22,6 @@
 #include "backend/gl/frame.h"
 #include "backend/gl/timer.h"
 
-enum gl_stage { GL_PROJECT, GL_COMPOSITE, GL_COMPOSITE_POST, GL_RESOLVE, GL_STAGE_COUNT };
-
 /* Sizes of the pieces that a frame is drawn in. They bound memory, and what one dispatch takes. */
 struct gl_limits {
     uint32_t records; /* of a batch */
@@ -43,7 +41,11 @@ struct gl_state {
     struct gl_timer timer;
     struct gl_bins bins;
     struct gl_curve curve;
-    unsigned programs[GL_STAGE_COUNT];
+    unsigned project, resolve; /* programs */
+    /* The compositor's, made when they are first asked for: 0 = not yet. By compositing, kernel
+     * (Gaussian, cubic, flat), whether planes clip, attenuation is linear, pixels are classified.
+     */
+    unsigned composite[3][3][2][2][2];
     struct {
         struct gl_buffer constants, bricks, records, spans, image, cubic, pixels, back;
     } buffers;

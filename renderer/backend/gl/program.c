@@ -9,7 +9,7 @@
 
 #include "sp/log.h"
 
-enum { SOURCES_MAX = 8 };
+enum { SOURCES_MAX = 10 };
 
 /* Logs a whole log and puts its first line into the error. Frees it. */
 static bool fail_with_log(const char *name, const char *what, char *text, struct sp_error *err) {
@@ -24,18 +24,18 @@ static bool fail_with_log(const char *name, const char *what, char *text, struct
     return sp_fail(err, SP_ERR_BACKEND, "", "shader %s does not %s: %s", name, what, first);
 }
 
-static bool compile(unsigned shader, const char *name, const char *const *sources,
-                    struct sp_error *err) {
+static bool compile(unsigned shader, const char *name, const char *defines,
+                    const char *const *sources, struct sp_error *err) {
     char preamble[256];
-    const char *texts[SOURCES_MAX] = { preamble };
-    int count = 1, ok = 0, length = 0;
+    const char *texts[SOURCES_MAX] = { preamble, defines };
+    int count = 2, ok = 0, length = 0;
     snprintf(preamble, sizeof preamble,
              "#version 430 core\n#define TILE %d\n#define GROUP %d\n#define SCAN_BLOCK %d\n"
              "#define TABLE_SCALES %d\n#define PARTS %d\n#define CUTS %d\n",
              GL_TILE, GL_GROUP, GL_SCAN_BLOCK, GL_TABLE_SCALES, GL_PARTS, GL_CUTS);
-    for (; sources[count - 1]; count++) {
+    for (; sources[count - 2]; count++) {
         assert(count < SOURCES_MAX);
-        texts[count] = sources[count - 1];
+        texts[count] = sources[count - 2];
     }
     glShaderSource(shader, count, texts, NULL);
     glCompileShader(shader);
@@ -65,12 +65,14 @@ static bool link_program(unsigned program, unsigned shader, const char *name,
     return fail_with_log(name, "link", text, err);
 }
 
-unsigned gl_program_create(const char *name, const char *const *sources, struct sp_error *err) {
+unsigned gl_program_create(const char *name, const char *defines, const char *const *sources,
+                           struct sp_error *err) {
     unsigned shader = glCreateShader(GL_COMPUTE_SHADER), program = glCreateProgram();
     bool ok = shader && program;
     if (!ok)
         sp_fail(err, SP_ERR_BACKEND, "", "shader %s: GL makes no program", name);
-    ok = ok && compile(shader, name, sources, err) && link_program(program, shader, name, err);
+    ok = ok && compile(shader, name, defines, sources, err) &&
+         link_program(program, shader, name, err);
     glDeleteShader(shader);
     if (!ok)
         glDeleteProgram(program);
@@ -84,7 +86,7 @@ static const char *find_source(const char *name, size_t length) {
     return NULL;
 }
 
-unsigned gl_program_open(const char *names, struct sp_error *err) {
+unsigned gl_program_open(const char *names, const char *defines, struct sp_error *err) {
     const char *texts[SOURCES_MAX] = { NULL }, *last = names;
     int count = 0;
     for (const char *at = names; *at; at += strspn(at, " ")) {
@@ -95,5 +97,5 @@ unsigned gl_program_open(const char *names, struct sp_error *err) {
         assert(texts[count - 1]);
         at += length;
     }
-    return gl_program_create(last, texts, err);
+    return gl_program_create(last, defines, texts, err);
 }

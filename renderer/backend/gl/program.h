@@ -28,12 +28,14 @@ struct gl_source {
 /* In the order of their names; NULL name at the end. Made by embed.cmake. */
 extern const struct gl_source gl_sources[];
 
-/* Compiles and links. `name` stands in errors; `sources`: texts, NULL at the end. Returns the
+/* Compiles and links. `name` stands in errors; `defines`: lines "#define …\n" of the program's own,
+ * "" = none; `sources`: texts, NULL at the end. Returns the
  * program's name in GL, or 0 with SP_ERR_BACKEND set: the whole log is logged as errors, line by
  * line, and the error holds the stage and the log's first line. A context must be current. */
-unsigned gl_program_create(const char *name, const char *const *sources, struct sp_error *err);
+unsigned gl_program_create(const char *name, const char *defines, const char *const *sources,
+                           struct sp_error *err);
 
 /* The same of embedded sources by name, space-separated, the last of which names the program. */
-unsigned gl_program_open(const char *names, struct sp_error *err);
+unsigned gl_program_open(const char *names, const char *defines, struct sp_error *err);
 
 #endif

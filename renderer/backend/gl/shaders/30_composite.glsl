@@ -11,7 +11,7 @@ layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
 layout(location = 1) uniform uvec2 batch; // width of the picture [px], room for pairs
-layout(location = 2) uniform uvec3 joint; // linear attenuation, resumes a layer, leaves one open
+layout(location = 2) uniform uvec2 joint; // resumes a layer, leaves one open
 
 const uint STAGED = TILE * TILE;
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
@@ -29,7 +29,7 @@ vec2 at;    // the pixel's centre
 
 // (1 − e^{−t})/t, which E is multiplied by, and e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1).
 vec2 attenuate(float t) {
-    if (joint.x != 0u)
+    if (is_linear)
         return t < 1.0 ? vec2(1.0, 1.0 - t) : vec2(1.0 / t, 0.0);
     if (t < 0.01) {
         float series = 1.0 - t * (0.5 - t * (1.0 / 6.0));
@@ -39,7 +39,7 @@ vec2 attenuate(float t) {
     return vec2((1.0 - e) / t, e);
 }
 
-#ifdef POST
+#if POST
 // (W, N, S) → (T, E).
 void classify() {
     if (!(sum.x > 1e-12)) {
@@ -84,7 +84,7 @@ bool stage(uint thread, uint begin, uint end) {
         is_live = true;
     if (begin + thread < end) {
         uint pair = pairs[begin + thread];
-        uint record = way.z * (pair & ((1u << RECORD_BITS) - 1u));
+        uint record = shape.y * (pair & ((1u << RECORD_BITS) - 1u));
         staged_at[thread] = record;
         staged[2u * thread] = records[record];
         staged[2u * thread + 1u] = records[record + 1u];
@@ -94,26 +94,30 @@ bool stage(uint thread, uint begin, uint end) {
     return is_live;
 }
 
-// Adds staged splat i.
-void add(uint i, inout uint layer) {
+// Adds staged splat i, which is of the open layer.
+void add(uint i) {
     uvec4 rest = staged[2u * i + 1u];
-    uint own = rest.w >> 16;
-    if (own != layer) {
-        composite();
-        layer = own;
-    }
     vec2 d;
     float exponent, weight = weigh(staged[2u * i], uintBitsToFloat(rest.x), at, d, exponent);
-    if (weight > 0.0 && (way.x == COMPOSITE_SLAB || way.y > 0u))
-        weight *= share_of(staged_at[i], own, d, exponent);
-    if (!(weight > 0.0))
-        return;
+    if (weight > 0.0 && (compositing == COMPOSITE_SLAB || is_clipped))
+        weight *= share_of(staged_at[i], rest.w >> 16, d, exponent);
     float t = weight * uintBitsToFloat(rest.y);
     sum += t * vec4(1.0, unpackHalf2x16(rest.z), unpackHalf2x16(rest.w).x);
-    if (way.w != 0u)
+    if (is_post)
         sum_value += t * uintBitsToFloat(records[staged_at[i] + 3u].z);
-    if (way.x == COMPOSITE_SPLAT)
-        composite();
+}
+
+// Adds n staged splats, layer by layer, so that a layer is composited once, whether branches are taken or masked.
+void add_staged(uint n, inout uint layer) {
+    for (uint i = 0u; i < n;) {
+        uint own = staged[2u * i + 1u].w >> 16;
+        if (own != layer || compositing == COMPOSITE_SPLAT)
+            composite();
+        layer = own;
+        do {
+            add(i++);
+        } while (compositing != COMPOSITE_SPLAT && i < n && staged[2u * i + 1u].w >> 16 == own);
+    }
 }
 
 void main() {
@@ -131,19 +135,16 @@ void main() {
     pixel = inside ? image[index] : vec4(0);
     sum = vec4(0);
     sum_value = 0.0;
-    if (inside && joint.y != 0u) {
+    if (inside && joint.x != 0u) {
         sum = image[left];
         sum_value = image[left + 1u].x;
         layer = 0u;
     }
-    for (; begin < end && stage(thread, begin, end); begin += STAGED) {
-        uint n = min(STAGED, end - begin);
-        for (uint i = 0u; i < n; i++)
-            add(i, layer);
-    }
+    for (; begin < end && stage(thread, begin, end); begin += STAGED)
+        add_staged(min(STAGED, end - begin), layer);
     if (!inside)
         return;
-    if (joint.z != 0u) {
+    if (joint.y != 0u) {
         image[left] = sum;
         image[left + 1u].x = sum_value;
     } else {

@@ -6,9 +6,12 @@ layout(std430, binding = 1) readonly buffer Records { uvec4 records[]; };
 layout(std430, binding = 6) readonly buffer Cubic { float cubic[]; };
 
 layout(location = 3) uniform float cut;    // largest exponent
-layout(location = 4) uniform uvec4 way;    // compositing, clipping planes, words of four of a record, post-classified
+layout(location = 4) uniform uvec2 shape;  // clipping planes, words of four of a record
 layout(location = 5) uniform vec2 slab;    // index of the batch's first layer, thickness of a layer
-layout(location = 6) uniform uint kernel;  // 0 Gaussian, 1 cubic, 2 flat
+
+// What a program is made for: COMPOSITING is an enum sp_compositing, KERNEL 0 Gaussian, 1 cubic, 2 flat.
+const uint compositing = COMPOSITING, kernel = KERNEL;
+const bool is_clipped = CLIPPED != 0, is_linear = LINEAR != 0, is_post = POST != 0;
 
 const float LOG2E = 1.44269504, UNBOUNDED = 1e4;
 const uint CUBIC_STEPS = 512u, CUBIC_ROWS = 32u, CUBIC_COLUMNS = 64u;
@@ -67,7 +70,7 @@ float weigh(uvec4 place, float c, vec2 at, out vec2 d, out float exponent) {
 // Share of the ray that planes leave: a factor, and bounds of depth in standard deviations.
 float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
     float factor = 1.0;
-    for (uint i = 0u; i < way.y; i++) {
+    for (uint i = 0u; i < shape.x; i++) {
         uvec4 plane = records[at + i];
         if (plane.w == CUT_NONE)
             break;
@@ -85,9 +88,9 @@ float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
 
 // Share of the record's weight that layer `layer` of the batch gets at d.
 float share_of(uint at, uint layer, vec2 d, float exponent) {
-    bool is_slab = way.x == COMPOSITE_SLAB;
+    bool is_slab = compositing == COMPOSITE_SLAB;
     vec2 bounds = vec2(-UNBOUNDED, UNBOUNDED), shares;
-    float factor = clip_ray(at + (is_slab ? 4u : 2u), d, exponent, bounds);
+    float factor = is_clipped ? clip_ray(at + (is_slab ? 4u : 2u), d, exponent, bounds) : 1.0;
     if (is_slab) {
         vec4 line = uintBitsToFloat(records[at + 2u]);
         ivec2 range = ivec2(records[at + 3u].xy);

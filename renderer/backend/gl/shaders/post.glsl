@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Post-classification: a pixel of a slab from (W, N, S), as tile/post.h derives it.
 
-#define POST
-
 // Points of the transfer function: value, 1/(distance to the next), opacity | colour. Then the gradient axis: magnitude,
 // scale. Then nodes of the integral of depth and of colour times depth, each as a sum in two floats and the difference
 // to the next node: single precision would lose the difference of two sums.

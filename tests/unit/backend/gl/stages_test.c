@@ -253,12 +253,12 @@ static void a_broken_shader_is_an_error_with_its_log(void **state) {
     struct lines lines = { 0 };
     struct sp_error err = { 0 };
     sp_log_init(take_line, &lines, SP_LOG_ERROR);
-    assert_int_equal(gl_program_create("30_broken", broken, &err), 0);
+    assert_int_equal(gl_program_create("30_broken", "", broken, &err), 0);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "30_broken"));
     assert_true(strlen(err.text) < SP_ERROR_TEXT - 1);
     assert_true(lines.has_line && lines.has_name && lines.count >= 3);
-    assert_int_equal(gl_program_create("31_wide", too_wide, &err), 0);
+    assert_int_equal(gl_program_create("31_wide", "", too_wide, &err), 0);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "31_wide"));
     sp_log_init(NULL, NULL, SP_LOG_INFO);
