@@ -507,6 +507,7 @@ void gl_draw_finish(struct gl_state *s) {
     unsigned *composite = &s->composite[0][0][0][0][0];
     for (size_t i = 0; i < sizeof s->composite / sizeof *composite; i++)
         glDeleteProgram(composite[i]);
+    memset(s->composite, 0, sizeof s->composite);
     glDeleteProgram(s->project);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);

@@ -50,10 +50,10 @@ struct gl_state {
         struct gl_buffer constants, bricks, records, spans, image, cubic, pixels, back;
     } buffers;
     struct gl_limits limits;
-    uint64_t pairs;   /* room for them */
-    uint32_t records; /* most of a batch … */
-    uint32_t layers;  /* most of a batch; fewer after pairs had no room */
-    uint32_t rows;    /* of tiles a band, likewise */
+    uint64_t pairs; /* room for them */
+    /* Most records and layers of a batch, and rows of tiles of a band: fewer after one was too
+     * much. */
+    uint32_t records, layers, rows;
     uint64_t block_bytes;
     char device[SP_DEVICE_NAME];
 };
@@ -61,7 +61,8 @@ struct gl_state {
 /* The context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
 
-/* Programs and tables that do not change; what was made before a failure is gl_draw_finish()'s. */
+/* Programs and tables that do not change; what was made before a failure is gl_draw_finish()'s.
+ * After that a state can be initialised again, in another context too. */
 bool gl_draw_init(struct gl_state *state, struct sp_error *err);
 void gl_draw_finish(struct gl_state *state);
 
