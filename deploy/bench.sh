@@ -8,8 +8,9 @@ usage() {
 Usage: deploy/bench.sh [OPTION...]
 
 Builds the release preset, measures every scene of the bench beside VTK and the scalar
-reference, and writes CSV files and a page made from them. About 20 minutes on two idle
-cores; each step prints what runs and how long it took.
+reference, the GPU backend on a GPU or else on software GL, and writes CSV files and a page
+made from them. About 25 minutes on two idle cores; each step prints what runs and how long
+it took.
 
   --quick         a few minutes: 4 views, 512 px, two threads, small volumes; not for the page
   --data DIR      folder of the real volumes (default ../shared/data, or $SPLATD_DATA_DIR)
@@ -18,7 +19,8 @@ cores; each step prints what runs and how long it took.
   --vtk           measure VTK too, and install it if it is missing (python3-vtk9, xvfb)
   --no-vtk        do not; without either, VTK is measured where it is installed
   --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
-                  adaptive, detail, edits, cancel, scaling
+                  adaptive, detail, edits, cancel, scaling, gl
+  --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)
   --full          24 cameras for VTK at 1024 px as well, where 8 are taken (10 minutes more)
   --no-install    build with what is already installed
@@ -37,7 +39,7 @@ need_value() {
     [[ $# -ge 2 ]] || { usage >&2; exit 2; }
 }
 
-install=yes quick=no vtk=auto views='' full=no out='' only=''
+install=yes quick=no vtk=auto views='' full=no out='' only='' peak=''
 data=${SPLATD_DATA_DIR:-$root/../shared/data} scenes=$root/../shared/bench/scenes
 while [[ $# -gt 0 ]]; do
     case $1 in
@@ -50,6 +52,7 @@ while [[ $# -gt 0 ]]; do
     --scenes) need_value "$@"; scenes=$2; shift ;;
     --out) need_value "$@"; out=$2; shift ;;
     --only) need_value "$@"; only=$2; shift ;;
+    --gpu-peak) need_value "$@"; peak=$2; shift ;;
     --views) need_value "$@"; views=$2; shift ;;
     --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
@@ -87,6 +90,7 @@ load=$(cut -d' ' -f1 /proc/loadavg)
 arguments=(--bin "$root/build/release/bin" --data "$data" --scenes "$scenes" --out "$out" --views "$views")
 [[ $quick == no ]] || arguments+=(--quick)
 [[ -z $only ]] || arguments+=(--only "$only")
+[[ -z $peak ]] || arguments+=(--gpu-peak "$peak")
 [[ $full == no ]] || arguments+=(--peer-views 24)
 say "measuring into $out"
 status=0

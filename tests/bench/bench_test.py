@@ -10,8 +10,8 @@ import unittest
 
 PROGRAM, LIMIT = sys.argv.pop(1), sys.argv.pop(1)
 KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'lod', 'views',
-        'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'stages',
-        'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
+        'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'splats_per_second',
+        'stages', 'rest_ms', 'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
 
 
 def run(*arguments):
@@ -47,12 +47,30 @@ class CommandLine(unittest.TestCase):
         self.assertGreater(first['visible_voxels'], 0)
         self.assertGreaterEqual(first['visible_voxels'], first['splats'])
         self.assertLessEqual(first['median_ms'], first['p95_ms'])
+        self.assertGreater(first['splats_per_second'], 0)
+        self.assertLessEqual(0, first['rest_ms'])
+        self.assertLessEqual(first['rest_ms'], first['mean_ms'])
         self.assertEqual(first['voxels'], 24 ** 3)
         self.assertEqual(first['bytes'], 24 ** 3 + first['derived_bytes'])
         self.assertGreater(first['derived_bytes'], 0)
         self.assertAlmostEqual(first['derived_per_voxel'], first['derived_bytes'] / 24 ** 3, 4)
         self.assertEqual(second['scene'], 'absent')
         self.assertIn('nowhere.nrrd', second['skipped'])
+
+    def test_software_gl_says_what_it_is(self):
+        options = ('--volume', 'demo:phantom?size=16', '--size', '32', '--views', '2', '--warm', '0')
+        done = run('--backend', 'gl-software', *options)
+        if done.returncode:
+            self.assertIn('gl-software', done.stderr)
+            self.skipTest('no software GL: ' + done.stderr)
+        line, = self.lines(done)
+        self.assertEqual(set(line), KEYS)
+        self.assertEqual(line['backend'], 'gl-software')
+        self.assertTrue(line['device'].endswith('software GL, for correctness only'), line['device'])
+        self.assertLessEqual({'classify', 'splat', 'bin', 'tile', 'resolve'}, set(line['stages']))
+        other, = self.lines(run('--backend', 'cpu', *options))
+        self.assertEqual(line['visible_voxels'], other['visible_voxels'])
+        self.assertGreater(line['splats'], 0)
 
     def test_edits_of_the_transfer_function(self):
         points = [{'value': v, 'color': [1, 1, 1], 'opacity': o} for v, o in ((0.195, 0), (0.35, 0.2), (0.9, 0.4))]

@@ -6,6 +6,7 @@ A table whose file is missing is left out. notes.md in the same folder, if there
 the time goes that no program can write. The headline is printed as well.
 """
 import csv
+import math
 import os
 import sys
 
@@ -30,6 +31,10 @@ CHEN_ADAPTIVE = {'engine': 12, 'bonsai': 9, 'lobster': 21, 'head': 11}
 GOAL, GOAL_SPARSE, SPARSE = 5, 10, ('engine', 'bonsai', 'lobster', 'aneurism')
 GOAL_FPS = {'head-full': 40}  # at 512 px, two threads, not shaded
 GOAL_ADAPTIVE_DB, GOAL_DETAIL_DB, GOAL_EDIT, GOAL_CANCEL_MS, GOAL_BYTES = 45, 40, 0.90, 5, 2
+# On a data-centre GPU, frames a second, not shaded: scene, px.
+GOAL_GPU = {(scene, 512): 1000 for scene, found in PAPERS.items() if {CHEN_3, CHEN_4} & {source for _, source in found}}
+GOAL_GPU.update({('head-full', 512): 500, ('sparse', 1024): 200})
+SOFTWARE = 'software GL, for correctness only'
 EQUAL_DB = 999
 ORDER = ('engine', 'bonsai', 'bonsai-full', 'lobster', 'head', 'head-full', 'aneurism', 'checkerboard', 'sparse')
 
@@ -221,6 +226,61 @@ def scaling(folder):
                   'peak MiB'], lines)
 
 
+GPU_TILE = 8  # px, as in backend/gl/program.h
+
+
+def gpu_work(splats, fragments, pixels):
+    """Bytes and operations of a frame by the model that GPU_EXPLAINED states."""
+    side = math.sqrt(4 / math.pi * fragments / splats) if splats else 0
+    pairs = splats * (1 + side / GPU_TILE) ** 2
+    return splats * 52 + pairs * 40 + pixels * 76, splats * 120 + pairs * GPU_TILE ** 2 * 11 + fragments * 16
+
+
+def gpu_shares(row, amounts):
+    """Fractions of the device's memory bandwidth and arithmetic, where both were told."""
+    if row['backend'] != 'gl' or not row['peak_gb_s']:
+        return ['–', '–']
+    seconds = row['median_ms'] / 1e3
+    return [f'{100 * amount / seconds / (peak * unit):.1f} %'
+            for amount, peak, unit in zip(amounts, (row['peak_gb_s'], row['peak_tflop_s']), (1e9, 1e12))]
+
+
+def gpu_goals(rows):
+    lines = []
+    for (scene, size), wanted in sorted(GOAL_GPU.items(), key=lambda item: (ORDER.index(item[0][0]), item[0][1])):
+        row = find(rows, scene=scene, size=size, shading='none')
+        verdict = SOFTWARE if rows[0]['backend'] != 'gl' else met(row['fps'] >= wanted) if row else 'not measured'
+        lines.append([scene, size, wanted, short(row['fps']) if row else '–', verdict])
+    return table(['scene', 'px', 'goal, frames a second', 'fps', 'on this device'], lines)
+
+
+GPU_EXPLAINED = '''The rest of a frame is what no stage accounts for: handing the work over, waiting, and reading the picture back.
+
+The model of a frame, for the fractions of memory bandwidth and arithmetic: 52 bytes and 120 operations a splat (its voxel's word, the record and its tiles written, the tiles read again),
+40 bytes a pair of a splat and a tile (its number written and read, the record read), 11 operations a pair and pixel of the tile, 16 more a fragment, and 76 bytes a pixel (cleared, composited, resolved, copied twice). Pairs are
+those of the mean footprint. Tables, counts and gradients are left out, and opaque tiles do less. `deploy/bench.sh --gpu-peak GB/s,TFLOP/s` says what the device can do.
+'''
+
+
+def gpu(folder):
+    rows = ordered(read(folder, 'gl.csv'))
+    if not rows:
+        return ''
+    stages = ('classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'rest_ms')
+    lines = []
+    for r in rows:
+        work = gpu_work(r['splats'], r['fragments'], r['size'] ** 2)
+        lines.append([r['scene'], f'{r["size"]:.0f}', 'shaded' if r['shading'] == 'phong' else '', short(r['splats'] / 1e6), short(r['median_ms']),
+                      short(r['fps']), short(r['splats_per_second'] / 1e6), *(f'{100 * (r[s] or 0) / r["mean_ms"]:.0f} %' for s in stages),
+                      f'{short(r["fps"] / r["cpu_fps"], 2)}' if r['cpu_fps'] else '–', short(work[0] / 1e6), short(work[1] / 1e9), *gpu_shares(r, work)])
+    about = f'Device: {rows[0]["device"]}. Backend `{rows[0]["backend"]}`, {rows[0]["views"]:.0f} views.'
+    if rows[0]['backend'] != 'gl':
+        about += f' Its times say nothing about a GPU, nor do the shares of the stages: {SOFTWARE}.'
+    head = ['scene', 'px', '', 'Msplat drawn', 'median ms', 'fps', 'Msplat/s', *(s[:-3] for s in stages), 'times the CPU backend', 'model MB', 'model Gop',
+            'of bandwidth', 'of arithmetic']
+    return f'{about}\n\n{table(head, lines)}\n{GPU_EXPLAINED}\nGoals on a data-centre GPU, not shaded:\n\n{gpu_goals(rows)}'
+
+
 def threads(folder):
     rows = [r for r in read(folder, 'scenes.csv') if r['renderer'] == 'splatd' and r['threads'] == 1]
     lines = []
@@ -281,6 +341,7 @@ SECTIONS = [
     ('Scaling with the volume', scaling, 'The balls of `demo:sparse` at 512 × 512, level of detail `auto` and `off`; memory is of both.'),
     ('One and two threads', threads, ''),
     ('Cancelling', cancel, '1024 × 1024, two threads: from setting the flag, at a random moment of the frame, to the return of the call.'),
+    ('The GPU backend', gpu, ''),
     ('Memory', memory, 'What is kept beside the samples, and how often a frame asks for memory once the first ones are drawn.'),
 ]
 

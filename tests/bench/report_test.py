@@ -107,6 +107,42 @@ class Report(unittest.TestCase):
                                                           'worst_ms': 5.1})
         self.assertIn('**missed**', report.cancel(self.folder.name))
 
+    def gl(self, scene, size, fps, **more):
+        row = {'scene': scene, 'backend': 'gl', 'device': 'a card', 'size': size, 'shading': 'none', 'views': 24, 'splats': 1000000,
+               'fragments': 0, 'fps': fps, 'median_ms': 1000 / fps, 'mean_ms': 1000 / fps, 'splats_per_second': 1e6 * fps, 'classify_ms': 0,
+               'splat_ms': 250 / fps, 'bin_ms': 0, 'tile_ms': 500 / fps, 'resolve_ms': 0, 'rest_ms': 250 / fps, 'cpu_fps': 10}
+        return {**row, **more}
+
+    def test_a_gpu(self):
+        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000, peak_gb_s=1000, peak_tflop_s=10), self.gl('head-full', 512, 499),
+                   self.gl('sparse', 1024, 200))
+        text = report.gpu(self.folder.name)
+        line = self.line(text.split('Goals')[0], '| engine')
+        self.assertEqual(line[4:13], ['1', '1000', '1000', '0 %', '25 %', '0 %', '50 %', '0 %', '25 %'])
+        # 92 bytes a splat without extent and 76 a pixel, in a millisecond; 824 operations a splat.
+        self.assertEqual(line[13:], ['100', '112', '0.824', '11.2 %', '8.2 %'])
+        self.assertEqual(self.line(text.split('Goals')[0], '| head-full')[-2:], ['–', '–'])
+        self.assertIn('| engine | 512 | 1000 | 1000 | met |', text)
+        self.assertIn('| head-full | 512 | 500 | 499 | **missed** |', text)
+        self.assertIn('| sparse | 1024 | 200 | 200 | met |', text)
+        self.assertIn('| checkerboard | 512 | 1000 | – | not measured |', text)
+        self.assertIn('Device: a card. Backend `gl`', text)
+        self.assertNotIn(report.SOFTWARE, text)
+
+    def test_software_gl_is_not_judged(self):
+        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 2000, backend='gl-software', peak_gb_s=1, peak_tflop_s=1))
+        text = report.gpu(self.folder.name)
+        goals = text.split('Goals')[1]
+        self.assertNotIn('met', goals)
+        self.assertEqual(goals.count(report.SOFTWARE), len(report.GOAL_GPU))
+        self.assertEqual(self.line(text.split('Goals')[0], '| engine')[-2:], ['–', '–'])
+        self.assertEqual({scene for scene, _ in report.GOAL_GPU}, {'engine', 'bonsai', 'lobster', 'head', 'head-full', 'checkerboard', 'sparse'})
+
+    def test_what_a_gpu_can_do_is_two_numbers(self):
+        self.assertEqual(run_all.peaks('4800,67'), (4800, 67))
+        for wrong in '4800', '4800,0', '4800,-1', 'a,b', '1,2,3', 'nan,1', 'inf,1':
+            self.assertRaises(ValueError, run_all.peaks, wrong)
+
     def test_a_folder_without_results(self):
         for folder, status in (self.folder.name, 1), (os.path.join(self.folder.name, 'none'), 2):
             done = subprocess.run([sys.executable, os.path.join(HERE, 'report.py'), folder], capture_output=True, text=True, check=False)

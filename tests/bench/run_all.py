@@ -11,6 +11,7 @@ import csv
 import datetime
 import glob
 import json
+import math
 import os
 import platform
 import shutil
@@ -21,7 +22,7 @@ import time
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling')
+PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl')
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -37,6 +38,8 @@ def arguments():
     p.add_argument('--only', default=','.join(PARTS), help='what to measure, of ' + ', '.join(PARTS) + '; the other files stay')
     p.add_argument('--quick', action='store_true', help='a few views, 512 px, two threads, small volumes')
     p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
+    p.add_argument('--gpu-peak', type=peaks, default=('', ''), metavar='GB/s,TFLOP/s',
+                   help='memory bandwidth and single-precision arithmetic of the GPU, which the page compares with')
     p.add_argument('--peer-views', type=int, default=8, help='cameras for VTK at 1024 px, evenly chosen; 24 at 512 px')
     options = p.parse_args()
     options.only = options.only.split(',')
@@ -44,6 +47,13 @@ def arguments():
         if part not in PARTS:
             p.error(f'--only: "{part}" is none of {", ".join(PARTS)}')
     return options
+
+
+def peaks(text):
+    numbers = [float(part) for part in text.split(',')]
+    if len(numbers) != 2 or not all(0 < n < math.inf for n in numbers):
+        raise ValueError
+    return tuple(numbers)
 
 
 class Run:
@@ -80,8 +90,8 @@ class Run:
                 self.say(f'    skipped: {row["scene"]}: {row["skipped"]}')
         return [row for row in rows if 'skipped' not in row]
 
-    def bench(self, label, *arguments):
-        return self.call(label, [os.path.join(self.o.bin, 'splat-bench'), '--data', self.o.data, *map(str, arguments)])
+    def bench(self, label, *arguments, backend='cpu'):
+        return self.call(label, [os.path.join(self.o.bin, 'splat-bench'), '--backend', backend, '--data', self.o.data, *map(str, arguments)])
 
     def write(self, name, columns, rows):
         path = os.path.join(self.o.out, name)
@@ -315,6 +325,52 @@ def measure_scaling(run, sides):
             run.write('scaling.csv', SCALING_COLUMNS, rows)
 
 
+GL_COLUMNS = ['scene', 'backend', 'device', 'size', 'shading', 'views', 'visible_voxels', 'splats', 'fragments', 'median_ms', 'p95_ms',
+              'mean_ms', 'fps', 'splats_per_second', 'classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'rest_ms', 'cpu_fps',
+              'derived_bytes', 'peak_gb_s', 'peak_tflop_s']
+
+
+class Gpu:
+    """The GPU backend on what there is: hardware at full length, else software GL, whose times mean nothing: few views of small
+    pictures, which show that every scene is drawn."""
+
+    def __init__(self, run):
+        self.backend, self.device, self.why = '', '', []
+        for backend in ('gl', 'gl-software'):
+            done = subprocess.run([os.path.join(run.o.bin, 'splat-bench'), '--backend', backend, '--views', '1', '--warm', '0', '--size', '8',
+                                   '--volume', 'demo:sparse?size=8'], capture_output=True, text=True, check=False)
+            if done.returncode == 0:
+                self.backend, self.device = backend, json.loads(done.stdout)['device']
+                break
+            self.why += done.stderr.strip().splitlines()[-1:] or [f'{backend}: exit status {done.returncode}']
+        hardware = self.backend == 'gl'
+        self.corners = [(size, shading) for size in ((512, 1024, 2048) if hardware else (256, 512))
+                        for shading in (('none', 'phong') if hardware else ('none',))]
+        if run.o.quick:
+            self.corners = self.corners[:1]
+        self.views, self.warm = (run.o.views, 2) if hardware else (2, 0)
+        self.steps = 2 * len(self.corners) if self.backend else 0
+
+    def told(self):
+        return self.device or 'not measured: ' + '; '.join(self.why)
+
+
+def measure_gl(run):
+    gpu, rows = run.gpu, []
+    if not gpu.backend:
+        run.say('skipped: the GPU backend; ' + '; '.join(gpu.why))
+    for size, shading in gpu.corners if gpu.backend else []:
+        files = run.files(gpu.views)
+        common = ('--size', size, '--shading', shading, '--warm', gpu.warm)
+        label = f'{size} px, {"shaded" if shading == "phong" else "not shaded"}'
+        fps = {row['scene']: row['fps'] for row in run.bench(f'cpu beside the GPU backend, {label}', *common, *files)}
+        for row in run.bench(f'{gpu.backend}, {label}', *common, *files, backend=gpu.backend):
+            rows.append(flat(row, cpu_fps=fps.get(row['scene'], ''), peak_gb_s=run.o.gpu_peak[0], peak_tflop_s=run.o.gpu_peak[1],
+                             **{name + '_ms': ms for name, ms in row['stages'].items()}))
+        run.write('gl.csv', GL_COLUMNS, rows)
+    run.write('gl.csv', GL_COLUMNS, rows)
+
+
 def available_memory():
     with open('/proc/meminfo', encoding='ascii') as f:
         return next(int(line.split()[1]) for line in f if line.startswith('MemAvailable')) * 1024
@@ -342,6 +398,8 @@ def machine(run):
     yield 'load at the start', f'{os.getloadavg()[0]:.2f}'
     yield 'instruction set', run.isas[-1] if run.isas else '?'
     yield 'views', f'{run.o.views} (VTK at 1024 px: {min(run.o.views, run.o.peer_views)})'
+    if run.gpu:
+        yield 'gpu backend', run.gpu.told()
     yield 'vtk', 'measured in the same run' if run.o.vtk_bench else 'not measured: ' + run.o.no_vtk_because
 
 
@@ -351,6 +409,7 @@ def write_machine(run):
     if 'scenes' not in run.o.only and os.path.exists(path):
         with open(path, encoding='utf-8', newline='') as f:
             then = {row['key']: row['value'] for row in csv.DictReader(f)}
+        then.update({key: value for key, value in now.items() if key == 'gpu backend'})
         then.update({f'{part}, measured again': f'{now["commit"]}, {now["date"]}' for part in run.o.only})
         now = then
     run.write('machine.csv', ['key', 'value'], [{'key': k, 'value': v} for k, v in now.items()])
@@ -373,6 +432,7 @@ def main():
     run = Run(options)
     try:
         run.isas = known_isas(run)
+        run.gpu = Gpu(run) if 'gl' in options.only else None
         run.load_scenes()
         corners, sides = CORNERS, (64, 128, 256, 512, 1024)
         if options.quick:
@@ -390,6 +450,7 @@ def main():
             'edits': (3, lambda: measure_edits(run)),
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
+            'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),
         }
         run.steps = sum(work[part][0] for part in options.only)
         write_machine(run)

@@ -84,6 +84,14 @@ static proto_json *encode_stages(const struct bench_times *t) {
     return stages;
 }
 
+/* Of a mean frame, what no stage accounts for: with a GPU handing over work, and reading back. */
+static double rest_ms(const struct bench_times *t) {
+    double rest = bench_mean(t);
+    for (uint32_t i = 0; i < t->last.stage_count; i++)
+        rest -= t->stage_ms[i] / t->frames;
+    return fmax(rest, 0);
+}
+
 static void encode_view(proto_json *j, const struct sp_view *view) {
     static const char *const modes[] = { "adaptive", "ewa",  "reconstruction",
                                          "lowpass",  "swan", "none" };
@@ -105,7 +113,10 @@ static void encode_times(proto_json *j, const struct bench_times *t) {
     proto_json_set_number(j, "mean_ms", round2(bench_mean(t)));
     proto_json_set_number(j, "cpu_ms", round2(t->cpu_ms / t->frames));
     proto_json_set_number(j, "fps", round2(median > 0 ? 1000 / median : 0));
+    proto_json_set_number(j, "splats_per_second",
+                          round(median > 0 ? 1000 * t->splats / t->frames / median : 0));
     proto_json_set(j, "stages", encode_stages(t));
+    proto_json_set_number(j, "rest_ms", round2(rest_ms(t)));
     proto_json_set_number(j, "cold_classify_ms", round2(t->cold_classify_ms));
     proto_json_set_number(j, "allocations", round2((double)t->allocations / t->frames));
 }
