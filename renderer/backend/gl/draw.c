@@ -23,8 +23,7 @@ enum {
     LOOPS_MOST = 1 << 22,
     LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
                                iteration of a loop in a loop is two */
-    ENTRIES_EACH = SP_BRICK_VOXELS / GL_GROUP, /* that an invocation sets up, at most */
-    ORDER_ROUNDS = 24                          /* for a pair while its bin is put in order */
+    ORDER_ROUNDS = 24       /* for a pair while its bin is put in order */
 };
 
 enum { STAGE_CLASSIFY, STAGE_SPLAT, STAGE_BIN, STAGE_TILE, STAGE_RESOLVE, STAGES };
@@ -136,7 +135,7 @@ static void project(struct draw *d, const struct gl_batch *batch) {
             uint32_t left = batch->bricks[l] - done;
             n = left < GROUPS_MOST ? left : GROUPS_MOST;
             glUniform2ui(1, batch->brick[l] + done, batch->first);
-            glDispatchCompute(n, 1, 1);
+            glDispatchCompute(n, SP_BRICK_VOXELS / GL_GROUP, 1);
         }
     }
     storage_barrier();
@@ -313,7 +312,7 @@ static bool cut(struct draw *d, struct sp_error *err) {
 /* Tiles of a band: a splat may touch them all, in as many layers as it lies in. */
 static uint32_t tiles_of_band(const struct draw *d) {
     const struct gl_limits *limits = &d->state->limits;
-    uint32_t most = limits->loops / (ENTRIES_EACH * (d->frame.spanned + 2));
+    uint32_t most = limits->loops / (d->frame.spanned + 2);
     return most < limits->tiles ? most : limits->tiles;
 }
 

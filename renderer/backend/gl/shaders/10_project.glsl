@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Voxel → splat (splat/ewa.h has the derivation): a work group a brick, a thread every 256th of its entries. Each
-// entry has a record, whether it is drawn or not, so that nothing has to be compacted.
+// Voxel → splat (splat/ewa.h has the derivation): a column of work groups a brick, a thread an entry. Each entry has
+// a record, whether it is drawn or not, so that nothing has to be compacted.
 
 layout(local_size_x = GROUP) in;
 
@@ -339,7 +339,8 @@ void main() {
         group_splats = group_fragments = group_carry = 0u;
     barrier();
     Brick brick = bricks[batch.x + gl_WorkGroupID.x];
-    for (uint i = gl_LocalInvocationIndex; i < brick.list.y; i += GROUP)
+    uint i = gl_LocalInvocationIndex + GROUP * gl_WorkGroupID.y;
+    if (i < brick.list.y)
         spans[brick.list.z + i] = set_up(brick, i);
     barrier();
     if (gl_LocalInvocationIndex == 0u && group_splats > 0u) {
