@@ -93,6 +93,12 @@ class Probe(unittest.TestCase):
         self.assertIn('never as a GPU', entry['kind'])
         for what in ('vendor', 'OpenGL', 'driver', 'video memory', 'storage block', 'storage blocks', 'shared memory', 'work group'):
             self.assertIn(what, entry)
+        # What OpenGL 4.3 promises.
+        self.assertRegex(entry['storage block'], r'^\d+ [MG]iB$')
+        self.assertGreaterEqual(int(entry['storage blocks'].split()[0]), 8)
+        self.assertRegex(entry['shared memory'], r'^\d+ KiB$')
+        self.assertGreaterEqual(int(entry['work group'].split()[0]), 1024)
+        self.assertRegex(entry['OpenGL'], r'^4\.[3-6]')
 
 
 @unittest.skipUnless(builds_gl(), 'this build has no GPU backend')
