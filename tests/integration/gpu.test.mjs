@@ -7,8 +7,9 @@ import { Daemon, runToEnd, turned } from './harness.mjs';
 const software = /^gl-software: /m.test((await runToEnd(['--probe'])).out);
 const size = [64, 64];
 
-test('streams and stills are drawn by the GPU backend at the same time', { skip: !software && 'no software GL' }, async () => {
+test('streams and stills are drawn by the GPU backend at the same time', { skip: !software && 'no software GL' }, async (t) => {
   const daemon = await Daemon.start(['--volume', 'demo:phantom?size=16', '--volume', 'demo:engine?size=24'], { backend: 'gl-software' });
+  t.after(() => daemon.kill('SIGKILL')); // open streams would keep a test that fails waiting
   const ready = (await daemon.json('/readyz', { token: null })).json;
   assert.equal(ready.backend, 'gl-software');
   assert.match(ready.device, /software GL/);
