@@ -91,8 +91,8 @@ static void choose_way(struct sp_view *view, int way) {
     view->compositing.attenuation = way & 1 ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
 }
 
-/* The CPU's threads make the same bytes. A GPU adds in any order, so that the last bits differ, and
- * with them, now and then, a byte by one step. */
+/* The CPU's threads make the same bytes. A GPU adds in any order, so that the last bits differ;
+ * rounding then says from which splat on a tile is saturated, which is one part in 512. */
 static bool is_same_frame(const struct test_target *target, const struct sp_frame *a,
                           const struct sp_frame *b) {
     struct test_image x, y;
@@ -102,7 +102,7 @@ static bool is_same_frame(const struct test_target *target, const struct sp_fram
     double psnr = test_image_psnr(&x, &y), step = test_image_difference(&x, &y).largest;
     test_image_finish(&x);
     test_image_finish(&y);
-    return a->format == SP_RGBAF32 ? psnr >= 120 : step < 1.01 / 255;
+    return psnr >= 70 && step < 1.01 / 255;
 }
 
 static void same_with_threads(struct context *c, const struct test_scene *scene,
@@ -572,7 +572,18 @@ static int run_target(struct context *c) {
         ON(nothing_to_see_is_the_background),
         ON(not_a_number_is_transparent),
     };
+    /* Software GL is slow: what comparing it to the reference (ewa_test.c) does not show. */
+    const struct CMUnitTest few[] = {
+        ON(threads_do_not_matter),
+        ON(a_symmetric_volume_gives_a_symmetric_picture),
+        ON(a_flat_gradient_axis_is_none),
+        ON(eight_bits_are_the_rounded_floats),
+        ON(nothing_to_see_is_the_background),
+        ON(not_a_number_is_transparent),
+    };
     print_message("%s/%s\n", c->target.backend, c->target.isa);
+    if (strcmp(c->target.backend, "gl-software") == 0)
+        return cmocka_run_group_tests(few, NULL, NULL);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
 

@@ -2,10 +2,15 @@
  *
  * One frame on the GPU.
  *
- *   classify (processor, frame.h) ─► for each band of tiles, for each batch of layers, front to
- * back: 10_project    entry → record, tiles that it touches, counts by tile and layer 20, 21 counts
- * → where each bin begins 22_scatter    records → bins: by tile, inside it by layer 30_composite  a
- * tile: layers summed and composited ─► 40_resolve ─► read back
+ *   classify (processor, frame.h) ─► for each band of tiles, for each batch of layers in it:
+ *
+ *     10_project    entry → record; its pairs are counted by tile and layer
+ *     20, 21        counts → where each bin begins
+ *     22_scatter    records → bins: by tile, in it by layer
+ *     23_order      single splats alone: a bin in the order of its records
+ *     30_composite  a tile: layers summed, classified (order post), composited
+ *
+ *   ─► 40_resolve ─► read back
  *
  * Bands bound the memory of pixels, batches that of records and bins. Pairs of a record and a tile
  * are counted before they are written: where they are more than there is room for, nothing is

@@ -3,9 +3,8 @@
  * What the processor decides of a frame: lists and levels, constants, and in which pieces it is
  * drawn. All the rest happens on the GPU.
  *
- *   layers   0 … … … … … … … … n       sheets front to back
- *   batch    |--- 0 ---|- 1 -|-- 2 --| consecutive layers, as many as records and bins have room
- * for
+ *   layers   0 … … … … … … … … n         sheets, slabs or distances, front to back
+ *   batch    |--- 0 ---|- 1 -|-- 2 --|   as many layers as records and bins have room for
  *
  * A brick is in every batch that has one of its layers, with a record for each of its entries. What
  * a batch leaves open (one layer with more entries than there are records) the next one resumes.
