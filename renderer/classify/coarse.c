@@ -277,6 +277,7 @@ static bool allocate_entries(struct merge *m, struct sp_error *err) {
             (unsigned long long)job->bytes_max);
     if (!sp_visible_allocate(list, normals, err))
         return false;
+    transfer->tf = *job->tf;
     if (m->is_post) { /* keys are values from the same base on */
         transfer->type = SP_FLOAT32;
         transfer->base = sp_transfer_base(&m->fine->transfer);

@@ -76,10 +76,11 @@ void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
 }
 
-void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs) {
+void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs,
+                   uint32_t longest) {
     uint32_t count = gl_bins_count(space);
     glUseProgram(bins->order);
-    glUniform2ui(1, count, pairs);
+    glUniform3ui(1, count, pairs, longest);
     gl_buffer_bind(&bins->totals, 2);
     gl_buffer_bind(&bins->pairs, 3);
     gl_buffer_bind(&bins->counts, 7);

@@ -69,6 +69,7 @@ void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
                   const struct gl_buffer *spans, uint32_t records, uint32_t pairs);
 
 /* Then puts the records of each bin in rising order. */
-void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs);
+void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs,
+                   uint32_t longest);
 
 #endif

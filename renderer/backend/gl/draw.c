@@ -18,9 +18,9 @@ enum {
     LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
     GROUPS_MOST = 65535,   /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    POLL_NS = 5 * 1000000, /* between two looks at the cancel flag */
-    IN_FLIGHT = 2,         /* batches that the GPU may lie behind */
-    LOOPS_MOST = 1 << 22,
+    POLL_NS = 5 * 1000000,  /* between two looks at the cancel flag */
+    IN_FLIGHT = 2,          /* batches that the GPU may lie behind */
+    LOOPS_MOST = 1 << 19,   /* of a work group: some 10 ms */
     LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
                                iteration of a loop in a loop is two */
     ORDER_ROUNDS = 24       /* for a pair while its bin is put in order */
@@ -71,8 +71,9 @@ static uint32_t pixel_bytes(const struct draw *d) {
     return d->job->frame->format == SP_RGBAF32 ? 16 : 4;
 }
 
+/* What shaders wrote is for shaders, or is cleared for the next batch. */
 static void storage_barrier(void) {
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
 
 /* Waits for the fence, which it deletes. False when the frame is no longer wanted, or the GPU gone.
@@ -114,9 +115,28 @@ static void use(const struct draw *d, unsigned program, const struct gl_batch *b
     gl_bins_set_space(&space);
 }
 
+/* Tiles of a band: a splat may touch them all, in as many layers as it lies in. */
+static uint32_t tiles_of_band(const struct draw *d) {
+    const struct gl_limits *limits = &d->state->limits;
+    uint32_t most = limits->loops / (d->frame.spanned + 2);
+    return most < limits->tiles ? most : limits->tiles;
+}
+
+/* Pairs that a tile may have in a batch. */
+static uint32_t pairs_of_tile(const struct draw *d) {
+    const struct gl_frame *f = &d->frame;
+    uint32_t rounds = 1 + gl_frame_ewa(f)->clip.count;
+    if (f->is_post) /* closing a layer looks for a value and a magnitude */
+        rounds += 9 + d->job->view->transfer_function.gradient_count;
+    if (f->compositing == SP_COMPOSITE_SPLAT)
+        rounds += ORDER_ROUNDS;
+    return d->state->limits.loops / rounds;
+}
+
 static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     use(d, s->project, batch);
+    glUniform1ui(4, (GLuint)s->pairs);
     gl_buffer_bind(&s->buffers.constants, 0);
     gl_buffer_bind(&s->buffers.bricks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
@@ -147,24 +167,24 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     const struct gl_bins_space space = space_of(d, batch);
     gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->pairs);
     if (d->frame.compositing == SP_COMPOSITE_SPLAT)
-        gl_bins_order(&s->bins, &space, (uint32_t)s->pairs);
+        gl_bins_order(&s->bins, &space, (uint32_t)s->pairs, pairs_of_tile(d));
     gl_timer_stamp(&s->timer, STAGE_BIN);
 }
 
 /* The compositor that the view needs; 0 with *err set. */
 static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
                                 const struct sp_view *view, struct sp_error *err) {
-    int kernel = view->filter.mode == SP_FILTER_NONE      ? 2
-                 : view->filter.kernel == SP_KERNEL_CUBIC ? 1
-                                                          : 0;
+    bool is_flat = view->filter.mode == SP_FILTER_NONE;
+    bool is_cubic = view->filter.kernel == SP_KERNEL_CUBIC;
     bool is_clipped = gl_frame_ewa(f)->clip.count > 0;
     bool is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
-    unsigned *program = &s->composite[f->compositing][kernel][is_clipped][is_linear][f->is_post];
+    unsigned *program =
+        &s->composite[f->compositing][is_flat][is_cubic][is_clipped][is_linear][f->is_post];
     char defines[160];
     snprintf(defines, sizeof defines,
-             "#define COMPOSITING %du\n#define KERNEL %du\n#define CLIPPED %d\n"
+             "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"
              "#define LINEAR %d\n#define POST %d\n",
-             (int)f->compositing, kernel, is_clipped, is_linear, f->is_post);
+             (int)f->compositing, is_flat, is_cubic, is_clipped, is_linear, f->is_post);
     if (!*program)
         *program =
             gl_program_open(f->is_post ? "frame bins records footprint shade post 30_composite"
@@ -177,7 +197,7 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
     use(d, d->compositor, batch);
-    glUniform2ui(1, d->job->frame->width, (GLuint)s->pairs);
+    glUniform3ui(1, d->job->frame->width, (GLuint)s->pairs, pairs_of_tile(d));
     glUniform2ui(2, batch->resumes, batch->stays_open);
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
@@ -299,32 +319,16 @@ static bool cut(struct draw *d, struct sp_error *err) {
     bool is_cut = layers == d->cut_for[0] && records == d->cut_for[1];
     if (!is_cut && !gl_frame_cut(&d->frame, layers, records, &s->arena))
         return fail_memory(&s->arena, err);
-    if (!reserve(d, err))
+    if (!reserve(d, err)) {
+        s->pairs = PAIRS_MIN; /* the next frame may need no more */
         return false;
+    }
     if (!is_cut && d->frame.brick_count)
         gl_buffer_write(&s->buffers.bricks, d->frame.bricks,
                         d->frame.brick_count * sizeof *d->frame.bricks);
     d->cut_for[0] = layers;
     d->cut_for[1] = records;
     return true;
-}
-
-/* Tiles of a band: a splat may touch them all, in as many layers as it lies in. */
-static uint32_t tiles_of_band(const struct draw *d) {
-    const struct gl_limits *limits = &d->state->limits;
-    uint32_t most = limits->loops / (d->frame.spanned + 2);
-    return most < limits->tiles ? most : limits->tiles;
-}
-
-/* Pairs that a tile may have in a batch. */
-static uint32_t pairs_of_tile(const struct draw *d) {
-    const struct gl_frame *f = &d->frame;
-    uint32_t rounds = 1 + gl_frame_ewa(f)->clip.count;
-    if (f->is_post) /* closing a layer looks for a value and a magnitude */
-        rounds += 9 + d->job->view->transfer_function.gradient_count;
-    if (f->compositing == SP_COMPOSITE_SPLAT)
-        rounds += ORDER_ROUNDS;
-    return d->state->limits.loops / rounds;
 }
 
 static bool draw_batches(struct draw *d, struct sp_error *err) {
@@ -357,6 +361,19 @@ static uint32_t most_layers(const struct gl_frame *f) {
     return most;
 }
 
+static bool fail_room(const struct draw *d, const struct gl_bins_head *head, struct sp_error *err) {
+    uint64_t most = d->state->limits.pairs;
+    if (head->needed > most)
+        return sp_fail(err, SP_ERR_BUDGET, "",
+                       "a row of tiles has %lu pairs of splats and tiles in one slice, and there "
+                       "is room for %llu: use a smaller kernel or picture",
+                       (unsigned long)head->needed, (unsigned long long)most);
+    return sp_fail(err, SP_ERR_BUDGET, "",
+                   "%lu splats of one slice lie over the same %d px, and the GPU is given %lu at "
+                   "a time: use a larger picture, or let the level of detail be chosen",
+                   (unsigned long)head->longest, (int)GL_TILE, (unsigned long)pairs_of_tile(d));
+}
+
 /* After a batch was too much: more room for pairs, or else fewer layers at a time, fewer records,
  * or a smaller band. */
 static bool make_room(struct draw *d, const struct gl_bins_head *head, struct sp_error *err) {
@@ -374,11 +391,7 @@ static bool make_room(struct draw *d, const struct gl_bins_head *head, struct sp
     else if (tile_rows(d) > 1)
         s->rows = shrink(tile_rows(d), factor);
     else
-        return sp_fail(
-            err, SP_ERR_BUDGET, "",
-            "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
-            "room for %llu: use a smaller kernel or picture",
-            (unsigned long)head->needed, (unsigned long long)most);
+        return fail_room(d, head, err);
     return true;
 }
 
@@ -503,7 +516,7 @@ void gl_draw_finish(struct gl_state *s) {
     gl_lists_forget(&s->lists, NULL);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         gl_buffer_finish(&buffers[i]);
-    unsigned *composite = &s->composite[0][0][0][0][0];
+    unsigned *composite = &s->composite[0][0][0][0][0][0];
     for (size_t i = 0; i < sizeof s->composite / sizeof *composite; i++)
         glDeleteProgram(composite[i]);
     memset(s->composite, 0, sizeof s->composite);

@@ -50,7 +50,7 @@ struct gl_state {
     /* The compositor's, made when they are first asked for: 0 = not yet. By compositing, kernel
      * (Gaussian, cubic, flat), whether planes clip, attenuation is linear, pixels are classified.
      */
-    unsigned composite[3][3][2][2][2];
+    unsigned composite[3][2][2][2][2][2];
     struct {
         struct gl_buffer constants, bricks, records, spans, image, cubic, pixels, back;
     } buffers;

@@ -159,6 +159,13 @@ static struct gl_list *find(struct gl_lists *lists, const struct sp_volume *volu
     return NULL;
 }
 
+static bool fail_budget(const struct gl_lists *lists, uint64_t bytes, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_BUDGET, "",
+                   "the visible voxels take %llu bytes of video memory, and %llu are allowed: make "
+                   "fewer visible, or allow more",
+                   (unsigned long long)bytes, (unsigned long long)lists->limit_bytes);
+}
+
 /* Makes room by dropping the least recently used lists but those of this frame. */
 static bool trim(struct gl_lists *lists, struct sp_error *err) {
     while (gl_lists_bytes(lists, NULL) > lists->limit_bytes) {
@@ -170,14 +177,17 @@ static bool trim(struct gl_lists *lists, struct sp_error *err) {
                 oldest = list;
         }
         if (!oldest)
-            return sp_fail(err, SP_ERR_BUDGET, "",
-                           "the visible voxels take %llu bytes of video memory, and %llu are "
-                           "allowed: make fewer visible, or allow more",
-                           (unsigned long long)gl_lists_bytes(lists, NULL),
-                           (unsigned long long)lists->limit_bytes);
+            return fail_budget(lists, gl_lists_bytes(lists, NULL), err);
         empty(oldest);
     }
     return true;
+}
+
+/* Whether a list could stay at all: one that is too long is refused before it is uploaded. */
+static bool may_fit(const struct gl_lists *lists, const struct sp_visible *v,
+                    struct sp_error *err) {
+    uint64_t bytes = v->count * (sizeof(uint32_t) + (v->normal ? v->normal_bytes : 0));
+    return bytes <= lists->limit_bytes || fail_budget(lists, bytes, err);
 }
 
 static bool upload_list(struct gl_lists *lists, struct gl_list *list, const struct sp_level *level,
@@ -192,6 +202,8 @@ const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct sp_volum
                                    struct sp_error *err) {
     struct gl_list *list = find(lists, volume, level);
     bool is_new = !list;
+    if (is_new && !may_fit(lists, &level->visible, err))
+        return NULL;
     if (is_new)
         list = take_place(lists);
     list->volume = volume;

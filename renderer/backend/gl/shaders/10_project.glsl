@@ -24,12 +24,14 @@ layout(std430, binding = 6) writeonly buffer Spans { uvec2 spans[]; };
 layout(location = 1) uniform uvec2 batch; // first brick, first layer
 layout(location = 2) uniform uvec4 list;  // has keys, bytes of a normal, first class, has scales
 layout(location = 3) uniform uint stride; // of the records
+layout(location = 4) uniform uint room;   // for pairs
 
 const uint LOWPASS = 3u, RECONSTRUCTION = 2u, SWAN = 4u, NONE = 5u; // enum sp_filter_mode
 const float FARTHEST = 1e7; // cells: all beyond is as far (tile/depth.c)
 const float VARIANCE_MIN = 1e-6, DEPTH_MAX = 1e6, LOG2E = 1.44269504;
 
-shared uint group_splats, group_fragments, group_carry;
+shared uint group_splats, group_fragments, group_carry, group_pairs;
+shared bool has_room;
 
 // A kernel in camera space and on the image (struct sp_kernel_place).
 struct Place {
@@ -280,7 +282,7 @@ bool find_layers(Part part, Brick brick, Place p, uint word, uint at, float valu
     return picture.w == 0u || write_cuts(part, p, extent, behind);
 }
 
-// Writes the record's head and counts its pairs in layers [first, last] of the batch; returns its bins.
+// Writes the record's head, of layers [first, last] of the batch; returns its bins.
 uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 rest = uvec2(packHalf2x16(a.color.rg), packHalf2x16(vec2(a.color.b, 0.0)) | range.x << 16);
     records[at] = uvec4(floatBitsToUint(o.at), floatBitsToUint(o.conic.xy));
@@ -288,10 +290,6 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 last = uvec2(tiles.x, (tiles.z - tiles.y + TILE - 1u) / TILE) - 1u;
     uvec2 first = min(uvec2(o.box.x, o.box.y - int(tiles.y)) / TILE, last);
     last = min(uvec2(o.box.z - 1, o.box.w - 1 - int(tiles.y)) / TILE, last);
-    for (uint r = first.y; r <= last.y; r++)
-        for (uint c = first.x; c <= last.x; c++)
-            for (uint l = range.x; l <= range.y; l++)
-                atomicAdd(count[(r * tiles.x + c) * tiles.w + l], 1u);
     vec2 size = vec2(o.box.zw - o.box.xy);
     uint px = uint(min(size.x * size.y, o.area)), before = atomicAdd(group_fragments, px);
     atomicAdd(group_splats, 1u);
@@ -334,15 +332,46 @@ uvec2 set_up(Brick brick, uint i) {
     return range.x <= range.y ? write_splat(at, o, a, uvec2(range)) : NOWHERE;
 }
 
+uint pairs_of(Span span) {
+    uvec2 size = span.last - span.first + 1u;
+    return size.x * size.y * (span.layers.y - span.layers.x + 1u);
+}
+
+// Whether there is room for the group's pairs. Beyond it nothing is counted any more, only how many they would be: a
+// kernel may touch every tile.
+bool plan() {
+    uint before = atomicAdd(planned, group_pairs);
+    if (before + group_pairs < before)
+        atomicMax(needed, 0xffffffffu);
+    return before + group_pairs >= before && before + group_pairs <= room;
+}
+
+void count_pairs(Span span) {
+    for (uint r = span.first.y; r <= span.last.y; r++)
+        for (uint c = span.first.x; c <= span.last.x; c++)
+            for (uint l = span.layers.x; l <= span.layers.y; l++)
+                atomicAdd(count[(r * tiles.x + c) * tiles.w + l], 1u);
+}
+
 void main() {
     if (gl_LocalInvocationIndex == 0u)
-        group_splats = group_fragments = group_carry = 0u;
+        group_splats = group_fragments = group_carry = group_pairs = 0u;
     barrier();
     Brick brick = bricks[batch.x + gl_WorkGroupID.x];
     uint i = gl_LocalInvocationIndex + GROUP * gl_WorkGroupID.y;
+    uvec2 bits = NOWHERE;
     if (i < brick.list.y)
-        spans[brick.list.z + i] = set_up(brick, i);
+        spans[brick.list.z + i] = bits = set_up(brick, i);
+    Span span = unpack_span(bits);
+    bool is_drawn = bits != NOWHERE;
+    if (is_drawn)
+        atomicAdd(group_pairs, pairs_of(span));
     barrier();
+    if (gl_LocalInvocationIndex == 0u)
+        has_room = plan();
+    barrier();
+    if (is_drawn && has_room)
+        count_pairs(span);
     if (gl_LocalInvocationIndex == 0u && group_splats > 0u) {
         atomicAdd(splats, group_splats);
         uint before = atomicAdd(fragments, group_fragments);

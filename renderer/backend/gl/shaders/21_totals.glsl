@@ -31,7 +31,8 @@ void main() {
         barrier();
     }
     if (thread == 0u) {
-        total = begin;
-        needed = max(needed, begin);
+        total = needed == 0xffffffffu ? needed : max(begin, planned);
+        needed = max(needed, total);
+        planned = 0u;
     }
 }

@@ -10,7 +10,7 @@ layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
 // its layer.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
-layout(location = 1) uniform uvec2 batch; // width of the picture [px], room for pairs
+layout(location = 1) uniform uvec3 batch; // width of the picture [px], room for pairs, the most of a tile
 layout(location = 2) uniform uvec2 joint; // resumes a layer, leaves one open
 
 const uint STAGED = TILE * TILE;
@@ -130,6 +130,8 @@ void main() {
         end = begin;
     if (thread == 0u)
         atomicMax(longest, end - begin);
+    if (end - begin > batch.z) // the frame is drawn again in smaller pieces
+        end = begin;
     at = vec2(px) + vec2(0.5, float(tiles.y) + 0.5);
     uint left = batch.x * (tiles.z - tiles.y) + 2u * index;
     pixel = inside ? image[index] : vec4(0);

@@ -9,7 +9,8 @@ layout(std430, binding = 7) coherent buffer Bins {
     uint needed;           // pairs of the batch that had most
     uint total;            // pairs of this batch
     uint longest;          // pairs of the tile that had most in a batch
-    uint unused[10];
+    uint planned;          // pairs of this batch, before they are counted by bin
+    uint unused[9];
     uint count[];
 };
 

@@ -9,8 +9,9 @@ layout(location = 3) uniform float cut;    // largest exponent
 layout(location = 4) uniform uvec2 shape;  // clipping planes, words of four of a record
 layout(location = 5) uniform vec2 slab;    // index of the batch's first layer, thickness of a layer
 
-// What a program is made for: COMPOSITING is an enum sp_compositing, KERNEL 0 Gaussian, 1 cubic, 2 flat.
-const uint compositing = COMPOSITING, kernel = KERNEL;
+// What a program is made for: COMPOSITING is an enum sp_compositing, FLAT are rectangles of either kernel.
+const uint compositing = COMPOSITING;
+const bool is_flat = FLAT != 0, is_cubic = CUBIC != 0;
 const bool is_clipped = CLIPPED != 0, is_linear = LINEAR != 0, is_post = POST != 0;
 
 const float LOG2E = 1.44269504, UNBOUNDED = 1e4;
@@ -48,14 +49,14 @@ float normal_share(float x) {
 }
 
 float share(float exponent, float depth) {
-    return kernel == 1u ? cubic_share(exponent / cut, depth) : normal_share(depth);
+    return is_cubic ? cubic_share(exponent / cut, depth) : normal_share(depth);
 }
 
 // Weight at d from the centre, with its exponent; 0 beyond the cutoff. `place`: the record's first words.
 float weigh(uvec4 place, float c, vec2 at, out vec2 d, out float exponent) {
     exponent = 0.0;
     d = at - uintBitsToFloat(place.xy);
-    if (kernel == 2u) {
+    if (is_flat) {
         uvec4 box = uvec4(place.z & 0xffffu, place.w & 0xffffu, place.z >> 16, place.w >> 16);
         uvec2 px = uvec2(at);
         return all(greaterThanEqual(px, box.xy)) && all(lessThan(px, box.zw)) ? 1.0 : 0.0;
@@ -64,7 +65,7 @@ float weigh(uvec4 place, float c, vec2 at, out vec2 d, out float exponent) {
     exponent = (ab.x * d.x + ab.y * d.y) * d.x + c * d.y * d.y;
     if (!(exponent <= cut))
         return 0.0;
-    return kernel == 1u ? cubic_weight(exponent / cut) : exp2(-exponent);
+    return is_cubic ? cubic_weight(exponent / cut) : exp2(-exponent);
 }
 
 // Share of the ray that planes leave: a factor, and bounds of depth in standard deviations.

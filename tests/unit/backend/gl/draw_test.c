@@ -143,6 +143,85 @@ static void pieces_make_the_whole(void **state) {
     }
 }
 
+/* One frame of a backend. */
+static struct test_image draw_by(const struct sp_backend *backend, void *state,
+                                 struct sp_volume *volume, const struct sp_view *view,
+                                 unsigned coarse, struct sp_frame_pool *pool) {
+    struct test_image image;
+    struct sp_error err;
+    struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], SP_RGBAF32, &err);
+    assert_non_null(frame);
+    const struct sp_backend_job job = {
+        .volume = volume, .view = view, .coarse = coarse, .frame = frame
+    };
+    if (!backend->render(state, &job, &err))
+        fail_msg("%s", err.text);
+    assert_true(test_image_from_frame(&image, frame));
+    sp_frame_unref(&frame);
+    return image;
+}
+
+/* Coarse frames, and rectangles of both kernels that planes and slabs cut: what the manifest of
+ * conformance has no rows for. */
+static void other_choices_are_those_of_the_reference(void **state) {
+    struct rig *rig = *state;
+    const struct sp_backend *cpu = find_backend("cpu");
+    const struct sp_backend_options options = {
+        .threads = 2, .memory_bytes = (uint64_t)1 << 30, .isa = "scalar", .gpu = -1
+    };
+    void *reference = cpu->create(&options, NULL);
+    struct test_scene scene;
+    struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
+    assert_non_null(reference);
+    for (int n = 0; n < 10; n++) {
+        struct sp_view view = scene.view;
+        unsigned coarse = n < 6 ? (unsigned)n % 3 : 0;
+        bool is_post = n >= 3 && n != 6 && n != 7;
+        if (is_post)
+            view.transfer_function.order = SP_TF_POST;
+        if (is_post)
+            view.compositing.mode = SP_COMPOSITE_SLAB;
+        if (n >= 6) {
+            view.filter.mode = SP_FILTER_NONE;
+            view.filter.kernel = n % 2 ? SP_KERNEL_CUBIC : SP_KERNEL_GAUSSIAN;
+            view.clip.box[1][0] = 0.6;
+        }
+        struct test_image got = draw_by(rig->backend, rig->state, volume, &view, coarse, rig->pool);
+        struct test_image wanted = draw_by(cpu, reference, volume, &view, coarse, rig->pool);
+        double psnr = test_image_psnr(&got, &wanted);
+        print_message("  %s, coarse %u, filter %d, kernel %d, mode %d: %.1f dB\n",
+                      is_post ? "post" : "pre", coarse, (int)view.filter.mode,
+                      (int)view.filter.kernel, (int)view.compositing.mode, psnr);
+        assert_true(psnr >= 90);
+        test_image_finish(&got);
+        test_image_finish(&wanted);
+    }
+    cpu->forget(reference, volume);
+    cpu->destroy(reference);
+    rig->backend->forget(rig->state, volume);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
+/* A kernel that touches more than there is room for is not even counted by tile, and one tile that
+ * has too many splats names them. */
+static void a_crowded_tile_is_refused_with_both_numbers(void **state) {
+    struct rig *rig = *state;
+    struct test_scene scene;
+    struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
+    const struct gl_limits whole = rig->state->limits;
+    struct sp_error err = { 0 };
+    rig->state->limits.loops = 8;
+    assert_false(draw(rig, volume, &scene.view, NULL, NULL, NULL, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_non_null(strstr(err.text, "is given 8 at a time"));
+    reset(rig, &whole);
+    struct test_image image = draw_ok(rig, volume, &scene.view, NULL);
+    test_image_finish(&image);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
 static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
@@ -249,6 +328,8 @@ int main(void) {
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
         ON(pieces_make_the_whole),
+        ON(other_choices_are_those_of_the_reference),
+        ON(a_crowded_tile_is_refused_with_both_numbers),
         ON(what_has_no_room_at_all_is_refused_with_both_numbers),
         ON(an_edit_uploads_what_it_changes),
         ON(a_cancelled_frame_leaves_nothing_behind),

@@ -151,7 +151,7 @@ static void sort_and_check(uint32_t columns, uint32_t rows, uint32_t layers, uin
     write_counts(&s, &bins);
     gl_bins_sort(&bins, &s.space, &spans, records, (uint32_t)s.pairs);
     check_sorted(&s, &bins, false);
-    gl_bins_order(&bins, &s.space, (uint32_t)s.pairs);
+    gl_bins_order(&bins, &s.space, (uint32_t)s.pairs, (uint32_t)s.pairs);
     check_sorted(&s, &bins, true);
     gl_buffer_finish(&spans);
     gl_bins_finish(&bins);
