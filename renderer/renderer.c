@@ -41,7 +41,8 @@ static bool parse_gpu(const char *text, int *gpu, struct sp_error *err) {
     char *end;
     unsigned long index = strtoul(text, &end, 10);
     if (*text < '0' || *text > '9' || *end || index >= GPUS_MAX)
-        return sp_fail(err, SP_ERR_INVALID, "", "GPU \"%.32s\" is neither auto nor in [0, %d]",
+        return sp_fail(err, SP_ERR_INVALID, "",
+                       "GPU \"%.32s\" is neither auto nor in [0, %d]; splatd --probe lists them",
                        text, GPUS_MAX - 1);
     *gpu = (int)index;
     return true;
