@@ -54,9 +54,9 @@ static size_t write_rows(struct rows *r, float half) {
     return (size_t)(out - r->out);
 }
 
-bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume,
-                     const struct sp_level *level, const struct sp_transfer_function *tf,
-                     double thickness, struct sp_error *err) {
+bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, double base,
+                     const struct sp_transfer_function *tf, double thickness,
+                     struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     struct sp_gradient_grid gradient;
     sp_gradient_units_init(&gradient, info);
@@ -67,8 +67,7 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume,
     struct rows *r = calloc(1, sizeof *r);
     if (!r)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the transfer function's integral");
-    sp_post_curve_init(&r->curve, tf, info->range, sp_transfer_base(&level->transfer),
-                       gradient.unit, r->integral);
+    sp_post_curve_init(&r->curve, tf, info->range, base, gradient.unit, r->integral);
     size_t rows = write_rows(r, half);
     bool ok =
         gl_buffer_reserve(&curve->buffer, "transfer function", sizeof r->out, 0, GL_USE_KEPT, err);

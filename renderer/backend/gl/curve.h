@@ -6,7 +6,7 @@
 #define GL_CURVE_H
 
 #include "backend/gl/buffer.h"
-#include "classify/classification.h"
+#include "classify/transfer.h"
 
 struct gl_curve {
     struct gl_buffer buffer;
@@ -15,10 +15,9 @@ struct gl_curve {
     float half;
 };
 
-/* Makes and uploads it, unless it is there: for pixels of slabs `thickness` thick [world units]. A
- * context must be current. SP_ERR_MEMORY. */
-bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume,
-                     const struct sp_level *level, const struct sp_transfer_function *tf,
-                     double thickness, struct sp_error *err);
+/* Makes and uploads it, unless it is there: for pixels of slabs `thickness` thick [world units],
+ * with values counted from `base`. A context must be current. SP_ERR_MEMORY. */
+bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, double base,
+                     const struct sp_transfer_function *tf, double thickness, struct sp_error *err);
 
 #endif

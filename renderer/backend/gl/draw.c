@@ -436,7 +436,7 @@ static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
     static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
     const struct gl_frame *f = &d->frame;
     stats->coarse = f->coarse;
-    stats->visible_voxels = f->coarse ? f->levels[f->finest].visible.count : f->visible;
+    stats->visible_voxels = f->coarse ? f->lists[f->finest]->count : f->visible;
     stats->splats = d->splats;
     stats->fragments = d->fragments;
     stats->stage_count = STAGES;
@@ -458,9 +458,10 @@ static bool write_constants(struct draw *d, struct sp_error *err) {
 
 static bool write_curve(struct draw *d, struct sp_error *err) {
     const struct gl_frame *f = &d->frame;
-    return !f->is_post || gl_curve_update(&d->state->curve, d->job->volume, &f->levels[f->finest],
-                                          &d->job->view->transfer_function,
-                                          f->thickness * gl_frame_ewa(f)->unit, err);
+    return !f->is_post ||
+           gl_curve_update(&d->state->curve, d->job->volume, f->lists[f->finest]->base,
+                           &d->job->view->transfer_function, f->thickness * gl_frame_ewa(f)->unit,
+                           err);
 }
 
 bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err) {

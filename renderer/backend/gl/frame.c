@@ -68,7 +68,6 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
     if (!c)
         return false;
     f->visible = c->visible;
-    f->levels = c->levels;
     gl_lists_begin(from->lists);
     for (unsigned l = 0; f->drawn >> l; l++)
         if (f->drawn >> l & 1) {
@@ -103,7 +102,7 @@ static bool choose_modes(struct gl_frame *f, const struct sp_view *view, unsigne
                          bool enlarged, struct sp_arena *arena) {
     struct sp_adaptive adaptive;
     struct sp_view own = *view;
-    const struct sp_grid *grid = &f->levels[level].grid;
+    const struct sp_grid *grid = &f->lists[level]->grid;
     uint8_t *modes = sp_arena_alloc(arena, "filter modes", sp_adaptive_count(grid), 1);
     if (!modes)
         return false;
@@ -121,8 +120,8 @@ static bool make_parts(struct gl_frame *f, const struct sp_view *view, struct sp
             struct sp_view own = *view;
             own.filter = sp_detail_filter(&view->filter, l, enlarged);
             struct sp_ewa_frame *ewa = &f->ewa[l][enlarged];
-            sp_ewa_frame_init(ewa, &f->camera, &f->levels[l].grid, &own);
-            sp_clip_frame_init(&ewa->clip, &f->camera, &f->levels[0].grid, &view->clip, ewa->unit);
+            sp_ewa_frame_init(ewa, &f->camera, &f->lists[l]->grid, &own);
+            sp_clip_frame_init(&ewa->clip, &f->camera, f->grid, &view->clip, ewa->unit);
             write_part(&f->constants.parts[2 * l + (unsigned)enlarged], &f->ewa[l][enlarged], l);
             if (view->filter.mode == SP_FILTER_ADAPTIVE &&
                 !choose_modes(f, view, l, enlarged, arena))
@@ -166,9 +165,9 @@ static void write_constants(struct gl_frame *f, const struct sp_view *view) {
 
 /* The sheets that a brick has slices in. */
 static void find_sheets(const struct gl_frame *f, struct gl_item *item) {
-    const struct sp_level *level = &f->levels[item->level];
-    uint32_t corner[3], first, dim = level->grid.dims[f->axis];
-    sp_visible_corner(&level->visible, item->brick, corner);
+    const struct gl_list *list = f->lists[item->level];
+    uint32_t corner[3], first, dim = list->grid.dims[f->axis];
+    gl_list_corner(list, item->brick, corner);
     first = corner[f->axis];
     item->near = INT64_MAX;
     item->far = 0;
@@ -182,15 +181,15 @@ static void find_sheets(const struct gl_frame *f, struct gl_item *item) {
 /* Layers by distance that kernels of a brick may lie in, counted from the eye: those of the sphere
  * around it, and one more on either side for rounding. */
 static void find_distances(const struct gl_frame *f, double reach, struct gl_item *item) {
-    const struct sp_level *level = &f->levels[item->level];
+    const struct gl_list *list = f->lists[item->level];
     const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
     struct sp_ewa_brick brick;
     uint32_t corner[3], last[3];
     float u[8][3], centre[3], radius = 0;
-    sp_visible_corner(&level->visible, item->brick, corner);
+    gl_list_corner(list, item->brick, corner);
     sp_ewa_brick_init(&brick, ewa, corner);
     for (int a = 0; a < 3; a++) {
-        uint32_t end = level->grid.dims[a] - corner[a];
+        uint32_t end = list->grid.dims[a] - corner[a];
         last[a] = end < SP_BRICK ? end - 1 : SP_BRICK - 1;
     }
     for (int i = 0; i < 8; i++)
@@ -212,7 +211,7 @@ static void find_distances(const struct gl_frame *f, double reach, struct gl_ite
 }
 
 static void add_item(struct gl_frame *f, uint32_t brick, unsigned level, bool is_enlarged) {
-    const uint64_t *first = f->levels[level].visible.first;
+    const uint64_t *first = f->lists[level]->first;
     uint64_t count = first[brick + 1] - first[brick];
     if (count)
         f->items[f->item_count++] = (struct gl_item){ .brick = brick,
@@ -236,7 +235,7 @@ static bool list_sheets(struct gl_frame *f, struct sp_arena *arena) {
 
 /* Slabs and single splats: all bricks of the one level. */
 static bool list_distances(struct gl_frame *f, double reach, struct sp_arena *arena) {
-    uint32_t bricks = sp_visible_bricks(&f->levels[f->finest].visible);
+    uint32_t bricks = gl_list_bricks(f->lists[f->finest]);
     int64_t near = INT64_MAX, far = INT64_MIN;
     f->items = sp_arena_alloc(arena, "bricks", bricks, sizeof *f->items);
     for (uint32_t b = 0; f->items && b < bricks; b++)
@@ -258,9 +257,9 @@ static bool list_distances(struct gl_frame *f, double reach, struct sp_arena *ar
 /* As thick as the view wants slabs, as long as a kernel lies in no more than SP_SLOTS_MAX. */
 static double slab_thickness(const struct gl_frame *f, const struct sp_view *view, double *reach) {
     const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
-    const struct sp_grid *grid = &f->levels[f->finest].grid;
+    const struct sp_grid *grid = &f->lists[f->finest]->grid;
     /* A coarse scalar is no smoother to the transfer function: its slabs stay as thin. */
-    const double *spacing = f->is_post ? f->levels[0].grid.spacing : grid->spacing;
+    const double *spacing = f->is_post ? f->grid->spacing : grid->spacing;
     double radius[2], smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
     *reach = (double)ewa->radius * radius[1] / ewa->unit;
@@ -299,7 +298,8 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
     struct sp_arena *arena = from->arena;
     double start_ms = sp_clock_ms();
     bool is_post = job->view->transfer_function.order == SP_TF_POST;
-    *f = (struct gl_frame){ .mode = job->view->filter.mode,
+    *f = (struct gl_frame){ .grid = grid,
+                            .mode = job->view->filter.mode,
                             .compositing = job->view->compositing.mode,
                             .is_post = is_post,
                             /* A scalar averaged over 4³ voxels is another object to the transfer
@@ -322,15 +322,14 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
 
 static void write_brick(const struct gl_frame *f, const struct gl_item *item, uint32_t record,
                         struct gl_brick *to) {
-    const struct sp_level *level = &f->levels[item->level];
     const struct gl_list *list = f->lists[item->level];
     const uint8_t *modes = f->modes[item->level][item->is_enlarged];
     struct sp_ewa_brick brick;
     uint32_t corner[3];
-    sp_visible_corner(&level->visible, item->brick, corner);
+    gl_list_corner(list, item->brick, corner);
     sp_ewa_brick_init(&brick, &f->ewa[item->level][item->is_enlarged], corner);
     memcpy(to->base, brick.base, sizeof brick.base);
-    to->list[0] = (uint32_t)level->visible.first[item->brick];
+    to->list[0] = (uint32_t)list->first[item->brick];
     to->list[1] = item->count;
     to->list[2] = record;
     to->list[3] = 2u * item->level + item->is_enlarged;

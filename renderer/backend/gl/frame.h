@@ -50,7 +50,7 @@ struct gl_batch {
 };
 
 struct gl_frame {
-    const struct sp_level *levels; /* the cache's */
+    const struct sp_grid *grid; /* the volume's */
     const struct gl_list *lists[SP_LEVELS];
     unsigned coarse, finest, axis;
     uint32_t drawn; /* bit l: level l */

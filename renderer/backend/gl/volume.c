@@ -197,6 +197,15 @@ static bool upload_list(struct gl_lists *lists, struct gl_list *list, const stru
     return upload_entries(lists, list, level, pool, err) && upload_normals(lists, list, level, err);
 }
 
+/* What a frame needs of the level beside the buffers; borrowed. */
+static void describe(struct gl_list *list, const struct sp_level *level) {
+    list->grid = level->grid;
+    memcpy(list->bricks, level->visible.bricks, sizeof list->bricks);
+    list->count = level->visible.count;
+    list->first = level->visible.first;
+    list->base = sp_transfer_base(&level->transfer);
+}
+
 const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct sp_volume *volume,
                                    const struct sp_level *level, struct sp_pool *pool,
                                    struct sp_error *err) {
@@ -217,6 +226,7 @@ const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct sp_volum
     }
     list->list_made = level->list_made;
     list->table_made = level->table_made;
+    describe(list, level);
     return list;
 }
 

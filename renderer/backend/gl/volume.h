@@ -22,6 +22,11 @@ struct gl_list {
     const struct sp_volume *volume; /* not a reference: gl_lists_forget(); NULL = empty */
     uint64_t list_made, table_made; /* of the level: what was uploaded */
     uint64_t used;                  /* clock of the last use */
+    struct sp_grid grid;            /* of the level */
+    uint32_t bricks[3];             /* an axis, axis 0 fastest */
+    uint64_t count;                 /* entries */
+    const uint64_t *first;          /* [bricks + 1]: entries of brick b begin at first[b] */
+    double base;                    /* what values are counted from (order post), data units */
     struct gl_buffer entries, tables, normals;
     bool has_keys;         /* in the words */
     bool has_scales;       /* of the opacity */
@@ -38,6 +43,18 @@ struct gl_lists {
     uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
     uint64_t uploaded;    /* bytes, since the beginning */
 };
+
+static inline uint32_t gl_list_bricks(const struct gl_list *list) {
+    return list->bricks[0] * list->bricks[1] * list->bricks[2];
+}
+
+/* Index of the first voxel of a brick. */
+static inline void gl_list_corner(const struct gl_list *list, uint32_t brick, uint32_t corner[3]) {
+    uint32_t row = brick / list->bricks[0];
+    corner[0] = brick % list->bricks[0] << SP_BRICK_SHIFT;
+    corner[1] = row % list->bricks[1] << SP_BRICK_SHIFT;
+    corner[2] = row / list->bricks[1] << SP_BRICK_SHIFT;
+}
 
 /* A frame begins: lists that were got for the one before may go. */
 static inline void gl_lists_begin(struct gl_lists *lists) {
