@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "backend/backend.h"
+#include "backend/check.h"
 #include "sp/log.h"
 
 const struct sp_backend_entry *sp_backend_at(unsigned i) {
@@ -14,13 +15,26 @@ const struct sp_backend_entry *sp_backend_at(unsigned i) {
     return backend ? &backend->entry : NULL;
 }
 
+/* The one that pictures are compared with: the first that starts by itself and needs no GPU. */
+static const struct sp_backend *find_reference(void) {
+    const struct sp_backend *backend;
+    for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
+        if (!backend->is_gpu && !backend->by_name_only)
+            break;
+    return backend;
+}
+
 static bool start(const struct sp_backend *backend, const struct sp_backend_options *options,
                   void **state, struct sp_error *err) {
     assert(backend->create && backend->destroy && backend->info && backend->render);
     struct sp_error why = { .code = SP_ERR_BACKEND };
+    const struct sp_backend *reference = backend->is_gpu ? find_reference() : NULL;
     *state = backend->create(options, &why);
-    if (*state)
+    if (*state && (!reference || sp_backend_check(backend, *state, reference, options, &why)))
         return true;
+    if (*state)
+        backend->destroy(*state);
+    *state = NULL;
     sp_log(SP_LOG_WARN, "backend %s does not start: %s", backend->entry.name, why.text);
     return sp_fail(err, why.code, why.place, "backend %s does not start: %s", backend->entry.name,
                    why.text);

@@ -240,7 +240,8 @@ struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error
 static struct gl_context *open_kind(const struct gl_place *place, bool software,
                                     struct sp_error *err) {
     if (place->is_software && !software) {
-        sp_fail(err, SP_ERR_BACKEND, "", "this device is software GL");
+        sp_fail(err, SP_ERR_BACKEND, "", "%s",
+                place->gpu >= 0 ? "this device is software GL" : "no device but software GL");
         return NULL;
     }
     struct gl_context *c = gl_context_open(place, err);

@@ -69,9 +69,11 @@ static struct gl_place device_place(unsigned i, EGLDeviceEXT device) {
     return place;
 }
 
-static void add(struct gl_places *places, const char *platform, const char *missing) {
-    places->list[places->count++] =
-        (struct gl_place){ .platform = platform, .gpu = -1, .missing = missing };
+static void add(struct gl_places *places, const char *platform, const char *missing,
+                bool is_software) {
+    places->list[places->count++] = (struct gl_place){
+        .platform = platform, .gpu = -1, .missing = missing, .is_software = is_software
+    };
 }
 
 /* The first of these that EGL lacks; NULL = none. The loader that chooses among drivers has an
@@ -95,7 +97,7 @@ static void list_devices(struct gl_places *places, const char *client) {
     for (; places->devices < (unsigned)count; places->devices++)
         places->list[places->count++] = device_place(places->devices, devices[places->devices]);
     if (count == 0)
-        add(places, "device", missing ? missing : "any device");
+        add(places, "device", missing ? missing : "any device", false);
 }
 
 bool gl_places_list(struct gl_places *places, struct sp_error *err) {
@@ -106,8 +108,11 @@ bool gl_places_list(struct gl_places *places, struct sp_error *err) {
         return false;
     const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
     list_devices(places, client);
-    add(places, "surfaceless", missing_of(client, surfaceless));
-    add(places, "default", NULL);
+    bool is_software = places->devices > 0;
+    for (unsigned i = 0; i < places->devices; i++)
+        is_software = is_software && places->list[i].is_software;
+    add(places, "surfaceless", missing_of(client, surfaceless), is_software);
+    add(places, "default", NULL, is_software);
     return true;
 }
 

@@ -22,7 +22,8 @@ struct gl_place {
     int gpu;              /* as in gl_info */
     const char *missing;  /* what EGL lacks to open it, constant; NULL = nothing */
     EGLDeviceEXT device;  /* of a device */
-    bool is_software;     /* EGL says so of the device; of others only the renderer's name does */
+    bool is_software;     /* EGL says so of the device, or it lists devices and says so of all:
+                             then a display has no other either. Else the renderer's name tells */
     char file[64];        /* the device's node, "/dev/dri/card0"; "" = has none, or not told */
 };
 

@@ -124,7 +124,6 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
 extern const struct sp_backend gl_backend, gl_software_backend;
 const struct sp_backend gl_backend = {
     .entry = { "gl", "EWA splatting on a GPU, with compute shaders through EGL" },
-    .by_name_only = true,
     .is_gpu = true,
     .capabilities = CAPABILITIES,
     .create = gl_create,

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "backend/backend.h"
+#include "backend/check.h"
 #include "backend/cpu/draw.h"
 #include "frame/pool.h"
 #include "sp/log.h"
@@ -119,6 +120,39 @@ static double check_finite(const struct sp_frame *f) {
     return sum;
 }
 
+static void pass_over(void *user, const struct sp_device *device) {
+    (void)user;
+    (void)device;
+}
+
+/* What a GPU has to pass before it is used, and a picture that is not drawn does not. */
+static void the_check_finds_pictures_alike(void **state) {
+    (void)state;
+    const struct sp_backend_options options = {
+        .threads = 1, .memory_bytes = UINT64_C(1) << 30, .isa = "auto", .gpu = -1
+    };
+    struct sp_error err;
+    void *other, *card;
+    const struct sp_backend *cpu = sp_registry_start("cpu", &options, &other, &err);
+    const struct sp_backend *null = sp_registry_start("null", &options, &card, &err);
+    assert_non_null(cpu);
+    assert_non_null(null);
+    assert_true(sp_backend_check(cpu, other, cpu, &options, &err));
+    assert_false(sp_backend_check(null, card, cpu, &options, &err));
+    assert_int_equal(err.code, SP_ERR_BACKEND);
+    assert_non_null(strstr(err.text, "it draws wrong pictures"));
+    cpu->destroy(other);
+    null->destroy(card);
+    const struct sp_backend *gl = sp_registry_start("gl-software", &options, &other, &err);
+    if (!gl) {
+        print_message("skipped: %s\n", err.text);
+        return;
+    }
+    if (!sp_backend_check(gl, other, cpu, &options, &err))
+        fail_msg("%s", err.text);
+    gl->destroy(other);
+}
+
 static void registry_finds_names_and_refuses_others(void **state) {
     (void)state;
     int lines = 0;
@@ -161,7 +195,7 @@ static void registry_finds_names_and_refuses_others(void **state) {
     struct sp_renderer *automatic = sp_renderer_create(NULL, &err);
     struct sp_renderer_info info;
     sp_renderer_info(automatic, &info);
-    assert_string_equal(info.backend, "cpu");
+    assert_string_equal(info.backend, sp_probe(pass_over, NULL) ? "gl" : "cpu");
     sp_renderer_destroy(&automatic);
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
@@ -568,6 +602,7 @@ static void bands_leave_no_seam(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(registry_finds_names_and_refuses_others),
+        cmocka_unit_test(the_check_finds_pictures_alike),
         cmocka_unit_test(what_is_not_supported_is_refused_with_its_pointer),
         cmocka_unit_test(the_test_card_shows_the_camera),
         cmocka_unit_test(threads_do_not_change_a_bit),

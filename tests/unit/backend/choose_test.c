@@ -24,6 +24,8 @@ struct fake {
     unsigned failures;    /* renders that fail from now on, before one works */
     enum sp_code code;    /* with which they fail */
     atomic_bool *cancels; /* set by each failure */
+    uint8_t paint;        /* a byte … */
+    size_t painted;       /* … in so many places of its pictures, beside which all is 0 */
     int running;          /* states created and not destroyed */
     unsigned renders, forgotten;
     struct sp_backend_options options; /* of the last start */
@@ -65,6 +67,7 @@ static bool fake_render(void *state, const struct sp_backend_job *job, struct sp
     struct fake *fake = state;
     fake->renders++;
     memset(job->frame->pixels, 0, job->frame->stride_bytes * job->frame->height);
+    memset(job->frame->pixels, fake->paint, fake->painted);
     if (fake->failures == 0)
         return true;
     fake->failures--;
@@ -183,6 +186,28 @@ static void a_name_gets_that_or_nothing(void **state) {
             "there are auto, gpu, plain, last");
 }
 
+static void a_gpu_that_draws_wrong_pictures_does_not_start(void **state) {
+    (void)state;
+    fakes[GPU].paint = 1;
+    fakes[GPU].painted = 64; /* rounding */
+    assert_string_equal(started(NULL), "gpu");
+    assert_string_equal(warnings, "");
+    fakes[GPU].painted = 16384; /* 48.1 dB */
+    assert_string_equal(started(NULL), "plain");
+    assert_int_equal(count_lines(), 1);
+    assert_non_null(strstr(warnings, "backend gpu does not start: it draws wrong pictures: 48.1 dB "
+                                     "from those of backend plain"));
+    refuses(&(struct sp_renderer_options){ .backend = "gpu" }, SP_ERR_BACKEND, "wrong pictures");
+    fakes[GPU].painted = 0;
+    fakes[GPU].failures = 1;
+    refuses(&(struct sp_renderer_options){ .require_gpu = true }, SP_ERR_BACKEND, "gpu hung");
+    /* What needs no GPU is compared with nothing. */
+    fakes[LAST].paint = 200;
+    fakes[LAST].painted = 16384;
+    assert_string_equal(started(&(struct sp_renderer_options){ .backend = "last" }), "last");
+    assert_int_equal(fakes[LAST].renders, 0);
+}
+
 static void the_gpu_is_chosen_by_its_number(void **state) {
     (void)state;
     started(NULL);
@@ -226,6 +251,8 @@ static void init_scene(struct scene *s, const struct sp_renderer_options *option
     assert_true(s->renderer && s->pool && s->volume);
     sp_view_init(&s->view, sp_volume_info(s->volume), "phantom");
     s->view.size[0] = s->view.size[1] = 16;
+    for (int i = 0; i < FAKES; i++) /* the check at the start draws, too */
+        fakes[i].renders = 0;
 }
 
 static void finish_scene(struct scene *s) {
@@ -385,6 +412,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(auto_takes_the_first_that_starts),
         TEST(a_name_gets_that_or_nothing),
+        TEST(a_gpu_that_draws_wrong_pictures_does_not_start),
         TEST(the_gpu_is_chosen_by_its_number),
         TEST(a_gpu_can_be_required),
         TEST(the_next_backend_takes_over_after_three_failures),

@@ -355,6 +355,15 @@ static void a_device_for_software_is_not_opened_for_a_gpu(void **state) {
     assert_int_equal(take(0, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 0: this device is software GL");
     assert_int_equal(take(-1, true, &info, &err), 0);
+    machine.initialised = 0; /* where every device is software no display is asked */
+    device_count = 1;
+    assert_int_equal(take(-1, false, &info, &err), -1);
+    assert_int_equal(machine.initialised, 0);
+    assert_string_equal(err.text, "EGL device 0: this device is software GL; surfaceless display: "
+                                  "no device but software GL; default display: no device but "
+                                  "software GL");
+    device_count = 0; /* nothing is known of displays then */
+    assert_int_equal(take(-1, false, &info, &err), SURFACELESS);
 }
 
 static void the_newest_context_is_taken(void **state) {
