@@ -9,6 +9,20 @@ static const GLenum usages[] = { [GL_USE_KEPT] = GL_STATIC_DRAW,
                                  [GL_USE_SCRATCH] = GL_DYNAMIC_COPY,
                                  [GL_USE_READ] = GL_STREAM_READ };
 
+bool gl_buffer_stays_mapped(enum gl_usage usage) {
+    return usage == GL_USE_READ &&
+           (epoxy_gl_version() >= 44 || epoxy_has_gl_extension("GL_ARB_buffer_storage"));
+}
+
+static void allocate(uint64_t bytes, enum gl_usage usage) {
+    if (gl_buffer_stays_mapped(usage))
+        glBufferStorage(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)bytes, NULL,
+                        GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT |
+                            GL_CLIENT_STORAGE_BIT);
+    else
+        glBufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)bytes, NULL, usages[usage]);
+}
+
 bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t bytes, uint64_t most,
                        enum gl_usage usage, struct sp_error *err) {
     if (bytes <= buffer->bytes)
@@ -24,7 +38,7 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
     glGenBuffers(1, &buffer->name);
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
     glGetError(); /* of what came before */
-    glBufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)room, NULL, usages[usage]);
+    allocate(room, usage);
     if (glGetError() != GL_NO_ERROR) {
         gl_buffer_finish(buffer);
         return sp_fail(err, SP_ERR_MEMORY, "", "the GPU has no %llu bytes for the %s",

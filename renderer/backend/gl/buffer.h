@@ -32,6 +32,9 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
                        enum gl_usage usage, struct sp_error *err);
 void gl_buffer_finish(struct gl_buffer *buffer);
 
+/* Whether a buffer for this may stay mapped while the GPU works on it. */
+bool gl_buffer_stays_mapped(enum gl_usage usage);
+
 /* Writes all of the first `bytes`; what follows is undefined. The buffer must be large enough. */
 void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t bytes);
 

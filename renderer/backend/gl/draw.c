@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/gl/draw.h"
 
+#include <assert.h>
 #include <epoxy/gl.h>
 #include <math.h>
 #include <stdio.h>
@@ -18,41 +19,29 @@ enum {
     LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
     GROUPS_MOST = 65535,   /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    POLL_NS = 5 * 1000000,  /* between two looks at the cancel flag */
-    IN_FLIGHT = 2,          /* batches that the GPU may lie behind */
+    BEHIND = 2,             /* batches that the GPU may lie behind */
     LOOPS_MOST = 1 << 19,   /* of a work group: some 10 ms */
     LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
                                iteration of a loop in a loop is two */
     ORDER_ROUNDS = 24       /* for a pair while its bin is put in order */
 };
 
-enum { STAGE_CLASSIFY, STAGE_SPLAT, STAGE_BIN, STAGE_TILE, STAGE_RESOLVE, STAGES };
-
 struct draw {
     struct gl_state *state;
     const struct sp_backend_job *job;
+    struct gl_slot *slot;
     struct gl_frame frame;
     unsigned compositor; /* program */
-    double stage_ms[STAGES];
-    uint64_t splats, fragments;
     uint32_t columns;    /* of tiles */
     uint32_t y, end;     /* rows of the band [px] */
     uint32_t cut_for[2]; /* layers and records of a batch that the frame is cut for */
-    GLsync sent[IN_FLIGHT];
+    void *sent[BEHIND];  /* fences */
     unsigned sent_count;
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
     return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
                    arena->failed ? arena->failed : "data");
-}
-
-static bool check(const char *what, struct sp_error *err) {
-    GLenum error = glGetError();
-    if (error == GL_NO_ERROR)
-        return true;
-    return sp_fail(err, error == GL_OUT_OF_MEMORY ? SP_ERR_MEMORY : SP_ERR_BACKEND, "",
-                   "GL error 0x%04x while the frame was %s", error, what);
 }
 
 static uint32_t tile_rows(const struct draw *d) {
@@ -67,8 +56,8 @@ static uint32_t band_pixels(const struct draw *d) {
     return d->job->frame->width * (d->end - d->y);
 }
 
-static uint32_t pixel_bytes(const struct draw *d) {
-    return d->job->frame->format == SP_RGBAF32 ? 16 : 4;
+static uint32_t pixel_bytes(const struct sp_frame *frame) {
+    return frame->format == SP_RGBAF32 ? 16 : 4;
 }
 
 /* What shaders wrote is for shaders, or is cleared for the next batch. */
@@ -76,33 +65,19 @@ static void storage_barrier(void) {
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
 
-/* Waits for the fence, which it deletes. False when the frame is no longer wanted, or the GPU gone.
- */
-static bool wait(const struct draw *d, GLsync fence, struct sp_error *err) {
-    GLenum got = GL_TIMEOUT_EXPIRED;
-    while (got == GL_TIMEOUT_EXPIRED && !sp_job_is_cancelled(d->job))
-        got = glClientWaitSync(fence, GL_SYNC_FLUSH_COMMANDS_BIT, POLL_NS);
-    glDeleteSync(fence);
-    if (got == GL_TIMEOUT_EXPIRED)
-        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    return got != GL_WAIT_FAILED || sp_fail(err, SP_ERR_BACKEND, "", "the GPU does not answer");
-}
-
 /* Marks the end of a batch, and waits for the one before the last: a cancelled frame leaves little
  * behind. */
 static bool follow(struct draw *d, struct sp_error *err) {
-    unsigned place = d->sent_count++ % IN_FLIGHT;
-    GLsync last = d->sent[place];
-    d->sent[place] = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
-    return !last || wait(d, last, err);
+    void **last = &d->sent[d->sent_count++ % BEHIND];
+    if (!gl_fence_wait(last, d->job->cancel, err))
+        return false;
+    gl_fence_set(last);
+    return true;
 }
 
 static void drop_fences(struct draw *d) {
-    for (int i = 0; i < IN_FLIGHT; i++) {
-        if (d->sent[i])
-            glDeleteSync(d->sent[i]);
-        d->sent[i] = NULL;
-    }
+    for (int i = 0; i < BEHIND; i++)
+        gl_fence_drop(&d->sent[i]);
 }
 
 static struct gl_bins_space space_of(const struct draw *d, const struct gl_batch *batch) {
@@ -159,7 +134,7 @@ static void project(struct draw *d, const struct gl_batch *batch) {
         }
     }
     storage_barrier();
-    gl_timer_stamp(&s->timer, STAGE_SPLAT);
+    gl_timer_stamp(&d->slot->timer, GL_STAGE_SPLAT);
 }
 
 static void bin(struct draw *d, const struct gl_batch *batch) {
@@ -168,7 +143,7 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->pairs);
     if (d->frame.compositing == SP_COMPOSITE_SPLAT)
         gl_bins_order(&s->bins, &space, (uint32_t)s->pairs, pairs_of_tile(d));
-    gl_timer_stamp(&s->timer, STAGE_BIN);
+    gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
 }
 
 /* The compositor that the view needs; 0 with *err set. */
@@ -212,7 +187,7 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
     gl_buffer_bind(&s->bins.counts, 7);
     glDispatchCompute(d->columns, tile_rows(d), 1);
     storage_barrier();
-    gl_timer_stamp(&s->timer, STAGE_TILE);
+    gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
 }
 
 static void resolve(struct draw *d) {
@@ -224,7 +199,7 @@ static void resolve(struct draw *d) {
     gl_buffer_bind(&s->buffers.pixels, 2);
     glDispatchCompute(gl_divide_up(band_pixels(d), GL_GROUP), 1, 1);
     glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
-    gl_timer_stamp(&s->timer, STAGE_RESOLVE);
+    gl_timer_stamp(&d->slot->timer, GL_STAGE_RESOLVE);
 }
 
 static void start_band(const struct draw *d) {
@@ -236,34 +211,16 @@ static void start_band(const struct draw *d) {
     gl_bins_clear_head(&d->state->bins);
 }
 
-/* Copies what came back into the frame. */
-static bool take_pixels(struct draw *d, struct gl_bins_head *head, struct sp_error *err) {
-    struct sp_frame *frame = d->job->frame;
-    size_t row = (size_t)frame->width * pixel_bytes(d), all = row * (d->end - d->y);
-    glBindBuffer(GL_COPY_READ_BUFFER, d->state->buffers.back.name);
-    const unsigned char *from =
-        glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(all + HEAD_BYTES), GL_MAP_READ_BIT);
-    if (!from)
-        return check("read back", err) &&
-               sp_fail(err, SP_ERR_BACKEND, "", "the frame cannot be read back");
-    for (uint32_t y = d->y; y < d->end; y++)
-        memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
-               from + (y - d->y) * row, row);
-    memcpy(head, from + all, sizeof *head);
-    return glUnmapBuffer(GL_COPY_READ_BUFFER) ||
-           sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was read back");
-}
-
-static bool read_back(struct draw *d, struct gl_bins_head *head, struct sp_error *err) {
+/* Sends what was drawn of the band on its way back. */
+static bool send_back(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
-    GLsizeiptr all = (GLsizeiptr)band_pixels(d) * (GLsizeiptr)pixel_bytes(d);
-    glBindBuffer(GL_COPY_WRITE_BUFFER, s->buffers.back.name);
-    glBindBuffer(GL_COPY_READ_BUFFER, s->buffers.pixels.name);
-    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, 0, all);
-    glBindBuffer(GL_COPY_READ_BUFFER, s->bins.counts.name);
-    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, all, HEAD_BYTES);
-    GLsync fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
-    return check("drawn", err) && wait(d, fence, err) && take_pixels(d, head, err);
+    struct gl_back *back = &d->slot->back;
+    gl_back_begin(back);
+    gl_back_copy(back, &s->bins.counts, HEAD_BYTES);
+    gl_back_copy(back, &s->buffers.pixels, (uint64_t)band_pixels(d) * pixel_bytes(d->job->frame));
+    gl_timer_stamp(&d->slot->timer, GL_STAGE_READ);
+    gl_back_send(back);
+    return gl_check("drawn", err);
 }
 
 /* Memory for the largest of the batches and for a band. */
@@ -289,14 +246,14 @@ static bool reserve(struct draw *d, struct sp_error *err) {
         { &s->buffers.records, "splats", records * 16 * d->frame.stride, GL_USE_SCRATCH },
         { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
         { &s->buffers.image, "pixels", pixels * 48, GL_USE_SCRATCH },
-        { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d), GL_USE_SCRATCH },
-        { &s->buffers.back, "pixels", pixels * pixel_bytes(d) + HEAD_BYTES, GL_USE_READ },
+        { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d->job->frame), GL_USE_SCRATCH },
     };
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         if (!gl_buffer_reserve(wanted[i].buffer, wanted[i].what, wanted[i].bytes, most,
                                wanted[i].usage, err))
             return false;
-    return gl_bins_reserve(&s->bins, bins, s->pairs, most, err);
+    return gl_bins_reserve(&s->bins, bins, s->pairs, most, err) &&
+           gl_back_reserve(&d->slot->back, HEAD_BYTES + pixels * pixel_bytes(d->job->frame), err);
 }
 
 /* Layers of a batch: as many as the bins have room for. */
@@ -361,8 +318,9 @@ static uint32_t most_layers(const struct gl_frame *f) {
     return most;
 }
 
-static bool fail_room(const struct draw *d, const struct gl_bins_head *head, struct sp_error *err) {
-    uint64_t most = d->state->limits.pairs;
+static bool fail_room(const struct gl_state *s, const struct gl_slot *slot,
+                      const struct gl_bins_head *head, struct sp_error *err) {
+    uint64_t most = s->limits.pairs;
     if (head->needed > most)
         return sp_fail(err, SP_ERR_BUDGET, "",
                        "a row of tiles has %lu pairs of splats and tiles in one slice, and there "
@@ -371,77 +329,115 @@ static bool fail_room(const struct draw *d, const struct gl_bins_head *head, str
     return sp_fail(err, SP_ERR_BUDGET, "",
                    "%lu splats of one slice lie over the same %d px, and the GPU is given %lu at "
                    "a time: use a larger picture, or let the level of detail be chosen",
-                   (unsigned long)head->longest, (int)GL_TILE, (unsigned long)pairs_of_tile(d));
+                   (unsigned long)head->longest, (int)GL_TILE,
+                   (unsigned long)slot->pieces.tile_pairs);
 }
 
 /* After a batch was too much: more room for pairs, or else fewer layers at a time, fewer records,
- * or a smaller band. */
-static bool make_room(struct draw *d, const struct gl_bins_head *head, struct sp_error *err) {
-    struct gl_state *s = d->state;
+ * or a smaller band than it was drawn in. */
+static bool make_room(struct gl_state *s, const struct gl_slot *slot,
+                      const struct gl_bins_head *head, struct sp_error *err) {
+    const struct gl_pieces *was = &slot->pieces;
     uint64_t most = s->limits.pairs, more = (uint64_t)head->needed + head->needed / 4;
     double factor = fmin((double)most / fmax(head->needed, 1),
-                         (double)pairs_of_tile(d) / fmax(head->longest, 1));
-    uint32_t layers = most_layers(&d->frame), records = records_of_batch(d);
-    if (head->needed > s->pairs && head->needed <= most)
-        s->pairs = more < most ? more : most;
-    else if (layers > 1)
-        s->layers = shrink(layers, factor);
-    else if (records > SP_BRICK_VOXELS)
-        s->records = fmax(SP_BRICK_VOXELS, shrink(records, factor));
-    else if (tile_rows(d) > 1)
-        s->rows = shrink(tile_rows(d), factor);
+                         (double)was->tile_pairs / fmax(head->longest, 1));
+    if (head->needed > was->pairs && head->needed <= most)
+        s->pairs = more > most ? most : more > s->pairs ? more : s->pairs;
+    else if (was->layers > 1)
+        s->layers = shrink(was->layers, factor);
+    else if (was->records > SP_BRICK_VOXELS)
+        s->records = fmax(SP_BRICK_VOXELS, shrink(was->records, factor));
+    else if (was->rows > 1)
+        s->rows = shrink(was->rows, factor);
     else
-        return fail_room(d, head, err);
+        return fail_room(s, slot, head, err);
     return true;
 }
 
 /* After a band that left most of the room empty: larger pieces again. */
-static void grow(struct draw *d, const struct gl_bins_head *head) {
-    struct gl_state *s = d->state;
-    if (head->needed > s->limits.pairs / 4 || head->longest > pairs_of_tile(d) / 4)
+static void grow(struct gl_state *s, const struct gl_slot *slot, const struct gl_bins_head *head) {
+    if (head->needed > s->limits.pairs / 4 || head->longest > slot->pieces.tile_pairs / 4)
         return;
     s->layers = s->layers < LAYERS_MOST / 2 ? 2 * s->layers : LAYERS_MOST;
     s->records = s->records < s->limits.records / 2 ? 2 * s->records : s->limits.records;
     s->rows = s->rows < TILES_MOST / 2 ? 2 * s->rows : TILES_MOST;
 }
 
-/* Draws the band from row y on; *done is false when it has to be drawn again. */
-static bool draw_band(struct draw *d, bool *done, struct sp_error *err) {
-    struct gl_state *s = d->state;
-    struct gl_bins_head head;
+/* Rows of the band that begins at d->y, and the batches that it is drawn in. */
+static bool plan_band(struct draw *d, struct sp_error *err) {
+    const struct gl_state *s = d->state;
     uint32_t left = d->job->frame->height - d->y;
     uint32_t rows = tiles_of_band(d) / d->columns;
     rows = rows < 1 ? 1 : rows < s->rows ? rows : s->rows;
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
     if (!cut(d, err))
         return false;
-    gl_timer_start(&s->timer);
+    d->slot->pieces = (struct gl_pieces){ .layers = most_layers(&d->frame),
+                                          .records = records_of_batch(d),
+                                          .rows = tile_rows(d),
+                                          .pairs = s->pairs,
+                                          .tile_pairs = pairs_of_tile(d) };
+    return true;
+}
+
+/* Hands the band over. */
+static bool draw_band(struct draw *d, struct sp_error *err) {
+    gl_timer_start(&d->slot->timer);
     start_band(d);
     if (!draw_batches(d, err))
         return false;
     resolve(d);
-    if (!read_back(d, &head, err))
+    d->slot->y = d->y;
+    d->slot->end = d->end;
+    return send_back(d, err);
+}
+
+/* Copies what came back into the picture. */
+static bool take_pixels(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
+                        struct sp_error *err) {
+    size_t row = (size_t)frame->width * pixel_bytes(frame);
+    const unsigned char *from = gl_back_read(&slot->back, err);
+    if (!from)
         return false;
-    gl_timer_read(&s->timer, d->stage_ms);
-    *done = head.needed <= s->pairs && head.longest <= pairs_of_tile(d);
-    if (!*done)
-        return make_room(d, &head, err);
-    grow(d, &head);
-    d->splats += head.splats;
-    d->fragments += (uint64_t)head.carry << 32 | head.fragments;
+    memcpy(head, from, sizeof *head);
+    for (uint32_t y = slot->y; y < slot->end; y++)
+        memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
+               from + HEAD_BYTES + (y - slot->y) * row, row);
+    return gl_back_close(&slot->back, err);
+}
+
+/* Waits for the band that was handed over last. If it had no room nothing was handed over then, and
+ * there is more; else it is in the picture, and the slot's y its end. */
+static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
+                      struct sp_error *err) {
+    struct gl_bins_head head;
+    if (!gl_fence_wait(&slot->back.fence, job->cancel, err))
+        return false;
+    double start_ms = sp_clock_ms();
+    if (!take_pixels(slot, job->frame, &head, err))
+        return false;
+    slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
+    gl_timer_read(&slot->timer, slot->stage_ms);
+    bool fits = head.needed <= slot->pieces.pairs && head.longest <= slot->pieces.tile_pairs;
+    slot->y = slot->end = fits ? slot->end : slot->y;
+    if (!fits)
+        return make_room(s, slot, &head, err);
+    grow(s, slot, &head);
+    slot->splats += head.splats;
+    slot->fragments += (uint64_t)head.carry << 32 | head.fragments;
     return true;
 }
 
-static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
-    static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
-    const struct gl_frame *f = &d->frame;
-    stats->coarse = f->coarse;
-    stats->visible_voxels = f->coarse ? f->lists[f->finest]->count : f->visible;
-    stats->splats = d->splats;
-    stats->fragments = d->fragments;
-    stats->stage_count = STAGES;
-    for (int i = 0; i < STAGES; i++)
-        stats->stages[i] = (struct sp_stage_time){ names[i], d->stage_ms[i] };
+static void write_stats(const struct gl_slot *slot, struct sp_frame_stats *stats) {
+    static const char *const names[GL_STAGES] = { "classify", "splat",   "bin",
+                                                  "tile",     "resolve", "read" };
+    stats->coarse = slot->coarse;
+    stats->visible_voxels = slot->visible;
+    stats->splats = slot->splats;
+    stats->fragments = slot->fragments;
+    stats->stage_count = GL_STAGES;
+    for (int i = 0; i < GL_STAGES; i++)
+        stats->stages[i] = (struct sp_stage_time){ names[i], slot->stage_ms[i] };
 }
 
 static bool write_constants(struct draw *d, struct sp_error *err) {
@@ -464,22 +460,75 @@ static bool write_curve(struct draw *d, struct sp_error *err) {
                            err);
 }
 
-bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err) {
-    struct draw d = { .state = state, .job = job };
-    const struct gl_sources from = { &state->cache, &state->lists, state->pool, &state->arena };
-    sp_arena_reset(&state->arena);
-    if (!gl_frame_begin(&d.frame, job, &from, err) || !write_constants(&d, err) ||
-        !write_curve(&d, err) || !(d.compositor = find_compositor(state, &d.frame, job->view, err)))
+static bool plan_frame(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    const struct gl_frame *f = &d->frame;
+    const struct gl_sources from = { &s->cache, &s->lists, s->pool, &s->arena };
+    sp_arena_reset(&s->arena);
+    if (!gl_frame_begin(&d->frame, d->job, &from, err) || !write_constants(d, err) ||
+        !write_curve(d, err) || !(d->compositor = find_compositor(s, f, d->job->view, err)))
         return false;
-    d.stage_ms[STAGE_CLASSIFY] = d.frame.classify_ms;
-    d.columns = gl_divide_up(job->frame->width, GL_TILE);
-    bool ok = true, done = false;
-    for (; ok && d.y < job->frame->height; d.y = done ? d.end : d.y)
-        ok = draw_band(&d, &done, err);
-    drop_fences(&d);
-    if (ok)
-        write_stats(&d, &job->frame->stats);
+    d->columns = gl_divide_up(d->job->frame->width, GL_TILE);
+    d->slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
+    d->slot->coarse = f->coarse;
+    d->slot->visible = f->coarse ? f->lists[f->finest]->count : f->visible;
+    return true;
+}
+
+/* Draws the bands from the slot's y on up to the last one, which is handed over; or nothing where
+ * that takes waiting and it must not. */
+static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
+    struct gl_slot *slot = d->slot;
+    uint32_t height = d->job->frame->height;
+    bool ok = true;
+    do {
+        d->y = slot->y;
+        if (!plan_band(d, err))
+            return false;
+        if (!may_wait && (d->end < height || d->frame.batch_count > BEHIND))
+            return true;
+        ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
+    } while (ok && slot->end < height);
     return ok;
+}
+
+static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
+                 bool may_wait, struct sp_error *err) {
+    struct draw d = { .state = s, .job = job, .slot = slot };
+    bool ok = plan_frame(&d, err) && hand_over(&d, may_wait, err);
+    drop_fences(&d);
+    return ok;
+}
+
+bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct sp_error *err) {
+    assert(s->begun < GL_IN_FLIGHT);
+    struct gl_slot *slot = &s->slots[(s->oldest + s->begun) % GL_IN_FLIGHT];
+    slot->y = slot->end = 0;
+    slot->splats = slot->fragments = 0;
+    memset(slot->stage_ms, 0, sizeof slot->stage_ms);
+    bool ok = draw(s, slot, job, s->begun == 0, err);
+    s->begun += ok;
+    return ok;
+}
+
+bool gl_draw_end(struct gl_state *s, const struct sp_backend_job *job, struct sp_error *err) {
+    assert(s->begun > 0);
+    struct gl_slot *slot = &s->slots[s->oldest];
+    bool ok = true;
+    while (ok && slot->y < job->frame->height)
+        ok = (slot->y < slot->end || draw(s, slot, job, true, err)) && take_band(s, slot, job, err);
+    gl_fence_drop(&slot->back.fence);
+    s->oldest = (s->oldest + 1) % GL_IN_FLIGHT;
+    s->begun--;
+    if (ok)
+        write_stats(slot, &job->frame->stats);
+    return ok;
+}
+
+void gl_draw_drop(struct gl_state *s) {
+    for (int i = 0; i < GL_IN_FLIGHT; i++)
+        gl_fence_drop(&s->slots[i].back.fence);
+    s->begun = 0;
 }
 
 static bool write_cubic(struct gl_state *s, struct sp_error *err) {
@@ -506,7 +555,8 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->pairs = PAIRS_MIN;
     s->layers = LAYERS_MOST;
     s->rows = TILES_MOST;
-    gl_timer_init(&s->timer);
+    for (int i = 0; i < GL_IN_FLIGHT; i++)
+        gl_timer_init(&s->slots[i].timer);
     s->project = gl_program_open("frame bins records shade 10_project", "", err);
     s->resolve = s->project ? gl_program_open("40_resolve", "", err) : 0;
     return s->resolve && gl_bins_init(&s->bins, err) && write_cubic(s, err);
@@ -525,5 +575,9 @@ void gl_draw_finish(struct gl_state *s) {
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_buffer_finish(&s->curve.buffer);
-    gl_timer_finish(&s->timer);
+    for (int i = 0; i < GL_IN_FLIGHT; i++) {
+        gl_back_finish(&s->slots[i].back);
+        gl_timer_finish(&s->slots[i].timer);
+    }
+    s->begun = 0;
 }

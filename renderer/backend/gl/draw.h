@@ -20,12 +20,24 @@
 #ifndef GL_DRAW_H
 #define GL_DRAW_H
 
+#include "backend/gl/back.h"
 #include "backend/gl/bins.h"
 #include "backend/gl/buffer.h"
 #include "backend/gl/context.h"
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/timer.h"
+
+/* What a frame's times are kept of, in the order of its stages. */
+enum gl_stage {
+    GL_STAGE_CLASSIFY,
+    GL_STAGE_SPLAT,
+    GL_STAGE_BIN,
+    GL_STAGE_TILE,
+    GL_STAGE_RESOLVE,
+    GL_STAGE_READ, /* what the GPU copies for the processor, and the processor from there */
+    GL_STAGES
+};
 
 /* Sizes of the pieces that a frame is drawn in. They bound memory, and what one dispatch takes. */
 struct gl_limits {
@@ -36,6 +48,30 @@ struct gl_limits {
     uint32_t loops;   /* rounds of all loops of one invocation */
 };
 
+/* How a band was drawn: what it turns out to need is held against this. */
+struct gl_pieces {
+    uint32_t layers, records; /* of a batch, at most */
+    uint32_t rows;            /* of tiles */
+    uint64_t pairs;           /* room for those of a batch … */
+    uint32_t tile_pairs;      /* … and for those of a tile in it */
+};
+
+enum { GL_IN_FLIGHT = 2 }; /* frames that may be begun and not ended */
+
+/* A frame that was begun: the bands above row y are in its picture, and the GPU draws the rows
+ * [y, end), unless end is y: then nothing was handed over yet. All that it has for itself is where
+ * its picture and its times come back: what one frame writes for the GPU and what the GPU writes
+ * for itself is taken by the next in the order in which they were begun, which GL keeps. */
+struct gl_slot {
+    struct gl_back back;
+    struct gl_timer timer;
+    struct gl_pieces pieces;
+    uint32_t y, end; /* px */
+    double stage_ms[GL_STAGES];
+    uint64_t visible, splats, fragments; /* as in sp_frame_stats */
+    unsigned coarse;
+};
+
 struct gl_state {
     struct gl_options options;  /* of the context */
     struct gl_context *context; /* NULL = was lost; the next frame makes another */
@@ -43,7 +79,8 @@ struct gl_state {
     struct sp_arena arena;
     struct sp_classify_cache cache;
     struct gl_lists lists;
-    struct gl_timer timer;
+    struct gl_slot slots[GL_IN_FLIGHT];
+    unsigned oldest, begun; /* slots in use: `begun` of them from `oldest` on, round the end */
     struct gl_bins bins;
     struct gl_curve curve;
     unsigned project, resolve; /* programs */
@@ -52,7 +89,7 @@ struct gl_state {
      */
     unsigned composite[3][2][2][2][2][2];
     struct {
-        struct gl_buffer constants, bricks, records, spans, image, cubic, pixels, back;
+        struct gl_buffer constants, bricks, records, spans, image, cubic, pixels;
     } buffers;
     struct gl_limits limits;
     uint64_t pairs; /* room for them */
@@ -63,8 +100,18 @@ struct gl_state {
     char device[SP_DEVICE_NAME];
 };
 
-/* The context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
-bool gl_draw(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
+/* Hands a frame over to the GPU, behind those that were begun before; at most GL_IN_FLIGHT. Where
+ * that would take waiting for one of them, nothing is handed over before they are ended. Nothing is
+ * begun after a failure. The context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+bool gl_draw_begin(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
+
+/* Waits for the oldest frame that was begun, with the same job, and fills its pixels and stats. It
+ * is no longer begun then, whatever comes of it. What it had no room for is drawn again here. */
+bool gl_draw_end(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
+
+/* Leaves all frames that were begun. The context must be current. */
+void gl_draw_drop(struct gl_state *state);
 
 /* Programs and tables that do not change; what was made before a failure is gl_draw_finish()'s.
  * After that a state can be initialised again, in another context too. */

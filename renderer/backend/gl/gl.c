@@ -77,21 +77,50 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
-/* A frame of a context that is lost fails, and the next one begins with another context. What the
- * processor derived from volumes is kept, and uploaded again. */
-static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+/* The context is gone, with the frames that were begun and the fences behind them. */
+static void lose(struct gl_state *state) {
+    gl_context_destroy(&state->context);
+    for (int i = 0; i < GL_IN_FLIGHT; i++)
+        state->slots[i].back.fence = NULL;
+    state->begun = 0;
+}
+
+/* A frame of a context that is lost fails, with all that were begun, and the next one begins with
+ * another context. What the processor derived from volumes is kept, and uploaded again. */
+static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct sp_error *err) {
+    if (state->context && gl_context_is_lost(state->context, why)) {
+        lose(state);
+        ok = false;
+    }
+    if (state->context && !ok && why->code == SP_ERR_BACKEND)
+        gl_draw_drop(state);
+    if (state->context)
+        gl_context_unbind(state->context);
+    return ok || sp_fail(err, why->code, why->place, "%s", why->text);
+}
+
+/* Makes the context current, another one if there is none; destroyed when it cannot be. */
+static bool enter(struct gl_state *state, struct sp_error *why) {
+    bool ok = (state->context || start(state, why)) && gl_context_bind(state->context, why);
+    if (!ok)
+        lose(state);
+    return ok;
+}
+
+static bool gl_begin(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
     struct gl_state *state = pointer;
     struct sp_error why = { .code = SP_OK };
-    bool bound = state->context ? gl_context_bind(state->context, &why)
-                                : start(state, &why) && gl_context_bind(state->context, &why);
-    bool ok = bound && gl_draw(state, job, &why);
-    if (!bound || gl_context_is_lost(state->context, &why)) {
-        gl_context_destroy(&state->context);
-        ok = false;
-    } else {
-        gl_context_unbind(state->context);
-    }
-    return ok || sp_fail(err, why.code, why.place, "%s", why.text);
+    return leave(state, enter(state, &why) && gl_draw_begin(state, job, &why), &why, err);
+}
+
+static bool gl_end(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+    struct gl_state *state = pointer;
+    struct sp_error why = { .code = SP_OK };
+    return leave(state, enter(state, &why) && gl_draw_end(state, job, &why), &why, err);
+}
+
+static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {
+    return gl_begin(pointer, job, err) && gl_end(pointer, job, err);
 }
 
 static void gl_forget(void *pointer, const struct sp_volume *volume) {

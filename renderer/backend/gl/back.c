@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/back.h"
+
+#include <assert.h>
+#include <epoxy/gl.h>
+
+enum { POLL_NS = 5 * 1000000 }; /* between two looks at the cancel flag */
+
+bool gl_check(const char *what, struct sp_error *err) {
+    GLenum error = glGetError();
+    if (error == GL_NO_ERROR)
+        return true;
+    return sp_fail(err, error == GL_OUT_OF_MEMORY ? SP_ERR_MEMORY : SP_ERR_BACKEND, "",
+                   "GL error 0x%04x while the frame was %s", error, what);
+}
+
+void gl_fence_set(void **fence) {
+    gl_fence_drop(fence);
+    *fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+}
+
+void gl_fence_drop(void **fence) {
+    if (*fence)
+        glDeleteSync(*fence);
+    *fence = NULL;
+}
+
+bool gl_fence_wait(void **fence, const atomic_bool *cancel, struct sp_error *err) {
+    GLenum got = *fence ? GL_TIMEOUT_EXPIRED : GL_ALREADY_SIGNALED;
+    while (got == GL_TIMEOUT_EXPIRED &&
+           !(cancel && atomic_load_explicit(cancel, memory_order_relaxed)))
+        got = glClientWaitSync(*fence, GL_SYNC_FLUSH_COMMANDS_BIT, POLL_NS);
+    gl_fence_drop(fence);
+    if (got == GL_TIMEOUT_EXPIRED)
+        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    return got != GL_WAIT_FAILED || sp_fail(err, SP_ERR_BACKEND, "", "the GPU does not answer");
+}
+
+bool gl_back_reserve(struct gl_back *back, uint64_t bytes, struct sp_error *err) {
+    if (bytes <= back->buffer.bytes)
+        return true;
+    back->mapped = NULL; /* ends with the buffer */
+    if (!gl_buffer_reserve(&back->buffer, "picture that is read back", bytes, 0, GL_USE_READ, err))
+        return false;
+    glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
+    if (gl_buffer_stays_mapped(GL_USE_READ))
+        back->mapped =
+            glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)back->buffer.bytes,
+                             GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT);
+    return gl_check("given its way back", err);
+}
+
+void gl_back_finish(struct gl_back *back) {
+    gl_fence_drop(&back->fence);
+    gl_buffer_finish(&back->buffer);
+    *back = (struct gl_back){ 0 };
+}
+
+void gl_back_begin(struct gl_back *back) {
+    back->used = 0;
+}
+
+void gl_back_copy(struct gl_back *back, const struct gl_buffer *from, uint64_t bytes) {
+    assert(back->used + bytes <= back->buffer.bytes);
+    glBindBuffer(GL_COPY_WRITE_BUFFER, back->buffer.name);
+    glBindBuffer(GL_COPY_READ_BUFFER, from->name);
+    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, (GLintptr)back->used,
+                        (GLsizeiptr)bytes);
+    back->used += bytes;
+}
+
+void gl_back_send(struct gl_back *back) {
+    gl_fence_set(&back->fence);
+}
+
+const unsigned char *gl_back_read(struct gl_back *back, struct sp_error *err) {
+    if (back->mapped)
+        return back->mapped;
+    glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
+    const unsigned char *data =
+        glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)back->used, GL_MAP_READ_BIT);
+    if (!data && gl_check("read back", err))
+        sp_fail(err, SP_ERR_BACKEND, "", "the frame cannot be read back");
+    return data;
+}
+
+bool gl_back_close(struct gl_back *back, struct sp_error *err) {
+    if (back->mapped)
+        return true;
+    glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
+    return glUnmapBuffer(GL_COPY_READ_BUFFER) ||
+           sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was read back");
+}
