@@ -12,13 +12,33 @@
 #include "base/clock.h"
 #include "sp/log.h"
 
+/* A frame that was begun. */
+struct flight {
+    struct sp_backend_job job; /* with references to volume and frame */
+    struct sp_view view;
+    bool is_begun;       /* by the backend */
+    struct sp_error why; /* its begin() failed; SP_OK = it did not, or was not called */
+    double ms, cpu_ms;   /* spent in the calls for it so far */
+};
+
+/* What draws a frame that the backend has no memory for; NULL before the first one. */
+struct stand_in {
+    const struct sp_backend *backend;
+    void *state;
+    struct sp_renderer_info info;
+    bool is_missing; /* none starts */
+};
+
 struct sp_renderer {
     _Atomic(const struct sp_backend *) backend; /* read by other threads too */
     void *state;
     struct sp_renderer_info info;
+    struct stand_in stand_in;
     struct sp_backend_options wanted; /* for the next backend; isa is owned */
     bool any;                         /* was started with "auto" */
     unsigned failures;                /* of the backend, in a row */
+    struct flight flights[SP_IN_FLIGHT_MAX];
+    unsigned oldest, begun; /* flights in use: `begun` of them from `oldest` on, round the end */
 };
 
 enum { THREADS_MAX = 256, GPUS_MAX = 64, FAILURES_MAX = 3 };
@@ -98,12 +118,29 @@ struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options
     return r;
 }
 
+static struct flight *flight_at(struct sp_renderer *r, unsigned i) {
+    return &r->flights[(r->oldest + i) % SP_IN_FLIGHT_MAX];
+}
+
+/* The oldest frame is begun no longer. */
+static void land(struct sp_renderer *r) {
+    struct flight *f = flight_at(r, 0);
+    sp_volume_unref(&f->job.volume);
+    sp_frame_unref(&f->job.frame);
+    r->oldest = (r->oldest + 1) % SP_IN_FLIGHT_MAX;
+    r->begun--;
+}
+
 void sp_renderer_destroy(struct sp_renderer **renderer) {
     struct sp_renderer *r = *renderer;
     if (!r)
         return;
     if (r->state)
         atomic_load(&r->backend)->destroy(r->state);
+    if (r->stand_in.backend)
+        r->stand_in.backend->destroy(r->stand_in.state);
+    while (r->begun)
+        land(r);
     free((char *)r->wanted.isa);
     free(r);
     *renderer = NULL;
@@ -220,17 +257,29 @@ bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_vi
     return sp_view_validate(view, err) && check_support(atomic_load(&renderer->backend), view, err);
 }
 
-/* Puts the next backend that starts by itself in the place of the one that fails; false if there is
- * none, or if the user has named the one to use. */
+/* Starts what comes after the backend, unless it is there; false if nothing starts by itself, or if
+ * the user has named the one to use. */
+static bool start_stand_in(struct sp_renderer *r) {
+    struct stand_in *s = &r->stand_in;
+    if (r->any && !s->backend && !s->is_missing) {
+        s->backend = sp_registry_follow(atomic_load(&r->backend), &r->wanted, &s->state, NULL);
+        s->is_missing = !s->backend;
+        if (s->backend)
+            s->backend->info(s->state, &s->info);
+    }
+    return s->backend != NULL;
+}
+
+/* Puts the next backend in the place of the one that fails; false if there is none. */
 static bool give_up(struct sp_renderer *r, const struct sp_error *why) {
     const struct sp_backend *failed = atomic_load(&r->backend);
-    void *state;
-    const struct sp_backend *next =
-        r->any ? sp_registry_follow(failed, &r->wanted, &state, NULL) : NULL;
-    if (!next)
-        return false;
     void *failed_state = r->state;
-    take(r, next, state);
+    r->stand_in.is_missing = false; /* it may start now */
+    if (!start_stand_in(r))
+        return false;
+    const struct stand_in next = r->stand_in;
+    r->stand_in = (struct stand_in){ .backend = NULL };
+    take(r, next.backend, next.state);
     failed->destroy(failed_state);
     snprintf(r->info.given_up, sizeof r->info.given_up,
              "backend %s failed %d times in a row: %.300s", failed->entry.name, FAILURES_MAX,
@@ -239,65 +288,155 @@ static bool give_up(struct sp_renderer *r, const struct sp_error *why) {
     return true;
 }
 
-static bool draw_once(struct sp_renderer *r, const struct sp_backend_job *job,
-                      struct sp_error *err) {
-    job->frame->stats = (struct sp_frame_stats){ .backend = r->info.backend,
-                                                 .isa = r->info.isa,
-                                                 .threads = r->info.threads };
-    memcpy(job->frame->stats.device, r->info.device, sizeof r->info.device);
-    return atomic_load(&r->backend)->render(r->state, job, err);
+/* What draws the frame. */
+static void sign(struct sp_frame *frame, const struct sp_renderer_info *by) {
+    frame->stats =
+        (struct sp_frame_stats){ .backend = by->backend, .isa = by->isa, .threads = by->threads };
+    memcpy(frame->stats.device, by->device, sizeof by->device);
+}
+
+/* A frame that the backend has no memory for is drawn by the next one, which keeps what it derives
+ * for others of this kind. False with *why set when there is none that could do it, or it fails. */
+static bool draw_instead(struct sp_renderer *r, const struct flight *f, struct sp_error *why) {
+    struct stand_in *s = &r->stand_in;
+    if (!start_stand_in(r) || !check_support(s->backend, &f->view, NULL))
+        return false;
+    const struct sp_error first = *why;
+    sign(f->job.frame, &s->info);
+    if (!s->backend->render(s->state, &f->job, why))
+        return false;
+    if (!r->info.overburdened[0]) {
+        snprintf(r->info.overburdened, sizeof r->info.overburdened,
+                 "backend %s has no memory for some views, which %s draws: %.300s", r->info.backend,
+                 s->info.backend, first.text);
+        sp_log(SP_LOG_WARN, "%s", r->info.overburdened);
+    }
+    return true;
+}
+
+/* False with *why set; after SP_ERR_BACKEND the backend has begun nothing any more. */
+static bool draw_once(struct sp_renderer *r, struct flight *f, struct sp_error *why) {
+    const struct sp_backend *backend = atomic_load(&r->backend);
+    bool ok = false, is_begun = f->is_begun;
+    f->is_begun = false;
+    sign(f->job.frame, &r->info);
+    if (f->why.code != SP_OK)
+        *why = f->why;
+    else if (is_begun)
+        ok = backend->finish(r->state, &f->job, why);
+    else
+        ok = backend->render(r->state, &f->job, why);
+    f->why.code = SP_OK;
+    for (unsigned i = 0; !ok && why->code == SP_ERR_BACKEND && i < r->begun; i++)
+        flight_at(r, i)->is_begun = false;
+    return ok;
 }
 
 /* A backend that fails is tried again, so that one whose device comes back loses no frame, and
  * given up after three times. What a view or the machine's memory is to blame for does not count.
  */
-static bool draw(struct sp_renderer *r, const struct sp_backend_job *job, struct sp_error *err) {
+static bool draw(struct sp_renderer *r, struct flight *f, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
-    while (!draw_once(r, job, &why)) {
+    while (!draw_once(r, f, &why)) {
         bool again = why.code == SP_ERR_BACKEND;
+        bool lacks_memory = why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET;
+        if (lacks_memory && draw_instead(r, f, &why))
+            return true;
         if (again) {
             sp_log(SP_LOG_WARN, "backend %s fails: %s", r->info.backend, why.text);
             again = ++r->failures < FAILURES_MAX || give_up(r, &why);
         }
-        if (!again || sp_job_is_cancelled(job) ||
-            !check_support(atomic_load(&r->backend), job->view, &why))
+        if (!again || sp_job_is_cancelled(&f->job) ||
+            !check_support(atomic_load(&r->backend), &f->view, &why))
             return sp_fail(err, why.code, why.place, "%s", why.text);
     }
     r->failures = 0;
     return true;
 }
 
-struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
-                                    const struct sp_view *view, struct sp_frame_pool *pool,
-                                    const struct sp_render_options *options, struct sp_error *err) {
+unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
+    unsigned depth = atomic_load(&renderer->backend)->depth;
+    return depth > 1 ? depth : 1;
+}
+
+/* Hands the frame to the backend where it takes several at a time, and is not behind one that it
+ * has still to draw. A failure is for finish(). */
+static void begin(struct sp_renderer *r, struct flight *f) {
+    const struct sp_backend *backend = atomic_load(&r->backend);
+    for (unsigned i = 0; i < r->begun; i++)
+        if (!flight_at(r, i)->is_begun)
+            return;
+    f->is_begun = r->begun < backend->depth && backend->begin(r->state, &f->job, &f->why);
+    for (unsigned i = 0; f->why.code == SP_ERR_BACKEND && i < r->begun; i++)
+        flight_at(r, i)->is_begun = false;
+}
+
+bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
+                       const struct sp_view *view, struct sp_frame_pool *pool,
+                       const struct sp_render_options *options, struct sp_error *err) {
     static const struct sp_render_options defaults = { .format = SP_RGBA8 };
     const struct sp_render_options *o = options ? options : &defaults;
     double start_ms = sp_clock_ms(), start_cpu_ms = sp_clock_cpu_ms();
+    assert(renderer->begun < SP_IN_FLIGHT_MAX && o->coarse <= SP_COARSE_MAX);
     if (!sp_renderer_supports(renderer, view, err))
-        return NULL;
+        return false;
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame)
-        return NULL;
-    assert(o->coarse <= SP_COARSE_MAX);
-    struct sp_backend_job job = {
-        .volume = volume, .view = view, .coarse = o->coarse, .frame = frame, .cancel = o->cancel
-    };
-    if (!draw(renderer, &job, err)) {
-        sp_frame_unref(&frame);
-        return NULL;
+        return false;
+    struct flight *f = flight_at(renderer, renderer->begun);
+    f->view = *view;
+    f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),
+                                      .view = &f->view,
+                                      .coarse = o->coarse,
+                                      .frame = frame,
+                                      .cancel = o->cancel };
+    f->is_begun = false;
+    f->why.code = SP_OK;
+    begin(renderer, f);
+    renderer->begun++;
+    f->ms = sp_clock_ms() - start_ms;
+    f->cpu_ms = sp_clock_cpu_ms() - start_cpu_ms;
+    return true;
+}
+
+struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
+    double start_ms = sp_clock_ms(), start_cpu_ms = sp_clock_cpu_ms();
+    assert(renderer->begun > 0);
+    struct flight *f = flight_at(renderer, 0);
+    struct sp_frame *frame = draw(renderer, f, err) ? sp_frame_ref(f->job.frame) : NULL;
+    if (frame) {
+        frame->stats.render_ms = f->ms + sp_clock_ms() - start_ms;
+        frame->stats.cpu_ms = f->cpu_ms + sp_clock_cpu_ms() - start_cpu_ms;
     }
-    frame->stats.render_ms = sp_clock_ms() - start_ms;
-    frame->stats.cpu_ms = sp_clock_cpu_ms() - start_cpu_ms;
+    land(renderer);
     return frame;
 }
 
+struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                    const struct sp_view *view, struct sp_frame_pool *pool,
+                                    const struct sp_render_options *options, struct sp_error *err) {
+    assert(renderer->begun == 0);
+    return sp_renderer_begin(renderer, volume, view, pool, options, err)
+               ? sp_renderer_finish(renderer, err)
+               : NULL;
+}
+
+static void forget(const struct sp_backend *backend, void *state, const struct sp_volume *volume) {
+    if (backend && backend->forget)
+        backend->forget(state, volume);
+}
+
 void sp_renderer_forget(struct sp_renderer *renderer, const struct sp_volume *volume) {
-    const struct sp_backend *backend = atomic_load(&renderer->backend);
-    if (backend->forget)
-        backend->forget(renderer->state, volume);
+    forget(atomic_load(&renderer->backend), renderer->state, volume);
+    forget(renderer->stand_in.backend, renderer->stand_in.state, volume);
+}
+
+static uint64_t memory(const struct sp_backend *backend, const void *state,
+                       const struct sp_volume *volume) {
+    return backend && backend->memory ? backend->memory(state, volume) : 0;
 }
 
 uint64_t sp_renderer_memory(const struct sp_renderer *renderer, const struct sp_volume *volume) {
-    const struct sp_backend *backend = atomic_load(&renderer->backend);
-    return backend->memory ? backend->memory(renderer->state, volume) : 0;
+    return memory(atomic_load(&renderer->backend), renderer->state, volume) +
+           memory(renderer->stand_in.backend, renderer->stand_in.state, volume);
 }

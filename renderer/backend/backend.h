@@ -42,7 +42,7 @@ struct sp_backend_options {
 
 /* One frame to make. */
 struct sp_backend_job {
-    struct sp_volume *volume; /* the caller's reference, for the length of the call */
+    struct sp_volume *volume; /* the caller's reference, until the frame is finished */
     const struct sp_view *view;
     unsigned coarse;           /* as in sp_render_options; a backend without levels ignores it */
     struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
@@ -68,8 +68,17 @@ struct sp_backend {
     /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
      * stages. False with *err set leaves the frame's pixels undefined and the state usable.
      * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED; SP_ERR_BACKEND: the same call may work
-     * now, and is made again. */
+     * now, and is made again. Nothing is begun then. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
+
+    /* Optional: render() in two halves, so that the processor prepares a frame while the device
+     * draws the one before. Frames are finished in the order in which they were begun, each with
+     * the same job, at most `depth` of them at a time. begin() hands a frame over: false = it is
+     * not begun. finish() waits for the oldest one, which is begun no longer, whatever it returns.
+     * Errors as of render(); after SP_ERR_BACKEND from either no frame is begun any more. */
+    unsigned depth; /* [2, SP_IN_FLIGHT_MAX]; 0 = both are NULL */
+    bool (*begin)(void *state, const struct sp_backend_job *job, struct sp_error *err);
+    bool (*finish)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional; NULL = nothing is derived from volumes. */
     void (*forget)(void *state, const struct sp_volume *volume);

@@ -27,6 +27,8 @@ static const struct sp_backend *find_reference(void) {
 static bool start(const struct sp_backend *backend, const struct sp_backend_options *options,
                   void **state, struct sp_error *err) {
     assert(backend->create && backend->destroy && backend->info && backend->render);
+    assert(backend->depth != 1 && backend->depth <= SP_IN_FLIGHT_MAX);
+    assert(!backend->depth == !backend->begin && !backend->begin == !backend->finish);
     struct sp_error why = { .code = SP_ERR_BACKEND };
     const struct sp_backend *reference = backend->is_gpu ? find_reference() : NULL;
     *state = backend->create(options, &why);

@@ -96,6 +96,9 @@ void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     for (int i = 0; i < 2; i++)
         if (info[i].given_up[0])
             ok = proto_json_append_string(refused, info[i].given_up) && ok;
+    for (int i = 0; i < 2; i++)
+        if (info[i].overburdened[0])
+            ok = proto_json_append_string(refused, info[i].overburdened) && ok;
     ok = proto_json_set(json, "refused", refused) && ok;
     if (!ok)
         proto_json_free(&json);

@@ -23,8 +23,9 @@ struct sp_renderer;
 
 struct sp_renderer_options {
     /* A name of sp_backend_at(): "cpu", "null", …; "auto" (default, NULL) is the first that starts,
-     * and while it renders the next one when that has failed (SP_ERR_BACKEND) three times in a row.
-     */
+     * and while it renders the next one when that has failed (SP_ERR_BACKEND) three times in a row;
+     * a frame that it has no memory for (SP_ERR_MEMORY, SP_ERR_BUDGET) is drawn by the next one,
+     * with what that derives from the volume beside it. Who names a backend gets the error. */
     const char *backend;
     const char *gpu;  /* "auto" (default, NULL) is the first that works; "0", "1", …: this one of
                          sp_probe() */
@@ -55,13 +56,16 @@ struct sp_renderer_info {
     char device[SP_DEVICE_NAME];
     char given_up[SP_ERROR_TEXT]; /* why the backend before this one was given up while rendering;
                                      "" = there was none */
+    char overburdened[SP_ERROR_TEXT]; /* why another one drew frames in its place, the first time;
+                                         "" = none did */
     unsigned threads;
     unsigned lanes; /* voxels or pixels that the CPU's kernels handle at a time; 0 = not known */
     /* The choices of a view that they handle so, by the names that a view has for them; ends with
      * NULL. NULL = not known. All else is handled one by one. */
     const char *const *vectorised;
 };
-/* For the renderer's thread. It changes only where a render gives a backend up. */
+/* For the renderer's thread. It changes only where a frame is finished: a backend is given up or
+ * overburdened. */
 void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
 
 /* One compiled backend a call in the order in which "auto" tries them, i from 0; NULL past the end.
@@ -115,10 +119,31 @@ struct sp_render_options {
                                   SP_ERR_CANCELLED */
 };
 
-/* Renders one frame of view->size. Returns one reference from `pool`, or NULL with *err set:
- * SP_ERR_INVALID (view), SP_ERR_UNSUPPORTED (view, with the pointer), SP_ERR_MEMORY,
- * SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. After an error the renderer is ready for the
- * next call. `options` may be NULL. */
+enum { SP_IN_FLIGHT_MAX = 4 };
+
+/* Frames that may be begun and not finished: as many as the backend keeps under way at a time, [1,
+ * SP_IN_FLIGHT_MAX]. It may fall when a backend is given up; what is begun then stays so. */
+unsigned sp_renderer_depth(const struct sp_renderer *renderer);
+
+/* Begins a frame of view->size, behind those that were begun before. View and options are copied,
+ * volume and pool's frame referenced; *options->cancel must live until the frame is finished. It
+ * returns when the frame is with the backend: a GPU draws it while the next one is begun, the
+ * processor when it is finished. False with *err set when nothing was begun: SP_ERR_INVALID (view),
+ * SP_ERR_UNSUPPORTED (view, with the pointer), SP_ERR_MEMORY. Whatever else happens to the frame is
+ * told by sp_renderer_finish(). `options` may be NULL. */
+bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
+                       const struct sp_view *view, struct sp_frame_pool *pool,
+                       const struct sp_render_options *options, struct sp_error *err);
+
+/* Waits for the oldest frame that was begun, of which there must be one, and returns its reference,
+ * or NULL with *err set: SP_ERR_UNSUPPORTED (by the backend that took over), SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. It is begun no longer then; the frames behind it
+ * are, and are drawn again if its failure takes them along. stats.render_ms and cpu_ms are of its
+ * own two calls: what passes between them is other frames'. */
+struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
+
+/* The two in one: renders a frame. Nothing may be begun. After an error the renderer is ready for
+ * the next call. */
 struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
                                     const struct sp_view *view, struct sp_frame_pool *pool,
                                     const struct sp_render_options *options, struct sp_error *err);
@@ -128,7 +153,8 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err);
 
-/* Drops everything derived from the volume. Harmless if there is nothing. */
+/* Drops everything derived from the volume. Harmless if there is nothing, and to frames of it that
+ * are begun, which may derive it anew: finish them first. */
 void sp_renderer_forget(struct sp_renderer *renderer, const struct sp_volume *volume);
 
 /* Bytes of derived data kept for the volume (gradients, lists). */

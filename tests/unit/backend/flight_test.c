@@ -1,0 +1,254 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Frames in flight: several are begun before the first is finished. What becomes of those that were
+ * begun when the backend fails, has no memory, or is given up.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <string.h>
+
+#include "unit/backend/fakes.h"
+
+/* Begins a frame `width` wide, which tells it from others. */
+static void begin(struct fakes_scene *s, uint32_t width) {
+    const struct sp_render_options options = { .cancel = &s->cancel };
+    s->view.size[0] = width;
+    if (!sp_renderer_begin(s->renderer, s->volume, &s->view, s->pool, &options, &s->err))
+        fail_msg("%s", s->err.text);
+    s->view.size[0] = 1; /* it was copied */
+}
+
+/* What drew the oldest frame, which must be so wide; "" with s->err set when nothing did. */
+static const char *finish(struct fakes_scene *s, uint32_t width) {
+    struct sp_frame *frame = sp_renderer_finish(s->renderer, &s->err);
+    if (frame)
+        assert_int_equal(frame->width, width);
+    return fakes_drawn_by(frame);
+}
+
+static void frames_are_finished_as_they_were_begun(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    fakes_scene_init(&s, NULL);
+    assert_int_equal(sp_renderer_depth(s.renderer), 2);
+    begin(&s, 16);
+    for (uint32_t i = 1; i < 5; i++) {
+        begin(&s, 16 + i);
+        assert_int_equal(fakes[GPU].begun_count, 2);
+        assert_string_equal(finish(&s, 15 + i), "gpu");
+    }
+    assert_string_equal(finish(&s, 20), "gpu");
+    assert_int_equal(fakes[GPU].renders, 5);
+    assert_string_equal(fakes_warnings, "");
+    fakes_scene_finish(&s);
+}
+
+/* So it is with a backend that draws a frame at a time, and with one that was asked for too many.
+ */
+static void what_the_backend_does_not_take_waits(void **state) {
+    (void)state;
+    static const char *const names[] = { "plain", "gpu" };
+    for (int n = 0; n < 2; n++) {
+        struct fakes_scene s;
+        fakes_scene_init(&s, &(struct sp_renderer_options){ .backend = names[n] });
+        assert_int_equal(sp_renderer_depth(s.renderer), n + 1);
+        for (uint32_t i = 0; i < SP_IN_FLIGHT_MAX; i++)
+            begin(&s, 16 + i);
+        assert_int_equal(fakes[PLAIN].renders, 0);
+        for (uint32_t i = 0; i < SP_IN_FLIGHT_MAX; i++)
+            assert_string_equal(finish(&s, 16 + i), names[n]);
+        fakes_scene_finish(&s);
+        fakes_reset(NULL);
+    }
+}
+
+static void a_view_that_is_refused_is_not_begun(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    fakes_scene_init(&s, &(struct sp_renderer_options){ .backend = "plain" });
+    begin(&s, 16);
+    s.view.clip.plane_count = 1;
+    s.view.clip.planes[0].normal[0] = 1;
+    assert_false(sp_renderer_begin(s.renderer, s.volume, &s.view, s.pool, NULL, &s.err));
+    assert_int_equal(s.err.code, SP_ERR_UNSUPPORTED);
+    s.view.clip.plane_count = 0;
+    begin(&s, 17);
+    assert_string_equal(finish(&s, 16), "plain");
+    assert_string_equal(finish(&s, 17), "plain");
+    fakes_scene_finish(&s);
+}
+
+static void a_failure_takes_no_frame_along(void **state) {
+    (void)state;
+    for (unsigned refused = 0; refused < 2; refused++)
+        for (unsigned failed = 0; failed < 2; failed++) {
+            struct fakes_scene s;
+            fakes_scene_init(&s, NULL);
+            begin(&s, 16);
+            fakes[GPU].refusals = refused;
+            begin(&s, 17);
+            begin(&s, 18); /* behind what is not begun nothing is */
+            assert_int_equal(fakes[GPU].begun_count, refused ? 0 : 2);
+            fakes[GPU].failures = failed;
+            for (uint32_t i = 0; i < 3; i++)
+                assert_string_equal(finish(&s, 16 + i), "gpu");
+            assert_int_equal(fakes_count_warnings(), refused + failed);
+            begin(&s, 19); /* and on, two at a time */
+            begin(&s, 20);
+            assert_int_equal(fakes[GPU].begun_count, 2);
+            assert_string_equal(finish(&s, 19), "gpu");
+            assert_string_equal(finish(&s, 20), "gpu");
+            assert_int_equal(fakes[PLAIN].running, 0);
+            fakes_scene_finish(&s);
+            fakes_reset(NULL);
+        }
+}
+
+static void who_takes_over_draws_all_that_was_begun(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    fakes_scene_init(&s, NULL);
+    begin(&s, 16);
+    begin(&s, 17);
+    fakes[GPU].failures = 3;
+    assert_string_equal(finish(&s, 16), "plain");
+    assert_int_equal(fakes[GPU].running, 0);
+    assert_int_equal(sp_renderer_depth(s.renderer), 1);
+    assert_string_equal(finish(&s, 17), "plain");
+    assert_int_equal(fakes[GPU].renders, 3);
+    fakes_scene_finish(&s);
+}
+
+/* Refused at once, or when it turns out that there is not enough. */
+static void what_a_backend_has_no_memory_for_the_next_one_draws(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    struct sp_renderer_info info;
+    fakes_scene_init(&s, NULL);
+    unsigned before = fakes[PLAIN].renders;
+    for (int n = 0; n < 4; n++) {
+        fakes[GPU].code = n % 2 ? SP_ERR_BUDGET : SP_ERR_MEMORY;
+        fakes[GPU].refusals = n / 2;
+        begin(&s, 16);
+        begin(&s, 17);
+        fakes[GPU].failures = 1 - n / 2;
+        assert_string_equal(finish(&s, 16), "plain");
+        assert_string_equal(finish(&s, 17), "gpu"); /* which is still the renderer's */
+    }
+    assert_int_equal(fakes[PLAIN].renders, before + 4);
+    assert_string_equal(fakes_warnings, "backend gpu has no memory for some views, which plain "
+                                        "draws: gpu hung\n"); /* once */
+    sp_renderer_info(s.renderer, &info);
+    assert_string_equal(info.backend, "gpu");
+    assert_string_equal(info.overburdened,
+                        "backend gpu has no memory for some views, which plain draws: gpu hung");
+    assert_int_equal(sp_renderer_memory(s.renderer, s.volume), 1010);
+    fakes[GPU].forgotten = fakes[PLAIN].forgotten = 0;
+    sp_renderer_forget(s.renderer, s.volume);
+    assert_int_equal(fakes[GPU].forgotten + fakes[PLAIN].forgotten, 2);
+    fakes[GPU].code = SP_ERR_BACKEND; /* it is there already when it takes over */
+    fakes[GPU].failures = 3;
+    assert_string_equal(fakes_draw(&s), "plain");
+    assert_int_equal(fakes[PLAIN].running, 1);
+    assert_int_equal(fakes[GPU].running, 0);
+    fakes_scene_finish(&s);
+}
+
+static void without_another_backend_its_error_is_told(void **state) {
+    (void)state;
+    static const struct sp_renderer_options options[] = { { .backend = "gpu" },
+                                                          { .require_gpu = true } };
+    struct fakes_scene s;
+    for (int i = 0; i < 2; i++) {
+        fakes_scene_init(&s, &options[i]);
+        fakes[GPU].code = SP_ERR_BUDGET;
+        fakes[GPU].failures = 1;
+        assert_string_equal(fakes_draw(&s), "");
+        assert_int_equal(s.err.code, SP_ERR_BUDGET);
+        assert_string_equal(s.err.text, "gpu hung");
+        assert_int_equal(fakes[PLAIN].running, 0);
+        fakes_scene_finish(&s);
+        fakes_reset(NULL);
+    }
+    fakes_scene_init(&s, NULL);
+    fakes[PLAIN].starts = false;
+    fakes[GPU].code = SP_ERR_MEMORY;
+    fakes[GPU].failures = 2;
+    for (int i = 0; i < 2; i++) {
+        assert_string_equal(fakes_draw(&s), "");
+        assert_string_equal(s.err.text, "gpu hung");
+    }
+    assert_int_equal(fakes_count_warnings(), 1); /* that it does not start, once */
+    fakes_scene_finish(&s);
+}
+
+static void who_draws_instead_is_asked_whether_it_can_and_may_fail(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    fakes_scene_init(&s, NULL);
+    fakes[GPU].code = SP_ERR_BUDGET;
+    fakes[GPU].failures = 2;
+    s.view.clip.plane_count = 1;
+    s.view.clip.planes[0].normal[0] = 1;
+    assert_string_equal(fakes_draw(&s), "");
+    assert_string_equal(s.err.text, "gpu hung");
+    s.view.clip.plane_count = 0;
+    fakes[PLAIN].code = SP_ERR_MEMORY;
+    fakes[PLAIN].failures = 1;
+    assert_string_equal(fakes_draw(&s), "");
+    assert_string_equal(s.err.text, "plain hung");
+    assert_string_equal(fakes_draw(&s), "gpu");
+    assert_string_equal(fakes_warnings, ""); /* nothing was drawn instead */
+    fakes_scene_finish(&s);
+}
+
+static void what_is_cancelled_is_not_drawn_again(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    fakes_scene_init(&s, NULL);
+    begin(&s, 16);
+    begin(&s, 17);
+    atomic_store(&s.cancel, true);
+    assert_string_equal(finish(&s, 16), "");
+    assert_int_equal(s.err.code, SP_ERR_CANCELLED);
+    atomic_store(&s.cancel, false);
+    assert_string_equal(finish(&s, 17), "gpu");
+    begin(&s, 18);
+    fakes[GPU].failures = 1;
+    fakes[GPU].cancels = &s.cancel;
+    assert_string_equal(finish(&s, 18), "");
+    assert_int_equal(fakes[GPU].renders, 3);
+    fakes_scene_finish(&s);
+}
+
+static void frames_may_be_left(void **state) {
+    (void)state;
+    struct fakes_scene s;
+    fakes_scene_init(&s, NULL);
+    begin(&s, 16);
+    begin(&s, 17);
+    fakes_scene_finish(&s); /* the leak checker looks on */
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, fakes_reset, fakes_check_all_ended)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        TEST(frames_are_finished_as_they_were_begun),
+        TEST(what_the_backend_does_not_take_waits),
+        TEST(a_view_that_is_refused_is_not_begun),
+        TEST(a_failure_takes_no_frame_along),
+        TEST(who_takes_over_draws_all_that_was_begun),
+        TEST(what_a_backend_has_no_memory_for_the_next_one_draws),
+        TEST(without_another_backend_its_error_is_told),
+        TEST(who_draws_instead_is_asked_whether_it_can_and_may_fail),
+        TEST(what_is_cancelled_is_not_drawn_again),
+        TEST(frames_may_be_left),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
