@@ -10,9 +10,16 @@
 #include <unistd.h>
 
 #include "clock.h"
+#include "render/flights.h"
 #include "sp/log.h"
 
-enum { LANE_ENCODES = 2, ENCODE_THREADS_MAX = 8, STILL_NICE = 10 };
+enum {
+    LANE_ENCODES = 2, /* no further job is begun while so many frames wait */
+    ENCODE_QUEUE =
+        2 * LANE_ENCODES + SP_IN_FLIGHT_MAX /* those that were begun by then come, too */,
+    ENCODE_THREADS_MAX = 8,
+    STILL_NICE = 10
+};
 #define POOL_IDLE_BYTES ((size_t)128 << 20)
 #define KEPT_BYTES_MAX ((size_t)64 << 20)
 
@@ -41,8 +48,7 @@ struct lane {
     pthread_cond_t wake; /* `generation`, stop */
     uint64_t generation; /* rises with everything that its thread may have waited for */
     struct forget_item *forget;
-    unsigned encodes;   /* frames in the encode queue */
-    atomic_bool cancel; /* what it is rendering */
+    unsigned encodes; /* frames in the encode queue */
 };
 
 struct srv_scheduler {
@@ -54,16 +60,13 @@ struct srv_scheduler {
     pthread_cond_t encode; /* the encode threads: work, stop */
     struct still_item *still_head, **still_tail;
     struct still_item *still_now; /* being rendered */
-    unsigned still_waiting;       /* in the list */
-    unsigned still_unanswered;    /* in the list, being rendered or encoded */
-    struct work encode_queue[LANES * LANE_ENCODES];
+    atomic_bool still_cancel;
+    unsigned still_waiting;    /* in the list */
+    unsigned still_unanswered; /* in the list, being rendered or encoded */
+    struct work encode_queue[ENCODE_QUEUE];
     unsigned encode_count;
-    struct {
-        uint64_t session; /* whose view the stream lane is rendering; 0 = none */
-        double keep_until_ms;
-        bool is_outdated; /* a newer view waits */
-    } now;
-    struct { /* the stream lane's */
+    struct srv_flights flights; /* the stream lane's jobs */
+    struct {                    /* the stream lane's */
         struct sp_frame *frame;
         uint64_t session, version;
     } kept;
@@ -87,10 +90,9 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    for (int l = 0; l < LANES; l++) {
-        atomic_init(&s->lanes[l].cancel, false);
+    atomic_init(&s->still_cancel, false);
+    for (int l = 0; l < LANES; l++)
         pthread_cond_init(&s->lanes[l].wake, &monotonic);
-    }
     pthread_cond_init(&s->encode, NULL);
     pthread_condattr_destroy(&monotonic);
     bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL;
@@ -307,7 +309,7 @@ static void *encode_main(void *user) {
 static void pass_on(struct srv_scheduler *s, struct work work) {
     pthread_mutex_lock(&s->mutex);
     s->lanes[work.still ? STILLS : STREAMS].encodes++;
-    assert(s->encode_count < LANES * LANE_ENCODES);
+    assert(s->encode_count < ENCODE_QUEUE);
     s->encode_queue[s->encode_count++] = work;
     pthread_cond_broadcast(&s->encode);
     pthread_mutex_unlock(&s->mutex);
@@ -318,48 +320,22 @@ static void note_backend(struct srv_scheduler *s, enum lane_name name) {
     struct lane *lane = &s->lanes[name];
     struct sp_renderer_info info;
     sp_renderer_info(lane->renderer, &info);
-    if (lane->info.backend && strcmp(info.backend, lane->info.backend) == 0)
+    bool is_another = !lane->info.backend || strcmp(info.backend, lane->info.backend) != 0;
+    if (!is_another && strcmp(info.overburdened, lane->info.overburdened) == 0)
         return;
     pthread_mutex_lock(&s->mutex);
     lane->info = info;
     pthread_mutex_unlock(&s->mutex);
-    if (name == STREAMS)
+    if (is_another && name == STREAMS)
         srv_hub_set_backend(s->hub, info.backend, info.device);
 }
 
-static struct sp_frame *render(struct srv_scheduler *s, enum lane_name name,
-                               struct srv_volume *volume, const struct sp_view *view,
-                               enum sp_pixel_format format, unsigned coarse, struct sp_error *err) {
+/* After a frame of the volume was drawn, or not. */
+static void note_frame(struct srv_scheduler *s, enum lane_name name, struct srv_volume *volume) {
     struct lane *lane = &s->lanes[name];
-    struct sp_volume *voxels = srv_volume_voxels(volume);
-    struct sp_render_options options = { .format = format,
-                                         .coarse = coarse,
-                                         .cancel = &lane->cancel };
-    struct sp_frame *frame =
-        sp_renderer_render(lane->renderer, voxels, view, s->pool, &options, err);
     srv_catalog_set_derived(s->options.catalog, volume, name,
-                            sp_renderer_memory(lane->renderer, voxels));
+                            sp_renderer_memory(lane->renderer, srv_volume_voxels(volume)));
     note_backend(s, name);
-    return frame;
-}
-
-/* From now on srv_scheduler_interrupt() reaches this render. */
-static void begin_job(struct srv_scheduler *s, const struct srv_job *job) {
-    pthread_mutex_lock(&s->mutex);
-    atomic_store(&s->lanes[STREAMS].cancel, s->stop);
-    s->now.session = job->session;
-    s->now.keep_until_ms = job->keep_until_ms;
-    s->now.is_outdated = false;
-    pthread_mutex_unlock(&s->mutex);
-    /* The view may have changed before the interruption could reach us. */
-    if (!srv_hub_is_newest(s->hub, job))
-        srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
-}
-
-static void end_job(struct srv_scheduler *s) {
-    pthread_mutex_lock(&s->mutex);
-    s->now.session = 0;
-    pthread_mutex_unlock(&s->mutex);
 }
 
 /* The kept picture, if it is the one that the job wants; the caller's reference. */
@@ -380,24 +356,68 @@ static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_f
     s->kept.version = job->version;
 }
 
-static void render_job(struct srv_scheduler *s, struct srv_job *job) {
+/* Hands the job to the renderer. From now on srv_scheduler_interrupt() reaches it. */
+static void begin_job(struct srv_scheduler *s, struct srv_job *job) {
     struct sp_error err = { .code = SP_OK };
-    struct sp_frame *frame = reuse(s, job);
-    bool again = frame != NULL;
     double start_ms = srv_clock_ms();
-    if (!frame) {
-        begin_job(s, job);
-        if (job->refinement)
-            sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
-        frame = render(s, STREAMS, job->volume, &job->view, SP_RGBA8, job->coarse, &err);
-        end_job(s);
-        if (frame)
-            keep(s, job, frame);
+    pthread_mutex_lock(&s->mutex);
+    struct srv_flight *flight = srv_flights_begin(&s->flights, job, start_ms);
+    if (s->stop)
+        srv_flights_cancel(&s->flights);
+    pthread_mutex_unlock(&s->mutex);
+    /* The view may have changed before the interruption could reach us. */
+    if (!srv_hub_is_newest(s->hub, job))
+        srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
+    if (job->refinement)
+        sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
+    const struct sp_render_options options = { .format = SP_RGBA8,
+                                               .coarse = job->coarse,
+                                               .cancel = &flight->cancel };
+    bool ok = sp_renderer_begin(s->lanes[STREAMS].renderer, srv_volume_voxels(job->volume),
+                                &job->view, s->pool, &options, &err);
+    flight->spent_ms = srv_clock_ms() - start_ms;
+    if (ok)
+        return;
+    pthread_mutex_lock(&s->mutex);
+    srv_flights_undo(&s->flights);
+    pthread_mutex_unlock(&s->mutex);
+    job_fail(s, job, &err, 0);
+}
+
+/* Waits for the oldest job that was begun. */
+static void finish_job(struct srv_scheduler *s) {
+    struct sp_error err = { .code = SP_OK };
+    struct srv_flight *flight = srv_flights_oldest(&s->flights);
+    struct srv_job *job = flight->job;
+    double start_ms = srv_clock_ms();
+    struct sp_frame *frame = sp_renderer_finish(s->lanes[STREAMS].renderer, &err);
+    double now_ms = srv_clock_ms(), spent_ms = flight->spent_ms + now_ms - start_ms;
+    pthread_mutex_lock(&s->mutex);
+    srv_flights_end(&s->flights, now_ms);
+    pthread_mutex_unlock(&s->mutex);
+    note_frame(s, STREAMS, job->volume);
+    if (frame) {
+        keep(s, job, frame);
+        pass_on(s, (struct work){ .frame = frame, .job = job });
+    } else {
+        job_fail(s, job, &err, spent_ms);
     }
+}
+
+static void finish_jobs(struct srv_scheduler *s) {
+    while (s->flights.count > 0)
+        finish_job(s);
+}
+
+/* Begins the job, unless its picture is there or on its way. */
+static void take_job(struct srv_scheduler *s, struct srv_job *job) {
+    if (srv_flights_has_sharp(&s->flights, job))
+        finish_jobs(s);
+    struct sp_frame *frame = reuse(s, job);
     if (frame)
-        pass_on(s, (struct work){ .frame = frame, .job = job, .again = again });
+        pass_on(s, (struct work){ .frame = frame, .job = job, .again = true });
     else
-        job_fail(s, job, &err, srv_clock_ms() - start_ms);
+        begin_job(s, job);
 }
 
 /* The next still becomes still_now; NULL if there is none. With the mutex held. */
@@ -410,7 +430,7 @@ static struct still_item *take_still(struct srv_scheduler *s) {
         s->still_tail = &s->still_head;
     s->still_waiting--;
     s->still_now = item;
-    atomic_store(&s->lanes[STILLS].cancel, s->stop);
+    atomic_store(&s->still_cancel, s->stop);
     return item;
 }
 
@@ -422,8 +442,12 @@ static void render_still(struct srv_scheduler *s, struct still_item *item) {
         sp_image_format_info(item->still.format)->wants_float ? SP_RGBAF32 : SP_RGBA8;
     if (!lane->renderer)
         lane->renderer = sp_renderer_create(&s->options.stills, &err);
-    if (lane->renderer)
-        frame = render(s, STILLS, item->still.volume, &item->still.view, format, 0, &err);
+    const struct sp_render_options options = { .format = format, .cancel = &s->still_cancel };
+    if (lane->renderer) {
+        frame = sp_renderer_render(lane->renderer, srv_volume_voxels(item->still.volume),
+                                   &item->still.view, s->pool, &options, &err);
+        note_frame(s, STILLS, item->still.volume);
+    }
     pthread_mutex_lock(&s->mutex);
     s->still_now = NULL;
     pthread_mutex_unlock(&s->mutex);
@@ -479,6 +503,8 @@ static void wait_for_work(struct srv_scheduler *s, struct lane *lane, uint64_t g
     pthread_mutex_unlock(&s->mutex);
 }
 
+/* Keeps as many jobs begun as the renderer takes: the next one is prepared while the GPU draws the
+ * one before. */
 static void *stream_main(void *user) {
     struct srv_scheduler *s = user;
     struct lane *lane = &s->lanes[STREAMS];
@@ -493,13 +519,17 @@ static void *stream_main(void *user) {
         double wait_ms = 1000;
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "no memory for a render job");
-        if (job && turn.room && srv_hub_next_job(s->hub, srv_clock_ms(), job, &wait_ms)) {
-            render_job(s, job);
+        bool takes = job && turn.room && s->flights.count < sp_renderer_depth(lane->renderer);
+        if (takes && srv_hub_next_job(s->hub, srv_clock_ms(), job, &wait_ms)) {
+            take_job(s, job);
             job = NULL;
+        } else if (s->flights.count > 0) {
+            finish_job(s);
         } else {
             wait_for_work(s, lane, turn.generation, turn.room ? wait_ms : 1000);
         }
     }
+    finish_jobs(s);
     free(job);
     return NULL;
 }
@@ -557,10 +587,10 @@ bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp
 void srv_scheduler_stop(struct srv_scheduler *s) {
     pthread_mutex_lock(&s->mutex);
     s->stop = true;
-    for (int l = 0; l < LANES; l++) {
-        atomic_store(&s->lanes[l].cancel, true);
+    srv_flights_cancel(&s->flights);
+    atomic_store(&s->still_cancel, true);
+    for (int l = 0; l < LANES; l++)
         wake_lane(&s->lanes[l]);
-    }
     pthread_mutex_unlock(&s->mutex);
     for (int l = 0; l < LANES; l++) {
         if (s->lanes[l].running)
@@ -629,13 +659,6 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
     return ok;
 }
 
-/* Cancels what the stream lane renders if a newer view waits and it is time. With the mutex held.
- */
-static void give_up(struct srv_scheduler *s) {
-    if (s->now.session && s->now.is_outdated && srv_clock_ms() >= s->now.keep_until_ms)
-        atomic_store(&s->lanes[STREAMS].cancel, true);
-}
-
 void srv_scheduler_tick(struct srv_scheduler *s) {
     struct still_item *gone = NULL;
     pthread_mutex_lock(&s->mutex);
@@ -654,8 +677,8 @@ void srv_scheduler_tick(struct srv_scheduler *s) {
     while (*s->still_tail)
         s->still_tail = &(*s->still_tail)->next;
     if (s->still_now && is_gone(s->still_now))
-        atomic_store(&s->lanes[STILLS].cancel, true);
-    give_up(s);
+        atomic_store(&s->still_cancel, true);
+    srv_flights_tick(&s->flights, srv_clock_ms());
     pthread_mutex_unlock(&s->mutex);
     fail_all(s, gone, "who asked for this picture has left");
 }
@@ -685,12 +708,7 @@ void srv_scheduler_wake(void *user) {
 void srv_scheduler_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
-    if (s->now.session == session) {
-        s->now.is_outdated = true;
-        if (why == SRV_UNWANTED)
-            s->now.keep_until_ms = 0;
-        give_up(s);
-    }
+    srv_flights_interrupt(&s->flights, session, why, srv_clock_ms());
     pthread_mutex_unlock(&s->mutex);
 }
 

@@ -11,7 +11,10 @@
  * still lane's renderer is made for the first still. Of several encode threads the first is for
  * streams alone.
  *
- * In the stream lane moving views go first. What is rendered for a view that changed is cancelled
+ * In the stream lane moving views go first. Where the renderer takes several frames at a time
+ * (sp_renderer_depth(), a GPU) the next job is begun while the former ones are drawn: begin, begin,
+ * finish, begin, finish, … (flights.h). Nothing waits for a second job: what was begun is finished
+ * when the hub has no other just then. What is rendered for a view that changed is cancelled
  * from the moment on that its job names (session/work.c): a refinement at once, a moving frame when
  * it is far over its budget, so that a long drag always shows something. A still is cancelled when
  * who asked for it is gone.

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The stream lane between a real hub and a renderer behind a gate: the linker puts the gate in the
- * place of sp_renderer_render(). A render that has begun waits there until the test lets it through
- * or its cancel flag is set, so that "while it is being rendered" is a state, not a moment. What a
- * renderer says of itself comes from the gate as well.
+ * place of sp_renderer_begin() and sp_renderer_finish(). A render that is finished waits there
+ * until the test lets it through or its cancel flag is set, so that "while it is being rendered" is
+ * a state, not a moment. What a renderer says of itself comes from the gate as well.
  */
 #include <math.h>
 #include <pthread.h>
@@ -23,11 +23,20 @@
 
 enum { FULL = 512 }; /* px a side of a view as it is by default */
 
+struct render { /* that was begun and not finished */
+    uint32_t size[2];
+    const atomic_bool *cancel;
+    struct sp_frame *frame;
+};
+
 struct gate {
     pthread_mutex_t mutex;
-    unsigned entered, cancelled, passes; /* passes: renders that may go through */
-    unsigned sharp;                      /* renders that entered with all voxels at full size */
-    uint32_t size[2];                    /* of the newest render */
+    unsigned entered, cancelled, passes;   /* passes: renders that may go through */
+    unsigned sharp;                        /* renders that entered with all voxels at full size */
+    unsigned depth;                        /* of the renderer */
+    struct render begun[SP_IN_FLIGHT_MAX]; /* oldest first */
+    unsigned begun_count;
+    uint32_t size[2]; /* of the newest render */
     unsigned coarse;
     struct sp_renderer_info info; /* as a renderer tells it after its next render */
 };
@@ -45,33 +54,50 @@ static bool pass_gate(const atomic_bool *cancel) {
     }
 }
 
-struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
-                                           const struct sp_view *view, struct sp_frame_pool *pool,
-                                           const struct sp_render_options *options,
-                                           struct sp_error *err);
-struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
-                                           const struct sp_view *view, struct sp_frame_pool *pool,
-                                           const struct sp_render_options *options,
-                                           struct sp_error *err) {
+unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer);
+unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer) {
     (void)renderer;
-    (void)volume;
+    return gate.depth;
+}
+
+bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
+                              const struct sp_view *view, struct sp_frame_pool *pool,
+                              const struct sp_render_options *options, struct sp_error *err);
+bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
+                              const struct sp_view *view, struct sp_frame_pool *pool,
+                              const struct sp_render_options *options, struct sp_error *err) {
+    (void)renderer, (void)volume;
+    struct sp_frame *frame =
+        sp_frame_create(pool, view->size[0], view->size[1], options->format, err);
+    assert_non_null(frame);
+    memset(frame->pixels, 0, frame->stride_bytes * frame->height);
+    frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
     pthread_mutex_lock(&gate.mutex);
+    assert_true(gate.begun_count < gate.depth);
+    gate.begun[gate.begun_count++] =
+        (struct render){ { view->size[0], view->size[1] }, options->cancel, frame };
     gate.entered++;
     gate.coarse = options->coarse;
     gate.sharp += options->coarse == 0 && view->size[0] == FULL;
     memcpy(gate.size, view->size, sizeof gate.size);
     pthread_mutex_unlock(&gate.mutex);
-    if (!pass_gate(options->cancel)) {
+    return true;
+}
+
+struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
+struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
+    (void)renderer;
+    assert_true(gate.begun_count > 0);
+    struct render render = gate.begun[0];
+    if (!pass_gate(render.cancel)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-        return NULL;
+        sp_frame_unref(&render.frame);
     }
-    struct sp_frame *frame =
-        sp_frame_create(pool, view->size[0], view->size[1], options->format, err);
-    if (!frame)
-        return NULL;
-    memset(frame->pixels, 0, frame->stride_bytes * frame->height);
-    frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
-    return frame;
+    pthread_mutex_lock(&gate.mutex);
+    gate.begun_count--;
+    memmove(gate.begun, gate.begun + 1, sizeof gate.begun - sizeof gate.begun[0]);
+    pthread_mutex_unlock(&gate.mutex);
+    return render.frame;
 }
 
 void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
@@ -145,12 +171,13 @@ static void load(struct fixture *f, const char *source) {
     assert_int_equal(status.state, SRV_VOLUME_READY);
 }
 
-/* A session that nobody has joined yet; its views come to rest after rest_ms. */
-static void begin(struct fixture *f, double rest_ms) {
+/* A session, its views come to rest after rest_ms, and a renderer of `depth` frames. */
+static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
     struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
                                            .progress = on_progress,
                                            .unloaded = on_unloaded };
-    gate.entered = gate.cancelled = gate.passes = gate.sharp = 0;
+    gate.entered = gate.cancelled = gate.passes = gate.sharp = gate.begun_count = 0;
+    gate.depth = depth;
     gate.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
     f->catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(f->catalog);
@@ -183,6 +210,10 @@ static void begin(struct fixture *f, double rest_ms) {
     assert_non_null(f->participant);
 }
 
+static void begin(struct fixture *f, double rest_ms) {
+    begin_deep(f, rest_ms, 1);
+}
+
 static int set_up(void **state) {
     *state = calloc(1, sizeof(struct fixture));
     return *state ? 0 : -1;
@@ -199,13 +230,17 @@ static int tear_down(void **state) {
     return 0;
 }
 
-static void tell(struct fixture *f, const char *text) {
+static void tell_by(struct fixture *f, struct srv_participant *participant, const char *text) {
     char *answer;
     size_t size;
-    assert_true(srv_hub_message(f->hub, f->participant, text, strlen(text), srv_clock_ms(), &answer,
-                                &size));
+    assert_true(
+        srv_hub_message(f->hub, participant, text, strlen(text), srv_clock_ms(), &answer, &size));
     assert_true(!answer || strstr(answer, "\"result\""));
     free(answer);
+}
+
+static void tell(struct fixture *f, const char *text) {
+    tell_by(f, f->participant, text);
 }
 
 static void update(struct fixture *f, unsigned seq) {
@@ -218,12 +253,13 @@ static void update(struct fixture *f, unsigned seq) {
 }
 
 /* The next frame that arrives, acknowledged. */
-static struct proto_frame_header next_frame(struct fixture *f) {
+static struct proto_frame_header next_frame_of(struct fixture *f,
+                                               struct srv_participant *participant) {
     for (;; sched_yield()) {
         struct srv_message message;
         char text[120];
         enum srv_message_kind kind =
-            srv_hub_next_message(f->hub, f->participant, true, srv_clock_ms(), &message);
+            srv_hub_next_message(f->hub, participant, true, srv_clock_ms(), &message);
         free(message.text);
         srv_blob_unref(&message.blob);
         if (kind != SRV_MESSAGE_FRAME)
@@ -231,9 +267,13 @@ static struct proto_frame_header next_frame(struct fixture *f) {
         snprintf(text, sizeof text,
                  "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
                  message.header.frame);
-        tell(f, text);
+        tell_by(f, participant, text);
         return message.header;
     }
+}
+
+static struct proto_frame_header next_frame(struct fixture *f) {
+    return next_frame_of(f, f->participant);
 }
 
 static void a_newer_view_gives_up_the_refinement_of_an_older_one(void **state) {
@@ -360,6 +400,72 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     assert_string_equal(streams.given_up, "the gate is stuck");
 }
 
+/* A renderer of two frames at a time, and a participant who wants pictures of another size: each
+ * change of the view makes two jobs at once. */
+static struct srv_participant *begin_with_two(struct fixture *f) {
+    begin_deep(f, 1e6, 2);
+    struct srv_participant *other =
+        srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, f, srv_clock_ms(), NULL);
+    assert_non_null(other);
+    tell_by(f, other,
+            "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+            "{\"size\":[100,100]}}");
+    let_through(1000);
+    next_frame(f);
+    while (next_frame_of(f, other).width > 100) { /* before it was told */
+    }
+    update(f, 1); /* when these arrive the jobs before them have ended */
+    next_frame(f);
+    next_frame_of(f, other);
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes = 0;
+    pthread_mutex_unlock(&gate.mutex);
+    return other;
+}
+
+static void frames_are_begun_while_others_are_drawn(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_two(f);
+    for (unsigned seq = 2; seq <= 4; seq++) {
+        unsigned entered = look_at(&gate.entered);
+        update(f, seq);
+        wait_for(&gate.entered, entered + 2); /* nothing was let through */
+        let_through(2);
+        assert_int_equal(next_frame(f).seq, seq);
+        next_frame_of(f, other);
+    }
+    assert_int_equal(look_at(&gate.cancelled), 0);
+    srv_hub_leave(f->hub, &other, srv_clock_ms());
+}
+
+static void of_two_frames_in_flight_one_is_always_finished(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_two(f);
+    unsigned entered = look_at(&gate.entered), seq = 2;
+    update(f, seq);
+    wait_for(&gate.entered, entered + 2);
+    while (look_at(&gate.cancelled) == 0)
+        update(f, ++seq); /* both are outdated, and the first is over its budget */
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
+    while (srv_clock_ms() < long_ago_ms) {
+        update(f, ++seq);
+        srv_scheduler_tick(f->scheduler);
+    }
+    assert_int_equal(look_at(&gate.cancelled), 1);
+    srv_hub_leave(f->hub, &other, srv_clock_ms());
+}
+
+static void a_daemon_may_stop_with_frames_in_flight(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_two(f);
+    unsigned entered = look_at(&gate.entered);
+    update(f, 2);
+    wait_for(&gate.entered, entered + 2);
+    srv_scheduler_stop(f->scheduler);
+    assert_int_equal(look_at(&gate.cancelled), 2);
+    srv_hub_leave(f->hub, &other, srv_clock_ms());
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -369,6 +475,9 @@ int main(void) {
         TEST(a_sharp_moving_picture_is_encoded_again_not_rendered),
         TEST(what_nobody_wants_is_given_up),
         TEST(a_backend_that_is_given_up_is_told_at_once),
+        TEST(frames_are_begun_while_others_are_drawn),
+        TEST(of_two_frames_in_flight_one_is_always_finished),
+        TEST(a_daemon_may_stop_with_frames_in_flight),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The jobs that the stream lane has begun and not finished, oldest first, and which of them may be
+ * given up.
+ *
+ *   begun ──► behind others ──► the oldest ──► finished
+ *                 │                 │
+ *                 │                 └ a newer view waits, and it is over its budget: its clock
+ *                 │                   starts here, so that nobody pays for the frame before his
+ *                 └ at any time: a refinement of an older view, and what nobody wants
+ *
+ * Of two moving frames of a session one is always finished: when one is given up, those behind it
+ * stay. No clock, no lock: whoever calls holds the lane's.
+ */
+#ifndef SRV_RENDER_FLIGHTS_H
+#define SRV_RENDER_FLIGHTS_H
+
+#include <stdatomic.h>
+
+#include "session/hub.h"
+#include "sp/renderer.h"
+
+struct srv_flight {
+    struct srv_job *job;           /* the lane's */
+    atomic_bool cancel;            /* of its rendering */
+    bool is_outdated;              /* a newer view waits */
+    double keep_until_ms, kept_ms; /* as the job's; and how long that is from its beginning */
+    double spent_ms; /* in the renderer; the lane's thread alone writes and reads it */
+};
+
+struct srv_flights {
+    struct srv_flight ring[SP_IN_FLIGHT_MAX];
+    unsigned first, count;
+};
+
+/* Begins a job behind the others, of which there are fewer than SP_IN_FLIGHT_MAX. It stays where it
+ * is until it is taken out. */
+struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job *job,
+                                     double now_ms);
+
+struct srv_flight *srv_flights_oldest(struct srv_flights *flights); /* NULL = there is none */
+/* Takes out the oldest: the next one's clock starts. */
+void srv_flights_end(struct srv_flights *flights, double now_ms);
+/* Takes out the newest, which was not begun after all. */
+void srv_flights_undo(struct srv_flights *flights);
+
+/* What is begun for this session is no longer what it wants. Then what may be given up is. */
+void srv_flights_interrupt(struct srv_flights *flights, uint64_t session, enum srv_interrupt why,
+                           double now_ms);
+void srv_flights_tick(struct srv_flights *flights, double now_ms);
+void srv_flights_cancel(struct srv_flights *flights); /* all of them */
+
+/* Is the sharp picture of this job's view among them? */
+bool srv_flights_has_sharp(const struct srv_flights *flights, const struct srv_job *job);
+
+#endif
