@@ -183,11 +183,30 @@ static bool count_visible(struct sp_classification *c, struct sp_pool *pool, str
     return true;
 }
 
+/* Leaves the entries to somebody else. */
+static bool count_elsewhere(struct sp_classification *c, const struct sp_classify_job *job,
+                            struct sp_error *err) {
+    struct sp_level *all = &c->levels[0];
+    struct sp_visible *list = &all->visible;
+    uint32_t normal_bytes = sp_transfer_wants_magnitudes(job->tf) ? 4 : 2;
+    assert(all->listed);
+    if (!sp_visible_init(list, all->grid.dims, sp_transfer_key_bytes(&all->transfer), normal_bytes,
+                         err) ||
+        !job->counter->count(job->counter->user, all, list->first + 1, err))
+        return false;
+    sp_visible_sum(list);
+    return true;
+}
+
 static bool collect_from(struct sp_classification *c, const struct sp_classify_job *job,
                          struct sp_collect_source *source, struct sp_error *err) {
     struct sp_level *all = &c->levels[0];
     struct sp_visible *list = &all->visible;
-    if (!choose_listed(c, job, err) || !sp_collect_count(all, c->volume, job, source, err))
+    if (!choose_listed(c, job, err))
+        return false;
+    if (job->counter)
+        return count_elsewhere(c, job, err);
+    if (!sp_collect_count(all, c->volume, job, source, err))
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
     uint64_t count = list->count, more = sp_visible_entry_bytes(list, count, job->normals);
@@ -206,30 +225,56 @@ static bool collect_voxels(struct sp_classification *c, const struct sp_classify
     return ok;
 }
 
+/* A list, widened if there is memory for it. */
+static bool make_list(struct sp_classification *c, const struct sp_classify_job *job,
+                      struct sp_error *err) {
+    struct sp_classify_job exact = *job;
+    struct sp_error why = { 0 };
+    exact.widens = false;
+    if (collect_voxels(c, job, &why))
+        return true;
+    drop_lists(&c->levels[0]);
+    bool was_widened = job->widens && why.code == SP_ERR_BUDGET;
+    if (was_widened && collect_voxels(c, &exact, &why))
+        return true;
+    drop_lists(&c->levels[0]);
+    if (err)
+        *err = why;
+    return false;
+}
+
+/* The entries of a list that was counted elsewhere. */
+static bool fill_list(struct sp_classification *c, const struct sp_classify_job *job,
+                      struct sp_error *err) {
+    struct sp_level *all = &c->levels[0];
+    const struct sp_collect_source source = { 0 };
+    uint64_t count = all->visible.count;
+    if (may_grow(c, job, count, sp_visible_entry_bytes(&all->visible, count, job->normals), err) &&
+        sp_collect_fill(all, c->volume, job, &source, err))
+        return true;
+    drop_lists(all);
+    return false;
+}
+
 /* The list of all voxels, with normals if they are asked for. */
 static bool update_all(struct sp_classification *c, const struct sp_classify_job *job,
                        struct sp_error *err) {
     struct sp_visible *list = &c->levels[0].visible;
-    struct sp_classify_job exact = *job;
-    struct sp_error why = { 0 };
-    exact.widens = false;
-    if (!list->first && !collect_voxels(c, job, &why)) {
-        drop_lists(&c->levels[0]);
-        bool was_widened = job->widens && why.code == SP_ERR_BUDGET;
-        if (!was_widened || !collect_voxels(c, &exact, &why)) {
-            drop_lists(&c->levels[0]);
-            if (err)
-                *err = why;
-            return false;
-        }
-    }
     bool wide = sp_transfer_wants_magnitudes(job->tf);
-    if (!job->normals || (list->normal && (!wide || list->normal_bytes == 4)))
+    if (!list->first && !make_list(c, job, err))
+        return false;
+    if (wide && list->normal_bytes < 4) {
+        free(list->normal);
+        list->normal = NULL;
+        list->normal_bytes = 4;
+    }
+    if (job->counter && !(job->levels >> 1))
         return true;
-    free(list->normal);
-    list->normal = NULL;
+    if (!list->place && !fill_list(c, job, err))
+        return false;
+    if (!job->normals || list->normal)
+        return true;
     c->levels[0].list_made = 0;
-    list->normal_bytes = wide ? 4 : list->normal_bytes;
     return may_grow(c, job, list->count, list->count * list->normal_bytes, err) &&
            sp_collect_normals(&c->levels[0], c->volume, job, err);
 }
@@ -254,7 +299,7 @@ static bool update_coarse(struct sp_classification *c, unsigned l,
 static bool turn(const struct sp_visible *list, const struct sp_classify_job *job,
                  struct sp_error *err) {
     unsigned axis = job->axis < SP_NO_AXIS ? job->axis : 2;
-    return sp_visible_turn(list, axis, job->pool, job->cancel) ||
+    return !list->place || sp_visible_turn(list, axis, job->pool, job->cancel) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 

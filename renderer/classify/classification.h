@@ -43,6 +43,16 @@ void sp_classification_finish(struct sp_classification *c);
 
 enum { SP_NO_AXIS = 3 };
 
+/* Who makes the finest list, of a type with a table and order pre, where it is not the processor:
+ * the classification then keeps what entries are made of (`listed` and how many each brick has) and
+ * makes entries of its own only when coarse levels need them. */
+struct sp_counter {
+    /* Fills counts[bricks of the level's list] with the voxels of each that are in `listed`. False
+     * with *err set. */
+    bool (*count)(void *user, const struct sp_level *level, uint64_t *counts, struct sp_error *err);
+    void *user;
+};
+
 /* What an update needs beside the classification. */
 struct sp_classify_job {
     const struct sp_transfer_function *tf;
@@ -51,10 +61,11 @@ struct sp_classify_job {
     bool normals;    /* their lists must have them */
     double reach;    /* order post: the kernel's radius, voxels */
     const struct sp_classification
-        *from;          /* of the same volume, to derive lists from; NULL = none */
-    bool widens;        /* a new list is to serve more edits like the one that made it necessary */
-    uint64_t *made;     /* counts the lists and tables that are made; NULL = they get no numbers */
-    uint64_t bytes_max; /* of the whole classification; 0 = no limit */
+        *from;      /* of the same volume, to derive lists from; NULL = none */
+    bool widens;    /* a new list is to serve more edits like the one that made it necessary */
+    uint64_t *made; /* counts the lists and tables that are made; NULL = they get no numbers */
+    const struct sp_counter *counter; /* NULL = the processor makes all */
+    uint64_t bytes_max;               /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
 };

@@ -366,7 +366,7 @@ bool sp_collect_count(struct sp_level *level, const struct sp_volume *volume,
     const struct sp_level *from = job->from ? &job->from->levels[0] : NULL;
     bool measures;
     *source = (struct sp_collect_source){ 0 };
-    if (from && (!from->visible.first || !from->ranges ||
+    if (from && (!from->visible.place || !from->ranges ||
                  !sp_change_is_possible(&from->transfer, &level->transfer)))
         from = NULL;
     uint32_t key_bytes = sp_transfer_key_bytes(&level->transfer);

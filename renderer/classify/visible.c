@@ -64,7 +64,8 @@ uint64_t sp_visible_bytes(const struct sp_visible *visible) {
     uint64_t bricks = sp_visible_bricks(visible);
     return sizeof *visible->first +
            bricks * (sizeof *visible->first + sizeof *visible->start + sizeof *visible->axis) +
-           sp_visible_entry_bytes(visible, visible->count, visible->normal != NULL);
+           sp_visible_entry_bytes(visible, visible->place ? visible->count : 0,
+                                  visible->normal != NULL);
 }
 
 void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,

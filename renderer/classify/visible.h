@@ -39,7 +39,7 @@ struct sp_visible {
     uint16_t (*start)[SP_BRICK + 1]; /* [bricks] */
     uint8_t *axis;  /* [bricks]: that each is cut along; sp_visible_turn() makes them one */
     uint8_t *place; /* SP_PLACES_BEYOND more may be read; axis 2: i0 | i1 << 4, 1: i0 | i2 << 4, 0:
-                       i1 | i2 << 4 */
+                       i1 | i2 << 4; NULL = entries are counted, and somebody else has them */
     void *key;      /* see transfer.h; sp_visible_key() reads them */
     uint32_t key_bytes;    /* of each: 1, 2 or 4, unsigned */
     void *normal;          /* see gradient.h; sp_visible_normal() reads them; NULL = not made */

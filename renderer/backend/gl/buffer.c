@@ -32,7 +32,7 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
                        "the %s take %llu bytes and a buffer of this GPU has at most %llu", what,
                        (unsigned long long)bytes, (unsigned long long)most);
     /* A quarter more, so that a scene that comes nearer does not reallocate every frame. */
-    uint64_t room = bytes + bytes / 4;
+    uint64_t room = usage == GL_USE_KEPT ? bytes : bytes + bytes / 4;
     room = most && room > most ? bytes : room;
     gl_buffer_finish(buffer);
     glGenBuffers(1, &buffer->name);

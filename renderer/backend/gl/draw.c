@@ -559,12 +559,14 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
         gl_timer_init(&s->slots[i].timer);
     s->project = gl_program_open("frame bins records shade 10_project", "", err);
     s->resolve = s->project ? gl_program_open("40_resolve", "", err) : 0;
-    return s->resolve && gl_bins_init(&s->bins, err) && write_cubic(s, err);
+    return s->resolve && gl_bins_init(&s->bins, err) &&
+           gl_lists_init(&s->lists, gl_context_info(s->context)->software, s->block_bytes, err) &&
+           write_cubic(s, err);
 }
 
 void gl_draw_finish(struct gl_state *s) {
     struct gl_buffer *buffers = (struct gl_buffer *)&s->buffers;
-    gl_lists_forget(&s->lists, NULL);
+    gl_lists_finish(&s->lists);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         gl_buffer_finish(&buffers[i]);
     unsigned *composite = &s->composite[0][0][0][0][0][0];

@@ -63,18 +63,11 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
                                         .bytes_max = from->cache->limit_bytes,
                                         .pool = from->pool,
                                         .cancel = job->cancel };
-    const struct sp_classification *c =
-        sp_classify_cache_get(from->cache, job->volume, &classify, err);
-    if (!c)
+    struct gl_levels levels;
+    if (!gl_levels_get(&levels, from->lists, from->cache, job->volume, &classify, err))
         return false;
-    f->visible = c->visible;
-    gl_lists_begin(from->lists);
-    for (unsigned l = 0; f->drawn >> l; l++)
-        if (f->drawn >> l & 1) {
-            f->lists[l] = gl_lists_get(from->lists, job->volume, &c->levels[l], from->pool, err);
-            if (!f->lists[l])
-                return false;
-        }
+    f->visible = levels.visible;
+    memcpy(f->lists, levels.lists, sizeof f->lists);
     return true;
 }
 

@@ -13,10 +13,9 @@
 #define GL_FRAME_H
 
 #include "backend/backend.h"
+#include "backend/gl/levels.h"
 #include "backend/gl/program.h"
-#include "backend/gl/volume.h"
 #include "base/arena.h"
-#include "classify/cache.h"
 #include "splat/detail.h"
 #include "splat/ewa.h"
 
@@ -62,7 +61,7 @@ struct gl_frame {
     int64_t nearest;  /* … and the first that some brick has, counted from the eye */
     enum sp_filter_mode mode;
     uint64_t visible;   /* voxels of the volume */
-    double classify_ms; /* lists and their uploads */
+    double classify_ms; /* lists: the processor's work and the GPU's, which is waited for */
     struct gl_constants constants;
     uint32_t *sheets; /* [sheet_count]: by sheet, place front to back */
     uint32_t sheet_count;

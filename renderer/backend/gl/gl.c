@@ -38,7 +38,6 @@ static bool start(struct gl_state *state, struct sp_error *err) {
     bool ok = gl_draw_init(state, err);
     gl_context_unbind(state->context);
     state->options.gpu = gl_context_info(state->context)->gpu;
-    state->lists.block_bytes = state->block_bytes;
     name_device(state);
     return ok;
 }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "backend/gl/program.h"
+#include "sp/log.h"
 #include "volume/grid.h"
 
 enum { KEY_SHIFT = 12, GRAIN = 16 };
@@ -62,31 +63,17 @@ static void write_classes(void *user, size_t begin, size_t end, unsigned worker)
 }
 
 static bool upload_entries(struct gl_lists *lists, struct gl_list *list,
-                           const struct sp_level *level, struct sp_pool *pool,
-                           struct sp_error *err) {
-    struct upload u = { .level = level, .has_keys = list->has_keys };
-    uint64_t bytes = (level->visible.count + 1) * sizeof *u.words;
-    if (!gl_buffer_reserve(&list->entries, "visible voxels", bytes, lists->block_bytes, GL_USE_KEPT,
-                           err) ||
-        !(u.words = gl_buffer_map(&list->entries, bytes, err)))
+                           const struct gl_list_source *from, struct sp_error *err) {
+    struct upload u = { .level = from->level, .has_keys = list->has_keys };
+    const struct sp_visible *v = &from->level->visible;
+    uint64_t bytes = (v->count + 1) * sizeof *u.words, normals = v->count * list->normal_bytes;
+    if (!(u.words = gl_buffer_map(&list->entries, bytes, err)))
         return false;
-    sp_parallel_for(pool, sp_visible_bricks(&level->visible), GRAIN, write_words, &u);
-    lists->uploaded += bytes;
+    sp_parallel_for(from->pool, sp_visible_bricks(v), GRAIN, write_words, &u);
+    if (normals)
+        gl_buffer_write(&list->normals, v->normal, normals);
+    lists->uploaded += bytes + normals;
     return gl_buffer_unmap(&list->entries, err);
-}
-
-static bool upload_normals(struct gl_lists *lists, struct gl_list *list,
-                           const struct sp_level *level, struct sp_error *err) {
-    const struct sp_visible *v = &level->visible;
-    uint64_t bytes = v->count * v->normal_bytes, room = (bytes + 7) / 4 * 4;
-    list->normal_bytes = v->normal ? v->normal_bytes : 0;
-    if (!v->normal || !bytes)
-        return true;
-    if (!gl_buffer_reserve(&list->normals, "gradients", room, lists->block_bytes, GL_USE_KEPT, err))
-        return false;
-    gl_buffer_write(&list->normals, v->normal, bytes);
-    lists->uploaded += bytes;
-    return true;
 }
 
 /* Rows of the tables that rectilinear axes take; where each begins goes to axis_row. */
@@ -99,6 +86,12 @@ static uint32_t place_axes(struct gl_list *list, const struct sp_grid *grid) {
     return row;
 }
 
+/* Between the neighbours of a sample: what its difference is over. */
+static double neighbour_gaps(const struct sp_grid *grid, unsigned axis, uint32_t i) {
+    uint32_t low = i > 0 ? i - 1 : i, high = i + 1 < grid->dims[axis] ? i + 1 : i;
+    return sp_grid_distance(grid, axis, high) - sp_grid_distance(grid, axis, low);
+}
+
 static void write_axes(const struct gl_list *list, const struct sp_grid *grid, float (*rows)[4]) {
     if (!sp_grid_is_rectilinear(grid))
         return;
@@ -109,6 +102,7 @@ static void write_axes(const struct gl_list *list, const struct sp_grid *grid, f
             float *row = rows[list->axis_row[a] + i];
             row[0] = (float)((sp_grid_distance(grid, a, i) - start) * inv);
             row[1] = (float)(sp_grid_local_spacing(grid, a, i) * inv);
+            row[2] = (float)(neighbour_gaps(grid, a, i) * inv);
         }
 }
 
@@ -118,8 +112,8 @@ static void write_scales(const struct sp_transfer *transfer, float (*rows)[4]) {
 }
 
 static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
-                          const struct sp_level *level, struct sp_pool *pool,
-                          struct sp_error *err) {
+                          const struct gl_list_source *from, struct sp_error *err) {
+    const struct sp_level *level = from->level;
     const struct sp_transfer *transfer = &level->transfer;
     uint64_t classes = list->has_keys ? transfer->count : level->visible.count;
     list->has_scales = transfer->scale != NULL;
@@ -136,7 +130,7 @@ static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
     for (uint32_t k = 0; list->has_keys && k < transfer->count; k++)
         write_class(transfer, k, u.classes[k]);
     if (!list->has_keys)
-        sp_parallel_for(pool, level->visible.count, SP_BRICK_VOXELS, write_classes, &u);
+        sp_parallel_for(from->pool, level->visible.count, SP_BRICK_VOXELS, write_classes, &u);
     lists->uploaded += bytes;
     return gl_buffer_unmap(&list->tables, err);
 }
@@ -151,50 +145,148 @@ static struct gl_list *take_place(struct gl_lists *lists) {
     return oldest;
 }
 
-static struct gl_list *find(struct gl_lists *lists, const struct sp_volume *volume,
-                            const struct sp_level *level) {
+static struct gl_list *find(struct gl_lists *lists, const struct gl_list_source *from) {
     for (int i = 0; i < GL_LISTS; i++)
-        if (lists->list[i].volume == volume && lists->list[i].list_made == level->list_made)
+        if (lists->list[i].volume == from->volume &&
+            lists->list[i].list_made == from->level->list_made)
             return &lists->list[i];
     return NULL;
 }
 
-static bool fail_budget(const struct gl_lists *lists, uint64_t bytes, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_BUDGET, "",
-                   "the visible voxels take %llu bytes of video memory, and %llu are allowed: make "
-                   "fewer visible, or allow more",
-                   (unsigned long long)bytes, (unsigned long long)lists->limit_bytes);
+static void empty_voxels(struct gl_voxels *voxels) {
+    gl_voxels_drop(voxels);
+    *voxels = (struct gl_voxels){ 0 };
 }
 
-/* Makes room by dropping the least recently used lists but those of this frame. */
-static bool trim(struct gl_lists *lists, struct sp_error *err) {
-    while (gl_lists_bytes(lists, NULL) > lists->limit_bytes) {
-        struct gl_list *oldest = NULL;
-        for (int i = 0; i < GL_LISTS; i++) {
-            struct gl_list *list = &lists->list[i];
-            if (list->volume && list->used <= lists->frame &&
-                (!oldest || list->used < oldest->used))
-                oldest = list;
-        }
-        if (!oldest)
-            return fail_budget(lists, gl_lists_bytes(lists, NULL), err);
-        empty(oldest);
+struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, const struct sp_volume *volume,
+                                  enum sp_tf_order order) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    struct gl_voxels *place = &lists->voxels[0];
+    if (order == SP_TF_POST || sp_type_size(info->type) > 2)
+        return NULL;
+    for (int i = 1; i < GL_VOLUMES && place->volume != volume; i++)
+        if (lists->voxels[i].volume == volume || lists->voxels[i].used < place->used)
+            place = &lists->voxels[i];
+    if (place->volume != volume) {
+        empty_voxels(place);
+        place->volume = volume;
+    }
+    place->used = ++lists->clock;
+    return place->is_refused ? NULL : place;
+}
+
+void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
+    sp_log(SP_LOG_WARN, "volume %s is classified by the processor: %s",
+           sp_volume_info(voxels->volume)->name, why->text);
+    gl_voxels_drop(voxels);
+    voxels->is_refused = true;
+}
+
+static bool fail_budget(const struct gl_lists *lists, const char *what, uint64_t bytes,
+                        struct sp_error *err) {
+    return sp_fail(err, SP_ERR_BUDGET, "",
+                   "%s %llu bytes of video memory, and %llu are allowed: make fewer visible, or "
+                   "allow more",
+                   what, (unsigned long long)bytes, (unsigned long long)lists->limit_bytes);
+}
+
+/* The least recently used list, and samples, that are not of this frame; NULL = none. */
+static struct gl_list *oldest_list(struct gl_lists *lists) {
+    struct gl_list *oldest = NULL;
+    for (int i = 0; i < GL_LISTS; i++) {
+        struct gl_list *list = &lists->list[i];
+        if (list->volume && list->used <= lists->frame && (!oldest || list->used < oldest->used))
+            oldest = list;
+    }
+    return oldest;
+}
+
+static struct gl_voxels *oldest_voxels(struct gl_lists *lists) {
+    struct gl_voxels *oldest = NULL;
+    for (int i = 0; i < GL_VOLUMES; i++) {
+        struct gl_voxels *voxels = &lists->voxels[i];
+        if (voxels->samples.name && voxels->used <= lists->frame &&
+            (!oldest || voxels->used < oldest->used))
+            oldest = voxels;
+    }
+    return oldest;
+}
+
+/* Makes room for `more` bytes by dropping what was not used for the longest time, but nothing of
+ * this frame. */
+static bool trim(struct gl_lists *lists, const char *what, uint64_t more, struct sp_error *err) {
+    if (more > lists->limit_bytes)
+        return fail_budget(lists, what, more, err);
+    while (gl_lists_bytes(lists, NULL) + more > lists->limit_bytes) {
+        struct gl_list *list = oldest_list(lists);
+        struct gl_voxels *voxels = oldest_voxels(lists);
+        if (!list && !voxels)
+            return fail_budget(lists, what, gl_lists_bytes(lists, NULL) + more, err);
+        if (!voxels || (list && list->used < voxels->used))
+            empty(list);
+        else
+            gl_voxels_drop(voxels);
     }
     return true;
 }
 
-/* Whether a list could stay at all: one that is too long is refused before it is uploaded. */
-static bool may_fit(const struct gl_lists *lists, const struct sp_visible *v,
-                    struct sp_error *err) {
-    uint64_t bytes = v->count * (sizeof(uint32_t) + (v->normal ? v->normal_bytes : 0));
-    return bytes <= lists->limit_bytes || fail_budget(lists, bytes, err);
+bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, const atomic_bool *cancel,
+                   struct sp_error *err) {
+    uint64_t bytes = sp_volume_info(voxels->volume)->voxel_bytes;
+    return voxels->samples.name ||
+           (trim(lists, "its voxels and the visible ones take", bytes, err) &&
+            gl_classify_load(&lists->classify, voxels, cancel, err));
 }
 
-static bool upload_list(struct gl_lists *lists, struct gl_list *list, const struct sp_level *level,
-                        struct sp_pool *pool, struct sp_error *err) {
-    list->has_keys = level->transfer.table && sp_transfer_key_bytes(&level->transfer) <= 2 &&
-                     level->visible.key_bytes <= 2;
-    return upload_entries(lists, list, level, pool, err) && upload_normals(lists, list, level, err);
+/* Bytes of a normal that the list is to have. */
+static uint32_t normal_bytes(const struct gl_list_source *from) {
+    bool wanted = from->voxels ? from->normals : from->level->visible.normal != NULL;
+    return wanted ? from->level->visible.normal_bytes : 0;
+}
+
+/* Memory for entries; one that can never have it is refused before it is made. */
+static bool reserve(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
+                    struct sp_error *err) {
+    uint64_t count = from->level->visible.count, words = (count + 1) * sizeof(uint32_t);
+    uint64_t normals = (count * list->normal_bytes + 7) / 4 * 4;
+    const char *what =
+        from->voxels ? "its voxels and the visible ones take" : "the visible voxels take";
+    if (!list->normal_bytes)
+        normals = 0;
+    return trim(lists, what, words + normals, err) &&
+           gl_buffer_reserve(&list->entries, "visible voxels", words, lists->block_bytes,
+                             GL_USE_KEPT, err) &&
+           (!normals || gl_buffer_reserve(&list->normals, "gradients", normals, lists->block_bytes,
+                                          GL_USE_KEPT, err));
+}
+
+static bool fill(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
+                 struct sp_error *err) {
+    const struct gl_classify_list to = { &list->entries, &list->normals, &list->tables,
+                                         list->axis_row, list->normal_bytes };
+    return gl_lists_load(lists, from->voxels, from->cancel, err) &&
+           gl_classify_fill(&lists->classify, from->voxels, from->level, &to, from->cancel, err);
+}
+
+/* Makes what of the list is not there. */
+static bool update(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
+                   struct sp_error *err) {
+    const struct sp_level *level = from->level;
+    uint32_t wanted = normal_bytes(from);
+    bool has_entries = list->list_made && (!wanted || list->normal_bytes == wanted);
+    if (!has_entries) {
+        gl_buffer_finish(&list->entries);
+        gl_buffer_finish(&list->normals);
+        list->normal_bytes = wanted;
+        list->has_keys = level->transfer.table && level->visible.key_bytes <= 2 &&
+                         sp_transfer_key_bytes(&level->transfer) <= 2;
+    }
+    if (list->table_made != level->table_made && !upload_tables(lists, list, from, err))
+        return false;
+    return (has_entries || (reserve(lists, list, from, err) &&
+                            (from->voxels ? fill(lists, list, from, err)
+                                          : upload_entries(lists, list, from, err)))) &&
+           trim(lists, "the visible voxels take", 0, err);
 }
 
 /* What a frame needs of the level beside the buffers; borrowed. */
@@ -204,29 +296,22 @@ static void describe(struct gl_list *list, const struct sp_level *level) {
     list->count = level->visible.count;
     list->first = level->visible.first;
     list->base = sp_transfer_base(&level->transfer);
+    list->list_made = level->list_made;
+    list->table_made = level->table_made;
 }
 
-const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct sp_volume *volume,
-                                   const struct sp_level *level, struct sp_pool *pool,
+const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct gl_list_source *from,
                                    struct sp_error *err) {
-    struct gl_list *list = find(lists, volume, level);
-    bool is_new = !list;
-    if (is_new && !may_fit(lists, &level->visible, err))
-        return NULL;
-    if (is_new)
+    struct gl_list *list = find(lists, from);
+    if (!list)
         list = take_place(lists);
-    list->volume = volume;
+    list->volume = from->volume;
     list->used = ++lists->clock;
-    if ((is_new && !upload_list(lists, list, level, pool, err)) ||
-        ((is_new || list->table_made != level->table_made) &&
-         !upload_tables(lists, list, level, pool, err)) ||
-        !trim(lists, err)) {
+    if (!update(lists, list, from, err)) {
         empty(list);
         return NULL;
     }
-    list->list_made = level->list_made;
-    list->table_made = level->table_made;
-    describe(list, level);
+    describe(list, from->level);
     return list;
 }
 
@@ -234,6 +319,9 @@ void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume) {
     for (int i = 0; i < GL_LISTS; i++)
         if (!volume || lists->list[i].volume == volume)
             empty(&lists->list[i]);
+    for (int i = 0; i < GL_VOLUMES; i++)
+        if (!volume || lists->voxels[i].volume == volume)
+            empty_voxels(&lists->voxels[i]);
 }
 
 uint64_t gl_lists_bytes(const struct gl_lists *lists, const struct sp_volume *volume) {
@@ -241,5 +329,20 @@ uint64_t gl_lists_bytes(const struct gl_lists *lists, const struct sp_volume *vo
     for (int i = 0; i < GL_LISTS; i++)
         if (!volume || lists->list[i].volume == volume)
             bytes += list_bytes(&lists->list[i]);
+    for (int i = 0; i < GL_VOLUMES; i++)
+        if (!volume || lists->voxels[i].volume == volume)
+            bytes += gl_voxels_bytes(&lists->voxels[i]);
     return bytes;
+}
+
+bool gl_lists_init(struct gl_lists *lists, bool software, uint64_t block_bytes,
+                   struct sp_error *err) {
+    lists->block_bytes = lists->classify.block_bytes = block_bytes;
+    lists->classify.uploaded = &lists->uploaded;
+    return gl_classify_init(&lists->classify, software, err);
+}
+
+void gl_lists_finish(struct gl_lists *lists) {
+    gl_lists_forget(lists, NULL);
+    gl_classify_finish(&lists->classify);
 }

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Classification on the GPU: samples that stay there → lists of visible voxels, so that the
+ * processor makes none.
+ *
+ *   samples ─ once ─► range of each brick's keys
+ *   listed ─► entries a brick ─► read back: the processor knows where each brick begins
+ *                             ─► entries and gradients, written there
+ *
+ * A bit a key says what is listed; bricks whose range holds none are not read. Types with a table
+ * by key alone (8 and 16 bits), order pre.
+ */
+#ifndef GL_CLASSIFY_H
+#define GL_CLASSIFY_H
+
+#include "backend/gl/buffer.h"
+#include "backend/gl/voxels.h"
+#include "classify/classification.h"
+
+/* Programs and what they need for the length of a pass. */
+struct gl_classify {
+    unsigned range, count, fill;
+    struct gl_buffer listed, counts;
+    uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
+    uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
+    uint64_t *uploaded;   /* counts bytes; not owned */
+};
+
+/* Where the entries of a list go. */
+struct gl_classify_list {
+    const struct gl_buffer *entries, *normals, *tables;
+    const uint32_t *axis_row; /* [3], of the tables: volume.h */
+    uint32_t normal_bytes;    /* 0 = no normals; 2, 4: as in classify/gradient.h */
+};
+
+/* SP_ERR_BACKEND; gl_classify_finish() also after a failure. A context must be current, here and
+ * below. software: dispatches are as short as software GL needs them. */
+bool gl_classify_init(struct gl_classify *classify, bool software, struct sp_error *err);
+void gl_classify_finish(struct gl_classify *classify);
+
+/* Uploads the samples, unless they are there. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
+ * SP_ERR_BACKEND, here and below. cancel: NULL = never. */
+bool gl_classify_load(struct gl_classify *classify, struct gl_voxels *voxels,
+                      const atomic_bool *cancel, struct sp_error *err);
+
+/* counts[bricks] = listed voxels of each brick of the finest level. */
+bool gl_classify_count(struct gl_classify *classify, const struct gl_voxels *voxels,
+                       const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
+                       struct sp_error *err);
+
+/* Writes the entries, and normals if there are to be any, of a list that was counted. Returns when
+ * the GPU has done it. */
+bool gl_classify_fill(struct gl_classify *classify, const struct gl_voxels *voxels,
+                      const struct sp_level *level, const struct gl_classify_list *list,
+                      const atomic_bool *cancel, struct sp_error *err);
+
+#endif

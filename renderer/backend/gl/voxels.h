@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The samples of a volume on the GPU.
+ */
+#ifndef GL_VOXELS_H
+#define GL_VOXELS_H
+
+#include "backend/gl/buffer.h"
+#include "sp/volume.h"
+
+struct gl_voxels {
+    const struct sp_volume *volume; /* not a reference; NULL = empty */
+    uint64_t used;                  /* clock of the last use */
+    struct gl_buffer samples;       /* as they lie in memory; none = not uploaded yet */
+    struct gl_buffer ranges;        /* by brick: smallest key | largest << 16 */
+    bool is_refused;                /* the GPU has no room: the processor classifies the volume */
+};
+
+static inline uint64_t gl_voxels_bytes(const struct gl_voxels *voxels) {
+    return voxels->samples.bytes + voxels->ranges.bytes;
+}
+
+/* Lets the samples go. A context must be current. */
+static inline void gl_voxels_drop(struct gl_voxels *voxels) {
+    gl_buffer_finish(&voxels->samples);
+    gl_buffer_finish(&voxels->ranges);
+}
+
+#endif
