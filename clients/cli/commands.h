@@ -29,7 +29,7 @@ char *resolve_volume(struct http *http, const struct options *options, const cha
                      bool must_load, bool wait, struct sp_error *err);
 
 /* Renders in this process. `patch` is the view, `source` a file or "demo:NAME". */
-bool render_local(const struct options *options, const char *source, const proto_json *patch,
-                  enum sp_image_format format, struct sp_error *err);
+int render_local(const struct options *options, const char *source, const proto_json *patch,
+                 enum sp_image_format format, struct sp_error *err);
 
 #endif

@@ -18,22 +18,22 @@ static bool show_progress(void *user, double fraction) {
     return true;
 }
 
-/* One frame; NULL with *err set. */
-static struct sp_frame *render_frame(const struct options *options, struct sp_volume *volume,
-                                     const struct sp_view *view, enum sp_image_format format,
-                                     struct sp_frame_pool *pool, struct sp_error *err) {
+static struct sp_renderer *create_renderer(const struct options *options, struct sp_error *err) {
     const struct sp_renderer_options how = { .backend = options->backend,
                                              .gpu = options->gpu,
                                              .isa = options->isa,
                                              .threads = options->threads };
+    return sp_renderer_create(&how, err);
+}
+
+/* One frame; NULL with *err set. */
+static struct sp_frame *render_frame(struct sp_renderer *renderer, struct sp_volume *volume,
+                                     const struct sp_view *view, enum sp_image_format format,
+                                     struct sp_frame_pool *pool, struct sp_error *err) {
     const struct sp_render_options what = { .format = sp_image_format_info(format)->wants_float
                                                           ? SP_RGBAF32
                                                           : SP_RGBA8 };
-    struct sp_renderer *renderer = sp_renderer_create(&how, err);
-    struct sp_frame *frame =
-        renderer ? sp_renderer_render(renderer, volume, view, pool, &what, err) : NULL;
-    sp_renderer_destroy(&renderer);
-    return frame;
+    return sp_renderer_render(renderer, volume, view, pool, &what, err);
 }
 
 static bool encode_and_write(const struct options *options, const struct sp_frame *frame,
@@ -65,8 +65,9 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                    "needs %" PRIu64 " bytes of memory, the machine has %" PRIu64, bytes, memory);
 }
 
-bool render_local(const struct options *options, const char *source, const proto_json *patch,
-                  enum sp_image_format format, struct sp_error *err) {
+static bool load_and_render(const struct options *options, struct sp_renderer *renderer,
+                            const char *source, const proto_json *patch,
+                            enum sp_image_format format, struct sp_error *err) {
     const struct sp_load_options load = { .reserve = reserve,
                                           .progress = show_progress,
                                           .user = (void *)source, /* only read */
@@ -81,10 +82,20 @@ bool render_local(const struct options *options, const char *source, const proto
     struct sp_frame *frame = NULL;
     struct sp_frame_pool *pool = sp_frame_pool_create(0, err);
     if (pool && proto_view_apply(patch, &defaults, &view, err))
-        frame = render_frame(options, volume, &view, format, pool, err);
+        frame = render_frame(renderer, volume, &view, format, pool, err);
     bool ok = frame && encode_and_write(options, frame, format, err);
     sp_frame_unref(&frame);
     sp_frame_pool_destroy(&pool);
     sp_volume_unref(&volume);
     return ok;
+}
+
+int render_local(const struct options *options, const char *source, const proto_json *patch,
+                 enum sp_image_format format, struct sp_error *err) {
+    struct sp_renderer *renderer = create_renderer(options, err);
+    if (!renderer)
+        return err->code == SP_ERR_INVALID ? usage_error("render", "%s", err->text) : 1;
+    bool ok = load_and_render(options, renderer, source, patch, format, err);
+    sp_renderer_destroy(&renderer);
+    return ok ? 0 : 1;
 }

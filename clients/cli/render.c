@@ -136,7 +136,7 @@ int command_render(const struct options *options, struct sp_error *err) {
     if (!source)
         status = usage_error("render", "needs --volume, since the view names none");
     else if (options->local)
-        status = render_local(options, source, view, format, err) ? 0 : 1;
+        status = render_local(options, source, view, format, err);
     else
         status = render_remote(options, source, view, format, err) ? 0 : 1;
     free(source);

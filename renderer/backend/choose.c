@@ -45,8 +45,9 @@ static bool start(const struct sp_backend *backend, const struct sp_backend_opti
 /* The first that starts by itself, from the table's place i on. */
 static const struct sp_backend *start_any(unsigned i, const struct sp_backend_options *options,
                                           void **state, struct sp_error *err) {
-    sp_fail(err, SP_ERR_BACKEND, "", "no backend %sstarts by itself; name one",
-            options->require_gpu ? "for a GPU " : "");
+    sp_fail(err, SP_ERR_BACKEND, "",
+            options->require_gpu ? "this build has no backend for a GPU, and one is required"
+                                 : "no backend starts by itself; name one");
     for (const struct sp_backend *backend; (backend = sp_registry_at(i)); i++)
         if (!backend->by_name_only && (backend->is_gpu || !options->require_gpu) &&
             start(backend, options, state, err))

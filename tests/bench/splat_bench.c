@@ -224,6 +224,8 @@ static int run(const struct bench_options *o, char **files, int count) {
     struct sp_frame_pool *pool = renderer ? sp_frame_pool_create(POOL_BYTES, &err) : NULL;
     const struct bench_overrides *overrides = &o->setting.overrides;
     int status = pool ? EXIT_SUCCESS : fail(&err);
+    if (!renderer && err.code == SP_ERR_INVALID)
+        status = EXIT_USAGE;
     for (int i = 0; pool && i < (o->volume ? 1 : count); i++) {
         struct bench_scene scene;
         bool ok = o->volume ? bench_scene_open_volume(&scene, o->volume, o->data, overrides, &err)

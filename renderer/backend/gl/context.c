@@ -191,19 +191,43 @@ static void read_info(struct gl_context *c, const struct gl_place *place) {
     }
 }
 
-/* What the display has where it gives no core context: a version, or the reason why not even that.
- */
-static bool fail_version(struct gl_context *c, EGLConfig config, const struct gl_place *place,
-                         struct sp_error *err) {
-    c->context = eglCreateContext(c->display, config, EGL_NO_CONTEXT, NULL);
-    if (c->context == EGL_NO_CONTEXT)
+/* A context of which only the version is asked. */
+static bool look_at(struct gl_context *c, EGLConfig config, const EGLint *attributes,
+                    const struct gl_place *place, struct sp_error *err) {
+    EGLContext context = eglCreateContext(c->display, config, EGL_NO_CONTEXT, attributes);
+    if (context == EGL_NO_CONTEXT)
         return gl_egl_fail(err, "eglCreateContext for desktop GL");
+    if (c->context != EGL_NO_CONTEXT)
+        eglDestroyContext(c->display, c->context);
+    c->context = context;
     if (!gl_context_bind(c, err))
         return false;
     read_info(c, place);
+    return true;
+}
+
+/* What the display has where it gives no core context: a version, or the reason why not even that.
+ * Another profile may have a newer one than the core, and a core profile is as new as its GLSL. */
+static bool fail_version(struct gl_context *c, EGLConfig config, const struct gl_place *place,
+                         struct sp_error *err) {
+    static const EGLint core[] = { EGL_CONTEXT_MAJOR_VERSION_KHR,
+                                   3,
+                                   EGL_CONTEXT_MINOR_VERSION_KHR,
+                                   2,
+                                   EGL_CONTEXT_OPENGL_PROFILE_MASK_KHR,
+                                   EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT_KHR,
+                                   EGL_NONE };
+    if (!look_at(c, config, NULL, place, err))
+        return false;
+    if (epoxy_gl_version() < 43 || !look_at(c, config, core, place, NULL))
+        return sp_fail(err, SP_ERR_BACKEND, "",
+                       "OpenGL %.60s of %.60s; a core profile of 4.3 is needed", c->info.version,
+                       c->info.renderer);
     return sp_fail(err, SP_ERR_BACKEND, "",
-                   "OpenGL %.60s of %.60s; a core profile of 4.3 is needed", c->info.version,
-                   c->info.renderer);
+                   "OpenGL %.60s of %.60s with GLSL %d.%02d; a core profile of 4.3 with GLSL 4.30 "
+                   "is needed",
+                   c->info.version, c->info.renderer, epoxy_glsl_version() / 100,
+                   epoxy_glsl_version() % 100);
 }
 
 static bool open_display(struct gl_context *c, const struct gl_place *place, struct sp_error *err) {

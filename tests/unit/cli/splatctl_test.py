@@ -116,9 +116,9 @@ class Local(unittest.TestCase):
         self.assertGreater(report['render_ms'], 0)
         self.assertGreater(report['splats'], 0)
 
-    def refused(self, place, *arguments, stdin=b''):
+    def refused(self, place, *arguments, stdin=b'', status=1):
         result = self.render(self.path('a.png'), *arguments, stdin=stdin)
-        self.assertEqual((result.returncode, result.stdout), (1, b''), result)
+        self.assertEqual((result.returncode, result.stdout), (status, b''), result)
         self.assertRegex(result.stderr.decode(), rf'^splatctl: {place}.*\n$')
         self.assertEqual(os.listdir(self.folder.name), [])
 
@@ -135,7 +135,7 @@ class Local(unittest.TestCase):
                           (b' ' * (2 << 20), 'is larger than')):
             self.refused(f'standard input: {why}', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=text)
         self.refused('no-such-view: ', '--volume', 'demo:phantom?size=16', '--view', 'no-such-view')
-        self.refused('', '--volume', 'demo:phantom?size=16', '--backend', 'abacus')
+        self.refused('', '--volume', 'demo:phantom?size=16', '--backend', 'abacus', status=2)
 
     def test_a_failed_write_keeps_the_old_file(self):
         with open(self.path('a.png'), 'wb') as f:

@@ -199,6 +199,12 @@ static void with_an_old_gl(void **state) {
     refuses(&software, SP_ERR_BACKEND, "a core profile of 4.3 is needed");
 }
 
+static void with_an_old_glsl(void **state) {
+    (void)state;
+    refuses(&software, SP_ERR_BACKEND,
+            " with GLSL 3.30; a core profile of 4.3 with GLSL 4.30 is needed");
+}
+
 static void with_gl_4_3(void **state) {
     (void)state;
     struct gl_context *context = create(&software);
@@ -231,6 +237,7 @@ static const struct CMUnitTest no_egl[] = { cmocka_unit_test(without_libegl) };
 static const struct CMUnitTest no_gl[] = { cmocka_unit_test(without_libgl) };
 static const struct CMUnitTest no_driver[] = { cmocka_unit_test(without_a_driver) };
 static const struct CMUnitTest gl_3_3[] = { cmocka_unit_test(with_an_old_gl) };
+static const struct CMUnitTest glsl_3_3[] = { cmocka_unit_test(with_an_old_glsl) };
 static const struct CMUnitTest gl_4_3[] = { cmocka_unit_test(with_gl_4_3) };
 
 int main(int argc, char **argv) {
@@ -244,7 +251,8 @@ int main(int argc, char **argv) {
     } modes[] = {
         MODE("machine", machine, true), MODE("no-egl", no_egl, false),
         MODE("no-gl", no_gl, false),    MODE("no-driver", no_driver, false),
-        MODE("gl-3.3", gl_3_3, true),   MODE("gl-4.3", gl_4_3, true),
+        MODE("gl-3.3", gl_3_3, true),   MODE("glsl-3.3", glsl_3_3, true),
+        MODE("gl-4.3", gl_4_3, true),
     };
     const char *name = argc > 1 ? argv[1] : "machine";
     struct sp_error err;
