@@ -61,6 +61,13 @@ void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t 
     glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes, data);
 }
 
+void gl_buffer_update(const struct gl_buffer *buffer, uint64_t at, const void *data,
+                      uint64_t bytes) {
+    assert(at + bytes <= buffer->bytes);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
+    glBufferSubData(GL_SHADER_STORAGE_BUFFER, (GLintptr)at, (GLsizeiptr)bytes, data);
+}
+
 void gl_buffer_bind(const struct gl_buffer *buffer, unsigned binding) {
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, binding, buffer->name);
 }

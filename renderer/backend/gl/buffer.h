@@ -38,6 +38,10 @@ bool gl_buffer_stays_mapped(enum gl_usage usage);
 /* Writes all of the first `bytes`; what follows is undefined. The buffer must be large enough. */
 void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t bytes);
 
+/* Writes `bytes` from byte `at` on; what is beside them stays. */
+void gl_buffer_update(const struct gl_buffer *buffer, uint64_t at, const void *data,
+                      uint64_t bytes);
+
 /* Binds it as the storage block `binding` of shaders. */
 void gl_buffer_bind(const struct gl_buffer *buffer, unsigned binding);
 

@@ -34,7 +34,6 @@ struct draw {
     unsigned compositor; /* program */
     uint32_t columns;    /* of tiles */
     uint32_t y, end;     /* rows of the band [px] */
-    uint32_t cut_for[2]; /* layers and records of a batch that the frame is cut for */
     void *sent[BEHIND];  /* fences */
     unsigned sent_count;
 };
@@ -112,25 +111,25 @@ static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     use(d, s->project, batch);
     glUniform1ui(4, (GLuint)s->pairs);
-    gl_buffer_bind(&s->buffers.constants, 0);
-    gl_buffer_bind(&s->buffers.bricks, 1);
+    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->upload.chunks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
     gl_buffer_bind(&s->buffers.spans, 6);
     gl_buffer_bind(&s->bins.counts, 7);
     for (int l = 0; l < SP_LEVELS; l++) {
         const struct gl_list *list = d->frame.lists[l];
-        if (!batch->bricks[l])
+        if (!batch->chunks[l])
             continue;
         gl_buffer_bind(&list->entries, 2);
         gl_buffer_bind(&list->tables, 3);
         gl_buffer_bind(list->normal_bytes ? &list->normals : &list->tables, 4);
         glUniform1ui(3, d->frame.stride);
         glUniform4ui(2, list->has_keys, list->normal_bytes, list->first_class, list->has_scales);
-        for (uint32_t done = 0, n; done < batch->bricks[l]; done += n) {
-            uint32_t left = batch->bricks[l] - done;
+        for (uint32_t done = 0, n; done < batch->chunks[l]; done += n) {
+            uint32_t left = batch->chunks[l] - done;
             n = left < GROUPS_MOST ? left : GROUPS_MOST;
-            glUniform2ui(1, batch->brick[l] + done, batch->first);
-            glDispatchCompute(n, SP_BRICK_VOXELS / GL_GROUP, 1);
+            glUniform2ui(1, batch->chunk[l] + done, batch->first);
+            glDispatchCompute(n, 1, 1);
         }
     }
     storage_barrier();
@@ -177,7 +176,7 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
-    gl_buffer_bind(&s->buffers.constants, 0);
+    gl_buffer_bind(&s->upload.constants, 0);
     gl_buffer_bind(&s->buffers.records, 1);
     gl_buffer_bind(&s->bins.totals, 2);
     gl_buffer_bind(&s->bins.pairs, 3);
@@ -227,8 +226,8 @@ static bool send_back(struct draw *d, struct sp_error *err) {
 static bool reserve(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     uint64_t most = s->block_bytes, records = 1, bins = 1, pixels = band_pixels(d);
-    for (uint32_t i = 0; i < d->frame.batch_count; i++) {
-        const struct gl_batch *b = &d->frame.batches[i];
+    for (uint32_t i = 0; i < d->state->cut.batch_count; i++) {
+        const struct gl_batch *b = &d->state->cut.batches[i];
         uint64_t own = (uint64_t)band_tiles(d) * b->layers;
         records = b->records > records ? b->records : records;
         bins = own > bins ? own : bins;
@@ -239,10 +238,6 @@ static bool reserve(struct draw *d, struct sp_error *err) {
         uint64_t bytes;
         enum gl_usage usage;
     } wanted[] = {
-        { &s->buffers.constants, "constants",
-          sizeof d->frame.constants + d->frame.sheet_count * sizeof(uint32_t), GL_USE_STREAM },
-        { &s->buffers.bricks, "bricks", (d->frame.brick_count + 1) * sizeof(struct gl_brick),
-          GL_USE_STREAM },
         { &s->buffers.records, "splats", records * 16 * d->frame.stride, GL_USE_SCRATCH },
         { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
         { &s->buffers.image, "pixels", pixels * 48, GL_USE_SCRATCH },
@@ -269,28 +264,21 @@ static uint32_t records_of_batch(const struct draw *d) {
     return s->block_bytes && room < s->records ? (uint32_t)room : s->records;
 }
 
-/* Cuts the frame for the band, unless it is already. */
+/* Cuts the frame for the band. */
 static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
-    uint32_t layers = layers_of_batch(d), records = records_of_batch(d);
-    bool is_cut = layers == d->cut_for[0] && records == d->cut_for[1];
-    if (!is_cut && !gl_frame_cut(&d->frame, layers, records, &s->arena))
-        return fail_memory(&s->arena, err);
+    if (!gl_cut_make(&s->cut, layers_of_batch(d), records_of_batch(d), err))
+        return false;
     if (!reserve(d, err)) {
         s->pairs = PAIRS_MIN; /* the next frame may need no more */
         return false;
     }
-    if (!is_cut && d->frame.brick_count)
-        gl_buffer_write(&s->buffers.bricks, d->frame.bricks,
-                        d->frame.brick_count * sizeof *d->frame.bricks);
-    d->cut_for[0] = layers;
-    d->cut_for[1] = records;
-    return true;
+    return gl_upload_chunks(&s->upload, &s->cut, s->block_bytes, err);
 }
 
 static bool draw_batches(struct draw *d, struct sp_error *err) {
-    for (uint32_t i = 0; i < d->frame.batch_count; i++) {
-        const struct gl_batch *batch = &d->frame.batches[i];
+    for (uint32_t i = 0; i < d->state->cut.batch_count; i++) {
+        const struct gl_batch *batch = &d->state->cut.batches[i];
         if (sp_job_is_cancelled(d->job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         const struct gl_bins_space space = space_of(d, batch);
@@ -311,10 +299,10 @@ static uint32_t shrink(uint32_t size, double factor) {
 }
 
 /* The most layers that a batch has. */
-static uint32_t most_layers(const struct gl_frame *f) {
+static uint32_t most_layers(const struct gl_cut *cut) {
     uint32_t most = 1;
-    for (uint32_t i = 0; i < f->batch_count; i++)
-        most = f->batches[i].layers > most ? f->batches[i].layers : most;
+    for (uint32_t i = 0; i < cut->batch_count; i++)
+        most = cut->batches[i].layers > most ? cut->batches[i].layers : most;
     return most;
 }
 
@@ -372,7 +360,7 @@ static bool plan_band(struct draw *d, struct sp_error *err) {
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
     if (!cut(d, err))
         return false;
-    d->slot->pieces = (struct gl_pieces){ .layers = most_layers(&d->frame),
+    d->slot->pieces = (struct gl_pieces){ .layers = most_layers(&d->state->cut),
                                           .records = records_of_batch(d),
                                           .rows = tile_rows(d),
                                           .pairs = s->pairs,
@@ -440,18 +428,6 @@ static void write_stats(const struct gl_slot *slot, struct sp_frame_stats *stats
         stats->stages[i] = (struct sp_stage_time){ names[i], slot->stage_ms[i] };
 }
 
-static bool write_constants(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->state;
-    const struct gl_frame *f = &d->frame;
-    uint64_t sheets = f->sheet_count * sizeof *f->sheets, all = sizeof f->constants + sheets;
-    if (!gl_buffer_reserve(&s->buffers.constants, "constants", all, s->block_bytes, GL_USE_STREAM,
-                           err))
-        return false;
-    gl_buffer_write(&s->buffers.constants, &f->constants, sizeof f->constants);
-    glBufferSubData(GL_SHADER_STORAGE_BUFFER, sizeof f->constants, (GLsizeiptr)sheets, f->sheets);
-    return true;
-}
-
 static bool write_curve(struct draw *d, struct sp_error *err) {
     const struct gl_frame *f = &d->frame;
     return !f->is_post ||
@@ -463,10 +439,11 @@ static bool write_curve(struct draw *d, struct sp_error *err) {
 static bool plan_frame(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
-    const struct gl_sources from = { &s->cache, &s->lists, s->pool, &s->arena };
+    const struct gl_sources from = { &s->cache, &s->lists, s->pool, &s->arena, &s->cut };
     sp_arena_reset(&s->arena);
-    if (!gl_frame_begin(&d->frame, d->job, &from, err) || !write_constants(d, err) ||
-        !write_curve(d, err) || !(d->compositor = find_compositor(s, f, d->job->view, err)))
+    if (!gl_frame_begin(&d->frame, d->job, &from, err) ||
+        !gl_upload_frame(&s->upload, f, &s->cut, s->block_bytes, err) || !write_curve(d, err) ||
+        !(d->compositor = find_compositor(s, f, d->job->view, err)))
         return false;
     d->columns = gl_divide_up(d->job->frame->width, GL_TILE);
     d->slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
@@ -485,7 +462,7 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
         d->y = slot->y;
         if (!plan_band(d, err))
             return false;
-        if (!may_wait && (d->end < height || d->frame.batch_count > BEHIND))
+        if (!may_wait && (d->end < height || d->state->cut.batch_count > BEHIND))
             return true;
         ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
     } while (ok && slot->end < height);
@@ -576,6 +553,7 @@ void gl_draw_finish(struct gl_state *s) {
     glDeleteProgram(s->project);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
+    gl_upload_finish(&s->upload);
     gl_buffer_finish(&s->curve.buffer);
     for (int i = 0; i < GL_IN_FLIGHT; i++) {
         gl_back_finish(&s->slots[i].back);

@@ -27,6 +27,7 @@
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/timer.h"
+#include "backend/gl/upload.h"
 
 /* What a frame's times are kept of, in the order of its stages. */
 enum gl_stage {
@@ -83,13 +84,15 @@ struct gl_state {
     unsigned oldest, begun; /* slots in use: `begun` of them from `oldest` on, round the end */
     struct gl_bins bins;
     struct gl_curve curve;
+    struct gl_cut cut;
+    struct gl_upload upload;
     unsigned project, resolve; /* programs */
     /* The compositor's, made when they are first asked for: 0 = not yet. By compositing, kernel
      * (Gaussian, cubic, flat), whether planes clip, attenuation is linear, pixels are classified.
      */
     unsigned composite[3][2][2][2][2][2];
     struct {
-        struct gl_buffer constants, bricks, records, spans, image, cubic, pixels;
+        struct gl_buffer records, spans, image, cubic, pixels;
     } buffers;
     struct gl_limits limits;
     uint64_t pairs; /* room for them */

@@ -19,6 +19,7 @@ static void gl_destroy(void *pointer) {
     sp_classify_cache_forget(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
+    gl_cut_finish(&state->cut);
     free(state);
 }
 
@@ -49,6 +50,7 @@ static void *create(const struct sp_backend_options *options, bool software, str
         return NULL;
     }
     sp_arena_init(&state->arena);
+    gl_cut_init(&state->cut);
     state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
     state->cache.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);

@@ -86,12 +86,6 @@ static uint32_t place_axes(struct gl_list *list, const struct sp_grid *grid) {
     return row;
 }
 
-/* Between the neighbours of a sample: what its difference is over. */
-static double neighbour_gaps(const struct sp_grid *grid, unsigned axis, uint32_t i) {
-    uint32_t low = i > 0 ? i - 1 : i, high = i + 1 < grid->dims[axis] ? i + 1 : i;
-    return sp_grid_distance(grid, axis, high) - sp_grid_distance(grid, axis, low);
-}
-
 static void write_axes(const struct gl_list *list, const struct sp_grid *grid, float (*rows)[4]) {
     if (!sp_grid_is_rectilinear(grid))
         return;
@@ -102,7 +96,8 @@ static void write_axes(const struct gl_list *list, const struct sp_grid *grid, f
             float *row = rows[list->axis_row[a] + i];
             row[0] = (float)((sp_grid_distance(grid, a, i) - start) * inv);
             row[1] = (float)(sp_grid_local_spacing(grid, a, i) * inv);
-            row[2] = (float)(neighbour_gaps(grid, a, i) * inv);
+            row[2] = (float)(start * inv);
+            row[3] = (float)(start * inv - (double)row[2]);
         }
 }
 

@@ -114,7 +114,9 @@ vec3 gradient_at(uvec3 i) {
         uvec3 from = i, to = i;
         from[a] -= i[a] > 0u ? 1u : 0u;
         to[a] += i[a] + 1u < dims[a] ? 1u : 0u;
-        float gaps = axis_rows.w != 0u ? tables[axis_rows[a] + i[a]].z : float(to[a] - from[a]);
+        float gaps = float(to[a] - from[a]);
+        if (axis_rows.w != 0u)
+            gaps *= tables[axis_rows[a] + i[a]].y;
         difference[a] = from[a] < to[a] ? float(sample_at(to) - sample_at(from)) / gaps : 0.0;
     }
     return to_gradient * difference;

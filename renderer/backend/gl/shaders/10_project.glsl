@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Voxel → splat (splat/ewa.h has the derivation): a column of work groups a brick, a thread an entry. Each entry has
+// Voxel → splat (splat/ewa.h has the derivation): a work group a chunk of a brick, a thread an entry. Each entry has
 // a record, whether it is drawn or not, so that nothing has to be compacted.
 
 layout(local_size_x = GROUP) in;
 
-struct Brick {
-    vec4 base;   // u of its first voxel
-    uvec4 list;  // first entry, entries, first record, part | filter << 8
-    uvec4 place; // of its first voxel: index along the sheets' axis, and its row in the tables by axis
-};
-layout(std430, binding = 1) readonly buffer Bricks { Brick bricks[]; };
+layout(std430, binding = 1) readonly buffer Chunks { uvec4 chunks[]; }; // struct gl_chunk
 // Place in the brick in the low 12 bits, i0 | i1 << 4 | i2 << 8; above them the key, where lists have tables by key.
 layout(std430, binding = 2) readonly buffer Entries { uint entries[]; };
-// Scales of the opacity by packed magnitude; rows (distance from the brick's first voxel, local spacing) of
+// Scales of the opacity by packed magnitude; rows (distance from the brick's first voxel, local spacing, and of that
+// voxel from the grid's, a sum of two) of
 // rectilinear axes; classes (colour, depth), by key or by entry.
 layout(std430, binding = 3) readonly buffer Tables { vec4 tables[]; };
 layout(std430, binding = 4) readonly buffer Normals { uint normals[]; };
@@ -21,17 +17,26 @@ layout(std430, binding = 5) writeonly buffer Records { uvec4 records[]; };
 // Bins of a record: tiles, columns and rows [first, last]; first layer and number of layers; first > last: none.
 layout(std430, binding = 6) writeonly buffer Spans { uvec2 spans[]; };
 
-layout(location = 1) uniform uvec2 batch; // first brick, first layer
+layout(location = 1) uniform uvec2 batch; // first chunk, first layer
 layout(location = 2) uniform uvec4 list;  // has keys, bytes of a normal, first class, has scales
 layout(location = 3) uniform uint stride; // of the records
 layout(location = 4) uniform uint room;   // for pairs
 
-const uint LOWPASS = 3u, RECONSTRUCTION = 2u, SWAN = 4u, NONE = 5u; // enum sp_filter_mode
+// enum sp_filter_mode
+const uint ADAPTIVE = 0u, EWA = 1u, RECONSTRUCTION = 2u, LOWPASS = 3u, SWAN = 4u, NONE = 5u;
 const float FARTHEST = 1e7; // cells: all beyond is as far (tile/depth.c)
 const float VARIANCE_MIN = 1e-6, DEPTH_MAX = 1e6, LOG2E = 1.44269504;
 
-shared uint group_splats, group_fragments, group_carry, group_pairs;
+// Sums of the group: splats, pairs, px in the low 16 bits and above. Threads that run together add to different words.
+const uint SPLATS = 0u, PAIRS = 1u, PX_LOW = 2u, PX_HIGH = 3u, SUMS = 4u, LANES = 32u;
+shared uint sums[SUMS][LANES];
+shared uint filter_mode;
 shared bool has_room;
+
+// The same for all threads.
+uint part;    // of parts[]
+uvec3 corner; // first voxel of the brick
+uint mode;    // filter of the brick
 
 // A kernel in camera space and on the image (struct sp_kernel_place).
 struct Place {
@@ -75,7 +80,7 @@ float widening(vec3 m0, vec3 m1, float h2) {
 }
 
 // The variance of the footprint as the mode wants it; returns its determinant.
-float filter_variance(uint mode, float h2, inout Place p, out vec3 v) {
+float filter_variance(float h2, inout Place p, out vec3 v) {
     p.h2 = mode == SWAN || mode == RECONSTRUCTION || mode == NONE ? VARIANCE_MIN : h2;
     if (mode == LOWPASS) {
         v = vec3(h2, 0.0, h2);
@@ -101,8 +106,8 @@ ivec2 cover_flat(float x, float reach, int low, int high) {
                  ceil(clamp(x + reach - 0.5, float(low), float(high))));
 }
 
-void outline_flat(Part part, vec3 v, inout Outline o) {
-    vec2 r = max(part.bounds.y * sqrt(v.xz), vec2(0.5));
+void outline_flat(vec3 v, inout Outline o) {
+    vec2 r = max(parts[part].bounds.y * sqrt(v.xz), vec2(0.5));
     o.area = 4.0 * r.x * r.y;
     o.gain /= o.area;
     ivec2 x = cover_flat(o.at.x, r.x, 0, int(picture.x));
@@ -111,36 +116,36 @@ void outline_flat(Part part, vec3 v, inout Outline o) {
     o.conic = uintBitsToFloat(uvec3(o.box.x | o.box.z << 16, o.box.y | o.box.w << 16, 0u));
 }
 
-void outline_ellipse(Part part, vec3 v, float det, inout Outline o) {
+void outline_ellipse(vec3 v, float det, inout Outline o) {
     float root = sqrt(det), inverse = 0.5 * LOG2E / det;
-    vec2 r = part.footprint.y * sqrt(v.xz);
+    vec2 r = parts[part].footprint.y * sqrt(v.xz);
     o.conic = inverse * vec3(v.z, -2.0 * v.y, v.x);
-    o.area = 3.14159265 * part.footprint.y * part.footprint.y * root;
-    o.gain *= part.footprint.w / root;
+    o.area = 3.14159265 * parts[part].footprint.y * parts[part].footprint.y * root;
+    o.gain *= parts[part].footprint.w / root;
     ivec2 x = cover(o.at.x, r.x, 0, int(picture.x));
     ivec2 y = cover(o.at.y, r.y, int(tiles.y), int(tiles.z));
     o.box = ivec4(x.x, y.x, x.y, y.y);
 }
 
 // Geometry of the kernel at p.u. False: nothing of it is in sight.
-bool outline(Part part, uint mode, inout Place p, out Outline o) {
-    if (!(p.u.z >= part.view.w && p.u.z < 1e18))
+bool outline(inout Place p, out Outline o) {
+    if (!(p.u.z >= parts[part].view.w && p.u.z < 1e18))
         return false;
     bool perspective = choice.x != 0u;
-    float inverse = perspective ? 1.0 / p.u.z : 1.0, f = part.view.x * inverse;
-    p.ratio = perspective ? clamp(p.u.xy * inverse, -part.bounds.zw, part.bounds.zw) : vec2(0);
+    float inverse = perspective ? 1.0 / p.u.z : 1.0, f = parts[part].view.x * inverse;
+    p.ratio = perspective ? clamp(p.u.xy * inverse, -parts[part].bounds.zw, parts[part].bounds.zw) : vec2(0);
     p.m0 = f * (p.k[0] - p.ratio.x * p.k[2]);
     p.m1 = f * (p.k[1] - p.ratio.y * p.k[2]);
-    o.at = part.view.yz + part.view.x * (p.u.xy * inverse);
+    o.at = parts[part].view.yz + parts[part].view.x * (p.u.xy * inverse);
     o.gain = f * f * sqrt(1.0 + dot(p.ratio, p.ratio));
     vec3 v;
-    float det = filter_variance(mode, part.footprint.x, p, v);
+    float det = filter_variance(parts[part].footprint.x, p, v);
     if (!(det > 0.0 && det < 1e36))
         return false;
     if (mode == NONE)
-        outline_flat(part, v, o);
+        outline_flat(v, o);
     else
-        outline_ellipse(part, v, det, o);
+        outline_ellipse(v, det, o);
     return o.box.x < o.box.z && o.box.y < o.box.w && o.gain > 0.0;
 }
 
@@ -176,26 +181,56 @@ vec3 shade(vec3 color, uint entry, uint gradient, vec3 u) {
     return shade_normal(color, unpack_gradient(gradient), to_eye);
 }
 
+// Row of the tables of a voxel along a rectilinear axis.
+vec4 row_of(uint axis, uint i) {
+    return tables[parts[part].rows[axis] + i];
+}
+
+// Place of a voxel from the origin along an axis, in spacings, and its cell's spacing over the mean one.
+vec2 place_of(uint axis, uint i) {
+    if (parts[part].kind.y == 0u)
+        return vec2(float(int(i - parts[part].origin[axis])), 1.0);
+    vec4 row = row_of(axis, i), origin = row_of(axis, parts[part].origin[axis]);
+    return vec2((row.z - origin.z) + (row.w - origin.w) + row.x, row.y);
+}
+
 // Places a voxel; returns its cell's volume over the mean one's.
-float locate(Part part, Brick brick, uint word, out Place p) {
-    uvec3 i = uvec3(word, word >> 4, word >> 8) & 15u;
-    vec3 at = vec3(i), size = vec3(1);
-    if (part.kind.y != 0u)
-        for (int a = 0; a < 3; a++) {
-            vec4 row = tables[brick.place[1 + a] + i[a]];
-            at[a] = row.x;
-            size[a] = row.y;
-        }
+float locate(uint word, out Place p) {
+    uvec3 i = corner + (uvec3(word, word >> 4, word >> 8) & 15u);
+    vec2 x = place_of(0u, i.x), y = place_of(1u, i.y), z = place_of(2u, i.z);
     for (int r = 0; r < 3; r++) {
-        p.u[r] = brick.base[r] + dot(part.step[r].xyz, at);
-        p.k[r] = part.kernel[r].xyz * size;
+        vec4 step = parts[part].step[r];
+        p.u[r] = step.w + dot(step.xyz, vec3(x.x, y.x, z.x));
+        p.k[r] = parts[part].kernel[r].xyz * vec3(x.y, y.y, z.y);
     }
-    return size.x * size.y * size.z;
+    return x.y * y.y * z.y;
+}
+
+// The brick's filter where it is chosen by brick (splat/adaptive.h, Chen et al. 2004, eq. 7).
+uint choose_mode() {
+    vec2 depth = vec2(parts[part].step[2].w), stretch = vec2(1.0);
+    for (uint a = 0u; a < 3u; a++) {
+        uint last = min(corner[a] + 15u, parts[part].dims[a] - 1u);
+        vec2 ends = parts[part].step[2][a] * vec2(place_of(a, corner[a]).x, place_of(a, last).x);
+        depth += vec2(min(ends.x, ends.y), max(ends.x, ends.y));
+        if (parts[part].kind.y == 0u)
+            continue;
+        vec2 own = vec2(row_of(a, corner[a]).y);
+        for (uint i = corner[a] + 1u; i <= last; i++)
+            own = vec2(min(own.x, row_of(a, i).y), max(own.y, row_of(a, i).y));
+        stretch = a == 0u ? own : vec2(min(stretch.x, own.x), max(stretch.y, own.y));
+    }
+    if (choice.x == 0u)
+        depth = vec2(1.0);
+    float radius = parts[part].kernel[2].w; // of the low-pass filter
+    if (parts[part].kernel[0].w * stretch.x > radius * max(depth.y, 0.0))
+        return RECONSTRUCTION;
+    return parts[part].kernel[1].w * stretch.y < radius * depth.x ? LOWPASS : EWA;
 }
 
 // sp_order_layer(): the place front to back of the sheet that a voxel belongs to.
-uint sheet_of(Part part, Brick brick, uint word) {
-    uint level = part.kind.x, slice = brick.place.x + (word >> (4u * picture.z) & 15u);
+uint sheet_of(uint word) {
+    uint level = parts[part].kind.x, slice = corner[picture.z] + (word >> (4u * picture.z) & 15u);
     uint centre = (slice << level) + (level > 0u ? 1u << (level - 1u) : 0u);
     return layers[min(centre, choice.w - 1u)];
 }
@@ -241,11 +276,11 @@ uvec4 cut_by(Place p, Extent extent, vec3 q, float e) {
 }
 
 // Writes the planes that cut the kernel behind a record. False: nothing of it is left.
-bool write_cuts(Part part, Place p, Extent extent, uint at) {
-    float tail = max(part.footprint.y, 4.0);
+bool write_cuts(Place p, Extent extent, uint at) {
+    float tail = max(parts[part].footprint.y, 4.0);
     uint end = at + picture.w;
     for (uint i = 0u; i < picture.w; i++) {
-        vec4 plane = part.planes[i];
+        vec4 plane = planes[CUTS * part + i];
         vec3 q = p.k[0] * plane.x + p.k[1] * plane.y + p.k[2] * plane.z;
         float e = dot(plane.xyz, p.u) - plane.w, deviation = sqrt(dot(q, q));
         if (!(e > -tail * deviation))
@@ -260,18 +295,18 @@ bool write_cuts(Part part, Place p, Extent extent, uint at) {
 
 // Layers [first, last] of the kernel; false: none of them is of this batch, or planes leave nothing
 // of it. Writes what follows the record's head.
-bool find_layers(Part part, Brick brick, Place p, uint word, uint at, float value, out ivec2 range) {
+bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
     uint kind = compose.x, behind = at + 2u + (kind == COMPOSITE_SLAB ? 2u : 0u);
     float distance = min(choice.x != 0u ? length(p.u) : p.u.z, FARTHEST);
     if (kind == COMPOSITE_SHEET)
-        range = ivec2(sheet_of(part, brick, word));
+        range = ivec2(sheet_of(word));
     if (kind == COMPOSITE_SPLAT)
         range = range_of(distance, distance);
     if (kind != COMPOSITE_SLAB && picture.w == 0u)
         return true;
     Extent extent = extent_of(p);
     if (kind == COMPOSITE_SLAB) {
-        float reach = part.footprint.y * length(extent.m2);
+        float reach = parts[part].footprint.y * length(extent.m2);
         range = range_of(distance - reach, distance + reach);
         range.y = min(range.y, range.x + SLABS - 1);
         vec2 slope = regress(extent, vec2(dot(p.m0, extent.m2), dot(p.m1, extent.m2)));
@@ -279,7 +314,7 @@ bool find_layers(Part part, Brick brick, Place p, uint word, uint at, float valu
             floatBitsToUint(vec4(distance - slabs.x, slope, 1.0 / sqrt(extent.variance)));
         records[at + 3u] = uvec4(range, floatBitsToUint(value), 0u);
     }
-    return picture.w == 0u || write_cuts(part, p, extent, behind);
+    return picture.w == 0u || write_cuts(p, extent, behind);
 }
 
 // Writes the record's head, of layers [first, last] of the batch; returns its bins.
@@ -291,10 +326,10 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 first = min(uvec2(o.box.x, o.box.y - int(tiles.y)) / TILE, last);
     last = min(uvec2(o.box.z - 1, o.box.w - 1 - int(tiles.y)) / TILE, last);
     vec2 size = vec2(o.box.zw - o.box.xy);
-    uint px = uint(min(size.x * size.y, o.area)), before = atomicAdd(group_fragments, px);
-    atomicAdd(group_splats, 1u);
-    if (before + px < before)
-        atomicAdd(group_carry, 1u);
+    uint px = uint(min(size.x * size.y, o.area)), lane = gl_LocalInvocationIndex % LANES;
+    atomicAdd(sums[SPLATS][lane], 1u);
+    atomicAdd(sums[PX_LOW][lane], px & 0xffffu);
+    atomicAdd(sums[PX_HIGH][lane], px >> 16);
     return pack_span(first, last, range);
 }
 
@@ -314,19 +349,18 @@ bool measure(uint entry, uint word, vec3 u, float gain, out Amount a) {
     return true;
 }
 
-uvec2 set_up(Brick brick, uint i) {
-    Part part = parts[brick.list.w & 255u];
-    uint entry = brick.list.x + i, word = entries[entry], at = stride * (brick.list.z + i);
-    if (compose.x == COMPOSITE_SHEET && sheet_of(part, brick, word) - batch.y >= tiles.w)
+uvec2 set_up(uint entry, uint at) {
+    uint word = entries[entry];
+    if (compose.x == COMPOSITE_SHEET && sheet_of(word) - batch.y >= tiles.w)
         return NOWHERE;
     Place p;
     Outline o;
     Amount a;
     ivec2 range;
-    float volume = locate(part, brick, word, p);
-    if (!outline(part, brick.list.w >> 8, p, o) ||
-        !measure(entry, word, p.u, o.gain * part.bounds.x * volume, a) ||
-        !find_layers(part, brick, p, word, at, a.value, range))
+    float volume = locate(word, p);
+    if (!outline(p, o) ||
+        !measure(entry, word, p.u, o.gain * parts[part].bounds.x * volume, a) ||
+        !find_layers(p, word, at, a.value, range))
         return NOWHERE;
     range = ivec2(max(range.x - int(batch.y), 0), min(range.y - int(batch.y), int(tiles.w) - 1));
     return range.x <= range.y ? write_splat(at, o, a, uvec2(range)) : NOWHERE;
@@ -339,11 +373,13 @@ uint pairs_of(Span span) {
 
 // Whether there is room for the group's pairs. Beyond it nothing is counted any more, only how many they would be: a
 // kernel may touch every tile.
-bool plan() {
-    uint before = atomicAdd(planned, group_pairs);
-    if (before + group_pairs < before)
+bool plan(uint own) {
+    if (own == 0u)
+        return false;
+    uint before = atomicAdd(planned, own);
+    if (before + own < before)
         atomicMax(needed, 0xffffffffu);
-    return before + group_pairs >= before && before + group_pairs <= room;
+    return before + own >= before && before + own <= room;
 }
 
 void count_pairs(Span span) {
@@ -353,28 +389,52 @@ void count_pairs(Span span) {
                 atomicAdd(count[(r * tiles.x + c) * tiles.w + l], 1u);
 }
 
+void add_px(uint px) {
+    uint before = atomicAdd(fragments, px);
+    if (before + px < before)
+        atomicAdd(carry, 1u);
+}
+
+// Adds a sum up, and to the frame's.
+void close_sum(uint kind) {
+    uint sum = 0u;
+    for (uint lane = 0u; lane < LANES; lane++)
+        sum += sums[kind][lane];
+    if (kind == SPLATS && sum > 0u)
+        atomicAdd(splats, sum);
+    if (kind == PAIRS)
+        has_room = plan(sum);
+    if (kind == PX_LOW && sum > 0u)
+        add_px(sum);
+    if (kind == PX_HIGH && sum > 0u) {
+        add_px(sum << 16);
+        atomicAdd(carry, sum >> 16);
+    }
+}
+
 void main() {
-    if (gl_LocalInvocationIndex == 0u)
-        group_splats = group_fragments = group_carry = group_pairs = 0u;
+    uint thread = gl_LocalInvocationIndex;
+    uvec4 chunk = chunks[batch.x + gl_WorkGroupID.x];
+    part = chunk.z >> 16;
+    uint row = chunk.y / parts[part].kind.z;
+    corner = 16u * uvec3(chunk.y % parts[part].kind.z, row % parts[part].kind.w, row / parts[part].kind.w);
+    if (thread < SUMS * LANES)
+        sums[thread / LANES][thread % LANES] = 0u;
+    if (thread == 0u)
+        filter_mode = parts[part].rows.w == ADAPTIVE ? choose_mode() : parts[part].rows.w;
     barrier();
-    Brick brick = bricks[batch.x + gl_WorkGroupID.x];
-    uint i = gl_LocalInvocationIndex + GROUP * gl_WorkGroupID.y;
+    mode = filter_mode;
     uvec2 bits = NOWHERE;
-    if (i < brick.list.y)
-        spans[brick.list.z + i] = bits = set_up(brick, i);
+    if (thread < (chunk.z & 0xffffu))
+        spans[chunk.w + thread] = bits = set_up(chunk.x + thread, stride * (chunk.w + thread));
     Span span = unpack_span(bits);
     bool is_drawn = bits != NOWHERE;
     if (is_drawn)
-        atomicAdd(group_pairs, pairs_of(span));
+        atomicAdd(sums[PAIRS][thread % LANES], pairs_of(span));
     barrier();
-    if (gl_LocalInvocationIndex == 0u)
-        has_room = plan();
+    if (thread < SUMS)
+        close_sum(thread);
     barrier();
     if (is_drawn && has_room)
         count_pairs(span);
-    if (gl_LocalInvocationIndex == 0u && group_splats > 0u) {
-        atomicAdd(splats, group_splats);
-        uint before = atomicAdd(fragments, group_fragments);
-        atomicAdd(carry, group_carry + (before + group_fragments < before ? 1u : 0u));
-    }
 }

@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * In which pieces a frame is drawn. All of it is kept from frame to frame, here and on the GPU, and
+ * made anew only when something that it depends on has changed.
+ *
+ *   layers   0 … … … … … … … … n         sheets, slabs or distances, front to back
+ *   batch    |--- 0 ---|- 1 -|-- 2 --|   as many layers as records and bins have room for
+ *
+ * A brick is in every batch that has one of its layers, as chunks of GL_GROUP entries, with a
+ * record for each of them. What a batch leaves open (one layer with more entries than there are
+ * records) the next one resumes.
+ *
+ *   what changes                    what is made anew
+ *   lists, level of detail, axis    bricks, and so all that follows
+ *   order of sheets; any view       layers of each brick, and so batches, unless one holds all
+ *     by distance
+ *   room for layers or records      batches
+ */
+#ifndef GL_CUT_H
+#define GL_CUT_H
+
+#include "backend/gl/program.h"
+#include "backend/gl/volume.h"
+#include "base/arena.h"
+#include "splat/camera.h"
+#include "splat/detail.h"
+
+/* shaders/10_project.glsl: entries of one brick. */
+struct gl_chunk {
+    uint32_t first;  /* entry of the list */
+    uint32_t brick;  /* of its level */
+    uint32_t kind;   /* entries, 1 … GL_GROUP | part << 16: struct gl_constants */
+    uint32_t record; /* of the batch: the first entry's */
+};
+
+struct gl_batch {
+    uint32_t first, layers; /* layers [first, first + layers) */
+    uint32_t records;
+    bool resumes, stays_open;                     /* in the middle of its layer; then layers = 1 */
+    uint32_t chunk[SP_LEVELS], chunks[SP_LEVELS]; /* by level: first, count */
+};
+
+/* What bricks are taken from; their memory may go afterwards. */
+struct gl_cut_source {
+    const struct sp_volume *volume;
+    const struct gl_list *const *lists; /* [SP_LEVELS] */
+    const struct sp_detail *detail;     /* sheets: the bricks, of all levels */
+    unsigned level;                     /* by distance: all of one level's, … */
+    bool is_enlarged;                   /* … drawn so */
+};
+
+/* Layers by distance: layer k of the eye's is [k, k + 1) · thickness away. World units. */
+struct gl_cut_depth {
+    const struct sp_camera_frame *camera;
+    double thickness;
+    double reach;    /* of a kernel before and behind its voxel; single splats: 0 */
+    double farthest; /* all beyond is as far */
+};
+
+struct gl_cut {
+    struct sp_arena kept, pieces; /* of bricks; of batches and chunks */
+    struct gl_item *items;        /* bricks that are not empty, level by level */
+    uint32_t item_count;
+    uint64_t entries; /* of all items */
+    uint32_t layer_count;
+    int64_t nearest;  /* by distance: which layer of the eye's is layer 0 */
+    uint32_t *sheets; /* [sheet_count]: by sheet of the finest level, its place front to back */
+    uint32_t sheet_count;
+    struct gl_batch *batches;
+    uint32_t batch_count;
+    struct gl_chunk *chunks; /* of the batches, one after the other */
+    uint32_t chunk_count;
+    uint64_t sheets_made, chunks_made; /* count up when they are made anew; 0 = never */
+
+    /* What the items were made for: compared, never read. */
+    const struct sp_volume *volume; /* NULL = there are none */
+    uint64_t list_made[SP_LEVELS];
+    struct sp_detail detail;
+    unsigned axis; /* of the sheets; SP_NO_AXIS: by distance */
+    unsigned level;
+    bool is_enlarged;
+
+    /* What the batches were made for. */
+    bool is_cut;              /* for these items' layers */
+    bool is_whole;            /* one batch holds all: layers do not matter */
+    uint32_t layers, records; /* room of a batch */
+};
+
+void gl_cut_init(struct gl_cut *cut);
+void gl_cut_finish(struct gl_cut *cut);
+
+/* The layers of a frame: sheets along `axis`, sheets[count] as in struct gl_cut; or by distance.
+ * SP_ERR_MEMORY. */
+bool gl_cut_sheets(struct gl_cut *cut, const struct gl_cut_source *from, unsigned axis,
+                   const uint32_t *sheets, uint32_t count, struct sp_error *err);
+bool gl_cut_distances(struct gl_cut *cut, const struct gl_cut_source *from,
+                      const struct gl_cut_depth *depth, struct sp_error *err);
+
+/* Then the batches, of at most `layers` layers and `records` records, which is at least
+ * SP_BRICK_VOXELS; may be called again. They are valid until the next frame's layers are made.
+ * SP_ERR_MEMORY. */
+bool gl_cut_make(struct gl_cut *cut, uint32_t layers, uint32_t records, struct sp_error *err);
+
+#endif

@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/upload.h"
+
+#include <stddef.h>
+
+/* Makes room; what is there counts up to *made, unless the buffer had to grow. */
+static bool reserve(struct gl_buffer *buffer, const char *what, uint64_t bytes, uint64_t most,
+                    uint64_t *made, struct sp_error *err) {
+    if (bytes > buffer->bytes)
+        *made = 0;
+    return gl_buffer_reserve(buffer, what, bytes, most, GL_USE_STREAM, err);
+}
+
+static void send(struct gl_upload *upload, const struct gl_buffer *to, uint64_t at,
+                 const void *data, uint64_t bytes) {
+    gl_buffer_update(to, at, data, bytes);
+    upload->bytes += bytes;
+}
+
+bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f, const struct gl_cut *cut,
+                     uint64_t most, struct sp_error *err) {
+    const struct gl_constants *c = &f->constants;
+    uint64_t sheets = cut->sheet_count * sizeof *cut->sheets;
+    if (!reserve(&upload->constants, "constants", sizeof *c + sheets, most, &upload->sheets_made,
+                 err))
+        return false;
+    uint32_t lights = c->choice[2], planes = c->picture[3];
+    send(upload, &upload->constants, 0, c,
+         offsetof(struct gl_constants, lights) + lights * sizeof c->lights[0]);
+    for (unsigned part = 0; f->parts >> part; part++) {
+        if (!(f->parts >> part & 1))
+            continue;
+        send(upload, &upload->constants, offsetof(struct gl_constants, parts[part]),
+             &c->parts[part], sizeof c->parts[part]);
+        if (planes)
+            send(upload, &upload->constants, offsetof(struct gl_constants, planes[part]),
+                 c->planes[part], planes * sizeof c->planes[part][0]);
+    }
+    if (sheets && upload->sheets_made != cut->sheets_made)
+        send(upload, &upload->constants, sizeof *c, cut->sheets, sheets);
+    upload->sheets_made = cut->sheets_made;
+    return true;
+}
+
+bool gl_upload_chunks(struct gl_upload *upload, const struct gl_cut *cut, uint64_t most,
+                      struct sp_error *err) {
+    uint64_t bytes = cut->chunk_count * sizeof *cut->chunks;
+    if (!reserve(&upload->chunks, "bricks", bytes + 1, most, &upload->chunks_made, err))
+        return false;
+    if (bytes && upload->chunks_made != cut->chunks_made)
+        send(upload, &upload->chunks, 0, cut->chunks, bytes);
+    upload->chunks_made = cut->chunks_made;
+    return true;
+}
+
+void gl_upload_finish(struct gl_upload *upload) {
+    gl_buffer_finish(&upload->constants);
+    gl_buffer_finish(&upload->chunks);
+    upload->sheets_made = upload->chunks_made = 0;
+}
