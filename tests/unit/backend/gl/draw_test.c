@@ -287,6 +287,70 @@ static void edits_draw_what_a_fresh_renderer_draws(void **state) {
     test_scene_finish(&scene);
 }
 
+/* At one level, by compositing. */
+static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
+    struct rig *rig = *state;
+    static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_rectilinear_blobs };
+    for (int n = 0; n < 6; n++) {
+        struct test_scene scene;
+        struct sp_volume *volume = make_scene(builds[n / 3], &scene);
+        struct sp_view view = scene.view;
+        view.level_of_detail = SP_LOD_OFF;
+        view.compositing.mode = (enum sp_compositing)(n % 3);
+        if (view.compositing.mode == SP_COMPOSITE_SPLAT)
+            continue; /* several batches here, which depend on the view */
+        struct test_image image = draw_ok(rig, volume, &view, NULL);
+        uint64_t before = rig->state->upload.bytes;
+        for (int r = 0; r < 3; r++)
+            view.camera.position[r] += 0.02 * (r + 1);
+        struct test_image turned = draw_ok(rig, volume, &view, NULL);
+        uint64_t sent = rig->state->upload.bytes - before;
+        print_message("  compositing %d: %lu bytes, %.1f dB\n", n % 3, (unsigned long)sent,
+                      test_image_psnr(&turned, &image));
+        assert_true(sent > 0 && sent < 600);
+        assert_true(test_image_psnr(&turned, &image) < 90);
+        test_image_finish(&turned);
+        test_image_finish(&image);
+        rig->backend->forget(rig->state, volume);
+        sp_volume_unref(&volume);
+        test_scene_finish(&scene);
+    }
+}
+
+/* One renderer goes from view to view, and from volume to volume; another begins with each. */
+static void what_is_kept_from_other_views_makes_no_difference(void **state) {
+    struct rig *rig = *state;
+    static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,
+                                             test_scene_rectilinear_blobs };
+    struct test_scene scenes[3];
+    struct sp_volume *volumes[3];
+    for (int i = 0; i < 3; i++)
+        volumes[i] = make_scene(builds[i], &scenes[i]);
+    srand(3);
+    for (int n = 0; n < 10; n++) {
+        int i = rand() % 3;
+        struct rig fresh;
+        struct sp_view view = scenes[i].view;
+        view.compositing.mode = rand() % 2 ? SP_COMPOSITE_SHEET : SP_COMPOSITE_SLAB;
+        view.level_of_detail = rand() % 2 ? SP_LOD_AUTO : SP_LOD_OFF;
+        if (rand() % 2) /* from behind, the sheets are in another order */
+            for (int r = 0; r < 3; r++)
+                view.camera.position[r] = 2 * view.camera.target[r] - view.camera.position[r];
+        view.size[0] = view.size[1] = 24 + 8 * (unsigned)(rand() % 2);
+        assert_true(open_rig(&fresh, (uint64_t)1 << 30, NULL));
+        struct test_image wanted = draw_ok(&fresh, volumes[i], &view, NULL);
+        struct test_image got = draw_ok(rig, volumes[i], &view, NULL);
+        check_same(&got, &wanted, scenes[i].info.name);
+        test_image_finish(&wanted);
+        close_rig(&fresh);
+    }
+    for (int i = 0; i < 3; i++) {
+        rig->backend->forget(rig->state, volumes[i]);
+        sp_volume_unref(&volumes[i]);
+        test_scene_finish(&scenes[i]);
+    }
+}
+
 static void a_cancelled_frame_leaves_nothing_behind(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
@@ -355,6 +419,8 @@ int main(void) {
         ON(what_has_no_room_at_all_is_refused_with_both_numbers),
         ON(an_edit_uploads_what_it_changes),
         ON(edits_draw_what_a_fresh_renderer_draws),
+        ON(a_change_of_view_uploads_a_few_hundred_bytes),
+        ON(what_is_kept_from_other_views_makes_no_difference),
         ON(a_cancelled_frame_leaves_nothing_behind),
         ON(volumes_share_a_budget_by_least_recent_use),
     };
