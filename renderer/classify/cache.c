@@ -198,7 +198,7 @@ uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
                                  const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (cache->slots[i].c.volume == volume)
+        if (cache->slots[i].c.volume && (!volume || cache->slots[i].c.volume == volume))
             bytes += sp_classification_bytes(&cache->slots[i].c);
     return bytes;
 }

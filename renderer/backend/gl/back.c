@@ -37,11 +37,13 @@ bool gl_fence_wait(void **fence, const atomic_bool *cancel, struct sp_error *err
 }
 
 bool gl_back_reserve(struct gl_back *back, uint64_t bytes, struct sp_error *err) {
-    if (bytes <= back->buffer.bytes)
-        return true;
-    back->mapped = NULL; /* ends with the buffer */
+    bool grows = bytes > back->buffer.bytes;
+    if (grows)
+        back->mapped = NULL; /* ends with the buffer */
     if (!gl_buffer_reserve(&back->buffer, "picture that is read back", bytes, 0, GL_USE_READ, err))
         return false;
+    if (!grows)
+        return true;
     glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
     if (gl_buffer_stays_mapped(GL_USE_READ))
         back->mapped =

@@ -25,6 +25,8 @@ static void allocate(uint64_t bytes, enum gl_usage usage) {
 
 bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t bytes, uint64_t most,
                        enum gl_usage usage, struct sp_error *err) {
+    uint64_t asked = bytes > buffer->asked ? bytes : buffer->asked;
+    buffer->asked = asked;
     if (bytes <= buffer->bytes)
         return true;
     if (most && bytes > most)
@@ -45,6 +47,7 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
                        (unsigned long long)room, what);
     }
     buffer->bytes = room;
+    buffer->asked = asked;
     return true;
 }
 

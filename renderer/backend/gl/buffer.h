@@ -15,6 +15,7 @@
 struct gl_buffer {
     unsigned name; /* in GL; 0 = none */
     uint64_t bytes;
+    uint64_t asked; /* the most that was reserved; whoever looks sets it back */
 };
 
 /* What is done with a buffer; a hint to the driver. */

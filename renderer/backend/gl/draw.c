@@ -7,23 +7,17 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "backend/gl/memory.h"
 #include "base/clock.h"
 #include "splat/cubic.h"
 
 enum {
-    PAIRS_MIN = 1 << 20,
-    PAIRS_MOST = 1 << 25,   /* the longest dispatch of the compositor */
-    RECORDS_MOST = 4000000, /* a pair has 22 bits for one; counts of GL_SCAN_BLOCK bins, a word */
-    BINS_MOST = 1 << 22,
-    TILES_MOST = 1 << 15,
     LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
-    GROUPS_MOST = 65535,   /* along an axis of a dispatch, on any GPU */
+    ROWS_MOST = 1 << 15,
+    GROUPS_MOST = 65535, /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,             /* batches that the GPU may lie behind */
-    LOOPS_MOST = 1 << 19,   /* of a work group: some 10 ms */
-    LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
-                               iteration of a loop in a loop is two */
-    ORDER_ROUNDS = 24       /* for a pair while its bin is put in order */
+    BEHIND = 2,       /* batches that the GPU may lie behind */
+    ORDER_ROUNDS = 24 /* for a pair while its bin is put in order */
 };
 
 struct draw {
@@ -269,11 +263,8 @@ static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     if (!gl_cut_make(&s->cut, layers_of_batch(d), records_of_batch(d), err))
         return false;
-    if (!reserve(d, err)) {
-        s->pairs = PAIRS_MIN; /* the next frame may need no more */
-        return false;
-    }
-    return gl_upload_chunks(&s->upload, &s->cut, s->block_bytes, err);
+    return reserve(d, err) && gl_upload_chunks(&s->upload, &s->cut, s->block_bytes, err) &&
+           gl_memory_fit(s, err);
 }
 
 static bool draw_batches(struct draw *d, struct sp_error *err) {
@@ -348,7 +339,7 @@ static void grow(struct gl_state *s, const struct gl_slot *slot, const struct gl
         return;
     s->layers = s->layers < LAYERS_MOST / 2 ? 2 * s->layers : LAYERS_MOST;
     s->records = s->records < s->limits.records / 2 ? 2 * s->records : s->limits.records;
-    s->rows = s->rows < TILES_MOST / 2 ? 2 * s->rows : TILES_MOST;
+    s->rows = s->rows < ROWS_MOST / 2 ? 2 * s->rows : ROWS_MOST;
 }
 
 /* Rows of the band that begins at d->y, and the batches that it is drawn in. */
@@ -408,6 +399,7 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     gl_timer_read(&slot->timer, slot->stage_ms);
     bool fits = head.needed <= slot->pieces.pairs && head.longest <= slot->pieces.tile_pairs;
     slot->y = slot->end = fits ? slot->end : slot->y;
+    s->needed = head.needed > s->needed ? head.needed : s->needed;
     if (!fits)
         return make_room(s, slot, &head, err);
     grow(s, slot, &head);
@@ -469,12 +461,24 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
     return ok;
 }
 
-static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
-                 bool may_wait, struct sp_error *err) {
+static bool try_draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
+                     bool may_wait, struct sp_error *err) {
     struct draw d = { .state = s, .job = job, .slot = slot };
     bool ok = plan_frame(&d, err) && hand_over(&d, may_wait, err);
     drop_fences(&d);
     return ok;
+}
+
+/* What has no room is tried once more without what earlier frames left. */
+static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
+                 bool may_wait, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    if (try_draw(s, slot, job, may_wait, &why))
+        return true;
+    bool has_no_room = why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET;
+    if (has_no_room && gl_memory_release(s))
+        return try_draw(s, slot, job, may_wait, err);
+    return sp_fail(err, why.code, why.place, "%s", why.text);
 }
 
 bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct sp_error *err) {
@@ -483,6 +487,7 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
     slot->y = slot->end = 0;
     slot->splats = slot->fragments = 0;
     memset(slot->stage_ms, 0, sizeof slot->stage_ms);
+    gl_memory_begin(s);
     bool ok = draw(s, slot, job, s->begun == 0, err);
     s->begun += ok;
     return ok;
@@ -521,17 +526,11 @@ static bool write_cubic(struct gl_state *s, struct sp_error *err) {
 
 bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
-    uint64_t words = s->block_bytes ? s->block_bytes / sizeof(uint32_t) : PAIRS_MOST;
-    s->limits = (struct gl_limits){ .records = RECORDS_MOST,
-                                    .bins = BINS_MOST,
-                                    .tiles = TILES_MOST,
-                                    .pairs = words < PAIRS_MOST ? words : PAIRS_MOST,
-                                    .loops = gl_context_info(s->context)->software ? LOOPS_SOFTWARE
-                                                                                   : LOOPS_MOST };
+    gl_memory_limit(s);
     s->records = s->limits.records;
-    s->pairs = PAIRS_MIN;
+    s->pairs = s->limits.pairs < GL_PAIRS_MIN ? s->limits.pairs : GL_PAIRS_MIN;
     s->layers = LAYERS_MOST;
-    s->rows = TILES_MOST;
+    s->rows = ROWS_MOST;
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         gl_timer_init(&s->slots[i].timer);
     s->project = gl_program_open("frame bins records shade 10_project", "", err);

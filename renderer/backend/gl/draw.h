@@ -57,7 +57,10 @@ struct gl_pieces {
     uint32_t tile_pairs;      /* … and for those of a tile in it */
 };
 
-enum { GL_IN_FLIGHT = 2 }; /* frames that may be begun and not ended */
+enum {
+    GL_IN_FLIGHT = 2,      /* frames that may be begun and not ended */
+    GL_PAIRS_MIN = 1 << 20 /* that there is room for in the beginning */
+};
 
 /* A frame that was begun: the bands above row y are in its picture, and the GPU draws the rows
  * [y, end), unless end is y: then nothing was handed over yet. All that it has for itself is where
@@ -71,10 +74,12 @@ struct gl_slot {
     double stage_ms[GL_STAGES];
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
     unsigned coarse;
+    uint64_t frames; /* that it was used for */
 };
 
 struct gl_state {
     struct gl_options options;  /* of the context */
+    uint64_t video_bytes;       /* as in sp_backend_options */
     struct gl_context *context; /* NULL = was lost; the next frame makes another */
     struct sp_pool *pool;       /* classifies, and fills what is uploaded */
     struct sp_arena arena;
@@ -95,7 +100,8 @@ struct gl_state {
         struct gl_buffer records, spans, image, cubic, pixels;
     } buffers;
     struct gl_limits limits;
-    uint64_t pairs; /* room for them */
+    uint64_t pairs;  /* room for them */
+    uint64_t needed; /* the most that a batch had; memory.c sets it back */
     /* Most records and layers of a batch, and rows of tiles of a band: fewer after one was too
      * much. */
     uint32_t records, layers, rows;
@@ -112,6 +118,9 @@ bool gl_draw_begin(struct gl_state *state, const struct sp_backend_job *job, str
 /* Waits for the oldest frame that was begun, with the same job, and fills its pixels and stats. It
  * is no longer begun then, whatever comes of it. What it had no room for is drawn again here. */
 bool gl_draw_end(struct gl_state *state, const struct sp_backend_job *job, struct sp_error *err);
+
+/* Bytes of video memory beside those of lists. */
+uint64_t gl_draw_bytes(const struct gl_state *state);
 
 /* Leaves all frames that were begun. The context must be current. */
 void gl_draw_drop(struct gl_state *state);

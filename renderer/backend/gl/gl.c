@@ -35,6 +35,9 @@ static bool start(struct gl_state *state, struct sp_error *err) {
     state->context = gl_context_create(&state->options, err);
     if (!state->context || !gl_context_bind(state->context, err))
         return false;
+    const struct sp_backend_options budget = { .video_bytes = state->video_bytes,
+                                               .memory_bytes = state->cache.limit_bytes };
+    state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), &budget);
     gl_draw_finish(state);
     bool ok = gl_draw_init(state, err);
     gl_context_unbind(state->context);
@@ -52,13 +55,13 @@ static void *create(const struct sp_backend_options *options, bool software, str
     sp_arena_init(&state->arena);
     gl_cut_init(&state->cut);
     state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
+    state->video_bytes = options->video_bytes;
     state->cache.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
     if (!state->pool || !start(state, err)) {
         gl_destroy(state);
         return NULL;
     }
-    state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), options);
     return state;
 }
 
@@ -136,8 +139,12 @@ static void gl_forget(void *pointer, const struct sp_volume *volume) {
 
 static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     const struct gl_state *state = pointer;
-    uint64_t lists = state->context ? gl_lists_bytes(&state->lists, volume) : 0;
-    return sp_classify_cache_bytes(&state->cache, volume) + lists;
+    uint64_t bytes = sp_classify_cache_bytes(&state->cache, volume);
+    if (state->context)
+        bytes += gl_lists_bytes(&state->lists, volume);
+    if (state->context && !volume)
+        bytes += gl_draw_bytes(state);
+    return bytes;
 }
 
 /* All that the CPU does. */

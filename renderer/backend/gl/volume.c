@@ -210,6 +210,7 @@ static struct gl_voxels *oldest_voxels(struct gl_lists *lists) {
 /* Makes room for `more` bytes by dropping what was not used for the longest time, but nothing of
  * this frame. */
 static bool trim(struct gl_lists *lists, const char *what, uint64_t more, struct sp_error *err) {
+    more += lists->beside_bytes;
     if (more > lists->limit_bytes)
         return fail_budget(lists, what, more, err);
     while (gl_lists_bytes(lists, NULL) + more > lists->limit_bytes) {
@@ -223,6 +224,10 @@ static bool trim(struct gl_lists *lists, const char *what, uint64_t more, struct
             gl_voxels_drop(voxels);
     }
     return true;
+}
+
+bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err) {
+    return trim(lists, "the visible voxels and what the picture is drawn in take", 0, err);
 }
 
 bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, const atomic_bool *cancel,

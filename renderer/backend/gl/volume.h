@@ -46,10 +46,11 @@ struct gl_lists {
     struct gl_voxels voxels[GL_VOLUMES];
     struct gl_classify classify;
     uint64_t clock;
-    uint64_t frame;       /* the clock when this frame began: what was used since stays */
-    uint64_t limit_bytes; /* beyond this the least recently used go */
-    uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
-    uint64_t uploaded;    /* bytes, since the beginning */
+    uint64_t frame;        /* the clock when this frame began: what was used since stays */
+    uint64_t limit_bytes;  /* beyond this the least recently used go … */
+    uint64_t beside_bytes; /* … with what else counts in it */
+    uint64_t block_bytes;  /* the most that a shader sees of one buffer; 0 = not known */
+    uint64_t uploaded;     /* bytes, since the beginning */
 };
 
 /* What a list is made of. */
@@ -103,6 +104,9 @@ void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why);
  * *err set: SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct gl_list_source *source,
                                    struct sp_error *err);
+
+/* What is not of this frame makes room for beside_bytes. SP_ERR_BUDGET. */
+bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err);
 
 /* Drops what is there of the volume; NULL = of any. */
 void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume);

@@ -38,8 +38,9 @@ struct sp_renderer_options {
      * first, and a view that needs more than all of it is refused (SP_ERR_BUDGET). 0 = half of the
      * machine's memory. */
     uint64_t memory_bytes;
-    /* The same of a GPU's own memory, for what is uploaded of volumes. 0 = three eighths of it, so
-     * that two renderers leave a quarter for pictures and other programs; memory_bytes where the
+    /* The same of a GPU's own memory, for all that is kept there: what is derived from volumes, and
+     * what pictures are drawn in, which takes at most about half. 0 = three eighths of it, so
+     * that two renderers leave a quarter for other programs; memory_bytes where the
      * GPU does not tell. */
     uint64_t video_bytes;
 };
@@ -157,7 +158,8 @@ bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_vi
  * are begun, which may derive it anew: finish them first. */
 void sp_renderer_forget(struct sp_renderer *renderer, const struct sp_volume *volume);
 
-/* Bytes of derived data kept for the volume (gradients, lists). */
+/* Bytes of derived data kept for the volume (gradients, lists); NULL = for all, with what a GPU has
+ * beside it to draw pictures in. */
 uint64_t sp_renderer_memory(const struct sp_renderer *renderer, const struct sp_volume *volume);
 
 #endif

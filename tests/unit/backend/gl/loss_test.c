@@ -99,23 +99,32 @@ struct scene {
     struct sp_error err;
 };
 
+static void make_view(const struct scene *scene, int i, struct sp_view *view) {
+    sp_view_init(view, sp_volume_info(scene->volumes[i]), "v");
+    view->size[0] = view->size[1] = SIZE;
+    view->shading.mode = SP_SHADING_PHONG;
+}
+
+static void copy_pixels(const struct sp_frame *frame, unsigned char pixels[SIZE][SIZE][4]) {
+    for (int y = 0; y < SIZE; y++)
+        memcpy(pixels[y], (char *)frame->pixels + frame->stride_bytes * y, 4 * SIZE);
+}
+
 /* Draws volume i; false with scene->err set. */
 static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[SIZE][SIZE][4]) {
     struct sp_view view;
-    sp_view_init(&view, sp_volume_info(scene->volumes[i]), "v");
-    view.size[0] = view.size[1] = SIZE;
-    view.shading.mode = SP_SHADING_PHONG;
+    make_view(scene, i, &view);
     if (is_slab) { /* programs and tables of its own */
         view.compositing.mode = SP_COMPOSITE_SLAB;
         view.transfer_function.order = SP_TF_POST;
     }
     struct sp_frame *frame = sp_renderer_render(scene->renderer, scene->volumes[i], &view,
                                                 scene->pool, NULL, &scene->err);
-    for (int y = 0; frame && y < SIZE; y++)
-        memcpy(pixels[y], (char *)frame->pixels + frame->stride_bytes * y, 4 * SIZE);
-    bool ok = frame != NULL;
+    if (!frame)
+        return false;
+    copy_pixels(frame, pixels);
     sp_frame_unref(&frame);
-    return ok;
+    return true;
 }
 
 static void check_pictures(struct scene *scene) {
@@ -153,6 +162,36 @@ static void a_reset_costs_no_frame(void **state) {
         assert_int_equal(contexts_made, i + 1);
         assert_non_null(strstr(last_warning, "backend gl-software fails: the driver has reset "));
         assert_non_null(strstr(last_warning, resets[i].words));
+    }
+}
+
+/* With two frames begun: the one that finds the context lost takes the other along, and both are
+ * drawn again. */
+static void a_reset_costs_none_of_those_in_flight(void **state) {
+    struct scene *scene = *state;
+    for (unsigned i = 0; i < 4; i++) {
+        struct sp_view view;
+        unsigned char got[SIZE][SIZE][4];
+        for (int v = 0; v < 2; v++) {
+            plan.resets = i == 2u + (unsigned)v; /* found as a frame is begun … */
+            make_view(scene, v, &view);
+            assert_true(sp_renderer_begin(scene->renderer, scene->volumes[v], &view, scene->pool,
+                                          NULL, &scene->err));
+            assert_int_equal(plan.resets, 0);
+        }
+        plan.resets = i < 2; /* … or by the first to finish */
+        for (int v = 0; v < 2; v++) {
+            struct sp_frame *frame = sp_renderer_finish(scene->renderer, &scene->err);
+            assert_non_null(frame);
+            copy_pixels(frame, got);
+            assert_memory_equal(got, scene->wanted[v], sizeof got);
+            sp_frame_unref(&frame);
+            plan.resets = i == 1 && v == 0; /* and again by the second */
+        }
+        assert_int_equal(plan.resets, 0);
+        assert_int_equal(warnings, i == 1 ? 2 : 1);
+        assert_int_equal(contexts_made, i == 1 ? 2 : 1);
+        warnings = contexts_made = 0;
     }
 }
 
@@ -238,6 +277,7 @@ int main(void) {
     { #name, name, begin, NULL, &scene }
     const struct CMUnitTest tests[] = {
         TEST(a_reset_costs_no_frame),
+        TEST(a_reset_costs_none_of_those_in_flight),
         TEST(what_slabs_need_is_made_again),
         TEST(a_context_that_cannot_be_bound_is_replaced),
         TEST(a_gpu_that_is_reset_again_and_again_is_given_up),

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/memory.h"
+
+enum {
+    PAIRS_MOST = 1 << 25,   /* the longest dispatch of the compositor */
+    RECORDS_MOST = 4000000, /* a pair has 22 bits for one; counts of GL_SCAN_BLOCK bins, a word */
+    BINS_MOST = 1 << 22,
+    TILES_MOST = 1 << 15,
+    LOOPS_MOST = 1 << 19,   /* of a work group: some 10 ms */
+    LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
+                               iteration of a loop in a loop is two */
+    PARTS = 8,              /* of the budget: four kinds of scratch take one each */
+    RECORD_BYTES = 40,
+    PIXEL_BYTES = 48 + 16 + 2 * 16, /* image, pixels and two ways back */
+    LOOKS = 256,                    /* frames between two looks at what scratch was needed for */
+    LARGER = 4                      /* times what was needed: too large */
+};
+
+static uint64_t least(uint64_t a, uint64_t b) {
+    return a < b ? a : b;
+}
+
+void gl_memory_limit(struct gl_state *s) {
+    uint64_t part = s->lists.limit_bytes / PARTS;
+    uint64_t block = s->block_bytes ? s->block_bytes : UINT64_MAX;
+    uint64_t words = least(part, block) / sizeof(uint32_t);
+    s->limits = (struct gl_limits){
+        .records = (uint32_t)least(RECORDS_MOST, part / RECORD_BYTES),
+        .bins = (uint32_t)least(BINS_MOST, words),
+        .tiles = (uint32_t)least(TILES_MOST, part / (PIXEL_BYTES * GL_TILE * GL_TILE)),
+        .pairs = least(PAIRS_MOST, words),
+        .loops = gl_context_info(s->context)->software ? LOOPS_SOFTWARE : LOOPS_MOST
+    };
+    if (s->limits.records < SP_BRICK_VOXELS)
+        s->limits.records = SP_BRICK_VOXELS;
+}
+
+static uint64_t of_slots(const struct gl_state *s) {
+    uint64_t bytes = 0;
+    for (int i = 0; i < GL_IN_FLIGHT; i++)
+        bytes += s->slots[i].back.buffer.bytes;
+    return bytes;
+}
+
+uint64_t gl_draw_bytes(const struct gl_state *s) {
+    const struct gl_buffer *buffers = (const struct gl_buffer *)&s->buffers;
+    uint64_t bytes = 0;
+    for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
+        bytes += buffers[i].bytes;
+    return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
+           s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
+           s->lists.classify.listed.bytes + s->lists.classify.counts.bytes + of_slots(s);
+}
+
+/* What frames are drawn in; ends with NULL. */
+struct scratch {
+    struct gl_buffer *buffers[8];
+};
+
+static struct scratch scratch_of(struct gl_state *s) {
+    return (struct scratch){ { &s->buffers.records, &s->buffers.spans, &s->buffers.image,
+                               &s->buffers.pixels, &s->bins.counts, &s->bins.totals, &s->bins.pairs,
+                               NULL } };
+}
+
+bool gl_memory_release(struct gl_state *s) {
+    const struct scratch scratch = scratch_of(s);
+    bool had = false;
+    for (int i = 0; scratch.buffers[i]; i++) {
+        had = had || scratch.buffers[i]->name;
+        gl_buffer_finish(scratch.buffers[i]);
+    }
+    s->pairs = least(GL_PAIRS_MIN, s->limits.pairs);
+    s->lists.beside_bytes = gl_draw_bytes(s);
+    return had;
+}
+
+static bool is_too_large(struct gl_buffer *buffer) {
+    bool is = buffer->bytes / LARGER > buffer->asked;
+    buffer->asked = 0;
+    return is;
+}
+
+void gl_memory_begin(struct gl_state *s) {
+    struct gl_slot *slot = &s->slots[(s->oldest + s->begun) % GL_IN_FLIGHT];
+    const struct scratch scratch = scratch_of(s);
+    if (++slot->frames % LOOKS == 0 && is_too_large(&slot->back.buffer))
+        gl_back_finish(&slot->back);
+    if (slot == &s->slots[0] && slot->frames % LOOKS == 0) {
+        if (s->pairs / LARGER > s->needed)
+            s->pairs = s->needed > GL_PAIRS_MIN ? s->needed : GL_PAIRS_MIN;
+        s->needed = 0;
+        for (int i = 0; scratch.buffers[i]; i++)
+            if (is_too_large(scratch.buffers[i]))
+                gl_buffer_finish(scratch.buffers[i]);
+    }
+    s->lists.beside_bytes = gl_draw_bytes(s);
+}
+
+bool gl_memory_fit(struct gl_state *s, struct sp_error *err) {
+    s->lists.beside_bytes = gl_draw_bytes(s);
+    return gl_lists_trim(&s->lists, err);
+}
