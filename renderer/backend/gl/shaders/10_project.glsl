@@ -53,6 +53,7 @@ struct Outline {
     float gain;  // depth of a class → τ
     float area;  // px inside the cutoff
     ivec4 box;   // x0, y0, x1, y1, half open
+    bool begins; // in this band, not above it
 };
 
 // What a record adds.
@@ -106,6 +107,11 @@ ivec2 cover_flat(float x, float reach, int low, int high) {
                  ceil(clamp(x + reach - 0.5, float(low), float(high))));
 }
 
+// Whether the first row of what reaches so far up is of this band.
+bool begins_here(float y, float reach) {
+    return tiles.y == 0u || y - reach - 0.5 > float(tiles.y) - 1.0;
+}
+
 void outline_flat(vec3 v, inout Outline o) {
     vec2 r = max(parts[part].bounds.y * sqrt(v.xz), vec2(0.5));
     o.area = 4.0 * r.x * r.y;
@@ -113,6 +119,7 @@ void outline_flat(vec3 v, inout Outline o) {
     ivec2 x = cover_flat(o.at.x, r.x, 0, int(picture.x));
     ivec2 y = cover_flat(o.at.y, r.y, int(tiles.y), int(tiles.z));
     o.box = ivec4(x.x, y.x, x.y, y.y);
+    o.begins = begins_here(o.at.y, r.y);
     o.conic = uintBitsToFloat(uvec3(o.box.x | o.box.z << 16, o.box.y | o.box.w << 16, 0u));
 }
 
@@ -125,6 +132,7 @@ void outline_ellipse(vec3 v, float det, inout Outline o) {
     ivec2 x = cover(o.at.x, r.x, 0, int(picture.x));
     ivec2 y = cover(o.at.y, r.y, int(tiles.y), int(tiles.z));
     o.box = ivec4(x.x, y.x, x.y, y.y);
+    o.begins = begins_here(o.at.y, r.y);
 }
 
 // Geometry of the kernel at p.u. False: nothing of it is in sight.
@@ -325,12 +333,16 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 last = uvec2(tiles.x, (tiles.z - tiles.y + TILE - 1u) / TILE) - 1u;
     uvec2 first = min(uvec2(o.box.x, o.box.y - int(tiles.y)) / TILE, last);
     last = min(uvec2(o.box.z - 1, o.box.w - 1 - int(tiles.y)) / TILE, last);
+    return pack_span(first, last, range);
+}
+
+// Of the batch that has the first of its layers: its pixels in this band, and the splat where it begins.
+void count_splat(Outline o) {
     vec2 size = vec2(o.box.zw - o.box.xy);
     uint px = uint(min(size.x * size.y, o.area)), lane = gl_LocalInvocationIndex % LANES;
-    atomicAdd(sums[SPLATS][lane], 1u);
+    atomicAdd(sums[SPLATS][lane], o.begins ? 1u : 0u);
     atomicAdd(sums[PX_LOW][lane], px & 0xffffu);
     atomicAdd(sums[PX_HIGH][lane], px >> 16);
-    return pack_span(first, last, range);
 }
 
 // What an entry adds at the centre of its footprint, `gain` times the depth of its class. False: nothing.
@@ -362,8 +374,13 @@ uvec2 set_up(uint entry, uint at) {
         !measure(entry, word, p.u, o.gain * parts[part].bounds.x * volume, a) ||
         !find_layers(p, word, at, a.value, range))
         return NOWHERE;
+    bool is_first = batch.y == 0u || range.x >= int(batch.y);
     range = ivec2(max(range.x - int(batch.y), 0), min(range.y - int(batch.y), int(tiles.w) - 1));
-    return range.x <= range.y ? write_splat(at, o, a, uvec2(range)) : NOWHERE;
+    if (range.x > range.y)
+        return NOWHERE;
+    if (is_first)
+        count_splat(o);
+    return write_splat(at, o, a, uvec2(range));
 }
 
 uint pairs_of(Span span) {
