@@ -22,6 +22,8 @@ struct gl_bins_head {
     uint32_t needed;           /* pairs of the batch that had most; UINT32_MAX: that many or more */
     uint32_t total;            /* pairs of the last batch */
     uint32_t longest;          /* pairs of the tile that had most in a batch */
+    uint32_t planned;          /* used in between */
+    uint32_t crowded;          /* pairs of the longest bin that was not put in order */
 };
 
 struct gl_bins {
@@ -68,7 +70,7 @@ void gl_bins_set_space(const struct gl_bins_space *space);
 void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
                   const struct gl_buffer *spans, uint32_t records, uint32_t pairs);
 
-/* Then puts the records of each bin in rising order. */
+/* Then puts the records of each bin in rising order, but for bins of more than `longest`. */
 void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs,
                    uint32_t longest);
 

@@ -3,20 +3,18 @@
 
 #include <assert.h>
 #include <epoxy/gl.h>
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "backend/gl/memory.h"
 #include "base/clock.h"
+#include "sp/log.h"
 #include "splat/cubic.h"
 
 enum {
-    LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
-    ROWS_MOST = 1 << 15,
     GROUPS_MOST = 65535, /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,       /* batches that the GPU may lie behind */
+    BEHIND = 2,       /* batches, or turns, that the GPU may lie behind */
     ORDER_ROUNDS = 24 /* for a pair while its bin is put in order */
 };
 
@@ -58,8 +56,8 @@ static void storage_barrier(void) {
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
 
-/* Marks the end of a batch, and waits for the one before the last: a cancelled frame leaves little
- * behind. */
+/* Marks the end of a batch or a turn, and waits for the one before the last: a cancelled frame
+ * leaves little behind. */
 static bool follow(struct draw *d, struct sp_error *err) {
     void **last = &d->sent[d->sent_count++ % BEHIND];
     if (!gl_fence_wait(last, d->job->cancel, err))
@@ -85,26 +83,28 @@ static void use(const struct draw *d, unsigned program, const struct gl_batch *b
 
 /* Tiles of a band: a splat may touch them all, in as many layers as it lies in. */
 static uint32_t tiles_of_band(const struct draw *d) {
-    const struct gl_limits *limits = &d->state->limits;
+    const struct gl_limits *limits = &d->state->room.limits;
     uint32_t most = limits->loops / (d->frame.spanned + 2);
     return most < limits->tiles ? most : limits->tiles;
 }
 
-/* Pairs that a tile may have in a batch. */
-static uint32_t pairs_of_tile(const struct draw *d) {
-    const struct gl_frame *f = &d->frame;
-    uint32_t rounds = 1 + gl_frame_ewa(f)->clip.count;
-    if (f->is_post) /* closing a layer looks for a value and a magnitude */
+/* Pairs of a tile that one turn of the compositor takes. */
+static uint32_t pairs_of_turn(const struct draw *d) {
+    uint32_t rounds = 1 + gl_frame_ewa(&d->frame)->clip.count;
+    if (d->frame.is_post) /* closing a layer looks for a value and a magnitude */
         rounds += 9 + d->job->view->transfer_function.gradient_count;
-    if (f->compositing == SP_COMPOSITE_SPLAT)
-        rounds += ORDER_ROUNDS;
-    return d->state->limits.loops / rounds;
+    return d->state->room.limits.loops / rounds;
+}
+
+/* Pairs of a bin that is put in order. */
+static uint32_t pairs_of_bin(const struct draw *d) {
+    return d->state->room.limits.loops / ORDER_ROUNDS;
 }
 
 static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     use(d, s->project, batch);
-    glUniform1ui(4, (GLuint)s->pairs);
+    glUniform1ui(4, (GLuint)s->room.pairs);
     gl_buffer_bind(&s->upload.constants, 0);
     gl_buffer_bind(&s->upload.chunks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
@@ -133,40 +133,52 @@ static void project(struct draw *d, const struct gl_batch *batch) {
 static void bin(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     const struct gl_bins_space space = space_of(d, batch);
-    gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->pairs);
+    gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->room.pairs);
     if (d->frame.compositing == SP_COMPOSITE_SPLAT)
-        gl_bins_order(&s->bins, &space, (uint32_t)s->pairs, pairs_of_tile(d));
+        gl_bins_order(&s->bins, &space, (uint32_t)s->room.pairs, pairs_of_bin(d));
     gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
 }
 
-/* The compositor that the view needs; 0 with *err set. */
-static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
-                                const struct sp_view *view, struct sp_error *err) {
-    bool is_flat = view->filter.mode == SP_FILTER_NONE;
-    bool is_cubic = view->filter.kernel == SP_KERNEL_CUBIC;
-    bool is_clipped = gl_frame_ewa(f)->clip.count > 0;
-    bool is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
+/* What a compositor is compiled for. */
+struct choices {
+    enum sp_compositing mode;
+    bool is_flat, is_cubic, is_clipped, is_linear, is_post;
+};
+
+/* The program, compiled when it is first asked for; 0 with *err set. */
+static unsigned open_compositor(struct gl_state *s, const struct choices *c, struct sp_error *err) {
     unsigned *program =
-        &s->composite[f->compositing][is_flat][is_cubic][is_clipped][is_linear][f->is_post];
+        &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped][c->is_linear][c->is_post];
     char defines[160];
     snprintf(defines, sizeof defines,
              "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"
              "#define LINEAR %d\n#define POST %d\n",
-             (int)f->compositing, is_flat, is_cubic, is_clipped, is_linear, f->is_post);
+             (int)c->mode, c->is_flat, c->is_cubic, c->is_clipped, c->is_linear, c->is_post);
     if (!*program)
         *program =
-            gl_program_open(f->is_post ? "frame bins records footprint shade post 30_composite"
+            gl_program_open(c->is_post ? "frame bins records footprint shade post 30_composite"
                                        : "bins records footprint 30_composite",
                             defines, err);
     return *program;
 }
 
-static void composite(struct draw *d, const struct gl_batch *batch) {
+static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
+                                const struct sp_view *view, struct sp_error *err) {
+    const struct choices choices = { .mode = f->compositing,
+                                     .is_flat = view->filter.mode == SP_FILTER_NONE,
+                                     .is_cubic = view->filter.kernel == SP_KERNEL_CUBIC,
+                                     .is_clipped = gl_frame_ewa(f)->clip.count > 0,
+                                     .is_linear =
+                                         view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+                                     .is_post = f->is_post };
+    return open_compositor(s, &choices, err);
+}
+
+static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_error *err) {
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
     use(d, d->compositor, batch);
-    glUniform3ui(1, d->job->frame->width, (GLuint)s->pairs, pairs_of_tile(d));
-    glUniform2ui(2, batch->resumes, batch->stays_open);
+    glUniform3ui(1, d->job->frame->width, (GLuint)s->room.pairs, pairs_of_turn(d));
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
@@ -178,9 +190,15 @@ static void composite(struct draw *d, const struct gl_batch *batch) {
     gl_buffer_bind(f->is_post ? &s->curve.buffer : &s->buffers.image, 5);
     gl_buffer_bind(&s->buffers.cubic, 6);
     gl_buffer_bind(&s->bins.counts, 7);
-    glDispatchCompute(d->columns, tile_rows(d), 1);
-    storage_barrier();
+    for (uint32_t turn = 0; turn < s->room.turns; turn++) {
+        glUniform4ui(2, batch->resumes, batch->stays_open, turn, s->room.turns);
+        glDispatchCompute(d->columns, tile_rows(d), 1);
+        storage_barrier();
+        if (!follow(d, err))
+            return false;
+    }
     gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
+    return true;
 }
 
 static void resolve(struct draw *d) {
@@ -234,28 +252,28 @@ static bool reserve(struct draw *d, struct sp_error *err) {
     } wanted[] = {
         { &s->buffers.records, "splats", records * 16 * d->frame.stride, GL_USE_SCRATCH },
         { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
-        { &s->buffers.image, "pixels", pixels * 48, GL_USE_SCRATCH },
+        { &s->buffers.image, "pixels", pixels * GL_PIXEL_BYTES, GL_USE_SCRATCH },
         { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d->job->frame), GL_USE_SCRATCH },
     };
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         if (!gl_buffer_reserve(wanted[i].buffer, wanted[i].what, wanted[i].bytes, most,
                                wanted[i].usage, err))
             return false;
-    return gl_bins_reserve(&s->bins, bins, s->pairs, most, err) &&
+    return gl_bins_reserve(&s->bins, bins, s->room.pairs, most, err) &&
            gl_back_reserve(&d->slot->back, HEAD_BYTES + pixels * pixel_bytes(d->job->frame), err);
 }
 
 /* Layers of a batch: as many as the bins have room for. */
 static uint32_t layers_of_batch(const struct draw *d) {
-    uint32_t room = d->state->limits.bins / band_tiles(d);
+    uint32_t room = d->state->room.limits.bins / band_tiles(d);
     room = room < 1 ? 1 : room;
-    return room < d->state->layers ? room : d->state->layers;
+    return room < d->state->room.layers ? room : d->state->room.layers;
 }
 
 static uint32_t records_of_batch(const struct draw *d) {
     const struct gl_state *s = d->state;
     uint64_t room = s->block_bytes / (16 * d->frame.stride);
-    return s->block_bytes && room < s->records ? (uint32_t)room : s->records;
+    return s->block_bytes && room < s->room.records ? (uint32_t)room : s->room.records;
 }
 
 /* Cuts the frame for the band. */
@@ -276,17 +294,10 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
         gl_bins_clear(&d->state->bins, &space);
         project(d, batch);
         bin(d, batch);
-        composite(d, batch);
-        if (!follow(d, err))
+        if (!composite(d, batch, err))
             return false;
     }
     return true;
-}
-
-/* What has to shrink by this factor, < 1, so that something fits. */
-static uint32_t shrink(uint32_t size, double factor) {
-    uint32_t less = (uint32_t)(0.9 * factor * size);
-    return less > 1 ? less : 1;
 }
 
 /* The most layers that a batch has. */
@@ -297,65 +308,22 @@ static uint32_t most_layers(const struct gl_cut *cut) {
     return most;
 }
 
-static bool fail_room(const struct gl_state *s, const struct gl_slot *slot,
-                      const struct gl_bins_head *head, struct sp_error *err) {
-    uint64_t most = s->limits.pairs;
-    if (head->needed > most)
-        return sp_fail(err, SP_ERR_BUDGET, "",
-                       "a row of tiles has %lu pairs of splats and tiles in one slice, and there "
-                       "is room for %llu: use a smaller kernel or picture",
-                       (unsigned long)head->needed, (unsigned long long)most);
-    return sp_fail(err, SP_ERR_BUDGET, "",
-                   "%lu splats of one slice lie over the same %d px, and the GPU is given %lu at "
-                   "a time: use a larger picture, or let the level of detail be chosen",
-                   (unsigned long)head->longest, (int)GL_TILE,
-                   (unsigned long)slot->pieces.tile_pairs);
-}
-
-/* After a batch was too much: more room for pairs, or else fewer layers at a time, fewer records,
- * or a smaller band than it was drawn in. */
-static bool make_room(struct gl_state *s, const struct gl_slot *slot,
-                      const struct gl_bins_head *head, struct sp_error *err) {
-    const struct gl_pieces *was = &slot->pieces;
-    uint64_t most = s->limits.pairs, more = (uint64_t)head->needed + head->needed / 4;
-    double factor = fmin((double)most / fmax(head->needed, 1),
-                         (double)was->tile_pairs / fmax(head->longest, 1));
-    if (head->needed > was->pairs && head->needed <= most)
-        s->pairs = more > most ? most : more > s->pairs ? more : s->pairs;
-    else if (was->layers > 1)
-        s->layers = shrink(was->layers, factor);
-    else if (was->records > SP_BRICK_VOXELS)
-        s->records = fmax(SP_BRICK_VOXELS, shrink(was->records, factor));
-    else if (was->rows > 1)
-        s->rows = shrink(was->rows, factor);
-    else
-        return fail_room(s, slot, head, err);
-    return true;
-}
-
-/* After a band that left most of the room empty: larger pieces again. */
-static void grow(struct gl_state *s, const struct gl_slot *slot, const struct gl_bins_head *head) {
-    if (head->needed > s->limits.pairs / 4 || head->longest > slot->pieces.tile_pairs / 4)
-        return;
-    s->layers = s->layers < LAYERS_MOST / 2 ? 2 * s->layers : LAYERS_MOST;
-    s->records = s->records < s->limits.records / 2 ? 2 * s->records : s->limits.records;
-    s->rows = s->rows < ROWS_MOST / 2 ? 2 * s->rows : ROWS_MOST;
-}
-
 /* Rows of the band that begins at d->y, and the batches that it is drawn in. */
 static bool plan_band(struct draw *d, struct sp_error *err) {
     const struct gl_state *s = d->state;
     uint32_t left = d->job->frame->height - d->y;
     uint32_t rows = tiles_of_band(d) / d->columns;
-    rows = rows < 1 ? 1 : rows < s->rows ? rows : s->rows;
+    rows = rows < 1 ? 1 : rows < s->room.rows ? rows : s->room.rows;
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
     if (!cut(d, err))
         return false;
     d->slot->pieces = (struct gl_pieces){ .layers = most_layers(&d->state->cut),
                                           .records = records_of_batch(d),
                                           .rows = tile_rows(d),
-                                          .pairs = s->pairs,
-                                          .tile_pairs = pairs_of_tile(d) };
+                                          .pairs = s->room.pairs,
+                                          .turn_pairs = pairs_of_turn(d),
+                                          .turns = s->room.turns,
+                                          .bin_pairs = pairs_of_bin(d) };
     return true;
 }
 
@@ -397,12 +365,12 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
         return false;
     slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
     gl_timer_read(&slot->timer, slot->stage_ms);
-    bool fits = head.needed <= slot->pieces.pairs && head.longest <= slot->pieces.tile_pairs;
+    bool fits = gl_room_is_enough(&slot->pieces, &head);
     slot->y = slot->end = fits ? slot->end : slot->y;
     s->needed = head.needed > s->needed ? head.needed : s->needed;
     if (!fits)
-        return make_room(s, slot, &head, err);
-    grow(s, slot, &head);
+        return gl_room_make(&s->room, &slot->pieces, &head, err);
+    gl_room_grow(&s->room, &slot->pieces, &head);
     slot->splats += head.splats;
     slot->fragments += (uint64_t)head.carry << 32 | head.fragments;
     return true;
@@ -454,7 +422,8 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
         d->y = slot->y;
         if (!plan_band(d, err))
             return false;
-        if (!may_wait && (d->end < height || d->state->cut.batch_count > BEHIND))
+        if (!may_wait && (d->end < height ||
+                          (uint64_t)d->state->cut.batch_count * d->state->room.turns > BEHIND))
             return true;
         ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
     } while (ok && slot->end < height);
@@ -524,20 +493,29 @@ static bool write_cubic(struct gl_state *s, struct sp_error *err) {
     return true;
 }
 
+/* All programs but the compositors that few views ask for. */
+static bool open_programs(struct gl_state *s, struct sp_error *err) {
+    const struct choices plain = { .mode = SP_COMPOSITE_SHEET };
+    const struct choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };
+    bool is_software = gl_context_info(s->context)->software;
+    double start_ms = sp_clock_ms();
+    if (!(s->project = gl_program_open("frame bins records shade 10_project", "", err)) ||
+        !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
+        !gl_lists_init(&s->lists, is_software, s->block_bytes, err) ||
+        !open_compositor(s, &plain, err) || !open_compositor(s, &clipped, err))
+        return false;
+    sp_log(SP_LOG_INFO, "shaders for %s compiled in %.0f ms", gl_context_info(s->context)->renderer,
+           sp_clock_ms() - start_ms);
+    return true;
+}
+
 bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
     gl_memory_limit(s);
-    s->records = s->limits.records;
-    s->pairs = s->limits.pairs < GL_PAIRS_MIN ? s->limits.pairs : GL_PAIRS_MIN;
-    s->layers = LAYERS_MOST;
-    s->rows = ROWS_MOST;
+    gl_room_init(&s->room);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         gl_timer_init(&s->slots[i].timer);
-    s->project = gl_program_open("frame bins records shade 10_project", "", err);
-    s->resolve = s->project ? gl_program_open("40_resolve", "", err) : 0;
-    return s->resolve && gl_bins_init(&s->bins, err) &&
-           gl_lists_init(&s->lists, gl_context_info(s->context)->software, s->block_bytes, err) &&
-           write_cubic(s, err);
+    return open_programs(s, err) && write_cubic(s, err);
 }
 
 void gl_draw_finish(struct gl_state *s) {

@@ -14,8 +14,8 @@
  *
  * Bands bound the memory of pixels, batches that of records and bins. Pairs of a record and a tile
  * are counted before they are written: where they are more than there is room for, nothing is
- * drawn, and the band is drawn again with more room, or in smaller pieces. So nothing is read back
- * in the middle of a frame, and nothing is left out.
+ * drawn, and the band is drawn again with more room, or in smaller pieces (room.h). So nothing is
+ * read back in the middle of a frame, and nothing is left out.
  */
 #ifndef GL_DRAW_H
 #define GL_DRAW_H
@@ -26,6 +26,7 @@
 #include "backend/gl/context.h"
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
+#include "backend/gl/room.h"
 #include "backend/gl/timer.h"
 #include "backend/gl/upload.h"
 
@@ -40,27 +41,7 @@ enum gl_stage {
     GL_STAGES
 };
 
-/* Sizes of the pieces that a frame is drawn in. They bound memory, and what one dispatch takes. */
-struct gl_limits {
-    uint32_t records; /* of a batch */
-    uint32_t bins;    /* of a batch: tiles times layers, but one layer at least */
-    uint32_t tiles;   /* of a band, but one row at least */
-    uint64_t pairs;   /* of a batch */
-    uint32_t loops;   /* rounds of all loops of one invocation */
-};
-
-/* How a band was drawn: what it turns out to need is held against this. */
-struct gl_pieces {
-    uint32_t layers, records; /* of a batch, at most */
-    uint32_t rows;            /* of tiles */
-    uint64_t pairs;           /* room for those of a batch … */
-    uint32_t tile_pairs;      /* … and for those of a tile in it */
-};
-
-enum {
-    GL_IN_FLIGHT = 2,      /* frames that may be begun and not ended */
-    GL_PAIRS_MIN = 1 << 20 /* that there is room for in the beginning */
-};
+enum { GL_IN_FLIGHT = 2 }; /* frames that may be begun and not ended */
 
 /* A frame that was begun: the bands above row y are in its picture, and the GPU draws the rows
  * [y, end), unless end is y: then nothing was handed over yet. All that it has for itself is where
@@ -99,12 +80,8 @@ struct gl_state {
     struct {
         struct gl_buffer records, spans, image, cubic, pixels;
     } buffers;
-    struct gl_limits limits;
-    uint64_t pairs;  /* room for them */
-    uint64_t needed; /* the most that a batch had; memory.c sets it back */
-    /* Most records and layers of a batch, and rows of tiles of a band: fewer after one was too
-     * much. */
-    uint32_t records, layers, rows;
+    struct gl_room room;
+    uint64_t needed; /* pairs, the most that a batch had; memory.c sets it back */
     uint64_t block_bytes;
     char device[SP_DEVICE_NAME];
 };

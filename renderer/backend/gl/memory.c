@@ -2,18 +2,20 @@
 #include "backend/gl/memory.h"
 
 enum {
-    PAIRS_MOST = 1 << 25,   /* the longest dispatch of the compositor */
+    PAIRS_MOST = 1 << 25,
     RECORDS_MOST = 4000000, /* a pair has 22 bits for one; counts of GL_SCAN_BLOCK bins, a word */
-    BINS_MOST = 1 << 22,
-    TILES_MOST = 1 << 15,
-    LOOPS_MOST = 1 << 19,   /* of a work group: some 10 ms */
+    BINS_MOST = 1 << 25,
+    TILES_MOST = 1 << 17, /* 8 million px */
+    LOOPS_MOST = 1 << 19, /* of a work group: some 10 ms */
+    BINS_SOFTWARE = 1 << 22,
+    TILES_SOFTWARE = 1 << 15,
     LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
                                iteration of a loop in a loop is two */
     PARTS = 8,              /* of the budget: four kinds of scratch take one each */
     RECORD_BYTES = 40,
-    PIXEL_BYTES = 48 + 16 + 2 * 16, /* image, pixels and two ways back */
-    LOOKS = 256,                    /* frames between two looks at what scratch was needed for */
-    LARGER = 4                      /* times what was needed: too large */
+    PIXEL_BYTES = GL_PIXEL_BYTES + 16 + 2 * 16, /* image, pixels and two ways back */
+    LOOKS = 256, /* frames between two looks at what scratch was needed for */
+    LARGER = 4   /* times what was needed: too large */
 };
 
 static uint64_t least(uint64_t a, uint64_t b) {
@@ -23,16 +25,19 @@ static uint64_t least(uint64_t a, uint64_t b) {
 void gl_memory_limit(struct gl_state *s) {
     uint64_t part = s->lists.limit_bytes / PARTS;
     uint64_t block = s->block_bytes ? s->block_bytes : UINT64_MAX;
-    uint64_t words = least(part, block) / sizeof(uint32_t);
-    s->limits = (struct gl_limits){
-        .records = (uint32_t)least(RECORDS_MOST, part / RECORD_BYTES),
-        .bins = (uint32_t)least(BINS_MOST, words),
-        .tiles = (uint32_t)least(TILES_MOST, part / (PIXEL_BYTES * GL_TILE * GL_TILE)),
-        .pairs = least(PAIRS_MOST, words),
-        .loops = gl_context_info(s->context)->software ? LOOPS_SOFTWARE : LOOPS_MOST
-    };
-    if (s->limits.records < SP_BRICK_VOXELS)
-        s->limits.records = SP_BRICK_VOXELS;
+    uint64_t words = least(part / sizeof(uint32_t), block / sizeof(uint32_t) - GL_BINS_HEAD);
+    uint64_t px = least(part / PIXEL_BYTES, block / GL_PIXEL_BYTES);
+    bool software = gl_context_info(s->context)->software;
+    struct gl_limits *limits = &s->room.limits;
+    *limits =
+        (struct gl_limits){ .records = (uint32_t)least(RECORDS_MOST, part / RECORD_BYTES),
+                            .bins = (uint32_t)least(software ? BINS_SOFTWARE : BINS_MOST, words),
+                            .tiles = (uint32_t)least(software ? TILES_SOFTWARE : TILES_MOST,
+                                                     px / (GL_TILE * GL_TILE)),
+                            .pairs = least(PAIRS_MOST, words),
+                            .loops = software ? LOOPS_SOFTWARE : LOOPS_MOST };
+    if (limits->records < SP_BRICK_VOXELS)
+        limits->records = SP_BRICK_VOXELS;
 }
 
 static uint64_t of_slots(const struct gl_state *s) {
@@ -70,7 +75,7 @@ bool gl_memory_release(struct gl_state *s) {
         had = had || scratch.buffers[i]->name;
         gl_buffer_finish(scratch.buffers[i]);
     }
-    s->pairs = least(GL_PAIRS_MIN, s->limits.pairs);
+    s->room.pairs = least(GL_PAIRS_MIN, s->room.limits.pairs);
     s->lists.beside_bytes = gl_draw_bytes(s);
     return had;
 }
@@ -87,8 +92,8 @@ void gl_memory_begin(struct gl_state *s) {
     if (++slot->frames % LOOKS == 0 && is_too_large(&slot->back.buffer))
         gl_back_finish(&slot->back);
     if (slot == &s->slots[0] && slot->frames % LOOKS == 0) {
-        if (s->pairs / LARGER > s->needed)
-            s->pairs = s->needed > GL_PAIRS_MIN ? s->needed : GL_PAIRS_MIN;
+        if (s->room.pairs / LARGER > s->needed)
+            s->room.pairs = s->needed > GL_PAIRS_MIN ? s->needed : GL_PAIRS_MIN;
         s->needed = 0;
         for (int i = 0; scratch.buffers[i]; i++)
             if (is_too_large(scratch.buffers[i]))

@@ -18,7 +18,7 @@ void main() {
         return;
     uint begin = bin > 0u ? end_of(bin - 1u) : 0u, n = end_of(bin) - begin, gap = 1u;
     if (n > batch.z) {
-        atomicMax(longest, n);
+        atomicMax(crowded, n);
         return;
     }
     while (gap < n / 3u)

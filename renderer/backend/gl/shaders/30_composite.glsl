@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // A tile's pairs, front to back (tile/blend.h): a work group a tile, a thread a pixel. Splats come through shared
 // memory; a pixel sums T and E of a layer and composites it when the next one begins, or composites each splat on its
-// own. A tile that lets less than 1/512 through takes no more.
+// own. A tile that lets less than 1/512 through takes no more. So that no dispatch is long, a tile with many pairs is
+// composited in several turns, each of which goes on where the last one stopped.
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
-// By pixel: transmittance and associated colour; behind those of all pixels, two each for what the last batch left of
-// its layer.
+// By pixel: transmittance and associated colour; behind those of all pixels, two each for what the last turn or batch
+// left of its layer.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
-layout(location = 1) uniform uvec3 batch; // width of the picture [px], room for pairs, the most of a tile
-layout(location = 2) uniform uvec2 joint; // resumes a layer, leaves one open
+layout(location = 1) uniform uvec3 batch; // width of the picture [px], room for pairs, those of a tile in a turn
+layout(location = 2) uniform uvec4 joint; // batch resumes a layer, leaves one open; turn, turns
 
 const uint STAGED = TILE * TILE;
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
@@ -120,33 +121,46 @@ void add_staged(uint n, inout uint layer) {
     }
 }
 
+// The layer of a pair.
+uint layer_of(uint pair) {
+    uint record = shape.y * (pair & ((1u << RECORD_BITS) - 1u));
+    return (records[record + 1u].w >> 16) + (pair >> RECORD_BITS);
+}
+
 void main() {
     uint thread = gl_LocalInvocationIndex, tile = gl_WorkGroupID.y * tiles.x + gl_WorkGroupID.x;
     uvec2 px = gl_WorkGroupID.xy * TILE + gl_LocalInvocationID.xy;
     bool inside = px.x < batch.x && px.y < tiles.z - tiles.y;
     uint index = px.y * batch.x + px.x, layer = NO_LAYER;
-    uint begin = tile > 0u ? end_of(tile * tiles.w - 1u) : 0u, end = end_of(tile * tiles.w + tiles.w - 1u);
+    uint first = tile > 0u ? end_of(tile * tiles.w - 1u) : 0u, end = end_of(tile * tiles.w + tiles.w - 1u);
     if (total > batch.y)
-        end = begin;
-    if (thread == 0u)
-        atomicMax(longest, end - begin);
-    if (end - begin > batch.z) // the frame is drawn again in smaller pieces
-        end = begin;
+        end = first;
+    if (thread == 0u && joint.z == 0u)
+        atomicMax(longest, end - first);
+    if (end - first > batch.z * joint.w) // is drawn again, in more turns
+        end = first;
+    uint begin = first + joint.z * batch.z, stop = min(end, begin + batch.z);
+    if (joint.z > 0u && begin >= end) // was closed by another turn
+        return;
     at = vec2(px) + vec2(0.5, float(tiles.y) + 0.5);
     uint left = batch.x * (tiles.z - tiles.y) + 2u * index;
     pixel = inside ? image[index] : vec4(0);
     sum = vec4(0);
     sum_value = 0.0;
-    if (inside && joint.x != 0u) {
+    if (inside && (joint.z > 0u || joint.x != 0u)) {
         sum = image[left];
         sum_value = image[left + 1u].x;
-        layer = 0u;
+        layer = joint.z > 0u ? layer_of(pairs[begin - 1u]) : 0u;
     }
-    for (; begin < end && stage(thread, begin, end); begin += STAGED)
-        add_staged(min(STAGED, end - begin), layer);
+    for (; begin < stop && stage(thread, begin, stop); begin += STAGED)
+        add_staged(min(STAGED, stop - begin), layer);
+    if (begin < stop) { // the tile is closed: without a part of a layer that another frame may begin with others of
+        sum = vec4(0);
+        sum_value = 0.0;
+    }
     if (!inside)
         return;
-    if (joint.y != 0u) {
+    if (stop < end || joint.y != 0u) {
         image[left] = sum;
         image[left + 1u].x = sum_value;
     } else {

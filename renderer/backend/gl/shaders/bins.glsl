@@ -10,7 +10,8 @@ layout(std430, binding = 7) coherent buffer Bins {
     uint total;            // pairs of this batch
     uint longest;          // pairs of the tile that had most in a batch
     uint planned;          // pairs of this batch, before they are counted by bin
-    uint unused[9];
+    uint crowded;          // pairs of the longest bin that was not put in order
+    uint unused[8];
     uint count[];
 };
 

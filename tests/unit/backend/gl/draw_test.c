@@ -98,10 +98,12 @@ static void check_same(struct test_image *got, const struct test_image *wanted, 
 
 /* Forgets what earlier frames had no room for. */
 static void reset(struct rig *rig, const struct gl_limits *limits) {
-    rig->state->limits = *limits;
-    rig->state->rows = limits->tiles;
-    rig->state->layers = limits->bins;
-    rig->state->records = limits->records;
+    struct gl_room *room = &rig->state->room;
+    room->limits = *limits;
+    room->rows = limits->tiles;
+    room->layers = limits->bins;
+    room->records = limits->records;
+    room->turns = 1;
 }
 
 static void pieces_make_the_whole(void **state) {
@@ -111,14 +113,16 @@ static void pieces_make_the_whole(void **state) {
                                              test_scene_checkerboard };
     static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB,
                                                  SP_COMPOSITE_SPLAT, SP_COMPOSITE_SHEET };
-    const struct gl_limits whole = rig->state->limits;
-    struct gl_limits small[] = { whole, whole, whole, whole, whole };
+    const struct gl_limits whole = rig->state->room.limits;
+    struct gl_limits small[] = { whole, whole, whole, whole, whole, whole };
     small[0].records = SP_BRICK_VOXELS; /* a brick or two a batch */
     small[1].bins = 1;                  /* a layer a batch */
     small[2].records = SP_BRICK_VOXELS; /* … a few of its bricks, and a row of tiles a band */
     small[2].bins = small[2].tiles = 1;
     small[3].pairs = 3000; /* found when it is too much */
-    small[4].loops = 1000; /* the same, a tile at a time */
+    small[4].loops = 1000; /* a tile in many turns … */
+    small[5].loops = 2000; /* … of many batches */
+    small[5].records = SP_BRICK_VOXELS;
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b++) {
         struct test_scene scene;
         struct sp_volume *volume = make_scene(builds[b], &scene);
@@ -130,8 +134,8 @@ static void pieces_make_the_whole(void **state) {
             if (small[i].bins == 1 && modes[b] != SP_COMPOSITE_SHEET)
                 continue; /* many more layers */
             reset(rig, &small[i]);
-            if (small[i].pairs < rig->state->pairs)
-                rig->state->pairs = small[i].pairs / 2;
+            if (small[i].pairs < rig->state->room.pairs)
+                rig->state->room.pairs = small[i].pairs / 2;
             got = draw_ok(rig, volume, &scene.view, &own);
             check_same(&got, &wanted, scene.info.name);
             assert_int_equal(own.splats, stats.splats); /* each once */
@@ -204,21 +208,49 @@ static void other_choices_are_those_of_the_reference(void **state) {
     test_scene_finish(&scene);
 }
 
-/* Pairs of splats and tiles, and splats of one tile. */
+/* However many splats lie over one tile, they are set up once. */
+static void a_crowded_picture_is_one_batch(void **state) {
+    struct rig *rig = *state;
+    struct test_scene scene;
+    struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
+    const struct gl_limits whole = rig->state->room.limits;
+    struct sp_view view = scene.view;
+    view.level_of_detail = SP_LOD_OFF;
+    view.size[0] = view.size[1] = 8;
+    for (int mode = 0; mode < 3; mode++) {
+        view.compositing.mode = (enum sp_compositing)mode;
+        reset(rig, &whole);
+        struct test_image wanted = draw_ok(rig, volume, &view, NULL);
+        rig->state->room.limits.loops = 4000;
+        struct test_image got = draw_ok(rig, volume, &view, NULL);
+        print_message("  %u turns\n", rig->state->room.turns);
+        assert_int_equal(rig->state->cut.batch_count, 1);
+        assert_true(rig->state->room.turns > 1);
+        check_same(&got, &wanted, "in turns");
+        test_image_finish(&wanted);
+    }
+    reset(rig, &whole);
+    rig->backend->forget(rig->state, volume);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
+/* Pairs of splats and tiles, and single splats of one tile that are equally far. */
 static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
     struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
-    const struct gl_limits whole = rig->state->limits;
+    const struct gl_limits whole = rig->state->room.limits;
     for (int crowded = 0; crowded < 2; crowded++) {
         struct sp_error err = { 0 };
         if (crowded)
-            rig->state->limits.loops = 8;
+            rig->state->room.limits.loops = 48;
         else
-            rig->state->limits.pairs = rig->state->pairs = 7;
+            rig->state->room.limits.pairs = rig->state->room.pairs = 7;
+        scene.view.compositing.mode = crowded ? SP_COMPOSITE_SPLAT : SP_COMPOSITE_SHEET;
         assert_false(draw(rig, volume, &scene.view, NULL, NULL, NULL, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
-        assert_non_null(strstr(err.text, crowded ? "is given 8 at a time" : "room for 7"));
+        assert_non_null(strstr(err.text, crowded ? "puts 2 in order" : "room for 7"));
         reset(rig, &whole);
         struct test_image image = draw_ok(rig, volume, &scene.view, NULL);
         test_image_finish(&image);
@@ -297,8 +329,6 @@ static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
         struct sp_view view = scene.view;
         view.level_of_detail = SP_LOD_OFF;
         view.compositing.mode = (enum sp_compositing)(n % 3);
-        if (view.compositing.mode == SP_COMPOSITE_SPLAT)
-            continue; /* several batches here, which depend on the view */
         struct test_image image = draw_ok(rig, volume, &view, NULL);
         uint64_t before = rig->state->upload.bytes;
         for (int r = 0; r < 3; r++)
@@ -416,6 +446,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         ON(pieces_make_the_whole),
         ON(other_choices_are_those_of_the_reference),
+        ON(a_crowded_picture_is_one_batch),
         ON(what_has_no_room_at_all_is_refused_with_both_numbers),
         ON(an_edit_uploads_what_it_changes),
         ON(edits_draw_what_a_fresh_renderer_draws),

@@ -97,7 +97,7 @@ static void two_in_flight_do_not_meet(void **state) {
 /* Room for pairs, bins and bands is found while another frame is on the GPU. */
 static void what_had_no_room_is_drawn_again(void **state) {
     struct rig *rig = *state;
-    const struct gl_limits whole = rig->state->limits;
+    const struct gl_limits whole = rig->state->room.limits;
     struct gl_limits small[] = { whole, whole, whole };
     small[0].pairs = 3000;
     small[1].tiles = 1; /* a row a band */
@@ -107,15 +107,17 @@ static void what_had_no_room_is_drawn_again(void **state) {
             struct shot *shot = &rig->shots[k];
             struct sp_backend_job jobs[2] = { make_job(rig, shot, NULL),
                                               make_job(rig, &rig->shots[0], NULL) };
-            rig->state->limits = small[i];
-            rig->state->pairs = 500;
+            rig->state->room.limits = small[i];
+            rig->state->room.pairs = 500;
             begin(rig, &jobs[0]);
             begin(rig, &jobs[1]);
             finish(rig, &jobs[0], shot);
             finish(rig, &jobs[1], &rig->shots[0]);
-            rig->state->rows = rig->state->layers = rig->state->records = 1 << 14;
+            struct gl_room *room = &rig->state->room;
+            room->rows = room->layers = room->records = 1 << 14;
+            room->turns = 1;
         }
-        rig->state->limits = whole;
+        rig->state->room.limits = whole;
     }
 }
 
