@@ -183,16 +183,14 @@ static bool count_visible(struct sp_classification *c, struct sp_pool *pool, str
     return true;
 }
 
-/* Leaves the entries to somebody else. */
-static bool count_elsewhere(struct sp_classification *c, const struct sp_classify_job *job,
+/* A list whose entries somebody else has. */
+static bool count_elsewhere(struct sp_classification *c, unsigned l, uint32_t key_bytes,
+                            uint32_t normal_bytes, const struct sp_classify_job *job,
                             struct sp_error *err) {
-    struct sp_level *all = &c->levels[0];
-    struct sp_visible *list = &all->visible;
-    uint32_t normal_bytes = sp_transfer_wants_magnitudes(job->tf) ? 4 : 2;
-    assert(all->listed);
-    if (!sp_visible_init(list, all->grid.dims, sp_transfer_key_bytes(&all->transfer), normal_bytes,
-                         err) ||
-        !job->counter->count(job->counter->user, all, list->first + 1, err))
+    struct sp_level *level = &c->levels[l];
+    struct sp_visible *list = &level->visible;
+    if (!sp_visible_init(list, level->grid.dims, key_bytes, normal_bytes, err) ||
+        !job->counter->count(job->counter->user, c, l, list->first + 1, err))
         return false;
     sp_visible_sum(list);
     return true;
@@ -205,7 +203,8 @@ static bool collect_from(struct sp_classification *c, const struct sp_classify_j
     if (!choose_listed(c, job, err))
         return false;
     if (job->counter)
-        return count_elsewhere(c, job, err);
+        return count_elsewhere(c, 0, sp_transfer_key_bytes(&all->transfer),
+                               sp_transfer_wants_magnitudes(job->tf) ? 4 : 2, job, err);
     if (!sp_collect_count(all, c->volume, job, source, err))
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
@@ -268,7 +267,7 @@ static bool update_all(struct sp_classification *c, const struct sp_classify_job
         list->normal = NULL;
         list->normal_bytes = 4;
     }
-    if (job->counter && !(job->levels >> 1))
+    if (job->counter)
         return true;
     if (!list->place && !fill_list(c, job, err))
         return false;
@@ -279,13 +278,30 @@ static bool update_all(struct sp_classification *c, const struct sp_classify_job
            sp_collect_normals(&c->levels[0], c->volume, job, err);
 }
 
+static bool has_list(const struct sp_level *level, const struct sp_classify_job *job) {
+    const struct sp_visible *list = &level->visible;
+    return list->first && (job->counter || (list->place && (!job->normals || list->normal)));
+}
+
+static bool count_coarse(struct sp_classification *c, unsigned l, const struct sp_classify_job *job,
+                         struct sp_error *err) {
+    struct sp_level *level = &c->levels[l];
+    if (sp_coarse_grid(level, &c->levels[l - 1].grid, err) &&
+        count_elsewhere(c, l, 4, sizeof(struct sp_flakes), job, err))
+        return true;
+    sp_level_finish(level);
+    return false;
+}
+
 /* The same of a coarse level, from the next finer one. */
 static bool update_coarse(struct sp_classification *c, unsigned l,
                           const struct sp_classify_job *job, struct sp_error *err) {
     struct sp_level *level = &c->levels[l];
-    if (level->visible.first && (!job->normals || level->visible.normal))
+    if (has_list(level, job))
         return true;
     sp_level_finish(level);
+    if (job->counter)
+        return count_coarse(c, l, job, err);
     struct sp_classify_job rest = *job;
     uint64_t have = sp_classification_bytes(c);
     if (job->bytes_max)
@@ -305,28 +321,30 @@ static bool turn(const struct sp_visible *list, const struct sp_classify_job *jo
 
 /* Numbers for what was made. */
 static void count_made(struct sp_level *level, uint64_t *made) {
-    if (!level->list_made)
+    if (made && !level->list_made)
         level->list_made = ++*made;
-    if (!level->table_made)
+    if (made && !level->table_made)
         level->table_made = ++*made;
 }
 
 bool sp_classification_update(struct sp_classification *c, const struct sp_classify_job *job,
                               struct sp_error *err) {
     assert(job->axis <= SP_NO_AXIS && job->levels && job->levels < 1u << SP_LEVELS);
+    assert(!job->counter || job->made);
     if (!update_transfer(c, job, err))
         return false;
     check_reach(c, job);
     if (!update_all(c, job, err) || !count_visible(c, job->pool, err))
         return false;
-    for (unsigned l = 1; job->levels >> l; l++) /* each is made of the one before */
+    count_made(&c->levels[0], job->made);
+    for (unsigned l = 1; job->levels >> l; l++) { /* each is made of the one before */
         if (!update_coarse(c, l, job, err))
             return false;
+        count_made(&c->levels[l], job->made);
+    }
     for (unsigned l = 0; job->levels >> l; l++)
         if (job->levels >> l & 1 && !turn(&c->levels[l].visible, job, err))
             return false;
-    for (unsigned l = 0; job->made && job->levels >> l; l++)
-        count_made(&c->levels[l], job->made);
     return true;
 }
 

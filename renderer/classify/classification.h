@@ -43,13 +43,17 @@ void sp_classification_finish(struct sp_classification *c);
 
 enum { SP_NO_AXIS = 3 };
 
-/* Who makes the finest list, of a type with a table and order pre, where it is not the processor:
- * the classification then keeps what entries are made of (`listed` and how many each brick has) and
- * makes entries of its own only when coarse levels need them. */
+struct sp_classification;
+
+/* Who makes the lists, of types with a table and order pre, where it is not the processor. The
+ * classification then keeps what they are made of (`listed`, grids) and how many entries each brick
+ * has, and no entries, nor classes of coarse levels. */
 struct sp_counter {
-    /* Fills counts[bricks of the level's list] with the voxels of each that are in `listed`. False
-     * with *err set. */
-    bool (*count)(void *user, const struct sp_level *level, uint64_t *counts, struct sp_error *err);
+    /* Fills counts[bricks of the level's list]: the voxels of each that are in `listed`; of a
+     * coarse level the cells with a visible voxel. Finer levels are there, with their numbers.
+     * False with *err set. */
+    bool (*count)(void *user, const struct sp_classification *c, unsigned level, uint64_t *counts,
+                  struct sp_error *err);
     void *user;
 };
 
@@ -64,7 +68,7 @@ struct sp_classify_job {
         *from;      /* of the same volume, to derive lists from; NULL = none */
     bool widens;    /* a new list is to serve more edits like the one that made it necessary */
     uint64_t *made; /* counts the lists and tables that are made; NULL = they get no numbers */
-    const struct sp_counter *counter; /* NULL = the processor makes all */
+    const struct sp_counter *counter; /* NULL = the processor makes the lists; needs `made` */
     uint64_t bytes_max;               /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */

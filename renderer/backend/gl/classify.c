@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/gl/classify.h"
 
+#include <assert.h>
 #include <epoxy/gl.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "backend/gl/back.h"
+#include "backend/gl/bins.h"
 #include "backend/gl/program.h"
 #include "classify/gradient.h"
 #include "volume/grid.h"
@@ -19,24 +21,30 @@ enum {
     WORD = sizeof(uint32_t)
 };
 
-static unsigned open_pass(int pass, struct sp_error *err) {
+static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
     static const char *const defines[] = { "#define PASS 0\n", "#define PASS 1\n",
                                            "#define PASS 2\n" };
-    return gl_program_open("00_classify", defines[pass], err);
+    return gl_program_open(names, defines[pass], err);
 }
 
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
     c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
-    return (c->range = open_pass(0, err)) && (c->count = open_pass(1, err)) &&
-           (c->fill = open_pass(2, err));
+    return (c->range = open_pass("00_classify", 0, err)) &&
+           (c->count = open_pass("00_classify", 1, err)) &&
+           (c->fill = open_pass("00_classify", 2, err)) &&
+           (c->coarse_count = open_pass("gradient 01_coarse", 0, err)) &&
+           (c->coarse_fill = open_pass("gradient 01_coarse", 1, err));
 }
 
 void gl_classify_finish(struct gl_classify *c) {
     glDeleteProgram(c->range);
     glDeleteProgram(c->count);
     glDeleteProgram(c->fill);
+    glDeleteProgram(c->coarse_count);
+    glDeleteProgram(c->coarse_fill);
     gl_buffer_finish(&c->listed);
     gl_buffer_finish(&c->counts);
+    gl_buffer_finish(&c->firsts);
 }
 
 static bool is_cancelled(const atomic_bool *cancel, struct sp_error *err) {
@@ -125,18 +133,15 @@ bool gl_classify_load(struct gl_classify *c, struct gl_voxels *voxels, const ato
     return ok;
 }
 
-/* What is listed, and room for a word a brick. */
-static bool reserve(struct gl_classify *c, const struct sp_level *level, struct sp_error *err) {
+/* A bit a key: what is listed. */
+static bool write_listed(struct gl_classify *c, const struct sp_level *level,
+                         struct sp_error *err) {
     uint32_t words[LISTED_WORDS] = { 0 };
-    uint64_t bytes = (level->transfer.count / 32u + 1u) * (uint64_t)WORD;
+    uint64_t bytes = gl_divide_up(level->transfer.count, 32) * (uint64_t)WORD;
     for (uint32_t k = 0; k < level->transfer.count; k++)
         words[k / 32] |= (uint32_t)(level->listed[k] != 0) << k % 32;
-    if (!gl_buffer_reserve(&c->listed, "visible values", sizeof words, 0, GL_USE_STREAM, err) ||
-        !gl_buffer_reserve(&c->counts, "bricks",
-                           sp_visible_bricks(&level->visible) * (uint64_t)WORD, c->block_bytes,
-                           GL_USE_STREAM, err))
+    if (!gl_buffer_reserve(&c->listed, "visible values", sizeof words, 0, GL_USE_STREAM, err))
         return false;
-    bytes = bytes < sizeof words ? bytes : sizeof words;
     gl_buffer_write(&c->listed, words, bytes);
     *c->uploaded += bytes;
     return true;
@@ -144,24 +149,37 @@ static bool reserve(struct gl_classify *c, const struct sp_level *level, struct 
 
 /* Words of bricks, to and from the GPU. */
 static uint32_t *allocate(uint32_t bricks, struct sp_error *err) {
-    uint32_t *words = malloc(bricks * sizeof *words);
+    uint32_t *words = malloc((bricks + (size_t)1) * sizeof *words);
     if (!words)
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u bricks", bricks);
     return words;
 }
 
-bool gl_classify_count(struct gl_classify *c, const struct gl_voxels *voxels,
-                       const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
-                       struct sp_error *err) {
-    uint32_t bricks = sp_visible_bricks(&level->visible);
+/* Where each brick's entries begin, and where the last ones end. */
+static bool write_places(struct gl_classify *c, const struct gl_buffer *to, const uint64_t *first,
+                         uint32_t bricks, struct sp_error *err) {
     uint32_t *words = allocate(bricks, err);
-    bool ok = words && reserve(c, level, err);
-    if (ok) {
-        use(c->count, voxels, 0);
-        gl_buffer_bind(&c->listed, 2);
-        gl_buffer_bind(&c->counts, 3);
-        ok = run(c, bricks, cancel, err);
-    }
+    if (!words)
+        return false;
+    for (uint32_t b = 0; b <= bricks; b++)
+        words[b] = (uint32_t)first[b];
+    gl_buffer_write(to, words, (bricks + UINT64_C(1)) * WORD);
+    *c->uploaded += (bricks + UINT64_C(1)) * WORD;
+    free(words);
+    return true;
+}
+
+static bool reserve_places(const struct gl_classify *c, struct gl_buffer *buffer, uint32_t bricks,
+                           struct sp_error *err) {
+    return gl_buffer_reserve(buffer, "bricks", (bricks + UINT64_C(1)) * WORD, c->block_bytes,
+                             GL_USE_STREAM, err);
+}
+
+/* Runs the program in use, which counts the entries of bricks, and gets the counts. */
+static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic_bool *cancel,
+                      uint64_t *counts, struct sp_error *err) {
+    uint32_t *words = allocate(bricks, err);
+    bool ok = words && run(c, bricks, cancel, err);
     if (ok) {
         glBindBuffer(GL_COPY_READ_BUFFER, c->counts.name);
         glGetBufferSubData(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(bricks * sizeof *words), words);
@@ -173,18 +191,16 @@ bool gl_classify_count(struct gl_classify *c, const struct gl_voxels *voxels,
     return ok;
 }
 
-/* Where each brick's entries begin. */
-static bool write_places(struct gl_classify *c, const struct sp_visible *list,
-                         struct sp_error *err) {
-    uint32_t bricks = sp_visible_bricks(list), *words = allocate(bricks, err);
-    if (!words)
+bool gl_classify_count(struct gl_classify *c, const struct gl_voxels *voxels,
+                       const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
+                       struct sp_error *err) {
+    uint32_t bricks = sp_visible_bricks(&level->visible);
+    if (!write_listed(c, level, err) || !reserve_places(c, &c->counts, bricks, err))
         return false;
-    for (uint32_t b = 0; b < bricks; b++)
-        words[b] = (uint32_t)list->first[b];
-    gl_buffer_write(&c->counts, words, bricks * sizeof *words);
-    *c->uploaded += bricks * sizeof *words;
-    free(words);
-    return true;
+    use(c->count, voxels, 0);
+    gl_buffer_bind(&c->listed, 2);
+    gl_buffer_bind(&c->counts, 3);
+    return run_count(c, bricks, cancel, counts, err);
 }
 
 /* Differences a spacing → world gradient over its bound. */
@@ -204,22 +220,74 @@ static void clear(const struct gl_buffer *buffer) {
                       &(GLuint){ 0 });
 }
 
-bool gl_classify_fill(struct gl_classify *c, const struct gl_voxels *voxels,
-                      const struct sp_level *level, const struct gl_classify_list *list,
-                      const atomic_bool *cancel, struct sp_error *err) {
-    const struct sp_grid *grid = &sp_volume_info(voxels->volume)->grid;
+/* Where in the tables a list's axes are, and one thing more. */
+static void set_rows(int location, const struct gl_list *list, uint32_t last) {
     const uint32_t *row = list->axis_row;
-    if (!reserve(c, level, err) || !write_places(c, &level->visible, err))
+    glUniform4ui(location, row[0], row[1], row[2], last);
+}
+
+bool gl_classify_fill(struct gl_classify *c, const struct gl_voxels *voxels,
+                      const struct sp_level *level, const struct gl_list *list,
+                      const atomic_bool *cancel, struct sp_error *err) {
+    uint32_t bricks = sp_visible_bricks(&level->visible);
+    if (!write_listed(c, level, err) || !reserve_places(c, &c->counts, bricks, err) ||
+        !write_places(c, &c->counts, level->visible.first, bricks, err))
         return false;
     if (list->normal_bytes == 2)
-        clear(list->normals);
+        clear(&list->normals);
     use(c->fill, voxels, list->normal_bytes);
-    glUniform4ui(3, row[0], row[1], row[2], sp_grid_is_rectilinear(grid));
+    set_rows(3, list, sp_grid_is_rectilinear(&level->grid));
     set_gradients(voxels->volume);
     gl_buffer_bind(&c->listed, 2);
     gl_buffer_bind(&c->counts, 3);
-    gl_buffer_bind(list->entries, 4);
-    gl_buffer_bind(list->normal_bytes ? list->normals : list->entries, 5);
-    gl_buffer_bind(list->tables, 6);
-    return run(c, sp_visible_bricks(&level->visible), cancel, err);
+    gl_buffer_bind(&list->entries, 4);
+    gl_buffer_bind(list->normal_bytes ? &list->normals : &list->entries, 5);
+    gl_buffer_bind(&list->tables, 6);
+    return run(c, bricks, cancel, err);
+}
+
+/* The program, and what it is told of the finer level, of which it reads normals or not. */
+static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_list *finer,
+                       bool normals, const struct sp_level *level, struct sp_error *err) {
+    const uint32_t *dims = finer->grid.dims, bricks = gl_list_bricks(finer);
+    if (!reserve_places(c, &c->firsts, bricks, err) ||
+        !reserve_places(c, &c->counts, sp_visible_bricks(&level->visible), err) ||
+        !write_places(c, &c->firsts, finer->first, bricks, err))
+        return false;
+    assert(finer->is_rising);
+    glUseProgram(program);
+    glUniform3ui(1, dims[0], dims[1], dims[2]);
+    glUniform4ui(2, finer->has_keys, normals ? finer->normal_bytes : 0, finer->first_class,
+                 finer->has_scales);
+    gl_buffer_bind(&finer->entries, 0);
+    gl_buffer_bind(&finer->tables, 1);
+    gl_buffer_bind(finer->normal_bytes ? &finer->normals : &finer->entries, 2);
+    gl_buffer_bind(&c->firsts, 3);
+    gl_buffer_bind(&c->counts, 4);
+    return true;
+}
+
+bool gl_classify_count_coarse(struct gl_classify *c, const struct gl_list *finer,
+                              const struct sp_level *level, const atomic_bool *cancel,
+                              uint64_t *counts, struct sp_error *err) {
+    return use_coarse(c, c->coarse_count, finer, false, level, err) &&
+           run_count(c, sp_visible_bricks(&level->visible), cancel, counts, err);
+}
+
+bool gl_classify_fill_coarse(struct gl_classify *c, const struct gl_list *finer,
+                             const struct sp_level *level, const struct gl_list *list,
+                             const atomic_bool *cancel, struct sp_error *err) {
+    uint32_t bricks = sp_visible_bricks(&level->visible);
+    const double *fine = finer->grid.spacing, *coarse = level->grid.spacing;
+    if (!use_coarse(c, c->coarse_fill, finer, list->normal_bytes > 0, level, err) ||
+        !write_places(c, &c->counts, level->visible.first, bricks, err))
+        return false;
+    set_rows(3, finer, sp_grid_is_rectilinear(&finer->grid));
+    set_rows(4, list, list->first_class);
+    glUniform3f(5, (float)(fine[0] / coarse[0]), (float)(fine[1] / coarse[1]),
+                (float)(fine[2] / coarse[2]));
+    gl_buffer_bind(&list->entries, 5);
+    gl_buffer_bind(&list->tables, 6);
+    gl_buffer_bind(list->normal_bytes ? &list->normals : &list->entries, 7);
+    return run(c, bricks, cancel, err);
 }

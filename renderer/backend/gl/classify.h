@@ -6,6 +6,7 @@
  *   samples ─ once ─► range of each brick's keys
  *   listed ─► entries a brick ─► read back: the processor knows where each brick begins
  *                             ─► entries and gradients, written there
+ *   a level ─► the next coarser one, in the same two passes
  *
  * A bit a key says what is listed; bricks whose range holds none are not read. Types with a table
  * by key alone (8 and 16 bits), order pre.
@@ -13,24 +14,16 @@
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H
 
-#include "backend/gl/buffer.h"
+#include "backend/gl/list.h"
 #include "backend/gl/voxels.h"
-#include "classify/classification.h"
 
 /* Programs and what they need for the length of a pass. */
 struct gl_classify {
-    unsigned range, count, fill;
-    struct gl_buffer listed, counts;
+    unsigned range, count, fill, coarse_count, coarse_fill;
+    struct gl_buffer listed, counts, firsts;
     uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
     uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
     uint64_t *uploaded;   /* counts bytes; not owned */
-};
-
-/* Where the entries of a list go. */
-struct gl_classify_list {
-    const struct gl_buffer *entries, *normals, *tables;
-    const uint32_t *axis_row; /* [3], of the tables: volume.h */
-    uint32_t normal_bytes;    /* 0 = no normals; 2, 4: as in classify/gradient.h */
 };
 
 /* SP_ERR_BACKEND; gl_classify_finish() also after a failure. A context must be current, here and
@@ -48,10 +41,19 @@ bool gl_classify_count(struct gl_classify *classify, const struct gl_voxels *vox
                        const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
                        struct sp_error *err);
 
-/* Writes the entries, and normals if there are to be any, of a list that was counted. Returns when
+/* Writes the entries, and normals as wide as the list's, of a level that was counted. Returns when
  * the GPU has done it. */
 bool gl_classify_fill(struct gl_classify *classify, const struct gl_voxels *voxels,
-                      const struct sp_level *level, const struct gl_classify_list *list,
+                      const struct sp_level *level, const struct gl_list *list,
                       const atomic_bool *cancel, struct sp_error *err);
+
+/* The same for a coarse level, from the list of the next finer one, which the GPU has made: cells
+ * with a visible voxel; entries, classes, and flakes if the finer one has normals. */
+bool gl_classify_count_coarse(struct gl_classify *classify, const struct gl_list *finer,
+                              const struct sp_level *level, const atomic_bool *cancel,
+                              uint64_t *counts, struct sp_error *err);
+bool gl_classify_fill_coarse(struct gl_classify *classify, const struct gl_list *finer,
+                             const struct sp_level *level, const struct gl_list *list,
+                             const atomic_bool *cancel, struct sp_error *err);
 
 #endif

@@ -499,7 +499,7 @@ static bool open_programs(struct gl_state *s, struct sp_error *err) {
     const struct choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };
     bool is_software = gl_context_info(s->context)->software;
     double start_ms = sp_clock_ms();
-    if (!(s->project = gl_program_open("frame bins records shade 10_project", "", err)) ||
+    if (!(s->project = gl_program_open("frame bins records gradient shade 10_project", "", err)) ||
         !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
         !gl_lists_init(&s->lists, is_software, s->block_bytes, err) ||
         !open_compositor(s, &plain, err) || !open_compositor(s, &clipped, err))

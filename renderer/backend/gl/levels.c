@@ -4,35 +4,51 @@
 struct work {
     struct gl_lists *lists;
     struct gl_voxels *voxels; /* NULL = the processor classifies */
-    const atomic_bool *cancel;
+    const struct sp_classify_job *job;
+    struct gl_list_source sources[SP_LEVELS];
 };
 
-static bool count(void *user, const struct sp_level *level, uint64_t *counts,
-                  struct sp_error *err) {
-    const struct work *w = user;
-    return gl_lists_load(w->lists, w->voxels, w->cancel, err) &&
-           gl_classify_count(&w->lists->classify, w->voxels, level, w->cancel, counts, err);
+/* What the lists of levels up to `last` are made of. */
+static void find_sources(struct work *w, const struct sp_classification *c, unsigned last) {
+    for (unsigned l = 0; l <= last; l++)
+        w->sources[l] =
+            (struct gl_list_source){ .volume = c->volume,
+                                     .level = &c->levels[l],
+                                     .voxels = w->voxels,
+                                     .finer = w->voxels && l > 0 ? &w->sources[l - 1] : NULL,
+                                     .normals = w->job->normals,
+                                     .pool = w->job->pool,
+                                     .cancel = w->job->cancel };
 }
 
-static bool get(struct gl_levels *levels, const struct work *w, struct sp_classify_cache *cache,
-                struct sp_volume *volume, const struct sp_classify_job *wanted,
-                struct sp_error *err) {
-    const struct sp_counter counter = { count, (void *)w };
-    struct sp_classify_job job = *wanted;
+static bool count(void *user, const struct sp_classification *c, unsigned level, uint64_t *counts,
+                  struct sp_error *err) {
+    struct work *w = user;
+    struct gl_classify *classify = &w->lists->classify;
+    if (level == 0)
+        return gl_lists_load(w->lists, w->voxels, w->job->cancel, err) &&
+               gl_classify_count(classify, w->voxels, &c->levels[0], w->job->cancel, counts, err);
+    find_sources(w, c, level - 1);
+    const struct gl_list *finer = gl_lists_get(w->lists, &w->sources[level - 1], err);
+    return finer && gl_classify_count_coarse(classify, finer, &c->levels[level], w->job->cancel,
+                                             counts, err);
+}
+
+static bool get(struct gl_levels *levels, struct work *w, struct sp_classify_cache *cache,
+                struct sp_volume *volume, struct sp_error *err) {
+    const struct sp_counter counter = { count, w };
+    struct sp_classify_job job = *w->job;
     job.counter = w->voxels ? &counter : NULL;
     const struct sp_classification *c = sp_classify_cache_get(cache, volume, &job, err);
     *levels = (struct gl_levels){ .visible = c ? c->visible : 0 };
-    for (unsigned l = 0; c && job.levels >> l; l++) {
-        const struct gl_list_source from = { .volume = volume,
-                                             .level = &c->levels[l],
-                                             .voxels = l == 0 ? w->voxels : NULL,
-                                             .normals = job.normals,
-                                             .pool = job.pool,
-                                             .cancel = job.cancel };
-        if (job.levels >> l & 1 && !(levels->lists[l] = gl_lists_get(w->lists, &from, err)))
+    if (!c)
+        return false;
+    find_sources(w, c, SP_LEVELS - 1);
+    for (unsigned l = 0; job.levels >> l; l++)
+        if (job.levels >> l & 1 &&
+            !(levels->lists[l] = gl_lists_get(w->lists, &w->sources[l], err)))
             return false;
-    }
-    return c != NULL;
+    return true;
 }
 
 bool gl_levels_get(struct gl_levels *levels, struct gl_lists *lists,
@@ -40,8 +56,10 @@ bool gl_levels_get(struct gl_levels *levels, struct gl_lists *lists,
                    const struct sp_classify_job *job, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     gl_lists_begin(lists);
-    struct work w = { lists, gl_lists_voxels(lists, volume, job->tf->order), job->cancel };
-    if (w.voxels && get(levels, &w, cache, volume, job, &why))
+    struct work w = { .lists = lists,
+                      .voxels = gl_lists_voxels(lists, volume, job->tf->order),
+                      .job = job };
+    if (w.voxels && get(levels, &w, cache, volume, &why))
         return true;
     bool has_no_room = why.code == SP_ERR_BUDGET || why.code == SP_ERR_MEMORY;
     if (w.voxels && !has_no_room)
@@ -49,5 +67,5 @@ bool gl_levels_get(struct gl_levels *levels, struct gl_lists *lists,
     if (w.voxels)
         gl_lists_refuse(w.voxels, &why);
     w.voxels = NULL;
-    return get(levels, &w, cache, volume, job, err);
+    return get(levels, &w, cache, volume, err);
 }

@@ -55,7 +55,7 @@ static void write_class(const struct sp_transfer *transfer, uint32_t key, float 
 }
 
 /* Of entries, whose classes no table by key holds. */
-static void write_classes(void *user, size_t begin, size_t end, unsigned worker) {
+static void write_entries(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct upload *u = user;
     for (size_t e = begin; e < end; e++)
@@ -106,27 +106,36 @@ static void write_scales(const struct sp_transfer *transfer, float (*rows)[4]) {
         rows[i / 4][i % 4] = transfer->scale ? transfer->scale[i] : 1;
 }
 
+static void write_classes(const struct gl_list *list, const struct gl_list_source *from,
+                          float (*classes)[4]) {
+    const struct sp_transfer *transfer = &from->level->transfer;
+    struct upload u = { .level = from->level, .classes = classes };
+    for (uint32_t k = 0; list->has_keys && k < transfer->count; k++)
+        write_class(transfer, k, classes[k]);
+    if (!list->has_keys)
+        sp_parallel_for(from->pool, from->level->visible.count, SP_BRICK_VOXELS, write_entries, &u);
+}
+
+/* Scales, axes, and classes unless the GPU makes them. */
 static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
                           const struct gl_list_source *from, struct sp_error *err) {
     const struct sp_level *level = from->level;
     const struct sp_transfer *transfer = &level->transfer;
-    uint64_t classes = list->has_keys ? transfer->count : level->visible.count;
+    uint64_t classes = list->has_keys ? transfer->count : level->visible.count, written;
     list->has_scales = transfer->scale != NULL;
     list->first_class = place_axes(list, &level->grid);
     uint64_t bytes = (list->first_class + classes + 1) * sizeof(float[4]);
     float(*rows)[4];
+    written = from->finer ? list->first_class * sizeof(float[4]) : bytes;
     if (!gl_buffer_reserve(&list->tables, "classes of visible voxels", bytes, lists->block_bytes,
                            GL_USE_KEPT, err) ||
-        !(rows = gl_buffer_map(&list->tables, bytes, err)))
+        !(rows = gl_buffer_map(&list->tables, written, err)))
         return false;
     write_scales(transfer, rows);
     write_axes(list, &level->grid, rows);
-    struct upload u = { .level = level, .classes = rows + list->first_class };
-    for (uint32_t k = 0; list->has_keys && k < transfer->count; k++)
-        write_class(transfer, k, u.classes[k]);
-    if (!list->has_keys)
-        sp_parallel_for(from->pool, level->visible.count, SP_BRICK_VOXELS, write_classes, &u);
-    lists->uploaded += bytes;
+    if (!from->finer)
+        write_classes(list, from, rows + list->first_class);
+    lists->uploaded += written;
     return gl_buffer_unmap(&list->tables, err);
 }
 
@@ -260,12 +269,16 @@ static bool reserve(struct gl_lists *lists, struct gl_list *list, const struct g
                                           GL_USE_KEPT, err));
 }
 
+/* Makes the entries on the GPU. */
 static bool fill(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
                  struct sp_error *err) {
-    const struct gl_classify_list to = { &list->entries, &list->normals, &list->tables,
-                                         list->axis_row, list->normal_bytes };
-    return gl_lists_load(lists, from->voxels, from->cancel, err) &&
-           gl_classify_fill(&lists->classify, from->voxels, from->level, &to, from->cancel, err);
+    if (!from->finer)
+        return gl_lists_load(lists, from->voxels, from->cancel, err) &&
+               gl_classify_fill(&lists->classify, from->voxels, from->level, list, from->cancel,
+                                err);
+    const struct gl_list *finer = gl_lists_get(lists, from->finer, err);
+    return finer &&
+           gl_classify_fill_coarse(&lists->classify, finer, from->level, list, from->cancel, err);
 }
 
 /* Makes what of the list is not there. */
@@ -273,20 +286,24 @@ static bool update(struct gl_lists *lists, struct gl_list *list, const struct gl
                    struct sp_error *err) {
     const struct sp_level *level = from->level;
     uint32_t wanted = normal_bytes(from);
-    bool has_entries = list->list_made && (!wanted || list->normal_bytes == wanted);
+    bool has_entries = list->list_made && (!wanted || list->normal_bytes == wanted) &&
+                       (!from->voxels || list->is_rising);
     if (!has_entries) {
         gl_buffer_finish(&list->entries);
         gl_buffer_finish(&list->normals);
         list->normal_bytes = wanted;
+        list->is_rising = from->voxels != NULL;
         list->has_keys = level->transfer.table && level->visible.key_bytes <= 2 &&
                          sp_transfer_key_bytes(&level->transfer) <= 2;
     }
     if (list->table_made != level->table_made && !upload_tables(lists, list, from, err))
         return false;
-    return (has_entries || (reserve(lists, list, from, err) &&
-                            (from->voxels ? fill(lists, list, from, err)
-                                          : upload_entries(lists, list, from, err)))) &&
-           trim(lists, "the visible voxels take", 0, err);
+    if (!has_entries && !reserve(lists, list, from, err))
+        return false;
+    if (!has_entries &&
+        !(from->voxels ? fill(lists, list, from, err) : upload_entries(lists, list, from, err)))
+        return false;
+    return trim(lists, "the visible voxels take", 0, err);
 }
 
 /* What a frame needs of the level beside the buffers; borrowed. */

@@ -1,16 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What is kept on the GPU of the volumes that were drawn: samples, and lists of visible voxels
- * level by level. Lists are made there from the samples (classify.h), or uploaded as the processor
- * made them (classify/visible.h). A change of colours uploads a table.
+ * level by level (list.h). They are made there (classify.h), or uploaded as the processor made them
+ * (classify/visible.h). A change of colours uploads a table.
  *
- *   samples   as they lie in memory
- *   entries   a word an entry, in the order of the bricks: i0 | i1 << 4 | i2 << 8 | key << 12
- *   tables    [scale of the opacity by packed magnitude, four a row][rows of rectilinear axes]
- *             [classes: colour and depth, by key; by entry where keys do not fit the word]
- *   normals   gradients or flakes as classify/ packs them
- *
- * The order of a brick's entries, and so the axis that bricks are cut along, does not matter here.
  * Samples and lists share one budget: the least recently used go. A volume whose samples have no
  * room beside its lists, or in a buffer, is classified by the processor.
  */
@@ -19,27 +12,11 @@
 
 #include "backend/gl/buffer.h"
 #include "backend/gl/classify.h"
+#include "backend/gl/list.h"
 #include "backend/gl/voxels.h"
 #include "classify/classification.h"
 
 enum { GL_LISTS = 32, GL_VOLUMES = 16 }; /* lists of all volumes and levels */
-
-struct gl_list {
-    const struct sp_volume *volume; /* not a reference: gl_lists_forget(); NULL = empty */
-    uint64_t list_made, table_made; /* of the level: what was uploaded */
-    uint64_t used;                  /* clock of the last use */
-    struct sp_grid grid;            /* of the level */
-    uint32_t bricks[3];             /* an axis, axis 0 fastest */
-    uint64_t count;                 /* entries */
-    const uint64_t *first;          /* [bricks + 1]: entries of brick b begin at first[b] */
-    double base;                    /* what values are counted from (order post), data units */
-    struct gl_buffer entries, tables, normals;
-    bool has_keys;         /* in the words */
-    bool has_scales;       /* of the opacity */
-    uint32_t normal_bytes; /* 0 = no normals */
-    uint32_t axis_row[3];  /* of the tables: of sample 0 of each rectilinear axis */
-    uint32_t first_class;  /* row of the tables */
-};
 
 struct gl_lists {
     struct gl_list list[GL_LISTS];
@@ -57,23 +34,13 @@ struct gl_lists {
 struct gl_list_source {
     const struct sp_volume *volume;
     const struct sp_level *level;
-    struct gl_voxels *voxels; /* the GPU makes the list from them; NULL = the level has entries */
-    bool normals;             /* then it makes normals as well */
+    struct gl_voxels *voxels; /* the GPU makes the list, the finest one from them; NULL = the level
+                                 has entries */
+    const struct gl_list_source *finer; /* of a coarse level that the GPU makes; else NULL */
+    bool normals;                       /* then it makes normals as well */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
 };
-
-static inline uint32_t gl_list_bricks(const struct gl_list *list) {
-    return list->bricks[0] * list->bricks[1] * list->bricks[2];
-}
-
-/* Index of the first voxel of a brick. */
-static inline void gl_list_corner(const struct gl_list *list, uint32_t brick, uint32_t corner[3]) {
-    uint32_t row = brick / list->bricks[0];
-    corner[0] = brick % list->bricks[0] << SP_BRICK_SHIFT;
-    corner[1] = row % list->bricks[1] << SP_BRICK_SHIFT;
-    corner[2] = row / list->bricks[1] << SP_BRICK_SHIFT;
-}
 
 /* Programs; block_bytes as above. SP_ERR_BACKEND; gl_lists_finish() also after a failure, and then
  * they can be initialised again. A context must be current, here and below. */

@@ -157,15 +157,6 @@ bool outline(inout Place p, out Outline o) {
     return o.box.x < o.box.z && o.box.y < o.box.w && o.gain > 0.0;
 }
 
-// e^x − 1 and ln(1 + x) where the difference to x counts.
-float expm1(float x) {
-    return abs(x) < 0.05 ? x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))) : exp(x) - 1.0;
-}
-
-float log1p(float x) {
-    return abs(x) < 0.05 ? x * (1.0 - x * (0.5 - x * (1.0 / 3.0 - x * (0.25 - 0.2 * x)))) : log(1.0 + x);
-}
-
 uint gradient_of(uint entry) {
     if (list.y == 2u)
         return widen_direction(normals[entry >> 1] >> (16u * (entry & 1u)) & 0xffffu);
@@ -176,9 +167,8 @@ uint gradient_of(uint entry) {
 vec4 classify(uint entry, uint word, uint gradient) {
     vec4 kind = tables[list.z + (list.x != 0u ? word >> 12 : entry)];
     uint magnitude = gradient >> 22;
-    float scale = list.w != 0u ? tables[magnitude >> 2][magnitude & 3u] : 1.0;
-    if (scale < 1.0)
-        kind.w = scale > 0.0 ? -log1p(scale * expm1(-kind.w)) : 0.0;
+    if (list.w != 0u)
+        kind.w = scale_depth(kind.w, tables[magnitude >> 2][magnitude & 3u]);
     return kind;
 }
 

@@ -3,25 +3,6 @@
 
 const float FLAKES_MINOR = 0.525731112, FLAKES_MAJOR = 0.850650808;
 
-// sp_gradient_unpack(): the unit direction in world space; zero for a gradient of zero length.
-vec3 unpack_gradient(uint bits) {
-    if (bits >> 22 == 0u)
-        return vec3(0);
-    vec2 uv = (vec2(bits & 2047u, bits >> 11 & 2047u) - 1023.0) / 1023.0;
-    float w = 1.0 - abs(uv.x) - abs(uv.y), fold = max(-w, 0.0);
-    uv += mix(vec2(-fold), vec2(fold), lessThan(uv, vec2(0)));
-    return normalize(vec3(uv, w));
-}
-
-// sp_gradient_widen(): 16 bits of direction as a packed gradient of full magnitude.
-uint widen_direction(uint bits) {
-    if (bits == 0u)
-        return 0u;
-    ivec2 steps = (ivec2(bits & 255u, bits >> 8) - 127) * 1031 + 64;
-    uvec2 uv = uvec2((steps >> 7) + 1023);
-    return uv.x | uv.y << 11 | 1023u << 22;
-}
-
 float highlight(vec3 n, vec3 h) {
     float length2 = dot(h, h), along = abs(dot(n, h));
     if (!(length2 > 1e-12 && along > 1e-6))

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The visible voxels of one level on the GPU, as shaders/10_project.glsl reads them.
+ *
+ *   entries   a word an entry, in the order of the bricks: i0 | i1 << 4 | i2 << 8 | key << 12
+ *   tables    [scale of the opacity by packed magnitude, four a row][rows of rectilinear axes]
+ *             [classes: colour and depth, by key; by entry where keys do not fit the word]
+ *   normals   gradients or flakes as classify/ packs them
+ *
+ * The order of a brick's entries, and so the axis that bricks are cut along, does not matter to
+ * frames.
+ */
+#ifndef GL_LIST_H
+#define GL_LIST_H
+
+#include "backend/gl/buffer.h"
+#include "classify/classification.h"
+
+struct gl_list {
+    const struct sp_volume *volume; /* not a reference: gl_lists_forget(); NULL = empty */
+    uint64_t list_made, table_made; /* of the level: what was uploaded */
+    uint64_t used;                  /* clock of the last use */
+    struct sp_grid grid;            /* of the level */
+    uint32_t bricks[3];             /* an axis, axis 0 fastest */
+    uint64_t count;                 /* entries */
+    const uint64_t *first;          /* [bricks + 1]: entries of brick b begin at first[b] */
+    double base;                    /* what values are counted from (order post), data units */
+    struct gl_buffer entries, tables, normals;
+    bool has_keys;         /* in the words */
+    bool has_scales;       /* of the opacity */
+    bool is_rising;        /* entries of a brick rise by place: the GPU has made them */
+    uint32_t normal_bytes; /* 0 = no normals; 2, 4, 8: as in classify/visible.h */
+    uint32_t axis_row[3];  /* of the tables: of sample 0 of each rectilinear axis */
+    uint32_t first_class;  /* row of the tables */
+};
+
+static inline uint32_t gl_list_bricks(const struct gl_list *list) {
+    return list->bricks[0] * list->bricks[1] * list->bricks[2];
+}
+
+/* Index of the first voxel of a brick. */
+static inline void gl_list_corner(const struct gl_list *list, uint32_t brick, uint32_t corner[3]) {
+    uint32_t row = brick / list->bricks[0];
+    corner[0] = brick % list->bricks[0] << SP_BRICK_SHIFT;
+    corner[1] = row % list->bricks[1] << SP_BRICK_SHIFT;
+    corner[2] = row / list->bricks[1] << SP_BRICK_SHIFT;
+}
+
+#endif
