@@ -42,13 +42,13 @@ struct match {
 };
 
 static void match_slot(struct match *m, struct sp_classify_slot *slot,
-                       const struct sp_transfer *transfer, struct sp_pool *pool) {
+                       const struct sp_transfer *transfer, const struct sp_classify_job *job) {
     struct sp_fit fit;
     if (sp_transfer_same_voxels(&slot->c.levels[0].transfer, transfer) && !m->serving) {
         m->serving = slot;
         m->serving_excess = UINT64_MAX;
     }
-    if (!sp_classification_fit(&slot->c, transfer, pool, &fit, NULL))
+    if (!sp_classification_fit(&slot->c, transfer, job, &fit, NULL))
         return;
     if (sp_fit_is_close(&fit) && (!m->serving || fit.excess < m->serving_excess)) {
         m->serving = slot;
@@ -74,7 +74,7 @@ static bool find_match(struct sp_classify_cache *cache, const struct sp_volume *
         return false;
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (cache->slots[i].c.volume == volume)
-            match_slot(match, &cache->slots[i], &transfer, job->pool);
+            match_slot(match, &cache->slots[i], &transfer, job);
     sp_transfer_finish(&transfer);
     return true;
 }

@@ -60,18 +60,31 @@ void sp_classification_finish(struct sp_classification *c) {
     sp_volume_unref(&c->volume);
 }
 
-static bool need_histogram(struct sp_classification *c, struct sp_pool *pool,
+static bool need_histogram(struct sp_classification *c, const struct sp_classify_job *job,
                            struct sp_error *err) {
+    const struct sp_transfer *transfer = &c->levels[0].transfer;
+    if (c->histogram)
+        return true;
+    if (!job->counter) {
+        c->histogram = sp_collect_histogram(transfer, c->volume, job->pool, err);
+        return c->histogram != NULL;
+    }
+    c->histogram = calloc(transfer->count, sizeof *c->histogram);
     if (!c->histogram)
-        c->histogram = sp_collect_histogram(&c->levels[0].transfer, c->volume, pool, err);
-    return c->histogram != NULL;
+        return sp_fail(err, SP_ERR_MEMORY, "", "no memory to count %u values", transfer->count);
+    if (job->counter->histogram(job->counter->user, c, c->histogram, err))
+        return true;
+    free(c->histogram);
+    c->histogram = NULL;
+    return false;
 }
 
 bool sp_classification_fit(struct sp_classification *c, const struct sp_transfer *to,
-                           struct sp_pool *pool, struct sp_fit *fit, struct sp_error *err) {
+                           const struct sp_classify_job *job, struct sp_fit *fit,
+                           struct sp_error *err) {
     const struct sp_level *all = &c->levels[0];
     *fit = (struct sp_fit){ 0 };
-    if (!all->listed || !sp_change_is_possible(&all->transfer, to) || !need_histogram(c, pool, err))
+    if (!all->listed || !sp_change_is_possible(&all->transfer, to) || !need_histogram(c, job, err))
         return false;
     for (uint32_t k = 0; k < to->count; k++) {
         fit->visible += to->is_visible[k] ? c->histogram[k] : 0;
@@ -87,10 +100,10 @@ bool sp_fit_is_close(const struct sp_fit *fit) {
 
 /* Whether the list holds what `next` shows, and not too much beside it. */
 static bool keeps_list(struct sp_classification *c, const struct sp_transfer *next,
-                       struct sp_pool *pool) {
+                       const struct sp_classify_job *job) {
     struct sp_fit fit;
     return sp_transfer_same_voxels(&c->levels[0].transfer, next) ||
-           (sp_classification_fit(c, next, pool, &fit, NULL) && sp_fit_is_close(&fit));
+           (sp_classification_fit(c, next, job, &fit, NULL) && sp_fit_is_close(&fit));
 }
 
 static bool update_transfer(struct sp_classification *c, const struct sp_classify_job *job,
@@ -101,7 +114,7 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
     struct sp_transfer next;
     if (!sp_transfer_init_like(&next, job->tf, sp_volume_info(c->volume), &all->transfer, err))
         return false;
-    if (!keeps_list(c, &next, job->pool))
+    if (!keeps_list(c, &next, job))
         drop_lists(all);
     for (int l = 1; l < SP_LEVELS; l++) /* they hold colours */
         sp_level_finish(&c->levels[l]);
@@ -165,17 +178,18 @@ static bool choose_listed(struct sp_classification *c, const struct sp_classify_
     if (!all->listed)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u values", t->count);
     memcpy(all->listed, t->is_visible, t->count);
-    return !job->widens || (need_histogram(c, job->pool, err) && widen(c, all->listed, err));
+    return !job->widens || (need_histogram(c, job, err) && widen(c, all->listed, err));
 }
 
 /* How many of the voxels in the finest list are visible. */
-static bool count_visible(struct sp_classification *c, struct sp_pool *pool, struct sp_error *err) {
+static bool count_visible(struct sp_classification *c, const struct sp_classify_job *job,
+                          struct sp_error *err) {
     const struct sp_level *all = &c->levels[0];
     const struct sp_transfer *t = &all->transfer;
     c->visible = all->visible.count;
     if (!all->listed || memcmp(all->listed, t->is_visible, t->count) == 0)
         return true;
-    if (!need_histogram(c, pool, err))
+    if (!need_histogram(c, job, err))
         return false;
     c->visible = 0;
     for (uint32_t k = 0; k < t->count; k++)
@@ -334,7 +348,7 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     if (!update_transfer(c, job, err))
         return false;
     check_reach(c, job);
-    if (!update_all(c, job, err) || !count_visible(c, job->pool, err))
+    if (!update_all(c, job, err) || !count_visible(c, job, err))
         return false;
     count_made(&c->levels[0], job->made);
     for (unsigned l = 1; job->levels >> l; l++) { /* each is made of the one before */

@@ -54,6 +54,9 @@ struct sp_counter {
      * False with *err set. */
     bool (*count)(void *user, const struct sp_classification *c, unsigned level, uint64_t *counts,
                   struct sp_error *err);
+    /* Fills counts[keys of the finest level's transfer] with the volume's voxels of each. */
+    bool (*histogram)(void *user, const struct sp_classification *c, uint64_t *counts,
+                      struct sp_error *err);
     void *user;
 };
 
@@ -94,7 +97,8 @@ struct sp_fit {
 /* False when the list cannot serve: none, another order, a type without a table; SP_ERR_MEMORY is
  * set when that is why, else *err is left alone. */
 bool sp_classification_fit(struct sp_classification *c, const struct sp_transfer *to,
-                           struct sp_pool *pool, struct sp_fit *fit, struct sp_error *err);
+                           const struct sp_classify_job *job, struct sp_fit *fit,
+                           struct sp_error *err);
 
 /* Whether a list that lacks nothing is still good enough: at most a quarter too long. */
 bool sp_fit_is_close(const struct sp_fit *fit);

@@ -23,7 +23,7 @@ enum {
 
 static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
     static const char *const defines[] = { "#define PASS 0\n", "#define PASS 1\n",
-                                           "#define PASS 2\n" };
+                                           "#define PASS 2\n", "#define PASS 3\n" };
     return gl_program_open(names, defines[pass], err);
 }
 
@@ -32,6 +32,7 @@ bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err
     return (c->range = open_pass("00_classify", 0, err)) &&
            (c->count = open_pass("00_classify", 1, err)) &&
            (c->fill = open_pass("00_classify", 2, err)) &&
+           (c->histogram = open_pass("00_classify", 3, err)) &&
            (c->coarse_count = open_pass("gradient 01_coarse", 0, err)) &&
            (c->coarse_fill = open_pass("gradient 01_coarse", 1, err));
 }
@@ -40,6 +41,7 @@ void gl_classify_finish(struct gl_classify *c) {
     glDeleteProgram(c->range);
     glDeleteProgram(c->count);
     glDeleteProgram(c->fill);
+    glDeleteProgram(c->histogram);
     glDeleteProgram(c->coarse_count);
     glDeleteProgram(c->coarse_fill);
     gl_buffer_finish(&c->listed);
@@ -147,11 +149,11 @@ static bool write_listed(struct gl_classify *c, const struct sp_level *level,
     return true;
 }
 
-/* Words of bricks, to and from the GPU. */
-static uint32_t *allocate(uint32_t bricks, struct sp_error *err) {
-    uint32_t *words = malloc((bricks + (size_t)1) * sizeof *words);
+/* Words that are sent or come back, and one more. */
+static uint32_t *allocate(uint32_t count, struct sp_error *err) {
+    uint32_t *words = malloc((count + (size_t)1) * sizeof *words);
     if (!words)
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u bricks", bricks);
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u counts", count);
     return words;
 }
 
@@ -171,22 +173,22 @@ static bool write_places(struct gl_classify *c, const struct gl_buffer *to, cons
 
 static bool reserve_places(const struct gl_classify *c, struct gl_buffer *buffer, uint32_t bricks,
                            struct sp_error *err) {
-    return gl_buffer_reserve(buffer, "bricks", (bricks + UINT64_C(1)) * WORD, c->block_bytes,
+    return gl_buffer_reserve(buffer, "counts", (bricks + UINT64_C(1)) * WORD, c->block_bytes,
                              GL_USE_STREAM, err);
 }
 
-/* Runs the program in use, which counts the entries of bricks, and gets the counts. */
+/* Runs the program in use over all bricks and gets what it counted, `count` words. */
 static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic_bool *cancel,
-                      uint64_t *counts, struct sp_error *err) {
-    uint32_t *words = allocate(bricks, err);
+                      uint32_t count, uint64_t *counts, struct sp_error *err) {
+    uint32_t *words = allocate(count, err);
     bool ok = words && run(c, bricks, cancel, err);
     if (ok) {
         glBindBuffer(GL_COPY_READ_BUFFER, c->counts.name);
-        glGetBufferSubData(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(bricks * sizeof *words), words);
+        glGetBufferSubData(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(count * sizeof *words), words);
         ok = gl_check("classified", err);
     }
-    for (uint32_t b = 0; ok && b < bricks; b++)
-        counts[b] = words[b];
+    for (uint32_t i = 0; ok && i < count; i++)
+        counts[i] = words[i];
     free(words);
     return ok;
 }
@@ -200,7 +202,24 @@ bool gl_classify_count(struct gl_classify *c, const struct gl_voxels *voxels,
     use(c->count, voxels, 0);
     gl_buffer_bind(&c->listed, 2);
     gl_buffer_bind(&c->counts, 3);
-    return run_count(c, bricks, cancel, counts, err);
+    return run_count(c, bricks, cancel, bricks, counts, err);
+}
+
+static void clear(const struct gl_buffer *buffer, uint64_t words) {
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
+    glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_R32UI, 0, (GLsizeiptr)(words * WORD),
+                         GL_RED_INTEGER, GL_UNSIGNED_INT, &(GLuint){ 0 });
+}
+
+bool gl_classify_histogram(struct gl_classify *c, const struct gl_voxels *voxels, uint32_t keys,
+                           const atomic_bool *cancel, uint64_t *counts, struct sp_error *err) {
+    if (!reserve_places(c, &c->counts, keys, err))
+        return false;
+    clear(&c->counts, keys);
+    use(c->histogram, voxels, 0);
+    gl_buffer_bind(&c->counts, 3);
+    return run_count(c, count_bricks(&sp_volume_info(voxels->volume)->grid), cancel, keys, counts,
+                     err);
 }
 
 /* Differences a spacing → world gradient over its bound. */
@@ -212,12 +231,6 @@ static void set_gradients(const struct sp_volume *volume) {
         for (int a = 0; a < 3; a++)
             columns[3 * a + r] = (float)(grid.to_world[r][a] / grid.unit);
     glUniformMatrix3fv(4, 1, GL_FALSE, columns);
-}
-
-static void clear(const struct gl_buffer *buffer) {
-    glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
-    glClearBufferData(GL_SHADER_STORAGE_BUFFER, GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT,
-                      &(GLuint){ 0 });
 }
 
 /* Where in the tables a list's axes are, and one thing more. */
@@ -234,7 +247,7 @@ bool gl_classify_fill(struct gl_classify *c, const struct gl_voxels *voxels,
         !write_places(c, &c->counts, level->visible.first, bricks, err))
         return false;
     if (list->normal_bytes == 2)
-        clear(&list->normals);
+        clear(&list->normals, level->visible.count / 2 + 1);
     use(c->fill, voxels, list->normal_bytes);
     set_rows(3, list, sp_grid_is_rectilinear(&level->grid));
     set_gradients(voxels->volume);
@@ -270,8 +283,9 @@ static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_
 bool gl_classify_count_coarse(struct gl_classify *c, const struct gl_list *finer,
                               const struct sp_level *level, const atomic_bool *cancel,
                               uint64_t *counts, struct sp_error *err) {
+    uint32_t bricks = sp_visible_bricks(&level->visible);
     return use_coarse(c, c->coarse_count, finer, false, level, err) &&
-           run_count(c, sp_visible_bricks(&level->visible), cancel, counts, err);
+           run_count(c, bricks, cancel, bricks, counts, err);
 }
 
 bool gl_classify_fill_coarse(struct gl_classify *c, const struct gl_list *finer,

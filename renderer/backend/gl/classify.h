@@ -19,7 +19,7 @@
 
 /* Programs and what they need for the length of a pass. */
 struct gl_classify {
-    unsigned range, count, fill, coarse_count, coarse_fill;
+    unsigned range, count, fill, histogram, coarse_count, coarse_fill;
     struct gl_buffer listed, counts, firsts;
     uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
     uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
@@ -40,6 +40,11 @@ bool gl_classify_load(struct gl_classify *classify, struct gl_voxels *voxels,
 bool gl_classify_count(struct gl_classify *classify, const struct gl_voxels *voxels,
                        const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
                        struct sp_error *err);
+
+/* counts[keys] = voxels of the volume of each key. */
+bool gl_classify_histogram(struct gl_classify *classify, const struct gl_voxels *voxels,
+                           uint32_t keys, const atomic_bool *cancel, uint64_t *counts,
+                           struct sp_error *err);
 
 /* Writes the entries, and normals as wide as the list's, of a level that was counted. Returns when
  * the GPU has done it. */

@@ -2,7 +2,8 @@
  *
  * One frame on the GPU.
  *
- *   classify (processor, frame.h) ─► for each band of tiles, for each batch of layers in it:
+ *   00_classify, 01_coarse (levels.h): lists, where the processor finds that they have to change
+ *   ─► for each band of tiles, for each batch of layers in it:
  *
  *     10_project    entry → record; its pairs are counted by tile and layer
  *     20, 21        counts → where each bin begins

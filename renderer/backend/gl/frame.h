@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the processor decides of a frame: lists and levels, how it is cut, constants. All the rest
- * happens on the GPU.
+ * What the processor decides of a frame: levels, which of their lists change, how it is cut,
+ * constants. All the rest happens on the GPU.
  */
 #ifndef GL_FRAME_H
 #define GL_FRAME_H

@@ -34,9 +34,17 @@ static bool count(void *user, const struct sp_classification *c, unsigned level,
                                              counts, err);
 }
 
+static bool histogram(void *user, const struct sp_classification *c, uint64_t *counts,
+                      struct sp_error *err) {
+    struct work *w = user;
+    return gl_lists_load(w->lists, w->voxels, w->job->cancel, err) &&
+           gl_classify_histogram(&w->lists->classify, w->voxels, c->levels[0].transfer.count,
+                                 w->job->cancel, counts, err);
+}
+
 static bool get(struct gl_levels *levels, struct work *w, struct sp_classify_cache *cache,
                 struct sp_volume *volume, struct sp_error *err) {
-    const struct sp_counter counter = { count, w };
+    const struct sp_counter counter = { count, histogram, w };
     struct sp_classify_job job = *w->job;
     job.counter = w->voxels ? &counter : NULL;
     const struct sp_classification *c = sp_classify_cache_get(cache, volume, &job, err);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Samples → the list of visible voxels (classify/collect.c), a work group a brick of 16³. By PASS: the range of each
-// brick's keys; how many of its voxels are listed; their entries and gradients, in rising order of their place.
+// brick's keys; how many of its voxels are listed; their entries and gradients, in rising order of their place; the
+// voxels of each key.
 
 layout(local_size_x = GROUP) in;
 // 8 or 16 bits each, as they lie in memory.
@@ -9,7 +10,7 @@ layout(std430, binding = 0) readonly buffer Samples { uint samples[]; };
 layout(std430, binding = 1) buffer Ranges { uint ranges[]; };
 // A bit a key.
 layout(std430, binding = 2) readonly buffer Listed { uint listed[]; };
-// By brick: entries; while they are written, where the first of them goes.
+// By brick: entries; while they are written, where the first of them goes. By key: voxels.
 layout(std430, binding = 3) buffer Counts { uint counts[]; };
 // 10_project.glsl
 layout(std430, binding = 4) writeonly buffer Entries { uint entries[]; };
@@ -22,7 +23,7 @@ layout(location = 2) uniform ivec4 type;       // bytes of a sample, signed, val
 layout(location = 3) uniform uvec4 axis_rows;  // of the tables: of sample 0 of each axis; rectilinear
 layout(location = 4) uniform mat3 to_gradient; // differences a spacing → world gradient over its bound
 
-const int RANGES = 0, COUNT = 1, FILL = 2;
+const int RANGES = 0, COUNT = 1, FILL = 2, HISTOGRAM = 3;
 
 shared uint low, high, shows;
 shared uint masks[128], ends[128]; // by 32 voxels: a bit each, and the entries up to their end
@@ -167,6 +168,35 @@ void fill(uint brick, uvec3 corner) {
     }
 }
 
+void add_key(uint key, uint voxels) {
+    if (voxels > 0u)
+        atomicAdd(counts[key], voxels);
+}
+
+// Equal neighbours are counted together: most of a volume is often one value, for which all would wait.
+void count_keys(uint brick) {
+    uvec3 corner = corner_of(brick), size = min(dims - corner, uvec3(16));
+    uint range = ranges[brick], last = 0u, voxels = 0u;
+    if (range >> 16 == (range & 0xffffu)) {
+        if (gl_LocalInvocationIndex == 0u)
+            add_key(range & 0xffffu, size.x * size.y * size.z);
+        return;
+    }
+    for (uint s = 0u; s < 16u; s++) {
+        uvec3 i = voxel_of(corner, s);
+        if (!all(lessThan(i, dims)))
+            continue;
+        uint key = key_at(i);
+        if (key != last) {
+            add_key(last, voxels);
+            voxels = 0u;
+        }
+        last = key;
+        voxels++;
+    }
+    add_key(last, voxels);
+}
+
 void main() {
     uint brick = first_brick + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
     if (thread == 0u) {
@@ -178,6 +208,10 @@ void main() {
     barrier();
     if (PASS == RANGES) {
         find_range(brick);
+        return;
+    }
+    if (PASS == HISTOGRAM) {
+        count_keys(brick);
         return;
     }
     bool is_empty = !shows_any(brick);

@@ -19,6 +19,7 @@
 #include "backend/gl/context.h"
 #include "backend/gl/levels.h"
 #include "backend/gl/program.h"
+#include "classify/collect.h"
 #include "sp/log.h"
 #include "support/data.h"
 
@@ -225,6 +226,20 @@ static bool has_entries(const struct rig *rig, const struct sp_volume *volume) {
     return has;
 }
 
+/* Of the slot that has one. */
+static void check_histogram(struct rig *rig, const struct sp_volume *volume) {
+    const struct sp_classification *c = NULL;
+    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
+        if (rig->cache.slots[i].c.volume == volume && rig->cache.slots[i].c.histogram)
+            c = &rig->cache.slots[i].c;
+    assert_non_null(c);
+    const struct sp_transfer *transfer = &c->levels[0].transfer;
+    uint64_t *wanted = sp_collect_histogram(transfer, volume, rig->pool, NULL);
+    assert_non_null(wanted);
+    assert_memory_equal(c->histogram, wanted, transfer->count * sizeof *wanted);
+    free(wanted);
+}
+
 static void lists_are_those_of_the_processor(void **state) {
     struct rig *rig = *state;
     static const enum sp_type types[] = { SP_UINT8, SP_INT8, SP_UINT16, SP_INT16 };
@@ -243,6 +258,7 @@ static void lists_are_those_of_the_processor(void **state) {
             check_against_processor(rig, volume, &job, false);
             assert_false(has_entries(rig, volume));
         }
+        check_histogram(rig, volume);
         forget(rig, &volume);
     }
 }
@@ -447,7 +463,7 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
 }
 
 static bool open_rig(struct rig *rig, struct gl_context *context, struct sp_error *err) {
-    rig->lists.limit_bytes = (uint64_t)1 << 30;
+    rig->lists.limit_bytes = rig->cache.limit_bytes = (uint64_t)1 << 30;
     rig->pool = sp_pool_create(2, err);
     return rig->pool && gl_context_bind(context, err) && gl_lists_init(&rig->lists, true, 0, err);
 }
