@@ -9,7 +9,7 @@ import tempfile
 import unittest
 
 PROGRAM, LIMIT = sys.argv.pop(1), sys.argv.pop(1)
-KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'size', 'mode', 'compositing', 'shading', 'lod', 'views',
+KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'in_flight', 'size', 'mode', 'compositing', 'shading', 'lod', 'views',
         'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'splats_per_second',
         'stages', 'rest_ms', 'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
 
@@ -177,8 +177,21 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run(os.path.join(self.folder.name, 'none.json')).returncode, 1)
         self.assertEqual(run('--volume', 'demo:nothing').returncode, 1)
 
+    def test_frames_in_flight(self):
+        """As many as the backend takes; the same pictures."""
+        drawn = {}
+        for backend, depth in ('cpu', 1), ('gl-software', 2):
+            for wanted in 1, 2, 4:
+                done = run('--volume', 'demo:phantom?size=16', '--size', '32', '--views', '3', '--backend', backend, '--in-flight', str(wanted))
+                if backend != 'cpu' and done.returncode != 0:
+                    self.skipTest('no software GL: ' + done.stderr)
+                line, = self.lines(done)
+                self.assertEqual(line['in_flight'], min(wanted, depth))
+                self.assertEqual(drawn.setdefault(backend, line['splats']), line['splats'])
+
     def test_usage(self):
-        for arguments in [], ['--size', '0', 'x.json'], ['--threads', 'two', 'x.json'], ['--nonsense'], ['--cancel', '0', 'x.json']:
+        for arguments in ([], ['--size', '0', 'x.json'], ['--threads', 'two', 'x.json'], ['--nonsense'], ['--cancel', '0', 'x.json'],
+                          ['--in-flight', '5', 'x.json']):
             done = run(*arguments)
             self.assertEqual(done.returncode, 2, arguments)
             self.assertTrue(done.stderr)

@@ -39,16 +39,27 @@ static bool prepare(struct bench_way *way, const struct bench_scene *scene,
     return bench_view_override(&way->view, &setting->overrides, err);
 }
 
-struct sp_frame *bench_draw(const struct bench_studio *studio, const struct bench_way *way,
-                            unsigned k, unsigned n, struct sp_error *err) {
+/* Begins camera k, frame n of all. */
+static bool begin(const struct bench_studio *studio, const struct bench_way *way, unsigned k,
+                  unsigned n, struct sp_error *err) {
     const struct bench_scene *scene = studio->scene;
     struct sp_view view = way->view;
     view.camera = scene->cameras[k % scene->camera_count];
     edit_transfer(&view.transfer_function, way->edit, sp_volume_info(scene->volume)->range, n);
     if (studio->options->cold)
         sp_renderer_forget(studio->renderer, scene->volume);
-    return sp_renderer_render(studio->renderer, scene->volume, &view, studio->pool, &way->render,
-                              err);
+    return sp_renderer_begin(studio->renderer, scene->volume, &view, studio->pool, &way->render,
+                             err);
+}
+
+struct sp_frame *bench_draw(const struct bench_studio *studio, const struct bench_way *way,
+                            unsigned k, unsigned n, struct sp_error *err) {
+    return begin(studio, way, k, n, err) ? sp_renderer_finish(studio->renderer, err) : NULL;
+}
+
+unsigned bench_in_flight(const struct bench_studio *studio) {
+    unsigned wanted = studio->options->in_flight, depth = sp_renderer_depth(studio->renderer);
+    return wanted < depth ? wanted : depth;
 }
 
 static void add_frame(struct bench_times *t, const struct sp_frame_stats *stats) {
@@ -61,24 +72,32 @@ static void add_frame(struct bench_times *t, const struct sp_frame_stats *stats)
     t->last = *stats;
 }
 
-/* The warm-up and every camera once. */
+/* The warm-up and every camera once; as many frames in flight as the options say. */
 static bool measure_pass(struct bench_times *t, const struct bench_studio *studio,
                          const struct bench_way *way, struct sp_error *err) {
-    unsigned warm = studio->options->warm, cameras = studio->scene->camera_count;
-    for (unsigned k = 0; k < warm + cameras; k++) {
+    unsigned warm = studio->options->warm, cameras = studio->scene->camera_count, n = 0, k = 0;
+    bool ok = true;
+    for (; ok && k < warm + cameras; k++) {
         uint64_t before = bench_allocations();
-        struct sp_frame *frame = bench_draw(studio, way, k < warm ? k : k - warm, k, err);
-        if (!frame)
-            return false;
-        if (k == 0 && t->frames == 0 && frame->stats.stage_count > 0)
+        for (; ok && n < warm + cameras && n - k < bench_in_flight(studio); n += ok)
+            ok = begin(studio, way, n < warm ? n : n - warm, n, err);
+        if (!ok)
+            break;
+        struct sp_frame *frame = sp_renderer_finish(studio->renderer, err);
+        ok = frame != NULL;
+        if (ok && k == 0 && t->frames == 0 && frame->stats.stage_count > 0)
             t->cold_classify_ms = frame->stats.stages[0].ms;
-        if (k >= warm) {
+        if (ok && k >= warm) {
             add_frame(t, &frame->stats);
             t->allocations += bench_allocations() - before;
         }
         sp_frame_unref(&frame);
     }
-    return true;
+    for (; k < n; k++) { /* after a failure */
+        struct sp_frame *frame = sp_renderer_finish(studio->renderer, NULL);
+        sp_frame_unref(&frame);
+    }
+    return ok;
 }
 
 static int compare(const void *a, const void *b) {

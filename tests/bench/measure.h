@@ -57,6 +57,9 @@ void bench_result_finish(struct bench_result *r);
 struct sp_frame *bench_draw(const struct bench_studio *studio, const struct bench_way *way,
                             unsigned k, unsigned n, struct sp_error *err);
 
+/* Frames that are in flight while times are measured: no more than the backend takes. */
+unsigned bench_in_flight(const struct bench_studio *studio);
+
 double bench_median(const struct bench_times *t);
 double bench_percentile95(const struct bench_times *t);
 double bench_mean(const struct bench_times *t);

@@ -22,6 +22,9 @@ static const char usage[] =
     "  --size N            pixels both ways, 1 to 8192; default as the scene says\n"
     "  --views N           at most N cameras, or an orbit of N; default 24\n"
     "  --warm N            frames drawn before measuring; default 2\n"
+    "  --in-flight N       frames begun before the first is finished, 1 (default) to 4, where\n"
+    "                      the backend takes several: their times are a frame's share of the "
+    "whole\n"
     "  --mode M            filter: adaptive, ewa, reconstruction, lowpass, ...\n"
     "  --compositing C     sheet, ...\n"
     "  --shading S         none, phong\n"
@@ -105,6 +108,8 @@ static bool parse_option(struct bench_options *o, const char *name, const char *
         return parse_number(name, value, 1, BENCH_CAMERAS_MAX, &o->setting.overrides.views);
     if (strcmp(name, "warm") == 0)
         return parse_number(name, value, 0, WARM_MAX, &o->warm);
+    if (strcmp(name, "in-flight") == 0)
+        return parse_number(name, value, 1, SP_IN_FLIGHT_MAX, &o->in_flight);
     if (strcmp(name, "cancel") == 0)
         return parse_number(name, value, 1, CANCEL_MAX, &o->cancel);
     const struct {
@@ -153,6 +158,7 @@ enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **
         { "size", required_argument, NULL, LONG_ONLY },
         { "views", required_argument, NULL, LONG_ONLY },
         { "warm", required_argument, NULL, LONG_ONLY },
+        { "in-flight", required_argument, NULL, LONG_ONLY },
         { "mode", required_argument, NULL, LONG_ONLY },
         { "compositing", required_argument, NULL, LONG_ONLY },
         { "shading", required_argument, NULL, LONG_ONLY },
@@ -170,7 +176,7 @@ enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **
         { "version", no_argument, NULL, 'v' },
         { NULL, 0, NULL, 0 },
     };
-    *o = (struct bench_options){ .warm = 2 };
+    *o = (struct bench_options){ .warm = 2, .in_flight = 1 };
     int which = 0, c;
     while ((c = getopt_long(argc, argv, "", flags, &which)) != -1) {
         if (c == 'h') {

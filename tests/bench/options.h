@@ -23,6 +23,7 @@ struct bench_options {
     const char *against_text;        /* KEY=VALUE as given; NULL = nothing to compare with */
     unsigned warm;                   /* frames before those that count */
     unsigned cancel;                 /* frames to cancel; 0 = none */
+    unsigned in_flight;              /* frames begun at a time, at most; what the backend takes */
     bool cold;                       /* forget what was derived from the volume before each frame */
     const char *data, *out, *volume; /* NULL = not given */
     const char *save_volume;

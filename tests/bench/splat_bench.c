@@ -173,6 +173,7 @@ static proto_json *encode_result(const struct bench_studio *studio, const struct
     proto_json_set_string(j, "device", stats->device);
     proto_json_set_string(j, "isa", stats->isa);
     proto_json_set_integer(j, "threads", stats->threads);
+    proto_json_set_integer(j, "in_flight", bench_in_flight(studio));
     encode_view(j, &studio->way.view);
     proto_json_set_integer(j, "coarse", stats->coarse);
     proto_json_set_integer(j, "views", studio->scene->camera_count);
