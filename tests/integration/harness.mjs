@@ -44,9 +44,9 @@ export class Daemon {
   out = '';
   #watchers = new Set();
 
-  static async start(args = ['--volume', 'demo:engine?size=32'], { prefix = [], backend = 'null' } = {}) {
+  static async start(args = ['--volume', 'demo:engine?size=32'], { prefix = [], backend = 'null', program = 'splatd' } = {}) {
     const daemon = new Daemon();
-    const command = [...prefix, path.join(BIN, 'splatd'), '--listen', '127.0.0.1:0', '--backend', backend, ...args];
+    const command = [...prefix, path.join(BIN, program), '--listen', '127.0.0.1:0', '--backend', backend, ...args];
     daemon.child = spawn(command[0], command.slice(1), { stdio: ['ignore', 'pipe', 'pipe'] });
     running.add(daemon.child);
     daemon.child.stderr.on('data', (data) => daemon.#note('log', data));
