@@ -81,12 +81,11 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
-/* The context is gone, with the frames that were begun and the fences behind them. */
+/* The context is gone, with the fences behind the frames that were begun. */
 static void lose(struct gl_state *state) {
     gl_context_destroy(&state->context);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         state->slots[i].back.fence = NULL;
-    state->begun = 0;
 }
 
 /* A frame of a context that is lost fails, with all that were begun, and the next one begins with
