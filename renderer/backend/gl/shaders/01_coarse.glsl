@@ -26,8 +26,8 @@ const int COUNT = 0, FILL = 1;
 const float MINOR = 0.525731112, MAJOR = 0.850650808;
 
 shared uint bounds[8][17]; // of finer brick b: where its slice s begins
+shared uint masks[128], ends[128]; // by 32 cells: a bit each that is used, and the entries up to their end
 shared uint voxels[2048];  // entries + 1 of a coarse slice, by x | y << 5 | z << 10; 0 = none
-shared uint masks[8];      // by 32 cells of a coarse slice: a bit each that is used
 
 // What the voxels of a cell add up to, by depth.
 struct Sum {
@@ -59,12 +59,34 @@ bool is_hidden(uint word) {
     return list.x != 0u && !(tables[list.z + (word >> 12)].w > 0.0);
 }
 
+// Fills masks and ends.
+void mark() {
+    uint thread = gl_LocalInvocationIndex;
+    for (uint b = 0u; b < 8u; b++) {
+        uint offset = (b & 1u) << 3 | (b & 2u) << 6 | (b & 4u) << 9;
+        for (uint e = bounds[b][0] + thread; e < bounds[b][16]; e += GROUP) {
+            uint word = entries[e], cell = (word >> 1 & 0x777u) + offset;
+            if (!is_hidden(word))
+                atomicOr(masks[cell / 32u], 1u << (cell & 31u));
+        }
+    }
+    barrier();
+    if (thread < 128u)
+        ends[thread] = uint(bitCount(masks[thread]));
+    barrier();
+    for (uint step = 1u; step < 128u; step *= 2u) {
+        uint before = thread >= step && thread < 128u ? ends[thread - step] : 0u;
+        barrier();
+        if (thread < 128u)
+            ends[thread] += before;
+        barrier();
+    }
+}
+
 // Finds the voxels of coarse slice s.
 void collect(uint s) {
     for (uint i = gl_LocalInvocationIndex; i < 2048u; i += GROUP)
         voxels[i] = 0u;
-    if (gl_LocalInvocationIndex < 8u)
-        masks[gl_LocalInvocationIndex] = 0u;
     barrier();
     uint slice = 2u * (s & 7u);
     for (uint b = 0u; b < 4u; b++) {
@@ -167,32 +189,36 @@ void write_cell(uint out_entry, uint local, uvec3 cell) {
         flakes[out_entry] = pack_flakes(sum);
 }
 
+// The thread's cell of each slice that has any.
+void fill(uvec3 corner, uint first) {
+    uint thread = gl_LocalInvocationIndex, bit = 1u << (thread & 31u);
+    for (uint s = 0u; s < 16u; s++) {
+        uint word = 8u * s + thread / 32u, mask = masks[word];
+        if (ends[8u * s + 7u] == (s > 0u ? ends[8u * s - 1u] : 0u))
+            continue;
+        collect(s);
+        uint before = ends[word] - uint(bitCount(mask)) + uint(bitCount(mask & (bit - 1u)));
+        if ((mask & bit) != 0u)
+            write_cell(first + before, s << 8 | thread, corner + uvec3(thread & 15u, thread >> 4, s));
+        barrier();
+    }
+}
+
 void main() {
     uint brick = first_brick + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
     uvec3 bricks = ((dims + 1u) / 2u + 15u) / 16u;
     uvec3 at = uvec3(brick % bricks.x, brick / bricks.x % bricks.y, brick / bricks.x / bricks.y);
-    uint done = PASS == FILL ? counts[brick] : 0u;
+    if (thread < 128u)
+        masks[thread] = 0u;
     find_bounds(at);
     barrier();
-    for (uint s = 0u; s < 16u; s++) {
-        collect(s);
-        uint any = 0u, bit = 1u << (thread & 31u), before = 0u, all_cells = 0u;
-        for (uint k = 0u; k < 8u; k++)
-            any |= voxel_of(k);
-        if (any != 0u)
-            atomicOr(masks[thread / 32u], bit);
-        barrier();
-        for (uint w = 0u; w < 8u; w++) {
-            uint cells = uint(bitCount(masks[w]));
-            before += w < thread / 32u ? cells : 0u;
-            all_cells += cells;
-        }
-        before += uint(bitCount(masks[thread / 32u] & (bit - 1u)));
-        if (PASS == FILL && any != 0u)
-            write_cell(done + before, s << 8 | thread, 16u * at + uvec3(thread & 15u, thread >> 4, s));
-        done += all_cells;
-        barrier();
-    }
+    uint all_entries = 0u;
+    for (uint b = 0u; b < 8u; b++)
+        all_entries += bounds[b][16] - bounds[b][0];
+    if (all_entries > 0u)
+        mark();
     if (PASS == COUNT && thread == 0u)
-        counts[brick] = done;
+        counts[brick] = all_entries > 0u ? ends[127] : 0u;
+    if (PASS == FILL && all_entries > 0u)
+        fill(16u * at, counts[brick]);
 }
