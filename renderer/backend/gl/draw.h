@@ -9,7 +9,7 @@
  *     20, 21        counts → where each bin begins
  *     22_scatter    records → bins: by tile, in it by layer
  *     23_order      single splats alone: a bin in the order of its records
- *     30_composite  a tile: layers summed, classified (order post), composited
+ *     30_composite  a tile: layers summed, classified (order post), composited; in turns
  *
  *   ─► 40_resolve ─► read back
  *
