@@ -58,6 +58,7 @@ static const struct setting settings[] = {
       "open connections from one address" },
     { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "open sessions" },
     { "participants", COUNT, AT(participants), "32", 1, 64, "N", "participants of one session" },
+    { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "kept views" },
     { "message-size", SIZE, AT(message_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
       "largest message on a stream" },
     { "body-size", SIZE, AT(body_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",

@@ -22,7 +22,7 @@ struct srv_config {
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory, video_memory;
-    int64_t connections, connections_per_address, sessions, participants;
+    int64_t connections, connections_per_address, sessions, participants, views;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue;
     int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, stall_time_ms,
         ping_time_ms, drain_time_ms, rest_time_ms;

@@ -12,12 +12,14 @@
 #include "render/catalog.h"
 #include "render/scheduler.h"
 #include "session/hub.h"
+#include "store/store.h"
 
 struct srv_daemon {
     const struct srv_config *config;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_hub *hub;
+    struct srv_store *store;
     struct srv_streams *streams;
     _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
     struct srv_http_options http_options;
@@ -123,7 +125,8 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .interrupt = on_interrupt,
         .supports = on_supports,
     };
-    if (!(d->hub = srv_hub_create(&hub, err)))
+    struct srv_store_options store = { .views_max = (unsigned)c->views };
+    if (!(d->hub = srv_hub_create(&hub, err)) || !(d->store = srv_store_create(&store, err)))
         return false;
     struct srv_streams_options streams = { .hub = d->hub,
                                            .message_bytes = (size_t)c->message_size,
@@ -144,6 +147,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->catalog = d->catalog;
     o->scheduler = d->scheduler;
     o->streams = d->streams;
+    o->store = d->store;
     if (!srv_address_parse(c->listen, &address, err))
         return false;
     if (!srv_address_is_loopback(&address) && !c->token_file)
@@ -224,6 +228,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
+    srv_store_destroy(&d->store);
     srv_hub_destroy(&d->hub);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);

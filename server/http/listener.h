@@ -21,6 +21,7 @@
 #include "http/streams.h"
 #include "http/strict.h"
 #include "render/scheduler.h"
+#include "store/store.h"
 
 struct srv_http_options {
     const struct srv_config *config;
@@ -28,6 +29,7 @@ struct srv_http_options {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_streams *streams;
+    struct srv_store *store;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
     char instance[17]; /* random: frames of different runs have different ETags */
@@ -91,7 +93,8 @@ void srv_request_upgraded(struct srv_request *request);
 typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
     srv_get_volume_view;     /* routes_volumes.c */
-srv_handler srv_post_render; /* routes_render.c */
+srv_handler srv_post_render, srv_get_render; /* routes_render.c */
+srv_handler srv_post_view, srv_get_view;     /* routes_views.c */
 srv_handler srv_post_session, srv_get_session, srv_patch_session, srv_delete_session,
     srv_get_stream; /* routes_sessions.c */
 srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */

@@ -5,6 +5,7 @@
 #include "clock.h"
 #include "http/handshake.h"
 #include "http/headers.h"
+#include "http/kept.h"
 #include "http/listener.h"
 #include "sp/log.h"
 
@@ -34,19 +35,6 @@ static bool only_known(const proto_json *body, bool from, struct srv_reply *repl
     return true;
 }
 
-/* A refused view of a body's "view" member: its pointer begins there. */
-static void reply_view_error(struct srv_reply *reply, const struct sp_error *err) {
-    struct sp_error at = *err;
-    if (err->place[0] == '/')
-        snprintf(at.place, sizeof at.place, "/view%.240s", err->place);
-    if (err->code == SP_ERR_NOT_FOUND && strcmp(err->place, "/volume") == 0)
-        srv_reply_problem(reply, 422, at.place, "%s", err->text);
-    else if (err->code == SP_ERR_UNSUPPORTED && strcmp(err->place, "/volume") == 0)
-        srv_reply_problem(reply, 409, at.place, "%s", err->text);
-    else
-        srv_reply_error(reply, &at);
-}
-
 /* The view that a new session begins with; *owner keeps it alive. */
 static const proto_json *first_view(struct srv_request *request, const proto_json *body,
                                     proto_json **owner, struct srv_reply *reply) {
@@ -57,13 +45,15 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
         return view ? view : body; /* an empty body: all defaults */
     if (!id || view) {
         srv_reply_problem(reply, 422, "/from",
-                          id ? "give either view or from" : "must be the id of a session");
+                          id ? "give either view or from" : "must be the id of a session or kept view");
         return NULL;
     }
-    *owner = srv_hub_session_get(request->app->hub, id, false, &err);
-    if (!*owner)
-        srv_reply_problem(reply, 422, "/from", "%s", err.text);
-    return *owner ? proto_json_get(*owner, "view") : NULL;
+    if ((*owner = srv_kept_view(request->app->store, id, &err)))
+        return *owner;
+    if ((*owner = srv_hub_session_get(request->app->hub, id, false, &err)))
+        return proto_json_get(*owner, "view");
+    srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
+    return NULL;
 }
 
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
@@ -80,7 +70,7 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
             srv_reply_header(reply, "Location", "sessions/%s", id);
             sp_log(SP_LOG_INFO, "session %s created for %s", id, srv_guard_peer(request->guarded));
         } else {
-            reply_view_error(reply, &err);
+            srv_reply_view_error(reply, "/view", &err);
         }
     }
     proto_json_free(&owner);
@@ -137,7 +127,7 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
         bool ok = proto_json_set_string(json, "id", request->param);
         ok = proto_json_set(json, "view", changed) && ok;
         if (!changed)
-            reply_view_error(reply, &err);
+            srv_reply_view_error(reply, "/view", &err);
         else {
             if (!ok)
                 proto_json_free(&json);

@@ -72,16 +72,18 @@ void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint6
             srv_hub_note(hub, p, notes);
 }
 
-bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *patch, struct sp_view *view,
-                          void **volume, struct sp_error *err) {
+bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
+                          struct sp_view *view, void **volume, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
-    const char *id = patch ? proto_view_volume(patch) : NULL;
+    const char *of_base = base ? proto_view_volume(base) : NULL;
+    const char *id = of_base || !patch ? of_base : proto_view_volume(patch);
     *volume = source->acquire(source->user, id, err);
     if (!*volume)
         return false;
     source->default_view(source->user, *volume, view);
     struct sp_view defaults = *view;
-    if ((!patch || proto_view_apply(patch, &defaults, view, err)) &&
+    if ((!base || proto_view_apply(base, &defaults, view, err)) &&
+        (!patch || proto_view_apply(patch, &defaults, view, err)) &&
         (!hub->options.supports || hub->options.supports(hub->options.user, view, err)))
         return true;
     source->release(source->user, *volume);
@@ -191,7 +193,7 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
         return NULL;
     }
-    if (!srv_hub_resolve_view(hub, patch, &session->view, &session->volume, err)) {
+    if (!srv_hub_resolve_view(hub, NULL, patch, &session->view, &session->volume, err)) {
         free(session);
         return NULL;
     }

@@ -70,10 +70,11 @@ void srv_hub_destroy(struct srv_hub **hub);
 
 /* Sessions (any thread); JSON answers are owned by the caller, NULL with *err set. */
 
-/* The view that a patch makes: defaults of its volume, then the patch; NULL or an empty object is
- * the default view of the first volume. *volume is acquired. Also used for renders by HTTP. */
-bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *patch, struct sp_view *view,
-                          void **volume, struct sp_error *err);
+/* The view that `base` and then `patch` make of the defaults of the volume that `base`, or else
+ * `patch`, names. NULL or an empty object changes nothing; without a volume it is the first one.
+ * *volume is acquired. For what comes by HTTP. */
+bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
+                          struct sp_view *view, void **volume, struct sp_error *err);
 
 /* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,

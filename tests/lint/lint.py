@@ -32,8 +32,9 @@ RENDERER = {
 SERVER = {
     'session': {'session', 'config'},
     'render': {'render', 'session', 'config'},
-    'http': {'http', 'session', 'render', 'config'},
-    '.': {'http', 'session', 'render', 'config'},
+    'store': {'store', 'config'},
+    'http': {'http', 'session', 'render', 'store', 'config'},
+    '.': {'http', 'session', 'render', 'store', 'config'},
 }
 # Rule 4: header pattern → the only places that may include it.
 THIRD_PARTY = [

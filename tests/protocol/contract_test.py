@@ -155,6 +155,7 @@ def walk(daemon, contract):
     session = ask(201, 'POST', f'{api}/sessions', {'view': {'size': [32, 32]}})
     ask(422, 'POST', f'{api}/sessions', {'view': {'size': [0, 1]}})
     ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
+    walk_kept(daemon, ask, api)
     names = {'id': session['id']}
     ask(200, 'GET', f'{api}/sessions/{{id}}', **names)
     patch = {'view': {'camera': {'fov_y': 50}}}
@@ -172,6 +173,28 @@ def walk(daemon, contract):
             if operation and operation.get('security') != []:
                 ask(401, method.upper(), template, token=False, id='engine')
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
+
+
+def walk_kept(daemon, ask, api):
+    kept = ask(201, 'POST', f'{api}/views', {'size': [16, 8]})
+    ask(422, 'POST', f'{api}/views', {'size': [0, 8]})
+    ask(400, 'POST', f'{api}/views', '{')
+    ask(200, 'GET', f'{api}/views/{{id}}', **kept)
+    ask(304, 'GET', f'{api}/views/{{id}}', headers={'If-None-Match': '"' + kept['id'] + '"'}, **kept)
+    ask(404, 'GET', f'{api}/views/{{id}}', id='0' * 32)
+    ask(201, 'POST', f'{api}/sessions', {'from': kept['id']})
+    template = f'{api}/render/{{id}}'
+    camera = urllib.parse.quote('{"fov_y": 40}')
+    for kind in ('jpeg', 'png', 'webp', 'exr'):
+        ask(200, 'GET', template, query=f'?format={kind}&quality=50&size=8,8&camera={camera}', **kept)
+    _, headers, _ = daemon.ask('GET', f'{api}/render/{kept["id"]}')
+    ask(304, 'GET', template, headers={'If-None-Match': headers['ETag']}, **kept)
+    ask(406, 'GET', template, headers={'Accept': 'text/html'}, **kept)
+    ask(404, 'GET', template, id='0' * 32)
+    for wrong in ('size=8', 'size=8,8,8', 'size=-1,2', 'camera=%7B', 'quality=0'):
+        ask(400, 'GET', template, query=f'?{wrong}', **kept)
+    for wrong in ('size=8,0', 'size=8,9999', 'camera=5', f'camera={urllib.parse.quote(json.dumps(dict(x=1)))}'):
+        ask(422, 'GET', template, query=f'?{wrong}', **kept)
 
 
 def check_examples(daemon, folder):
