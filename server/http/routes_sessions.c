@@ -45,7 +45,8 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
         return view ? view : body; /* an empty body: all defaults */
     if (!id || view) {
         srv_reply_problem(reply, 422, "/from",
-                          id ? "give either view or from" : "must be the id of a session or kept view");
+                          id ? "give either view or from"
+                             : "must be the id of a session or kept view");
         return NULL;
     }
     if ((*owner = srv_kept_view(request->app->store, id, &err)))
