@@ -7,8 +7,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "clock.h"
 #include "http/listener.h"
 #include "http/streams.h"
+#include "keep.h"
 #include "render/catalog.h"
 #include "render/scheduler.h"
 #include "session/hub.h"
@@ -31,7 +33,27 @@ struct srv_daemon {
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {
     struct srv_daemon *d = user;
-    srv_hub_volume_progress(d->hub, id, state, progress, reason);
+    srv_hub_volume_progress(d->hub, id, state, progress, reason, srv_clock_ms());
+}
+
+static void on_volume(void *user, const char *id, const struct srv_volume_request *request) {
+    struct srv_daemon *d = user;
+    srv_keep_volume(d->store, id, request);
+}
+
+static void on_changed(void *user) {
+    struct srv_daemon *d = user;
+    srv_store_nudge(d->store);
+}
+
+static void on_ended(void *user, const char *id) {
+    struct srv_daemon *d = user;
+    srv_store_remove(d->store, SRV_KIND_SESSION, id);
+}
+
+static void on_collect(void *user) {
+    struct srv_daemon *d = user;
+    srv_keep_sessions(d->store, d->hub);
 }
 
 static void on_unloaded(void *user, struct sp_volume *volume) {
@@ -77,6 +99,20 @@ static uint64_t half_of_memory(void) {
 /* What two renderers may derive together is as much as all volumes may take, but they must be able
  * to work. Each has half of what there is on a GPU. */
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
+
+#define WRITE_PAUSE_MS 250.0
+#define WRITE_RETRY_MS 1000.0
+
+static bool open_store(struct srv_daemon *d, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    struct srv_store_options store = {
+        .folder = c->state,
+        .pause_ms = WRITE_PAUSE_MS,
+        .retry_ms = WRITE_RETRY_MS,
+        .max = { [SRV_KIND_VIEW] = (unsigned)c->views, [SRV_KIND_PRESET] = (unsigned)c->presets }
+    };
+    return (d->store = srv_store_create(&store, err)) != NULL;
+}
 
 static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
     const struct srv_config *c = d->config;
@@ -124,9 +160,10 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .ready = on_ready,
         .interrupt = on_interrupt,
         .supports = on_supports,
+        .changed = on_changed,
+        .ended = on_ended,
     };
-    struct srv_store_options store = { .views_max = (unsigned)c->views };
-    if (!(d->hub = srv_hub_create(&hub, err)) || !(d->store = srv_store_create(&store, err)))
+    if (!(d->hub = srv_hub_create(&hub, err)))
         return false;
     struct srv_streams_options streams = { .hub = d->hub,
                                            .message_bytes = (size_t)c->message_size,
@@ -165,6 +202,8 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
 }
 
 static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
+    if (!srv_keep_restore(d->store, d->hub, d->catalog, err))
+        return false;
     for (unsigned i = 0; i < d->config->volume_count; i++) {
         struct srv_volume_request request = { .source = d->config->volumes[i] };
         char id[SP_NAME_BYTES];
@@ -172,7 +211,7 @@ static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
         if (!srv_catalog_add(d->catalog, &request, id, &existed, &conflict, err))
             return false;
     }
-    return true;
+    return srv_store_start(d->store, on_collect, d, err);
 }
 
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
@@ -189,10 +228,12 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .data = config->data,
         .user = d,
         .progress = on_progress,
+        .keep = on_volume,
         .unloaded = on_unloaded,
     };
-    if ((d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, log, err) &&
-        start_sessions(d, err) && start_volumes(d, err) && start_http(d, err))
+    if (open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
+        start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
+        start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -223,14 +264,17 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     if (d->streams)
         srv_streams_drain(d->streams);
     if (d->scheduler)
-        srv_scheduler_stop(d->scheduler); /* wakes every request that still waits */
+        srv_scheduler_stop(d->scheduler);
+    if (d->store)
+        srv_store_stop(d->store);
+    /* Both woke every request that still waited for them. */
     /* The streams give their connections back before the listener ends them. */
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
-    srv_store_destroy(&d->store);
     srv_hub_destroy(&d->hub);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);
+    srv_store_destroy(&d->store);
     free(d);
 }

@@ -30,6 +30,7 @@ static void block_signals(sigset_t *set) {
     sigaddset(set, SIGINT);
     pthread_sigmask(SIG_BLOCK, set, NULL);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file over its limit is an error of the write */
 }
 
 static void let_second_signal_end(const sigset_t *set) {

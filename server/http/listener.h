@@ -86,6 +86,10 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
  * fills request->reply, touches nothing else, and calls complete, on any thread, once. */
 void srv_request_suspend(struct srv_request *request);
 void srv_request_complete(struct srv_request *request);
+/* Instead of both, last in a handler that has filled its reply: the answer goes out when what was
+ * put into the store is on the disk. Its header X-Durable says whether it is, or is kept in memory
+ * alone (no --state, a full disk). */
+void srv_request_keep(struct srv_request *request);
 /* The handler queued an upgrade itself: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);
 

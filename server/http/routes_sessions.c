@@ -70,6 +70,7 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
             srv_reply_json(reply, 201, json);
             srv_reply_header(reply, "Location", "sessions/%s", id);
             sp_log(SP_LOG_INFO, "session %s created for %s", id, srv_guard_peer(request->guarded));
+            srv_request_keep(request);
         } else {
             srv_reply_view_error(reply, "/view", &err);
         }
@@ -140,10 +141,12 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (srv_hub_session_delete(request->app->hub, request->param, &err))
+    if (srv_hub_session_delete(request->app->hub, request->param, &err)) {
         reply->status = 204;
-    else
+        srv_request_keep(request);
+    } else {
         srv_reply_error(reply, &err);
+    }
 }
 
 /* The stream. */

@@ -24,51 +24,36 @@ bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]) {
 
 proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err) {
     size_t size;
-    char *text = srv_store_get_view(store, id, &size, err);
+    struct sp_error why;
+    char *text = srv_store_get(store, SRV_KIND_VIEW, id, &size, &why);
+    if (!text && why.code == SP_ERR_NOT_FOUND)
+        sp_fail(err, why.code, NULL, "there is no kept view '%.64s'", id);
+    else if (!text)
+        *err = why;
     proto_json *json = text ? proto_json_parse(text, size, err) : NULL;
     free(text);
     return json;
 }
 
-struct keep { /* one suspended request */
-    struct srv_request *request;
-    char id[SRV_KEPT_ID_BYTES];
-};
-
-static void on_kept(void *user, const struct sp_error *err) {
-    struct keep *keep = user;
-    struct srv_request *request = keep->request;
-    struct srv_reply *reply = &request->reply;
-    if (err) {
-        srv_reply_error(reply, err);
-    } else {
-        proto_json *json = proto_json_object();
-        if (!proto_json_set_string(json, "id", keep->id))
-            proto_json_free(&json);
-        srv_reply_json(reply, 201, json);
-        srv_reply_header(reply, "Location", "views/%s", keep->id);
-    }
-    free(keep);
-    srv_request_complete(request);
-}
-
-/* Puts the request to sleep until the view is kept. */
+/* Answers with the view's id once it is kept. */
 static void keep_view(struct srv_request *request, const struct sp_view *view,
                       struct srv_reply *reply) {
-    struct keep *keep = calloc(1, sizeof *keep);
-    proto_json *json = proto_view_encode(view);
+    struct sp_error err;
+    char id[SRV_KEPT_ID_BYTES];
     size_t size = 0;
+    proto_json *json = proto_view_encode(view), *answer = proto_json_object();
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
-    if (!keep || !text || !srv_kept_id(text, size, keep->id)) {
-        free(keep);
+    if (!text || !srv_kept_id(text, size, id) || !proto_json_set_string(answer, "id", id)) {
         srv_reply_problem(reply, 503, NULL, "no memory for a view");
+    } else if (!srv_store_put(request->app->store, SRV_KIND_VIEW, id, text, size, &err)) {
+        srv_reply_error(reply, &err);
     } else {
-        keep->request = request;
-        srv_request_suspend(request);
-        /* From here on the request may be answered, and gone, at any moment. */
-        srv_store_put_view(request->app->store, keep->id, text, size, on_kept, keep);
+        srv_reply_json(reply, 201, proto_json_ref(answer));
+        srv_reply_header(reply, "Location", "views/%s", id);
+        srv_request_keep(request);
     }
+    proto_json_free(&answer);
     free(text);
 }
 

@@ -355,6 +355,11 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         link = &(*link)->next;
     *link = v;
     catalog->count++;
+    struct srv_volume_request kept = {
+        .source = v->source, .id = v->id, .name = v->name, .confined = request->confined
+    };
+    if (catalog->options.keep && !request->is_kept)
+        catalog->options.keep(catalog->options.user, v->id, &kept);
     return v;
 }
 
@@ -368,6 +373,9 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
                        SP_NAME_BYTES - 1);
     struct sp_error why = { .code = SP_OK };
     char *source = resolve(catalog, request, &why);
+    bool is_lost = !source && why.code != SP_OK && request->is_kept;
+    if (is_lost)
+        source = strdup(request->source);
     if (!source) {
         if (why.code == SP_OK)
             sp_fail(&why, SP_ERR_MEMORY, NULL, "no memory for a path");
@@ -389,7 +397,8 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
     }
     if (!*existed) {
         v->confined = request->confined && strncmp(v->source, "demo:", 5) != 0;
-        v->state = SRV_VOLUME_LOADING;
+        v->state = is_lost ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
+        v->error = why;
         v->progress = 0;
         v->identity = ++catalog->next_identity;
         pthread_cond_signal(&catalog->changed);
@@ -418,6 +427,8 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
                          : sp_fail(err, SP_ERR_INVALID, NULL, "the volume is still loading");
     } else {
         *link = v->next;
+        if (catalog->options.keep)
+            catalog->options.keep(catalog->options.user, v->id, NULL);
         catalog->count--;
         catalog->used_bytes -= v->reserved_bytes;
     }

@@ -23,6 +23,13 @@ struct srv_volume;
 enum srv_volume_state { SRV_VOLUME_LOADING, SRV_VOLUME_READY, SRV_VOLUME_FAILED };
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", "failed" */
 
+struct srv_volume_request {
+    const char *source;    /* a path or "demo:…" */
+    const char *id, *name; /* NULL = from the source */
+    bool confined;         /* a path must lie below the data folder */
+    bool is_kept;          /* of an earlier run: if it cannot be found there is a failed entry */
+};
+
 struct srv_catalog_options {
     uint64_t memory_bytes; /* budget for voxels */
     const char *data;      /* folder for loads by HTTP; NULL = none */
@@ -31,6 +38,9 @@ struct srv_catalog_options {
     /* From the load thread, and "unloaded" from srv_catalog_remove; must not call the catalog. */
     void (*progress)(void *user, const char *id, const char *state, double progress,
                      const char *reason);
+    /* There is an entry of this id from now on, with its resolved source, or (NULL) none any more.
+     * With a lock held: must not call the catalog. NULL = nothing is kept. */
+    void (*keep)(void *user, const char *id, const struct srv_volume_request *request);
     /* The entry is gone: forget what was derived; the callee unrefs. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };
@@ -43,11 +53,6 @@ void srv_catalog_destroy(struct srv_catalog **catalog);
  * from one thread. */
 void srv_catalog_stop(struct srv_catalog *catalog);
 
-struct srv_volume_request {
-    const char *source;    /* a path or "demo:…" */
-    const char *id, *name; /* NULL = from the source */
-    bool confined;         /* a path must lie below the data folder */
-};
 /* Queues a load. *id_out gets the entry's id; *existed is true if the source was there already (a
  * failed one is tried again). SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (id; place is
  * the JSON pointer), SP_ERR_BUDGET (too many entries). *conflict: the id belongs to another

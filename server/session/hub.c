@@ -39,6 +39,7 @@ void srv_hub_destroy(struct srv_hub **hub_pointer) {
         hub->sessions = session->next;
         session_free(hub, session);
     }
+    srv_hub_free_sleepers(hub);
     pthread_mutex_destroy(&hub->mutex);
     free(hub);
 }
@@ -47,6 +48,8 @@ struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, struct sp_
     for (struct srv_session *s = hub->sessions; s; s = s->next)
         if (strcmp(s->id, id) == 0)
             return s;
+    if (srv_hub_is_asleep(hub, id, err))
+        return NULL;
     sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
     return NULL;
 }
@@ -127,6 +130,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     session->version++;
     session->changed_by = by;
     session->changed_ms = now_ms;
+    srv_hub_unsaved(hub);
     srv_hub_note_others(hub, session, by, SRV_NOTE_VIEW);
     /* Of another volume's picture nothing is of use to the next one. */
     bool useless = volume && !session->must_finish;
@@ -144,6 +148,16 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
                   uint32_t size[2]) {
     for (int i = 0; i < 2; i++)
         size[i] = participant->size[0] ? participant->size[i] : session->view.size[i];
+}
+
+void srv_hub_unsaved(struct srv_hub *hub) {
+    if (hub->options.changed)
+        hub->options.changed(hub->options.user);
+}
+
+static void ended(struct srv_hub *hub, const char *id) {
+    if (hub->options.ended)
+        hub->options.ended(hub->options.user, id);
 }
 
 static proto_json *encode_session(const struct srv_session *session, bool with_tokens,
@@ -172,17 +186,27 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
     return json;
 }
 
-static bool session_add(struct srv_hub *hub, struct srv_session *session, struct sp_error *err) {
-    if (hub->draining)
-        return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
-    if (hub->session_count >= hub->options.sessions_max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are open and --sessions allows %u; try again later",
-                       hub->session_count, hub->options.sessions_max);
+void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    session->version = session->cold_version = 1;
+    session->changed_ms = session->empty_ms = now_ms;
+    srv_pace_init(&session->pace);
     session->number = ++hub->next_number;
     session->next = hub->sessions;
     hub->sessions = session;
     hub->session_count++;
+}
+
+static bool session_add(struct srv_hub *hub, struct srv_session *session, double now_ms,
+                        struct sp_error *err) {
+    if (hub->draining)
+        return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
+    unsigned count = hub->session_count + hub->sleeper_count;
+    if (count >= hub->options.sessions_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions are open and --sessions allows %u; try again later", count,
+                       hub->options.sessions_max);
+    srv_hub_link_session(hub, session, now_ms);
+    srv_hub_unsaved(hub);
     return true;
 }
 
@@ -197,15 +221,12 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
         free(session);
         return NULL;
     }
-    session->version = session->cold_version = 1;
-    session->changed_ms = session->empty_ms = now_ms;
-    srv_pace_init(&session->pace);
     proto_json *json = NULL;
     pthread_mutex_lock(&hub->mutex);
     bool ok = srv_secret_hex(session->id, sizeof session->id - 1, err) &&
               srv_secret_hex(session->tokens[0], SRV_TOKEN_DIGITS, err) &&
               srv_secret_hex(session->tokens[1], SRV_TOKEN_DIGITS, err) &&
-              (json = encode_session(session, true, err)) && session_add(hub, session, err);
+              (json = encode_session(session, true, err)) && session_add(hub, session, now_ms, err);
     if (ok)
         memcpy(id, session->id, sizeof session->id);
     pthread_mutex_unlock(&hub->mutex);
@@ -246,6 +267,7 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
         link = &(*link)->next;
     *link = session->next;
     hub->session_count--;
+    ended(hub, session->id);
     srv_hub_abandon(hub, session);
     while (session->participants) {
         struct srv_participant *p = session->participants;
@@ -261,20 +283,27 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, err);
+    bool found = session || srv_hub_forget_sleeper(hub, id);
     if (session)
         session_remove(hub, session);
+    else if (found)
+        ended(hub, id);
     pthread_mutex_unlock(&hub->mutex);
-    return session != NULL;
+    return found;
 }
 
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
+    const struct srv_session *session = srv_hub_find(hub, id, err);
+    const char *tokens[2];
+    for (int r = 0; r < 2; r++)
+        tokens[r] =
+            session ? session->tokens[r] : srv_hub_sleeping_token(hub, id, (enum srv_role)r);
     bool ok = false;
-    if (session) {
-        bool control = srv_secret_equal(session->tokens[SRV_ROLE_CONTROL], token);
-        bool view = srv_secret_equal(session->tokens[SRV_ROLE_VIEW], token);
+    if (tokens[0]) {
+        bool control = srv_secret_equal(tokens[SRV_ROLE_CONTROL], token);
+        bool view = srv_secret_equal(tokens[SRV_ROLE_VIEW], token);
         *role = control ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
         ok = control || view ||
              sp_fail(err, SP_ERR_DENIED, NULL,
@@ -305,8 +334,10 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms) {
 }
 
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason) {
+                             double progress, const char *reason, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
+    if (strcmp(state, "ready") == 0)
+        srv_hub_wake(hub, id, now_ms);
     struct srv_volume_note *note = NULL;
     for (unsigned i = 0; i < hub->volume_count; i++)
         if (strcmp(hub->volumes[i].id, id) == 0)

@@ -60,6 +60,9 @@ struct srv_hub_options {
     /* What is being rendered for this session is no longer what it wants (struct srv_job says when
      * it may be given up), or nobody wants it at all. */
     void (*interrupt)(void *user, uint64_t session, enum srv_interrupt why);
+    /* There is something to save, or nothing of this session any more. NULL = nothing is kept. */
+    void (*changed)(void *user);
+    void (*ended)(void *user, const char *id);
     /* Can it be drawn? NULL = everything can. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -98,7 +101,20 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms);
  * [0,1], and the reason of a failure ("" = none). Who joins later hears nothing of an unloaded one.
  */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason);
+                             double progress, const char *reason, double now_ms);
+
+/* Keeping (any thread). */
+
+/* Calls save() with what is to be kept of each session that changed since; it must not call the
+ * hub. False: save() failed, or memory was out; call again later. */
+bool srv_hub_save(struct srv_hub *hub,
+                  bool (*save)(void *user, const char *id, const char *text, size_t size),
+                  void *user);
+/* A session as it was saved. It is there again when its volume is told to be ready; until then who
+ * asks for it gets SP_ERR_TIMEOUT with what it waits for. SP_ERR_FORMAT if it is none. */
+bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
+                     struct sp_error *err);
+
 /* What the status line of clients shows besides the frame's own numbers; all are told at once. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 void srv_hub_drain(struct srv_hub *hub);

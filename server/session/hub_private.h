@@ -64,8 +64,9 @@ struct srv_session {
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
     struct sp_view view;
     void *volume;
-    uint64_t version;    /* of the view, from 1 */
-    uint64_t changed_by; /* participant; 0 = HTTP */
+    uint64_t version;       /* of the view, from 1 */
+    uint64_t saved_version; /* that was saved last */
+    uint64_t changed_by;    /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
     struct srv_pace pace;
     /* The view in which the volume or the transfer function changed last, and the newest one that
@@ -91,6 +92,8 @@ struct srv_hub {
     pthread_mutex_t mutex;
     struct srv_session *sessions;
     unsigned session_count;
+    struct srv_sleeper *sleepers; /* keep.c */
+    unsigned sleeper_count;
     uint64_t next_number, next_participant, next_order;
     struct srv_participant *ready_head, *ready_tail;
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];
@@ -109,6 +112,21 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
                    uint64_t by, double now_ms, struct sp_error *err);
 /* Nobody looks at the session any more: what is rendered for it is given up. */
 void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session);
+/* A session that is complete but for the numbers that every new one has. */
+void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* There is something that srv_hub_save() would save. */
+void srv_hub_unsaved(struct srv_hub *hub);
+
+/* Sessions of an earlier run that wait for their volume (keep.c). */
+
+/* True: there is one of that id, and *err says what it waits for. */
+bool srv_hub_is_asleep(struct srv_hub *hub, const char *id, struct sp_error *err);
+/* NULL: there is none. Lives as long as it sleeps. */
+const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv_role role);
+void srv_hub_wake(struct srv_hub *hub, const char *volume, double now_ms);
+bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
+void srv_hub_free_sleepers(struct srv_hub *hub);
+
 /* The size that a participant wants. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);
