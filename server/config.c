@@ -36,7 +36,8 @@ struct setting {
 
 static const struct setting settings[] = {
     { "listen", TEXT, AT(listen), "127.0.0.1:8080", 0, 0, "ADDRESS:PORT",
-      "where to listen; port 0 picks one; another address than loopback needs --token-file" },
+      "where to listen; port 0 picks one; another address than loopback needs "
+      "--token-file or TLS" },
     { "volume", VOLUME, 0, NULL, 0, 0, "PATH|demo:NAME", "load this volume; may be repeated" },
     { "data", TEXT, AT(data), NULL, 0, 0, "DIR", "folder from which clients may load volumes" },
     { "state", TEXT, AT(state), NULL, 0, 0, "DIR",
@@ -55,9 +56,15 @@ static const struct setting settings[] = {
     { "threads", COUNT, AT(threads), "0", 0, 256, "N", "render threads; 0 = one a core" },
     { "token-file", TEXT, AT(token_file), NULL, 0, 0, "FILE",
       "the token is the first line of this file; without it a random one is made and printed" },
+    { "tls-cert", TEXT, AT(tls_cert), NULL, 0, 0, "FILE",
+      "speak TLS with this certificate (PEM, its own first, then its chain); needs --tls-key" },
+    { "tls-key", TEXT, AT(tls_key), NULL, 0, 0, "FILE",
+      "its private key (PEM), which others may not be able to read" },
     { "connections", COUNT, AT(connections), "256", 1, 60000, "N", "open connections" },
     { "connections-per-address", COUNT, AT(connections_per_address), "256", 1, 60000, "N",
       "open connections from one address" },
+    { "handshakes", COUNT, AT(handshakes), "64", 1, 10000, "N",
+      "TLS handshakes at a time; of more the oldest ends" },
     { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "open sessions" },
     { "participants", COUNT, AT(participants), "32", 1, 64, "N", "participants of one session" },
     { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "kept views" },
@@ -326,6 +333,9 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
     if (!is_known_level(config->log_level))
         return sp_fail(err, SP_ERR_INVALID, "--log-level",
                        "'%.64s' is none of error, warn, info, debug", config->log_level);
+    if (!config->tls_cert != !config->tls_key)
+        return sp_fail(err, SP_ERR_INVALID, config->tls_cert ? "--tls-cert" : "--tls-key",
+                       "--tls-cert and --tls-key go together");
     return true;
 }
 

@@ -187,11 +187,11 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->store = d->store;
     if (!srv_address_parse(c->listen, &address, err))
         return false;
-    if (!srv_address_is_loopback(&address) && !c->token_file)
+    if (!srv_address_is_loopback(&address) && !c->token_file && !c->tls_cert)
         return sp_fail(
             err, SP_ERR_INVALID, c->listen,
-            "another address than loopback needs --token-file FILE; there is no TLS yet, "
-            "so put a reverse proxy with TLS in front, or forward a port by ssh");
+            "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "
+            "behind a reverse proxy that has it, --token-file FILE; or forward a port by ssh");
     if (!srv_secret_hex(o->instance, sizeof o->instance - 1, err) ||
         !(c->token_file ? srv_secret_read(c->token_file, o->token, err)
                         : srv_secret_hex(o->token, SRV_TOKEN_DIGITS, err)))
@@ -241,8 +241,18 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
 
 void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
     bool show = !d->config->token_file;
-    snprintf(url, size, "http://%s/%s%s", srv_http_address(atomic_load(&d->http)),
-             show ? "?token=" : "", show ? d->http_options.token : "");
+    snprintf(url, size, "http%s://%s/%s%s", d->config->tls_cert ? "s" : "",
+             srv_http_address(atomic_load(&d->http)), show ? "?token=" : "",
+             show ? d->http_options.token : "");
+}
+
+void srv_daemon_reload(struct srv_daemon *d) {
+    struct sp_error err = { .code = SP_OK };
+    if (srv_http_reload(atomic_load(&d->http), &err))
+        sp_log(SP_LOG_INFO, "reloaded");
+    else
+        sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s%s%s", err.place,
+               err.place[0] ? ": " : "", err.text);
 }
 
 /* Stop: from the outside inwards. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splatd: settings → daemon → signal → drain.
+ * splatd: settings → daemon → signal (SIGHUP: reload) → drain.
  */
 #include <pthread.h>
 #include <signal.h>
@@ -23,11 +23,12 @@ static void on_second_signal(int number) {
     _exit(EXIT_FAILED);
 }
 
-/* SIGTERM and SIGINT are taken by main() alone; all threads inherit the mask. */
+/* These are taken by main() alone; all threads inherit the mask. */
 static void block_signals(sigset_t *set) {
     sigemptyset(set);
     sigaddset(set, SIGTERM);
     sigaddset(set, SIGINT);
+    sigaddset(set, SIGHUP);
     pthread_sigmask(SIG_BLOCK, set, NULL);
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN); /* a file over its limit is an error of the write */
@@ -54,7 +55,9 @@ static int run(const struct srv_config *config) {
     srv_daemon_url(daemon, url, sizeof url);
     printf("splatd: listening on %s\n", url);
     fflush(stdout);
-    sigwait(&signals, &number);
+    while (sigwait(&signals, &number) == 0 && number == SIGHUP)
+        srv_daemon_reload(daemon);
+    sigdelset(&signals, SIGHUP);
     sp_log(SP_LOG_INFO, "signal %d: shutting down; once more ends at once", number);
     let_second_signal_end(&signals);
     srv_daemon_stop(&daemon);

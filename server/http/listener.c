@@ -12,6 +12,7 @@
 
 #include "clock.h"
 #include "http/headers.h"
+#include "http/tls.h"
 #include "sp/log.h"
 
 enum {
@@ -45,6 +46,7 @@ enum { ROUTES = sizeof routes / sizeof *routes };
 struct srv_http {
     struct srv_http_options options;
     struct MHD_Daemon *daemon;
+    struct srv_tls *tls; /* NULL = the daemon listens itself */
     struct srv_guard *guard;
     char address[SRV_ADDRESS_TEXT];
     pthread_mutex_t mutex;
@@ -431,19 +433,65 @@ static int open_socket(const struct srv_address *address, const char *text, stru
     return -1;
 }
 
+static unsigned connections_max(const struct srv_config *config) {
+    return (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads);
+}
+
+/* fd: listens; MHD_INVALID_SOCKET = connections come by MHD_add_connection(). */
 static bool start(struct srv_http *http, int fd, struct sp_error *err) {
     const struct srv_config *config = http->options.config;
+    struct MHD_OptionItem listening[] = {
+        { fd < 0 ? MHD_OPTION_END : MHD_OPTION_LISTEN_SOCKET, fd, NULL },
+        { MHD_OPTION_END, 0, NULL },
+    };
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME |
-            MHD_USE_ERROR_LOG,
-        0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
-        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
-        MHD_OPTION_CONNECTION_LIMIT,
-        (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads),
-        MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)config->header_size,
-        MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_NOTIFY_COMPLETED, on_completed,
-        http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
+            MHD_USE_ERROR_LOG | (fd < 0 ? MHD_USE_NO_LISTEN_SOCKET : 0),
+        0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_ARRAY,
+        listening, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
+        MHD_OPTION_CONNECTION_LIMIT, connections_max(config), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        (size_t)config->header_size, MHD_OPTION_URI_LOG_CALLBACK, on_target, http,
+        MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION,
+        on_connection, http, MHD_OPTION_END);
     return http->daemon || sp_fail(err, SP_ERR_IO, http->address, "cannot start the HTTP threads");
+}
+
+static bool on_tls_connection(void *user, int socket, const struct sockaddr *peer, socklen_t size) {
+    struct srv_http *http = user;
+    return MHD_add_connection(http->daemon, socket, peer, size) == MHD_YES;
+}
+
+static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
+    const struct srv_config *config = http->options.config;
+    struct srv_tls_keys *keys = srv_tls_keys_create(config->tls_cert, config->tls_key, err);
+    if (!keys || !start(http, MHD_INVALID_SOCKET, err)) {
+        srv_tls_keys_unref(&keys);
+        return false;
+    }
+    struct srv_tls_options options = {
+        .keys = keys,
+        .socket = fd,
+        .handshake_ms = (double)config->header_time_ms,
+        .linger_ms = (double)config->request_time_ms,
+        .handshakes_max = (unsigned)config->handshakes,
+        .connections_max = connections_max(config) + (unsigned)config->handshakes,
+        .user = http,
+        .give = on_tls_connection,
+    };
+    http->tls = srv_tls_create(&options, err);
+    if (!http->tls)
+        srv_tls_keys_unref(&keys);
+    return http->tls != NULL;
+}
+
+bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
+    const struct srv_config *config = http->options.config;
+    if (!http->tls)
+        return true;
+    struct srv_tls_keys *keys = srv_tls_keys_create(config->tls_cert, config->tls_key, err);
+    if (keys)
+        srv_tls_set_keys(http->tls, keys);
+    return keys != NULL;
 }
 
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err) {
@@ -468,7 +516,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     if (ok) {
         getsockname(fd, (struct sockaddr *)&address.storage, &address.size);
         srv_address_to_text((const struct sockaddr *)&address.storage, http->address);
-        ok = start(http, fd, err);
+        ok = options->config->tls_cert ? start_tls(http, fd, err) : start(http, fd, err);
         if (!ok)
             close(fd);
     }
@@ -514,8 +562,11 @@ void srv_http_destroy(struct srv_http **http_pointer) {
     *http_pointer = NULL;
     if (!http)
         return;
+    if (http->tls)
+        srv_tls_close(http->tls); /* nothing is added to a daemon that stops */
     if (http->daemon)
         MHD_stop_daemon(http->daemon);
+    srv_tls_destroy(&http->tls);
     srv_guard_destroy(&http->guard);
     pthread_cond_destroy(&http->idle);
     pthread_mutex_destroy(&http->mutex);

@@ -43,6 +43,8 @@ struct srv_http;
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
 /* "127.0.0.1:8080": where it really listens. */
 const char *srv_http_address(const struct srv_http *http);
+/* Reads certificate and key again; new connections get them. When that fails the old ones stay. */
+bool srv_http_reload(struct srv_http *http, struct sp_error *err);
 /* From now on every new request is answered with 503 and its connection ends. */
 void srv_http_close(struct srv_http *http);
 /* After srv_http_close(): waits until requests under way are answered, at most `limit_ms`. */
