@@ -224,6 +224,7 @@ static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
         *draining = true;
         for (struct stream *stream = s->list; stream; stream = stream->next)
             if (stream->ws) {
+                srv_ws_write(stream->ws, now_ms); /* that it drains, if that was not said yet */
                 srv_ws_close(stream->ws, 1001, "the daemon is shutting down", now_ms);
                 settle(s, stream, now_ms);
             }
