@@ -91,6 +91,8 @@ static const struct setting settings[] = {
       "a client that takes no data or owes an acknowledgement for this long is dropped" },
     { "session-time", SECONDS, AT(session_time_ms), "600", 50, 604800000, "SECONDS",
       "a session without participants ends after this" },
+    { "control-time", SECONDS, AT(control_time_ms), "10", 50, 3600000, "SECONDS",
+      "who asks for control of a session and gets no answer has it after this" },
     { "drain-time", SECONDS, AT(drain_time_ms), "10", 50, 600000, "SECONDS",
       "on SIGTERM requests under way are finished for this long" },
     { "rest-time", SECONDS, AT(rest_time_ms), "0.12", 1, 60000, "SECONDS",

@@ -149,10 +149,11 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_hub_options hub = {
         .volumes = { d->catalog, srv_catalog_acquire, srv_catalog_ref, srv_catalog_release,
-                     srv_catalog_default_view },
+                     srv_catalog_default_view, srv_catalog_pick },
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
+        .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
         .user = d,

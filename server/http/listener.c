@@ -35,7 +35,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/render/{}", srv_get_render, false },
     { SRV_POST, "/api/v1/views", srv_post_view, false },
     { SRV_GET, "/api/v1/views/{}", srv_get_view, false },
-    { SRV_POST, "/api/v1/sessions", srv_post_session, false },
+    { SRV_POST, "/api/v1/sessions", srv_post_session, true },
     { SRV_GET, "/api/v1/sessions/{}", srv_get_session, true },
     { SRV_PATCH, "/api/v1/sessions/{}", srv_patch_session, true },
     { SRV_DELETE, "/api/v1/sessions/{}", srv_delete_session, false },

@@ -57,12 +57,42 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
     return NULL;
 }
 
+static void reply_unauthorized(struct srv_reply *reply, const char *detail) {
+    srv_reply_problem(reply, 401, NULL, "%s", detail);
+    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+}
+
+/* The daemon's token, or the control token of the session body["from"]; false: the reply is the
+ * problem. */
+static bool may_fork(struct srv_request *request, const proto_json *body, struct srv_reply *reply) {
+    struct sp_error err;
+    enum srv_role role;
+    const char *from = proto_json_string(proto_json_get(body, "from"));
+    if (request->has_token)
+        return true;
+    if (!from ||
+        !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
+        reply_unauthorized(reply,
+                           "give the daemon's token, or fork a session with its control token");
+    else if (role != SRV_ROLE_CONTROL)
+        /* A fork may show any volume: more than this token was given for. */
+        srv_reply_problem(reply, 403, NULL, "this token may watch, not fork");
+    else
+        return true;
+    return false;
+}
+
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     char id[SRV_SESSION_ID_BYTES];
+    if (!srv_request_token(request)) {
+        reply_unauthorized(reply, "give the daemon's token, or a session's to fork it");
+        return;
+    }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
-    const proto_json *view =
-        body && only_known(body, true, reply) ? first_view(request, body, &owner, reply) : NULL;
+    const proto_json *view = body && may_fork(request, body, reply) && only_known(body, true, reply)
+                                 ? first_view(request, body, &owner, reply)
+                                 : NULL;
     if (view) {
         proto_json *json =
             srv_hub_session_create(request->app->hub, view, srv_clock_ms(), id, &err);
@@ -93,11 +123,10 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
     } else if (!token || !request->has_token) {
         /* Who has no valid token does not learn which sessions exist. */
         bool gone = err.code == SP_ERR_NOT_FOUND && token;
-        srv_reply_problem(reply, gone ? 404 : 401, NULL, "%s",
-                          gone ? "there is no such session; it may have ended"
-                               : "give the daemon's token or one of the session");
-        if (!gone)
-            srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+        if (gone)
+            srv_reply_problem(reply, 404, NULL, "there is no such session; it may have ended");
+        else
+            reply_unauthorized(reply, "give the daemon's token or one of the session");
     } else {
         srv_reply_error(reply, &err);
     }

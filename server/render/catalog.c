@@ -541,6 +541,12 @@ void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
     *view = ((struct srv_volume *)volume)->view;
 }
 
+void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                      const double at[2], struct sp_pick *pick) {
+    (void)user;
+    sp_pick_at(((struct srv_volume *)volume)->volume, view, size, at, pick);
+}
+
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
     return volume->volume;
 }

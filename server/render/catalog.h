@@ -14,6 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "sp/pick.h"
 #include "sp/view.h"
 #include "sp/volume.h"
 
@@ -85,6 +86,8 @@ void *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
 void *srv_catalog_ref(void *catalog, void *volume);
 void srv_catalog_release(void *catalog, void *volume);
 void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
+void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
+                      const uint32_t size[2], const double at[2], struct sp_pick *pick);
 
 /* Of a used volume: the voxels (as long as the use), and a number that no other load ever had. */
 enum { SRV_RENDERERS = 2 };

@@ -162,7 +162,7 @@ static void ended(struct srv_hub *hub, const char *id) {
 
 static proto_json *encode_session(const struct srv_session *session, bool with_tokens,
                                   struct sp_error *err) {
-    proto_json *json = proto_json_object(), *list = proto_json_array();
+    proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "id", session->id);
     if (with_tokens) {
         proto_json *tokens = proto_json_object();
@@ -171,14 +171,10 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
         ok = proto_json_set(json, "tokens", tokens) && ok;
     }
     ok = proto_json_set(json, "view", proto_view_encode(&session->view)) && ok;
-    for (const struct srv_participant *p = session->participants; p; p = p->next) {
-        proto_json *one = proto_json_object();
-        ok = proto_json_set_integer(one, "id", (int64_t)p->id) && ok;
-        ok = proto_json_set_string(one, "role", p->role == SRV_ROLE_CONTROL ? "control" : "view") &&
-             ok;
-        ok = proto_json_append(list, one) && ok;
-    }
-    ok = proto_json_set(json, "participants", list) && ok;
+    ok = (session->holder ? proto_json_set_integer(json, "holder", (int64_t)session->holder->id)
+                          : proto_json_set_null(json, "holder")) &&
+         ok;
+    ok = proto_json_set(json, "participants", srv_hub_encode_participants(session)) && ok;
     if (!ok) {
         proto_json_free(&json);
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
@@ -187,7 +183,7 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
 }
 
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms) {
-    session->version = session->cold_version = 1;
+    session->version = session->cold_version = session->next_guest = 1;
     session->changed_ms = session->empty_ms = now_ms;
     srv_pace_init(&session->pace);
     session->number = ++hub->next_number;
@@ -319,8 +315,10 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     for (struct srv_session *s = hub->sessions, *next; s; s = next) {
         next = s->next;
         double left = s->empty_ms + hub->options.session_idle_ms - now_ms;
-        if (s->participant_count > 0)
+        if (s->participant_count > 0) {
+            wait = fmin(wait, srv_control_tick(hub, s, now_ms));
             continue;
+        }
         if (left <= 0) {
             sp_log(SP_LOG_INFO, "session %s ended: nobody joined for %.0f s (--session-time)",
                    s->id, hub->options.session_idle_ms / 1000);

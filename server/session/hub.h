@@ -27,13 +27,14 @@
 #include "session/outbox.h"
 #include "session/pace.h"
 #include "sp/encode.h"
+#include "sp/pick.h"
 #include "sp/view.h"
 
 struct srv_hub;
 struct srv_participant;
 
 enum srv_role { SRV_ROLE_VIEW, SRV_ROLE_CONTROL };
-enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17 };
+enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17, SRV_PERSON_BYTES = 65 };
 
 /* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
 struct srv_volume_source {
@@ -44,6 +45,9 @@ struct srv_volume_source {
     void *(*ref)(void *user, void *volume);
     void (*release)(void *user, void *volume);
     void (*default_view)(void *user, void *volume, struct sp_view *view);
+    /* As sp_pick_at(); called without the hub's lock. */
+    void (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                 const double at[2], struct sp_pick *pick);
 };
 
 enum srv_interrupt { SRV_NEWER_VIEW, SRV_UNWANTED };
@@ -52,6 +56,7 @@ struct srv_hub_options {
     struct srv_volume_source volumes;
     unsigned sessions_max, participants_max; /* the latter a session, [1, SRV_PARTICIPANTS_MAX] */
     double session_idle_ms;                  /* a session without participants ends after this */
+    double control_ms;   /* a request for control that nobody answers is granted after this */
     double rest_ms;      /* a view that did not change for this long is refined, step by step */
     size_t stream_bytes; /* byte cap on the frames on their way to one client */
     void *user;
@@ -95,7 +100,8 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
                        struct sp_error *err);
 /* Could one more participant join now? SP_ERR_NOT_FOUND, SP_ERR_BUDGET. */
 bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err);
-/* Ends idle sessions; returns when to call again, in ms from now (at most 1000). */
+/* Ends idle sessions and passes control on; returns when to call again, in ms from now (at most
+ * 1000). */
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
 /* Tells all participants: a volume's state ("loading", "ready", "failed", "unloaded"), progress in
  * [0,1], and the reason of a failure ("" = none). Who joins later hears nothing of an unloaded one.
