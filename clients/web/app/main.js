@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wires the page together: address → connection → frames → canvas, and input → view → connection.
+import { Company } from '../core/company.js';
 import { Connection } from '../core/connection.js';
 import { FrameOrder } from '../core/order.js';
 import { Banner, Notice } from './banner.js';
 import { attachInput } from './input.js';
 import { Panels } from './panels.js';
+import { People } from './people.js';
 import { Screen, decodePicture } from './screen.js';
 import { StatusLine } from './status.js';
 import { Viewer } from './viewer.js';
@@ -16,7 +18,7 @@ const MAX_FPS = 30; // while moving the daemon shrinks the picture to hold this,
 const base = new URL('.', location.href).href;
 const place = `splatd:${new URL(base).pathname}`;
 
-/** {token, session, volume} of the address and of what this tab remembers; the token leaves the address. */
+/** {token, session, volume, kept} of the address and of what this tab remembers; the token leaves the address. */
 function readAddress() {
   const query = new URLSearchParams(location.search);
   const hash = new URLSearchParams(location.hash.slice(1));
@@ -31,14 +33,15 @@ function readAddress() {
     history.replaceState(null, '', location.pathname + tail('?', query) + tail('#', hash));
   }
   const token = recall('token') ?? '';
-  if (id) return { token, volume: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
+  if (id) return { token, volume: null, kept: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
   let session = null;
   try {
     session = JSON.parse(recall('session') ?? 'null');
   } catch { /* what cannot be read is not there */ }
   const volume = get('volume');
   const isStale = volume || (given && given !== session?.daemon);
-  return { token, volume, session: isStale ? null : session };
+  const kept = get('view');
+  return { token, volume, kept, session: isStale || kept ? null : session };
 }
 
 // Storage may be forbidden; then the page works without remembering.
@@ -84,6 +87,7 @@ const connection = new Connection({
     now: () => performance.now(),
   },
 });
+const company = new Company();
 const viewer = new Viewer({ connection, viewport: () => screen.viewport });
 const status = new StatusLine(element('status'), () => screen.size);
 const help = () => (element('help').open ? element('help').close() : element('help').showModal());
@@ -132,7 +136,8 @@ async function sendConfigure() {
   if (!connection.isLive || String(size) === configured) return;
   configured = String(size);
   try {
-    await connection.call('stream.configure', { size, max_fps: MAX_FPS });
+    const name = recall('name');
+    await connection.call('stream.configure', { size, max_fps: MAX_FPS, ...(name ? { name } : {}) });
   } catch (error) {
     if (connection.isLive) report(new Error(`the daemon refused the picture's size: ${error.message}`));
   }
@@ -208,6 +213,7 @@ connection.on('state', (change) => {
   if (change.state === 'live') {
     order.reset();
     configured = '';
+    company.reset();
     sendConfigure();
     viewer.resume();
   } else if (change.state === 'lost' || change.state === 'refused') {
@@ -215,32 +221,36 @@ connection.on('state', (change) => {
   }
   showState();
 });
+function rememberSession({ id, tokens, token }) {
+  remember('session', JSON.stringify({ id, token: tokens?.control ?? token, daemon: connection.api.token }));
+}
+
 connection.on('session', (session) => {
   if (session.isNew) {
-    remember('session', JSON.stringify({
-      id: session.id, token: session.tokens?.control ?? session.token, daemon: connection.api.token,
-    }));
+    rememberSession(session);
+    // The address has said what it had to: a reload comes back to the session.
+    if (address.kept) history.replaceState(null, '', location.pathname);
   }
   viewer.adopt(session);
 });
 connection.on('fault', report);
 
-let ownId = null;
 connection.on('notification', ({ method, params }) => {
   switch (method) {
     case 'stream.stats':
       status.setStats(params);
       break;
     case 'view.changed':
-      if (params.view && params.by !== ownId) viewer.takeShared(params.view);
+      if (params.view && params.by !== company.you) viewer.takeShared(params.view);
       break;
-    case 'session.participants': {
-      const { participants = [], you } = params;
-      ownId = you;
-      viewer.allow(participants.find((p) => p.id === you)?.role !== 'view');
-      status.setCompany(participants.length, viewer.canControl);
+    case 'session.participants':
+      company.takeParticipants(params);
+      showCompany();
       break;
-    }
+    case 'session.control':
+      company.takeControl(params);
+      showCompany();
+      break;
     case 'volume.progress':
       refreshList();
       break;
@@ -251,6 +261,46 @@ connection.on('notification', ({ method, params }) => {
     default: // of a later version
   }
 });
+
+// People.
+
+/** Addresses that others can open; what this client has no token for is null. */
+function links() {
+  const { session, api, isLive } = connection;
+  const none = { watch: null, control: null, view: null, fork: null };
+  if (!isLive || !session) return none;
+  const join = (token) => token && (async () => `${base}#${new URLSearchParams({ session: session.id, token })}`);
+  const keep = async () => `${base}#${new URLSearchParams({ view: (await api.keepView(viewer.view)).id })}`;
+  return {
+    watch: join(session.tokens?.view), control: join(session.tokens?.control),
+    view: session.isJoined ? null : keep,
+    fork: session.isJoined && !company.hasControlRole ? null : fork,
+  };
+}
+
+/** Goes on in a session of one's own that begins with this view. */
+async function fork() {
+  const { session, api } = connection;
+  const made = await api.sessionFrom(session.id, session.isJoined ? session.token : api.token);
+  const own = session.isJoined ? `#${new URLSearchParams({ session: made.id, token: made.tokens.control })}` : '';
+  if (!session.isJoined) rememberSession(made);
+  history.replaceState(null, '', location.pathname + own);
+  location.reload();
+}
+
+const people = new People(company, {
+  call: (method, params) => connection.call(method, params), fail: report, links,
+  rename: (name) => {
+    remember('name', name);
+    connection.call('stream.configure', { name }).catch(report);
+  },
+});
+
+function showCompany() {
+  viewer.allow(company.mayChange);
+  status.setCompany(company);
+  people.show();
+}
 
 // The panel follows.
 
@@ -279,6 +329,8 @@ function refreshList() {
   }, LIST_MS);
 }
 
+// A link that is opened where the page is already differs in nothing but its hash.
+window.addEventListener('hashchange', () => location.reload());
 window.addEventListener('online', () => connection.retryNow());
 document.addEventListener('visibilitychange', () => {
   if (document.hidden) return;
@@ -302,6 +354,8 @@ Object.defineProperty(window, 'splatd', {
     get sent() { return viewer.pace.sent; },
     get isIdle() { return viewer.pace.isIdle; },
     get camera() { return structuredClone(viewer.camera); },
+    get canControl() { return viewer.canControl; },
+    get people() { return company.people; },
     get volume() { return viewer.view?.volume ?? null; },
     get background() { return structuredClone(viewer.view?.background ?? null); },
     get session() { return connection.session?.id ?? null; },
