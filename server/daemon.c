@@ -22,6 +22,7 @@ struct srv_daemon {
     struct srv_scheduler *scheduler;
     struct srv_hub *hub;
     struct srv_store *store;
+    struct srv_metrics *metrics;
     struct srv_streams *streams;
     _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
     struct srv_http_options http_options;
@@ -136,6 +137,7 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
     d->http_options.refusals = d->refusals;
     d->http_options.refusal_count = log->refusal_count;
     struct srv_scheduler_options scheduler = { .catalog = d->catalog,
+                                               .metrics = d->metrics,
                                                .queue_max = (unsigned)c->render_queue,
                                                .encode_threads = (unsigned)c->encode_threads,
                                                .stills = options };
@@ -156,6 +158,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
+        .metrics = d->metrics,
         .user = d,
         .work = on_work,
         .ready = on_ready,
@@ -167,6 +170,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
     if (!(d->hub = srv_hub_create(&hub, err)))
         return false;
     struct srv_streams_options streams = { .hub = d->hub,
+                                           .metrics = d->metrics,
                                            .message_bytes = (size_t)c->message_size,
                                            .ping_ms = (double)c->ping_time_ms,
                                            .stall_ms = (double)c->stall_time_ms,
@@ -186,6 +190,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->scheduler = d->scheduler;
     o->streams = d->streams;
     o->store = d->store;
+    o->metrics = d->metrics;
     if (!srv_address_parse(c->listen, &address, err))
         return false;
     if (!srv_address_is_loopback(&address) && !c->token_file && !c->tls_cert)
@@ -218,7 +223,8 @@ static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
                                     struct sp_error *err) {
     struct srv_daemon *d = calloc(1, sizeof *d);
-    if (!d) {
+    if (!d || !(d->metrics = srv_metrics_create())) {
+        free(d);
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start");
         return NULL;
     }
@@ -287,5 +293,6 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);
     srv_store_destroy(&d->store);
+    srv_metrics_destroy(&d->metrics);
     free(d);
 }

@@ -23,6 +23,7 @@ enum {
 
 static const struct srv_route routes[] = {
     { SRV_GET, "/healthz", srv_get_healthz, true },
+    { SRV_GET, "/metrics", srv_get_metrics, false },
     { SRV_GET, "/readyz", srv_get_readyz, true },
     { SRV_GET, "/api/v1/openapi.yaml", srv_get_openapi, false },
     { SRV_GET, "/api/v1/view.schema.json", srv_get_schema, false },
@@ -109,6 +110,14 @@ void srv_request_keep(struct srv_request *request) {
 
 /* Answers. */
 
+static void count_answer(struct srv_request *request, unsigned status, size_t bytes) {
+    struct srv_metrics *metrics = request->app->metrics;
+    unsigned class = status >= 100 && status < 600 ? status / 100 - 1 : 4;
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_1XX + class, 1);
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_IN, request->body_seen);
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_OUT, bytes);
+}
+
 static enum MHD_Result queue(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     const struct srv_config *config = request->app->config;
@@ -131,6 +140,7 @@ static enum MHD_Result queue(struct srv_request *request) {
     sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
            request->method, request->path, reply->status, reply->size);
     enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
+    count_answer(request, reply->status, reply->size);
     MHD_destroy_response(response);
     request->is_answered = true;
     srv_guard_set_deadline(request->http->guard, request->guarded,
@@ -361,6 +371,7 @@ static void uncount(struct srv_request *request) {
 }
 
 void srv_request_upgraded(struct srv_request *request) {
+    count_answer(request, MHD_HTTP_SWITCHING_PROTOCOLS, 0);
     request->is_answered = true;
     srv_guard_set_deadline(request->http->guard, request->guarded, 0);
     uncount(request);
@@ -527,6 +538,10 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
 
 const char *srv_http_address(const struct srv_http *http) {
     return http->address;
+}
+
+size_t srv_http_connections(struct srv_http *http) {
+    return srv_guard_all(http->guard);
 }
 
 void srv_http_tick(void *user, double now_ms) {

@@ -30,6 +30,7 @@ struct srv_http_options {
     struct srv_scheduler *scheduler;
     struct srv_streams *streams;
     struct srv_store *store;
+    struct srv_metrics *metrics;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
     char instance[17]; /* random: frames of different runs have different ETags */
@@ -53,6 +54,9 @@ void srv_http_drain(struct srv_http *http, double limit_ms);
 void srv_http_destroy(struct srv_http **http);
 /* Closes connections past their deadline; for srv_streams_options.tick. */
 void srv_http_tick(void *http, double now_ms);
+
+/* Open connections, with those that are streams now. */
+size_t srv_http_connections(struct srv_http *http);
 
 /* For handlers. */
 
@@ -102,7 +106,8 @@ srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
 srv_handler srv_post_render, srv_get_render; /* routes_render.c */
 srv_handler srv_post_view, srv_get_view;     /* routes_views.c */
 srv_handler srv_post_session, srv_get_session, srv_patch_session, srv_delete_session,
-    srv_get_stream; /* routes_sessions.c */
+    srv_get_stream;          /* routes_sessions.c */
+srv_handler srv_get_metrics; /* routes_metrics.c */
 srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */
 /* The page's files; false = there is none of that path. */
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);

@@ -144,6 +144,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     /* What waits in the kernel cannot be replaced by a newer frame. */
     setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
     struct srv_ws_options options = { .hub = s->options.hub,
+                                      .metrics = s->options.metrics,
                                       .session = stream->start.session,
                                       .role = stream->start.role,
                                       .user = stream,

@@ -454,6 +454,8 @@ static void status_of(const struct srv_volume *v, struct srv_volume_status *stat
     status->error = v->error;
     status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
     status->derived_bytes = 0;
+    status->voxel_bytes = v->reserved_bytes;
+    memcpy(status->derived_of, v->derived_bytes, sizeof status->derived_of);
     for (int l = 0; l < SRV_RENDERERS; l++)
         status->derived_bytes += v->derived_bytes[l];
     status->uses = v->uses;

@@ -21,6 +21,8 @@
 struct srv_catalog;
 struct srv_volume;
 
+enum { SRV_RENDERERS = 2 };
+
 enum srv_volume_state { SRV_VOLUME_LOADING, SRV_VOLUME_READY, SRV_VOLUME_FAILED };
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", "failed" */
 
@@ -72,7 +74,9 @@ struct srv_volume_status {
     double progress;
     struct sp_error error;    /* of a failed load */
     struct sp_volume *volume; /* a reference of the caller's if ready, else NULL */
-    uint64_t derived_bytes;   /* kept by the renderer */
+    uint64_t voxel_bytes;     /* reserved for it */
+    uint64_t derived_bytes;   /* kept by the renderers */
+    uint64_t derived_of[SRV_RENDERERS];
     unsigned uses;
 };
 /* Entry i in the order of adding; false past the end. Or by id. Unref status->volume. */
@@ -90,7 +94,6 @@ void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
                       const uint32_t size[2], const double at[2], struct sp_pick *pick);
 
 /* Of a used volume: the voxels (as long as the use), and a number that no other load ever had. */
-enum { SRV_RENDERERS = 2 };
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 uint64_t srv_volume_identity(const struct srv_volume *volume);
 /* What renderer `lane` < SRV_RENDERERS keeps of the volume. */

@@ -19,6 +19,7 @@ enum { LANE_ENCODES = 2, ENCODE_THREADS_MAX = 8, STILL_NICE = 10 };
 struct still_item {
     struct still_item *next;
     struct srv_still still;
+    double queued_ms; /* since when it waits */
 };
 struct forget_item {
     struct forget_item *next;
@@ -126,6 +127,8 @@ static void still_answer(struct srv_scheduler *s, struct still_item *item,
 
 static void still_fail(struct srv_scheduler *s, struct still_item *item,
                        const struct sp_error *err) {
+    srv_metrics_add(s->options.metrics,
+                    err->code == SP_ERR_CANCELLED ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED, 1);
     struct srv_still_result result = { .ok = false, .err = *err };
     still_answer(s, item, &result);
 }
@@ -161,6 +164,18 @@ static void job_fail(struct srv_scheduler *s, struct srv_job *job, const struct 
 
 /* The encode threads. */
 
+static double stage_ms(const struct sp_frame_stats *stats, const char *name) {
+    for (uint32_t i = 0; i < stats->stage_count; i++)
+        if (strcmp(stats->stages[i].name, name) == 0)
+            return stats->stages[i].ms;
+    return 0;
+}
+
+static void count_render(struct srv_scheduler *s, const struct sp_frame_stats *stats) {
+    srv_metrics_time(s->options.metrics, SRV_TIME_RENDER, stats->render_ms);
+    srv_metrics_time(s->options.metrics, SRV_TIME_READBACK, stage_ms(stats, "resolve"));
+}
+
 static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work) {
     struct srv_still_result result = { .stats = work->frame->stats };
     const struct srv_still *still = &work->still->still;
@@ -168,6 +183,9 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder, st
     result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
                           &result.size, &result.err);
     result.encode_ms = srv_clock_ms() - start_ms;
+    count_render(s, &work->frame->stats);
+    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
+    srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
     still_answer(s, work->still, &result);
 }
 
@@ -189,6 +207,7 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
         return false;
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
+    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, took_ms);
     struct srv_blob *blob = srv_blob_create(bytes, size);
     if (!blob)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoded frame of %zu bytes",
@@ -208,14 +227,6 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
     return true;
 }
 
-/* Classification is kept until the volume or the transfer function changes. */
-static double once_ms(const struct sp_frame_stats *stats) {
-    for (uint32_t i = 0; i < stats->stage_count; i++)
-        if (strcmp(stats->stages[i].name, "classify") == 0)
-            return stats->stages[i].ms;
-    return 0;
-}
-
 /* An encoder cannot be stopped: look before each. */
 static bool still_wanted(struct srv_scheduler *s, const struct srv_job *job, struct sp_error *err) {
     return !job->refinement || srv_hub_is_newest(s->hub, job) ||
@@ -229,12 +240,16 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
                                      .height = work->frame->height,
                                      .coarse = work->frame->stats.coarse,
                                      .render_ms = work->frame->stats.render_ms,
-                                     .once_ms = once_ms(&work->frame->stats),
+                                     /* Classification is kept until the volume or the transfer
+                                        function changes. */
+                                     .once_ms = stage_ms(&work->frame->stats, "classify"),
                                      .splats = work->frame->stats.splats,
                                      .visible_voxels = work->frame->stats.visible_voxels,
                                      .again = work->again };
     struct sp_error err = { .code = SP_OK };
     bool ok = true;
+    if (!work->again)
+        count_render(s, &work->frame->stats);
     for (uint32_t i = 0; ok && i < job->target_count; i++) {
         bool done = false;
         for (uint32_t j = 0; j < i && !done; j++)
@@ -418,6 +433,7 @@ static void render_still(struct srv_scheduler *s, struct still_item *item) {
     struct lane *lane = &s->lanes[STILLS];
     struct sp_error err = { .code = SP_OK };
     struct sp_frame *frame = NULL;
+    srv_metrics_time(s->options.metrics, SRV_TIME_QUEUE, srv_clock_ms() - item->queued_ms);
     enum sp_pixel_format format =
         sp_image_format_info(item->still.format)->wants_float ? SP_RGBAF32 : SP_RGBA8;
     if (!lane->renderer)
@@ -614,7 +630,7 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
                      "%u renders wait already and --render-queue allows %u; try again later",
                      s->still_waiting, s->options.queue_max);
     if (ok) {
-        *item = (struct still_item){ .still = *still };
+        *item = (struct still_item){ .still = *still, .queued_ms = srv_clock_ms() };
         *s->still_tail = item;
         s->still_tail = &item->next;
         s->still_waiting++;

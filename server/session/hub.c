@@ -375,9 +375,13 @@ void srv_hub_drain(struct srv_hub *hub) {
     pthread_mutex_unlock(&hub->mutex);
 }
 
-size_t srv_hub_session_count(struct srv_hub *hub) {
+void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers) {
+    *numbers = (struct srv_hub_numbers){ .sessions = 0 };
     pthread_mutex_lock(&hub->mutex);
-    size_t count = hub->session_count;
+    numbers->sessions = hub->session_count;
+    numbers->asleep = hub->sleeper_count;
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        for (const struct srv_participant *p = s->participants; p; p = p->next)
+            numbers->participants[p->role]++;
     pthread_mutex_unlock(&hub->mutex);
-    return count;
 }

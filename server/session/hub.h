@@ -22,6 +22,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "metrics.h"
 #include "protocol/json.h"
 #include "secret.h"
 #include "session/outbox.h"
@@ -59,6 +60,7 @@ struct srv_hub_options {
     double control_ms;   /* a request for control that nobody answers is granted after this */
     double rest_ms;      /* a view that did not change for this long is refined, step by step */
     size_t stream_bytes; /* byte cap on the frames on their way to one client */
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*work)(void *user);  /* there may be something to render */
     void (*ready)(void *user); /* some participant has something to send */
@@ -124,7 +126,11 @@ bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size
 /* What the status line of clients shows besides the frame's own numbers; all are told at once. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 void srv_hub_drain(struct srv_hub *hub);
-size_t srv_hub_session_count(struct srv_hub *hub);
+struct srv_hub_numbers {
+    unsigned sessions, asleep; /* asleep: of an earlier run, waiting for their volumes */
+    unsigned participants[2];  /* by role */
+};
+void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers);
 
 /* Participants (stream thread). */
 

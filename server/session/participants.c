@@ -262,7 +262,9 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
     return text_of_volume(hub, p, size);
 }
 
-static void take_frame(struct srv_participant *p, double now_ms, struct srv_message *message) {
+static void take_frame(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                       struct srv_message *message) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_FRAMES, 1);
     message->blob = srv_outbox_take(&p->outbox, &message->header);
     message->header.frame = ++p->frame;
     srv_flow_sent(&p->flow, p->frame, message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
@@ -284,7 +286,7 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
         message->reason = p->close_reason;
     } else if (p->session) {
         if (frames && p->outbox.blob && p->flow.count < SRV_FLOW_MAX) {
-            take_frame(p, now_ms, message);
+            take_frame(hub, p, now_ms, message);
             kind = SRV_MESSAGE_FRAME;
         } else if ((message->text = take_note(hub, p, now_ms, &message->size))) {
             kind = SRV_MESSAGE_TEXT;

@@ -215,6 +215,7 @@ static bool stream_configure(struct srv_call *call) {
 static bool stream_ack(struct srv_call *call) {
     static const char *const known[] = { "frame", NULL };
     struct srv_participant *p = call->participant;
+    double sent_ms = srv_flow_oldest_ms(&p->flow);
     int64_t frame;
     if (!srv_call_knows(call, known))
         return false;
@@ -222,6 +223,8 @@ static bool stream_ack(struct srv_call *call) {
         frame > UINT32_MAX || !srv_flow_acked(&p->flow, (uint32_t)frame, call->now_ms))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
                                "must be the number of a frame that was sent");
+    if (sent_ms > 0)
+        srv_metrics_time(call->hub->options.metrics, SRV_TIME_TRIP, call->now_ms - sent_ms);
     call->hub->options.work(call->hub->options.user);
     call->result = proto_json_object();
     return true;

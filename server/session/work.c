@@ -166,6 +166,8 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->keep_until_ms = keep_until_ms(s, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         take_job(s, takers[i], job, now_ms);
+    if (job->step == SRV_STEP_MOVING)
+        srv_metrics_time(hub->options.metrics, SRV_TIME_QUEUE, now_ms - s->changed_ms);
     double since = now_ms - s->served_ms;
     if (since < 1000)
         s->frame_ms = s->frame_ms == 0 ? since : s->frame_ms + (since - s->frame_ms) / 4;
@@ -227,12 +229,17 @@ void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
     pthread_mutex_lock(&hub->mutex);
     struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
     if (p) {
+        bool replaces = p->outbox.blob != NULL;
         struct proto_frame_header full = *header;
         full.flags |= PROTO_FRAME_KEY | (job->targets[i].final ? PROTO_FRAME_FINAL : 0);
         full.seq = job->targets[i].seq;
         full.payload_bytes = (uint32_t)blob->size;
-        if (srv_outbox_put(&p->outbox, job->order, &full, blob))
+        bool taken = srv_outbox_put(&p->outbox, job->order, &full, blob);
+        if (taken)
             srv_hub_note(hub, p, 0);
+        if (!taken || replaces)
+            srv_metrics_add(hub->options.metrics,
+                            taken ? SRV_COUNT_DROP_REPLACED : SRV_COUNT_DROP_LATE, 1);
     }
     pthread_mutex_unlock(&hub->mutex);
 }
@@ -278,6 +285,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
 }
 
 void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct sp_error *err) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_FAILED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
     for (uint32_t i = 0; i < job->target_count; i++) {
@@ -292,6 +300,7 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
 }
 
 void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_OUTDATED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
     if (s && job->step == SRV_STEP_MOVING) {

@@ -122,6 +122,8 @@ def walk(daemon, contract):
     api = '/api/v1'
     ask(200, 'GET', '/healthz', token=False)
     ask(200, 'GET', '/readyz', token=False)
+    ask(200, 'GET', '/metrics')
+    ask(401, 'GET', '/metrics', token=False)
     ask(200, 'GET', f'{api}/openapi.yaml')
     ask(200, 'GET', f'{api}/view.schema.json')
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
