@@ -18,11 +18,13 @@ enum { SRV_CONFIG_VOLUMES = 64 };
 
 struct srv_config {
     /* Owned; NULL = not set. */
-    char *listen, *data, *state, *backend, *gpu, *isa, *token_file, *log_level, *tls_cert, *tls_key;
+    char *listen, *data, *state, *backend, *gpu, *isa, *token_file, *allow_origin, *log_level,
+        *tls_cert, *tls_key;
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory, video_memory;
-    int64_t connections, connections_per_address, handshakes, sessions, participants, views;
+    int64_t connections, connections_per_address, connection_requests, handshakes, sessions,
+        participants, views;
     int64_t presets;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue;
     int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, control_time_ms,

@@ -9,6 +9,7 @@
 
 #include "clock.h"
 #include "http/listener.h"
+#include "http/origins.h"
 #include "http/streams.h"
 #include "keep.h"
 #include "render/catalog.h"
@@ -191,7 +192,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->streams = d->streams;
     o->store = d->store;
     o->metrics = d->metrics;
-    if (!srv_address_parse(c->listen, &address, err))
+    if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
         return false;
     if (!srv_address_is_loopback(&address) && !c->token_file && !c->tls_cert)
         return sp_fail(

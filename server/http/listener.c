@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "clock.h"
+#include "http/answer.h"
 #include "http/headers.h"
 #include "http/tls.h"
 #include "sp/log.h"
@@ -119,24 +120,13 @@ static void count_answer(struct srv_request *request, unsigned status, size_t by
 }
 
 static enum MHD_Result queue(struct srv_request *request) {
-    struct srv_reply *reply = &request->reply;
+    const struct srv_reply *reply = &request->reply;
     const struct srv_config *config = request->app->config;
-    struct MHD_Response *response = MHD_create_response_from_buffer(
-        reply->size, (void *)(uintptr_t)reply->body, MHD_RESPMEM_PERSISTENT);
-    if (reply->owned) {
-        MHD_destroy_response(response);
-        response =
-            MHD_create_response_from_buffer(reply->size, reply->owned, MHD_RESPMEM_MUST_FREE);
-        if (response)
-            reply->owned = NULL;
-    }
+    struct MHD_Response *response = srv_answer_create(request);
     if (!response)
         return MHD_NO;
-    if (reply->mime)
-        MHD_add_response_header(response, "Content-Type", reply->mime);
-    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
-    for (unsigned i = 0; i < reply->header_count; i++)
-        MHD_add_response_header(response, reply->headers[i].name, reply->headers[i].value);
+    if (request->is_last)
+        MHD_add_response_header(response, "Connection", "close");
     sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
            request->method, request->path, reply->status, reply->size);
     enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
@@ -192,7 +182,7 @@ static bool check_limits(struct srv_request *request) {
     } else {
         return true;
     }
-    srv_reply_header(&request->reply, "Connection", "close");
+    request->is_last = true;
     return false;
 }
 
@@ -216,7 +206,6 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
     if (!refusal.status)
         return false;
     srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
-    srv_reply_header(&request->reply, "Connection", "close");
     return true;
 }
 
@@ -229,6 +218,10 @@ static bool check(struct srv_request *request) {
     request->has_token = srv_secret_equal(request->app->token, srv_request_token(request));
     request->route =
         srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
+    if (allowed && srv_is_preflight(request)) {
+        srv_reply_preflight(reply, allowed);
+        return false;
+    }
     bool is_api = strncmp(request->path, "/api/", 5) == 0;
     bool is_open = request->route ? request->route->is_open : !is_api;
     if (!is_open && !request->has_token) {
@@ -293,14 +286,16 @@ static void count(struct srv_request *request) {
 static enum MHD_Result on_headers(struct srv_request *request, const char *version) {
     request->is_begun = true;
     count(request);
-    bool is_last = is_turned_away(request, version);
-    request->is_refused = is_last || !check(request);
+    bool is_over = is_turned_away(request, version);
+    request->is_last = is_over || srv_guard_count_request(request->guarded) >=
+                                      (unsigned)request->app->config->connection_requests;
+    request->is_refused = is_over || !check(request);
     srv_guard_set_deadline(request->http->guard, request->guarded,
                            srv_clock_ms() + (double)request->app->config->request_time_ms);
     /* A client that waits for permission to send its body gets the answer instead. */
     const char *length = srv_request_header(request, "Content-Length");
     bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
-    if (is_last || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
+    if (is_over || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
         return queue(request);
     return MHD_YES;
 }

@@ -76,6 +76,7 @@ struct srv_request {
 
     size_t body_seen, body_capacity;
     struct srv_refusal target; /* what is wrong with the address */
+    bool is_last;              /* of its connection */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 

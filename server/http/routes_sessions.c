@@ -7,6 +7,7 @@
 #include "http/headers.h"
 #include "http/kept.h"
 #include "http/listener.h"
+#include "http/origins.h"
 #include "sp/log.h"
 
 enum { KEY_CHARACTERS = 24 };
@@ -224,7 +225,8 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
                           KEY_CHARACTERS);
     } else if (offered && !srv_header_has_token(offered, subprotocol)) {
         srv_reply_problem(reply, 400, NULL, "the subprotocol is %s", subprotocol);
-    } else if (!srv_origin_is_allowed(origin, srv_request_header(request, "Host"))) {
+    } else if (!srv_origin_is_allowed(origin, srv_request_header(request, "Host")) &&
+               !srv_origins_have(request->app->config->allow_origin, origin)) {
         sp_log(SP_LOG_WARN, "stream of %s refused: Origin %.200s is not this host",
                srv_guard_peer(request->guarded), origin);
         srv_reply_problem(reply, 403, NULL, "a page of another origin may not open a stream");
