@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "clock.h"
+#include "render/video.h"
 #include "sp/log.h"
 
 enum { LANE_ENCODES = 2, ENCODE_THREADS_MAX = 8, STILL_NICE = 10 };
@@ -72,6 +73,7 @@ struct srv_scheduler {
     pthread_t encode_threads[ENCODE_THREADS_MAX];
     unsigned encode_thread_count;
     struct sp_encoder *encoders[ENCODE_THREADS_MAX];
+    struct srv_videos *videos;
 };
 
 struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *options,
@@ -94,7 +96,8 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     }
     pthread_cond_init(&s->encode, NULL);
     pthread_condattr_destroy(&monotonic);
-    bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL;
+    bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL &&
+              (s->videos = srv_videos_create(options->metrics, err)) != NULL;
     for (unsigned i = 0; ok && i < options->encode_threads; i++)
         ok = (s->encoders[i] = sp_encoder_create(err)) != NULL;
     if (!ok) {
@@ -195,9 +198,15 @@ static uint8_t codec_of(enum sp_image_format format) {
                                      : PROTO_CODEC_JPEG;
 }
 
-/* Encodes once for all targets with the format and quality of target `first`. */
+static bool is_like(const struct srv_target *a, const struct srv_target *b) {
+    return a->format == b->format && a->quality == b->quality;
+}
+
+/* Encodes once for all targets of the set `stills` with the format and quality of the first. Takes
+ * them out of the set. */
 static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work,
-                         uint32_t first, double *encode_ms, struct sp_error *err) {
+                         uint64_t *stills, double *encode_ms, struct sp_error *err) {
+    uint32_t first = (uint32_t)__builtin_ctzll(*stills);
     struct srv_job *job = work->job;
     const struct srv_target *like = &job->targets[first];
     const uint8_t *bytes;
@@ -221,8 +230,10 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
         .encode_us = (uint32_t)(took_ms * 1000),
     };
     for (uint32_t i = first; i < job->target_count; i++)
-        if (job->targets[i].format == like->format && job->targets[i].quality == like->quality)
+        if (*stills >> i & 1 && is_like(&job->targets[i], like)) {
             srv_hub_deliver(s->hub, job, i, &header, blob);
+            *stills &= ~(UINT64_C(1) << i);
+        }
     srv_blob_unref(&blob);
     return true;
 }
@@ -247,18 +258,14 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
                                      .visible_voxels = work->frame->stats.visible_voxels,
                                      .again = work->again };
     struct sp_error err = { .code = SP_OK };
-    bool ok = true;
+    bool ok = still_wanted(s, job, &err);
     if (!work->again)
         count_render(s, &work->frame->stats);
-    for (uint32_t i = 0; ok && i < job->target_count; i++) {
-        bool done = false;
-        for (uint32_t j = 0; j < i && !done; j++)
-            done = job->targets[j].format == job->targets[i].format &&
-                   job->targets[j].quality == job->targets[i].quality;
-        if (!done)
-            ok = still_wanted(s, job, &err) &&
-                 encode_group(s, encoder, work, i, &result.encode_ms, &err);
-    }
+    uint64_t stills =
+        ok ? srv_videos_encode(s->videos, s->hub, job, work->frame, &result.encode_ms) : 0;
+    while (ok && stills)
+        ok = still_wanted(s, job, &err) &&
+             encode_group(s, encoder, work, &stills, &result.encode_ms, &err);
     if (!ok) {
         job_fail(s, job, &err, 0);
         return;
@@ -612,6 +619,7 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
     }
     for (unsigned i = 0; i < s->options.encode_threads; i++)
         sp_encoder_destroy(&s->encoders[i]);
+    srv_videos_destroy(&s->videos);
     sp_frame_pool_destroy(&s->pool);
     pthread_cond_destroy(&s->encode);
     pthread_mutex_destroy(&s->mutex);
@@ -674,6 +682,7 @@ void srv_scheduler_tick(struct srv_scheduler *s) {
     give_up(s);
     pthread_mutex_unlock(&s->mutex);
     fail_all(s, gone, "who asked for this picture has left");
+    srv_videos_tick(s->videos, srv_clock_ms());
 }
 
 void srv_scheduler_info(struct srv_scheduler *s, struct sp_renderer_info *streams,

@@ -29,6 +29,7 @@
 #include "session/pace.h"
 #include "sp/encode.h"
 #include "sp/pick.h"
+#include "sp/video.h"
 #include "sp/view.h"
 
 struct srv_hub;
@@ -170,6 +171,7 @@ struct srv_target {
     uint64_t participant;
     uint32_t seq;
     enum sp_image_format format;
+    enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = a still */
     int quality;
     bool final; /* the full picture in the granted quality: nothing follows */
 };
@@ -188,6 +190,7 @@ struct srv_job {
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */
     unsigned coarse;      /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];     /* size at rest */
     struct sp_view view;  /* with the size to render */
     void *volume;         /* a use of its own */
     uint32_t target_count;
@@ -210,6 +213,26 @@ bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
  * rest is filled in. */
 void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                      const struct proto_frame_header *header, struct srv_blob *blob);
+
+/* Video (render/video.h has the law). Which frame of a video it is: `number` since the key frame
+ * that began the epoch. Epochs are unique and never 0. */
+struct srv_video_mark {
+    uint64_t epoch;
+    uint32_t number;
+};
+enum srv_video_claim {
+    SRV_VIDEO_NONE,  /* takes nothing of this job: it left, got a newer frame, or its last one still
+                        waits for the socket; then it wants a newer one afterwards */
+    SRV_VIDEO_DELTA, /* has all frames up to `next` */
+    SRV_VIDEO_KEY    /* needs a key frame */
+};
+enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                                         const struct srv_video_mark *next);
+/* As srv_hub_deliver(), of the frame `mark`; number 0 is a key frame. Does nothing for who can no
+ * longer use it. */
+void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                           const struct proto_frame_header *header, struct srv_blob *blob,
+                           const struct srv_video_mark *mark);
 /* Every job ends with exactly one of these, which also releases its volume. */
 void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
                       const struct srv_job_result *result);

@@ -45,6 +45,8 @@ struct srv_participant {
     const char *close_reason;
 
     enum sp_image_format format;
+    enum sp_video_codec video;  /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
+    struct srv_video_mark mark; /* of the frame that it can take next; epoch 0 = a key frame */
     int quality, max_fps;
     bool progressive, lossless;
     uint32_t size[2]; /* 0 = the view's */

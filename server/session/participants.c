@@ -55,6 +55,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->user = user;
     p->role = role;
     p->format = SP_IMAGE_JPEG;
+    p->video = SP_VIDEO_CODEC_COUNT;
     p->quality = QUALITY_DEFAULT;
     p->max_fps = FPS_DEFAULT;
     p->progressive = true;
@@ -287,6 +288,8 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
     } else if (p->session) {
         if (frames && p->outbox.blob && p->flow.count < SRV_FLOW_MAX) {
             take_frame(hub, p, now_ms, message);
+            if (p->video != SP_VIDEO_CODEC_COUNT) /* is_open() waits for it */
+                hub->options.work(hub->options.user);
             kind = SRV_MESSAGE_FRAME;
         } else if ((message->text = take_note(hub, p, now_ms, &message->size))) {
             kind = SRV_MESSAGE_TEXT;

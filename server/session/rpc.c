@@ -81,8 +81,11 @@ static bool view_get(struct srv_call *call) {
     return true;
 }
 
+enum { FORMATS_MAX = 16 }; /* in a client's list */
+
 struct stream_settings {
     enum sp_image_format format;
+    enum sp_video_codec video;
     int64_t quality, max_fps, size[2];
     bool progressive, lossless;
     const char *name;
@@ -132,16 +135,44 @@ static bool read_name(struct srv_call *call, struct stream_settings *s) {
                            "must be a text of 1 to 64 bytes without control characters");
 }
 
+/* Video goes with JPEG: for what is at rest, and when there is no video to be had. */
+static bool grant_format(const char *name, struct stream_settings *s) {
+    enum sp_video_codec video = sp_video_codec_find(name);
+    enum sp_image_format still =
+        video == SP_VIDEO_CODEC_COUNT ? sp_image_format_find(name) : SP_IMAGE_JPEG;
+    if (video != SP_VIDEO_CODEC_COUNT ? !sp_video_is_available(video)
+                                      : still == SP_IMAGE_FORMAT_COUNT || still == SP_IMAGE_EXR)
+        return false;
+    s->video = video;
+    s->format = still;
+    return true;
+}
+
+/* A name, or a list of them, the best first: the first that there is, else JPEG. */
+static bool read_format(struct srv_call *call, const proto_json *format,
+                        struct stream_settings *s) {
+    const char *name = proto_json_string(format);
+    bool is_list = proto_json_type(format) == PROTO_JSON_ARRAY, granted = false;
+    size_t count = is_list ? proto_json_size(format) : 0;
+    if (name ? !grant_format(name, s) : count < 1 || count > FORMATS_MAX)
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format",
+                               "must be jpeg, png, webp, vp8, vp9, or h264 where it is built in; "
+                               "or a list of 1 to 16 names, the best first");
+    for (size_t i = 0; i < count; i++) {
+        name = proto_json_string(proto_json_at(format, i));
+        if (!name)
+            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must hold names");
+        granted = granted || grant_format(name, s);
+    }
+    return !is_list || granted || grant_format("jpeg", s);
+}
+
 static bool read_settings(struct srv_call *call, struct stream_settings *s) {
     const proto_json *format = proto_json_get(call->params, "format");
     const proto_json *progressive = proto_json_get(call->params, "progressive");
     const proto_json *lossless = proto_json_get(call->params, "lossless");
-    if (format) {
-        const char *name = proto_json_string(format);
-        s->format = name ? sp_image_format_find(name) : SP_IMAGE_FORMAT_COUNT;
-        if (s->format != SP_IMAGE_JPEG && s->format != SP_IMAGE_PNG && s->format != SP_IMAGE_WEBP)
-            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must be jpeg, png or webp");
-    }
+    if (format && !read_format(call, format, s))
+        return false;
     if (progressive && !proto_json_bool(progressive, &s->progressive))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
     if (lossless && !proto_json_bool(lossless, &s->lossless))
@@ -166,7 +197,9 @@ static proto_json *encode_settings(const struct srv_participant *p) {
     uint32_t size[2];
     srv_hub_size(p->session, p, size);
     proto_json *result = proto_json_object(), *pair = proto_json_array();
-    bool ok = proto_json_set_string(result, "format", sp_image_format_info(p->format)->name);
+    const char *format = p->video == SP_VIDEO_CODEC_COUNT ? sp_image_format_info(p->format)->name
+                                                          : sp_video_codec_name(p->video);
+    bool ok = proto_json_set_string(result, "format", format);
     ok = proto_json_set_integer(result, "quality", p->quality) && ok;
     ok = proto_json_set_integer(result, "max_fps", p->max_fps) && ok;
     ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]) && ok;
@@ -184,6 +217,7 @@ static bool stream_configure(struct srv_call *call) {
                                          "progressive", "lossless", "name",    NULL };
     struct srv_participant *p = call->participant;
     struct stream_settings s = { .format = p->format,
+                                 .video = p->video,
                                  .quality = p->quality,
                                  .max_fps = p->max_fps,
                                  .size = { p->size[0], p->size[1] },
@@ -191,10 +225,11 @@ static bool stream_configure(struct srv_call *call) {
                                  .lossless = p->lossless };
     if (!srv_call_knows(call, known) || !read_settings(call, &s))
         return false;
-    bool changed = s.format != p->format || s.quality != p->quality || s.size[0] != p->size[0] ||
-                   s.size[1] != p->size[1] || s.progressive != p->progressive ||
-                   s.lossless != p->lossless;
+    bool changed = s.format != p->format || s.video != p->video || s.quality != p->quality ||
+                   s.size[0] != p->size[0] || s.size[1] != p->size[1] ||
+                   s.progressive != p->progressive || s.lossless != p->lossless;
     p->format = s.format;
+    p->video = s.video;
     p->quality = (int)s.quality;
     p->max_fps = (int)s.max_fps;
     p->size[0] = (uint32_t)s.size[0];
@@ -230,6 +265,16 @@ static bool stream_ack(struct srv_call *call) {
     return true;
 }
 
+/* The client could not decode a frame of video. */
+static bool stream_key(struct srv_call *call) {
+    static const char *const known[] = { NULL };
+    if (!srv_call_knows(call, known))
+        return false;
+    call->participant->mark.epoch = 0;
+    call->result = proto_json_object();
+    return true;
+}
+
 static bool ping(struct srv_call *call) {
     call->result = proto_json_object();
     return true;
@@ -243,6 +288,7 @@ static const struct {
     { "view.get", view_get },
     { "stream.configure", stream_configure },
     { "stream.ack", stream_ack },
+    { "stream.key", stream_key },
     { "session.request_control", srv_call_request_control },
     { "session.release_control", srv_call_release_control },
     { "session.grant_control", srv_call_grant_control },
