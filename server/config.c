@@ -12,6 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "log.h"
 #include "protocol/limits.h"
 #include "sp/encode.h"
 #include "sp/renderer.h"
@@ -104,6 +105,7 @@ static const struct setting settings[] = {
     { "http-threads", COUNT, AT(http_threads), "2", 1, 16, "N", "threads for HTTP" },
     { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N", "threads that encode images" },
     { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
+    { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "FORM", "logfmt, json or text" },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",
       "read settings from a file of `key = value` lines" },
     { "probe", SWITCH, AT(probe), NULL, 0, 0, NULL,
@@ -308,11 +310,6 @@ void srv_config_finish(struct srv_config *config) {
     memset(config, 0, sizeof *config);
 }
 
-static bool is_known_level(const char *level) {
-    return strcmp(level, "error") == 0 || strcmp(level, "warn") == 0 ||
-           strcmp(level, "info") == 0 || strcmp(level, "debug") == 0;
-}
-
 bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct sp_error *err) {
     for (int i = 1; i < argc; i++) {
         const char *argument = argv[i];
@@ -336,13 +333,48 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
         if (!set(config, setting, value, place, err))
             return false;
     }
-    if (!is_known_level(config->log_level))
+    enum sp_log_level level;
+    if (!srv_log_level_from(config->log_level, &level))
         return sp_fail(err, SP_ERR_INVALID, "--log-level",
                        "'%.64s' is none of error, warn, info, debug", config->log_level);
-    if (!config->tls_cert != !config->tls_key)
-        return sp_fail(err, SP_ERR_INVALID, config->tls_cert ? "--tls-cert" : "--tls-key",
-                       "--tls-cert and --tls-key go together");
+    if (srv_log_format_from(config->log_format) == SRV_LOG_FORMATS)
+        return sp_fail(err, SP_ERR_INVALID, "--log-format", "'%.64s' is none of logfmt, json, text",
+                       config->log_format);
     return true;
+}
+
+static bool is_same(const struct srv_config *a, const struct srv_config *b,
+                    const struct setting *setting) {
+    const void *x = (const char *)a + setting->offset, *y = (const char *)b + setting->offset;
+    const char *s = setting->kind == TEXT ? *(char *const *)x : NULL;
+    const char *t = setting->kind == TEXT ? *(char *const *)y : NULL;
+    bool same = true;
+    switch (setting->kind) {
+    case TEXT:
+        return !s == !t && (!s || strcmp(s, t) == 0);
+    case COUNT:
+    case SIZE:
+    case SECONDS:
+        return *(const int64_t *)x == *(const int64_t *)y;
+    case YES_NO:
+        return *(const bool *)x == *(const bool *)y;
+    case VOLUME:
+        same = a->volume_count == b->volume_count;
+        for (unsigned i = 0; same && i < a->volume_count; i++)
+            same = strcmp(a->volumes[i], b->volumes[i]) == 0;
+        return same;
+    case FILE_TO_READ:
+    case SWITCH:
+        break;
+    }
+    return true;
+}
+
+void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
+                        void (*differs)(void *user, const char *name), void *user) {
+    for (size_t i = 0; i < SETTINGS; i++)
+        if (!is_same(a, b, &settings[i]))
+            differs(user, settings[i].name);
 }
 
 void srv_config_print_help(FILE *out) {

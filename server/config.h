@@ -19,7 +19,7 @@ enum { SRV_CONFIG_VOLUMES = 64 };
 struct srv_config {
     /* Owned; NULL = not set. */
     char *listen, *data, *state, *backend, *gpu, *isa, *token_file, *allow_origin, *log_level,
-        *tls_cert, *tls_key;
+        *log_format, *tls_cert, *tls_key;
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory, video_memory;
@@ -45,6 +45,10 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
 /* One line of a file: "key = value", a comment or nothing. */
 bool srv_config_line(struct srv_config *config, const char *line, const char *place,
                      struct sp_error *err);
+
+/* Calls differs() with the name of each setting that is not the same in both. */
+void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
+                        void (*differs)(void *user, const char *name), void *user);
 
 void srv_config_print_help(FILE *out);
 void srv_config_print(const struct srv_config *config, FILE *out); /* a file that --config reads */

@@ -26,6 +26,7 @@ struct srv_daemon {
     struct srv_metrics *metrics;
     struct srv_streams *streams;
     _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
+    _Atomic double alive_ms;         /* when the stream thread ticked last */
     struct srv_http_options http_options;
     const char *refusals[SRV_LOG_REFUSALS];
 };
@@ -89,6 +90,7 @@ static void on_tick(void *user, double now_ms) {
     if (http)
         srv_http_tick(http, now_ms);
     srv_scheduler_tick(d->scheduler);
+    atomic_store(&d->alive_ms, now_ms);
 }
 
 /* Start. */
@@ -231,6 +233,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     }
     d->config = config;
     atomic_init(&d->http, NULL);
+    atomic_init(&d->alive_ms, srv_clock_ms());
     struct srv_catalog_options catalog = {
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
         .data = config->data,
@@ -254,13 +257,27 @@ void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
              show ? d->http_options.token : "");
 }
 
-void srv_daemon_reload(struct srv_daemon *d) {
+static void on_difference(void *user, const char *name) {
+    (void)user;
+    if (strcmp(name, "log-level") != 0)
+        sp_log(SP_LOG_WARN, "the setting %s has changed; it is taken at the next start", name);
+}
+
+void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
     struct sp_error err = { .code = SP_OK };
+    enum sp_log_level level;
+    srv_config_compare(d->config, fresh, on_difference, NULL);
+    if (srv_log_level_from(fresh->log_level, &level))
+        sp_log_set_level(level);
     if (srv_http_reload(atomic_load(&d->http), &err))
         sp_log(SP_LOG_INFO, "reloaded");
     else
         sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s%s%s", err.place,
                err.place[0] ? ": " : "", err.text);
+}
+
+double srv_daemon_alive_ms(const struct srv_daemon *d) {
+    return atomic_load(&d->alive_ms);
 }
 
 /* Stop: from the outside inwards. */

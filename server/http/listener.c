@@ -209,13 +209,21 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
     return true;
 }
 
+/* The daemon's own? It may be replaced at any moment. */
+static bool is_token(struct srv_http *http, const char *given) {
+    pthread_mutex_lock(&http->mutex);
+    bool equal = srv_secret_equal(http->options.token, given);
+    pthread_mutex_unlock(&http->mutex);
+    return equal;
+}
+
 /* Routes and judges what the headers tell; false: the reply is set. */
 static bool check(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     unsigned allowed;
     if (!check_limits(request))
         return false;
-    request->has_token = srv_secret_equal(request->app->token, srv_request_token(request));
+    request->has_token = is_token(request->http, srv_request_token(request));
     request->route =
         srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
     if (allowed && srv_is_preflight(request)) {
@@ -490,7 +498,20 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
     return http->tls != NULL;
 }
 
-bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
+static bool reload_token(struct srv_http *http, struct sp_error *err) {
+    const char *file = http->options.config->token_file;
+    char token[SRV_TOKEN_BYTES];
+    if (!file)
+        return true;
+    if (!srv_secret_read(file, token, err))
+        return false;
+    pthread_mutex_lock(&http->mutex);
+    memcpy(http->options.token, token, sizeof token);
+    pthread_mutex_unlock(&http->mutex);
+    return true;
+}
+
+static bool reload_keys(struct srv_http *http, struct sp_error *err) {
     const struct srv_config *config = http->options.config;
     if (!http->tls)
         return true;
@@ -498,6 +519,11 @@ bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
     if (keys)
         srv_tls_set_keys(http->tls, keys);
     return keys != NULL;
+}
+
+bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
+    bool token = reload_token(http, err);
+    return reload_keys(http, err) && token;
 }
 
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err) {

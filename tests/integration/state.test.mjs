@@ -28,6 +28,7 @@ async function start(state, args = [], options = {}) {
 async function killed(daemon) {
   daemon.kill('SIGKILL');
   assert.equal(await within(daemon.ended, 'the end of splatd'), 'SIGKILL');
+  assert.doesNotMatch(daemon.log, /Sanitizer|runtime error/);
 }
 
 const picture = async (daemon, view) => {

@@ -51,6 +51,7 @@ THIRD_PARTY = [
     (r'vpx/|x264', ['renderer/encode/', 'tests/unit/encode/', 'tests/unit/server/']),
     (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/', 'server/http/gzip.c']),
     (r'sqlite3', ['server/store/']),
+    (r'systemd/', ['server/service.c']),
     (r'curl/', ['clients/cli/']),
 ]
 # Rule 5: file-scope variables that may change after start.
