@@ -37,6 +37,10 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/render/{}", srv_get_render, false },
     { SRV_POST, "/api/v1/views", srv_post_view, false },
     { SRV_GET, "/api/v1/views/{}", srv_get_view, false },
+    { SRV_GET, "/api/v1/presets", srv_get_presets, false },
+    { SRV_GET, "/api/v1/presets/{}", srv_get_preset, false },
+    { SRV_PUT, "/api/v1/presets/{}", srv_put_preset, false },
+    { SRV_DELETE, "/api/v1/presets/{}", srv_delete_preset, false },
     { SRV_POST, "/api/v1/sessions", srv_post_session, true },
     { SRV_GET, "/api/v1/sessions/{}", srv_get_session, true },
     { SRV_PATCH, "/api/v1/sessions/{}", srv_patch_session, true },
@@ -244,7 +248,7 @@ static bool check(struct srv_request *request) {
         refuse_method(request, allowed ? allowed : SRV_GET);
         return false;
     }
-    if (request->route && method & (SRV_POST | SRV_PATCH) &&
+    if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
         !srv_is_json(srv_request_header(request, "Content-Type"))) {
         srv_reply_problem(reply, 415, NULL, "the body must be application/json");
         return false;

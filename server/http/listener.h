@@ -107,8 +107,10 @@ srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
 srv_handler srv_post_render, srv_get_render; /* routes_render.c */
 srv_handler srv_post_view, srv_get_view;     /* routes_views.c */
 srv_handler srv_post_session, srv_get_session, srv_patch_session, srv_delete_session,
-    srv_get_stream;          /* routes_sessions.c */
-srv_handler srv_get_metrics; /* routes_metrics.c */
+    srv_get_stream; /* routes_sessions.c */
+srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
+    srv_delete_preset;                                                        /* routes_presets.c */
+srv_handler srv_get_metrics;                                                  /* routes_metrics.c */
 srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */
 /* The page's files; false = there is none of that path. */
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);

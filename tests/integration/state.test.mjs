@@ -61,6 +61,9 @@ test('after kill -9 the same links show the same pictures', async () => {
   const other = await first.session({ volume: 'engine' });
   const kept = await first.post('/api/v1/views', { volume: 'engine', size: [20, 20], background: [1, 0, 0, 1] });
   assert.equal(kept.headers.get('x-durable'), 'yes');
+  const preset = (daemon, method, body) => daemon.fetch('/api/v1/presets/bones', { method, body, headers: { 'Content-Type': 'application/json' } });
+  assert.equal((await preset(first, 'PUT', '{"camera": {"fov_y": 11}}')).headers.get('x-durable'), 'yes');
+  assert.equal((await preset(first, 'PUT', '{"camera": {"fov_y": 12}}')).status, 204);
   const keptPicture = Buffer.from(await (await first.fetch(`/api/v1/render/${kept.json.id}?format=png`)).arrayBuffer());
   // A change by stream is written soon, not at once: what is asked for later is written together with it.
   const stream = await first.stream({ session });
@@ -77,6 +80,8 @@ test('after kill -9 the same links show the same pictures', async () => {
   assert.deepEqual((await sessionOf(second, session.id)).json.tokens, session.tokens);
   assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: 'x'.repeat(32) })).status, 401);
   assert.equal((await second.json(`/api/v1/sessions/${other.id}`)).status, 404, 'what was deleted stays deleted');
+  assert.deepEqual(await (await preset(second, 'GET')).json(), { camera: { fov_y: 12 } });
+  assert.equal((await preset(second, 'DELETE')).status, 204);
   await second.loaded('engine');
   const again = await second.fetch(`/api/v1/render/${kept.json.id}?format=png`);
   assert.deepEqual(Buffer.from(await again.arrayBuffer()), keptPicture);
@@ -95,6 +100,7 @@ test('after kill -9 the same links show the same pictures', async () => {
   assert.equal((await third.fetch('/api/v1/volumes/head', { method: 'DELETE' })).status, 204);
   await killed(third);
   const fourth = await start(state);
+  assert.deepEqual((await fourth.json('/api/v1/presets')).json, { presets: [] });
   assert.deepEqual((await fourth.json('/api/v1/volumes')).json.volumes.map((v) => v.id), ['engine']);
   assert.equal((await fourth.json(`/api/v1/sessions/${session.id}`)).status, 404);
   assert.equal(await fourth.stop(), 0);

@@ -158,6 +158,7 @@ def walk(daemon, contract):
     ask(422, 'POST', f'{api}/sessions', {'view': {'size': [0, 1]}})
     ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
     walk_kept(daemon, ask, api)
+    walk_presets(ask, api)
     names = {'id': session['id']}
     ask(200, 'GET', f'{api}/sessions/{{id}}', **names)
     patch = {'view': {'camera': {'fov_y': 50}}}
@@ -170,10 +171,10 @@ def walk(daemon, contract):
     ask(204, 'DELETE', f'{api}/sessions/{{id}}', **names)
     ask(404, 'GET', f'{api}/sessions/{{id}}', **names)
     for template in contract.document['paths']:
-        for method in ('get', 'post', 'patch', 'delete'):
+        for method in ('get', 'post', 'put', 'patch', 'delete'):
             operation = contract.document['paths'][template].get(method)
             if operation and operation.get('security') != []:
-                ask(401, method.upper(), template, token=False, id='engine')
+                ask(401, method.upper(), template, token=False, id='engine', name='x')
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
 
 
@@ -197,6 +198,28 @@ def walk_kept(daemon, ask, api):
         ask(400, 'GET', template, query=f'?{wrong}', **kept)
     for wrong in ('size=8,0', 'size=8,9999', 'camera=5', f'camera={urllib.parse.quote(json.dumps(dict(x=1)))}'):
         ask(422, 'GET', template, query=f'?{wrong}', **kept)
+
+
+def walk_presets(ask, api):
+    one = f'{api}/presets/{{name}}'
+    bones = {'transfer_function': {'points': [{'value': 0, 'color': [1, 1, 1], 'opacity': 0},
+                                              {'value': 9, 'color': [1, 1, 1], 'opacity': 0.5}]}}
+    ask(201, 'PUT', one, bones, name='bones')
+    ask(204, 'PUT', one, bones, name='bones')
+    ask(201, 'PUT', one, {'volume': 'not-there', 'camera': {'fov_y': 20}}, name='a.b-c_D9')
+    check(ask(200, 'GET', one, name='bones') == bones, 'a preset comes back as it was put')
+    check(ask(200, 'GET', f'{api}/presets')['presets'] == ['bones', 'a.b-c_D9'], 'presets in their order')
+    ask(404, 'GET', one, name='none')
+    ask(422, 'PUT', one, bones, name='a%20b')
+    ask(422, 'PUT', one, bones, name='x' * 65)
+    ask(422, 'PUT', one, {'camera': {'fov_y': 999}}, name='y')
+    ask(422, 'PUT', one, {'nonsense': 1}, name='y')
+    ask(422, 'PUT', one, [], name='y')
+    ask(400, 'PUT', one, '{', name='y')
+    ask(415, 'PUT', one, 'x', {'Content-Type': 'text/plain'}, name='y')
+    ask(413, 'PUT', one, ' ' * (2 << 20), name='y')
+    ask(204, 'DELETE', one, name='a.b-c_D9')
+    ask(404, 'DELETE', one, name='a.b-c_D9')
 
 
 def check_examples(daemon, folder):
