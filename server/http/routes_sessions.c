@@ -91,9 +91,9 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
         return;
     }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
-    const proto_json *view = body && may_fork(request, body, reply) && only_known(body, true, reply)
-                                 ? first_view(request, body, &owner, reply)
-                                 : NULL;
+    /* Who may not ask learns nothing about the question. */
+    bool ok = may_fork(request, body, reply) && body && only_known(body, true, reply);
+    const proto_json *view = ok ? first_view(request, body, &owner, reply) : NULL;
     if (view) {
         proto_json *json =
             srv_hub_session_create(request->app->hub, view, srv_clock_ms(), id, &err);

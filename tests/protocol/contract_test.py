@@ -38,10 +38,10 @@ def check(ok, text):
 
 
 class Daemon:
-    def __init__(self, program):
+    def __init__(self, program, *options):
         self.log = tempfile.TemporaryFile()
         self.process = subprocess.Popen([program, '--listen', '127.0.0.1:0', '--backend', 'null', '--volume',
-                                         'demo:engine?size=16'], stdout=subprocess.PIPE, stderr=self.log)
+                                         'demo:engine?size=16', *options], stdout=subprocess.PIPE, stderr=self.log)
         line = self.process.stdout.readline().decode()
         if 'http' not in line:
             raise RuntimeError(f'splatd did not start: {self.stop()}')
@@ -78,10 +78,13 @@ class Contract:
             self.document = yaml.safe_load(f)
         with open(f'{folder}/view.schema.json', encoding='utf-8') as f:
             view = json.load(f)
-        # Of the schema's own references, which are absolute in the document that holds both.
+        # References into the view's schema, from itself and from here, become those of one document that holds both.
         text = json.dumps(view).replace('#/$defs/', '#/components/schemas/View/$defs/')
+        document = json.dumps(self.document).replace('view.schema.json#/', '#/components/schemas/View/')
+        self.document = json.loads(document)
         self.document['components']['schemas']['View'] = json.loads(text)
         self.seen = set()
+        self.statuses = set()
 
     def node(self, value):
         while '$ref' in value:
@@ -94,6 +97,7 @@ class Contract:
     def check(self, method, template, status, headers, body):
         name = f'{method} {template}'
         self.seen.add((method.lower(), template))
+        self.statuses.add((method.lower(), template, str(status)))
         answers = self.document['paths'][template][method.lower()]['responses']
         check(str(status) in answers, f'{name}: status {status} is not documented: {body[:200]}')
         if str(status) not in answers:
@@ -110,16 +114,20 @@ class Contract:
             check(False, f'{name}: {status}: {"/".join(map(str, error.path))}: {error.message[:200]}')
 
 
-def walk(daemon, contract):
-    """Asks each operation at least once, rightly and wrongly. Returns a session's id."""
+def asker(daemon, contract):
+    """ask(expected status, method, path template, …): what the answer holds; checks the status and all of the answer."""
     def ask(expected, method, template, body=None, headers=None, token=True, query='', **names):
         path = template.format(**names) + query
         status, answered, data = daemon.ask(method, path, body, headers, token)
         check(status == expected, f'{method} {path}: {status}, expected {expected}: {data[:200]}')
         contract.check(method, template, status, answered, data)
         return json.loads(data) if data and 'json' in answered.get('Content-Type', '') else data
+    return ask
 
-    api = '/api/v1'
+
+def walk(daemon, contract):
+    """Asks each operation at least once, rightly and wrongly."""
+    ask, api = asker(daemon, contract), '/api/v1'
     ask(200, 'GET', '/healthz', token=False)
     ask(200, 'GET', '/readyz', token=False)
     ask(200, 'GET', '/metrics')
