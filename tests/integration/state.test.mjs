@@ -253,3 +253,27 @@ test('a full disk: the daemon goes on, says so, and catches up', async () => {
   assert.equal((await sessionOf(again, session.json.id)).status, 200);
   assert.equal(await again.stop(), 0);
 });
+
+test('the time of day may jump by years: nothing ends, and all is kept', async (t) => {
+  const shim = process.env.SPLATD_CLOCK_JUMP;
+  if (!shim) return t.skip('SPLATD_CLOCK_JUMP names no library');
+  if (process.env.SPLATD_SANITIZE) return t.skip('a sanitizer must be loaded first');
+  const state = fresh();
+  const args = ['--volume', 'demo:engine?size=8', '--session-time', '60', '--stall-time', '20', '--ping-time', '20'];
+  const daemon = await start(state, args, { prefix: ['env', `LD_PRELOAD=${shim}`] });
+  await daemon.loaded('engine');
+  const session = await daemon.session();
+  const stream = await daemon.stream({ session });
+  await stream.final();
+  for (let i = 1; i <= 5; i += 1) await stream.update(turned(session.view, i), i);
+  await stream.final(5);
+  const view = (await daemon.json(`/api/v1/sessions/${session.id}`)).json.view;
+  assert.equal((await daemon.post('/api/v1/views', {})).headers.get('x-durable'), 'yes');
+  const years = new Set([...daemon.log.matchAll(/^time=(\d+)-/gm)].map((match) => Number(match[1])));
+  assert.ok(Math.max(...years) - Math.min(...years) >= 19, `the clock did not jump: ${[...years]}`);
+  assert.equal(stream.closed, null);
+  await killed(daemon);
+  const again = await start(state, [], { prefix: ['env', `LD_PRELOAD=${shim}`] });
+  assert.deepEqual((await sessionOf(again, session.id)).json.view, view);
+  assert.equal(await again.stop(), 0);
+});
