@@ -13,6 +13,7 @@ import jsonschema
 PATTERNS = {
     '^demo:': ['demo:engine?size=8', 'demo:phantom?size=8', 'demo:galaxy?size=9', 'demo:nothing', 'demo:', 'demo:engine?size=0'],
     '^[1-9][0-9]{0,3},[1-9][0-9]{0,3}$': ['16,8', '1,1', '64,64', '9999,1', '8192,1'],
+    '^[A-Za-z0-9._-]{1,64}$': ['warm', 'a.B-c_0', '..', 'x' * 64],
     '^[0-9a-f]{32}$': ['0' * 32, 'f' * 32],
 }
 TEXTS = ['', 'a', 'engine', 'Zoë', '🦊', 'x' * 127, 'x' * 128, '/', '~1', '%', '\x7f', '\n', '"', '..', '../../etc/passwd', 'null', '0']
@@ -154,9 +155,12 @@ class Requests:
         where, name = parameter['in'], parameter['name']
         if where == 'path':
             made['has_id'] = bool(ids) and self.rng.random() < 0.8
-            value = self.rng.choice(ids) if made['has_id'] else self.rng.choice(['nothing', '0' * 32, '%2e%2e', '%00', 'x' * 200, '🦊'])
-            made['is_sound'] &= value != '%00'
-            made['path'] = made['path'].replace('{%s}' % name, urllib.parse.quote(value, safe='%'))
+            schema = parameter['schema']
+            others = ['nothing', '0' * 32, '..', '\0', 'x' * 200, '🦊', self.values.valid(schema) or 'a']
+            value = self.rng.choice(ids if made['has_id'] else others)
+            made['name'] = value
+            made['is_sound'] &= value != '\0' and self.values.validator(schema).is_valid(value)
+            made['path'] = made['path'].replace('{%s}' % name, urllib.parse.quote(value, safe=''))
         elif where == 'query' and self.rng.random() < 0.5:
             content = parameter.get('content', {}).get('application/json')
             schema = content['schema'] if content else parameter['schema']
