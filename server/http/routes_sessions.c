@@ -54,7 +54,10 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
         return *owner;
     if ((*owner = srv_hub_session_get(request->app->hub, id, false, &err)))
         return proto_json_get(*owner, "view");
-    srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
+    if (err.code == SP_ERR_NOT_FOUND)
+        srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
+    else
+        srv_reply_error(reply, &err);
     return NULL;
 }
 

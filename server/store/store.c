@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "store/store.h"
 
-#include <assert.h>
-#include <math.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,11 +24,12 @@ struct srv_store {
     void (*collect)(void *user);
     void *user;
     pthread_t writer;
+    atomic_bool is_nudged;
     pthread_mutex_t mutex; /* of all below */
     pthread_cond_t wake;
     struct srv_table *table;
     struct waiter *waiters;
-    bool is_nudged, is_running, stop;
+    bool is_running, stop;
     double next_ms; /* no write that nobody waits for before this */
     struct srv_store_status status;
 };
@@ -62,6 +62,7 @@ struct srv_store *srv_store_create(const struct srv_store_options *options, stru
         return NULL;
     }
     store->options = *options;
+    atomic_init(&store->is_nudged, false);
     pthread_mutex_init(&store->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
@@ -94,7 +95,7 @@ static void note_result(struct srv_store *store, bool ok, const struct sp_error 
 static bool write_changes(struct srv_store *store) {
     struct sp_error err = { .code = SP_OK };
     struct srv_change *changes = NULL;
-    store->is_nudged = false;
+    atomic_store(&store->is_nudged, false);
     pthread_mutex_unlock(&store->mutex);
     if (store->collect)
         store->collect(store->user);
@@ -137,7 +138,7 @@ static void *writer_main(void *user) {
     struct srv_store *store = user;
     pthread_mutex_lock(&store->mutex);
     for (;;) {
-        bool has_work = store->is_nudged || srv_table_changes(store->table) > 0;
+        bool has_work = atomic_load(&store->is_nudged) || srv_table_changes(store->table) > 0;
         if (store->waiters || store->stop || (has_work && srv_clock_ms() >= store->next_ms)) {
             bool stop = store->stop;
             struct waiter *waiters = store->waiters;
@@ -265,10 +266,10 @@ char *srv_store_ids(struct srv_store *store, enum srv_kind kind) {
 }
 
 void srv_store_nudge(struct srv_store *store) {
+    if (atomic_exchange(&store->is_nudged, true))
+        return; /* the writer knows */
     pthread_mutex_lock(&store->mutex);
-    if (!store->is_nudged)
-        pthread_cond_signal(&store->wake);
-    store->is_nudged = true;
+    pthread_cond_signal(&store->wake);
     pthread_mutex_unlock(&store->mutex);
 }
 

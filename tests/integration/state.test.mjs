@@ -181,6 +181,7 @@ test('a session whose volume is gone waits for it', async () => {
   assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: session.tokens.view })).status, 409);
   assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: 'x'.repeat(32) })).status, 401);
   await assert.rejects(second.stream({ session }), { status: 409 });
+  assert.equal((await second.post('/api/v1/sessions', { from: session.id })).status, 409);
   write(); // it is there again
   assert.equal((await second.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
   await second.untilLogged(`session ${session.id} is back`);
