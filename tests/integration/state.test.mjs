@@ -106,6 +106,29 @@ test('after kill -9 the same links show the same pictures', async () => {
   assert.equal(await fourth.stop(), 0);
 });
 
+test('a view that changes is written by itself, soon and not every time', async () => {
+  const state = fresh();
+  const daemon = await start(state, ['--volume', 'demo:engine?size=8']);
+  await daemon.loaded('engine');
+  const stream = await daemon.stream();
+  const writes = async () => Number(/^splatd_state_writes_total (\d+)$/m.exec(await (await daemon.fetch('/metrics')).text())[1]);
+  const before_ = await writes();
+  for (let i = 1; i <= 100; i += 1) await stream.update({ background: [i / 100, 0, 0, 1] }, i);
+  const during = await writes() - before_;
+  assert.ok(during < 50, `${during} writes of 100 changes`);
+  // Until the last change is there, in a copy of the database that another program reads.
+  const read = () => execFileSync('python3', ['-c', `
+import json, sqlite3, sys
+row = sqlite3.connect('file:' + sys.argv[1] + '?mode=ro', uri=True).execute("SELECT body FROM record WHERE kind = 'session'").fetchone()
+print(json.loads(row[0])['view']['background'][0])`, path.join(state, 'splatd.db')], { encoding: 'utf8' });
+  for (const end = Date.now() + 30000; Number(read()) !== 1;) assert.ok(Date.now() < end, `still ${read()}`);
+  await killed(daemon);
+  const again = await start(state);
+  await again.loaded('engine');
+  assert.deepEqual((await sessionOf(again, stream.session.id)).json.view.background, [1, 0, 0, 1]);
+  assert.equal(await again.stop(), 0);
+});
+
 /** Works until the daemon dies: what it was told is in `told`. */
 async function work(daemon, told, round) {
   try {
