@@ -4,6 +4,7 @@ import { Company } from '../core/company.js';
 import { Connection } from '../core/connection.js';
 import { FrameOrder } from '../core/order.js';
 import { Banner, Notice } from './banner.js';
+import { showNumber } from './fields.js';
 import { attachInput } from './input.js';
 import { Panels } from './panels.js';
 import { People } from './people.js';
@@ -99,7 +100,21 @@ const banner = new Banner(element('banner'), {
     connection.useToken(token);
   },
 });
-attachInput(element('screen'), viewer, { help, panel: () => panels.toggle() });
+attachInput(element('screen'), viewer, { help, panel: () => panels.toggle(), pick });
+
+/** Tells what is seen at a point of the viewport. */
+async function pick(point) {
+  const { width, height } = screen.viewport;
+  const at = [point[0] * screen.size[0] / width, point[1] * screen.size[1] / height];
+  try {
+    const { position, value, opacity } = await connection.call('pick', { at });
+    notice.show(position
+      ? `Value ${showNumber(value)} at ${position.map(showNumber).join(', ')} ${viewer.volume?.unit ?? ''}`.trim()
+      : `Nothing opaque here: ${Math.round(opacity * 100)} %`);
+  } catch (error) {
+    notice.show(error.message);
+  }
+}
 
 // Frames.
 
