@@ -79,9 +79,9 @@ static void destroy(void *state) {
     free(vpx);
 }
 
-/* A JPEG's quality to a quantiser that looks alike: 90 → 14, 60 → 32, 30 → 50. */
+/* A JPEG's quality to a quantiser that looks alike: 90 → 8, 60 → 26, 30 → 44. */
 static unsigned quantiser(int quality) {
-    int q = 68 - quality * 6 / 10;
+    int q = 62 - quality * 6 / 10;
     return (unsigned)(q > Q_MAX ? Q_MAX : q);
 }
 

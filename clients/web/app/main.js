@@ -3,6 +3,7 @@
 import { Company } from '../core/company.js';
 import { Connection } from '../core/connection.js';
 import { FrameOrder } from '../core/order.js';
+import { VideoStream, videoFormats } from '../core/video.js';
 import { Banner, Notice } from './banner.js';
 import { showNumber } from './fields.js';
 import { attachInput } from './input.js';
@@ -64,7 +65,7 @@ const address = readAddress();
 const element = (id) => document.getElementById(id);
 const notice = new Notice(element('notice'));
 const errors = [];
-const drawn = { frame: 0, seq: 0, count: 0, width: 0, height: 0, isFinal: false };
+const drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isVideo: false };
 let hasPicture = false;
 
 function report(error) {
@@ -118,12 +119,22 @@ async function pick(point) {
 
 // Frames.
 
+const video = new VideoStream({
+  env: { VideoDecoder: window.VideoDecoder, EncodedVideoChunk: window.EncodedVideoChunk },
+  toPicture: (picture, { width, height }) => createImageBitmap(picture, 0, 0, width, height),
+  askKey: () => connection.notify('stream.key', {}),
+  giveUp: (error) => {
+    report(new Error(`this browser cannot decode the video, stills come instead: ${error.message}`));
+    setMoving('jpeg');
+  },
+});
 const order = new FrameOrder({
-  decode: decodePicture,
+  decode: (frame) => (frame.isVideo ? video.decode(frame) : decodePicture(frame)),
   draw: (picture, frame) => {
     screen.draw(picture);
+    drawn.videos += Number(frame.isVideo);
     Object.assign(drawn, { frame: frame.frame, seq: frame.seq, width: frame.width, height: frame.height,
-      isFinal: frame.isFinal, count: drawn.count + 1 });
+      isFinal: frame.isFinal, isVideo: frame.isVideo, count: drawn.count + 1 });
     status.drew(frame, viewer.pace.show(frame.seq));
     notice.hide('render');
     if (!hasPicture) {
@@ -152,12 +163,38 @@ async function sendConfigure() {
   configured = String(size);
   try {
     const name = recall('name');
-    await connection.call('stream.configure', { size, max_fps: MAX_FPS, ...(name ? { name } : {}) });
+    await connection.call('stream.configure', { size, max_fps: MAX_FPS, ...(name ? { name } : {}), ...wantedFormat() });
   } catch (error) {
     if (connection.isLive) report(new Error(`the daemon refused the picture's size: ${error.message}`));
   }
   if (String(screen.size) !== configured) configure();
 }
+
+// While the view moves: stills, or video as far as browser and daemon have it. The choice is the window's.
+
+const moving = element('moving');
+const VIDEO_NAMES = { vp9: 'video, VP9', vp8: 'video, VP8', h264: 'video, H.264' };
+const wantedFormat = () => (moving.value === 'jpeg' ? {} : { format: [moving.value, 'jpeg'] });
+videoFormats(window.VideoDecoder).then((names) => {
+  for (const name of names) moving.add(new Option(VIDEO_NAMES[name], name));
+  const known = recall('moving');
+  if (names.includes(known)) setMoving(known);
+});
+async function setMoving(format) {
+  moving.value = format;
+  remember('moving', format);
+  if (!connection.isLive) return;
+  try {
+    const granted = await connection.call('stream.configure', { format: [format, 'jpeg'] });
+    if (granted.format !== moving.value && granted.format === 'jpeg') {
+      moving.value = 'jpeg';
+      notice.show(`The daemon has no ${VIDEO_NAMES[format] ?? format}: stills come instead.`);
+    }
+  } catch (error) {
+    if (connection.isLive) report(error);
+  }
+}
+moving.addEventListener('change', () => setMoving(moving.value));
 
 // Connection.
 
@@ -227,6 +264,7 @@ connection.on('state', (change) => {
   last = change;
   if (change.state === 'live') {
     order.reset();
+    video.reset();
     configured = '';
     company.reset();
     sendConfigure();
@@ -355,7 +393,7 @@ document.addEventListener('visibilitychange', () => {
 
 /**
  * For tests and for looking at the page in the console; read-only, and no part of any interface.
- * frame, seq: of the last drawn frame; count: frames drawn since the page opened; sent: seq of the newest update.
+ * frame, seq: of the last drawn frame; count, videos: frames drawn since the page opened, and those of them that were video; sent: seq of the newest update.
  */
 Object.defineProperty(window, 'splatd', {
   value: Object.freeze({
@@ -363,6 +401,8 @@ Object.defineProperty(window, 'splatd', {
     get frame() { return drawn.frame; },
     get seq() { return drawn.seq; },
     get count() { return drawn.count; },
+    get videos() { return drawn.videos; },
+    get isVideo() { return drawn.isVideo; },
     get size() { return [drawn.width, drawn.height]; },
     get wanted() { return screen.size; },
     get isFinal() { return drawn.isFinal; },
