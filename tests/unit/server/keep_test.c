@@ -283,6 +283,8 @@ static void what_cannot_be_shown_sleeps_on(void **state) {
     free(session_text());
 }
 
+#define TOKEN "0123456789abcdef0123456789abcdef"
+
 static void what_is_no_session(void **state) {
     (void)state;
     static const char *const records[] = {
@@ -291,8 +293,7 @@ static void what_is_no_session(void **state) {
         "{}",
         "{\"view\":{\"volume\":\"v\"}}",
         "{\"tokens\":{\"control\":\"x\",\"view\":\"y\"},\"view\":{\"volume\":\"v\"}}",
-        "{\"tokens\":{\"control\":\"0123456789abcdef0123456789abcdef\","
-        "\"view\":\"0123456789abcdef0123456789abcdef\"},\"view\":{}}",
+        "{\"tokens\":{\"control\":\"" TOKEN "\",\"view\":\"" TOKEN "\"},\"view\":{}}",
     };
     struct sp_error err;
     for (size_t i = 0; i < sizeof records / sizeof *records; i++) {
