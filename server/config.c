@@ -310,6 +310,21 @@ void srv_config_finish(struct srv_config *config) {
     memset(config, 0, sizeof *config);
 }
 
+/* What the table cannot say of one setting alone. */
+static bool check_together(const struct srv_config *config, struct sp_error *err) {
+    enum sp_log_level level;
+    if (!srv_log_level_from(config->log_level, &level))
+        return sp_fail(err, SP_ERR_INVALID, "--log-level",
+                       "'%.64s' is none of error, warn, info, debug", config->log_level);
+    if (srv_log_format_from(config->log_format) == SRV_LOG_FORMATS)
+        return sp_fail(err, SP_ERR_INVALID, "--log-format", "'%.64s' is none of logfmt, json, text",
+                       config->log_format);
+    if (!config->tls_cert != !config->tls_key)
+        return sp_fail(err, SP_ERR_INVALID, config->tls_cert ? "--tls-cert" : "--tls-key",
+                       "--tls-cert and --tls-key go together");
+    return true;
+}
+
 bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct sp_error *err) {
     for (int i = 1; i < argc; i++) {
         const char *argument = argv[i];
@@ -333,14 +348,7 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
         if (!set(config, setting, value, place, err))
             return false;
     }
-    enum sp_log_level level;
-    if (!srv_log_level_from(config->log_level, &level))
-        return sp_fail(err, SP_ERR_INVALID, "--log-level",
-                       "'%.64s' is none of error, warn, info, debug", config->log_level);
-    if (srv_log_format_from(config->log_format) == SRV_LOG_FORMATS)
-        return sp_fail(err, SP_ERR_INVALID, "--log-format", "'%.64s' is none of logfmt, json, text",
-                       config->log_format);
-    return true;
+    return check_together(config, err);
 }
 
 static bool is_same(const struct srv_config *a, const struct srv_config *b,
