@@ -268,7 +268,7 @@ static char *resolve(const struct srv_catalog *catalog, const struct srv_volume_
         sp_fail(err, SP_ERR_NOT_FOUND, path, "cannot open the volume: %s", strerror(errno));
     /* What lies outside the folder is refused alike, whether it exists or not. */
     else if (!real)
-        sp_fail(err, errno == ENOENT || errno == ENOTDIR ? SP_ERR_NOT_FOUND : SP_ERR_IO, "/path",
+        sp_fail(err, errno == ENOMEM ? SP_ERR_MEMORY : SP_ERR_NOT_FOUND, "/path",
                 "there is no such file below the data folder");
     else if (request->confined && !(strncmp(real, catalog->data, length) == 0 &&
                                     (real[length] == '/' || catalog->data[length - 1] == '/'))) {
