@@ -28,6 +28,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/readyz", srv_get_readyz, true },
     { SRV_GET, "/api/v1/openapi.yaml", srv_get_openapi, false },
     { SRV_GET, "/api/v1/view.schema.json", srv_get_schema, false },
+    { SRV_GET, "/api/v1/stream.schema.json", srv_get_schema, false },
     { SRV_GET, "/api/v1/volumes", srv_get_volumes, false },
     { SRV_POST, "/api/v1/volumes", srv_post_volume, false },
     { SRV_GET, "/api/v1/volumes/{}", srv_get_volume, false },

@@ -67,6 +67,10 @@ class Daemon:
     def stop(self):
         """The exit status and what was logged."""
         self.process.terminate()
+        return self.wait()
+
+    def wait(self):
+        """The same, of one that ends by itself."""
         self.process.communicate(timeout=DEADLINE_S)
         self.log.seek(0)
         return self.process.returncode, self.log.read().decode(errors='replace')
@@ -134,6 +138,7 @@ def walk(daemon, contract):
     ask(401, 'GET', '/metrics', token=False)
     ask(200, 'GET', f'{api}/openapi.yaml')
     ask(200, 'GET', f'{api}/view.schema.json')
+    ask(200, 'GET', f'{api}/stream.schema.json')
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
     ask(201, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p'})
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:galaxy?size=16', 'id': 'graded'})

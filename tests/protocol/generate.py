@@ -39,6 +39,8 @@ class Values:
 
     def valid(self, schema):
         schema = self.node(schema)
+        if 'anyOf' in schema:
+            return self.valid(self.rng.choice(schema['anyOf']))
         if 'const' in schema:
             return schema['const']
         if 'enum' in schema:
@@ -68,7 +70,7 @@ class Values:
         if 'pattern' in schema:
             return self.rng.choice(PATTERNS[schema['pattern']])
         short, long = schema.get('minLength', 0), schema.get('maxLength', 200)
-        fits = [t for t in TEXTS if short <= len(t) <= long]
+        fits = [t for t in [*TEXTS, 'x' * long] if short <= len(t) <= long]
         return self.rng.choice(fits)
 
     def _array(self, schema):
