@@ -20,8 +20,13 @@ enum proto_codec {
     PROTO_CODEC_WEBP = 3,
     PROTO_CODEC_H264 = 4,
     PROTO_CODEC_VP9 = 5,
-    PROTO_CODEC_AV1 = 6
+    PROTO_CODEC_AV1 = 6,
+    PROTO_CODEC_VP8 = 7
 };
+/* May a frame of it need those before? */
+static inline bool proto_codec_is_video(uint8_t codec) {
+    return codec >= PROTO_CODEC_H264 && codec <= PROTO_CODEC_VP8;
+}
 
 enum proto_frame_flags {
     PROTO_FRAME_KEY = 1,     /* can be decoded without earlier frames; always set on still images */

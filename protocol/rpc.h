@@ -24,7 +24,8 @@ enum proto_rpc_code {
     PROTO_RPC_NOT_READY = -32003,   /* the volume is still loading, or failed to */
     PROTO_RPC_DENIED = -32004,      /* this token may watch, not change */
     PROTO_RPC_LIMIT = -32005,       /* over a limit of the daemon; try later or ask for less */
-    PROTO_RPC_RENDER = -32006       /* rendering or encoding failed; the next try may work */
+    PROTO_RPC_RENDER = -32006,      /* rendering or encoding failed; the next try may work */
+    PROTO_RPC_HELD = -32007         /* another participant holds control */
 };
 
 struct proto_rpc_message {

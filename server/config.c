@@ -12,6 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "log.h"
 #include "protocol/limits.h"
 #include "sp/encode.h"
 #include "sp/renderer.h"
@@ -36,9 +37,12 @@ struct setting {
 
 static const struct setting settings[] = {
     { "listen", TEXT, AT(listen), "127.0.0.1:8080", 0, 0, "ADDRESS:PORT",
-      "where to listen; port 0 picks one; another address than loopback needs --token-file" },
+      "where to listen; port 0 picks one; another address than loopback needs "
+      "--token-file or TLS" },
     { "volume", VOLUME, 0, NULL, 0, 0, "PATH|demo:NAME", "load this volume; may be repeated" },
     { "data", TEXT, AT(data), NULL, 0, 0, "DIR", "folder from which clients may load volumes" },
+    { "state", TEXT, AT(state), NULL, 0, 0, "DIR",
+      "keep volumes, sessions, views and presets here, so that they outlive the daemon" },
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "budget for volumes; 0 = half of the machine's memory" },
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",
@@ -53,11 +57,23 @@ static const struct setting settings[] = {
     { "threads", COUNT, AT(threads), "0", 0, 256, "N", "render threads; 0 = one a core" },
     { "token-file", TEXT, AT(token_file), NULL, 0, 0, "FILE",
       "the token is the first line of this file; without it a random one is made and printed" },
+    { "tls-cert", TEXT, AT(tls_cert), NULL, 0, 0, "FILE",
+      "speak TLS with this certificate (PEM, its own first, then its chain); needs --tls-key" },
+    { "tls-key", TEXT, AT(tls_key), NULL, 0, 0, "FILE",
+      "its private key (PEM), which others may not be able to read" },
+    { "allow-origin", TEXT, AT(allow_origin), NULL, 0, 0, "ORIGIN,...",
+      "pages of these other origins may use this daemon, with a token; none by default" },
     { "connections", COUNT, AT(connections), "256", 1, 60000, "N", "open connections" },
     { "connections-per-address", COUNT, AT(connections_per_address), "256", 1, 60000, "N",
       "open connections from one address" },
+    { "handshakes", COUNT, AT(handshakes), "64", 1, 10000, "N",
+      "TLS handshakes at a time; of more the oldest ends" },
+    { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",
+      "requests on one connection, pipelined or not, before it ends" },
     { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "open sessions" },
     { "participants", COUNT, AT(participants), "32", 1, 64, "N", "participants of one session" },
+    { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "kept views" },
+    { "presets", COUNT, AT(presets), "1000", 1, 100000, "N", "kept presets" },
     { "message-size", SIZE, AT(message_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
       "largest message on a stream" },
     { "body-size", SIZE, AT(body_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
@@ -80,6 +96,8 @@ static const struct setting settings[] = {
       "a client that takes no data or owes an acknowledgement for this long is dropped" },
     { "session-time", SECONDS, AT(session_time_ms), "600", 50, 604800000, "SECONDS",
       "a session without participants ends after this" },
+    { "control-time", SECONDS, AT(control_time_ms), "10", 50, 3600000, "SECONDS",
+      "who asks for control of a session and gets no answer has it after this" },
     { "drain-time", SECONDS, AT(drain_time_ms), "10", 50, 600000, "SECONDS",
       "on SIGTERM requests under way are finished for this long" },
     { "rest-time", SECONDS, AT(rest_time_ms), "0.12", 1, 60000, "SECONDS",
@@ -87,6 +105,7 @@ static const struct setting settings[] = {
     { "http-threads", COUNT, AT(http_threads), "2", 1, 16, "N", "threads for HTTP" },
     { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N", "threads that encode images" },
     { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
+    { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "FORM", "logfmt, json or text" },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",
       "read settings from a file of `key = value` lines" },
     { "probe", SWITCH, AT(probe), NULL, 0, 0, NULL,
@@ -291,9 +310,19 @@ void srv_config_finish(struct srv_config *config) {
     memset(config, 0, sizeof *config);
 }
 
-static bool is_known_level(const char *level) {
-    return strcmp(level, "error") == 0 || strcmp(level, "warn") == 0 ||
-           strcmp(level, "info") == 0 || strcmp(level, "debug") == 0;
+/* What the table cannot say of one setting alone. */
+static bool check_together(const struct srv_config *config, struct sp_error *err) {
+    enum sp_log_level level;
+    if (!srv_log_level_from(config->log_level, &level))
+        return sp_fail(err, SP_ERR_INVALID, "--log-level",
+                       "'%.64s' is none of error, warn, info, debug", config->log_level);
+    if (srv_log_format_from(config->log_format) == SRV_LOG_FORMATS)
+        return sp_fail(err, SP_ERR_INVALID, "--log-format", "'%.64s' is none of logfmt, json, text",
+                       config->log_format);
+    if (!config->tls_cert != !config->tls_key)
+        return sp_fail(err, SP_ERR_INVALID, config->tls_cert ? "--tls-cert" : "--tls-key",
+                       "--tls-cert and --tls-key go together");
+    return true;
 }
 
 bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct sp_error *err) {
@@ -319,10 +348,41 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
         if (!set(config, setting, value, place, err))
             return false;
     }
-    if (!is_known_level(config->log_level))
-        return sp_fail(err, SP_ERR_INVALID, "--log-level",
-                       "'%.64s' is none of error, warn, info, debug", config->log_level);
+    return check_together(config, err);
+}
+
+static bool is_same(const struct srv_config *a, const struct srv_config *b,
+                    const struct setting *setting) {
+    const void *x = (const char *)a + setting->offset, *y = (const char *)b + setting->offset;
+    const char *s = setting->kind == TEXT ? *(char *const *)x : NULL;
+    const char *t = setting->kind == TEXT ? *(char *const *)y : NULL;
+    bool same = true;
+    switch (setting->kind) {
+    case TEXT:
+        return !s == !t && (!s || strcmp(s, t) == 0);
+    case COUNT:
+    case SIZE:
+    case SECONDS:
+        return *(const int64_t *)x == *(const int64_t *)y;
+    case YES_NO:
+        return *(const bool *)x == *(const bool *)y;
+    case VOLUME:
+        same = a->volume_count == b->volume_count;
+        for (unsigned i = 0; same && i < a->volume_count; i++)
+            same = strcmp(a->volumes[i], b->volumes[i]) == 0;
+        return same;
+    case FILE_TO_READ:
+    case SWITCH:
+        break;
+    }
     return true;
+}
+
+void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
+                        void (*differs)(void *user, const char *name), void *user) {
+    for (size_t i = 0; i < SETTINGS; i++)
+        if (!is_same(a, b, &settings[i]))
+            differs(user, settings[i].name);
 }
 
 void srv_config_print_help(FILE *out) {

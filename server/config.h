@@ -18,14 +18,17 @@ enum { SRV_CONFIG_VOLUMES = 64 };
 
 struct srv_config {
     /* Owned; NULL = not set. */
-    char *listen, *data, *backend, *gpu, *isa, *token_file, *log_level;
+    char *listen, *data, *state, *backend, *gpu, *isa, *token_file, *allow_origin, *log_level,
+        *log_format, *tls_cert, *tls_key;
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory, video_memory;
-    int64_t connections, connections_per_address, sessions, participants;
+    int64_t connections, connections_per_address, connection_requests, handshakes, sessions,
+        participants, views;
+    int64_t presets;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue;
-    int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, stall_time_ms,
-        ping_time_ms, drain_time_ms, rest_time_ms;
+    int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, control_time_ms,
+        stall_time_ms, ping_time_ms, drain_time_ms, rest_time_ms;
     int64_t http_threads, encode_threads;
     bool require_gpu;
     bool probe, help, version, print_config;
@@ -42,6 +45,10 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
 /* One line of a file: "key = value", a comment or nothing. */
 bool srv_config_line(struct srv_config *config, const char *line, const char *place,
                      struct sp_error *err);
+
+/* Calls differs() with the name of each setting that is not the same in both. */
+void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
+                        void (*differs)(void *user, const char *name), void *user);
 
 void srv_config_print_help(FILE *out);
 void srv_config_print(const struct srv_config *config, FILE *out); /* a file that --config reads */

@@ -7,19 +7,26 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "clock.h"
 #include "http/listener.h"
+#include "http/origins.h"
 #include "http/streams.h"
+#include "keep.h"
 #include "render/catalog.h"
 #include "render/scheduler.h"
 #include "session/hub.h"
+#include "store/store.h"
 
 struct srv_daemon {
     const struct srv_config *config;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_hub *hub;
+    struct srv_store *store;
+    struct srv_metrics *metrics;
     struct srv_streams *streams;
     _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
+    _Atomic double alive_ms;         /* when the stream thread ticked last */
     struct srv_http_options http_options;
     const char *refusals[SRV_LOG_REFUSALS];
 };
@@ -29,7 +36,27 @@ struct srv_daemon {
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {
     struct srv_daemon *d = user;
-    srv_hub_volume_progress(d->hub, id, state, progress, reason);
+    srv_hub_volume_progress(d->hub, id, state, progress, reason, srv_clock_ms());
+}
+
+static void on_volume(void *user, const char *id, const struct srv_volume_request *request) {
+    struct srv_daemon *d = user;
+    srv_keep_volume(d->store, id, request);
+}
+
+static void on_changed(void *user) {
+    struct srv_daemon *d = user;
+    srv_store_nudge(d->store);
+}
+
+static void on_ended(void *user, const char *id) {
+    struct srv_daemon *d = user;
+    srv_store_remove(d->store, SRV_KIND_SESSION, id);
+}
+
+static void on_collect(void *user) {
+    struct srv_daemon *d = user;
+    srv_keep_sessions(d->store, d->hub);
 }
 
 static void on_unloaded(void *user, struct sp_volume *volume) {
@@ -63,6 +90,7 @@ static void on_tick(void *user, double now_ms) {
     if (http)
         srv_http_tick(http, now_ms);
     srv_scheduler_tick(d->scheduler);
+    atomic_store(&d->alive_ms, now_ms);
 }
 
 /* Start. */
@@ -75,6 +103,20 @@ static uint64_t half_of_memory(void) {
 /* What two renderers may derive together is as much as all volumes may take, but they must be able
  * to work. Each has half of what there is on a GPU. */
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
+
+#define WRITE_PAUSE_MS 250.0
+#define WRITE_RETRY_MS 1000.0
+
+static bool open_store(struct srv_daemon *d, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    struct srv_store_options store = {
+        .folder = c->state,
+        .pause_ms = WRITE_PAUSE_MS,
+        .retry_ms = WRITE_RETRY_MS,
+        .max = { [SRV_KIND_VIEW] = (unsigned)c->views, [SRV_KIND_PRESET] = (unsigned)c->presets }
+    };
+    return (d->store = srv_store_create(&store, err)) != NULL;
+}
 
 static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
     const struct srv_config *c = d->config;
@@ -98,6 +140,7 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
     d->http_options.refusals = d->refusals;
     d->http_options.refusal_count = log->refusal_count;
     struct srv_scheduler_options scheduler = { .catalog = d->catalog,
+                                               .metrics = d->metrics,
                                                .queue_max = (unsigned)c->render_queue,
                                                .encode_threads = (unsigned)c->encode_threads,
                                                .stills = options };
@@ -111,21 +154,26 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_hub_options hub = {
         .volumes = { d->catalog, srv_catalog_acquire, srv_catalog_ref, srv_catalog_release,
-                     srv_catalog_default_view },
+                     srv_catalog_default_view, srv_catalog_pick },
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
+        .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
+        .metrics = d->metrics,
         .user = d,
         .work = on_work,
         .ready = on_ready,
         .interrupt = on_interrupt,
         .supports = on_supports,
+        .changed = on_changed,
+        .ended = on_ended,
     };
     if (!(d->hub = srv_hub_create(&hub, err)))
         return false;
     struct srv_streams_options streams = { .hub = d->hub,
+                                           .metrics = d->metrics,
                                            .message_bytes = (size_t)c->message_size,
                                            .ping_ms = (double)c->ping_time_ms,
                                            .stall_ms = (double)c->stall_time_ms,
@@ -144,13 +192,15 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->catalog = d->catalog;
     o->scheduler = d->scheduler;
     o->streams = d->streams;
-    if (!srv_address_parse(c->listen, &address, err))
+    o->store = d->store;
+    o->metrics = d->metrics;
+    if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
         return false;
-    if (!srv_address_is_loopback(&address) && !c->token_file)
+    if (!srv_address_is_loopback(&address) && !c->token_file && !c->tls_cert)
         return sp_fail(
             err, SP_ERR_INVALID, c->listen,
-            "another address than loopback needs --token-file FILE; there is no TLS yet, "
-            "so put a reverse proxy with TLS in front, or forward a port by ssh");
+            "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "
+            "behind a reverse proxy that has it, --token-file FILE; or forward a port by ssh");
     if (!srv_secret_hex(o->instance, sizeof o->instance - 1, err) ||
         !(c->token_file ? srv_secret_read(c->token_file, o->token, err)
                         : srv_secret_hex(o->token, SRV_TOKEN_DIGITS, err)))
@@ -161,6 +211,8 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
 }
 
 static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
+    if (!srv_keep_restore(d->store, d->hub, d->catalog, err))
+        return false;
     for (unsigned i = 0; i < d->config->volume_count; i++) {
         struct srv_volume_request request = { .source = d->config->volumes[i] };
         char id[SP_NAME_BYTES];
@@ -168,27 +220,31 @@ static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
         if (!srv_catalog_add(d->catalog, &request, id, &existed, &conflict, err))
             return false;
     }
-    return true;
+    return srv_store_start(d->store, on_collect, d, err);
 }
 
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
                                     struct sp_error *err) {
     struct srv_daemon *d = calloc(1, sizeof *d);
-    if (!d) {
+    if (!d || !(d->metrics = srv_metrics_create())) {
+        free(d);
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start");
         return NULL;
     }
     d->config = config;
     atomic_init(&d->http, NULL);
+    atomic_init(&d->alive_ms, srv_clock_ms());
     struct srv_catalog_options catalog = {
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
         .data = config->data,
         .user = d,
         .progress = on_progress,
+        .keep = on_volume,
         .unloaded = on_unloaded,
     };
-    if ((d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, log, err) &&
-        start_sessions(d, err) && start_volumes(d, err) && start_http(d, err))
+    if (open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
+        start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
+        start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -196,8 +252,32 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
 
 void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
     bool show = !d->config->token_file;
-    snprintf(url, size, "http://%s/%s%s", srv_http_address(atomic_load(&d->http)),
-             show ? "?token=" : "", show ? d->http_options.token : "");
+    snprintf(url, size, "http%s://%s/%s%s", d->config->tls_cert ? "s" : "",
+             srv_http_address(atomic_load(&d->http)), show ? "?token=" : "",
+             show ? d->http_options.token : "");
+}
+
+static void on_difference(void *user, const char *name) {
+    (void)user;
+    if (strcmp(name, "log-level") != 0)
+        sp_log(SP_LOG_WARN, "the setting %s has changed; it is taken at the next start", name);
+}
+
+void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
+    struct sp_error err = { .code = SP_OK };
+    enum sp_log_level level;
+    srv_config_compare(d->config, fresh, on_difference, NULL);
+    if (srv_log_level_from(fresh->log_level, &level))
+        sp_log_set_level(level);
+    if (srv_http_reload(atomic_load(&d->http), &err))
+        sp_log(SP_LOG_INFO, "reloaded");
+    else
+        sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s%s%s", err.place,
+               err.place[0] ? ": " : "", err.text);
+}
+
+double srv_daemon_alive_ms(const struct srv_daemon *d) {
+    return atomic_load(&d->alive_ms);
 }
 
 /* Stop: from the outside inwards. */
@@ -219,7 +299,10 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     if (d->streams)
         srv_streams_drain(d->streams);
     if (d->scheduler)
-        srv_scheduler_stop(d->scheduler); /* wakes every request that still waits */
+        srv_scheduler_stop(d->scheduler);
+    if (d->store)
+        srv_store_stop(d->store);
+    /* Both woke every request that still waited for them. */
     /* The streams give their connections back before the listener ends them. */
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
@@ -227,5 +310,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_hub_destroy(&d->hub);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);
+    srv_store_destroy(&d->store);
+    srv_metrics_destroy(&d->metrics);
     free(d);
 }

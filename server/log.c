@@ -6,35 +6,100 @@
 #include <time.h>
 
 static const char *const levels[] = { "error", "warn", "info", "debug" };
+static const char *const formats[SRV_LOG_FORMATS] = { "text", "logfmt", "json" };
+
+bool srv_log_level_from(const char *name, enum sp_log_level *level) {
+    for (unsigned i = 0; i < sizeof levels / sizeof *levels; i++)
+        if (strcmp(levels[i], name) == 0) {
+            *level = (enum sp_log_level)i;
+            return true;
+        }
+    return false;
+}
+
+enum srv_log_format srv_log_format_from(const char *name) {
+    int format = 0;
+    while (format < SRV_LOG_FORMATS && strcmp(formats[format], name) != 0)
+        format++;
+    return (enum srv_log_format)format;
+}
+
+/* Bytes of the UTF-8 character at `c`; 0 = it is none (RFC 3629). */
+static unsigned character(const unsigned char *c) {
+    if (c[0] < 0x80)
+        return 1;
+    unsigned size = c[0] >= 0xf0 ? 4 : c[0] >= 0xe0 ? 3 : 2;
+    if (c[0] < 0xc2 || c[0] > 0xf4)
+        return 0;
+    for (unsigned i = 1; i < size; i++)
+        if ((c[i] & 0xc0) != 0x80)
+            return 0;
+    bool overlong = (c[0] == 0xe0 && c[1] < 0xa0) || (c[0] == 0xf0 && c[1] < 0x90);
+    bool outside = (c[0] == 0xed && c[1] > 0x9f) || (c[0] == 0xf4 && c[1] > 0x8f);
+    return overlong || outside ? 0 : size;
+}
+
+/* In quotes; what is not UTF-8, and control characters, become '?'. */
+static unsigned quote(const char *line, char *out, unsigned capacity) {
+    unsigned used = 0;
+    const unsigned char *c = (const unsigned char *)line;
+    out[used++] = '"';
+    while (*c && used + 6 < capacity) {
+        unsigned size = character(c);
+        if (*c == '"' || *c == '\\')
+            out[used++] = '\\';
+        if (size == 0 || *c < 0x20)
+            out[used++] = '?';
+        else
+            memcpy(out + used, c, size);
+        used += size == 0 || *c < 0x20 ? 0 : size;
+        c += size == 0 ? 1 : size;
+    }
+    out[used++] = '"';
+    out[used] = 0;
+    return used;
+}
+
+unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log_level level,
+                      const char *line, char out[SRV_LOG_LINE]) {
+    char quoted[SRV_LOG_LINE - 128];
+    quote(line, quoted, sizeof quoted);
+    int size = 0;
+    switch (format) {
+    case SRV_LOG_JSON:
+        size = snprintf(out, SRV_LOG_LINE, "{\"time\":\"%s\",\"level\":\"%s\",\"msg\":%s}\n", stamp,
+                        levels[level], quoted);
+        break;
+    case SRV_LOG_LOGFMT:
+        size =
+            snprintf(out, SRV_LOG_LINE, "time=%s level=%s msg=%s\n", stamp, levels[level], quoted);
+        break;
+    case SRV_LOG_TEXT:
+    case SRV_LOG_FORMATS:
+        size = snprintf(out, SRV_LOG_LINE, "%s %s %.3900s\n", stamp, levels[level], line);
+        break;
+    }
+    return (unsigned)size;
+}
 
 static void sink(void *user, enum sp_log_level level, const char *line) {
     struct srv_log *log = user;
-    char quoted[2200], stamp[32];
-    size_t used = 0;
+    char out[SRV_LOG_LINE], seconds[24], stamp[48];
     struct timespec now;
     struct tm utc;
-    for (const char *c = line; *c && used + 3 < sizeof quoted; c++) {
-        if (*c == '"' || *c == '\\')
-            quoted[used++] = '\\';
-        quoted[used++] = *c;
-    }
-    quoted[used] = 0;
     clock_gettime(CLOCK_REALTIME, &now);
     gmtime_r(&now.tv_sec, &utc);
-    strftime(stamp, sizeof stamp, "%Y-%m-%dT%H:%M:%S", &utc);
+    strftime(seconds, sizeof seconds, "%Y-%m-%dT%H:%M:%S", &utc);
+    snprintf(stamp, sizeof stamp, "%s.%03ldZ", seconds, now.tv_nsec / 1000000);
     /* One call, one line: lines of several threads do not mix. */
-    fprintf(stderr, "time=%s.%03ldZ level=%s msg=\"%s\"\n", stamp, now.tv_nsec / 1000000,
-            levels[level], quoted);
+    fwrite(out, 1, srv_log_line(log->format, stamp, level, line, out), stderr);
     if (log->capture && level == SP_LOG_WARN && strncmp(line, "backend ", 8) == 0 &&
         log->refusal_count < SRV_LOG_REFUSALS)
         snprintf(log->refusals[log->refusal_count++], SRV_LOG_REFUSAL_BYTES, "%s", line);
 }
 
-void srv_log_init(struct srv_log *log, const char *level) {
+void srv_log_init(struct srv_log *log, enum sp_log_level level, enum srv_log_format format) {
     memset(log, 0, sizeof *log);
-    enum sp_log_level chosen = SP_LOG_INFO;
-    for (unsigned i = 0; i < sizeof levels / sizeof *levels; i++)
-        if (strcmp(levels[i], level) == 0)
-            chosen = (enum sp_log_level)i;
-    sp_log_init(sink, log, chosen);
+    log->format = format;
+    sp_log_init(sink, log, level);
 }

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Log lines on standard error: time=2026-01-31T12:00:00.123Z level=info msg="volume engine loaded".
+ * Log lines on standard error, in one of three forms (--log-format):
+ *   logfmt  time=2026-01-31T12:00:00.123Z level=info msg="volume engine loaded"
+ *   json    {"time":"2026-01-31T12:00:00.123Z","level":"info","msg":"volume engine loaded"}
+ *   text    2026-01-31T12:00:00.123Z info volume engine loaded
  * While `capture` is on, lines that tell of a refused backend are kept, for /readyz.
  */
 #ifndef SRV_LOG_H
@@ -11,15 +14,27 @@
 #include "sp/log.h"
 
 enum { SRV_LOG_REFUSALS = 8, SRV_LOG_REFUSAL_BYTES = 512 };
+enum srv_log_format { SRV_LOG_TEXT, SRV_LOG_LOGFMT, SRV_LOG_JSON, SRV_LOG_FORMATS };
 
 struct srv_log {
+    enum srv_log_format format;
     bool capture; /* only while there is one thread */
     unsigned refusal_count;
     char refusals[SRV_LOG_REFUSALS][SRV_LOG_REFUSAL_BYTES];
 };
 
-/* Makes it the log's sink; it must live as long as the program. `level`: error, warn, info, debug.
- */
-void srv_log_init(struct srv_log *log, const char *level);
+/* "text", "logfmt", "json"; SRV_LOG_FORMATS = none of them. */
+enum srv_log_format srv_log_format_from(const char *name);
+/* "error", "warn", "info", "debug"; false = none of them. */
+bool srv_log_level_from(const char *name, enum sp_log_level *level);
+
+/* Makes it the log's sink; it must live as long as the program. */
+void srv_log_init(struct srv_log *log, enum sp_log_level level, enum srv_log_format format);
+
+/* One line, with its newline, as it is written; `line` may hold any bytes. Cut to fit. Returns the
+ * number of bytes. */
+enum { SRV_LOG_LINE = 4096 };
+unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log_level level,
+                      const char *line, char out[SRV_LOG_LINE]);
 
 #endif

@@ -1,15 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splatd: settings → daemon → signal → drain.
+ * splatd: settings → daemon → signal (SIGHUP: reload) → drain.
  */
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <unistd.h>
 
+#include "clock.h"
 #include "config.h"
 #include "daemon.h"
 #include "probe.h"
+#include "service.h"
 
 enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_NO_GPU = 3 };
 
@@ -23,13 +25,15 @@ static void on_second_signal(int number) {
     _exit(EXIT_FAILED);
 }
 
-/* SIGTERM and SIGINT are taken by main() alone; all threads inherit the mask. */
+/* These are taken by main() alone; all threads inherit the mask. */
 static void block_signals(sigset_t *set) {
     sigemptyset(set);
     sigaddset(set, SIGTERM);
     sigaddset(set, SIGINT);
+    sigaddset(set, SIGHUP);
     pthread_sigmask(SIG_BLOCK, set, NULL);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file over its limit is an error of the write */
 }
 
 static void let_second_signal_end(const sigset_t *set) {
@@ -39,21 +43,66 @@ static void let_second_signal_end(const sigset_t *set) {
     pthread_sigmask(SIG_UNBLOCK, set, NULL);
 }
 
-static int run(const struct srv_config *config) {
+static void describe(const struct srv_config *config, char text[256]) {
+    snprintf(text, 256, "listening on %.200s", config->listen);
+}
+
+static void reload(struct srv_daemon *daemon, const struct srv_config *config, int argc,
+                   char **argv) {
+    struct srv_config fresh;
+    struct sp_error err = { .code = SP_OK };
+    char status[256];
+    srv_service_reloading();
+    if (!srv_config_init(&fresh, &err)) {
+        sp_log(SP_LOG_ERROR, "not reloaded: %s", err.text);
+    } else {
+        if (srv_config_parse(&fresh, argc, argv, &err))
+            srv_daemon_reload(daemon, &fresh);
+        else
+            sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s: %s", err.place, err.text);
+        srv_config_finish(&fresh);
+    }
+    describe(config, status);
+    srv_service_ready(status);
+}
+
+/* Until a signal that ends the daemon; returns its number. */
+static int serve(struct srv_daemon *daemon, const struct srv_config *config,
+                 const sigset_t *signals, int argc, char **argv) {
+    double watchdog_ms = srv_service_watchdog_ms();
+    long step_ms = watchdog_ms > 0 ? (long)(watchdog_ms / 4) : 3600000;
+    const struct timespec step = { step_ms / 1000, step_ms % 1000 * 1000000 };
+    for (;;) {
+        int number = sigtimedwait(signals, NULL, &step);
+        if (number == SIGHUP)
+            reload(daemon, config, argc, argv);
+        else if (number > 0)
+            return number;
+        if (watchdog_ms > 0 && srv_clock_ms() - srv_daemon_alive_ms(daemon) < watchdog_ms / 2)
+            srv_service_alive();
+    }
+}
+
+static int run(const struct srv_config *config, int argc, char **argv) {
     static struct srv_log log; /* outlives every thread */
     struct sp_error err = { .code = SP_OK };
+    enum sp_log_level level = SP_LOG_INFO;
     sigset_t signals;
-    char url[256];
-    int number = 0;
-    srv_log_init(&log, config->log_level);
+    char text[256];
+    srv_log_level_from(config->log_level, &level);
+    srv_log_init(&log, level, srv_log_format_from(config->log_format));
     block_signals(&signals);
     struct srv_daemon *daemon = srv_daemon_start(config, &log, &err);
     if (!daemon)
         return complain(&err);
-    srv_daemon_url(daemon, url, sizeof url);
-    printf("splatd: listening on %s\n", url);
+    srv_daemon_url(daemon, text, sizeof text);
+    printf("splatd: listening on %s\n", text);
     fflush(stdout);
-    sigwait(&signals, &number);
+    describe(config, text);
+    srv_service_ready(text);
+    int number = serve(daemon, config, &signals, argc, argv);
+    srv_service_stopping();
+    sigdelset(&signals, SIGHUP);
     sp_log(SP_LOG_INFO, "signal %d: shutting down; once more ends at once", number);
     let_second_signal_end(&signals);
     srv_daemon_stop(&daemon);
@@ -78,7 +127,7 @@ int main(int argc, char **argv) {
     else if (config.print_config)
         srv_config_print(&config, stdout);
     else
-        status = run(&config);
+        status = run(&config, argc, argv);
     srv_config_finish(&config);
     return status;
 }

@@ -2,6 +2,7 @@
 #include "sp/log.h"
 
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 
 static const char *const level_names[] = { "ERROR", "WARN", "INFO", "DEBUG" };
@@ -14,17 +15,21 @@ static void to_stderr(void *user, enum sp_log_level level, const char *line) {
 static struct {
     sp_log_sink *sink;
     void *user;
-    enum sp_log_level level;
+    atomic_int level;
 } log_state = { to_stderr, NULL, SP_LOG_INFO };
 
 void sp_log_init(sp_log_sink *sink, void *user, enum sp_log_level level) {
     log_state.sink = sink ? sink : to_stderr;
     log_state.user = user;
-    log_state.level = level;
+    sp_log_set_level(level);
+}
+
+void sp_log_set_level(enum sp_log_level level) {
+    atomic_store_explicit(&log_state.level, (int)level, memory_order_relaxed);
 }
 
 void sp_log(enum sp_log_level level, const char *format, ...) {
-    if (level > log_state.level)
+    if ((int)level > atomic_load_explicit(&log_state.level, memory_order_relaxed))
         return;
     char line[1024];
     va_list args;

@@ -7,27 +7,10 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "volume/sample.h"
 
 static double sample(const struct sp_gradient_grid *grid, uint64_t at) {
-    switch (grid->type) {
-    case SP_UINT8:
-        return ((const uint8_t *)grid->voxels)[at];
-    case SP_INT8:
-        return ((const int8_t *)grid->voxels)[at];
-    case SP_UINT16:
-        return ((const uint16_t *)grid->voxels)[at];
-    case SP_INT16:
-        return ((const int16_t *)grid->voxels)[at];
-    case SP_INT32:
-        return ((const int32_t *)grid->voxels)[at];
-    case SP_FLOAT32:
-        return (double)((const float *)grid->voxels)[at];
-    case SP_FLOAT64:
-        return ((const double *)grid->voxels)[at];
-    case SP_TYPE_COUNT:
-        break;
-    }
-    return 0;
+    return sp_sample(grid->voxels, grid->type, at);
 }
 
 /* The longest difference over one gap of an axis, in differences over its mean one. */

@@ -1,11 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include <dlfcn.h>
-#include <errno.h>
-#include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "encode/encoder.h"
+#include "encode/module.h"
 
 #if defined(__SANITIZE_THREAD__)
 /* The library's thread pool guards its tables with spin locks, which TSan cannot see in a library
@@ -16,45 +13,14 @@ const char *__tsan_default_suppressions(void) {
 }
 #endif
 
-static const char bridge_name[] = "splat-oiio.so";
-
-/* Where the bridge may lie, seen from the folder of the running program: beside it, in the library
- * folder of an installation, beside the programs of a build tree whose tests are elsewhere. */
-static const char *const bridge_folders[] = { "", "../lib/splatd/", "../bin/" };
-
-static bool program_folder(char *folder, size_t size, struct sp_error *err) {
-    ssize_t n = readlink("/proc/self/exe", folder, size - 1);
-    if (n < 0)
-        return sp_fail(err, SP_ERR_IO, "/proc/self/exe", "cannot find %s: %s", bridge_name,
-                       strerror(errno));
-    folder[n] = 0;
-    char *slash = strrchr(folder, '/');
-    slash[1] = 0; /* the kernel gives an absolute path */
-    return true;
-}
-
-/* RTLD_NODELETE: the library registers destructors of its own that must find it mapped. */
 static bool load_bridge(struct sp_encoder *encoder, struct sp_error *err) {
-    char folder[3840], path[4096], first[4096] = "";
-    if (!program_folder(folder, sizeof folder, err))
-        return false;
-    for (size_t i = 0; i < sizeof bridge_folders / sizeof *bridge_folders; i++) {
-        snprintf(path, sizeof path, "%s%s%s", folder, bridge_folders[i], bridge_name);
-        if (i == 0)
-            memcpy(first, path, sizeof first);
-        if (access(path, F_OK) != 0)
-            continue;
-        void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
-        if (!library)
-            return sp_fail(err, SP_ERR_IO, path, "cannot load the image library: %s", dlerror());
-        encoder->oiio = (sp_oiio_encode_fn *)dlsym(library, "splat_oiio_encode");
-        dlclose(library);
-        if (!encoder->oiio)
-            return sp_fail(err, SP_ERR_IO, path, "is not the image library of this program");
-        return true;
-    }
-    return sp_fail(err, SP_ERR_IO, first,
-                   "the image library is not there; every format but JPEG needs it");
+    struct sp_error why;
+    void *symbol = sp_module_symbol("splat-oiio.so", "splat_oiio_encode", "image library", &why);
+    if (!symbol)
+        return sp_fail(err, SP_ERR_IO, why.place, "%s%s", why.text,
+                       why.code == SP_ERR_NOT_FOUND ? "; every format but JPEG needs it" : "");
+    encoder->oiio = (sp_oiio_encode_fn *)symbol;
+    return true;
 }
 
 static int keep(void *user, const void *bytes, size_t size) {

@@ -15,6 +15,7 @@ struct srv_guarded {
     struct sockaddr_storage address;
     char peer[SRV_ADDRESS_TEXT];
     double deadline_ms;
+    unsigned requests;
 };
 
 struct srv_guard {
@@ -106,9 +107,20 @@ void srv_guard_count(struct srv_guard *guard, const struct srv_guarded *connecti
     pthread_mutex_unlock(&guard->mutex);
 }
 
+size_t srv_guard_all(struct srv_guard *guard) {
+    pthread_mutex_lock(&guard->mutex);
+    size_t all = guard->count;
+    pthread_mutex_unlock(&guard->mutex);
+    return all;
+}
+
 bool srv_guard_is_gone(const struct srv_guarded *connection) {
     struct pollfd look = { .fd = connection->socket, .events = POLLRDHUP };
     return poll(&look, 1, 0) > 0 && look.revents & (POLLRDHUP | POLLHUP | POLLERR);
+}
+
+unsigned srv_guard_count_request(struct srv_guarded *connection) {
+    return ++connection->requests;
 }
 
 const char *srv_guard_peer(const struct srv_guarded *connection) {

@@ -40,7 +40,12 @@ void srv_guard_sweep(struct srv_guard *guard, double now_ms);
 void srv_guard_count(struct srv_guard *guard, const struct srv_guarded *connection, size_t *all,
                      size_t *same_host);
 
+size_t srv_guard_all(struct srv_guard *guard);
+
 /* Constant while the connection is open. */
+/* Counts one more request of a connection; returns how many there were with it. For the thread that
+ * has the connection. */
+unsigned srv_guard_count_request(struct srv_guarded *connection);
 const char *srv_guard_peer(const struct srv_guarded *connection);
 const struct sockaddr_storage *srv_guard_address(const struct srv_guarded *connection);
 

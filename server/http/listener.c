@@ -11,7 +11,9 @@
 #include <unistd.h>
 
 #include "clock.h"
+#include "http/answer.h"
 #include "http/headers.h"
+#include "http/tls.h"
 #include "sp/log.h"
 
 enum {
@@ -22,16 +24,25 @@ enum {
 
 static const struct srv_route routes[] = {
     { SRV_GET, "/healthz", srv_get_healthz, true },
+    { SRV_GET, "/metrics", srv_get_metrics, false },
     { SRV_GET, "/readyz", srv_get_readyz, true },
     { SRV_GET, "/api/v1/openapi.yaml", srv_get_openapi, false },
     { SRV_GET, "/api/v1/view.schema.json", srv_get_schema, false },
+    { SRV_GET, "/api/v1/stream.schema.json", srv_get_schema, false },
     { SRV_GET, "/api/v1/volumes", srv_get_volumes, false },
     { SRV_POST, "/api/v1/volumes", srv_post_volume, false },
     { SRV_GET, "/api/v1/volumes/{}", srv_get_volume, false },
     { SRV_DELETE, "/api/v1/volumes/{}", srv_delete_volume, false },
     { SRV_GET, "/api/v1/volumes/{}/view", srv_get_volume_view, false },
     { SRV_POST, "/api/v1/render", srv_post_render, false },
-    { SRV_POST, "/api/v1/sessions", srv_post_session, false },
+    { SRV_GET, "/api/v1/render/{}", srv_get_render, false },
+    { SRV_POST, "/api/v1/views", srv_post_view, false },
+    { SRV_GET, "/api/v1/views/{}", srv_get_view, false },
+    { SRV_GET, "/api/v1/presets", srv_get_presets, false },
+    { SRV_GET, "/api/v1/presets/{}", srv_get_preset, false },
+    { SRV_PUT, "/api/v1/presets/{}", srv_put_preset, false },
+    { SRV_DELETE, "/api/v1/presets/{}", srv_delete_preset, false },
+    { SRV_POST, "/api/v1/sessions", srv_post_session, true },
     { SRV_GET, "/api/v1/sessions/{}", srv_get_session, true },
     { SRV_PATCH, "/api/v1/sessions/{}", srv_patch_session, true },
     { SRV_DELETE, "/api/v1/sessions/{}", srv_delete_session, false },
@@ -42,6 +53,7 @@ enum { ROUTES = sizeof routes / sizeof *routes };
 struct srv_http {
     struct srv_http_options options;
     struct MHD_Daemon *daemon;
+    struct srv_tls *tls; /* NULL = the daemon listens itself */
     struct srv_guard *guard;
     char address[SRV_ADDRESS_TEXT];
     pthread_mutex_t mutex;
@@ -91,28 +103,26 @@ void srv_request_complete(struct srv_request *request) {
 
 /* Answers. */
 
+static void count_answer(struct srv_request *request, unsigned status, size_t bytes) {
+    struct srv_metrics *metrics = request->app->metrics;
+    unsigned class = status >= 100 && status < 600 ? status / 100 - 1 : 4;
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_1XX + class, 1);
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_IN, request->body_seen);
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_OUT, bytes);
+}
+
 static enum MHD_Result queue(struct srv_request *request) {
-    struct srv_reply *reply = &request->reply;
+    const struct srv_reply *reply = &request->reply;
     const struct srv_config *config = request->app->config;
-    struct MHD_Response *response = MHD_create_response_from_buffer(
-        reply->size, (void *)(uintptr_t)reply->body, MHD_RESPMEM_PERSISTENT);
-    if (reply->owned) {
-        MHD_destroy_response(response);
-        response =
-            MHD_create_response_from_buffer(reply->size, reply->owned, MHD_RESPMEM_MUST_FREE);
-        if (response)
-            reply->owned = NULL;
-    }
+    struct MHD_Response *response = srv_answer_create(request);
     if (!response)
         return MHD_NO;
-    if (reply->mime)
-        MHD_add_response_header(response, "Content-Type", reply->mime);
-    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
-    for (unsigned i = 0; i < reply->header_count; i++)
-        MHD_add_response_header(response, reply->headers[i].name, reply->headers[i].value);
+    if (request->is_last)
+        MHD_add_response_header(response, "Connection", "close");
     sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
            request->method, request->path, reply->status, reply->size);
     enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
+    count_answer(request, reply->status, reply->size);
     MHD_destroy_response(response);
     request->is_answered = true;
     srv_guard_set_deadline(request->http->guard, request->guarded,
@@ -164,7 +174,7 @@ static bool check_limits(struct srv_request *request) {
     } else {
         return true;
     }
-    srv_reply_header(&request->reply, "Connection", "close");
+    request->is_last = true;
     return false;
 }
 
@@ -188,8 +198,15 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
     if (!refusal.status)
         return false;
     srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
-    srv_reply_header(&request->reply, "Connection", "close");
     return true;
+}
+
+/* The daemon's own? It may be replaced at any moment. */
+static bool is_token(struct srv_http *http, const char *given) {
+    pthread_mutex_lock(&http->mutex);
+    bool equal = srv_secret_equal(http->options.token, given);
+    pthread_mutex_unlock(&http->mutex);
+    return equal;
 }
 
 /* Routes and judges what the headers tell; false: the reply is set. */
@@ -198,9 +215,13 @@ static bool check(struct srv_request *request) {
     unsigned allowed;
     if (!check_limits(request))
         return false;
-    request->has_token = srv_secret_equal(request->app->token, srv_request_token(request));
+    request->has_token = is_token(request->http, srv_request_token(request));
     request->route =
         srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
+    if (allowed && srv_is_preflight(request)) {
+        srv_reply_preflight(reply, allowed);
+        return false;
+    }
     bool is_api = strncmp(request->path, "/api/", 5) == 0;
     bool is_open = request->route ? request->route->is_open : !is_api;
     if (!is_open && !request->has_token) {
@@ -215,7 +236,7 @@ static bool check(struct srv_request *request) {
         refuse_method(request, allowed ? allowed : SRV_GET);
         return false;
     }
-    if (request->route && method & (SRV_POST | SRV_PATCH) &&
+    if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
         !srv_is_json(srv_request_header(request, "Content-Type"))) {
         srv_reply_problem(reply, 415, NULL, "the body must be application/json");
         return false;
@@ -265,14 +286,16 @@ static void count(struct srv_request *request) {
 static enum MHD_Result on_headers(struct srv_request *request, const char *version) {
     request->is_begun = true;
     count(request);
-    bool is_last = is_turned_away(request, version);
-    request->is_refused = is_last || !check(request);
+    bool is_over = is_turned_away(request, version);
+    request->is_last = is_over || srv_guard_count_request(request->guarded) >=
+                                      (unsigned)request->app->config->connection_requests;
+    request->is_refused = is_over || !check(request);
     srv_guard_set_deadline(request->http->guard, request->guarded,
                            srv_clock_ms() + (double)request->app->config->request_time_ms);
     /* A client that waits for permission to send its body gets the answer instead. */
     const char *length = srv_request_header(request, "Content-Length");
     bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
-    if (is_last || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
+    if (is_over || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
         return queue(request);
     return MHD_YES;
 }
@@ -343,6 +366,7 @@ static void uncount(struct srv_request *request) {
 }
 
 void srv_request_upgraded(struct srv_request *request) {
+    count_answer(request, MHD_HTTP_SWITCHING_PROTOCOLS, 0);
     request->is_answered = true;
     srv_guard_set_deadline(request->http->guard, request->guarded, 0);
     uncount(request);
@@ -415,19 +439,83 @@ static int open_socket(const struct srv_address *address, const char *text, stru
     return -1;
 }
 
+static unsigned connections_max(const struct srv_config *config) {
+    return (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads);
+}
+
+/* fd: listens; MHD_INVALID_SOCKET = connections come by MHD_add_connection(). */
 static bool start(struct srv_http *http, int fd, struct sp_error *err) {
     const struct srv_config *config = http->options.config;
+    struct MHD_OptionItem listening[] = {
+        { fd < 0 ? MHD_OPTION_END : MHD_OPTION_LISTEN_SOCKET, fd, NULL },
+        { MHD_OPTION_END, 0, NULL },
+    };
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME |
-            MHD_USE_ERROR_LOG,
-        0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
-        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
-        MHD_OPTION_CONNECTION_LIMIT,
-        (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads),
-        MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)config->header_size,
-        MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_NOTIFY_COMPLETED, on_completed,
-        http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
+            MHD_USE_ERROR_LOG | (fd < 0 ? MHD_USE_NO_LISTEN_SOCKET : 0),
+        0, NULL, NULL, on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_ARRAY,
+        listening, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
+        MHD_OPTION_CONNECTION_LIMIT, connections_max(config), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        (size_t)config->header_size, MHD_OPTION_URI_LOG_CALLBACK, on_target, http,
+        MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION,
+        on_connection, http, MHD_OPTION_END);
     return http->daemon || sp_fail(err, SP_ERR_IO, http->address, "cannot start the HTTP threads");
+}
+
+static bool on_tls_connection(void *user, int socket, const struct sockaddr *peer, socklen_t size) {
+    struct srv_http *http = user;
+    return MHD_add_connection(http->daemon, socket, peer, size) == MHD_YES;
+}
+
+static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
+    const struct srv_config *config = http->options.config;
+    struct srv_tls_keys *keys = srv_tls_keys_create(config->tls_cert, config->tls_key, err);
+    if (!keys || !start(http, MHD_INVALID_SOCKET, err)) {
+        srv_tls_keys_unref(&keys);
+        return false;
+    }
+    struct srv_tls_options options = {
+        .keys = keys,
+        .socket = fd,
+        .handshake_ms = (double)config->header_time_ms,
+        .linger_ms = (double)config->request_time_ms,
+        .handshakes_max = (unsigned)config->handshakes,
+        .connections_max = connections_max(config) + (unsigned)config->handshakes,
+        .user = http,
+        .give = on_tls_connection,
+    };
+    http->tls = srv_tls_create(&options, err);
+    if (!http->tls)
+        srv_tls_keys_unref(&keys);
+    return http->tls != NULL;
+}
+
+static bool reload_token(struct srv_http *http, struct sp_error *err) {
+    const char *file = http->options.config->token_file;
+    char token[SRV_TOKEN_BYTES];
+    if (!file)
+        return true;
+    if (!srv_secret_read(file, token, err))
+        return false;
+    pthread_mutex_lock(&http->mutex);
+    memcpy(http->options.token, token, sizeof token);
+    pthread_mutex_unlock(&http->mutex);
+    return true;
+}
+
+static bool reload_keys(struct srv_http *http, struct sp_error *err) {
+    const struct srv_config *config = http->options.config;
+    if (!http->tls)
+        return true;
+    struct srv_tls_keys *keys = srv_tls_keys_create(config->tls_cert, config->tls_key, err);
+    if (keys)
+        srv_tls_set_keys(http->tls, keys);
+    return keys != NULL;
+}
+
+bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
+    bool token = reload_token(http, err);
+    return reload_keys(http, err) && token;
 }
 
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err) {
@@ -452,7 +540,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     if (ok) {
         getsockname(fd, (struct sockaddr *)&address.storage, &address.size);
         srv_address_to_text((const struct sockaddr *)&address.storage, http->address);
-        ok = start(http, fd, err);
+        ok = options->config->tls_cert ? start_tls(http, fd, err) : start(http, fd, err);
         if (!ok)
             close(fd);
     }
@@ -463,6 +551,10 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
 
 const char *srv_http_address(const struct srv_http *http) {
     return http->address;
+}
+
+size_t srv_http_connections(struct srv_http *http) {
+    return srv_guard_all(http->guard);
 }
 
 void srv_http_tick(void *user, double now_ms) {
@@ -498,8 +590,11 @@ void srv_http_destroy(struct srv_http **http_pointer) {
     *http_pointer = NULL;
     if (!http)
         return;
+    if (http->tls)
+        srv_tls_close(http->tls); /* nothing is added to a daemon that stops */
     if (http->daemon)
         MHD_stop_daemon(http->daemon);
+    srv_tls_destroy(&http->tls);
     srv_guard_destroy(&http->guard);
     pthread_cond_destroy(&http->idle);
     pthread_mutex_destroy(&http->mutex);

@@ -21,6 +21,7 @@
 #include "http/streams.h"
 #include "http/strict.h"
 #include "render/scheduler.h"
+#include "store/store.h"
 
 struct srv_http_options {
     const struct srv_config *config;
@@ -28,6 +29,8 @@ struct srv_http_options {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_streams *streams;
+    struct srv_store *store;
+    struct srv_metrics *metrics;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
     char instance[17]; /* random: frames of different runs have different ETags */
@@ -41,6 +44,8 @@ struct srv_http;
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
 /* "127.0.0.1:8080": where it really listens. */
 const char *srv_http_address(const struct srv_http *http);
+/* Reads certificate and key again; new connections get them. When that fails the old ones stay. */
+bool srv_http_reload(struct srv_http *http, struct sp_error *err);
 /* From now on every new request is answered with 503 and its connection ends. */
 void srv_http_close(struct srv_http *http);
 /* After srv_http_close(): waits until requests under way are answered, at most `limit_ms`. */
@@ -49,6 +54,9 @@ void srv_http_drain(struct srv_http *http, double limit_ms);
 void srv_http_destroy(struct srv_http **http);
 /* Closes connections past their deadline; for srv_streams_options.tick. */
 void srv_http_tick(void *http, double now_ms);
+
+/* Open connections, with those that are streams now. */
+size_t srv_http_connections(struct srv_http *http);
 
 /* For handlers. */
 
@@ -68,6 +76,7 @@ struct srv_request {
 
     size_t body_seen, body_capacity;
     struct srv_refusal target; /* what is wrong with the address */
+    bool is_last;              /* of its connection */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 
@@ -84,16 +93,24 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
  * fills request->reply, touches nothing else, and calls complete, on any thread, once. */
 void srv_request_suspend(struct srv_request *request);
 void srv_request_complete(struct srv_request *request);
+/* Instead of both, last in a handler that has filled its reply: the answer goes out when what was
+ * put into the store is on the disk. Its header X-Durable says whether it is, or is kept in memory
+ * alone (no --state, a full disk). */
+void srv_request_keep(struct srv_request *request);
 /* The handler queued an upgrade itself: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);
 
 /* Handlers, by file. */
 typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
-    srv_get_volume_view;     /* routes_volumes.c */
-srv_handler srv_post_render; /* routes_render.c */
+    srv_get_volume_view;                     /* routes_volumes.c */
+srv_handler srv_post_render, srv_get_render; /* routes_render.c */
+srv_handler srv_post_view, srv_get_view;     /* routes_views.c */
 srv_handler srv_post_session, srv_get_session, srv_patch_session, srv_delete_session,
     srv_get_stream; /* routes_sessions.c */
+srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
+    srv_delete_preset;                                                        /* routes_presets.c */
+srv_handler srv_get_metrics;                                                  /* routes_metrics.c */
 srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */
 /* The page's files; false = there is none of that path. */
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);

@@ -139,3 +139,16 @@ void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
     if (err->code == SP_ERR_TIMEOUT)
         srv_reply_header(reply, "Retry-After", "1");
 }
+
+void srv_reply_view_error(struct srv_reply *reply, const char *at, const struct sp_error *err) {
+    bool about_volume = strcmp(err->place, "/volume") == 0;
+    struct sp_error here = *err;
+    if (err->place[0] == '/')
+        snprintf(here.place, sizeof here.place, "%s%.240s", at, err->place);
+    if (about_volume && err->code == SP_ERR_NOT_FOUND)
+        srv_reply_problem(reply, 422, here.place, "%s", err->text);
+    else if (about_volume && err->code == SP_ERR_UNSUPPORTED)
+        srv_reply_problem(reply, 409, here.place, "%s", err->text);
+    else
+        srv_reply_error(reply, &here);
+}

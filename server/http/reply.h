@@ -40,6 +40,9 @@ __attribute__((format(printf, 4, 5))) void srv_reply_problem(struct srv_reply *r
                                                              unsigned status, const char *pointer,
                                                              const char *format, ...);
 void srv_reply_error(struct srv_reply *reply, const struct sp_error *err);
+/* The same for a refused view that stands at `at` in the body ("" = it is the body): the pointer
+ * begins there, and a volume that is not there is the view's fault. */
+void srv_reply_view_error(struct srv_reply *reply, const char *at, const struct sp_error *err);
 unsigned srv_status_from(enum sp_code code);
 
 #endif

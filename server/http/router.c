@@ -23,8 +23,8 @@ static const struct {
     const char *name;
     unsigned method;
 } names[] = {
-    { "GET", SRV_GET },     { "HEAD", SRV_GET },      { "POST", SRV_POST },
-    { "PATCH", SRV_PATCH }, { "DELETE", SRV_DELETE },
+    { "GET", SRV_GET }, { "HEAD", SRV_GET },    { "POST", SRV_POST },
+    { "PUT", SRV_PUT }, { "PATCH", SRV_PATCH }, { "DELETE", SRV_DELETE },
 };
 enum { NAMES = sizeof names / sizeof *names };
 

@@ -6,6 +6,7 @@
 
 #include "http/guard.h"
 #include "http/headers.h"
+#include "http/kept.h"
 #include "http/listener.h"
 #include "protocol/view.h"
 #include "sp/log.h"
@@ -90,7 +91,14 @@ struct render { /* one suspended request */
     struct srv_request *request;
     enum sp_image_format format;
     char etag[ETAG_BYTES];
+    const char *caching; /* constant */
 };
+
+static void set_caching(struct srv_reply *reply, const char *etag, const char *caching) {
+    srv_reply_header(reply, "ETag", "%s", etag);
+    srv_reply_header(reply, "Cache-Control", "%s", caching);
+    srv_reply_header(reply, "Vary", "Accept");
+}
 
 static void on_done(void *user, const struct srv_still_result *result) {
     struct render *render = user;
@@ -113,9 +121,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
         reply->mime = sp_image_format_info(render->format)->mime;
         reply->body = reply->owned;
         reply->size = result->size;
-        srv_reply_header(reply, "ETag", "%s", render->etag);
-        srv_reply_header(reply, "Cache-Control", "private, no-cache");
-        srv_reply_header(reply, "Vary", "Accept");
+        set_caching(reply, render->etag, render->caching);
         srv_reply_header(reply, "X-Render-Time", "%.3f", result->stats.render_ms);
         srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
         srv_reply_header(reply, "X-Backend", "%s%s%s", result->stats.backend,
@@ -134,7 +140,7 @@ static bool has_left(void *user) {
 
 /* Puts the request to sleep and queues its frame. Takes over the use of the volume. */
 static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
-                   struct srv_reply *reply) {
+                   const char *caching, struct srv_reply *reply) {
     struct sp_error err;
     struct render *render = malloc(sizeof *render);
     if (!render) {
@@ -144,6 +150,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     }
     render->request = request;
     render->format = still->format;
+    render->caching = caching;
     memcpy(render->etag, etag, sizeof render->etag);
     still->done = on_done;
     still->is_gone = has_left;
@@ -157,7 +164,9 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     srv_request_complete(request);
 }
 
-void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
+/* Draws the view that `base` and `patch` make. */
+static void draw(struct srv_request *request, const proto_json *base, const proto_json *patch,
+                 const char *caching, struct srv_reply *reply) {
     struct sp_error err;
     struct srv_still still = { .quality = 0 };
     void *volume = NULL;
@@ -165,19 +174,12 @@ void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
     still.format = choose_format(request, reply);
     if (still.format == SP_IMAGE_FORMAT_COUNT || !read_quality(request, &still.quality, reply))
         return;
-    proto_json *patch = srv_request_json(request, reply);
-    if (!patch)
-        return;
-    bool ok = srv_hub_resolve_view(request->app->hub, patch, &still.view, &volume, &err);
-    proto_json_free(&patch);
-    if (!ok) {
-        bool about_volume = strcmp(err.place, "/volume") == 0;
-        if (about_volume && err.code == SP_ERR_UNSUPPORTED)
-            srv_reply_problem(reply, 409, "/volume", "%s", err.text);
-        else if (about_volume && err.code == SP_ERR_NOT_FOUND)
-            srv_reply_problem(reply, 422, "/volume", "%s", err.text);
+    if (!srv_hub_resolve_view(request->app->hub, base, patch, &still.view, &volume, &err)) {
+        /* The volume of a kept view is no fault of the request: it has to be loaded first. */
+        if (base && strcmp(err.place, "/volume") == 0)
+            srv_reply_problem(reply, 409, NULL, "%s", err.text);
         else
-            srv_reply_error(reply, &err);
+            srv_reply_view_error(reply, "", &err);
         return;
     }
     still.volume = volume;
@@ -187,9 +189,67 @@ void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
     } else if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {
         srv_catalog_release(request->app->catalog, still.volume);
         reply->status = 304;
-        srv_reply_header(reply, "ETag", "%s", etag);
-        srv_reply_header(reply, "Vary", "Accept");
+        set_caching(reply, etag, caching);
     } else {
-        submit(request, &still, etag, reply);
+        submit(request, &still, etag, caching, reply);
     }
+}
+
+void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
+    proto_json *view = srv_request_json(request, reply);
+    if (view)
+        draw(request, NULL, view, "private, no-cache", reply);
+    proto_json_free(&view);
+}
+
+/* ?camera= is JSON, as in a view. */
+static bool read_camera(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
+    const char *text = srv_request_query(request, "camera");
+    struct sp_error err;
+    if (!text)
+        return true;
+    proto_json *camera = proto_json_parse(text, strlen(text), &err);
+    if (!camera) {
+        srv_reply_problem(reply, err.code == SP_ERR_MEMORY ? 503 : 400, NULL, "?camera=: %s",
+                          err.text);
+        return false;
+    }
+    if (proto_json_set(patch, "camera", camera))
+        return true;
+    srv_reply_problem(reply, 503, NULL, "no memory for a camera");
+    return false;
+}
+
+/* ?size=WIDTH,HEIGHT. */
+static bool read_size(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
+    const char *text = srv_request_query(request, "size");
+    unsigned width, height;
+    char end;
+    if (!text)
+        return true;
+    if (strspn(text, "0123456789,") != strlen(text) || strlen(text) > 11 ||
+        sscanf(text, "%5u,%5u%c", &width, &height, &end) != 2) {
+        srv_reply_problem(reply, 400, NULL, "?size= must be WIDTH,HEIGHT, whole numbers of px");
+        return false;
+    }
+    proto_json *size = proto_json_array();
+    bool ok = proto_json_append_integer(size, width) && proto_json_append_integer(size, height);
+    if (proto_json_set(patch, "size", size) && ok)
+        return true;
+    srv_reply_problem(reply, 503, NULL, "no memory for a size");
+    return false;
+}
+
+void srv_get_render(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *view = srv_kept_view(request->app->store, request->param, &err);
+    proto_json *patch = proto_json_object();
+    if (!view)
+        srv_reply_error(reply, &err);
+    else if (read_camera(request, patch, reply) && read_size(request, patch, reply))
+        /* Any cache may keep it, and asks whether it is still right: the daemon sees every token,
+         * and draws nothing for an answer of 304. */
+        draw(request, view, patch, "public, no-cache", reply);
+    proto_json_free(&patch);
+    proto_json_free(&view);
 }

@@ -5,7 +5,9 @@
 #include "clock.h"
 #include "http/handshake.h"
 #include "http/headers.h"
+#include "http/kept.h"
 #include "http/listener.h"
+#include "http/origins.h"
 #include "sp/log.h"
 
 enum { KEY_CHARACTERS = 24 };
@@ -34,19 +36,6 @@ static bool only_known(const proto_json *body, bool from, struct srv_reply *repl
     return true;
 }
 
-/* A refused view of a body's "view" member: its pointer begins there. */
-static void reply_view_error(struct srv_reply *reply, const struct sp_error *err) {
-    struct sp_error at = *err;
-    if (err->place[0] == '/')
-        snprintf(at.place, sizeof at.place, "/view%.240s", err->place);
-    if (err->code == SP_ERR_NOT_FOUND && strcmp(err->place, "/volume") == 0)
-        srv_reply_problem(reply, 422, at.place, "%s", err->text);
-    else if (err->code == SP_ERR_UNSUPPORTED && strcmp(err->place, "/volume") == 0)
-        srv_reply_problem(reply, 409, at.place, "%s", err->text);
-    else
-        srv_reply_error(reply, &at);
-}
-
 /* The view that a new session begins with; *owner keeps it alive. */
 static const proto_json *first_view(struct srv_request *request, const proto_json *body,
                                     proto_json **owner, struct srv_reply *reply) {
@@ -57,21 +46,57 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
         return view ? view : body; /* an empty body: all defaults */
     if (!id || view) {
         srv_reply_problem(reply, 422, "/from",
-                          id ? "give either view or from" : "must be the id of a session");
+                          id ? "give either view or from"
+                             : "must be the id of a session or kept view");
         return NULL;
     }
-    *owner = srv_hub_session_get(request->app->hub, id, false, &err);
-    if (!*owner)
-        srv_reply_problem(reply, 422, "/from", "%s", err.text);
-    return *owner ? proto_json_get(*owner, "view") : NULL;
+    if ((*owner = srv_kept_view(request->app->store, id, &err)))
+        return *owner;
+    if ((*owner = srv_hub_session_get(request->app->hub, id, false, &err)))
+        return proto_json_get(*owner, "view");
+    if (err.code == SP_ERR_NOT_FOUND)
+        srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
+    else
+        srv_reply_error(reply, &err);
+    return NULL;
+}
+
+static void reply_unauthorized(struct srv_reply *reply, const char *detail) {
+    srv_reply_problem(reply, 401, NULL, "%s", detail);
+    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+}
+
+/* The daemon's token, or the control token of the session body["from"]; false: the reply is the
+ * problem. */
+static bool may_fork(struct srv_request *request, const proto_json *body, struct srv_reply *reply) {
+    struct sp_error err;
+    enum srv_role role;
+    const char *from = proto_json_string(proto_json_get(body, "from"));
+    if (request->has_token)
+        return true;
+    if (!from ||
+        !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
+        reply_unauthorized(reply,
+                           "give the daemon's token, or fork a session with its control token");
+    else if (role != SRV_ROLE_CONTROL)
+        /* A fork may show any volume: more than this token was given for. */
+        srv_reply_problem(reply, 403, NULL, "this token may watch, not fork");
+    else
+        return true;
+    return false;
 }
 
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     char id[SRV_SESSION_ID_BYTES];
+    if (!srv_request_token(request)) {
+        reply_unauthorized(reply, "give the daemon's token, or a session's to fork it");
+        return;
+    }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
-    const proto_json *view =
-        body && only_known(body, true, reply) ? first_view(request, body, &owner, reply) : NULL;
+    /* Who may not ask learns nothing about the question. */
+    bool ok = may_fork(request, body, reply) && body && only_known(body, true, reply);
+    const proto_json *view = ok ? first_view(request, body, &owner, reply) : NULL;
     if (view) {
         proto_json *json =
             srv_hub_session_create(request->app->hub, view, srv_clock_ms(), id, &err);
@@ -79,8 +104,9 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
             srv_reply_json(reply, 201, json);
             srv_reply_header(reply, "Location", "sessions/%s", id);
             sp_log(SP_LOG_INFO, "session %s created for %s", id, srv_guard_peer(request->guarded));
+            srv_request_keep(request);
         } else {
-            reply_view_error(reply, &err);
+            srv_reply_view_error(reply, "/view", &err);
         }
     }
     proto_json_free(&owner);
@@ -101,11 +127,10 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
     } else if (!token || !request->has_token) {
         /* Who has no valid token does not learn which sessions exist. */
         bool gone = err.code == SP_ERR_NOT_FOUND && token;
-        srv_reply_problem(reply, gone ? 404 : 401, NULL, "%s",
-                          gone ? "there is no such session; it may have ended"
-                               : "give the daemon's token or one of the session");
-        if (!gone)
-            srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+        if (gone)
+            srv_reply_problem(reply, 404, NULL, "there is no such session; it may have ended");
+        else
+            reply_unauthorized(reply, "give the daemon's token or one of the session");
     } else {
         srv_reply_error(reply, &err);
     }
@@ -137,7 +162,7 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
         bool ok = proto_json_set_string(json, "id", request->param);
         ok = proto_json_set(json, "view", changed) && ok;
         if (!changed)
-            reply_view_error(reply, &err);
+            srv_reply_view_error(reply, "/view", &err);
         else {
             if (!ok)
                 proto_json_free(&json);
@@ -149,10 +174,12 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (srv_hub_session_delete(request->app->hub, request->param, &err))
+    if (srv_hub_session_delete(request->app->hub, request->param, &err)) {
         reply->status = 204;
-    else
+        srv_request_keep(request);
+    } else {
         srv_reply_error(reply, &err);
+    }
 }
 
 /* The stream. */
@@ -201,7 +228,8 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
                           KEY_CHARACTERS);
     } else if (offered && !srv_header_has_token(offered, subprotocol)) {
         srv_reply_problem(reply, 400, NULL, "the subprotocol is %s", subprotocol);
-    } else if (!srv_origin_is_allowed(origin, srv_request_header(request, "Host"))) {
+    } else if (!srv_origin_is_allowed(origin, srv_request_header(request, "Host")) &&
+               !srv_origins_have(request->app->config->allow_origin, origin)) {
         sp_log(SP_LOG_WARN, "stream of %s refused: Origin %.200s is not this host",
                srv_guard_peer(request->guarded), origin);
         srv_reply_problem(reply, 403, NULL, "a page of another origin may not open a stream");

@@ -75,6 +75,22 @@ void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_header(reply, "Cache-Control", "no-store");
 }
 
+static proto_json *encode_state(struct srv_store *store) {
+    struct srv_store_status status;
+    srv_store_status(store, &status);
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "status",
+                                    !status.has_folder  ? "memory"
+                                    : status.is_failing ? "failing"
+                                                        : "written");
+    if (status.is_failing)
+        ok = proto_json_set_string(json, "reason", status.reason) && ok;
+    ok = proto_json_set_integer(json, "waiting", status.waiting) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
 void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     struct sp_renderer_info info[2]; /* of streams and stills */
     const struct sp_renderer_info *backend = &info[0];
@@ -100,6 +116,7 @@ void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
         if (info[i].overburdened[0])
             ok = proto_json_append_string(refused, info[i].overburdened) && ok;
     ok = proto_json_set(json, "refused", refused) && ok;
+    ok = proto_json_set(json, "state", encode_state(request->app->store)) && ok;
     if (!ok)
         proto_json_free(&json);
     srv_reply_json(reply, 200, json);

@@ -155,6 +155,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
             srv_reply_json(reply, existed ? 201 : 202, encode_volume(&status, false));
             srv_reply_header(reply, "Location", "volumes/%s", id);
             sp_volume_unref(&status.volume);
+            srv_request_keep(request);
         }
     }
     proto_json_free(&body);
@@ -163,10 +164,12 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
 void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     bool conflict;
-    if (srv_catalog_remove(request->app->catalog, request->param, &conflict, &err))
+    if (srv_catalog_remove(request->app->catalog, request->param, &conflict, &err)) {
         reply->status = 204;
-    else if (conflict)
+        srv_request_keep(request);
+    } else if (conflict) {
         srv_reply_problem(reply, 409, NULL, "%s", err.text);
-    else
+    } else {
         srv_reply_error(reply, &err);
+    }
 }

@@ -144,6 +144,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     /* What waits in the kernel cannot be replaced by a newer frame. */
     setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
     struct srv_ws_options options = { .hub = s->options.hub,
+                                      .metrics = s->options.metrics,
                                       .session = stream->start.session,
                                       .role = stream->start.role,
                                       .user = stream,
@@ -224,6 +225,7 @@ static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
         *draining = true;
         for (struct stream *stream = s->list; stream; stream = stream->next)
             if (stream->ws) {
+                srv_ws_write(stream->ws, now_ms); /* that it drains, if that was not said yet */
                 srv_ws_close(stream->ws, 1001, "the daemon is shutting down", now_ms);
                 settle(s, stream, now_ms);
             }

@@ -15,6 +15,7 @@ struct srv_streams;
 
 struct srv_streams_options {
     struct srv_hub *hub;
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
     size_t message_bytes;
     double ping_ms, stall_ms;
     void *user;

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <wslay/wslay.h>
 
+#include "clock.h"
 #include "http/address.h"
 #include "sp/log.h"
 
@@ -28,7 +29,9 @@ struct srv_ws {
     uint8_t *scratch;   /* header and image of the frame being queued */
     size_t scratch_size;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
+    double frame_ms; /* since when a frame is being sent; 0 = none is */
     bool end_of_file, broken, closing;
+    bool is_ended; /* its end was counted */
 };
 
 static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t size, int flags,
@@ -48,6 +51,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     if (got > 0) {
         ws->read_left -= (size_t)got;
         ws->heard_ms = ws->now_ms;
+        srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
         return got;
     }
     bool again = got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
@@ -67,6 +71,7 @@ static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, si
     while (sent < 0 && errno == EINTR);
     if (sent > 0) {
         ws->progress_ms = ws->now_ms;
+        srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_OUT, (uint64_t)sent);
         return sent;
     }
     bool again = sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
@@ -74,11 +79,25 @@ static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, si
     return -1;
 }
 
+/* Counts the end of a stream, once: the first reason is the one. */
+static void count_end(struct srv_ws *ws, enum srv_counter reason) {
+    if (!ws->is_ended)
+        srv_metrics_add(ws->options.metrics, reason, 1);
+    ws->is_ended = true;
+}
+
+static enum srv_counter reason_of(uint16_t code) {
+    return code == WSLAY_CODE_NORMAL_CLOSURE || code == WSLAY_CODE_GOING_AWAY ? SRV_COUNT_END_CLOSED
+           : code == WSLAY_CODE_POLICY_VIOLATION ? SRV_COUNT_END_STALLED
+                                                 : SRV_COUNT_END_PROTOCOL;
+}
+
 void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms) {
     if (ws->closing)
         return;
     ws->closing = true;
     ws->close_ms = now_ms;
+    count_end(ws, reason_of(code));
     sp_log(code == 1000 || code == 1001 ? SP_LOG_DEBUG : SP_LOG_WARN,
            "stream of %s closed with %u: %s", ws->peer, code, reason);
     if (wslay_event_queue_close(ws->context, code, (const uint8_t *)reason, strlen(reason)) != 0)
@@ -144,7 +163,9 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
     ws->heard_ms = ws->pinged_ms = ws->progress_ms = ws->now_ms = now_ms;
     ws->participant =
         srv_hub_join(options->hub, options->session, options->role, options->user, now_ms, err);
-    if (!ws->participant)
+    if (ws->participant)
+        srv_metrics_add(options->metrics, SRV_COUNT_JOINED, 1);
+    else
         srv_ws_destroy(&ws, now_ms);
     return ws;
 }
@@ -154,6 +175,8 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
     *ws_pointer = NULL;
     if (!ws)
         return;
+    if (ws->participant)
+        count_end(ws, SRV_COUNT_END_LOST);
     srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
     wslay_event_context_free(ws->context);
     free(ws->scratch);
@@ -167,6 +190,7 @@ static void refuse_frame(struct srv_ws *ws) {
                                      WSLAY_CODE_PROTOCOL_ERROR & 255 };
     ws->closing = true;
     ws->close_ms = ws->now_ms;
+    count_end(ws, SRV_COUNT_END_PROTOCOL);
     sp_log(SP_LOG_WARN, "stream of %s closed: a frame against RFC 6455", ws->peer);
     if (wslay_event_get_queued_msg_count(ws->context) > 1)
         return;
@@ -190,6 +214,9 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
     if (!ws->closing && !wslay_event_want_read(ws->context)) {
         ws->closing = true;
         ws->close_ms = now_ms;
+        count_end(ws, wslay_event_get_close_received(ws->context) ? SRV_COUNT_END_CLOSED
+                      : ws->end_of_file                           ? SRV_COUNT_END_LOST
+                                                                  : SRV_COUNT_END_PROTOCOL);
         sp_log(SP_LOG_DEBUG, "stream of %s ends with %u", ws->peer,
                wslay_event_get_status_code_received(ws->context));
     }
@@ -228,6 +255,7 @@ static bool pull(struct srv_ws *ws) {
         break;
     case SRV_MESSAGE_FRAME:
         ok = queue_frame(ws, &message);
+        ws->frame_ms = srv_clock_ms();
         srv_blob_unref(&message.blob);
         break;
     case SRV_MESSAGE_CLOSE:
@@ -243,6 +271,10 @@ void srv_ws_write(struct srv_ws *ws, double now_ms) {
     ws->now_ms = now_ms;
     for (int i = 0; i < MESSAGES_BUDGET && !ws->broken; i++) {
         bool empty = wslay_event_get_queued_msg_count(ws->context) == 0;
+        if (empty && ws->frame_ms > 0) {
+            srv_metrics_time(ws->options.metrics, SRV_TIME_SEND, srv_clock_ms() - ws->frame_ms);
+            ws->frame_ms = 0;
+        }
         if (empty && !ws->closing) {
             ws->progress_ms = now_ms;
             if (!pull(ws))
@@ -274,6 +306,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
         now_ms - ws->progress_ms > ws->options.stall_ms) {
         sp_log(SP_LOG_WARN, "stream of %s dropped: it took no data for %.1f s (--stall-time)",
                ws->peer, ws->options.stall_ms / 1000);
+        count_end(ws, SRV_COUNT_END_STALLED);
         ws->broken = true;
     } else if (oldest_ms > 0 && now_ms - oldest_ms > ws->options.stall_ms) {
         srv_ws_close(ws, WSLAY_CODE_POLICY_VIOLATION,
@@ -281,6 +314,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     } else if (now_ms - ws->heard_ms > 3 * ws->options.ping_ms) {
         sp_log(SP_LOG_WARN, "stream of %s dropped: silent for %.1f s (3 times --ping-time)",
                ws->peer, 3 * ws->options.ping_ms / 1000);
+        count_end(ws, SRV_COUNT_END_SILENT);
         ws->broken = true;
     } else if (now_ms - fmax(ws->heard_ms, ws->pinged_ms) > ws->options.ping_ms) {
         struct wslay_event_msg out = { .opcode = WSLAY_PING };

@@ -27,6 +27,7 @@ struct srv_ws_transport { /* like recv() and send() on a non-blocking socket, wi
 
 struct srv_ws_options {
     struct srv_hub *hub;
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
     const char *session;
     enum srv_role role;
     void *user;       /* what srv_hub_take_ready() returns for it */

@@ -268,7 +268,7 @@ static char *resolve(const struct srv_catalog *catalog, const struct srv_volume_
         sp_fail(err, SP_ERR_NOT_FOUND, path, "cannot open the volume: %s", strerror(errno));
     /* What lies outside the folder is refused alike, whether it exists or not. */
     else if (!real)
-        sp_fail(err, errno == ENOENT || errno == ENOTDIR ? SP_ERR_NOT_FOUND : SP_ERR_IO, "/path",
+        sp_fail(err, errno == ENOMEM ? SP_ERR_MEMORY : SP_ERR_NOT_FOUND, "/path",
                 "there is no such file below the data folder");
     else if (request->confined && !(strncmp(real, catalog->data, length) == 0 &&
                                     (real[length] == '/' || catalog->data[length - 1] == '/'))) {
@@ -355,6 +355,11 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         link = &(*link)->next;
     *link = v;
     catalog->count++;
+    struct srv_volume_request kept = {
+        .source = v->source, .id = v->id, .name = v->name, .confined = request->confined
+    };
+    if (catalog->options.keep && !request->is_kept)
+        catalog->options.keep(catalog->options.user, v->id, &kept);
     return v;
 }
 
@@ -368,6 +373,9 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
                        SP_NAME_BYTES - 1);
     struct sp_error why = { .code = SP_OK };
     char *source = resolve(catalog, request, &why);
+    bool is_lost = !source && why.code != SP_OK && request->is_kept;
+    if (is_lost)
+        source = strdup(request->source);
     if (!source) {
         if (why.code == SP_OK)
             sp_fail(&why, SP_ERR_MEMORY, NULL, "no memory for a path");
@@ -389,7 +397,8 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
     }
     if (!*existed) {
         v->confined = request->confined && strncmp(v->source, "demo:", 5) != 0;
-        v->state = SRV_VOLUME_LOADING;
+        v->state = is_lost ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
+        v->error = why;
         v->progress = 0;
         v->identity = ++catalog->next_identity;
         pthread_cond_signal(&catalog->changed);
@@ -418,6 +427,8 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
                          : sp_fail(err, SP_ERR_INVALID, NULL, "the volume is still loading");
     } else {
         *link = v->next;
+        if (catalog->options.keep)
+            catalog->options.keep(catalog->options.user, v->id, NULL);
         catalog->count--;
         catalog->used_bytes -= v->reserved_bytes;
     }
@@ -443,6 +454,8 @@ static void status_of(const struct srv_volume *v, struct srv_volume_status *stat
     status->error = v->error;
     status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
     status->derived_bytes = 0;
+    status->voxel_bytes = v->reserved_bytes;
+    memcpy(status->derived_of, v->derived_bytes, sizeof status->derived_of);
     for (int l = 0; l < SRV_RENDERERS; l++)
         status->derived_bytes += v->derived_bytes[l];
     status->uses = v->uses;
@@ -528,6 +541,12 @@ void srv_catalog_release(void *user, void *volume) {
 void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
     (void)user;
     *view = ((struct srv_volume *)volume)->view;
+}
+
+void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                      const double at[2], struct sp_pick *pick) {
+    (void)user;
+    sp_pick_at(((struct srv_volume *)volume)->volume, view, size, at, pick);
 }
 
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {

@@ -14,14 +14,24 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "sp/pick.h"
 #include "sp/view.h"
 #include "sp/volume.h"
 
 struct srv_catalog;
 struct srv_volume;
 
+enum { SRV_RENDERERS = 2 };
+
 enum srv_volume_state { SRV_VOLUME_LOADING, SRV_VOLUME_READY, SRV_VOLUME_FAILED };
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", "failed" */
+
+struct srv_volume_request {
+    const char *source;    /* a path or "demo:…" */
+    const char *id, *name; /* NULL = from the source */
+    bool confined;         /* a path must lie below the data folder */
+    bool is_kept;          /* of an earlier run: if it cannot be found there is a failed entry */
+};
 
 struct srv_catalog_options {
     uint64_t memory_bytes; /* budget for voxels */
@@ -31,6 +41,9 @@ struct srv_catalog_options {
     /* From the load thread, and "unloaded" from srv_catalog_remove; must not call the catalog. */
     void (*progress)(void *user, const char *id, const char *state, double progress,
                      const char *reason);
+    /* There is an entry of this id from now on, with its resolved source, or (NULL) none any more.
+     * With a lock held: must not call the catalog. NULL = nothing is kept. */
+    void (*keep)(void *user, const char *id, const struct srv_volume_request *request);
     /* The entry is gone: forget what was derived; the callee unrefs. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };
@@ -43,11 +56,6 @@ void srv_catalog_destroy(struct srv_catalog **catalog);
  * from one thread. */
 void srv_catalog_stop(struct srv_catalog *catalog);
 
-struct srv_volume_request {
-    const char *source;    /* a path or "demo:…" */
-    const char *id, *name; /* NULL = from the source */
-    bool confined;         /* a path must lie below the data folder */
-};
 /* Queues a load. *id_out gets the entry's id; *existed is true if the source was there already (a
  * failed one is tried again). SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (id; place is
  * the JSON pointer), SP_ERR_BUDGET (too many entries). *conflict: the id belongs to another
@@ -66,7 +74,9 @@ struct srv_volume_status {
     double progress;
     struct sp_error error;    /* of a failed load */
     struct sp_volume *volume; /* a reference of the caller's if ready, else NULL */
-    uint64_t derived_bytes;   /* kept by the renderer */
+    uint64_t voxel_bytes;     /* reserved for it */
+    uint64_t derived_bytes;   /* kept by the renderers */
+    uint64_t derived_of[SRV_RENDERERS];
     unsigned uses;
 };
 /* Entry i in the order of adding; false past the end. Or by id. Unref status->volume. */
@@ -80,9 +90,10 @@ void *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
 void *srv_catalog_ref(void *catalog, void *volume);
 void srv_catalog_release(void *catalog, void *volume);
 void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
+void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
+                      const uint32_t size[2], const double at[2], struct sp_pick *pick);
 
 /* Of a used volume: the voxels (as long as the use), and a number that no other load ever had. */
-enum { SRV_RENDERERS = 2 };
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 uint64_t srv_volume_identity(const struct srv_volume *volume);
 /* What renderer `lane` < SRV_RENDERERS keeps of the volume. */

@@ -11,6 +11,7 @@
 
 #include "clock.h"
 #include "render/flights.h"
+#include "render/video.h"
 #include "sp/log.h"
 
 enum {
@@ -26,6 +27,7 @@ enum {
 struct still_item {
     struct still_item *next;
     struct srv_still still;
+    double queued_ms; /* since when it waits */
 };
 struct forget_item {
     struct forget_item *next;
@@ -74,6 +76,7 @@ struct srv_scheduler {
     pthread_t encode_threads[ENCODE_THREADS_MAX];
     unsigned encode_thread_count;
     struct sp_encoder *encoders[ENCODE_THREADS_MAX];
+    struct srv_videos *videos;
 };
 
 struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *options,
@@ -95,7 +98,8 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
         pthread_cond_init(&s->lanes[l].wake, &monotonic);
     pthread_cond_init(&s->encode, NULL);
     pthread_condattr_destroy(&monotonic);
-    bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL;
+    bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL &&
+              (s->videos = srv_videos_create(options->metrics, err)) != NULL;
     for (unsigned i = 0; ok && i < options->encode_threads; i++)
         ok = (s->encoders[i] = sp_encoder_create(err)) != NULL;
     if (!ok) {
@@ -128,6 +132,8 @@ static void still_answer(struct srv_scheduler *s, struct still_item *item,
 
 static void still_fail(struct srv_scheduler *s, struct still_item *item,
                        const struct sp_error *err) {
+    srv_metrics_add(s->options.metrics,
+                    err->code == SP_ERR_CANCELLED ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED, 1);
     struct srv_still_result result = { .ok = false, .err = *err };
     still_answer(s, item, &result);
 }
@@ -163,6 +169,18 @@ static void job_fail(struct srv_scheduler *s, struct srv_job *job, const struct 
 
 /* The encode threads. */
 
+static double stage_ms(const struct sp_frame_stats *stats, const char *name) {
+    for (uint32_t i = 0; i < stats->stage_count; i++)
+        if (strcmp(stats->stages[i].name, name) == 0)
+            return stats->stages[i].ms;
+    return 0;
+}
+
+static void count_render(struct srv_scheduler *s, const struct sp_frame_stats *stats) {
+    srv_metrics_time(s->options.metrics, SRV_TIME_RENDER, stats->render_ms);
+    srv_metrics_time(s->options.metrics, SRV_TIME_READBACK, stage_ms(stats, "resolve"));
+}
+
 static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work) {
     struct srv_still_result result = { .stats = work->frame->stats };
     const struct srv_still *still = &work->still->still;
@@ -170,6 +188,9 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder, st
     result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
                           &result.size, &result.err);
     result.encode_ms = srv_clock_ms() - start_ms;
+    count_render(s, &work->frame->stats);
+    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
+    srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
     still_answer(s, work->still, &result);
 }
 
@@ -179,9 +200,15 @@ static uint8_t codec_of(enum sp_image_format format) {
                                      : PROTO_CODEC_JPEG;
 }
 
-/* Encodes once for all targets with the format and quality of target `first`. */
+static bool is_like(const struct srv_target *a, const struct srv_target *b) {
+    return a->format == b->format && a->quality == b->quality;
+}
+
+/* Encodes once for all targets of the set `stills` with the format and quality of the first. Takes
+ * them out of the set. */
 static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work,
-                         uint32_t first, double *encode_ms, struct sp_error *err) {
+                         uint64_t *stills, double *encode_ms, struct sp_error *err) {
+    uint32_t first = (uint32_t)__builtin_ctzll(*stills);
     struct srv_job *job = work->job;
     const struct srv_target *like = &job->targets[first];
     const uint8_t *bytes;
@@ -191,6 +218,7 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
         return false;
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
+    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, took_ms);
     struct srv_blob *blob = srv_blob_create(bytes, size);
     if (!blob)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoded frame of %zu bytes",
@@ -204,18 +232,12 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
         .encode_us = (uint32_t)(took_ms * 1000),
     };
     for (uint32_t i = first; i < job->target_count; i++)
-        if (job->targets[i].format == like->format && job->targets[i].quality == like->quality)
+        if (*stills >> i & 1 && is_like(&job->targets[i], like)) {
             srv_hub_deliver(s->hub, job, i, &header, blob);
+            *stills &= ~(UINT64_C(1) << i);
+        }
     srv_blob_unref(&blob);
     return true;
-}
-
-/* Classification is kept until the volume or the transfer function changes. */
-static double once_ms(const struct sp_frame_stats *stats) {
-    for (uint32_t i = 0; i < stats->stage_count; i++)
-        if (strcmp(stats->stages[i].name, "classify") == 0)
-            return stats->stages[i].ms;
-    return 0;
 }
 
 /* An encoder cannot be stopped: look before each. */
@@ -231,21 +253,21 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
                                      .height = work->frame->height,
                                      .coarse = work->frame->stats.coarse,
                                      .render_ms = work->frame->stats.render_ms,
-                                     .once_ms = once_ms(&work->frame->stats),
+                                     /* Classification is kept until the volume or the transfer
+                                        function changes. */
+                                     .once_ms = stage_ms(&work->frame->stats, "classify"),
                                      .splats = work->frame->stats.splats,
                                      .visible_voxels = work->frame->stats.visible_voxels,
                                      .again = work->again };
     struct sp_error err = { .code = SP_OK };
-    bool ok = true;
-    for (uint32_t i = 0; ok && i < job->target_count; i++) {
-        bool done = false;
-        for (uint32_t j = 0; j < i && !done; j++)
-            done = job->targets[j].format == job->targets[i].format &&
-                   job->targets[j].quality == job->targets[i].quality;
-        if (!done)
-            ok = still_wanted(s, job, &err) &&
-                 encode_group(s, encoder, work, i, &result.encode_ms, &err);
-    }
+    bool ok = still_wanted(s, job, &err);
+    if (!work->again)
+        count_render(s, &work->frame->stats);
+    uint64_t stills =
+        ok ? srv_videos_encode(s->videos, s->hub, job, work->frame, &result.encode_ms) : 0;
+    while (ok && stills)
+        ok = still_wanted(s, job, &err) &&
+             encode_group(s, encoder, work, &stills, &result.encode_ms, &err);
     if (!ok) {
         job_fail(s, job, &err, 0);
         return;
@@ -438,6 +460,7 @@ static void render_still(struct srv_scheduler *s, struct still_item *item) {
     struct lane *lane = &s->lanes[STILLS];
     struct sp_error err = { .code = SP_OK };
     struct sp_frame *frame = NULL;
+    srv_metrics_time(s->options.metrics, SRV_TIME_QUEUE, srv_clock_ms() - item->queued_ms);
     enum sp_pixel_format format =
         sp_image_format_info(item->still.format)->wants_float ? SP_RGBAF32 : SP_RGBA8;
     if (!lane->renderer)
@@ -626,6 +649,7 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
     }
     for (unsigned i = 0; i < s->options.encode_threads; i++)
         sp_encoder_destroy(&s->encoders[i]);
+    srv_videos_destroy(&s->videos);
     sp_frame_pool_destroy(&s->pool);
     pthread_cond_destroy(&s->encode);
     pthread_mutex_destroy(&s->mutex);
@@ -644,7 +668,7 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
                      "%u renders wait already and --render-queue allows %u; try again later",
                      s->still_waiting, s->options.queue_max);
     if (ok) {
-        *item = (struct still_item){ .still = *still };
+        *item = (struct still_item){ .still = *still, .queued_ms = srv_clock_ms() };
         *s->still_tail = item;
         s->still_tail = &item->next;
         s->still_waiting++;
@@ -681,6 +705,7 @@ void srv_scheduler_tick(struct srv_scheduler *s) {
     srv_flights_tick(&s->flights, srv_clock_ms());
     pthread_mutex_unlock(&s->mutex);
     fail_all(s, gone, "who asked for this picture has left");
+    srv_videos_tick(s->videos, srv_clock_ms());
 }
 
 void srv_scheduler_info(struct srv_scheduler *s, struct sp_renderer_info *streams,

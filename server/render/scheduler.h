@@ -56,7 +56,8 @@ struct srv_still {
 
 struct srv_scheduler_options {
     struct srv_catalog *catalog;
-    unsigned queue_max; /* stills that wait */
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
+    unsigned queue_max;          /* stills that wait */
     unsigned encode_threads;
     struct sp_renderer_options
         stills; /* of the still lane's renderer; strings outlive the scheduler */

@@ -39,6 +39,7 @@ void srv_hub_destroy(struct srv_hub **hub_pointer) {
         hub->sessions = session->next;
         session_free(hub, session);
     }
+    srv_hub_free_sleepers(hub);
     pthread_mutex_destroy(&hub->mutex);
     free(hub);
 }
@@ -47,6 +48,8 @@ struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, struct sp_
     for (struct srv_session *s = hub->sessions; s; s = s->next)
         if (strcmp(s->id, id) == 0)
             return s;
+    if (srv_hub_is_asleep(hub, id, err))
+        return NULL;
     sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
     return NULL;
 }
@@ -72,16 +75,18 @@ void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint6
             srv_hub_note(hub, p, notes);
 }
 
-bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *patch, struct sp_view *view,
-                          void **volume, struct sp_error *err) {
+bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
+                          struct sp_view *view, void **volume, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
-    const char *id = patch ? proto_view_volume(patch) : NULL;
+    const char *of_base = base ? proto_view_volume(base) : NULL;
+    const char *id = of_base || !patch ? of_base : proto_view_volume(patch);
     *volume = source->acquire(source->user, id, err);
     if (!*volume)
         return false;
     source->default_view(source->user, *volume, view);
     struct sp_view defaults = *view;
-    if ((!patch || proto_view_apply(patch, &defaults, view, err)) &&
+    if ((!base || proto_view_apply(base, &defaults, view, err)) &&
+        (!patch || proto_view_apply(patch, &defaults, view, err)) &&
         (!hub->options.supports || hub->options.supports(hub->options.user, view, err)))
         return true;
     source->release(source->user, *volume);
@@ -125,6 +130,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     session->version++;
     session->changed_by = by;
     session->changed_ms = now_ms;
+    srv_hub_unsaved(hub);
     srv_hub_note_others(hub, session, by, SRV_NOTE_VIEW);
     /* Of another volume's picture nothing is of use to the next one. */
     bool useless = volume && !session->must_finish;
@@ -144,9 +150,19 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
         size[i] = participant->size[0] ? participant->size[i] : session->view.size[i];
 }
 
+void srv_hub_unsaved(struct srv_hub *hub) {
+    if (hub->options.changed)
+        hub->options.changed(hub->options.user);
+}
+
+static void ended(struct srv_hub *hub, const char *id) {
+    if (hub->options.ended)
+        hub->options.ended(hub->options.user, id);
+}
+
 static proto_json *encode_session(const struct srv_session *session, bool with_tokens,
                                   struct sp_error *err) {
-    proto_json *json = proto_json_object(), *list = proto_json_array();
+    proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "id", session->id);
     if (with_tokens) {
         proto_json *tokens = proto_json_object();
@@ -155,14 +171,10 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
         ok = proto_json_set(json, "tokens", tokens) && ok;
     }
     ok = proto_json_set(json, "view", proto_view_encode(&session->view)) && ok;
-    for (const struct srv_participant *p = session->participants; p; p = p->next) {
-        proto_json *one = proto_json_object();
-        ok = proto_json_set_integer(one, "id", (int64_t)p->id) && ok;
-        ok = proto_json_set_string(one, "role", p->role == SRV_ROLE_CONTROL ? "control" : "view") &&
-             ok;
-        ok = proto_json_append(list, one) && ok;
-    }
-    ok = proto_json_set(json, "participants", list) && ok;
+    ok = (session->holder ? proto_json_set_integer(json, "holder", (int64_t)session->holder->id)
+                          : proto_json_set_null(json, "holder")) &&
+         ok;
+    ok = proto_json_set(json, "participants", srv_hub_encode_participants(session)) && ok;
     if (!ok) {
         proto_json_free(&json);
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
@@ -170,17 +182,27 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
     return json;
 }
 
-static bool session_add(struct srv_hub *hub, struct srv_session *session, struct sp_error *err) {
-    if (hub->draining)
-        return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
-    if (hub->session_count >= hub->options.sessions_max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are open and --sessions allows %u; try again later",
-                       hub->session_count, hub->options.sessions_max);
+void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    session->version = session->cold_version = session->next_guest = 1;
+    session->changed_ms = session->empty_ms = now_ms;
+    srv_pace_init(&session->pace);
     session->number = ++hub->next_number;
     session->next = hub->sessions;
     hub->sessions = session;
     hub->session_count++;
+}
+
+static bool session_add(struct srv_hub *hub, struct srv_session *session, double now_ms,
+                        struct sp_error *err) {
+    if (hub->draining)
+        return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
+    unsigned count = hub->session_count + hub->sleeper_count;
+    if (count >= hub->options.sessions_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions are open and --sessions allows %u; try again later", count,
+                       hub->options.sessions_max);
+    srv_hub_link_session(hub, session, now_ms);
+    srv_hub_unsaved(hub);
     return true;
 }
 
@@ -191,19 +213,16 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
         return NULL;
     }
-    if (!srv_hub_resolve_view(hub, patch, &session->view, &session->volume, err)) {
+    if (!srv_hub_resolve_view(hub, NULL, patch, &session->view, &session->volume, err)) {
         free(session);
         return NULL;
     }
-    session->version = session->cold_version = 1;
-    session->changed_ms = session->empty_ms = now_ms;
-    srv_pace_init(&session->pace);
     proto_json *json = NULL;
     pthread_mutex_lock(&hub->mutex);
     bool ok = srv_secret_hex(session->id, sizeof session->id - 1, err) &&
               srv_secret_hex(session->tokens[0], SRV_TOKEN_DIGITS, err) &&
               srv_secret_hex(session->tokens[1], SRV_TOKEN_DIGITS, err) &&
-              (json = encode_session(session, true, err)) && session_add(hub, session, err);
+              (json = encode_session(session, true, err)) && session_add(hub, session, now_ms, err);
     if (ok)
         memcpy(id, session->id, sizeof session->id);
     pthread_mutex_unlock(&hub->mutex);
@@ -244,6 +263,7 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
         link = &(*link)->next;
     *link = session->next;
     hub->session_count--;
+    ended(hub, session->id);
     srv_hub_abandon(hub, session);
     while (session->participants) {
         struct srv_participant *p = session->participants;
@@ -259,20 +279,27 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, err);
+    bool found = session || srv_hub_forget_sleeper(hub, id);
     if (session)
         session_remove(hub, session);
+    else if (found)
+        ended(hub, id);
     pthread_mutex_unlock(&hub->mutex);
-    return session != NULL;
+    return found;
 }
 
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
+    const struct srv_session *session = srv_hub_find(hub, id, err);
+    const char *tokens[2];
+    for (int r = 0; r < 2; r++)
+        tokens[r] =
+            session ? session->tokens[r] : srv_hub_sleeping_token(hub, id, (enum srv_role)r);
     bool ok = false;
-    if (session) {
-        bool control = srv_secret_equal(session->tokens[SRV_ROLE_CONTROL], token);
-        bool view = srv_secret_equal(session->tokens[SRV_ROLE_VIEW], token);
+    if (tokens[0]) {
+        bool control = srv_secret_equal(tokens[SRV_ROLE_CONTROL], token);
+        bool view = srv_secret_equal(tokens[SRV_ROLE_VIEW], token);
         *role = control ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
         ok = control || view ||
              sp_fail(err, SP_ERR_DENIED, NULL,
@@ -288,8 +315,10 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     for (struct srv_session *s = hub->sessions, *next; s; s = next) {
         next = s->next;
         double left = s->empty_ms + hub->options.session_idle_ms - now_ms;
-        if (s->participant_count > 0)
+        if (s->participant_count > 0) {
+            wait = fmin(wait, srv_control_tick(hub, s, now_ms));
             continue;
+        }
         if (left <= 0) {
             sp_log(SP_LOG_INFO, "session %s ended: nobody joined for %.0f s (--session-time)",
                    s->id, hub->options.session_idle_ms / 1000);
@@ -303,8 +332,10 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms) {
 }
 
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason) {
+                             double progress, const char *reason, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
+    if (strcmp(state, "ready") == 0)
+        srv_hub_wake(hub, id, now_ms);
     struct srv_volume_note *note = NULL;
     for (unsigned i = 0; i < hub->volume_count; i++)
         if (strcmp(hub->volumes[i].id, id) == 0)
@@ -344,9 +375,13 @@ void srv_hub_drain(struct srv_hub *hub) {
     pthread_mutex_unlock(&hub->mutex);
 }
 
-size_t srv_hub_session_count(struct srv_hub *hub) {
+void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers) {
+    *numbers = (struct srv_hub_numbers){ .sessions = 0 };
     pthread_mutex_lock(&hub->mutex);
-    size_t count = hub->session_count;
+    numbers->sessions = hub->session_count;
+    numbers->asleep = hub->sleeper_count;
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        for (const struct srv_participant *p = s->participants; p; p = p->next)
+            numbers->participants[p->role]++;
     pthread_mutex_unlock(&hub->mutex);
-    return count;
 }

@@ -22,18 +22,21 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "metrics.h"
 #include "protocol/json.h"
 #include "secret.h"
 #include "session/outbox.h"
 #include "session/pace.h"
 #include "sp/encode.h"
+#include "sp/pick.h"
+#include "sp/video.h"
 #include "sp/view.h"
 
 struct srv_hub;
 struct srv_participant;
 
 enum srv_role { SRV_ROLE_VIEW, SRV_ROLE_CONTROL };
-enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17 };
+enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17, SRV_PERSON_BYTES = 65 };
 
 /* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
 struct srv_volume_source {
@@ -44,6 +47,9 @@ struct srv_volume_source {
     void *(*ref)(void *user, void *volume);
     void (*release)(void *user, void *volume);
     void (*default_view)(void *user, void *volume, struct sp_view *view);
+    /* As sp_pick_at(); called without the hub's lock. */
+    void (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                 const double at[2], struct sp_pick *pick);
 };
 
 enum srv_interrupt { SRV_NEWER_VIEW, SRV_UNWANTED };
@@ -52,14 +58,19 @@ struct srv_hub_options {
     struct srv_volume_source volumes;
     unsigned sessions_max, participants_max; /* the latter a session, [1, SRV_PARTICIPANTS_MAX] */
     double session_idle_ms;                  /* a session without participants ends after this */
+    double control_ms;   /* a request for control that nobody answers is granted after this */
     double rest_ms;      /* a view that did not change for this long is refined, step by step */
     size_t stream_bytes; /* byte cap on the frames on their way to one client */
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*work)(void *user);  /* there may be something to render */
     void (*ready)(void *user); /* some participant has something to send */
     /* What is being rendered for this session is no longer what it wants (struct srv_job says when
      * it may be given up), or nobody wants it at all. */
     void (*interrupt)(void *user, uint64_t session, enum srv_interrupt why);
+    /* There is something to save, or nothing of this session any more. NULL = nothing is kept. */
+    void (*changed)(void *user);
+    void (*ended)(void *user, const char *id);
     /* Can it be drawn? NULL = everything can. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -70,10 +81,11 @@ void srv_hub_destroy(struct srv_hub **hub);
 
 /* Sessions (any thread); JSON answers are owned by the caller, NULL with *err set. */
 
-/* The view that a patch makes: defaults of its volume, then the patch; NULL or an empty object is
- * the default view of the first volume. *volume is acquired. Also used for renders by HTTP. */
-bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *patch, struct sp_view *view,
-                          void **volume, struct sp_error *err);
+/* The view that `base` and then `patch` make of the defaults of the volume that `base`, or else
+ * `patch`, names. NULL or an empty object changes nothing; without a volume it is the first one.
+ * *volume is acquired. For what comes by HTTP. */
+bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
+                          struct sp_view *view, void **volume, struct sp_error *err);
 
 /* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
@@ -91,17 +103,35 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
                        struct sp_error *err);
 /* Could one more participant join now? SP_ERR_NOT_FOUND, SP_ERR_BUDGET. */
 bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err);
-/* Ends idle sessions; returns when to call again, in ms from now (at most 1000). */
+/* Ends idle sessions and passes control on; returns when to call again, in ms from now (at most
+ * 1000). */
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
 /* Tells all participants: a volume's state ("loading", "ready", "failed", "unloaded"), progress in
  * [0,1], and the reason of a failure ("" = none). Who joins later hears nothing of an unloaded one.
  */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason);
+                             double progress, const char *reason, double now_ms);
+
+/* Keeping (any thread). */
+
+/* Calls save() with what is to be kept of each session that changed since; it must not call the
+ * hub. False: save() failed, or memory was out; call again later. */
+bool srv_hub_save(struct srv_hub *hub,
+                  bool (*save)(void *user, const char *id, const char *text, size_t size),
+                  void *user);
+/* A session as it was saved. It is there again when its volume is told to be ready; until then who
+ * asks for it gets SP_ERR_TIMEOUT with what it waits for. SP_ERR_FORMAT if it is none. */
+bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
+                     struct sp_error *err);
+
 /* What the status line of clients shows besides the frame's own numbers; all are told at once. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 void srv_hub_drain(struct srv_hub *hub);
-size_t srv_hub_session_count(struct srv_hub *hub);
+struct srv_hub_numbers {
+    unsigned sessions, asleep; /* asleep: of an earlier run, waiting for their volumes */
+    unsigned participants[2];  /* by role */
+};
+void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers);
 
 /* Participants (stream thread). */
 
@@ -141,6 +171,7 @@ struct srv_target {
     uint64_t participant;
     uint32_t seq;
     enum sp_image_format format;
+    enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = a still */
     int quality;
     bool final; /* the full picture in the granted quality: nothing follows */
 };
@@ -159,6 +190,7 @@ struct srv_job {
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */
     unsigned coarse;      /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];     /* size at rest */
     struct sp_view view;  /* with the size to render */
     void *volume;         /* a use of its own */
     uint32_t target_count;
@@ -181,6 +213,26 @@ bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
  * rest is filled in. */
 void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                      const struct proto_frame_header *header, struct srv_blob *blob);
+
+/* Video (render/video.h has the law). Which frame of a video it is: `number` since the key frame
+ * that began the epoch. Epochs are unique and never 0. */
+struct srv_video_mark {
+    uint64_t epoch;
+    uint32_t number;
+};
+enum srv_video_claim {
+    SRV_VIDEO_NONE,  /* takes nothing of this job: it left, got a newer frame, or its last one still
+                        waits for the socket; then it wants a newer one afterwards */
+    SRV_VIDEO_DELTA, /* has all frames up to `next` */
+    SRV_VIDEO_KEY    /* needs a key frame */
+};
+enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                                         const struct srv_video_mark *next);
+/* As srv_hub_deliver(), of the frame `mark`; number 0 is a key frame. Does nothing for who can no
+ * longer use it. */
+void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                           const struct proto_frame_header *header, struct srv_blob *blob,
+                           const struct srv_video_mark *mark);
 /* Every job ends with exactly one of these, which also releases its volume. */
 void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
                       const struct srv_job_result *result);

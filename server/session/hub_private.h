@@ -19,7 +19,8 @@ enum srv_note { /* what a participant has not been told yet */
                 SRV_NOTE_STATS = 4,
                 SRV_NOTE_ERROR = 8,
                 SRV_NOTE_DRAINING = 16,
-                SRV_NOTE_CLOSE = 32
+                SRV_NOTE_CLOSE = 32,
+                SRV_NOTE_CONTROL = 64
 };
 
 enum { SRV_HUB_VOLUMES = 64 }; /* volumes whose progress is remembered for notifications */
@@ -30,7 +31,12 @@ struct srv_participant {
     void *user;  /* constant */
     uint64_t id; /* constant */
     enum srv_role role;
-    bool is_ready; /* in the hub's ready list */
+    char name[SRV_PERSON_BYTES]; /* UTF-8; never empty */
+    unsigned color;              /* of the palette */
+    uint64_t asked;              /* for control, in the order of requests; 0 = does not */
+    double asked_ms;             /* since when the holder has not answered */
+    double picked_ms;            /* the share of picks is used up to here */
+    bool is_ready;               /* in the hub's ready list */
     unsigned notes;
     uint64_t volume_told;  /* hub->volume_clock up to which progress was told */
     uint64_t volume_start; /* hub->volume_clock when it joined */
@@ -39,6 +45,8 @@ struct srv_participant {
     const char *close_reason;
 
     enum sp_image_format format;
+    enum sp_video_codec video;  /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
+    struct srv_video_mark mark; /* of the frame that it can take next; epoch 0 = a key frame */
     int quality, max_fps;
     bool progressive, lossless;
     uint32_t size[2]; /* 0 = the view's */
@@ -64,8 +72,9 @@ struct srv_session {
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
     struct sp_view view;
     void *volume;
-    uint64_t version;    /* of the view, from 1 */
-    uint64_t changed_by; /* participant; 0 = HTTP */
+    uint64_t version;       /* of the view, from 1 */
+    uint64_t saved_version; /* that was saved last */
+    uint64_t changed_by;    /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
     struct srv_pace pace;
     /* The view in which the volume or the transfer function changed last, and the newest one that
@@ -76,7 +85,9 @@ struct srv_session {
     struct srv_job_result last;
     double frame_ms; /* mean time between jobs, for fps; 0 = none */
     struct srv_participant *participants;
+    struct srv_participant *holder; /* of control; NULL = nobody */
     unsigned participant_count;
+    unsigned next_guest; /* number of the next one's name */
 };
 
 struct srv_volume_note {
@@ -91,7 +102,9 @@ struct srv_hub {
     pthread_mutex_t mutex;
     struct srv_session *sessions;
     unsigned session_count;
-    uint64_t next_number, next_participant, next_order;
+    struct srv_sleeper *sleepers; /* keep.c */
+    unsigned sleeper_count;
+    uint64_t next_number, next_participant, next_order, next_request;
     struct srv_participant *ready_head, *ready_tail;
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];
     unsigned volume_count;
@@ -109,6 +122,34 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
                    uint64_t by, double now_ms, struct sp_error *err);
 /* Nobody looks at the session any more: what is rendered for it is given up. */
 void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session);
+/* A session that is complete but for the numbers that every new one has. */
+void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* There is something that srv_hub_save() would save. */
+void srv_hub_unsaved(struct srv_hub *hub);
+
+/* Sessions of an earlier run that wait for their volume (keep.c). */
+
+/* True: there is one of that id, and *err says what it waits for. */
+bool srv_hub_is_asleep(struct srv_hub *hub, const char *id, struct sp_error *err);
+/* NULL: there is none. Lives as long as it sleeps. */
+const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv_role role);
+void srv_hub_wake(struct srv_hub *hub, const char *volume, double now_ms);
+bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
+void srv_hub_free_sleepers(struct srv_hub *hub);
+
+/* {"id", "role", "name", "color"} of each. NULL when out of memory. */
+proto_json *srv_hub_encode_participants(const struct srv_session *session);
+
+/* Control (control.c). A participant goes: it is no longer in the list. */
+void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
+                       const struct srv_participant *p, double now_ms);
+/* Does it hold control, or take it because nobody does? */
+bool srv_control_take(struct srv_hub *hub, struct srv_participant *p, double now_ms);
+/* Passes control on when it is time; ms until it is next, INFINITY = not by time. */
+double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* The notification session.control; malloc'ed. */
+char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *to, double now_ms,
+                       size_t *size);
 /* The size that a participant wants. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);

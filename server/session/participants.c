@@ -4,6 +4,7 @@
  */
 #include <assert.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,6 +12,22 @@
 #include "session/hub_private.h"
 
 enum { QUALITY_DEFAULT = 90, FPS_DEFAULT = 30 };
+
+/* Colours of participants, told apart also by most who see fewer (Okabe and Ito 2008), readable on
+ * dark ground. */
+static const char *const palette[] = { "#56b4e9", "#e69f00", "#009e73", "#f0e442",
+                                       "#cc79a7", "#d55e00", "#3d8ee0", "#cccccc" };
+enum { COLORS = sizeof palette / sizeof *palette };
+
+/* The first of those that the fewest others have. */
+static unsigned free_color(const struct srv_session *session) {
+    unsigned uses[COLORS] = { 0 }, best = 0;
+    for (const struct srv_participant *p = session->participants; p; p = p->next)
+        uses[p->color]++;
+    for (unsigned i = 1; i < COLORS; i++)
+        best = uses[i] < uses[best] ? i : best;
+    return best;
+}
 
 static bool has_room(const struct srv_hub *hub, const struct srv_session *session,
                      struct sp_error *err) {
@@ -38,6 +55,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->user = user;
     p->role = role;
     p->format = SP_IMAGE_JPEG;
+    p->video = SP_VIDEO_CODEC_COUNT;
     p->quality = QUALITY_DEFAULT;
     p->max_fps = FPS_DEFAULT;
     p->progressive = true;
@@ -52,11 +70,14 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         p->id = ++hub->next_participant;
         p->session = session;
         p->volume_start = hub->volume_clock;
+        p->color = free_color(session);
+        snprintf(p->name, sizeof p->name, "Guest %u", session->next_guest++);
         p->next = session->participants;
         session->participants = p;
         session->participant_count++;
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
-        srv_hub_note(hub, p, SRV_NOTE_VIEW | (hub->draining ? SRV_NOTE_DRAINING : 0));
+        srv_hub_note(hub, p,
+                     SRV_NOTE_VIEW | SRV_NOTE_CONTROL | (hub->draining ? SRV_NOTE_DRAINING : 0));
         hub->options.work(hub->options.user);
     }
     pthread_mutex_unlock(&hub->mutex);
@@ -99,6 +120,7 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
         if (session->participant_count == 0)
             srv_hub_abandon(hub, session);
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
+        srv_control_leave(hub, session, p, now_ms);
     }
     pthread_mutex_unlock(&hub->mutex);
     srv_outbox_finish(&p->outbox);
@@ -114,18 +136,27 @@ void *srv_hub_take_ready(struct srv_hub *hub) {
     return p ? p->user : NULL;
 }
 
-static char *text_of_participants(const struct srv_participant *to, size_t *size) {
-    proto_json *params = proto_json_object(), *list = proto_json_array();
+proto_json *srv_hub_encode_participants(const struct srv_session *session) {
+    proto_json *list = proto_json_array();
     bool ok = true;
-    for (const struct srv_participant *p = to->session->participants; p; p = p->next) {
+    for (const struct srv_participant *p = session->participants; p; p = p->next) {
         proto_json *one = proto_json_object();
         ok = proto_json_set_integer(one, "id", (int64_t)p->id) && ok;
         ok = proto_json_set_string(one, "role", p->role == SRV_ROLE_CONTROL ? "control" : "view") &&
              ok;
+        ok = proto_json_set_string(one, "name", p->name) && ok;
+        ok = proto_json_set_string(one, "color", palette[p->color]) && ok;
         ok = proto_json_append(list, one) && ok;
     }
-    ok = proto_json_set_integer(params, "you", (int64_t)to->id) && ok;
-    ok = proto_json_set(params, "participants", list) && ok;
+    if (!ok)
+        proto_json_free(&list);
+    return list;
+}
+
+static char *text_of_participants(const struct srv_participant *to, size_t *size) {
+    proto_json *params = proto_json_object();
+    bool ok = proto_json_set_integer(params, "you", (int64_t)to->id);
+    ok = proto_json_set(params, "participants", srv_hub_encode_participants(to->session)) && ok;
     if (!ok)
         proto_json_free(&params);
     return proto_rpc_notification("session.participants", params, size);
@@ -212,6 +243,10 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
         p->notes &= ~(unsigned)SRV_NOTE_PARTICIPANTS;
         return text_of_participants(p, size);
     }
+    if (p->notes & SRV_NOTE_CONTROL) {
+        p->notes &= ~(unsigned)SRV_NOTE_CONTROL;
+        return srv_control_text(hub, p, now_ms, size);
+    }
     if (p->notes & SRV_NOTE_ERROR) {
         p->notes &= ~(unsigned)SRV_NOTE_ERROR;
         return text_of_error(p, size);
@@ -228,7 +263,9 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
     return text_of_volume(hub, p, size);
 }
 
-static void take_frame(struct srv_participant *p, double now_ms, struct srv_message *message) {
+static void take_frame(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                       struct srv_message *message) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_FRAMES, 1);
     message->blob = srv_outbox_take(&p->outbox, &message->header);
     message->header.frame = ++p->frame;
     srv_flow_sent(&p->flow, p->frame, message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
@@ -250,7 +287,9 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
         message->reason = p->close_reason;
     } else if (p->session) {
         if (frames && p->outbox.blob && p->flow.count < SRV_FLOW_MAX) {
-            take_frame(p, now_ms, message);
+            take_frame(hub, p, now_ms, message);
+            if (p->video != SP_VIDEO_CODEC_COUNT) /* is_open() waits for it */
+                hub->options.work(hub->options.user);
             kind = SRV_MESSAGE_FRAME;
         } else if ((message->text = take_note(hub, p, now_ms, &message->size))) {
             kind = SRV_MESSAGE_TEXT;

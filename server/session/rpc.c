@@ -3,32 +3,20 @@
  * The methods of a stream: text message in, answer out.
  */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "protocol/view.h"
-#include "session/hub_private.h"
+#include "session/rpc_private.h"
 
-/* What a method may do: fill *result and return true, or fill *code and *err. */
-struct call {
-    struct srv_hub *hub;
-    struct srv_participant *participant;
-    const proto_json *params;
-    double now_ms;
-    proto_json *result;
-    enum proto_rpc_code code;
-    struct sp_error err;
-};
-typedef bool method_fn(struct call *call);
-
-static bool refuse(struct call *call, enum proto_rpc_code code, const char *place,
-                   const char *text) {
+bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char *place,
+                     const char *text) {
     call->code = code;
     return sp_fail(&call->err, SP_ERR_INVALID, place, "%s", text);
 }
 
-/* Refuses members that a method does not know: nothing is silently ignored. */
-static bool only(struct call *call, const char *const *known) {
+bool srv_call_knows(struct srv_call *call, const char *const *known) {
     void *at = NULL;
     const char *key;
     const proto_json *value;
@@ -44,21 +32,28 @@ static bool only(struct call *call, const char *const *known) {
     return true;
 }
 
-static bool view_update(struct call *call) {
+static bool view_update(struct srv_call *call) {
     static const char *const known[] = { "seq", "patch", NULL };
     struct srv_participant *p = call->participant;
     int64_t seq;
     const proto_json *patch = proto_json_get(call->params, "patch");
-    if (!only(call, known))
+    if (!srv_call_knows(call, known))
         return false;
     if (!proto_json_integer(proto_json_get(call->params, "seq"), &seq) || seq < 0 ||
         seq > UINT32_MAX)
-        return refuse(call, PROTO_RPC_PARAMS, "/seq", "must be a whole number in [0, 4294967295]");
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/seq",
+                               "must be a whole number in [0, 4294967295]");
     if (proto_json_type(patch) != PROTO_JSON_OBJECT)
-        return refuse(call, PROTO_RPC_PARAMS, "/patch", "must be an object: a merge patch");
-    if (p->role != SRV_ROLE_CONTROL)
-        return refuse(call, PROTO_RPC_DENIED, NULL,
-                      "this token may watch; changing the view needs the control token");
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/patch",
+                               "must be an object: a merge patch");
+    if (!srv_control_take(call->hub, p, call->now_ms))
+        return p->role == SRV_ROLE_CONTROL
+                   ? srv_call_refuse(call, PROTO_RPC_HELD, NULL,
+                                     "another participant holds control; ask for it by "
+                                     "session.request_control")
+                   : srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
+                                     "this token may watch; changing the view needs the control "
+                                     "token, or the grant of who holds control");
     if (!srv_hub_apply(call->hub, p->session, patch, p->id, call->now_ms, &call->err)) {
         bool not_ready =
             call->err.code == SP_ERR_TIMEOUT ||
@@ -73,9 +68,9 @@ static bool view_update(struct call *call) {
     return true;
 }
 
-static bool view_get(struct call *call) {
+static bool view_get(struct srv_call *call) {
     static const char *const known[] = { NULL };
-    if (!only(call, known))
+    if (!srv_call_knows(call, known))
         return false;
     call->result = proto_json_object();
     bool ok =
@@ -86,25 +81,29 @@ static bool view_get(struct call *call) {
     return true;
 }
 
+enum { FORMATS_MAX = 16 }; /* in a client's list */
+
 struct stream_settings {
     enum sp_image_format format;
+    enum sp_video_codec video;
     int64_t quality, max_fps, size[2];
     bool progressive, lossless;
+    const char *name;
 };
 
-static bool read_range(struct call *call, const char *key, const char *pointer, int64_t max,
+static bool read_range(struct srv_call *call, const char *key, const char *pointer, int64_t max,
                        const char *text, int64_t *out) {
     const proto_json *value = proto_json_get(call->params, key);
     int64_t number;
     if (!value)
         return true;
     if (!proto_json_integer(value, &number) || number < 1 || number > max)
-        return refuse(call, PROTO_RPC_PARAMS, pointer, text);
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, pointer, text);
     *out = number;
     return true;
 }
 
-static bool read_size(struct call *call, struct stream_settings *s) {
+static bool read_size(struct srv_call *call, struct stream_settings *s) {
     const proto_json *value = proto_json_get(call->params, "size");
     if (!value)
         return true;
@@ -116,115 +115,196 @@ static bool read_size(struct call *call, struct stream_settings *s) {
         if (proto_json_size(value) != 2 ||
             !proto_json_integer(proto_json_at(value, i), &s->size[i]) || s->size[i] < 1 ||
             s->size[i] > SP_SIZE_MAX)
-            return refuse(call, PROTO_RPC_PARAMS, "/size",
-                          "must be [width, height], each in [1, 8192] px, or null for the view's");
+            return srv_call_refuse(
+                call, PROTO_RPC_PARAMS, "/size",
+                "must be [width, height], each in [1, 8192] px, or null for the view's");
     return true;
 }
 
-static bool read_settings(struct call *call, struct stream_settings *s) {
+static bool read_name(struct srv_call *call, struct stream_settings *s) {
+    const proto_json *value = proto_json_get(call->params, "name");
+    if (!value)
+        return true;
+    s->name = proto_json_string(value);
+    size_t length = s->name ? strlen(s->name) : 0;
+    bool is_plain = true;
+    for (size_t i = 0; i < length; i++)
+        is_plain = is_plain && (unsigned char)s->name[i] >= 0x20 && s->name[i] != 0x7f;
+    return (length > 0 && length < SRV_PERSON_BYTES && is_plain) ||
+           srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
+                           "must be a text of 1 to 64 bytes without control characters");
+}
+
+/* Video goes with JPEG: for what is at rest, and when there is no video to be had. */
+static bool grant_format(const char *name, struct stream_settings *s) {
+    enum sp_video_codec video = sp_video_codec_find(name);
+    enum sp_image_format still =
+        video == SP_VIDEO_CODEC_COUNT ? sp_image_format_find(name) : SP_IMAGE_JPEG;
+    if (video != SP_VIDEO_CODEC_COUNT ? !sp_video_is_available(video)
+                                      : still == SP_IMAGE_FORMAT_COUNT || still == SP_IMAGE_EXR)
+        return false;
+    s->video = video;
+    s->format = still;
+    return true;
+}
+
+/* A name, or a list of them, the best first: the first that there is, else JPEG. */
+static bool read_format(struct srv_call *call, const proto_json *format,
+                        struct stream_settings *s) {
+    const char *name = proto_json_string(format);
+    bool is_list = proto_json_type(format) == PROTO_JSON_ARRAY, granted = false;
+    size_t count = is_list ? proto_json_size(format) : 0;
+    if (name ? !grant_format(name, s) : count < 1 || count > FORMATS_MAX)
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format",
+                               "must be jpeg, png, webp, vp8, vp9, or h264 where it is built in; "
+                               "or a list of 1 to 16 names, the best first");
+    for (size_t i = 0; i < count; i++) {
+        name = proto_json_string(proto_json_at(format, i));
+        if (!name)
+            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must hold names");
+        granted = granted || grant_format(name, s);
+    }
+    return !is_list || granted || grant_format("jpeg", s);
+}
+
+static bool read_settings(struct srv_call *call, struct stream_settings *s) {
     const proto_json *format = proto_json_get(call->params, "format");
     const proto_json *progressive = proto_json_get(call->params, "progressive");
     const proto_json *lossless = proto_json_get(call->params, "lossless");
-    if (format) {
-        const char *name = proto_json_string(format);
-        s->format = name ? sp_image_format_find(name) : SP_IMAGE_FORMAT_COUNT;
-        if (s->format != SP_IMAGE_JPEG && s->format != SP_IMAGE_PNG && s->format != SP_IMAGE_WEBP)
-            return refuse(call, PROTO_RPC_PARAMS, "/format", "must be jpeg, png or webp");
-    }
+    if (format && !read_format(call, format, s))
+        return false;
     if (progressive && !proto_json_bool(progressive, &s->progressive))
-        return refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
     if (lossless && !proto_json_bool(lossless, &s->lossless))
-        return refuse(call, PROTO_RPC_PARAMS, "/lossless", "must be true or false");
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/lossless", "must be true or false");
     return read_range(call, "quality", "/quality", 100, "must be a whole number in [1, 100]",
                       &s->quality) &&
            read_range(call, "max_fps", "/max_fps", 120, "must be a whole number in [1, 120]",
                       &s->max_fps) &&
-           read_size(call, s);
+           read_size(call, s) && read_name(call, s);
 }
 
-static bool stream_configure(struct call *call) {
-    static const char *const known[] = { "format",      "quality",  "max_fps", "size",
-                                         "progressive", "lossless", NULL };
+static void set_name(struct srv_call *call, const char *name) {
     struct srv_participant *p = call->participant;
-    struct stream_settings s = { .format = p->format,
-                                 .quality = p->quality,
-                                 .max_fps = p->max_fps,
-                                 .size = { p->size[0], p->size[1] },
-                                 .progressive = p->progressive,
-                                 .lossless = p->lossless };
-    if (!only(call, known) || !read_settings(call, &s))
-        return false;
-    bool changed = s.format != p->format || s.quality != p->quality || s.size[0] != p->size[0] ||
-                   s.size[1] != p->size[1] || s.progressive != p->progressive ||
-                   s.lossless != p->lossless;
-    p->format = s.format;
-    p->quality = (int)s.quality;
-    p->max_fps = (int)s.max_fps;
-    p->size[0] = (uint32_t)s.size[0];
-    p->size[1] = (uint32_t)s.size[1];
-    p->progressive = s.progressive;
-    p->lossless = s.lossless;
-    p->next_frame_ms = fmin(p->next_frame_ms, call->now_ms + 1000.0 / p->max_fps);
-    if (changed) { /* what was shown is not what is asked for now */
-        p->taken_version = p->failed_version = 0;
-        call->hub->options.interrupt(call->hub->options.user, p->session->number, SRV_NEWER_VIEW);
-    }
-    call->hub->options.work(call->hub->options.user);
+    if (!name || strcmp(name, p->name) == 0)
+        return;
+    snprintf(p->name, sizeof p->name, "%s", name);
+    srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_PARTICIPANTS);
+}
+
+/* What was granted. */
+static proto_json *encode_settings(const struct srv_participant *p) {
     uint32_t size[2];
     srv_hub_size(p->session, p, size);
     proto_json *result = proto_json_object(), *pair = proto_json_array();
-    bool ok = proto_json_set_string(result, "format", sp_image_format_info(p->format)->name);
+    const char *format = p->video == SP_VIDEO_CODEC_COUNT ? sp_image_format_info(p->format)->name
+                                                          : sp_video_codec_name(p->video);
+    bool ok = proto_json_set_string(result, "format", format);
     ok = proto_json_set_integer(result, "quality", p->quality) && ok;
     ok = proto_json_set_integer(result, "max_fps", p->max_fps) && ok;
     ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]) && ok;
     ok = proto_json_set(result, "size", pair) && ok;
     ok = proto_json_set_bool(result, "progressive", p->progressive) && ok;
     ok = proto_json_set_bool(result, "lossless", p->lossless) && ok;
+    ok = proto_json_set_string(result, "name", p->name) && ok;
     if (!ok)
         proto_json_free(&result);
-    call->result = result;
+    return result;
+}
+
+static bool stream_configure(struct srv_call *call) {
+    static const char *const known[] = { "format",      "quality",  "max_fps", "size",
+                                         "progressive", "lossless", "name",    NULL };
+    struct srv_participant *p = call->participant;
+    struct stream_settings s = { .format = p->format,
+                                 .video = p->video,
+                                 .quality = p->quality,
+                                 .max_fps = p->max_fps,
+                                 .size = { p->size[0], p->size[1] },
+                                 .progressive = p->progressive,
+                                 .lossless = p->lossless };
+    if (!srv_call_knows(call, known) || !read_settings(call, &s))
+        return false;
+    bool changed = s.format != p->format || s.video != p->video || s.quality != p->quality ||
+                   s.size[0] != p->size[0] || s.size[1] != p->size[1] ||
+                   s.progressive != p->progressive || s.lossless != p->lossless;
+    p->format = s.format;
+    p->video = s.video;
+    p->quality = (int)s.quality;
+    p->max_fps = (int)s.max_fps;
+    p->size[0] = (uint32_t)s.size[0];
+    p->size[1] = (uint32_t)s.size[1];
+    p->progressive = s.progressive;
+    p->lossless = s.lossless;
+    set_name(call, s.name);
+    p->next_frame_ms = fmin(p->next_frame_ms, call->now_ms + 1000.0 / p->max_fps);
+    if (changed) { /* what was shown is not what is asked for now */
+        p->taken_version = p->failed_version = 0;
+        call->hub->options.interrupt(call->hub->options.user, p->session->number, SRV_NEWER_VIEW);
+    }
+    call->hub->options.work(call->hub->options.user);
+    call->result = encode_settings(p);
     return true;
 }
 
-static bool stream_ack(struct call *call) {
+static bool stream_ack(struct srv_call *call) {
     static const char *const known[] = { "frame", NULL };
     struct srv_participant *p = call->participant;
+    double sent_ms = srv_flow_oldest_ms(&p->flow);
     int64_t frame;
-    if (!only(call, known))
+    if (!srv_call_knows(call, known))
         return false;
     if (!proto_json_integer(proto_json_get(call->params, "frame"), &frame) || frame < 1 ||
         frame > UINT32_MAX || !srv_flow_acked(&p->flow, (uint32_t)frame, call->now_ms))
-        return refuse(call, PROTO_RPC_PARAMS, "/frame",
-                      "must be the number of a frame that was sent");
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
+                               "must be the number of a frame that was sent");
+    if (sent_ms > 0)
+        srv_metrics_time(call->hub->options.metrics, SRV_TIME_TRIP, call->now_ms - sent_ms);
     call->hub->options.work(call->hub->options.user);
     call->result = proto_json_object();
     return true;
 }
 
-static bool ping(struct call *call) {
+/* The client could not decode a frame of video. */
+static bool stream_key(struct srv_call *call) {
+    static const char *const known[] = { NULL };
+    if (!srv_call_knows(call, known))
+        return false;
+    call->participant->mark.epoch = 0;
+    call->result = proto_json_object();
+    return true;
+}
+
+static bool ping(struct srv_call *call) {
     call->result = proto_json_object();
     return true;
 }
 
 static const struct {
     const char *name;
-    method_fn *call;
+    srv_method_fn *call;
 } methods[] = {
     { "view.update", view_update },
     { "view.get", view_get },
     { "stream.configure", stream_configure },
     { "stream.ack", stream_ack },
+    { "stream.key", stream_key },
+    { "session.request_control", srv_call_request_control },
+    { "session.release_control", srv_call_release_control },
+    { "session.grant_control", srv_call_grant_control },
+    { "session.refuse_control", srv_call_refuse_control },
+    { "pick", srv_call_pick },
     { "ping", ping },
 };
 
-static bool dispatch(struct call *call, const char *method) {
+static bool dispatch(struct srv_call *call, const char *method) {
     for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
         if (strcmp(methods[i].name, method) != 0)
             continue;
         pthread_mutex_lock(&call->hub->mutex);
         bool ok = call->participant->session
                       ? methods[i].call(call)
-                      : refuse(call, PROTO_RPC_NOT_FOUND, NULL, "the session was deleted");
+                      : srv_call_refuse(call, PROTO_RPC_NOT_FOUND, NULL, "the session was deleted");
         pthread_mutex_unlock(&call->hub->mutex);
         return ok;
     }
@@ -235,7 +315,7 @@ static bool dispatch(struct call *call, const char *method) {
 bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, const char *text,
                      size_t size, double now_ms, char **answer, size_t *answer_size) {
     struct proto_rpc_message message;
-    struct call call = { .hub = hub, .participant = participant, .now_ms = now_ms };
+    struct srv_call call = { .hub = hub, .participant = participant, .now_ms = now_ms };
     *answer = NULL;
     *answer_size = 0;
     bool decoded = proto_rpc_decode(text, size, &message, &call.code, &call.err), ok = decoded;

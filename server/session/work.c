@@ -36,6 +36,8 @@ static struct srv_detail detail_of(const struct srv_job *job) {
 
 static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
     unsigned waiting = p->pipeline + (p->outbox.blob ? 1 : 0);
+    if (p->video != SP_VIDEO_CODEC_COUNT && p->outbox.blob)
+        return false; /* a frame of video that waits must not be replaced */
     return srv_flow_is_open(&p->flow, waiting, p->max_fps, hub->options.stream_bytes) &&
            p->flow.count + waiting < SRV_FLOW_MAX;
 }
@@ -118,12 +120,15 @@ static struct srv_target target_of(const struct srv_participant *p, const struct
     bool final = job->step == SRV_STEP_FINAL, moving = job->step == SRV_STEP_MOVING;
     bool png = final && p->lossless;
     int quality = moving && p->quality > QUALITY_MOVING ? QUALITY_MOVING : p->quality;
+    enum sp_video_codec video = final ? SP_VIDEO_CODEC_COUNT : p->video;
+    bool is_still = video == SP_VIDEO_CODEC_COUNT;
     return (struct srv_target){ .participant = p->id,
                                 .seq = p->seq,
                                 .format = png ? SP_IMAGE_PNG : p->format,
+                                .video = video,
                                 .quality = quality,
-                                .final = final ||
-                                         (job->sharp && quality == p->quality && !p->lossless) };
+                                .final = final || (is_still && job->sharp &&
+                                                   quality == p->quality && !p->lossless) };
 }
 
 static void take_job(struct srv_session *s, struct srv_participant *p, struct srv_job *job,
@@ -159,13 +164,16 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->step = wish->step;
     job->refinement = wish->refinement;
     job->view = s->view;
-    srv_hub_size(s, first, job->view.size);
+    srv_hub_size(s, first, job->full);
+    memcpy(job->view.size, job->full, sizeof job->full);
     job->volume = hub->options.volumes.ref(hub->options.volumes.user, s->volume);
     job->target_count = 0;
     choose_detail(s, job, first, max_fps);
     job->keep_until_ms = keep_until_ms(s, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         take_job(s, takers[i], job, now_ms);
+    if (job->step == SRV_STEP_MOVING)
+        srv_metrics_time(hub->options.metrics, SRV_TIME_QUEUE, now_ms - s->changed_ms);
     double since = now_ms - s->served_ms;
     if (since < 1000)
         s->frame_ms = s->frame_ms == 0 ? since : s->frame_ms + (since - s->frame_ms) / 4;
@@ -222,18 +230,64 @@ static struct srv_participant *participant_of(struct srv_session *s, uint64_t id
     return NULL;
 }
 
+static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv_job *job,
+                const struct srv_target *target, const struct proto_frame_header *header,
+                struct srv_blob *blob) {
+    struct proto_frame_header full = *header;
+    full.flags |= target->final ? PROTO_FRAME_FINAL : 0;
+    full.seq = target->seq;
+    full.payload_bytes = (uint32_t)blob->size;
+    bool replaces = p->outbox.blob != NULL;
+    bool is_put = srv_outbox_put(&p->outbox, job->order, &full, blob);
+    if (is_put)
+        srv_hub_note(hub, p, 0);
+    if (!is_put || replaces)
+        srv_metrics_add(hub->options.metrics,
+                        is_put ? SRV_COUNT_DROP_REPLACED : SRV_COUNT_DROP_LATE, 1);
+    return is_put;
+}
+
 void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                      const struct proto_frame_header *header, struct srv_blob *blob) {
+    struct proto_frame_header still = *header;
+    still.flags |= PROTO_FRAME_KEY;
     pthread_mutex_lock(&hub->mutex);
     struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
     if (p) {
-        struct proto_frame_header full = *header;
-        full.flags |= PROTO_FRAME_KEY | (job->targets[i].final ? PROTO_FRAME_FINAL : 0);
-        full.seq = job->targets[i].seq;
-        full.payload_bytes = (uint32_t)blob->size;
-        if (srv_outbox_put(&p->outbox, job->order, &full, blob))
-            srv_hub_note(hub, p, 0);
+        bool holds_video = p->outbox.blob && proto_codec_is_video(p->outbox.header.codec);
+        if (put(hub, p, job, &job->targets[i], &still, blob) && holds_video)
+            p->mark.epoch = 0; /* that one never arrives */
     }
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                                         const struct srv_video_mark *next) {
+    enum srv_video_claim claim = SRV_VIDEO_NONE;
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
+    if (p && p->outbox.blob && job->order > p->outbox.order) {
+        if (p->taken_version == job->version)
+            p->taken_version = 0;
+    } else if (p && job->order > p->outbox.order) {
+        bool has_all =
+            p->mark.epoch && p->mark.epoch == next->epoch && p->mark.number == next->number;
+        claim = has_all ? SRV_VIDEO_DELTA : SRV_VIDEO_KEY;
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return claim;
+}
+
+void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
+                           const struct proto_frame_header *header, struct srv_blob *blob,
+                           const struct srv_video_mark *mark) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
+    bool fits =
+        p && !p->outbox.blob &&
+        (mark->number == 0 || (p->mark.epoch == mark->epoch && p->mark.number == mark->number));
+    if (fits && put(hub, p, job, &job->targets[i], header, blob))
+        p->mark = (struct srv_video_mark){ mark->epoch, mark->number + 1 };
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -278,6 +332,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
 }
 
 void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct sp_error *err) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_FAILED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
     for (uint32_t i = 0; i < job->target_count; i++) {
@@ -292,6 +347,7 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
 }
 
 void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_OUTDATED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
     if (s && job->step == SRV_STEP_MOVING) {

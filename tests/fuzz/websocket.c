@@ -36,6 +36,14 @@ static void release(void *user, void *volume) {
     (void)volume;
 }
 
+static void pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                 const double at[2], struct sp_pick *found) {
+    (void)user;
+    (void)volume;
+    (void)view;
+    *found = (struct sp_pick){ .opacity = 1, .is_hit = at[0] < size[0] };
+}
+
 static void default_view(void *user, void *volume, struct sp_view *view) {
     (void)volume;
     sp_view_init(view, &((struct input *)user)->info, "v");
@@ -103,11 +111,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         input.info.grid.spacing[i] = input.info.grid.direction[i][i] = 1;
     }
     sp_log_init(no_log, NULL, SP_LOG_ERROR);
-    struct srv_hub_options options = { .volumes = { &input, acquire, add_use, release,
-                                                    default_view },
+    struct srv_hub_options options = { .volumes = { &input, acquire, add_use, release, default_view,
+                                                    pick },
                                        .sessions_max = 1,
                                        .participants_max = 1,
                                        .session_idle_ms = 1000,
+                                       .control_ms = 500,
                                        .rest_ms = 5,
                                        .stream_bytes = 1000,
                                        .user = &input,

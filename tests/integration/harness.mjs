@@ -63,7 +63,7 @@ export class Daemon {
     const url = new URL(address);
     daemon.token = url.searchParams.get('token');
     daemon.port = Number(url.port);
-    daemon.base = `http://127.0.0.1:${daemon.port}`;
+    daemon.base = url.origin;
     return daemon;
   }
 
@@ -120,7 +120,7 @@ export class Daemon {
   }
 
   streamUrl(session, token = session.tokens.control) {
-    return `ws://127.0.0.1:${this.port}/api/v1/sessions/${session.id}/stream?token=${token}`;
+    return `${this.base.replace('http', 'ws')}/api/v1/sessions/${session.id}/stream?token=${token}`;
   }
 
   /** A stream of a session (a new one if none is given). */

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every route of the HTTP interface: what it gives, and how it refuses.
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
@@ -86,8 +87,9 @@ test('the page: types, policy, caching', async () => {
 });
 
 test('HEAD gives the headers of GET', async () => {
-  const head = await daemon.fetch('/api/v1/volumes', { method: 'HEAD' });
-  const get = await daemon.fetch('/api/v1/volumes');
+  const headers = { 'Accept-Encoding': 'identity' };
+  const head = await daemon.fetch('/api/v1/volumes', { method: 'HEAD', headers });
+  const get = await daemon.fetch('/api/v1/volumes', { headers });
   assert.equal(head.status, 200);
   assert.equal(head.headers.get('content-length'), String((await get.arrayBuffer()).byteLength));
   assert.equal(await head.text(), '');
@@ -115,7 +117,7 @@ test('the paths and methods of the contract are those that the daemon has', asyn
   }
   assert.ok(paths.size >= 10, `${[...paths.keys()]}`);
   for (const [target, methods] of paths) {
-    const answer = await daemon.json(target.replace('{id}', 'engine'), { method: 'PUT' });
+    const answer = await daemon.json(target.replace(/\{\w+\}/, 'engine'), { method: 'PROPFIND' });
     isProblem(answer, 405);
     const allowed = answer.headers.get('allow').split(', ').filter((m) => m !== 'HEAD');
     assert.deepEqual(allowed.sort(), methods.sort(), target);
@@ -193,6 +195,25 @@ test('files outside the data folder are not there', async () => {
   for (const file of ['../secret.nrrd', 'link.nrrd', '/etc/passwd', path.join(folder, 'secret.nrrd'), '../absent.nrrd', 'absent.nrrd']) {
     isProblem(await daemon.post('/api/v1/volumes', { path: file }), 404, /below the data folder/);
   }
+});
+
+test('pipes, devices, folders, loops and odd paths in the data folder neither hang nor leak', async () => {
+  const at = (name) => path.join(folder, 'data', name);
+  execFileSync('mkfifo', [at('pipe.nrrd')]);
+  mkdirSync(at('folder.nrrd'));
+  symlinkSync('/dev/zero', at('zero.nrrd'));
+  symlinkSync('/proc/self/environ', at('environ.nrrd'));
+  symlinkSync('loop.nrrd', at('loop.nrrd'));
+  for (const name of ['pipe', 'folder']) {
+    assert.equal((await daemon.post('/api/v1/volumes', { path: `${name}.nrrd` })).status, 202);
+    assert.equal((await daemon.loaded(name)).state, 'failed', name);
+    assert.equal((await daemon.fetch(`/api/v1/volumes/${name}`, { method: 'DELETE' })).status, 204);
+  }
+  for (const file of ['zero.nrrd', 'environ.nrrd', '/dev/zero', '/proc/self/environ', './../secret.nrrd', 'folder.nrrd/../../secret.nrrd'])
+    isProblem(await daemon.post('/api/v1/volumes', { path: file }), 404, /below the data folder/);
+  for (const [file, status] of [['loop.nrrd', 404], ['x'.repeat(300), 404], ['x/'.repeat(3000), 422], ['', 422]])
+    isProblem(await daemon.post('/api/v1/volumes', { path: file }), status);
+  isProblem(await daemon.post('/api/v1/volumes', '{"path": "cube.nrrd\\u0000/etc/passwd"}'), 400);
 });
 
 test('files that are no volumes fail with a reason and can be tried again', async () => {

@@ -131,6 +131,7 @@ test('two clients of one size share a picture; each sees its own seq', async () 
   const session = await daemon.session();
   const [a, b] = await Promise.all([daemon.stream({ session }), daemon.stream({ session })]);
   await a.update({ background: [0, 1, 0, 1] }, 41);
+  await a.call('session.release_control');
   await b.update({ background: [0, 0, 1, 1] }, 17);
   const [x, y] = await Promise.all([
     a.frame((f) => (f.flags & FINAL) && f.seq === 41 && a.notes.some((n) => n.method === 'view.changed' && n.params.view.background[2] === 1), 'a final'),
@@ -161,7 +162,7 @@ test('roles: the view token watches, is told of changes, and may not change', as
 test('stream.configure: format, quality, size and lossless are granted and kept', async () => {
   const stream = await daemon.stream();
   const granted = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
-  assert.deepEqual(granted, { format: 'jpeg', quality: 75, max_fps: 60, size: [96, 64], progressive: true, lossless: false });
+  assert.deepEqual(granted, { format: 'jpeg', quality: 75, max_fps: 60, size: [96, 64], progressive: true, lossless: false, name: 'Guest 1' });
   await stream.frame((f) => (f.flags & FINAL) && f.width === 96 && f.height === 64, 'a final frame of 96 by 64');
   await stream.call('stream.configure', { lossless: true });
   const png = await stream.frame((f) => f.flags & LOSSLESS, 'a lossless frame');

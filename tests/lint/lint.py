@@ -32,8 +32,9 @@ RENDERER = {
 SERVER = {
     'session': {'session', 'config'},
     'render': {'render', 'session', 'config'},
-    'http': {'http', 'session', 'render', 'config'},
-    '.': {'http', 'session', 'render', 'config'},
+    'store': {'store', 'config'},
+    'http': {'http', 'session', 'render', 'store', 'config'},
+    '.': {'http', 'session', 'render', 'store', 'config'},
 }
 # Rule 4: header pattern → the only places that may include it.
 THIRD_PARTY = [
@@ -47,8 +48,10 @@ THIRD_PARTY = [
     (r'teem|nrrd|air\.h|biff', ['renderer/import/']),
     (r'expat', ['renderer/import/']),
     (r'turbojpeg|jpeglib', ['renderer/encode/']),
-    (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/']),
+    (r'vpx/|x264', ['renderer/encode/', 'tests/unit/encode/', 'tests/unit/server/']),
+    (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/', 'server/http/gzip.c']),
     (r'sqlite3', ['server/store/']),
+    (r'systemd/', ['server/service.c']),
     (r'curl/', ['clients/cli/']),
 ]
 # Rule 5: file-scope variables that may change after start.

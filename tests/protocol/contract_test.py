@@ -38,10 +38,10 @@ def check(ok, text):
 
 
 class Daemon:
-    def __init__(self, program):
+    def __init__(self, program, *options):
         self.log = tempfile.TemporaryFile()
         self.process = subprocess.Popen([program, '--listen', '127.0.0.1:0', '--backend', 'null', '--volume',
-                                         'demo:engine?size=16'], stdout=subprocess.PIPE, stderr=self.log)
+                                         'demo:engine?size=16', *options], stdout=subprocess.PIPE, stderr=self.log)
         line = self.process.stdout.readline().decode()
         if 'http' not in line:
             raise RuntimeError(f'splatd did not start: {self.stop()}')
@@ -67,6 +67,10 @@ class Daemon:
     def stop(self):
         """The exit status and what was logged."""
         self.process.terminate()
+        return self.wait()
+
+    def wait(self):
+        """The same, of one that ends by itself."""
         self.process.communicate(timeout=DEADLINE_S)
         self.log.seek(0)
         return self.process.returncode, self.log.read().decode(errors='replace')
@@ -78,10 +82,13 @@ class Contract:
             self.document = yaml.safe_load(f)
         with open(f'{folder}/view.schema.json', encoding='utf-8') as f:
             view = json.load(f)
-        # Of the schema's own references, which are absolute in the document that holds both.
+        # References into the view's schema, from itself and from here, become those of one document that holds both.
         text = json.dumps(view).replace('#/$defs/', '#/components/schemas/View/$defs/')
+        document = json.dumps(self.document).replace('view.schema.json#/', '#/components/schemas/View/')
+        self.document = json.loads(document)
         self.document['components']['schemas']['View'] = json.loads(text)
         self.seen = set()
+        self.statuses = set()
 
     def node(self, value):
         while '$ref' in value:
@@ -94,6 +101,7 @@ class Contract:
     def check(self, method, template, status, headers, body):
         name = f'{method} {template}'
         self.seen.add((method.lower(), template))
+        self.statuses.add((method.lower(), template, str(status)))
         answers = self.document['paths'][template][method.lower()]['responses']
         check(str(status) in answers, f'{name}: status {status} is not documented: {body[:200]}')
         if str(status) not in answers:
@@ -110,20 +118,27 @@ class Contract:
             check(False, f'{name}: {status}: {"/".join(map(str, error.path))}: {error.message[:200]}')
 
 
-def walk(daemon, contract):
-    """Asks each operation at least once, rightly and wrongly. Returns a session's id."""
+def asker(daemon, contract):
+    """ask(expected status, method, path template, …): what the answer holds; checks the status and all of the answer."""
     def ask(expected, method, template, body=None, headers=None, token=True, query='', **names):
         path = template.format(**names) + query
         status, answered, data = daemon.ask(method, path, body, headers, token)
         check(status == expected, f'{method} {path}: {status}, expected {expected}: {data[:200]}')
         contract.check(method, template, status, answered, data)
         return json.loads(data) if data and 'json' in answered.get('Content-Type', '') else data
+    return ask
 
-    api = '/api/v1'
+
+def walk(daemon, contract):
+    """Asks each operation at least once, rightly and wrongly."""
+    ask, api = asker(daemon, contract), '/api/v1'
     ask(200, 'GET', '/healthz', token=False)
     ask(200, 'GET', '/readyz', token=False)
+    ask(200, 'GET', '/metrics')
+    ask(401, 'GET', '/metrics', token=False)
     ask(200, 'GET', f'{api}/openapi.yaml')
     ask(200, 'GET', f'{api}/view.schema.json')
+    ask(200, 'GET', f'{api}/stream.schema.json')
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
     ask(201, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p'})
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:galaxy?size=16', 'id': 'graded'})
@@ -155,6 +170,8 @@ def walk(daemon, contract):
     session = ask(201, 'POST', f'{api}/sessions', {'view': {'size': [32, 32]}})
     ask(422, 'POST', f'{api}/sessions', {'view': {'size': [0, 1]}})
     ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
+    walk_kept(daemon, ask, api)
+    walk_presets(ask, api)
     names = {'id': session['id']}
     ask(200, 'GET', f'{api}/sessions/{{id}}', **names)
     patch = {'view': {'camera': {'fov_y': 50}}}
@@ -167,11 +184,55 @@ def walk(daemon, contract):
     ask(204, 'DELETE', f'{api}/sessions/{{id}}', **names)
     ask(404, 'GET', f'{api}/sessions/{{id}}', **names)
     for template in contract.document['paths']:
-        for method in ('get', 'post', 'patch', 'delete'):
+        for method in ('get', 'post', 'put', 'patch', 'delete'):
             operation = contract.document['paths'][template].get(method)
             if operation and operation.get('security') != []:
-                ask(401, method.upper(), template, token=False, id='engine')
+                ask(401, method.upper(), template, token=False, id='engine', name='x')
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
+
+
+def walk_kept(daemon, ask, api):
+    kept = ask(201, 'POST', f'{api}/views', {'size': [16, 8]})
+    ask(422, 'POST', f'{api}/views', {'size': [0, 8]})
+    ask(400, 'POST', f'{api}/views', '{')
+    ask(200, 'GET', f'{api}/views/{{id}}', **kept)
+    ask(304, 'GET', f'{api}/views/{{id}}', headers={'If-None-Match': '"' + kept['id'] + '"'}, **kept)
+    ask(404, 'GET', f'{api}/views/{{id}}', id='0' * 32)
+    ask(201, 'POST', f'{api}/sessions', {'from': kept['id']})
+    template = f'{api}/render/{{id}}'
+    camera = urllib.parse.quote('{"fov_y": 40}')
+    for kind in ('jpeg', 'png', 'webp', 'exr'):
+        ask(200, 'GET', template, query=f'?format={kind}&quality=50&size=8,8&camera={camera}', **kept)
+    _, headers, _ = daemon.ask('GET', f'{api}/render/{kept["id"]}')
+    ask(304, 'GET', template, headers={'If-None-Match': headers['ETag']}, **kept)
+    ask(406, 'GET', template, headers={'Accept': 'text/html'}, **kept)
+    ask(404, 'GET', template, id='0' * 32)
+    for wrong in ('size=8', 'size=8,8,8', 'size=-1,2', 'camera=%7B', 'quality=0'):
+        ask(400, 'GET', template, query=f'?{wrong}', **kept)
+    for wrong in ('size=8,0', 'size=8,9999', 'camera=5', f'camera={urllib.parse.quote(json.dumps(dict(x=1)))}'):
+        ask(422, 'GET', template, query=f'?{wrong}', **kept)
+
+
+def walk_presets(ask, api):
+    one = f'{api}/presets/{{name}}'
+    bones = {'transfer_function': {'points': [{'value': 0, 'color': [1, 1, 1], 'opacity': 0},
+                                              {'value': 9, 'color': [1, 1, 1], 'opacity': 0.5}]}}
+    ask(201, 'PUT', one, bones, name='bones')
+    ask(204, 'PUT', one, bones, name='bones')
+    ask(201, 'PUT', one, {'volume': 'not-there', 'camera': {'fov_y': 20}}, name='a.b-c_D9')
+    check(ask(200, 'GET', one, name='bones') == bones, 'a preset comes back as it was put')
+    check(ask(200, 'GET', f'{api}/presets')['presets'] == ['bones', 'a.b-c_D9'], 'presets in their order')
+    ask(404, 'GET', one, name='none')
+    ask(422, 'PUT', one, bones, name='a%20b')
+    ask(422, 'PUT', one, bones, name='x' * 65)
+    ask(422, 'PUT', one, {'camera': {'fov_y': 999}}, name='y')
+    ask(422, 'PUT', one, {'nonsense': 1}, name='y')
+    ask(422, 'PUT', one, [], name='y')
+    ask(400, 'PUT', one, '{', name='y')
+    ask(415, 'PUT', one, 'x', {'Content-Type': 'text/plain'}, name='y')
+    ask(413, 'PUT', one, ' ' * (2 << 20), name='y')
+    ask(204, 'DELETE', one, name='a.b-c_D9')
+    ask(404, 'DELETE', one, name='a.b-c_D9')
 
 
 def check_examples(daemon, folder):

@@ -31,7 +31,7 @@ def check(ok, text):
 
 def resolve(document, ref):
     node = document
-    for token in ref[2:].split('/'):
+    for token in filter(None, ref[2:].split('/')):
         node = node.get(token.replace('~1', '/').replace('~0', '~')) if isinstance(node, dict) else None
     return node
 
@@ -46,7 +46,7 @@ def walk(node, visit, path=''):
             walk(child, visit, f'{path}/{i}')
 
 
-def check_node(document, used):
+def check_node(document, view, used):
     def visit(node, path):
         if not isinstance(node, dict):
             return
@@ -55,7 +55,9 @@ def check_node(document, used):
             used.add(ref)
             check(resolve(document, ref) is not None, f'{path}: {ref} leads nowhere')
         elif isinstance(ref, str):
-            check(ref == 'view.schema.json', f'{path}: {ref} is not published')
+            name, _, place = ref.partition('#')
+            check(name == 'view.schema.json' and resolve(view, f'#{place or "/"}') is not None,
+                  f'{path}: {ref} is not published')
         if isinstance(node.get('schema'), dict):
             try:
                 jsonschema.Draft202012Validator.check_schema(node['schema'])
@@ -107,8 +109,10 @@ def main():
         document = yaml.safe_load(f)
     json.dumps(document)  # no dates or other types that JSON lacks
     check(document['openapi'].startswith('3.1'), 'not OpenAPI 3.1')
+    with open(f'{source}/protocol/view.schema.json', encoding='utf-8') as f:
+        view = json.load(f)
     used = set()
-    walk(document, check_node(document, used))
+    walk(document, check_node(document, view, used))
     for kind, parts in document['components'].items():
         for name in parts:
             check(kind == 'securitySchemes' or f'#/components/{kind}/{name}' in used, f'{kind}/{name} is not used')

@@ -12,11 +12,13 @@ const GLIDE_MS = 70;
 const DOUBLE_TAP_MS = 300;
 const TAP_PX = 12;
 
-/** commands: {help(), panel()} for the keys that are not about the camera. */
+/** commands: {help(), panel(), pick([x, y] of the viewport)} for the keys that are not about the camera. */
 export function attachInput(canvas, viewer, commands) {
   attachPointers(canvas, viewer);
   attachWheel(canvas, viewer);
-  attachKeys(viewer, commands);
+  let pointer = null;
+  canvas.addEventListener('pointermove', (event) => { pointer = place(canvas, event); });
+  attachKeys(viewer, commands, () => pointer);
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
 }
 
@@ -134,7 +136,7 @@ function attachWheel(canvas, viewer) {
   }, { passive: false });
 }
 
-function attachKeys(viewer, { help, panel }) {
+function attachKeys(viewer, { help, panel, pick }, pointer) {
   const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   const middle = () => [viewer.viewport.width / 2, viewer.viewport.height / 2];
   const act = (event) => {
@@ -153,6 +155,7 @@ function attachKeys(viewer, { help, panel }) {
         case '0': case 'Home': viewer.reset(time); break;
         case 'f': case 'F': viewer.fit(time); break;
         case 'p': case 'P': panel(); break;
+        case 'v': case 'V': pick(pointer() ?? middle()); break;
         case '?': help(); break;
         default: return false;
       }

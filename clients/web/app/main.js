@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wires the page together: address → connection → frames → canvas, and input → view → connection.
+import { Company } from '../core/company.js';
 import { Connection } from '../core/connection.js';
 import { FrameOrder } from '../core/order.js';
+import { VideoStream, videoFormats } from '../core/video.js';
 import { Banner, Notice } from './banner.js';
+import { showNumber } from './fields.js';
 import { attachInput } from './input.js';
 import { Panels } from './panels.js';
+import { People } from './people.js';
 import { Screen, decodePicture } from './screen.js';
 import { StatusLine } from './status.js';
 import { Viewer } from './viewer.js';
@@ -16,7 +20,7 @@ const MAX_FPS = 30; // while moving the daemon shrinks the picture to hold this,
 const base = new URL('.', location.href).href;
 const place = `splatd:${new URL(base).pathname}`;
 
-/** {token, session, volume} of the address and of what this tab remembers; the token leaves the address. */
+/** {token, session, volume, kept} of the address and of what this tab remembers; the token leaves the address. */
 function readAddress() {
   const query = new URLSearchParams(location.search);
   const hash = new URLSearchParams(location.hash.slice(1));
@@ -31,14 +35,15 @@ function readAddress() {
     history.replaceState(null, '', location.pathname + tail('?', query) + tail('#', hash));
   }
   const token = recall('token') ?? '';
-  if (id) return { token, volume: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
+  if (id) return { token, volume: null, kept: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
   let session = null;
   try {
     session = JSON.parse(recall('session') ?? 'null');
   } catch { /* what cannot be read is not there */ }
   const volume = get('volume');
   const isStale = volume || (given && given !== session?.daemon);
-  return { token, volume, session: isStale ? null : session };
+  const kept = get('view');
+  return { token, volume, kept, session: isStale || kept ? null : session };
 }
 
 // Storage may be forbidden; then the page works without remembering.
@@ -60,7 +65,7 @@ const address = readAddress();
 const element = (id) => document.getElementById(id);
 const notice = new Notice(element('notice'));
 const errors = [];
-const drawn = { frame: 0, seq: 0, count: 0, width: 0, height: 0, isFinal: false };
+const drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isVideo: false };
 let hasPicture = false;
 
 function report(error) {
@@ -84,6 +89,7 @@ const connection = new Connection({
     now: () => performance.now(),
   },
 });
+const company = new Company();
 const viewer = new Viewer({ connection, viewport: () => screen.viewport });
 const status = new StatusLine(element('status'), () => screen.size);
 const help = () => (element('help').open ? element('help').close() : element('help').showModal());
@@ -95,16 +101,40 @@ const banner = new Banner(element('banner'), {
     connection.useToken(token);
   },
 });
-attachInput(element('screen'), viewer, { help, panel: () => panels.toggle() });
+attachInput(element('screen'), viewer, { help, panel: () => panels.toggle(), pick });
+
+/** Tells what is seen at a point of the viewport. */
+async function pick(point) {
+  const { width, height } = screen.viewport;
+  const at = [point[0] * screen.size[0] / width, point[1] * screen.size[1] / height];
+  try {
+    const { position, value, opacity } = await connection.call('pick', { at });
+    notice.show(position
+      ? `Value ${showNumber(value)} at ${position.map(showNumber).join(', ')} ${viewer.volume?.unit ?? ''}`.trim()
+      : `Nothing opaque here: ${Math.round(opacity * 100)} %`);
+  } catch (error) {
+    notice.show(error.message);
+  }
+}
 
 // Frames.
 
+const video = new VideoStream({
+  env: { VideoDecoder: window.VideoDecoder, EncodedVideoChunk: window.EncodedVideoChunk },
+  toPicture: (picture, { width, height }) => createImageBitmap(picture, 0, 0, width, height),
+  askKey: () => connection.notify('stream.key', {}),
+  giveUp: (error) => {
+    report(new Error(`this browser cannot decode the video, stills come instead: ${error.message}`));
+    setMoving('jpeg');
+  },
+});
 const order = new FrameOrder({
-  decode: decodePicture,
+  decode: (frame) => (frame.isVideo ? video.decode(frame) : decodePicture(frame)),
   draw: (picture, frame) => {
     screen.draw(picture);
+    drawn.videos += Number(frame.isVideo);
     Object.assign(drawn, { frame: frame.frame, seq: frame.seq, width: frame.width, height: frame.height,
-      isFinal: frame.isFinal, count: drawn.count + 1 });
+      isFinal: frame.isFinal, isVideo: frame.isVideo, count: drawn.count + 1 });
     status.drew(frame, viewer.pace.show(frame.seq));
     notice.hide('render');
     if (!hasPicture) {
@@ -132,12 +162,39 @@ async function sendConfigure() {
   if (!connection.isLive || String(size) === configured) return;
   configured = String(size);
   try {
-    await connection.call('stream.configure', { size, max_fps: MAX_FPS });
+    const name = recall('name');
+    await connection.call('stream.configure', { size, max_fps: MAX_FPS, ...(name ? { name } : {}), ...wantedFormat() });
   } catch (error) {
     if (connection.isLive) report(new Error(`the daemon refused the picture's size: ${error.message}`));
   }
   if (String(screen.size) !== configured) configure();
 }
+
+// While the view moves: stills, or video as far as browser and daemon have it. The choice is the window's.
+
+const moving = element('moving');
+const VIDEO_NAMES = { vp9: 'video, VP9', vp8: 'video, VP8', h264: 'video, H.264' };
+const wantedFormat = () => (moving.value === 'jpeg' ? {} : { format: [moving.value, 'jpeg'] });
+videoFormats(window.VideoDecoder).then((names) => {
+  for (const name of names) moving.add(new Option(VIDEO_NAMES[name], name));
+  const known = recall('moving');
+  if (names.includes(known)) setMoving(known);
+});
+async function setMoving(format) {
+  moving.value = format;
+  remember('moving', format);
+  if (!connection.isLive) return;
+  try {
+    const granted = await connection.call('stream.configure', { format: [format, 'jpeg'] });
+    if (granted.format !== moving.value && granted.format === 'jpeg') {
+      moving.value = 'jpeg';
+      notice.show(`The daemon has no ${VIDEO_NAMES[format] ?? format}: stills come instead.`);
+    }
+  } catch (error) {
+    if (connection.isLive) report(error);
+  }
+}
+moving.addEventListener('change', () => setMoving(moving.value));
 
 // Connection.
 
@@ -207,7 +264,9 @@ connection.on('state', (change) => {
   last = change;
   if (change.state === 'live') {
     order.reset();
+    video.reset();
     configured = '';
+    company.reset();
     sendConfigure();
     viewer.resume();
   } else if (change.state === 'lost' || change.state === 'refused') {
@@ -215,32 +274,36 @@ connection.on('state', (change) => {
   }
   showState();
 });
+function rememberSession({ id, tokens, token }) {
+  remember('session', JSON.stringify({ id, token: tokens?.control ?? token, daemon: connection.api.token }));
+}
+
 connection.on('session', (session) => {
   if (session.isNew) {
-    remember('session', JSON.stringify({
-      id: session.id, token: session.tokens?.control ?? session.token, daemon: connection.api.token,
-    }));
+    rememberSession(session);
+    // The address has said what it had to: a reload comes back to the session.
+    if (address.kept) history.replaceState(null, '', location.pathname);
   }
   viewer.adopt(session);
 });
 connection.on('fault', report);
 
-let ownId = null;
 connection.on('notification', ({ method, params }) => {
   switch (method) {
     case 'stream.stats':
       status.setStats(params);
       break;
     case 'view.changed':
-      if (params.view && params.by !== ownId) viewer.takeShared(params.view);
+      if (params.view && params.by !== company.you) viewer.takeShared(params.view);
       break;
-    case 'session.participants': {
-      const { participants = [], you } = params;
-      ownId = you;
-      viewer.allow(participants.find((p) => p.id === you)?.role !== 'view');
-      status.setCompany(participants.length, viewer.canControl);
+    case 'session.participants':
+      company.takeParticipants(params);
+      showCompany();
       break;
-    }
+    case 'session.control':
+      company.takeControl(params);
+      showCompany();
+      break;
     case 'volume.progress':
       refreshList();
       break;
@@ -251,6 +314,46 @@ connection.on('notification', ({ method, params }) => {
     default: // of a later version
   }
 });
+
+// People.
+
+/** Addresses that others can open; what this client has no token for is null. */
+function links() {
+  const { session, api, isLive } = connection;
+  const none = { watch: null, control: null, view: null, fork: null };
+  if (!isLive || !session) return none;
+  const join = (token) => token && (async () => `${base}#${new URLSearchParams({ session: session.id, token })}`);
+  const keep = async () => `${base}#${new URLSearchParams({ view: (await api.keepView(viewer.view)).id })}`;
+  return {
+    watch: join(session.tokens?.view), control: join(session.tokens?.control),
+    view: session.isJoined ? null : keep,
+    fork: session.isJoined && !company.hasControlRole ? null : fork,
+  };
+}
+
+/** Goes on in a session of one's own that begins with this view. */
+async function fork() {
+  const { session, api } = connection;
+  const made = await api.sessionFrom(session.id, session.isJoined ? session.token : api.token);
+  const own = session.isJoined ? `#${new URLSearchParams({ session: made.id, token: made.tokens.control })}` : '';
+  if (!session.isJoined) rememberSession(made);
+  history.replaceState(null, '', location.pathname + own);
+  location.reload();
+}
+
+const people = new People(company, {
+  call: (method, params) => connection.call(method, params), fail: report, links,
+  rename: (name) => {
+    remember('name', name);
+    connection.call('stream.configure', { name }).catch(report);
+  },
+});
+
+function showCompany() {
+  viewer.allow(company.mayChange);
+  status.setCompany(company);
+  people.show();
+}
 
 // The panel follows.
 
@@ -279,6 +382,8 @@ function refreshList() {
   }, LIST_MS);
 }
 
+// A link that is opened where the page is already differs in nothing but its hash.
+window.addEventListener('hashchange', () => location.reload());
 window.addEventListener('online', () => connection.retryNow());
 document.addEventListener('visibilitychange', () => {
   if (document.hidden) return;
@@ -288,7 +393,7 @@ document.addEventListener('visibilitychange', () => {
 
 /**
  * For tests and for looking at the page in the console; read-only, and no part of any interface.
- * frame, seq: of the last drawn frame; count: frames drawn since the page opened; sent: seq of the newest update.
+ * frame, seq: of the last drawn frame; count, videos: frames drawn since the page opened, and those of them that were video; sent: seq of the newest update.
  */
 Object.defineProperty(window, 'splatd', {
   value: Object.freeze({
@@ -296,12 +401,16 @@ Object.defineProperty(window, 'splatd', {
     get frame() { return drawn.frame; },
     get seq() { return drawn.seq; },
     get count() { return drawn.count; },
+    get videos() { return drawn.videos; },
+    get isVideo() { return drawn.isVideo; },
     get size() { return [drawn.width, drawn.height]; },
     get wanted() { return screen.size; },
     get isFinal() { return drawn.isFinal; },
     get sent() { return viewer.pace.sent; },
     get isIdle() { return viewer.pace.isIdle; },
     get camera() { return structuredClone(viewer.camera); },
+    get canControl() { return viewer.canControl; },
+    get people() { return company.people; },
     get volume() { return viewer.view?.volume ?? null; },
     get background() { return structuredClone(viewer.view?.background ?? null); },
     get session() { return connection.session?.id ?? null; },

@@ -49,10 +49,11 @@ export class StatusLine {
     if (!this.#isLive) this.#frames = [];
   }
 
-  /** How many look at this session, and whether this page may only watch. */
-  setCompany(count, canControl) {
+  /** How many look at this session, and who controls it if it is not this page. */
+  setCompany({ count, holder, mayChange }) {
     const field = this.#fields.get('company');
-    field.textContent = [canControl ? '' : 'watching', count > 1 ? `${count} people` : ''].filter(Boolean).join(', ');
+    const who = mayChange ? '' : holder ? `${holder.name} controls` : 'watching';
+    field.textContent = [who, count > 1 ? `${count} people` : ''].filter(Boolean).join(', ');
   }
 
   setStats(stats) {

@@ -40,6 +40,16 @@ export class Api {
     return this.#request('POST', 'api/v1/sessions', { body: { view } });
   }
 
+  /** A session that begins with the view of another one or with a kept view; `token`: the daemon's or, to fork, its control token. */
+  sessionFrom(id, token = this.token) {
+    return this.#request('POST', 'api/v1/sessions', { body: { from: id }, token });
+  }
+
+  /** {id}: a name for this view, for links. */
+  keepView(view) {
+    return this.#request('POST', 'api/v1/views', { body: view });
+  }
+
   session(id, token) {
     return this.#request('GET', `api/v1/sessions/${encodeURIComponent(id)}`, { token });
   }

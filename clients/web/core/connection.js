@@ -29,7 +29,7 @@ export class Connection extends Emitter {
   #rpc = null;
   #session = null;
   #volumes = [];
-  #wanted;
+  #wanted; #kept;
   #epoch = 0;
   #failures = 0;
   #timer = null;
@@ -41,15 +41,16 @@ export class Connection extends Emitter {
 
   /**
    * base: address of the page's folder; token: of the daemon; session: {id, token, isJoined} to join, or null;
-   * volume: id to begin with, or null; lastView(): the view to restore, or null; size(): [width, height] px.
+   * volume: id to begin with, or null; kept: id of a kept view to begin with, or null; lastView(): the view to restore, or null; size(): [width, height] px.
    * env: {fetch, WebSocket, setTimeout, clearTimeout, now}.
    */
-  constructor({ base, token, session = null, volume = null, lastView, size, env }) {
+  constructor({ base, token, session = null, volume = null, kept = null, lastView, size, env }) {
     super();
     this.#env = env;
     this.#api = new Api({ base, token, fetch: env.fetch });
     this.#session = session;
     this.#wanted = volume;
+    this.#kept = kept;
     this.#lastView = lastView;
     this.#size = size;
     this.#machine = new Machine();
@@ -138,8 +139,8 @@ export class Connection extends Emitter {
     if (epoch !== this.#epoch) return null;
     if (known) {
       try {
-        const { view } = await this.#askSession(known);
-        return { ...known, view, isNew: false };
+        const { view, tokens = known.tokens } = await this.#askSession(known);
+        return { ...known, view, tokens, isNew: false };
       } catch (error) {
         if (![401, 403, 404, 410].includes(error.status)) throw error;
         if (known.isJoined) {
@@ -149,6 +150,10 @@ export class Connection extends Emitter {
         }
         this.#session = null;
       }
+    }
+    if (this.#kept) {
+      const begun = await this.#createKept(epoch);
+      if (begun || epoch !== this.#epoch) return begun;
     }
     const last = this.#lastView();
     const volume = this.#pick(last);
@@ -180,6 +185,20 @@ export class Connection extends Emitter {
       if (volume?.state === 'loading') return null;
     }
     return ready[0] ?? null;
+  }
+
+  /** Of the kept view; null if there is none that can be shown. It is for the beginning alone: later the last view counts. */
+  async #createKept(epoch) {
+    try {
+      const session = await this.#api.sessionFrom(this.#kept);
+      this.#kept = null;
+      return { ...session, isNew: true };
+    } catch (error) {
+      if (error.status !== 422 || epoch !== this.#epoch) throw error;
+      this.#kept = null;
+      this.emit('fault', new Error(`the view of the link could not be shown: ${error.message}`));
+      return null;
+    }
   }
 
   async #create(volume, last) {

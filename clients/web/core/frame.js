@@ -6,8 +6,9 @@ export const FLAG_KEY = 1;
 export const FLAG_FINAL = 2;
 export const FLAG_LOSSLESS = 4;
 
-/** MIME types of the codecs that a browser decodes as a picture; others need a video decoder. */
-const CODECS = new Map([[1, 'image/jpeg'], [2, 'image/png'], [3, 'image/webp']]);
+/** MIME types: a browser decodes images by itself, video with a decoder that remembers (video.js). */
+const CODECS = new Map([[1, 'image/jpeg'], [2, 'image/png'], [3, 'image/webp'],
+  [4, 'video/h264'], [5, 'video/vp9'], [7, 'video/vp8']]);
 const SIDE_MAX = 8192;
 
 export class FrameError extends Error {
@@ -15,7 +16,7 @@ export class FrameError extends Error {
 }
 
 /**
- * Decodes one binary message (ArrayBuffer). Returns {codec, type, flags, isKey, isFinal, isLossless, frame, seq,
+ * Decodes one binary message (ArrayBuffer). Returns {codec, type, isVideo, flags, isKey, isFinal, isLossless, frame, seq,
  * width, height, renderUs, encodeUs, payload}; `payload` is a view into the message. Throws FrameError.
  */
 export function decodeFrame(buffer) {
@@ -43,6 +44,7 @@ export function decodeFrame(buffer) {
   }
   return {
     codec, type, flags,
+    isVideo: type.startsWith('video/'),
     isKey: (flags & FLAG_KEY) !== 0,
     isFinal: (flags & FLAG_FINAL) !== 0,
     isLossless: (flags & FLAG_LOSSLESS) !== 0,

@@ -8,7 +8,7 @@ export class FrameOrder {
   #newest = -1;
 
   /**
-   * decode(frame) → Promise of a picture (with an optional close()); draw(picture, frame), synchronous;
+   * decode(frame) → Promise of a picture (with an optional close()), or of null if there is none; draw(picture, frame), synchronous;
    * ack(frame); fail(error, frame).
    */
   constructor({ decode, draw, ack, fail }) {
@@ -31,7 +31,7 @@ export class FrameOrder {
     let drawn = false;
     try {
       picture = await this.#decode(frame);
-      if (epoch === this.#epoch && frame.frame > this.#newest) {
+      if (picture && epoch === this.#epoch && frame.frame > this.#newest) {
         this.#newest = frame.frame;
         this.#draw(picture, frame);
         drawn = true;

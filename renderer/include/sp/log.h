@@ -20,6 +20,9 @@ typedef void sp_log_sink(void *user, enum sp_log_level level, const char *line);
  * once, first. `user` must outlive every other call. Default: standard error, SP_LOG_INFO. */
 void sp_log_init(sp_log_sink *sink, void *user, enum sp_log_level level);
 
+/* Thread-safe, at any time. */
+void sp_log_set_level(enum sp_log_level level);
+
 /* Thread-safe. Lines are cut at 1,023 bytes. */
 __attribute__((format(printf, 2, 3))) void sp_log(enum sp_log_level level, const char *format, ...);
 

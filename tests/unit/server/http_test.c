@@ -4,13 +4,17 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
+#include <zlib.h>
 
 #include "http/address.h"
+#include "http/gzip.h"
 #include "http/handshake.h"
 #include "http/headers.h"
+#include "http/origins.h"
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/strict.h"
@@ -102,6 +106,64 @@ static void origins(void **state) {
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         assert_int_equal(srv_origin_is_allowed(cases[i].origin, cases[i].host), cases[i].allowed);
+}
+
+static void allowed_origins(void **state) {
+    (void)state;
+    struct sp_error err;
+    static const char *const good[] = { NULL, "http://a", "https://a.b-c:8443,http://[::1]:80" };
+    static const char *const bad[] = { "",           "*",
+                                       "null",       "a.b",
+                                       "ftp://a",    "http://",
+                                       "https://a/", "http://a,",
+                                       ",http://a",  "http://a, http://b",
+                                       "http://a b", "http://user@a" };
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+        assert_true(srv_origins_check(good[i], &err));
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        assert_false(srv_origins_check(bad[i], &err));
+        assert_string_equal(err.place, "--allow-origin");
+    }
+    static const char list[] = "https://a.b-c:8443,http://x";
+    assert_true(srv_origins_have(list, "https://a.b-c:8443"));
+    assert_true(srv_origins_have(list, "HTTP://X"));
+    assert_false(srv_origins_have(list, "http://x:80"));
+    assert_false(srv_origins_have(list, "https://x"));
+    assert_false(srv_origins_have(list, "http://x.evil"));
+    assert_false(srv_origins_have(list, "http://"));
+    assert_false(srv_origins_have(list, list));
+    assert_false(srv_origins_have(list, ""));
+    assert_false(srv_origins_have(list, NULL));
+    assert_false(srv_origins_have(NULL, "http://x"));
+}
+
+static void compression(void **state) {
+    (void)state;
+    char text[5000], back[5000];
+    size_t size;
+    for (size_t i = 0; i < sizeof text; i++)
+        text[i] = "splat "[i * i % 6];
+    assert_true(srv_gzip_is_for("application/json", sizeof text));
+    assert_true(srv_gzip_is_for("text/html; charset=utf-8", sizeof text));
+    assert_false(srv_gzip_is_for("application/json", 100));
+    assert_false(srv_gzip_is_for("image/png", sizeof text));
+    assert_false(srv_gzip_is_for(NULL, sizeof text));
+    void *gzip = srv_gzip(text, sizeof text, &size);
+    assert_non_null(gzip);
+    assert_true(size < sizeof text / 4);
+    z_stream z = { .next_in = gzip, .avail_in = (uInt)size };
+    z.next_out = (Bytef *)back;
+    z.avail_out = sizeof back;
+    assert_int_equal(inflateInit2(&z, 15 + 16), Z_OK);
+    assert_int_equal(inflate(&z, Z_FINISH), Z_STREAM_END);
+    assert_int_equal(z.total_out, sizeof text);
+    inflateEnd(&z);
+    assert_memory_equal(back, text, sizeof text);
+    free(gzip);
+    unsigned seed = 1;
+    for (size_t i = 0; i < sizeof text; i++)
+        text[i] = (char)((seed = seed * 1103515245u + 12345u) >> 16);
+    assert_null(srv_gzip(text, sizeof text, &size)); /* noise would become longer */
 }
 
 static void accepting(void **state) {
@@ -268,10 +330,11 @@ static void framing(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(routing),   cmocka_unit_test(origins),
-        cmocka_unit_test(accepting), cmocka_unit_test(tokens_and_types),
-        cmocka_unit_test(addresses), cmocka_unit_test(handshake),
-        cmocka_unit_test(problems),  cmocka_unit_test(targets),
+        cmocka_unit_test(routing),         cmocka_unit_test(origins),
+        cmocka_unit_test(allowed_origins), cmocka_unit_test(compression),
+        cmocka_unit_test(accepting),       cmocka_unit_test(tokens_and_types),
+        cmocka_unit_test(addresses),       cmocka_unit_test(handshake),
+        cmocka_unit_test(problems),        cmocka_unit_test(targets),
         cmocka_unit_test(framing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

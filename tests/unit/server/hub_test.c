@@ -13,93 +13,10 @@
 
 #include <cmocka.h>
 
-#include "session/hub.h"
-#include "sp/volume.h"
-
-struct fixture {
-    struct srv_hub *hub;
-    struct sp_volume_info info;
-    int uses;
-    unsigned interrupts;
-    enum srv_interrupt why; /* of the last one */
-    char id[SRV_SESSION_ID_BYTES];
-};
-
-static void *acquire(void *user, const char *id, struct sp_error *err) {
-    struct fixture *f = user;
-    if (id && *id && strcmp(id, "v") != 0 && strcmp(id, "w") != 0) {
-        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "no volume %s", id);
-        return NULL;
-    }
-    f->uses++;
-    return f;
-}
-
-static void *add_use(void *user, void *volume) {
-    ((struct fixture *)user)->uses++;
-    return volume;
-}
-
-static void release(void *user, void *volume) {
-    (void)volume;
-    ((struct fixture *)user)->uses--;
-}
-
-static void default_view(void *user, void *volume, struct sp_view *view) {
-    (void)volume;
-    sp_view_init(view, &((struct fixture *)user)->info, "v");
-}
-
-static void ignore(void *user) {
-    (void)user;
-}
-
-static void count_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
-    (void)session;
-    ((struct fixture *)user)->interrupts++;
-    ((struct fixture *)user)->why = why;
-}
-
-static int set_up(void **state) {
-    struct fixture *f = calloc(1, sizeof *f);
-    if (!f)
-        return -1;
-    f->info = (struct sp_volume_info){ .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
-    for (int i = 0; i < 3; i++) {
-        f->info.grid.dims[i] = 8;
-        f->info.grid.spacing[i] = 1;
-        f->info.grid.direction[i][i] = 1;
-    }
-    f->info.histogram[3] = 512;
-    struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view },
-                                       .sessions_max = 2,
-                                       .participants_max = 3,
-                                       .session_idle_ms = 1000,
-                                       .rest_ms = 100,
-                                       .stream_bytes = 1 << 20,
-                                       .user = f,
-                                       .work = ignore,
-                                       .ready = ignore,
-                                       .interrupt = count_interrupt };
-    f->hub = srv_hub_create(&options, NULL);
-    proto_json *json = srv_hub_session_create(f->hub, NULL, 0, f->id, NULL);
-    proto_json_free(&json);
-    *state = f;
-    return 0;
-}
-
-static int tear_down(void **state) {
-    struct fixture *f = *state;
-    srv_hub_destroy(&f->hub);
-    int uses = f->uses;
-    free(f);
-    return uses; /* every use was given back */
-}
+#include "hub_fixture.h"
 
 static struct srv_participant *join(struct fixture *f, double now_ms) {
-    struct srv_participant *p = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, now_ms, NULL);
-    assert_non_null(p);
-    return p;
+    return hub_join(f, SRV_ROLE_CONTROL, now_ms);
 }
 
 static void update(struct fixture *f, struct srv_participant *p, unsigned seq, double now_ms) {
@@ -121,6 +38,12 @@ static void ack(struct fixture *f, struct srv_participant *p, unsigned frame, do
              "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}", frame);
     assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
     assert_null(answer);
+}
+
+static unsigned session_count(struct fixture *f) {
+    struct srv_hub_numbers numbers;
+    srv_hub_numbers(f->hub, &numbers);
+    return numbers.sessions;
 }
 
 static bool next_job(struct fixture *f, double now_ms, struct srv_job *job) {
@@ -433,12 +356,12 @@ static void idle_sessions_end(void **state) {
     struct fixture *f = *state;
     struct srv_participant *p = join(f, 0);
     srv_hub_tick(f->hub, 5000);
-    assert_int_equal(srv_hub_session_count(f->hub), 1);
+    assert_int_equal(session_count(f), 1);
     srv_hub_leave(f->hub, &p, 5000);
     srv_hub_tick(f->hub, 5999);
-    assert_int_equal(srv_hub_session_count(f->hub), 1);
+    assert_int_equal(session_count(f), 1);
     srv_hub_tick(f->hub, 6001);
-    assert_int_equal(srv_hub_session_count(f->hub), 0);
+    assert_int_equal(session_count(f), 0);
 }
 
 static void notifications_tell_the_state_not_its_history(void **state) {
@@ -449,7 +372,10 @@ static void notifications_tell_the_state_not_its_history(void **state) {
     for (unsigned seq = 1; seq <= 9; seq++)
         update(f, a, seq, seq);
     for (int i = 0; i <= 100; i++)
-        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "");
+        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "", 0);
+    assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "session.control")); /* the first update took it */
+    free(message.text);
     assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "view.changed"));
     assert_non_null(strstr(message.text, "\"background\":[0.9"));
@@ -467,8 +393,8 @@ static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
     struct srv_participant *a = join(f, 0);
     struct srv_message message;
     drain(f, a, 0);
-    srv_hub_volume_progress(f->hub, "w", "ready", 1, "");
-    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "");
+    srv_hub_volume_progress(f->hub, "w", "ready", 1, "", 0);
+    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "", 0);
     assert_int_equal(srv_hub_next_message(f->hub, a, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"unloaded\""));
     free(message.text);
@@ -478,7 +404,7 @@ static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
         assert_null(strstr(message.text, "volume.progress"));
         free(message.text);
     }
-    srv_hub_volume_progress(f->hub, "w", "loading", 0, "");
+    srv_hub_volume_progress(f->hub, "w", "loading", 0, "", 0);
     assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"loading\""));
     free(message.text);
@@ -488,7 +414,7 @@ static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
         TEST(moving_then_final),
         TEST(updates_coalesce_behind_a_job),
         TEST(a_cancelled_refinement_comes_again),

@@ -191,7 +191,8 @@ static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
     f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
     assert_non_null(f->scheduler);
     struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
-                                                srv_catalog_release, srv_catalog_default_view },
+                                                srv_catalog_release, srv_catalog_default_view,
+                                                srv_catalog_pick },
                                    .sessions_max = 1,
                                    .participants_max = 2,
                                    .session_idle_ms = 1e6,

@@ -24,7 +24,7 @@ const message = (changes = {}, bytes = EXAMPLE) => {
 test('every field of the header is read', () => {
   const { payload, ...frame } = decodeFrame(message());
   assert.deepEqual(frame, {
-    codec: 1, type: 'image/jpeg', flags: 3, isKey: true, isFinal: true, isLossless: false,
+    codec: 1, type: 'image/jpeg', isVideo: false, flags: 3, isKey: true, isFinal: true, isLossless: false,
     frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, renderUs: 10000, encodeUs: 1000,
   });
   assert.deepEqual([...payload], [0xff, 0xd8, 0xff]);
@@ -53,7 +53,7 @@ test('malformed frames are refused, with the byte', () => {
     'of 0 bytes': new ArrayBuffer(0),
     'byte 0': message({ 3: 0x32 }),
     'byte 4: codec 0': message({ 4: 0 }),
-    'byte 4: codec 5': message({ 4: 5 }),
+    'byte 4: codec 6': message({ 4: 6 }),
     'byte 6: a header of 31': message({ 6: 31 }),
     'byte 6: a header of 65535': message({ 6: 0xff, 7: 0xff }),
     'byte 16': message({ 16: 0, 17: 0 }),

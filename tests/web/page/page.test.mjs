@@ -299,3 +299,15 @@ test('the daemon stops: a banner says so; it starts again: the page comes back w
   await drag(page, [450, 300], [300, 350]);
   await rest(page);
 });
+
+test('V tells the value under the cursor', async (context) => {
+  const { page, said } = await setUp(context);
+  await page.focus('#screen');
+  await page.mouse.move(450, 300);
+  await page.keyboard.press('v');
+  await page.locator('#notice-text', { hasText: /^Value -?[\d.]+ at -?[\d.]+, -?[\d.]+, -?[\d.]+/ }).waitFor();
+  await page.mouse.move(890, 10);
+  await page.keyboard.press('v');
+  await page.locator('#notice', { hasText: 'Nothing opaque here: 0 %' }).waitFor();
+  assert.deepEqual(said, []);
+});

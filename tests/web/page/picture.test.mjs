@@ -191,10 +191,12 @@ test('on a phone every control is as wide as the panel allows, and can be touche
   const { page } = it;
   await page.tap('#panel-toggle');
   await page.tap('#clip summary');
+  await page.tap('#people-fold summary');
   await shot(page, 'phone-picture');
   const outside = await page.evaluate(() => {
     const panel = document.getElementById('panel').getBoundingClientRect();
     return [...document.querySelectorAll('#panel select, #panel input, #panel button, #panel output')]
+      .filter((control) => !control.closest('[hidden]'))
       .filter((control) => {
         const box = control.getBoundingClientRect();
         return box.width === 0 || box.left < panel.left || box.right > panel.right || box.right > window.innerWidth;
@@ -202,6 +204,7 @@ test('on a phone every control is as wide as the panel allows, and can be touche
   });
   assert.deepEqual(outside, []);
   assert.equal(await page.evaluate(() => document.scrollingElement.scrollWidth > window.innerWidth), false);
+  await page.locator('#sigma').scrollIntoViewIfNeeded();
   const { x, y, width, height } = await page.locator('#sigma').boundingBox();
   const patch = await it.patches(() => page.touchscreen.tap(x + width - 3, y + height / 2));
   assert.ok(patch.at(-1).filter.sigma > 1.8);

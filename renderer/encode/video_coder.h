@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a video library must do for video.c: the table that vpx.c fills, and a module exports as
+ * `splat_video_coder`. Plain C types only, so that a module needs nothing of this library.
+ */
+#ifndef ENCODE_VIDEO_CODER_H
+#define ENCODE_VIDEO_CODER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct sp_i420 { /* Y, U, V; chroma has half as many columns and rows, rounded up */
+    uint8_t *planes[3];
+    size_t strides[3];
+    unsigned width, height; /* px; even if the coder asks for it */
+};
+
+struct sp_coder_packet {
+    const uint8_t *bytes; /* the coder's, until its next call */
+    size_t size;
+    bool is_key;
+};
+
+enum { SP_CODER_VERSION = 1 };
+struct sp_video_coder {
+    unsigned version; /* SP_CODER_VERSION */
+    bool wants_even;  /* both sides */
+    /* For pictures of one size. NULL: out of memory, or the library refuses. */
+    void *(*create)(unsigned width, unsigned height, unsigned threads);
+    /* One packet. NULL, or why not: a constant string. quality: [1, 100]. */
+    const char *(*encode)(void *state, const struct sp_i420 *image, int quality, bool key,
+                          struct sp_coder_packet *packet);
+    void (*destroy)(void *state);
+};
+
+extern const struct sp_video_coder sp_video_vp8, sp_video_vp9; /* vpx.c */
+
+#endif

@@ -1,0 +1,92 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/answer.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "http/gzip.h"
+#include "http/headers.h"
+#include "http/origins.h"
+
+static const char headers_taken[] = "Authorization, Content-Type, If-None-Match";
+static const char headers_told[] = "ETag, Location, Retry-After, WWW-Authenticate, X-Render-Time, "
+                                   "X-Encode-Time, X-Backend, X-Splats, X-Durable";
+
+static bool is_foreign(const struct srv_request *request) {
+    return srv_origins_have(request->app->config->allow_origin,
+                            srv_request_header(request, "Origin"));
+}
+
+bool srv_is_preflight(const struct srv_request *request) {
+    return strcmp(request->method, "OPTIONS") == 0 &&
+           srv_request_header(request, "Access-Control-Request-Method") && is_foreign(request);
+}
+
+void srv_reply_preflight(struct srv_reply *reply, unsigned allowed) {
+    char methods[64];
+    srv_methods_to_text(allowed, methods);
+    reply->status = 204;
+    srv_reply_header(reply, "Access-Control-Allow-Methods", "%s", methods);
+    srv_reply_header(reply, "Access-Control-Allow-Headers", "%s", headers_taken);
+    srv_reply_header(reply, "Access-Control-Max-Age", "600");
+}
+
+/* Replaces the body by a compressed one. True if that was done. */
+static bool compress(struct srv_request *request) {
+    struct srv_reply *reply = &request->reply;
+    const char *accepted = srv_request_header(request, "Accept-Encoding");
+    size_t size;
+    if (!accepted || srv_accept_quality(accepted, "gzip") <= 0)
+        return false;
+    void *gzip = srv_gzip(reply->body, reply->size, &size);
+    if (!gzip)
+        return false;
+    free(reply->owned);
+    reply->body = reply->owned = gzip;
+    reply->size = size;
+    return true;
+}
+
+static void add_headers(struct MHD_Response *response, const struct srv_request *request,
+                        bool is_gzip, bool may_gzip) {
+    const struct srv_reply *reply = &request->reply;
+    const char *origins = request->app->config->allow_origin;
+    if (reply->mime)
+        MHD_add_response_header(response, "Content-Type", reply->mime);
+    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+    for (unsigned i = 0; i < reply->header_count; i++) {
+        const char *name = reply->headers[i].name, *value = reply->headers[i].value;
+        char weak[SRV_REPLY_VALUE + 2] = "W/"; /* the bytes are others than without compression */
+        if (is_gzip && strcmp(name, "ETag") == 0)
+            value = strcat(weak, value);
+        MHD_add_response_header(response, name, value);
+    }
+    if (is_gzip)
+        MHD_add_response_header(response, "Content-Encoding", "gzip");
+    if (may_gzip)
+        MHD_add_response_header(response, "Vary", "Accept-Encoding");
+    if (origins)
+        MHD_add_response_header(response, "Vary", "Origin");
+    if (is_foreign(request)) {
+        MHD_add_response_header(response, "Access-Control-Allow-Origin",
+                                srv_request_header(request, "Origin"));
+        MHD_add_response_header(response, "Access-Control-Expose-Headers", headers_told);
+    }
+}
+
+struct MHD_Response *srv_answer_create(struct srv_request *request) {
+    struct srv_reply *reply = &request->reply;
+    bool may_gzip = srv_gzip_is_for(reply->mime, reply->size);
+    bool is_gzip = may_gzip && compress(request);
+    struct MHD_Response *response =
+        reply->owned
+            ? MHD_create_response_from_buffer(reply->size, reply->owned, MHD_RESPMEM_MUST_FREE)
+            : MHD_create_response_from_buffer(reply->size, (void *)(uintptr_t)reply->body,
+                                              MHD_RESPMEM_PERSISTENT);
+    if (!response)
+        return NULL;
+    reply->owned = NULL;
+    add_headers(response, request, is_gzip, may_gzip);
+    return response;
+}

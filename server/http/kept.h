@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Kept views: the canonical text of a whole view, named by its SHA-256.
+ */
+#ifndef SRV_HTTP_KEPT_H
+#define SRV_HTTP_KEPT_H
+
+#include "protocol/json.h"
+#include "store/store.h"
+
+enum { SRV_KEPT_ID_BYTES = 33 };
+
+/* The id of a text: the first 128 bits of its SHA-256, as hexadecimal digits. False when out of
+ * memory. */
+bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]);
+
+/* The view of that id; the caller's. NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
+proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err);
+
+#endif

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/origins.h"
+
+#include <string.h>
+#include <strings.h>
+
+#include "http/headers.h"
+
+static bool is_origin(const char *text, size_t length) {
+    static const char *const schemes[] = { "http://", "https://" };
+    for (size_t i = 0; i < 2; i++) {
+        size_t scheme = strlen(schemes[i]);
+        if (length <= scheme || strncmp(text, schemes[i], scheme) != 0)
+            continue;
+        size_t host = strspn(text + scheme, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                            "0123456789.-:[]");
+        return host == length - scheme;
+    }
+    return false;
+}
+
+bool srv_origins_check(const char *list, struct sp_error *err) {
+    for (const char *at = list; at;) {
+        size_t length = strcspn(at, ",");
+        if (!is_origin(at, length))
+            return sp_fail(err, SP_ERR_INVALID, "--allow-origin",
+                           "'%.*s' is no origin: write http[s]://HOST[:PORT], without a path, and "
+                           "commas between them",
+                           length < 100 ? (int)length : 100, at);
+        at = at[length] ? at + length + 1 : NULL;
+    }
+    return true;
+}
+
+bool srv_origins_have(const char *list, const char *origin) {
+    return list && origin && *origin && srv_header_has_token(list, origin);
+}

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Pages of other origins that may use this daemon (--allow-origin): none but those that are listed,
+ * each by its whole name, "https://example.org:8443". What they may do their token says.
+ */
+#ifndef SRV_HTTP_ORIGINS_H
+#define SRV_HTTP_ORIGINS_H
+
+#include <stdbool.h>
+
+#include "sp/status.h"
+
+/* Checks a list, separated by commas; NULL = empty. SP_ERR_INVALID. */
+bool srv_origins_check(const char *list, struct sp_error *err);
+
+/* Is this the value of an Origin header that the list has? NULL never is. */
+bool srv_origins_have(const char *list, const char *origin);
+
+#endif

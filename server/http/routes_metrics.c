@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What Prometheus scrapes: the counters, and gauges of how things stand now.
+ */
+#include <dirent.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "http/listener.h"
+#include "metrics.h"
+
+/* Volumes that have a series of their own; the rest are added up as "*". */
+enum { VOLUMES_MAX = 64 };
+
+static void gauge(FILE *out, const char *name, const char *help, double value) {
+    srv_metrics_family(out, name, "gauge", help);
+    fprintf(out, "%s %.17g\n", name, value);
+}
+
+static void counter(FILE *out, const char *name, const char *help, double value) {
+    srv_metrics_family(out, name, "counter", help);
+    fprintf(out, "%s %.17g\n", name, value);
+}
+
+static void print_sessions(const struct srv_request *request, FILE *out) {
+    struct srv_hub_numbers n;
+    srv_hub_numbers(request->app->hub, &n);
+    gauge(out, "splatd_sessions", "Open sessions", n.sessions);
+    gauge(out, "splatd_sessions_asleep", "Kept sessions that wait for their volumes", n.asleep);
+    srv_metrics_family(out, "splatd_participants", "gauge", "Open streams by their role");
+    fprintf(out, "splatd_participants{role=\"control\"} %u\n", n.participants[SRV_ROLE_CONTROL]);
+    fprintf(out, "splatd_participants{role=\"view\"} %u\n", n.participants[SRV_ROLE_VIEW]);
+    gauge(out, "splatd_connections", "Open connections, streams among them",
+          (double)srv_http_connections(request->http));
+    gauge(out, "splatd_pictures_waiting", "Pictures that were asked for and not answered yet",
+          srv_scheduler_waiting(request->app->scheduler));
+}
+
+static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
+                         const uint64_t derived[SRV_RENDERERS],
+                         const struct sp_renderer_info *info) {
+    static const char *const lanes[SRV_RENDERERS] = { "streams", "pictures" };
+    if (voxels) {
+        fprintf(out, "splatd_volume_bytes{volume=");
+        srv_metrics_label(out, id);
+        fprintf(out, "} %" PRIu64 "\n", *voxels);
+        return;
+    }
+    for (int l = 0; l < SRV_RENDERERS; l++) {
+        if (!info[l].backend)
+            continue;
+        fprintf(out, "splatd_derived_bytes{volume=");
+        srv_metrics_label(out, id);
+        fprintf(out, ",backend=\"%s\",lane=\"%s\"} %" PRIu64 "\n", info[l].backend, lanes[l],
+                derived[l]);
+    }
+}
+
+/* One family over all volumes: their voxels, or what renderers derived from them. */
+static void print_volumes(const struct srv_request *request, bool voxels,
+                          const struct sp_renderer_info *info, FILE *out) {
+    struct srv_volume_status status;
+    uint64_t rest = 0, derived_rest[SRV_RENDERERS] = { 0 };
+    unsigned i = 0;
+    for (; srv_catalog_at(request->app->catalog, i, &status); i++) {
+        sp_volume_unref(&status.volume);
+        rest += i < VOLUMES_MAX ? 0 : status.voxel_bytes;
+        for (int l = 0; l < SRV_RENDERERS; l++)
+            derived_rest[l] += i < VOLUMES_MAX ? 0 : status.derived_of[l];
+        if (i < VOLUMES_MAX)
+            print_volume(out, status.id, voxels ? &status.voxel_bytes : NULL, status.derived_of,
+                         info);
+    }
+    if (i > VOLUMES_MAX)
+        print_volume(out, "*", voxels ? &rest : NULL, derived_rest, info);
+}
+
+static void print_memory(const struct srv_request *request, FILE *out) {
+    struct sp_renderer_info info[SRV_RENDERERS];
+    uint64_t used, budget;
+    srv_scheduler_info(request->app->scheduler, &info[0], &info[1]);
+    srv_catalog_memory(request->app->catalog, &used, &budget);
+    gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
+    gauge(out, "splatd_memory_budget_bytes", "What --memory allows", (double)budget);
+    srv_metrics_family(out, "splatd_volume_bytes", "gauge",
+                       "Voxels by volume; those past the first 64 together as *");
+    print_volumes(request, true, info, out);
+    srv_metrics_family(out, "splatd_derived_bytes", "gauge",
+                       "What a renderer keeps of a volume, by volume, backend and lane");
+    print_volumes(request, false, info, out);
+}
+
+static void print_store(const struct srv_request *request, FILE *out) {
+    static const char *const kinds[SRV_KINDS] = { "volume", "session", "view", "preset" };
+    struct srv_store_status s;
+    srv_store_status(request->app->store, &s);
+    srv_metrics_family(out, "splatd_kept", "gauge", "What outlives its request, by kind");
+    for (int k = 0; k < SRV_KINDS; k++)
+        fprintf(out, "splatd_kept{kind=\"%s\"} %u\n", kinds[k], s.records[k]);
+    gauge(out, "splatd_kept_bytes", "Memory of what is kept", (double)s.bytes);
+    gauge(out, "splatd_state_waiting", "Changes that are not written yet", s.waiting);
+    gauge(out, "splatd_state_failing", "1 while the state cannot be written", s.is_failing);
+    counter(out, "splatd_state_writes_total", "Transactions written", (double)s.writes);
+    counter(out, "splatd_state_failures_total", "Transactions that failed", (double)s.failures);
+    gauge(out, "splatd_state_write_seconds", "Duration of the last transaction", s.write_ms / 1000);
+}
+
+/* The usual names of what every process has. */
+static void print_process(FILE *out) {
+    struct rusage usage;
+    long pages = 0, resident = 0, files = -3; /* ".", "..", and the folder itself */
+    FILE *statm = fopen("/proc/self/statm", "re");
+    if (statm && fscanf(statm, "%ld %ld", &pages, &resident) != 2)
+        resident = 0;
+    if (statm)
+        fclose(statm);
+    DIR *folder = opendir("/proc/self/fd");
+    while (folder && readdir(folder))
+        files++;
+    if (folder)
+        closedir(folder);
+    getrusage(RUSAGE_SELF, &usage);
+    gauge(out, "process_resident_memory_bytes", "Resident memory",
+          (double)resident * (double)sysconf(_SC_PAGESIZE));
+    gauge(out, "process_open_fds", "Open file descriptors", files > 0 ? (double)files : 0);
+    counter(out, "process_cpu_seconds_total", "Processor time of all threads",
+            (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+                (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec) * 1e-6);
+}
+
+static void print_build(const struct srv_request *request, FILE *out) {
+    struct sp_renderer_info info[SRV_RENDERERS];
+    srv_scheduler_info(request->app->scheduler, &info[0], &info[1]);
+    srv_metrics_family(out, "splatd_build_info", "gauge", "1; what runs here");
+    fprintf(out, "splatd_build_info{version=\"" SPLATD_VERSION "\",backend=\"%s\",device=",
+            info[0].backend);
+    srv_metrics_label(out, info[0].device);
+    fprintf(out, ",isa=\"%s\"} 1\n", info[0].isa);
+}
+
+void srv_get_metrics(struct srv_request *request, struct srv_reply *reply) {
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    if (out) {
+        print_build(request, out);
+        print_sessions(request, out);
+        srv_metrics_print(request->app->metrics, out);
+        print_memory(request, out);
+        print_store(request, out);
+        print_process(out);
+    }
+    bool ok = out && !ferror(out);
+    if (!out || fclose(out) != 0 || !ok) {
+        free(text);
+        srv_reply_problem(reply, 503, NULL, "no memory for the metrics");
+        return;
+    }
+    reply->status = 200;
+    reply->mime = "text/plain; version=0.0.4; charset=utf-8";
+    reply->body = reply->owned = text;
+    reply->size = size;
+    srv_reply_header(reply, "Cache-Control", "no-store");
+}

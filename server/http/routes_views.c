@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <gnutls/crypto.h>
+#include <gnutls/gnutls.h>
+
+#include "http/headers.h"
+#include "http/kept.h"
+#include "http/listener.h"
+#include "protocol/view.h"
+
+bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]) {
+    enum { SHA256_BYTES = 32 };
+    uint8_t digest[SHA256_BYTES];
+    if (gnutls_hash_fast(GNUTLS_DIG_SHA256, text, size, digest) != 0)
+        return false;
+    for (size_t i = 0; i < (SRV_KEPT_ID_BYTES - 1) / 2; i++)
+        snprintf(id + 2 * i, 3, "%02x", digest[i]);
+    return true;
+}
+
+proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err) {
+    size_t size;
+    struct sp_error why;
+    char *text = srv_store_get(store, SRV_KIND_VIEW, id, &size, &why);
+    if (!text && why.code == SP_ERR_NOT_FOUND)
+        sp_fail(err, why.code, NULL, "there is no kept view '%.64s'", id);
+    else if (!text)
+        *err = why;
+    proto_json *json = text ? proto_json_parse(text, size, err) : NULL;
+    free(text);
+    return json;
+}
+
+/* Answers with the view's id once it is kept. */
+static void keep_view(struct srv_request *request, const struct sp_view *view,
+                      struct srv_reply *reply) {
+    struct sp_error err;
+    char id[SRV_KEPT_ID_BYTES];
+    size_t size = 0;
+    proto_json *json = proto_view_encode(view), *answer = proto_json_object();
+    char *text = proto_json_to_canonical(json, &size);
+    proto_json_free(&json);
+    if (!text || !srv_kept_id(text, size, id) || !proto_json_set_string(answer, "id", id)) {
+        srv_reply_problem(reply, 503, NULL, "no memory for a view");
+    } else if (!srv_store_put(request->app->store, SRV_KIND_VIEW, id, text, size, &err)) {
+        srv_reply_error(reply, &err);
+    } else {
+        srv_reply_json(reply, 201, proto_json_ref(answer));
+        srv_reply_header(reply, "Location", "views/%s", id);
+        srv_request_keep(request);
+    }
+    proto_json_free(&answer);
+    free(text);
+}
+
+void srv_post_view(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    struct sp_view view;
+    void *volume = NULL;
+    proto_json *patch = srv_request_json(request, reply);
+    if (!patch)
+        return;
+    bool ok = srv_hub_resolve_view(request->app->hub, NULL, patch, &view, &volume, &err);
+    proto_json_free(&patch);
+    if (!ok) {
+        srv_reply_view_error(reply, "", &err);
+        return;
+    }
+    srv_catalog_release(request->app->catalog, volume);
+    keep_view(request, &view, reply);
+}
+
+void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *json = srv_kept_view(request->app->store, request->param, &err);
+    if (!json) {
+        srv_reply_error(reply, &err);
+        return;
+    }
+    char etag[SRV_KEPT_ID_BYTES + 2];
+    snprintf(etag, sizeof etag, "\"%.32s\"", request->param);
+    if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {
+        proto_json_free(&json);
+        reply->status = 304;
+    } else {
+        srv_reply_json(reply, 200, json);
+    }
+    srv_reply_header(reply, "ETag", "%s", etag);
+    srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
+}

@@ -1,0 +1,272 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "render/video.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+
+#include "clock.h"
+#include "protocol/frame_header.h"
+#include "sp/log.h"
+#include "sp/video.h"
+
+enum {
+    ENCODERS_MAX = 32,   /* at a time: one of 1024 × 1024 costs some 20 MB */
+    LARGE_PX = 640 * 480 /* from here on two threads encode a picture */
+};
+#define KEY_MS 1000.0   /* between key frames that only some need */
+#define IDLE_MS 10000.0 /* after which an encoder goes */
+
+_Static_assert((int)SRV_PARTICIPANTS_MAX <= 64, "a set of targets has one bit each");
+
+struct encoder {
+    struct encoder *next;
+    uint64_t session;
+    enum sp_video_codec codec;
+    uint32_t full[2]; /* of the picture at rest: one that moves is smaller now and then */
+    unsigned users;   /* guarded by the list's mutex, as is used_ms */
+    double used_ms;
+    pthread_mutex_t mutex; /* guards what follows */
+    struct sp_video *video;
+    struct srv_video_mark mark; /* of the next frame; epoch 0 = it must be a key frame */
+    uint64_t order;             /* of the newest job */
+    double key_ms;
+};
+
+struct srv_videos {
+    struct srv_metrics *metrics;
+    pthread_mutex_t mutex;
+    struct encoder *list;
+    unsigned count;
+    uint64_t epochs; /* so far */
+};
+
+struct srv_videos *srv_videos_create(struct srv_metrics *metrics, struct sp_error *err) {
+    struct srv_videos *videos = calloc(1, sizeof *videos);
+    if (!videos) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for video");
+        return NULL;
+    }
+    videos->metrics = metrics;
+    pthread_mutex_init(&videos->mutex, NULL);
+    /* Now, so that no client waits for a module to load. */
+    for (int i = 0; i < SP_VIDEO_CODEC_COUNT; i++)
+        if (!sp_video_is_available((enum sp_video_codec)i))
+            sp_log(SP_LOG_DEBUG, "no %s: it is not built in",
+                   sp_video_codec_name((enum sp_video_codec)i));
+    return videos;
+}
+
+static void destroy(struct encoder *encoder) {
+    sp_video_destroy(&encoder->video);
+    pthread_mutex_destroy(&encoder->mutex);
+    free(encoder);
+}
+
+/* Takes those out of the list that were not used since `until_ms`. With the mutex held; the caller
+ * destroys what it gets without it. */
+static struct encoder *take_idle(struct srv_videos *videos, double until_ms) {
+    struct encoder *idle = NULL;
+    for (struct encoder **link = &videos->list; *link;) {
+        struct encoder *encoder = *link;
+        if (encoder->users > 0 || encoder->used_ms > until_ms) {
+            link = &encoder->next;
+            continue;
+        }
+        *link = encoder->next;
+        encoder->next = idle;
+        idle = encoder;
+        videos->count--;
+    }
+    return idle;
+}
+
+static void destroy_all(struct encoder *list) {
+    while (list) {
+        struct encoder *next = list->next;
+        destroy(list);
+        list = next;
+    }
+}
+
+void srv_videos_tick(struct srv_videos *videos, double now_ms) {
+    pthread_mutex_lock(&videos->mutex);
+    struct encoder *idle = take_idle(videos, now_ms - IDLE_MS);
+    pthread_mutex_unlock(&videos->mutex);
+    destroy_all(idle);
+}
+
+void srv_videos_destroy(struct srv_videos **pointer) {
+    struct srv_videos *videos = *pointer;
+    *pointer = NULL;
+    if (!videos)
+        return;
+    destroy_all(videos->list);
+    pthread_mutex_destroy(&videos->mutex);
+    free(videos);
+}
+
+static struct encoder *create(const struct srv_job *job, enum sp_video_codec codec) {
+    struct encoder *encoder = calloc(1, sizeof *encoder);
+    struct sp_error err = { .code = SP_ERR_MEMORY, .text = "no memory" };
+    unsigned threads = (uint64_t)job->full[0] * job->full[1] >= LARGE_PX ? 2 : 1;
+    if (!encoder || !(encoder->video = sp_video_create(codec, threads, &err))) {
+        sp_log(SP_LOG_WARN, "no %s for a session: %s", sp_video_codec_name(codec), err.text);
+        free(encoder);
+        return NULL;
+    }
+    encoder->session = job->session;
+    encoder->codec = codec;
+    encoder->full[0] = job->full[0];
+    encoder->full[1] = job->full[1];
+    pthread_mutex_init(&encoder->mutex, NULL);
+    return encoder;
+}
+
+/* The encoder of a job's picture, in use until give_back(); NULL if there is none to be had. */
+static struct encoder *borrow(struct srv_videos *videos, const struct srv_job *job,
+                              enum sp_video_codec codec) {
+    pthread_mutex_lock(&videos->mutex);
+    struct encoder *encoder = videos->list;
+    while (encoder && !(encoder->session == job->session && encoder->codec == codec &&
+                        encoder->full[0] == job->full[0] && encoder->full[1] == job->full[1]))
+        encoder = encoder->next;
+    if (!encoder && videos->count < ENCODERS_MAX && (encoder = create(job, codec))) {
+        encoder->next = videos->list;
+        videos->list = encoder;
+        videos->count++;
+    }
+    if (encoder)
+        encoder->users++;
+    pthread_mutex_unlock(&videos->mutex);
+    return encoder;
+}
+
+static void give_back(struct srv_videos *videos, struct encoder *encoder) {
+    pthread_mutex_lock(&videos->mutex);
+    encoder->users--;
+    encoder->used_ms = srv_clock_ms();
+    pthread_mutex_unlock(&videos->mutex);
+}
+
+static uint8_t codec_number(enum sp_video_codec codec) {
+    return codec == SP_VIDEO_VP8   ? PROTO_CODEC_VP8
+           : codec == SP_VIDEO_VP9 ? PROTO_CODEC_VP9
+                                   : PROTO_CODEC_H264;
+}
+
+struct takers { /* sets of targets */
+    uint64_t delta, key, stills;
+};
+
+/* Asks everybody of the set, then settles who gets what of this frame. With the encoder locked. */
+static struct takers ask(struct srv_hub *hub, const struct srv_job *job, uint64_t set,
+                         const struct encoder *encoder, double now_ms) {
+    struct takers takers = { 0 };
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        uint64_t bit = set & UINT64_C(1) << i;
+        enum srv_video_claim claim =
+            bit ? srv_hub_claim_video(hub, job, i, &encoder->mark) : SRV_VIDEO_NONE;
+        if (claim == SRV_VIDEO_DELTA)
+            takers.delta |= bit;
+        else if (claim == SRV_VIDEO_KEY)
+            takers.key |= bit;
+    }
+    bool is_late = job->order <= encoder->order;
+    if (is_late) {
+        takers.stills = takers.delta | takers.key;
+        takers.delta = takers.key = 0;
+    } else if (takers.key && (!takers.delta || now_ms - encoder->key_ms >= KEY_MS)) {
+        takers.key |= takers.delta;
+        takers.delta = 0;
+    } else {
+        takers.stills = takers.key;
+        takers.key = 0;
+    }
+    return takers;
+}
+
+static int best_quality(const struct srv_job *job, uint64_t set) {
+    int best = 1;
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (set >> i & 1 && job->targets[i].quality > best)
+            best = job->targets[i].quality;
+    return best;
+}
+
+/* The mark of the frame that is encoded now, which is a key frame or not. */
+static void advance(struct srv_videos *videos, struct encoder *encoder, bool is_key,
+                    double now_ms) {
+    if (!is_key)
+        return;
+    pthread_mutex_lock(&videos->mutex);
+    encoder->mark.epoch = ++videos->epochs;
+    pthread_mutex_unlock(&videos->mutex);
+    encoder->mark.number = 0;
+    encoder->key_ms = now_ms;
+}
+
+/* One packet for all takers. False: nobody got anything. With the encoder locked. */
+static bool encode(struct srv_videos *videos, struct srv_hub *hub, const struct srv_job *job,
+                   const struct sp_frame *frame, struct encoder *encoder, uint64_t set, bool key,
+                   double *encode_ms) {
+    struct sp_video_packet packet;
+    struct sp_error err;
+    double start_ms = srv_clock_ms();
+    bool ok = sp_video_encode(encoder->video, frame, best_quality(job, set), key, &packet, &err);
+    struct srv_blob *blob = ok ? srv_blob_create(packet.bytes, packet.size) : NULL;
+    double took_ms = srv_clock_ms() - start_ms;
+    *encode_ms += took_ms;
+    srv_metrics_time(videos->metrics, SRV_TIME_ENCODE, took_ms);
+    if (!blob) { /* what was encoded is lost for all */
+        sp_log(SP_LOG_ERROR, "a frame of video failed: %s", ok ? "no memory" : err.text);
+        encoder->mark.epoch = 0;
+        return false;
+    }
+    advance(videos, encoder, packet.is_key, start_ms);
+    encoder->order = job->order;
+    struct proto_frame_header header = {
+        .codec = codec_number(encoder->codec),
+        .flags = packet.is_key ? PROTO_FRAME_KEY : 0,
+        .width = (uint16_t)frame->width,
+        .height = (uint16_t)frame->height,
+        .render_us = (uint32_t)(frame->stats.render_ms * 1000),
+        .encode_us = (uint32_t)(took_ms * 1000),
+    };
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (set >> i & 1)
+            srv_hub_deliver_video(hub, job, i, &header, blob, &encoder->mark);
+    encoder->mark.number++;
+    srv_blob_unref(&blob);
+    return true;
+}
+
+/* Returns those of the set who shall get a still. */
+static uint64_t encode_set(struct srv_videos *videos, struct srv_hub *hub,
+                           const struct srv_job *job, const struct sp_frame *frame,
+                           enum sp_video_codec codec, uint64_t set, double *encode_ms) {
+    struct encoder *encoder = borrow(videos, job, codec);
+    if (!encoder)
+        return set;
+    pthread_mutex_lock(&encoder->mutex);
+    struct takers takers = ask(hub, job, set, encoder, srv_clock_ms());
+    uint64_t served = takers.delta | takers.key;
+    if (served && !encode(videos, hub, job, frame, encoder, served, takers.key != 0, encode_ms))
+        takers.stills |= served;
+    pthread_mutex_unlock(&encoder->mutex);
+    give_back(videos, encoder);
+    return takers.stills;
+}
+
+uint64_t srv_videos_encode(struct srv_videos *videos, struct srv_hub *hub,
+                           const struct srv_job *job, const struct sp_frame *frame,
+                           double *encode_ms) {
+    uint64_t sets[SP_VIDEO_CODEC_COUNT + 1] = { 0 };
+    for (uint32_t i = 0; i < job->target_count; i++)
+        sets[job->targets[i].video] |= UINT64_C(1) << i;
+    uint64_t stills = sets[SP_VIDEO_CODEC_COUNT];
+    for (int codec = 0; codec < SP_VIDEO_CODEC_COUNT; codec++)
+        if (sets[codec])
+            stills |= encode_set(videos, hub, job, frame, (enum sp_video_codec)codec, sets[codec],
+                                 encode_ms);
+    return stills;
+}

@@ -1,0 +1,168 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Who may change a session's view. At most one participant holds control.
+ *
+ *   free ──update or request by a control role──► held ──release, leave──► who asked first of a
+ *    ▲                                              │                       control role holds it,
+ *    └──────────────────────────────────────────────┘                       or else it is free
+ *
+ * Who asks waits for the holder's grant or refusal. If there is neither within --control-time, it
+ * passes on by itself, but to a control role alone: a view role gets control from a holder who says
+ * so, and from nobody else.
+ */
+#include <math.h>
+
+#include "session/rpc_private.h"
+
+static bool is_asking(const struct srv_participant *p) {
+    return p->asked > 0;
+}
+
+static bool may_control(const struct srv_participant *p) {
+    return p->role == SRV_ROLE_CONTROL;
+}
+
+static struct srv_participant *next_in_line(const struct srv_session *session) {
+    struct srv_participant *first = NULL;
+    for (struct srv_participant *p = session->participants; p; p = p->next)
+        if (is_asking(p) && may_control(p) && (!first || p->asked < first->asked))
+            first = p;
+    return first;
+}
+
+/* NULL = nobody holds it. The others who ask begin to wait anew: the new holder needs its time to
+ * answer. */
+static void give(struct srv_hub *hub, struct srv_session *session, struct srv_participant *to,
+                 double now_ms) {
+    session->holder = to;
+    if (to)
+        to->asked = 0;
+    for (struct srv_participant *p = session->participants; p; p = p->next)
+        p->asked_ms = now_ms;
+    srv_hub_note_others(hub, session, 0, SRV_NOTE_CONTROL);
+}
+
+void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
+                       const struct srv_participant *p, double now_ms) {
+    if (session->holder == p)
+        give(hub, session, next_in_line(session), now_ms);
+    else if (is_asking(p))
+        srv_hub_note_others(hub, session, 0, SRV_NOTE_CONTROL);
+}
+
+bool srv_control_take(struct srv_hub *hub, struct srv_participant *p, double now_ms) {
+    if (!p->session->holder && may_control(p))
+        give(hub, p->session, p, now_ms);
+    return p->session->holder == p;
+}
+
+double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    struct srv_participant *p = next_in_line(session);
+    if (!p)
+        return INFINITY;
+    double left = p->asked_ms + hub->options.control_ms - now_ms;
+    if (left > 0)
+        return left;
+    give(hub, session, p, now_ms);
+    return srv_control_tick(hub, session, now_ms);
+}
+
+char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *to, double now_ms,
+                       size_t *size) {
+    const struct srv_session *session = to->session;
+    proto_json *params = proto_json_object(), *list = proto_json_array();
+    bool ok = session->holder
+                  ? proto_json_set_integer(params, "holder", (int64_t)session->holder->id)
+                  : proto_json_set_null(params, "holder");
+    for (const struct srv_participant *p = session->participants; p; p = p->next) {
+        if (!is_asking(p))
+            continue;
+        proto_json *one = proto_json_object();
+        double left_ms = fmax(p->asked_ms + hub->options.control_ms - now_ms, 0);
+        ok = proto_json_set_integer(one, "id", (int64_t)p->id) && ok;
+        ok = (may_control(p) ? proto_json_set_number(one, "seconds", left_ms / 1000)
+                             : proto_json_set_null(one, "seconds")) &&
+             ok;
+        ok = proto_json_append(list, one) && ok;
+    }
+    ok = proto_json_set(params, "requests", list) && ok;
+    if (!ok)
+        proto_json_free(&params);
+    return proto_rpc_notification("session.control", params, size);
+}
+
+/* The methods. */
+
+static bool answer(struct srv_call *call) {
+    const struct srv_participant *p = call->participant;
+    call->result = proto_json_object();
+    if (!proto_json_set_bool(call->result, "holds", p->session->holder == p))
+        proto_json_free(&call->result);
+    return true;
+}
+
+bool srv_call_request_control(struct srv_call *call) {
+    static const char *const known[] = { NULL };
+    struct srv_participant *p = call->participant;
+    if (!srv_call_knows(call, known))
+        return false;
+    if (!p->session->holder && !may_control(p))
+        return srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
+                               "this token may watch, and there is nobody who could grant more");
+    if (!srv_control_take(call->hub, p, call->now_ms) && !is_asking(p)) {
+        p->asked = ++call->hub->next_request;
+        p->asked_ms = call->now_ms;
+        srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_CONTROL);
+    }
+    return answer(call);
+}
+
+bool srv_call_release_control(struct srv_call *call) {
+    static const char *const known[] = { NULL };
+    struct srv_participant *p = call->participant;
+    if (!srv_call_knows(call, known))
+        return false;
+    if (p->session->holder == p) {
+        give(call->hub, p->session, next_in_line(p->session), call->now_ms);
+    } else if (is_asking(p)) {
+        p->asked = 0;
+        srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_CONTROL);
+    }
+    return answer(call);
+}
+
+/* The participant that "to" names; the caller must hold control. NULL: refused. */
+static struct srv_participant *addressee(struct srv_call *call) {
+    static const char *const known[] = { "to", NULL };
+    const struct srv_session *session = call->participant->session;
+    int64_t id;
+    if (!srv_call_knows(call, known))
+        return NULL;
+    if (session->holder != call->participant) {
+        srv_call_refuse(call, PROTO_RPC_HELD, NULL, "only who holds control can hand it over");
+        return NULL;
+    }
+    if (proto_json_integer(proto_json_get(call->params, "to"), &id))
+        for (struct srv_participant *p = session->participants; p; p = p->next)
+            if ((int64_t)p->id == id)
+                return p;
+    srv_call_refuse(call, PROTO_RPC_PARAMS, "/to", "must be the id of a participant");
+    return NULL;
+}
+
+bool srv_call_grant_control(struct srv_call *call) {
+    struct srv_participant *to = addressee(call);
+    if (!to)
+        return false;
+    give(call->hub, to->session, to, call->now_ms);
+    return answer(call);
+}
+
+bool srv_call_refuse_control(struct srv_call *call) {
+    struct srv_participant *to = addressee(call);
+    if (!to)
+        return false;
+    to->asked = 0;
+    srv_hub_note_others(call->hub, to->session, 0, SRV_NOTE_CONTROL);
+    return answer(call);
+}

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One call of a stream's method, for the files that hold methods. Methods run with the hub's mutex
+ * held.
+ */
+#ifndef SRV_SESSION_RPC_PRIVATE_H
+#define SRV_SESSION_RPC_PRIVATE_H
+
+#include "session/hub_private.h"
+
+struct srv_call {
+    struct srv_hub *hub;
+    struct srv_participant *participant; /* of a session */
+    const proto_json *params;
+    double now_ms;
+    proto_json *result; /* NULL after success = out of memory */
+    enum proto_rpc_code code;
+    struct sp_error err;
+};
+
+/* True with *result, or false with *code and *err. */
+typedef bool srv_method_fn(struct srv_call *call);
+
+/* Sets code and error; false. */
+bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char *place,
+                     const char *text);
+/* Refuses members of the params that are not `known` (ends with NULL): nothing is silently ignored.
+ */
+bool srv_call_knows(struct srv_call *call, const char *const *known);
+
+srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant_control,
+    srv_call_refuse_control; /* control.c */
+srv_method_fn srv_call_pick; /* pick.c */
+
+#endif

@@ -1,0 +1,300 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "store/store.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "sp/log.h"
+#include "store/database.h"
+#include "store/table.h"
+
+struct waiter {
+    struct waiter *next;
+    void (*done)(void *user, bool durable);
+    void *user;
+};
+
+struct srv_store {
+    struct srv_store_options options;
+    struct srv_database *database; /* the writer's; NULL = nothing is written */
+    void (*collect)(void *user);
+    void *user;
+    pthread_t writer;
+    atomic_bool is_nudged;
+    pthread_mutex_t mutex; /* of all below */
+    pthread_cond_t wake;
+    struct srv_table *table;
+    struct waiter *waiters;
+    bool is_running, stop;
+    double next_ms; /* no write that nobody waits for before this */
+    struct srv_store_status status;
+};
+
+static const char *const kind_words[SRV_KINDS] = { "volumes", "sessions", "views", "presets" };
+
+static bool open_database(struct srv_store *store, struct sp_error *err) {
+    const char *folder = store->options.folder;
+    if (!folder) {
+        sp_log(SP_LOG_INFO, "no --state: sessions and kept views end with the daemon");
+        return true;
+    }
+    store->status.has_folder = true;
+    store->database = srv_database_open(folder, store->options.vfs, err);
+    if (!store->database || !srv_database_read(store->database, store->table, err))
+        return false;
+    sp_log(SP_LOG_INFO, "state %s: %u volumes, %u sessions, %u views, %u presets", folder,
+           srv_table_count(store->table, SRV_KIND_VOLUME),
+           srv_table_count(store->table, SRV_KIND_SESSION),
+           srv_table_count(store->table, SRV_KIND_VIEW),
+           srv_table_count(store->table, SRV_KIND_PRESET));
+    return true;
+}
+
+struct srv_store *srv_store_create(const struct srv_store_options *options, struct sp_error *err) {
+    struct srv_store *store = calloc(1, sizeof *store);
+    if (!store || !(store->table = srv_table_create())) {
+        free(store);
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what is kept");
+        return NULL;
+    }
+    store->options = *options;
+    atomic_init(&store->is_nudged, false);
+    pthread_mutex_init(&store->mutex, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&store->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    if (!open_database(store, err))
+        srv_store_destroy(&store);
+    return store;
+}
+
+/* The writer. */
+
+/* With the mutex held. */
+static void note_result(struct srv_store *store, bool ok, const struct sp_error *err) {
+    struct srv_store_status *status = &store->status;
+    if (ok && status->is_failing)
+        sp_log(SP_LOG_INFO, "state is written again, and nothing was lost");
+    if (!ok && !status->is_failing)
+        sp_log(SP_LOG_ERROR, "state is not written and kept in memory alone: %s: %s", err->place,
+               err->text);
+    status->is_failing = !ok;
+    snprintf(status->reason, sizeof status->reason, "%s", ok ? "" : err->text);
+    status->writes += ok;
+    status->failures += !ok;
+    store->next_ms = srv_clock_ms() + (ok ? store->options.pause_ms : store->options.retry_ms);
+}
+
+/* Writes what changed. With the mutex held, which is let go meanwhile. */
+static bool write_changes(struct srv_store *store) {
+    struct sp_error err = { .code = SP_OK };
+    struct srv_change *changes = NULL;
+    atomic_store(&store->is_nudged, false);
+    pthread_mutex_unlock(&store->mutex);
+    if (store->collect)
+        store->collect(store->user);
+    pthread_mutex_lock(&store->mutex);
+    if (srv_table_changes(store->table) == 0)
+        return true;
+    bool ok = srv_table_copy_changes(store->table, &changes) ||
+              sp_fail(&err, SP_ERR_MEMORY, store->options.folder, "no memory for a copy");
+    pthread_mutex_unlock(&store->mutex);
+    double start_ms = srv_clock_ms();
+    ok = ok && srv_database_write(store->database, changes, &err);
+    double took_ms = srv_clock_ms() - start_ms;
+    pthread_mutex_lock(&store->mutex);
+    if (ok) {
+        srv_table_written(store->table, changes);
+        store->status.write_ms = took_ms;
+    }
+    note_result(store, ok, &err);
+    srv_changes_free(&changes);
+    return ok;
+}
+
+static void answer(struct waiter *waiters, bool durable) {
+    while (waiters) {
+        struct waiter *w = waiters;
+        waiters = w->next;
+        w->done(w->user, durable);
+        free(w);
+    }
+}
+
+/* With the mutex held. */
+static void wait_until(struct srv_store *store, double until_ms) {
+    struct timespec until = { .tv_sec = (time_t)(until_ms / 1000) };
+    until.tv_nsec = (long)((until_ms - (double)until.tv_sec * 1000) * 1e6);
+    pthread_cond_timedwait(&store->wake, &store->mutex, &until);
+}
+
+static void *writer_main(void *user) {
+    struct srv_store *store = user;
+    pthread_mutex_lock(&store->mutex);
+    for (;;) {
+        bool has_work = atomic_load(&store->is_nudged) || srv_table_changes(store->table) > 0;
+        if (store->waiters || store->stop || (has_work && srv_clock_ms() >= store->next_ms)) {
+            bool stop = store->stop;
+            struct waiter *waiters = store->waiters;
+            store->waiters = NULL;
+            bool durable = write_changes(store);
+            pthread_mutex_unlock(&store->mutex);
+            answer(waiters, durable);
+            pthread_mutex_lock(&store->mutex);
+            if (stop)
+                break;
+        } else if (has_work) {
+            wait_until(store, store->next_ms);
+        } else {
+            pthread_cond_wait(&store->wake, &store->mutex);
+        }
+    }
+    unsigned lost = srv_table_changes(store->table);
+    if (lost > 0)
+        sp_log(SP_LOG_ERROR, "%u changes of the state are lost: %s", lost, store->status.reason);
+    struct waiter *late = store->waiters;
+    store->waiters = NULL;
+    store->is_running = false;
+    pthread_mutex_unlock(&store->mutex);
+    answer(late, false);
+    return NULL;
+}
+
+bool srv_store_start(struct srv_store *store, void (*collect)(void *user), void *user,
+                     struct sp_error *err) {
+    store->collect = collect;
+    store->user = user;
+    if (!store->database)
+        return true;
+    store->is_running = true;
+    int failed = pthread_create(&store->writer, NULL, writer_main, store);
+    store->is_running = failed == 0;
+    return !failed ||
+           sp_fail(err, SP_ERR_IO, NULL, "cannot start the writer thread: %s", strerror(failed));
+}
+
+void srv_store_stop(struct srv_store *store) {
+    pthread_mutex_lock(&store->mutex);
+    bool join = store->is_running && !store->stop;
+    store->stop = true;
+    pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->mutex);
+    if (join)
+        pthread_join(store->writer, NULL);
+}
+
+void srv_store_destroy(struct srv_store **store_pointer) {
+    struct srv_store *store = *store_pointer;
+    *store_pointer = NULL;
+    if (!store)
+        return;
+    srv_store_stop(store);
+    srv_database_close(&store->database);
+    srv_table_destroy(&store->table);
+    pthread_cond_destroy(&store->wake);
+    pthread_mutex_destroy(&store->mutex);
+    free(store);
+}
+
+/* What other threads call. */
+
+bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
+                   size_t size, struct sp_error *err) {
+    bool ok = true;
+    size_t old;
+    pthread_mutex_lock(&store->mutex);
+    unsigned max = store->options.max[kind], count = srv_table_count(store->table, kind);
+    if (max > 0 && count >= max && !srv_table_get(store->table, kind, id, &old))
+        ok = sp_fail(err, SP_ERR_BUDGET, NULL, "%u %s are kept and --%s allows %u", count,
+                     kind_words[kind], kind_words[kind], max);
+    else if (!srv_table_put(store->table, kind, id, text, size, store->database != NULL))
+        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to keep %zu bytes", size);
+    else
+        pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->mutex);
+    return ok;
+}
+
+bool srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id) {
+    pthread_mutex_lock(&store->mutex);
+    bool was_there = srv_table_remove(store->table, kind, id, store->database != NULL);
+    pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->mutex);
+    return was_there;
+}
+
+char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id, size_t *size,
+                    struct sp_error *err) {
+    char *copy = NULL;
+    size_t bytes = 0;
+    pthread_mutex_lock(&store->mutex);
+    const char *text = srv_table_get(store->table, kind, id, &bytes);
+    if (!text)
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is nothing kept as '%.127s'", id);
+    else if (!(copy = malloc(bytes + 1)))
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a copy of %zu bytes", bytes);
+    else
+        memcpy(copy, text, bytes + 1);
+    pthread_mutex_unlock(&store->mutex);
+    if (copy && size)
+        *size = bytes;
+    return copy;
+}
+
+char *srv_store_ids(struct srv_store *store, enum srv_kind kind) {
+    const void *at = NULL;
+    const char *id, *text;
+    size_t size, used = 0;
+    pthread_mutex_lock(&store->mutex);
+    size_t most = srv_table_count(store->table, kind) * (size_t)(SRV_STORE_ID_MAX + 1) + 1;
+    char *ids = malloc(most);
+    while (ids && (id = srv_table_next(store->table, kind, &at, &text, &size))) {
+        size_t length = strlen(id) + 1;
+        memcpy(ids + used, id, length);
+        used += length;
+    }
+    if (ids)
+        ids[used] = 0;
+    pthread_mutex_unlock(&store->mutex);
+    return ids;
+}
+
+void srv_store_nudge(struct srv_store *store) {
+    if (atomic_exchange(&store->is_nudged, true))
+        return; /* the writer knows */
+    pthread_mutex_lock(&store->mutex);
+    pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->mutex);
+}
+
+void srv_store_flush(struct srv_store *store, void (*done)(void *user, bool durable), void *user) {
+    struct waiter *waiter = malloc(sizeof *waiter);
+    pthread_mutex_lock(&store->mutex);
+    bool waits = waiter && store->is_running;
+    if (waits) {
+        *waiter = (struct waiter){ .next = store->waiters, .done = done, .user = user };
+        store->waiters = waiter;
+        pthread_cond_signal(&store->wake);
+    }
+    pthread_mutex_unlock(&store->mutex);
+    if (waits)
+        return;
+    free(waiter);
+    done(user, false);
+}
+
+void srv_store_status(struct srv_store *store, struct srv_store_status *status) {
+    pthread_mutex_lock(&store->mutex);
+    *status = store->status;
+    for (int k = 0; k < SRV_KINDS; k++)
+        status->records[k] = srv_table_count(store->table, (enum srv_kind)k);
+    status->bytes = srv_table_bytes(store->table);
+    status->waiting = srv_table_changes(store->table);
+    pthread_mutex_unlock(&store->mutex);
+}

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Around every answer: compression, pages of other origins, how long a connection lasts.
+import assert from 'node:assert/strict';
+import http from 'node:http';
+import { after, before, test } from 'node:test';
+import { gunzipSync } from 'node:zlib';
+import { Daemon, Raw, Stream, runToEnd } from './harness.mjs';
+
+const PAGE = 'https://viewer.example:8443';
+let daemon;
+before(async () => {
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--allow-origin', `http://other.example,${PAGE}`,
+    '--connection-requests', '5']);
+  await daemon.loaded('engine');
+});
+after(async () => assert.equal(await daemon.stop(), 0));
+
+/** {status, headers, body}, as it came. */
+function ask(target, { method = 'GET', headers = {}, token = daemon.token, body } = {}) {
+  return new Promise((resolve, reject) => {
+    const all = { ...(token ? { Authorization: `Bearer ${token}` } : {}), ...headers };
+    const request = http.request(daemon.base + target, { method, headers: all, agent: false }, (answer) => {
+      const parts = [];
+      answer.on('data', (part) => parts.push(part));
+      answer.on('end', () => resolve({ status: answer.statusCode, headers: answer.headers, body: Buffer.concat(parts) }));
+    });
+    request.on('error', reject);
+    request.end(body);
+  });
+}
+
+const GZIP = { 'Accept-Encoding': 'br, gzip' };
+
+test('text is compressed for who accepts it, and is the same text', async () => {
+  for (const target of ['/api/v1/volumes/engine/view', '/api/v1/openapi.yaml', '/api/v1/view.schema.json', '/', '/app/main.js']) {
+    const plain = await ask(target);
+    assert.equal(plain.headers['content-encoding'], undefined);
+    assert.match(plain.headers.vary ?? '', /Accept-Encoding/, target);
+    const packed = await ask(target, { headers: GZIP });
+    assert.equal(packed.headers['content-encoding'], 'gzip', target);
+    assert.equal(packed.headers['content-type'], plain.headers['content-type']);
+    assert.ok(packed.body.length < plain.body.length * 0.6, `${target}: ${packed.body.length} of ${plain.body.length}`);
+    assert.equal(Number(packed.headers['content-length']), packed.body.length);
+    assert.ok(gunzipSync(packed.body).equals(plain.body), target);
+    const head = await ask(target, { method: 'HEAD', headers: GZIP });
+    assert.deepEqual([head.headers['content-length'], head.headers['content-encoding']], [String(packed.body.length), 'gzip']);
+  }
+});
+
+test('who does not accept gzip, short texts and pictures are left as they are', async () => {
+  for (const accepted of ['gzip;q=0', 'identity', 'br', '']) {
+    const answer = await ask('/api/v1/openapi.yaml', { headers: { 'Accept-Encoding': accepted } });
+    assert.equal(answer.headers['content-encoding'], undefined, accepted);
+  }
+  assert.equal((await ask('/healthz', { headers: GZIP })).headers['content-encoding'], undefined);
+  const picture = await ask('/api/v1/render?format=png', {
+    method: 'POST', headers: { ...GZIP, 'Content-Type': 'application/json' }, body: '{"size":[256,256]}' });
+  assert.equal(picture.headers['content-encoding'], undefined);
+});
+
+test('the ETag of compressed bytes is weak, and still good for a 304', async () => {
+  const plain = await ask('/');
+  const packed = await ask('/', { headers: GZIP });
+  assert.equal(packed.headers.etag, `W/${plain.headers.etag}`);
+  for (const etag of [plain.headers.etag, packed.headers.etag]) {
+    assert.equal((await ask('/', { headers: { ...GZIP, 'If-None-Match': etag } })).status, 304);
+  }
+});
+
+test('a page of a listed origin may ask and read; it still needs a token', async () => {
+  const preflight = (Origin, target = '/api/v1/sessions', method = 'POST') => ask(target, {
+    method: 'OPTIONS', token: null, headers: { Origin, 'Access-Control-Request-Method': method, 'Access-Control-Request-Headers': 'authorization, content-type' } });
+  const allowed = await preflight(PAGE);
+  assert.equal(allowed.status, 204);
+  assert.equal(allowed.headers['access-control-allow-origin'], PAGE);
+  assert.match(allowed.headers['access-control-allow-methods'], /\bPOST\b/);
+  for (const name of ['Authorization', 'Content-Type', 'If-None-Match']) assert.match(allowed.headers['access-control-allow-headers'], new RegExp(name));
+  assert.equal(allowed.headers['access-control-allow-credentials'], undefined);
+  assert.match(allowed.headers.vary, /Origin/);
+  assert.match((await preflight(PAGE, '/api/v1/volumes/engine', 'DELETE')).headers['access-control-allow-methods'], /DELETE/);
+  const answer = await ask('/api/v1/volumes', { headers: { Origin: PAGE } });
+  assert.equal(answer.headers['access-control-allow-origin'], PAGE);
+  assert.match(answer.headers['access-control-expose-headers'], /ETag/);
+  const denied = await ask('/api/v1/volumes', { headers: { Origin: PAGE }, token: null });
+  assert.deepEqual([denied.status, denied.headers['access-control-allow-origin']], [401, PAGE], 'it may read why');
+});
+
+test('other origins get no leave', async () => {
+  for (const Origin of ['https://viewer.example', 'http://viewer.example:8443', 'https://evil.example', `${PAGE}.evil`, 'null', `${PAGE},http://other.example`]) {
+    const preflight = await ask('/api/v1/volumes', { method: 'OPTIONS', token: null, headers: { Origin, 'Access-Control-Request-Method': 'GET' } });
+    assert.deepEqual([preflight.status, preflight.headers['access-control-allow-origin']], [401, undefined], Origin);
+    const answer = await ask('/api/v1/volumes', { headers: { Origin } });
+    assert.deepEqual([answer.status, answer.headers['access-control-allow-origin']], [200, undefined]);
+    assert.match(answer.headers.vary, /Origin/);
+  }
+  const session = await daemon.session();
+  await assert.rejects(Stream.open(daemon.streamUrl(session), { origin: 'https://evil.example' }), { status: 403 });
+  const stream = await Stream.open(daemon.streamUrl(session), { origin: PAGE });
+  await stream.final(0);
+  await stream.end();
+});
+
+test('by default no origin is allowed; a list that is none is refused at the start', async () => {
+  const closed = await Daemon.start(['--volume', 'demo:engine?size=16']);
+  const answer = await closed.fetch('/healthz', { headers: { Origin: PAGE } });
+  assert.equal(answer.headers.get('access-control-allow-origin'), null);
+  assert.equal(await closed.stop(), 0);
+  for (const list of ['*', 'viewer.example', 'https://a/', 'https://a, https://b']) {
+    const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--allow-origin', list]);
+    assert.notEqual(status, 0, list);
+    assert.match(err, /--allow-origin: .*is no origin/);
+  }
+});
+
+test('a connection is kept for so many requests, pipelined or not, and ends with a word', async () => {
+  const one = `GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n`;
+  const all = await Raw.connect(daemon.port);
+  all.write(one.repeat(8));
+  await all.until(() => all.ended, 'the end');
+  const answers = all.text().split('HTTP/1.1 ').slice(1);
+  assert.equal(answers.length, 5, 'no more than --connection-requests');
+  answers.forEach((answer, i) => {
+    assert.match(answer, /^200 /);
+    assert.equal(/Connection: close/i.test(answer), i === 4, `answer ${i}`);
+  });
+  const slow = await Raw.connect(daemon.port);
+  for (let i = 1; i <= 5; i++) {
+    slow.write(one);
+    await slow.until(() => slow.text().split('HTTP/1.1 200').length === i + 1, `answer ${i}`);
+  }
+  await slow.until(() => slow.ended, 'the end');
+  const old = await Raw.connect(daemon.port);
+  old.write('GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n');
+  await old.until(() => old.ended, 'the end that was asked for');
+  assert.match(old.text(), /^HTTP\/1.1 200/);
+});

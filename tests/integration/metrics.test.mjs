@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// GET /metrics: in a form that Prometheus reads, and what it counts is what happened.
+import assert from 'node:assert/strict';
+import { spawnSync } from 'node:child_process';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { Daemon, Raw, turned } from './harness.mjs';
+
+const parser = path.join(path.dirname(fileURLToPath(import.meta.url)), 'metrics_parse.py');
+let daemon;
+
+before(async () => {
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--connections-per-address', '40', '--stall-time', '0.3'], { backend: 'cpu' });
+  await daemon.loaded('engine');
+});
+after(async () => assert.equal(await daemon.stop(), 0));
+
+async function scrape(of = daemon) {
+  const answer = await of.fetch('/metrics');
+  assert.equal(answer.status, 200);
+  assert.equal(answer.headers.get('content-type'), 'text/plain; version=0.0.4; charset=utf-8');
+  const { status, stdout, stderr } = spawnSync('/usr/bin/python3', [parser], { input: await answer.text(), encoding: 'utf8' });
+  if (status === 77) return null;
+  assert.equal(status, 0, stderr);
+  return JSON.parse(stdout);
+}
+
+/** Scrapes until `fits(values)`. */
+async function until(fits, what) {
+  for (const end = Date.now() + 30000; Date.now() < end;) {
+    const values = await scrape();
+    if (fits(values)) return values;
+  }
+  throw new Error(`${what}: ${JSON.stringify(await scrape())}`);
+}
+
+test('a scrape can be read, and needs the token', async (t) => {
+  const values = await scrape();
+  if (!values) return t.skip('no python3-prometheus-client');
+  assert.equal((await daemon.fetch('/metrics', { token: null })).status, 401);
+  const build = Object.keys(values).find((key) => key.startsWith('splatd_build_info'));
+  assert.match(build, /backend=cpu.*version=\d/);
+  assert.equal(values['splatd_volume_bytes,volume=engine'], 16 * 9 * 9);
+  assert.ok(values.splatd_memory_budget_bytes > 0 && values.process_resident_memory_bytes > 1e6);
+  assert.ok(values.process_open_fds > 3 && values.process_cpu_seconds_total > 0);
+  assert.equal(values.splatd_state_failing, 0);
+  for (const stage of ['queue', 'render', 'readback', 'encode', 'send', 'round_trip']) {
+    assert.equal(values[`splatd_stage_seconds_count,stage=${stage}`], 0);
+  }
+});
+
+test('what happens is counted', async (t) => {
+  const before_ = await scrape();
+  if (!before_) return t.skip('no python3-prometheus-client');
+  const rise = (values, key) => values[key] - before_[key];
+  for (let i = 0; i < 3; i += 1) await daemon.fetch('/api/v1/render', { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } });
+  assert.equal((await daemon.post('/api/v1/render', '{')).status, 400);
+  const pictures = await scrape();
+  assert.equal(rise(pictures, 'splatd_pictures_total'), 3);
+  assert.equal(rise(pictures, 'splatd_http_requests_total,status=4xx'), 1);
+  assert.equal(rise(pictures, 'splatd_http_requests_total,status=2xx'), 4, 'three pictures and the first scrape');
+  assert.equal(rise(pictures, 'splatd_http_bytes_total,direction=in'), 7);
+  assert.ok(pictures['splatd_derived_bytes,backend=cpu,lane=pictures,volume=engine'] > 0);
+
+  const session = await daemon.session();
+  const stream = await daemon.stream({ session });
+  const watching = await daemon.stream({ session, token: session.tokens.view });
+  await stream.final();
+  for (let i = 1; i <= 10; i += 1) await stream.update(turned(session.view, i), i);
+  await stream.final(10);
+  const got = [...stream.frames, ...watching.frames];
+  const during = await until((v) => rise(v, 'splatd_stage_seconds_count,stage=round_trip') >= 4, 'round trips');
+  assert.equal(during.splatd_sessions, 1);
+  assert.equal(during['splatd_participants,role=control'], 1);
+  assert.equal(during['splatd_participants,role=view'], 1);
+  assert.equal(rise(during, 'splatd_streams_joined_total'), 2);
+  assert.equal(rise(during, 'splatd_http_requests_total,status=1xx'), 2);
+  for (const stage of ['queue', 'render', 'readback', 'encode', 'send']) {
+    assert.ok(rise(during, `splatd_stage_seconds_count,stage=${stage}`) >= 3, stage);
+    assert.ok(rise(during, `splatd_stage_seconds_sum,stage=${stage}`) > 0, stage);
+  }
+  assert.ok(rise(during, 'splatd_frames_total') >= got.length);
+  const bytes = got.reduce((sum, f) => sum + f.headerBytes + f.bytes, 0);
+  assert.ok(rise(during, 'splatd_stream_bytes_total,direction=out') > bytes);
+  assert.ok(rise(during, 'splatd_stream_bytes_total,direction=in') > 0);
+  await stream.end();
+  await watching.end();
+  const ended = await until((v) => rise(v, 'splatd_streams_ended_total,reason=closed') === 2, 'two closes');
+  assert.equal(ended['splatd_participants,role=control'], 0);
+  assert.ok(ended.splatd_connections >= 1);
+});
+
+test('streams that end badly are counted by their reason', async (t) => {
+  const before_ = await scrape();
+  if (!before_) return t.skip('no python3-prometheus-client');
+  const session = await daemon.session();
+  const rising = (reason) => until((v) => v[`splatd_streams_ended_total,reason=${reason}`]
+    === before_[`splatd_streams_ended_total,reason=${reason}`] + 1, reason);
+  const stalled = await daemon.stream({ session, acks: false });
+  await rising('stalled');
+  assert.equal((await stalled.until(() => stalled.closed, 'the close')).code, 1008);
+  const bad = await Raw.webSocket(daemon, session);
+  bad.write(Buffer.from([0xff, 0xff, 0, 0, 0, 0]));
+  await rising('protocol');
+  bad.destroy();
+  const lost = await Raw.webSocket(daemon, session);
+  lost.destroy();
+  await rising('lost');
+});
+
+test('many volumes with odd names do not make many series', async (t) => {
+  const many = await Daemon.start([...Array(60).keys()].flatMap((i) => ['--volume', `demo:engine?size=${i + 8}`]));
+  for (let i = 0; i < 20; i += 1) assert.equal((await many.post('/api/v1/volumes', { uri: `demo:phantom?size=${i + 8}`, id: `x.${i}`, name: '"\\\n' })).status, 202);
+  for (let i = 0; i < 20; i += 1) await many.loaded(`x.${i}`);
+  const values = await scrape(many);
+  assert.equal(await many.stop(), 0);
+  if (!values) return t.skip('no python3-prometheus-client');
+  const series = Object.keys(values).filter((key) => key.startsWith('splatd_volume_bytes'));
+  assert.equal(series.length, 65);
+  assert.equal(series.reduce((sum, key) => sum + values[key], 0), values.splatd_memory_bytes);
+  assert.ok(Object.keys(values).length < 500);
+});

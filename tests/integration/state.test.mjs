@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+// What outlives the daemon: --state, kill -9 at any moment, and a disk that cannot be written.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { Daemon, runToEnd, turned, within } from './harness.mjs';
+
+const TOKEN = 'a-token-for-the-tests-0123456789';
+let folder;
+let count = 0;
+before(() => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatd-state-'));
+  writeFileSync(path.join(folder, 'token'), `${TOKEN}\n`);
+});
+after(() => rmSync(folder, { recursive: true }));
+
+const fresh = () => path.join(folder, `state-${count += 1}`);
+
+async function start(state, args = [], options = {}) {
+  const daemon = await Daemon.start(['--state', state, '--token-file', path.join(folder, 'token'), ...args], options);
+  daemon.token = TOKEN;
+  return daemon;
+}
+
+async function killed(daemon) {
+  daemon.kill('SIGKILL');
+  assert.equal(await within(daemon.ended, 'the end of splatd'), 'SIGKILL');
+  assert.doesNotMatch(daemon.log, /Sanitizer|runtime error/);
+}
+
+const picture = async (daemon, view) => {
+  const answer = await daemon.fetch('/api/v1/render?format=png', {
+    method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(view),
+  });
+  assert.equal(answer.status, 200);
+  return Buffer.from(await answer.arrayBuffer());
+};
+
+/** A session from before a restart is there as soon as its volume is. */
+async function sessionOf(daemon, id, token = TOKEN) {
+  for (;;) {
+    const answer = await daemon.json(`/api/v1/sessions/${id}`, { token });
+    if (answer.status !== 409) return answer;
+    assert.ok(answer.headers.get('retry-after'));
+    assert.match(answer.json.detail, /waits for its volume/);
+  }
+}
+
+test('after kill -9 the same links show the same pictures', async () => {
+  const state = fresh();
+  const first = await start(state, ['--volume', 'demo:engine?size=24'], { backend: 'cpu' });
+  await first.loaded('engine');
+  const loaded = await first.post('/api/v1/volumes', { uri: 'demo:phantom?size=16', id: 'head', name: 'a head' });
+  assert.equal(loaded.status, 202);
+  assert.equal(loaded.headers.get('x-durable'), 'yes');
+  await first.loaded('head');
+  const session = await first.session({ volume: 'head', size: [40, 30] });
+  const other = await first.session({ volume: 'engine' });
+  const kept = await first.post('/api/v1/views', { volume: 'engine', size: [20, 20], background: [1, 0, 0, 1] });
+  assert.equal(kept.headers.get('x-durable'), 'yes');
+  const preset = (daemon, method, body) => daemon.fetch('/api/v1/presets/bones', { method, body, headers: { 'Content-Type': 'application/json' } });
+  assert.equal((await preset(first, 'PUT', '{"camera": {"fov_y": 11}}')).headers.get('x-durable'), 'yes');
+  assert.equal((await preset(first, 'PUT', '{"camera": {"fov_y": 12}}')).status, 204);
+  const keptPicture = Buffer.from(await (await first.fetch(`/api/v1/render/${kept.json.id}?format=png`)).arrayBuffer());
+  // A change by stream is written soon, not at once: what is asked for later is written together with it.
+  const stream = await first.stream({ session });
+  await stream.update(turned(session.view, 500));
+  const view = (await first.json(`/api/v1/sessions/${session.id}`)).json.view;
+  const shown = await picture(first, view);
+  assert.equal((await first.fetch(`/api/v1/sessions/${other.id}`, { method: 'DELETE' })).headers.get('x-durable'), 'yes');
+  await killed(first);
+
+  const second = await start(state, [], { backend: 'cpu' });
+  const back = await sessionOf(second, session.id, session.tokens.view);
+  assert.deepEqual(back.json.view, view);
+  assert.deepEqual(await picture(second, back.json.view), shown);
+  assert.deepEqual((await sessionOf(second, session.id)).json.tokens, session.tokens);
+  assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: 'x'.repeat(32) })).status, 401);
+  assert.equal((await second.json(`/api/v1/sessions/${other.id}`)).status, 404, 'what was deleted stays deleted');
+  assert.deepEqual(await (await preset(second, 'GET')).json(), { camera: { fov_y: 12 } });
+  assert.equal((await preset(second, 'DELETE')).status, 204);
+  await second.loaded('engine');
+  const again = await second.fetch(`/api/v1/render/${kept.json.id}?format=png`);
+  assert.deepEqual(Buffer.from(await again.arrayBuffer()), keptPicture);
+  const { volumes } = (await second.json('/api/v1/volumes')).json;
+  assert.deepEqual(volumes.map((v) => [v.id, v.name, v.state]), [['engine', 'engine', 'ready'], ['head', 'a head', 'ready']]);
+  const joined = await second.stream({ session });
+  await joined.final();
+  await joined.end();
+  assert.equal(await second.stop(), 0);
+
+  const third = await start(state, ['--volume', 'demo:engine?size=24']); // the same source is no second volume
+  assert.equal((await third.json('/api/v1/volumes')).json.volumes.length, 2);
+  await third.loaded('head');
+  await sessionOf(third, session.id);
+  assert.equal((await third.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
+  assert.equal((await third.fetch('/api/v1/volumes/head', { method: 'DELETE' })).status, 204);
+  await killed(third);
+  const fourth = await start(state);
+  assert.deepEqual((await fourth.json('/api/v1/presets')).json, { presets: [] });
+  assert.deepEqual((await fourth.json('/api/v1/volumes')).json.volumes.map((v) => v.id), ['engine']);
+  assert.equal((await fourth.json(`/api/v1/sessions/${session.id}`)).status, 404);
+  assert.equal(await fourth.stop(), 0);
+});
+
+test('a view that changes is written by itself, soon and not every time', async () => {
+  const state = fresh();
+  const daemon = await start(state, ['--volume', 'demo:engine?size=8']);
+  await daemon.loaded('engine');
+  const stream = await daemon.stream();
+  const writes = async () => Number(/^splatd_state_writes_total (\d+)$/m.exec(await (await daemon.fetch('/metrics')).text())[1]);
+  const before_ = await writes();
+  for (let i = 1; i <= 100; i += 1) await stream.update({ background: [i / 100, 0, 0, 1] }, i);
+  const during = await writes() - before_;
+  assert.ok(during < 50, `${during} writes of 100 changes`);
+  // Until the last change is there, in a copy of the database that another program reads.
+  const read = () => execFileSync('python3', ['-c', `
+import json, sqlite3, sys
+row = sqlite3.connect('file:' + sys.argv[1] + '?mode=ro', uri=True).execute("SELECT body FROM record WHERE kind = 'session'").fetchone()
+print(json.loads(row[0])['view']['background'][0])`, path.join(state, 'splatd.db')], { encoding: 'utf8' });
+  for (const end = Date.now() + 30000; Number(read()) !== 1;) assert.ok(Date.now() < end, `still ${read()}`);
+  await killed(daemon);
+  const again = await start(state);
+  await again.loaded('engine');
+  assert.deepEqual((await sessionOf(again, stream.session.id)).json.view.background, [1, 0, 0, 1]);
+  assert.equal(await again.stop(), 0);
+});
+
+/** Works until the daemon dies: what it was told is in `told`. */
+async function work(daemon, told, round) {
+  try {
+    const session = await daemon.session({ size: [16, 16] });
+    told.sessions.set(session.id, { tokens: session.tokens, x: [] });
+    const stream = await daemon.stream({ session });
+    for (let i = 1; ; i += 1) {
+      const x = round * 1000 + i;
+      told.sessions.get(session.id).x.push(x); // may be there, need not
+      await stream.update({ background: [x / 1e6, 0, 0, 1] }, i);
+      const kept = await daemon.post('/api/v1/views', { background: [0, x / 1e6, 0, 1] });
+      if (kept.status === 201) told.views.set(kept.json.id, x);
+      // Whatever is put is written together with all that changed before it.
+      if (kept.status === 201) told.sessions.get(session.id).least = x;
+      if (i % 3 === 0) {
+        const short = await daemon.session();
+        told.ending.add(short.id);
+        if ((await daemon.fetch(`/api/v1/sessions/${short.id}`, { method: 'DELETE' })).status === 204) told.deleted.add(short.id);
+      }
+    }
+  } catch { /* it died */ }
+}
+
+test('kill -9 during writes, again and again: every promise holds', { timeout: 500000 }, async () => {
+  const state = fresh();
+  const told = { sessions: new Map(), views: new Map(), deleted: new Set(), ending: new Set() };
+  const rounds = 12;
+  for (let round = 1; round <= rounds; round += 1) {
+    const daemon = await start(state, ['--volume', 'demo:engine?size=8', '--sessions', '2000']);
+    await daemon.loaded('engine');
+    for (const [id, { tokens, x, least = 0 }] of told.sessions) {
+      const { status, json } = await sessionOf(daemon, id);
+      assert.equal(status, 200, `session ${id} of ${told.sessions.size}`);
+      assert.deepEqual(json.tokens, tokens);
+      const shown = Math.round(json.view.background[0] * 1e6);
+      assert.ok(shown >= least && (shown === 0 || x.includes(shown)), `${shown} is not one of ${x}, at least ${least}`);
+    }
+    for (const [id, x] of told.views) {
+      const { status, json } = await daemon.json(`/api/v1/views/${id}`);
+      assert.equal(status, 200);
+      assert.equal(Math.round(json.background[1] * 1e6), x);
+    }
+    for (const id of told.deleted) assert.equal((await daemon.json(`/api/v1/sessions/${id}`)).status, 404);
+    const writes = told.views.size;
+    const workers = [work(daemon, told, round), work(daemon, told, round + 500)];
+    // At another moment each time: after so many answers, in the middle of the next ones.
+    while (told.views.size < writes + round * 2) await daemon.json('/healthz', { token: null });
+    await killed(daemon);
+    await Promise.all(workers);
+  }
+  assert.ok(told.views.size > rounds && told.deleted.size > 0 && told.sessions.size >= rounds);
+});
+
+test('a session whose volume is gone waits for it', async () => {
+  const state = fresh();
+  const file = path.join(folder, 'cube.nrrd');
+  const header = 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 1\nencoding: raw\n\n';
+  const write = () => writeFileSync(file, Buffer.concat([Buffer.from(header), Buffer.alloc(64, 9)]));
+  write();
+  const first = await start(state, ['--volume', 'demo:engine?size=8', '--data', folder]);
+  assert.equal((await first.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
+  await first.loaded('cube');
+  const session = await first.session({ volume: 'cube' });
+  await killed(first);
+  rmSync(file);
+  const second = await start(state, ['--data', folder, '--session-time', '0.1']);
+  await second.loaded('engine');
+  const volume = (await second.json('/api/v1/volumes/cube')).json;
+  assert.equal(volume.state, 'failed');
+  const waits = await second.json(`/api/v1/sessions/${session.id}`);
+  assert.equal(waits.status, 409);
+  assert.match(waits.json.detail, /waits for its volume.*no such file/);
+  assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: session.tokens.view })).status, 409);
+  assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: 'x'.repeat(32) })).status, 401);
+  await assert.rejects(second.stream({ session }), { status: 409 });
+  assert.equal((await second.post('/api/v1/sessions', { from: session.id })).status, 409);
+  write(); // it is there again
+  assert.equal((await second.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
+  await second.untilLogged(`session ${session.id} is back`);
+  await second.untilLogged(`session ${session.id} ended`); // and idle ones end as ever
+  assert.equal(await second.stop(), 0);
+  // Without the folder from which it came it is not loaded.
+  const third = await start(state);
+  assert.match((await third.json('/api/v1/volumes/cube')).json.reason, /--data DIR/);
+  assert.equal(await third.stop(), 0);
+});
+
+test('a folder that cannot be used: why and what to do', async () => {
+  const state = fresh();
+  const daemon = await start(state);
+  assert.equal(statSync(state).mode & 0o777, 0o700);
+  for (const name of readdirSync(state)) assert.equal(statSync(path.join(state, name)).mode & 0o077, 0, name);
+  const refused = async (of, text) => {
+    const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--state', of]);
+    assert.equal(status, 1);
+    assert.match(err.trim().split('\n').at(-1), text);
+  };
+  await refused(state, /^splatd: .*another splatd keeps its state here; give each a --state of its own/);
+  assert.equal(await daemon.stop(), 0);
+  writeFileSync(path.join(state, 'splatd.db'), 'no database at all, but long enough to have a header of one hundred bytes, which it has not'.repeat(9));
+  await refused(state, /splatd\.db: the database is damaged .*; restore a copy, or move it away/);
+  await refused('/dev/null', /folder/);
+});
+
+test('without --state nothing is written, and clients are told', async () => {
+  const daemon = await Daemon.start();
+  await daemon.loaded('engine');
+  const session = await daemon.post('/api/v1/sessions', {});
+  assert.equal(session.status, 201);
+  assert.equal(session.headers.get('x-durable'), 'no');
+  assert.deepEqual((await daemon.json('/readyz', { token: null })).json.state, { status: 'memory', waiting: 0 });
+  assert.match(daemon.log, /no --state/);
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('a full disk: the daemon goes on, says so, and catches up', async () => {
+  const state = fresh();
+  // Files may have so many blocks of 1 KiB; the limit is lifted later.
+  const daemon = await start(state, ['--volume', 'demo:engine?size=8'], { prefix: ['bash', '-c', 'ulimit -S -f 96; exec "$@"', 'bash'] });
+  await daemon.loaded('engine');
+  const told = [];
+  let durable = 'yes';
+  for (let i = 0; durable === 'yes'; i += 1) {
+    assert.ok(i < 200, 'the disk is never full');
+    const answer = await daemon.post('/api/v1/views', { background: [i / 1000, 0, 0, 1] });
+    assert.equal(answer.status, 201);
+    durable = answer.headers.get('x-durable');
+    told.push(answer.json.id);
+  }
+  const session = await daemon.post('/api/v1/sessions', {});
+  assert.equal(session.status, 201);
+  assert.equal(session.headers.get('x-durable'), 'no');
+  assert.equal((await daemon.json(`/api/v1/views/${told.at(-1)}`)).status, 200);
+  const ready = await daemon.json('/readyz', { token: null });
+  assert.equal(ready.status, 200);
+  assert.equal(ready.json.state.status, 'failing');
+  assert.ok(ready.json.state.reason && ready.json.state.waiting > 0);
+  await daemon.untilLogged('state is not written and kept in memory alone');
+  execFileSync('prlimit', ['--pid', String(daemon.child.pid), '--fsize=unlimited:']);
+  await daemon.untilLogged('state is written again'); // by itself
+  assert.equal((await daemon.json('/readyz', { token: null })).json.state.status, 'written');
+  await killed(daemon);
+  const again = await start(state);
+  await again.loaded('engine');
+  for (const id of told) assert.equal((await again.json(`/api/v1/views/${id}`)).status, 200);
+  assert.equal((await sessionOf(again, session.json.id)).status, 200);
+  assert.equal(await again.stop(), 0);
+});
+
+test('the time of day may jump by years: nothing ends, and all is kept', async (t) => {
+  const shim = process.env.SPLATD_CLOCK_JUMP;
+  if (!shim) return t.skip('SPLATD_CLOCK_JUMP names no library');
+  if (process.env.SPLATD_SANITIZE) return t.skip('a sanitizer must be loaded first');
+  const state = fresh();
+  const args = ['--volume', 'demo:engine?size=8', '--session-time', '60', '--stall-time', '20', '--ping-time', '20'];
+  const daemon = await start(state, args, { prefix: ['env', `LD_PRELOAD=${shim}`] });
+  await daemon.loaded('engine');
+  const session = await daemon.session();
+  const stream = await daemon.stream({ session });
+  await stream.final();
+  for (let i = 1; i <= 5; i += 1) await stream.update(turned(session.view, i), i);
+  await stream.final(5);
+  const view = (await daemon.json(`/api/v1/sessions/${session.id}`)).json.view;
+  assert.equal((await daemon.post('/api/v1/views', {})).headers.get('x-durable'), 'yes');
+  const years = new Set([...daemon.log.matchAll(/^time=(\d+)-/gm)].map((match) => Number(match[1])));
+  assert.ok(Math.max(...years) - Math.min(...years) >= 19, `the clock did not jump: ${[...years]}`);
+  assert.equal(stream.closed, null);
+  await killed(daemon);
+  const again = await start(state, [], { prefix: ['env', `LD_PRELOAD=${shim}`] });
+  assert.deepEqual((await sessionOf(again, session.id)).json.view, view);
+  assert.equal(await again.stop(), 0);
+});

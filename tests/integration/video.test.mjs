@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Video while a view moves: what is granted, what arrives, and that a view at rest is a still. (That everything can be decoded
+// is shown in tests/unit/server/video_test.c and, by a browser, in tests/web/page/video.test.mjs.)
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, FINAL, LOSSLESS, turned } from './harness.mjs';
+
+const KEY = 1;
+const CODECS = { jpeg: 1, png: 2, h264: 4, vp9: 5, vp8: 7 };
+let daemon;
+before(async () => {
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--encode-threads', '2']);
+  await daemon.loaded('engine');
+});
+after(async () => assert.equal(await daemon.stop(), 0));
+
+/** Moves the camera until `enough()`; then waits for the last view at rest. */
+async function move(streams, enough, what) {
+  const [first] = streams;
+  const { view } = await first.call('view.get');
+  const end = performance.now() + 60000;
+  let step = 0;
+  while (!enough()) {
+    assert.ok(performance.now() < end, what);
+    await first.update(turned(view, ++step));
+  }
+  await first.update(turned(view, ++step));
+  const { seq } = await first.call('view.get');
+  await first.final(seq);
+}
+
+const isVideo = (frame) => [CODECS.h264, CODECS.vp9, CODECS.vp8].includes(frame.codec);
+const videos = (stream) => stream.frames.filter(isVideo);
+
+test('formats are negotiated, with JPEG as the floor', async () => {
+  const stream = await daemon.stream();
+  const granted = async (format) => (await stream.call('stream.configure', { format })).format;
+  assert.equal(await granted('vp9'), 'vp9');
+  assert.equal((await stream.call('stream.configure', { quality: 80 })).format, 'vp9', 'what is not named stays');
+  assert.equal(await granted(['av1', 'vp8', 'jpeg']), 'vp8');
+  assert.equal(await granted(['av1', 'h265']), 'jpeg');
+  assert.equal(await granted(['webp', 'vp9']), 'webp');
+  assert.match(await granted(['h264', 'vp9']), /^(h264|vp9)$/);
+  for (const format of ['av1', 'exr', [], ['vp9', 1], Array(17).fill('vp9'), 7, null, {}])
+    await assert.rejects(granted(format), (error) => error.code === -32602 && error.data.pointer === '/format', JSON.stringify(format));
+  await assert.rejects(stream.call('stream.key', { x: 1 }), (error) => error.code === -32602);
+  await stream.end();
+});
+
+for (const format of ['vp8', 'vp9']) {
+  test(`${format}: a view that moves is video, one at rest is a JPEG of full size`, async () => {
+    const stream = await daemon.stream();
+    assert.equal((await stream.call('stream.configure', { format, size: [320, 200], max_fps: 120 })).format, format);
+    await move([stream], () => videos(stream).length >= 20, '20 frames of video');
+    const list = videos(stream);
+    assert.ok(list.every((f) => f.codec === CODECS[format] && !(f.flags & FINAL)));
+    assert.ok(list[0].flags & KEY, 'the first is a key frame');
+    assert.ok(list.filter((f) => !(f.flags & KEY)).length >= 10, 'most are deltas');
+    list.forEach((f, i) => {
+      const other = i > 0 && (f.width !== list[i - 1].width || f.height !== list[i - 1].height);
+      if (other) assert.ok(f.flags & KEY, 'another size begins with a key frame');
+    });
+    const last = stream.frames.at(-1);
+    assert.deepEqual([last.codec, last.flags & FINAL, last.width, last.height], [CODECS.jpeg, FINAL, 320, 200]);
+    await stream.end();
+  });
+}
+
+test('lossless at rest, as without video', async () => {
+  const stream = await daemon.stream();
+  await stream.call('stream.configure', { format: ['vp9', 'jpeg'], lossless: true, max_fps: 120 });
+  await move([stream], () => videos(stream).length >= 5, '5 frames of video');
+  const last = stream.frames.at(-1);
+  assert.equal(last.codec, CODECS.png);
+  assert.equal(last.flags & (FINAL | LOSSLESS), FINAL | LOSSLESS);
+  await stream.end();
+});
+
+test('who joins gets a key frame, who asks for one too; who wants stills gets stills', async () => {
+  const first = await daemon.stream();
+  await first.call('stream.configure', { format: 'vp8', size: [160, 120], max_fps: 120 });
+  await move([first], () => videos(first).length >= 5, '5 frames of video');
+  const [second, third] = [await daemon.stream({ session: first.session }), await daemon.stream({ session: first.session })];
+  await second.call('stream.configure', { format: 'vp8', size: [160, 120], max_fps: 120 });
+  await third.call('stream.configure', { format: 'jpeg', size: [160, 120], max_fps: 120 });
+  await move([first], () => videos(second).length >= 5, '5 frames of video for the second');
+  assert.ok(videos(second)[0].flags & KEY);
+  assert.equal(videos(third).length, 0);
+  assert.ok(third.frames.length > 2);
+  const from = videos(second).length;
+  second.notify('stream.key', {});
+  await move([first], () => videos(second).length > from, 'video after asking for a key frame');
+  assert.ok(videos(second)[from].flags & KEY);
+  await Promise.all([first, second, third].map((s) => s.end()));
+});
+
+test('a slow client gets what it can decode, and the last view', async () => {
+  const fast = await daemon.stream();
+  const slow = await daemon.stream({ session: fast.session });
+  for (const stream of [fast, slow]) await stream.call('stream.configure', { format: 'vp9', size: [160, 120], max_fps: 120 });
+  slow.acks = false;
+  await move([fast, slow], () => videos(fast).length >= 30, '30 frames of video');
+  slow.acks = true;
+  slow.ack(slow.frames.at(-1).frame);
+  await slow.until(() => slow.frames.at(-1).flags & FINAL, 'the last view');
+  assert.ok(videos(slow).length < videos(fast).length);
+  await Promise.all([fast.end(), slow.end()]);
+});
+
+test('clients that leave, change and ask in the middle of a drag', async () => {
+  const first = await daemon.stream();
+  await first.call('stream.configure', { format: 'vp9', size: [96, 64], max_fps: 120 });
+  for (let round = 0; round < 8; round++) {
+    const guest = await daemon.stream({ session: first.session });
+    const format = ['vp8', 'vp9', 'jpeg', ['h264', 'vp8']][round % 4];
+    await guest.call('stream.configure', { format, size: [96 + 32 * (round % 3), 64], max_fps: 120 });
+    const from = guest.frames.length;
+    await move([first], () => guest.frames.length > from + 3, 'frames for the guest');
+    const switched = guest.call('stream.configure', { format: 'vp9' }).catch(() => {});
+    if (round % 2) await switched;
+    guest.socket.terminate();
+  }
+  await move([first], () => videos(first).length > 20, 'video goes on');
+  await first.end();
+});

@@ -1,0 +1,177 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds the daemon to openapi.yaml with requests that are generated from it.
+
+  generated_test.py SPLATD SOURCE_DIR
+
+Every operation is asked many times, with bodies, parameters, headers and tokens that the contract describes and with such
+that it does not. Every answer must be documented; what is sound must not be refused as malformed, what is not must
+not be accepted; and in the end every documented status has been seen, but for those that a test of overload or failure
+brings about. SPLATD_SEED chooses other requests, SPLATD_REQUESTS how many for each operation. Exit status 77: skipped.
+"""
+import json
+import os
+import random
+import re
+import sys
+
+import contract_test
+from contract_test import UPGRADE, Contract, Daemon, asker, check, walk
+from generate import Requests
+
+MALFORMED = {400, 406, 422}
+REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
+# What no request brings about by itself: overload and failures (integration.life, unit.server_scheduler), and sessions of
+# an earlier run that wait for their volume (integration.state).
+ELSEWHERE = {'500', '503', ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
+
+
+# Where views and requests are wrong in a way that a schema cannot say (its description lists them), or cannot be drawn.
+BEYOND = re.compile(
+    r'(/view)?(/volume|/camera(/position|/target|/up)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
+    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/shading/lights/\d/direction|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name')
+
+
+class Caller:
+    def __init__(self, daemon, contract, rng):
+        self.daemon, self.contract, self.rng = daemon, contract, rng
+        self.requests = Requests(contract.document, rng)
+        self.ids = {'volumes': ['engine']}
+
+    def ids_of(self, template):
+        """Names of what there is: /api/v1/views/{id} and /api/v1/render/{id} are about views, and so on."""
+        kind = template.split('/')[3] if template.startswith('/api/') else ''
+        return self.ids.setdefault('views' if kind == 'render' else kind, [])
+
+    def token(self, secured):
+        """(token, is_good)"""
+        roll = self.rng.random()
+        if not secured or roll < 0.75:
+            return self.daemon.token, True
+        if roll < 0.85:
+            return None, False
+        return self.rng.choice(['wrong', self.daemon.token[:-1], self.daemon.token + 'x', "'", '🦊'.encode().hex()]), False
+
+    def remember(self, ids, made, method, status, answer):
+        """What there is now: sessions and views are named by the daemon, presets by who puts them."""
+        new = {('post', 201): answer.get('id') if isinstance(answer, dict) else None, ('put', 201): made.get('name')}.get((method, status))
+        if new and len(ids) < 20:
+            ids.append(new)
+        if (method, status) == ('delete', 204):
+            ids[:] = [name for name in ids if name != made['name']]
+
+    def call(self, template, method):
+        operation = self.contract.document['paths'][template][method]
+        secured = operation.get('security') != []
+        ids = self.ids_of(template)
+        if (method, template) == ('delete', '/api/v1/volumes/{id}'):
+            ids = []  # it would be missed
+        if template.endswith('/volumes'):
+            ids = []  # they need not be ready
+        made = self.requests.request(template, method, ids)
+        token, is_good = self.token(secured)
+        status, headers, data = self.daemon.ask(method.upper(), made['path'], made['body'], made['headers'], token=token or False)
+        self.contract.check(method, template, status, headers, data)
+        answer = json.loads(data) if data and 'json' in headers.get('Content-Type', '') else None
+        self.remember(ids, made, method, status, answer)
+        self.judge(made, is_good, method, status, answer)
+
+    def judge(self, made, is_good, method, status, answer):
+        what = f'{method.upper()} {made["path"][:200]} {made["headers"]} {(made["body"] or "")[:300]} → {status} {answer if status >= 400 else ""}'
+        if '%00' in made['path']:
+            check(status == 400, f'no address: {what}')
+        elif not is_good:
+            check(status in (401, 404) if made['path'].startswith('/api/v1/sessions/') else status == 401, f'without a good token: {what}')
+        elif not made['has_id'] and '{' not in made['path'] and status == 404:
+            pass
+        elif not made['is_sound']:
+            check(status in MALFORMED | {404, 409, 503}, f'accepted against the contract: {what}')
+        else:
+            check(status != 400, f'sound, but called malformed: {what}')
+            pointer = answer.get('pointer', '') if status == 422 else ''
+            is_beyond = BEYOND.fullmatch(pointer) and (made['body'] is None or '/size/' not in pointer)
+            check(not pointer or is_beyond, f'sound, but refused: {what}')
+        if status in (400, 422) and answer:
+            check(len(answer['detail']) > 5, f'no reason: {what}')
+            check(answer.get('pointer', '/')[:1] == '/', f'no pointer: {what}')
+
+
+def operations(document):
+    for template, item in document['paths'].items():
+        for method in ('get', 'post', 'put', 'patch', 'delete'):
+            if method in item and not template.endswith('/stream'):
+                yield template, method
+
+
+def bring_about(daemon, contract):
+    """Statuses that chance would hardly find."""
+    ask, api = asker(daemon, contract), '/api/v1'
+    for template, method in operations(contract.document):
+        if 'requestBody' in contract.document['paths'][template][method]:
+            session = ask(201, 'POST', f'{api}/sessions', {})
+            names = {'id': session['id'], 'name': 'x'}
+            ask(400, method.upper(), template, '{', **names)
+            ask(413, method.upper(), template, ' ' * (2 << 20), **names)
+            ask(415, method.upper(), template, 'x', {'Content-Type': 'text/plain'}, **names)
+            ask(204, 'DELETE', f'{api}/sessions/{{id}}', id=session['id'])
+        if '{' in template:
+            ask(400, method.upper(), template, id='%00', name='%00')
+    # A volume that is too large for the memory is there, but cannot be looked at.
+    ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=512', 'id': 'large'})
+    while ask(200, 'GET', f'{api}/volumes/{{id}}', id='large')['state'] == 'loading':
+        pass
+    session = ask(201, 'POST', f'{api}/sessions', {})
+    ask(409, 'GET', f'{api}/volumes/{{id}}/view', id='large')
+    ask(409, 'POST', f'{api}/render', {'volume': 'large'})
+    ask(409, 'POST', f'{api}/views', {'volume': 'large'})
+    ask(409, 'POST', f'{api}/sessions', {'view': {'volume': 'large'}})
+    ask(409, 'PATCH', f'{api}/sessions/{{id}}', {'view': {'volume': 'large'}}, id=session['id'])
+    ask(409, 'DELETE', f'{api}/volumes/{{id}}', id='engine')
+    ask(403, 'POST', f'{api}/volumes', {'path': 'a.nrrd'})
+    ask(403, 'POST', f'{api}/sessions', {'from': session['id']}, token=session['tokens']['view'])
+    stream = f'{api}/sessions/{{id}}/stream'
+    ask(400, 'GET', stream, headers={**UPGRADE, 'Sec-WebSocket-Key': 'short'}, id=session['id'])
+    ask(404, 'GET', stream, headers=UPGRADE, id='0' * 16)
+    # Nor can a kept view be drawn whose volume is gone.
+    ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=8', 'id': 'passing'})
+    while ask(200, 'GET', f'{api}/volumes/{{id}}', id='passing')['state'] == 'loading':
+        pass
+    kept = ask(201, 'POST', f'{api}/views', {'volume': 'passing'})
+    ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='passing')
+    ask(409, 'GET', f'{api}/render/{{id}}', **kept)
+
+
+def check_coverage(contract):
+    for template, item in contract.document['paths'].items():
+        for method, operation in item.items():
+            for status in operation['responses'] if isinstance(operation, dict) else ():
+                seen = (method, template, status) in contract.statuses
+                check(seen or ELSEWHERE & {status, (method, template, status)},
+                      f'{method.upper()} {template}: {status} is documented and never came')
+
+
+def main():
+    seed = int(os.environ.get('SPLATD_SEED', 1))
+    rng = random.Random(seed)
+    contract = Contract(f'{sys.argv[2]}/protocol')
+    daemon = Daemon(sys.argv[1], '--sessions', '60', '--views', '60', '--memory', '8M')
+    try:
+        walk(daemon, contract)
+        bring_about(daemon, contract)
+        caller = Caller(daemon, contract, rng)
+        for _ in range(REQUESTS):
+            for template, method in operations(contract.document):
+                caller.call(template, method)
+        status, _, _ = daemon.ask('GET', '/readyz')
+        check(status == 200, 'the daemon is no longer ready')
+    finally:
+        status, log = daemon.stop()
+    check(status == 0, f'splatd ended with {status}: {log[-2000:]}')
+    check('Sanitizer' not in log and 'runtime error' not in log, log[-4000:])
+    check_coverage(contract)
+    print(f'seed {seed}, {REQUESTS} requests for each operation, {len(contract.statuses)} statuses, {contract_test.failures} failures')
+    return 1 if contract_test.failures else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,340 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Video: packets, decoded again by libvpx, against the pictures that went in. H.264 has no decoder
+ * here: of it the shape of the stream is looked at.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <vpx/vp8dx.h>
+#include <vpx/vpx_decoder.h>
+
+#include "sp/encode.h"
+#include "sp/video.h"
+
+static struct sp_frame make_frame(uint32_t width, uint32_t height) {
+    struct sp_frame frame = { .width = width, .height = height, .format = SP_RGBA8 };
+    frame.stride_bytes = ((size_t)width * 4 + 64 + 63) / 64 * 64;
+    frame.pixels = aligned_alloc(64, frame.stride_bytes * height);
+    assert_non_null(frame.pixels);
+    memset(frame.pixels, 0xa5, frame.stride_bytes * height);
+    return frame;
+}
+
+static uint8_t *pixel(const struct sp_frame *frame, uint32_t x, uint32_t y) {
+    return (uint8_t *)frame->pixels + y * frame->stride_bytes + 4 * x;
+}
+
+static uint8_t wave(double phase) {
+    return (uint8_t)(127.5 + 100 * sin(phase));
+}
+
+/* Something like a rendered object, that moves with `time`. */
+static void draw(struct sp_frame *frame, int time) {
+    double cx = frame->width / 2.0 + 3 * time, cy = frame->height / 2.0;
+    for (uint32_t y = 0; y < frame->height; y++)
+        for (uint32_t x = 0; x < frame->width; x++) {
+            uint8_t *p = pixel(frame, x, y);
+            double dx = x - cx, dy = y - cy, r = sqrt(dx * dx + dy * dy);
+            bool inside = r < frame->height * 0.4;
+            p[0] = inside ? wave(r / 9) : 10;
+            p[1] = inside ? wave(dx / 13 + time * 0.1) : 20;
+            p[2] = inside ? wave(dy / 17) : 30;
+            p[3] = 255;
+        }
+}
+
+struct decoder {
+    vpx_codec_ctx_t codec;
+};
+
+static void begin(struct decoder *decoder, enum sp_video_codec codec) {
+    vpx_codec_iface_t *interface = codec == SP_VIDEO_VP8 ? vpx_codec_vp8_dx() : vpx_codec_vp9_dx();
+    assert_int_equal(vpx_codec_dec_init(&decoder->codec, interface, NULL, 0), VPX_CODEC_OK);
+}
+
+/* NULL if the packet cannot be decoded. */
+static const vpx_image_t *decode(struct decoder *decoder, const struct sp_video_packet *packet) {
+    vpx_codec_iter_t at = NULL;
+    if (vpx_codec_decode(&decoder->codec, packet->bytes, (unsigned)packet->size, NULL, 0) !=
+        VPX_CODEC_OK)
+        return NULL;
+    return vpx_codec_get_frame(&decoder->codec, &at);
+}
+
+static double clamp(double v) {
+    return v < 0 ? 0 : v > 255 ? 255 : v;
+}
+
+/* Of all three colours, dB. The inverse of BT.601, limited range. */
+static double psnr(const struct sp_frame *frame, const vpx_image_t *image) {
+    double sum = 0;
+    assert_int_equal(image->d_w, frame->width);
+    assert_int_equal(image->d_h, frame->height);
+    assert_int_equal(image->fmt, VPX_IMG_FMT_I420);
+    for (uint32_t y = 0; y < frame->height; y++)
+        for (uint32_t x = 0; x < frame->width; x++) {
+            const uint8_t *p = pixel(frame, x, y);
+            double l = 1.164384 * (image->planes[0][y * (size_t)image->stride[0] + x] - 16);
+            double u = image->planes[1][y / 2 * (size_t)image->stride[1] + x / 2] - 128;
+            double v = image->planes[2][y / 2 * (size_t)image->stride[2] + x / 2] - 128;
+            double d[3] = { clamp(l + 1.596027 * v) - p[0],
+                            clamp(l - 0.391762 * u - 0.812968 * v) - p[1],
+                            clamp(l + 2.017232 * u) - p[2] };
+            sum += d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        }
+    double mean = sum / (3.0 * frame->width * frame->height);
+    return 10 * log10(255 * 255 / (mean + 1e-9));
+}
+
+static struct sp_video *create(enum sp_video_codec codec) {
+    struct sp_error err = { .code = SP_OK };
+    struct sp_video *video = sp_video_create(codec, 2, &err);
+    if (!video)
+        fail_msg("%s", err.text);
+    return video;
+}
+
+static struct sp_video_packet encode(struct sp_video *video, const struct sp_frame *frame,
+                                     int quality, bool key) {
+    struct sp_video_packet packet;
+    struct sp_error err = { .code = SP_OK };
+    if (!sp_video_encode(video, frame, quality, key, &packet, &err))
+        fail_msg("%s", err.text);
+    assert_true(packet.size > 0);
+    return packet;
+}
+
+static void names(void **state) {
+    (void)state;
+    assert_int_equal(sp_video_codec_find("vp8"), SP_VIDEO_VP8);
+    assert_int_equal(sp_video_codec_find("VP9"), SP_VIDEO_VP9);
+    assert_int_equal(sp_video_codec_find("h264"), SP_VIDEO_H264);
+    assert_int_equal(sp_video_codec_find("jpeg"), SP_VIDEO_CODEC_COUNT);
+    assert_string_equal(sp_video_codec_name(SP_VIDEO_VP9), "vp9");
+    assert_true(sp_video_is_available(SP_VIDEO_VP8) && sp_video_is_available(SP_VIDEO_VP9));
+}
+
+/* Every frame comes back as it was, one packet each; only the first is a key frame. */
+static void moving(enum sp_video_codec codec, uint32_t width, uint32_t height) {
+    struct sp_frame frame = make_frame(width, height);
+    struct sp_video *video = create(codec);
+    struct decoder decoder;
+    size_t key_bytes = 0, bytes = 0;
+    begin(&decoder, codec);
+    for (int i = 0; i < 12; i++) {
+        draw(&frame, i);
+        struct sp_video_packet packet = encode(video, &frame, 90, false);
+        assert_int_equal(packet.is_key, i == 0);
+        *(i ? &bytes : &key_bytes) += packet.size;
+        const vpx_image_t *image = decode(&decoder, &packet);
+        assert_non_null(image);
+        double db = psnr(&frame, image);
+        if (db < (width > 100 ? 33 : 25)) /* chroma has a quarter of the pixels */
+            fail_msg("%s %ux%u frame %d: %.1f dB", sp_video_codec_name(codec), width, height, i,
+                     db);
+    }
+    print_message("%s %ux%u: key %zu bytes, delta %zu\n", sp_video_codec_name(codec), width, height,
+                  key_bytes, bytes / 11);
+    vpx_codec_destroy(&decoder.codec);
+    sp_video_destroy(&video);
+    free(frame.pixels);
+}
+
+static void moves(void **state) {
+    (void)state;
+    static const uint32_t sizes[][2] = { { 320, 240 }, { 321, 241 }, { 17, 33 }, { 2, 2 } };
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        moving(SP_VIDEO_VP8, sizes[i][0], sizes[i][1]);
+        moving(SP_VIDEO_VP9, sizes[i][0], sizes[i][1]);
+    }
+}
+
+static void one_pixel(void **state) {
+    (void)state;
+    struct sp_frame frame = make_frame(1, 1);
+    draw(&frame, 0);
+    for (int codec = 0; codec < SP_VIDEO_CODEC_COUNT; codec++) {
+        if (!sp_video_is_available((enum sp_video_codec)codec))
+            continue;
+        struct sp_video *video = create((enum sp_video_codec)codec);
+        assert_true(encode(video, &frame, 50, false).is_key);
+        assert_false(encode(video, &frame, 50, false).is_key);
+        sp_video_destroy(&video);
+    }
+    free(frame.pixels);
+}
+
+/* Who joins late sees nothing until a key frame, and everything from it on. */
+static void keys(void **state) {
+    (void)state;
+    struct sp_frame frame = make_frame(160, 120);
+    for (int codec = SP_VIDEO_VP8; codec <= SP_VIDEO_VP9; codec++) {
+        struct sp_video *video = create((enum sp_video_codec)codec);
+        struct decoder late;
+        begin(&late, (enum sp_video_codec)codec);
+        draw(&frame, 0);
+        encode(video, &frame, 80, false);
+        draw(&frame, 1);
+        struct sp_video_packet packet = encode(video, &frame, 80, false);
+        assert_false(packet.is_key);
+        assert_null(decode(&late, &packet));
+        draw(&frame, 2);
+        packet = encode(video, &frame, 80, true);
+        assert_true(packet.is_key);
+        const vpx_image_t *image = decode(&late, &packet);
+        assert_non_null(image);
+        assert_true(psnr(&frame, image) > 30);
+        draw(&frame, 3);
+        packet = encode(video, &frame, 80, false);
+        image = decode(&late, &packet);
+        assert_non_null(image);
+        assert_true(psnr(&frame, image) > 30);
+        vpx_codec_destroy(&late.codec);
+        sp_video_destroy(&video);
+    }
+    free(frame.pixels);
+}
+
+/* Another size begins a new stream in the same decoder. */
+static void another_size(void **state) {
+    (void)state;
+    struct sp_frame frames[2] = { make_frame(200, 100), make_frame(101, 75) };
+    for (int codec = SP_VIDEO_VP8; codec <= SP_VIDEO_VP9; codec++) {
+        struct sp_video *video = create((enum sp_video_codec)codec);
+        struct decoder decoder;
+        begin(&decoder, (enum sp_video_codec)codec);
+        for (int i = 0; i < 6; i++) {
+            struct sp_frame *frame = &frames[i / 2 % 2];
+            draw(frame, i);
+            struct sp_video_packet packet = encode(video, frame, 90, false);
+            assert_int_equal(packet.is_key, i % 2 == 0);
+            const vpx_image_t *image = decode(&decoder, &packet);
+            assert_non_null(image);
+            assert_true(psnr(frame, image) > 30);
+        }
+        vpx_codec_destroy(&decoder.codec);
+        sp_video_destroy(&video);
+    }
+    free(frames[0].pixels);
+    free(frames[1].pixels);
+}
+
+/* More quality: more bytes and a better picture; it may change from frame to frame. */
+static void quality(void **state) {
+    (void)state;
+    struct sp_frame frame = make_frame(320, 240);
+    for (int codec = SP_VIDEO_VP8; codec <= SP_VIDEO_VP9; codec++) {
+        struct sp_video *video = create((enum sp_video_codec)codec);
+        struct decoder decoder;
+        double last_db = 0;
+        size_t last_bytes = 0;
+        begin(&decoder, (enum sp_video_codec)codec);
+        draw(&frame, 0);
+        for (int q = 10; q <= 100; q += 30) {
+            struct sp_video_packet packet = encode(video, &frame, q, true);
+            double db = psnr(&frame, decode(&decoder, &packet));
+            print_message("%s quality %d: %zu bytes, %.1f dB\n",
+                          sp_video_codec_name((enum sp_video_codec)codec), q, packet.size, db);
+            assert_true(packet.size > last_bytes && db > last_db);
+            last_bytes = packet.size;
+            last_db = db;
+        }
+        vpx_codec_destroy(&decoder.codec);
+        sp_video_destroy(&video);
+    }
+    free(frame.pixels);
+}
+
+/* Grey stays grey, white white, and what is not opaque is shown over black. */
+static void colours(void **state) {
+    (void)state;
+    static const uint8_t shown[][4] = {
+        { 0, 0, 0, 255 },   { 255, 255, 255, 255 }, { 128, 128, 128, 255 }, { 255, 0, 0, 255 },
+        { 0, 255, 0, 255 }, { 0, 0, 255, 255 },     { 200, 100, 50, 255 },
+    };
+    struct sp_frame frame = make_frame(64, 64), seen = make_frame(64, 64);
+    struct sp_video *video = create(SP_VIDEO_VP9);
+    struct decoder decoder;
+    begin(&decoder, SP_VIDEO_VP9);
+    for (size_t i = 0; i < sizeof shown / sizeof *shown; i++) {
+        for (uint32_t y = 0; y < 64; y++)
+            for (uint32_t x = 0; x < 64; x++) {
+                memcpy(pixel(&frame, x, y), shown[i], 4);
+                memcpy(pixel(&seen, x, y), shown[i], 4);
+            }
+        struct sp_video_packet packet = encode(video, &frame, 100, true);
+        double db = psnr(&seen, decode(&decoder, &packet));
+        if (db < 38)
+            fail_msg("colour %zu: %.1f dB", i, db);
+    }
+    for (uint32_t y = 0; y < 64; y++)
+        for (uint32_t x = 0; x < 64; x++) {
+            memcpy(pixel(&frame, x, y), (const uint8_t[]){ 200, 100, 50, 128 }, 4);
+            memcpy(pixel(&seen, x, y), (const uint8_t[]){ 100, 50, 25, 255 }, 4);
+        }
+    struct sp_video_packet packet = encode(video, &frame, 100, true);
+    assert_true(psnr(&seen, decode(&decoder, &packet)) > 38);
+    vpx_codec_destroy(&decoder.codec);
+    sp_video_destroy(&video);
+    free(frame.pixels);
+    free(seen.pixels);
+}
+
+/* Types of the units of an Annex B stream, as a text of digits; 5 a key frame, 1 a delta. */
+static void unit_types(const struct sp_video_packet *packet, char *out, size_t size) {
+    size_t n = 0;
+    for (size_t i = 0; i + 3 < packet->size && n + 1 < size; i++)
+        if (packet->bytes[i] == 0 && packet->bytes[i + 1] == 0 && packet->bytes[i + 2] == 1)
+            out[n++] = (char)('0' + (packet->bytes[i + 3] & 31));
+    out[n] = 0;
+}
+
+static void h264(void **state) {
+    (void)state;
+    if (!sp_video_is_available(SP_VIDEO_H264)) {
+        struct sp_error err = { .code = SP_OK };
+        assert_null(sp_video_create(SP_VIDEO_H264, 1, &err));
+        assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+        print_message("H.264 is not built in (SPLATD_X264)\n");
+        skip();
+    }
+    struct sp_frame frame = make_frame(321, 241);
+    struct sp_video *video = create(SP_VIDEO_H264);
+    size_t key_bytes = 0;
+    for (int i = 0; i < 8; i++) {
+        char types[64];
+        draw(&frame, i);
+        struct sp_video_packet packet = encode(video, &frame, 60, i == 4);
+        bool is_key = i % 4 == 0;
+        assert_int_equal(packet.is_key, is_key);
+        unit_types(&packet, types, sizeof types);
+        /* With a key frame come the parameters; whatever else there is, no picture of the other
+         * kind. */
+        assert_true(!strchr(types, '7') == !is_key && !strchr(types, '8') == !is_key);
+        assert_true(!strchr(types, '5') == !is_key && !strchr(types, '1') == is_key);
+        if (i == 0)
+            key_bytes = packet.size;
+        else if (!is_key)
+            assert_true(packet.size < key_bytes);
+    }
+    sp_video_destroy(&video);
+    free(frame.pixels);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(names),        cmocka_unit_test(moves),   cmocka_unit_test(one_pixel),
+        cmocka_unit_test(keys),         cmocka_unit_test(quality), cmocka_unit_test(colours),
+        cmocka_unit_test(another_size), cmocka_unit_test(h264),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A hub with one session and no sockets, renderer or clock.
+ */
+#ifndef TESTS_UNIT_SERVER_HUB_FIXTURE_H
+#define TESTS_UNIT_SERVER_HUB_FIXTURE_H
+
+#include "session/hub.h"
+#include "sp/volume.h"
+
+struct fixture {
+    struct srv_hub *hub;
+    struct sp_volume_info info;
+    int uses;
+    unsigned interrupts;
+    enum srv_interrupt why; /* of the last one */
+    char id[SRV_SESSION_ID_BYTES];
+};
+
+/* For cmocka; *state is a struct fixture. The tear-down fails when a use of a volume was not given
+ * back. */
+int hub_set_up(void **state);
+int hub_tear_down(void **state);
+
+struct srv_participant *hub_join(struct fixture *f, enum srv_role role, double now_ms);
+
+#endif

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several pages in one session of the real daemon: who is there, who controls, links, forks and kept views.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { camera, launch, openPage, picture, rest, shot, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+
+let browser;
+let daemon;
+before(async () => {
+  daemon = await startDaemon(['--volume', 'demo:phantom?size=48', '--backend', 'cpu', '--control-time', '600']);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function open(context, address, options) {
+  const opened = await openPage(browser, options);
+  context.after(() => opened.context.close());
+  await opened.page.goto(address);
+  await picture(opened.page);
+  return opened;
+}
+
+/** Makes the link and reads it from its field. */
+async function link(page, kind) {
+  if (!(await page.locator('#people-fold').evaluate((fold) => fold.open))) await page.click('#people-fold summary');
+  await page.locator('#link-text').evaluate((field) => { field.value = ''; });
+  await page.click(`#link-${kind}`);
+  const end = performance.now() + 20000;
+  while (performance.now() < end) {
+    const address = await page.locator('#link-text').inputValue();
+    if (address) return address;
+  }
+  throw new Error(`no link to ${kind}`);
+}
+
+const orbit = async (page) => {
+  await page.focus('#screen');
+  await page.keyboard.press('ArrowLeft');
+};
+const names = (page) => page.locator('#people li .name').allTextContents();
+const isSame = (a, b) => a.position.every((x, i) => Math.abs(x - b.position[i]) < 1e-6);
+
+test('links, names, and control from one to the other', async (context) => {
+  const host = await open(context, daemon.url);
+  const guest = await open(context, await link(host.page, 'control'));
+  const watcher = await open(context, await link(host.page, 'watch'));
+  assert.equal(new URL(guest.page.url()).hash.includes('token'), false, 'the token leaves the address');
+  await until(host.page, 'three people', (s) => s.people.length === 3);
+  await guest.page.click('#people-fold summary');
+  await guest.page.fill('#person-name', 'Grace');
+  await guest.page.press('#person-name', 'Enter');
+  await until(host.page, 'her name', (s) => s.people.some((p) => p.name === 'Grace' && !p.isYou));
+  assert.deepEqual((await names(host.page)).filter((name) => name === 'Grace').length, 1);
+  assert.equal(new Set((await host.page.evaluate(() => window.splatd.people)).map((p) => p.color)).size, 3);
+
+  // Whoever moves first controls; the others follow and cannot.
+  const start = await camera(host.page);
+  await orbit(host.page);
+  await until(guest.page, 'that the host controls', (s) => !s.canControl && s.people.some((p) => p.isHolder && !p.isYou));
+  await guest.page.locator('#status', { hasText: 'Guest 1 controls' }).waitFor();
+  await rest(host.page);
+  const moved = await camera(host.page);
+  assert.ok(!isSame(moved, start));
+  const followed = () => guest.page.evaluate(() => window.splatd.camera);
+  while (!isSame(await followed(), moved));
+  await orbit(guest.page);
+  assert.ok(isSame(await followed(), moved));
+
+  // Asked for, seen, granted.
+  await guest.page.click('#control-ask');
+  await host.page.locator('#people li', { hasText: 'asks' }).waitFor();
+  await shot(host.page, 'people-asked');
+  await host.page.click('#people li button:text("Grant")');
+  await until(guest.page, 'control', (s) => s.canControl && s.people.some((p) => p.isYou && p.isHolder));
+  await until(host.page, 'that it is gone', (s) => !s.canControl);
+  await orbit(guest.page);
+  await rest(guest.page);
+  assert.ok(!isSame(await followed(), moved));
+  await shot(guest.page, 'people-guest');
+
+  // Refused, then released.
+  await watcher.page.click('#people-fold summary');
+  assert.ok(await watcher.page.locator('#fork').isHidden());
+  assert.ok(await watcher.page.locator('#link-control').isHidden());
+  await watcher.page.click('#control-ask');
+  await guest.page.click('#people li button:text("Refuse")');
+  await watcher.page.locator('#control-ask').waitFor();
+  await guest.page.click('#control-release');
+  await until(host.page, 'that control is free', (s) => s.canControl);
+  assert.equal(await watcher.page.evaluate(() => window.splatd.canControl), false);
+  for (const { said } of [host, guest, watcher]) assert.deepEqual(said, []);
+});
+
+test('a fork goes its own way, with the panel that its maker had', async (context) => {
+  const host = await open(context, daemon.url);
+  const guest = await open(context, await link(host.page, 'control'));
+  await orbit(host.page);
+  await rest(host.page);
+  const session = await host.page.evaluate(() => window.splatd.session);
+  const start = await camera(host.page);
+  for (const { page } of [host, guest]) {
+    if (page === guest.page) await page.click('#people-fold summary');
+    const [before_] = await Promise.all([page.evaluate(() => window.splatd.session), page.waitForEvent('load'), page.click('#fork')]);
+    assert.equal(before_, session);
+    await picture(page);
+    const now = await page.evaluate(() => window.splatd.session);
+    assert.notEqual(now, session);
+    assert.ok(isSame(await camera(page), start), 'it begins where the other was');
+    await until(page, 'that nobody else is there', (s) => s.people.length === 1 && s.canControl);
+    await page.reload();
+    await picture(page);
+    assert.equal(await page.evaluate(() => window.splatd.session), now, 'a reload comes back to the fork');
+  }
+  await host.page.locator('#volumes button').first().waitFor();
+  assert.deepEqual([...host.said, ...guest.said], []);
+});
+
+test('a link to a view: the same view in a session of its own, also where the page is open already', async (context) => {
+  const host = await open(context, daemon.url);
+  await orbit(host.page);
+  await rest(host.page);
+  const kept = await camera(host.page);
+  const address = await link(host.page, 'view');
+  assert.match(address, /#view=[0-9a-f]{32}$/);
+  await orbit(host.page);
+  await rest(host.page);
+  const other = await open(context, daemon.url);
+  const session = await other.page.evaluate(() => window.splatd.session);
+  await Promise.all([other.page.waitForEvent('load'), other.page.evaluate((to) => { location.href = to; }, address)]);
+  await picture(other.page);
+  assert.ok(isSame(await camera(other.page), kept));
+  assert.notEqual(await other.page.evaluate(() => window.splatd.session), session);
+  assert.equal(new URL(other.page.url()).hash, '');
+  const own = await other.page.evaluate(() => window.splatd.session);
+  await other.page.reload();
+  await picture(other.page);
+  assert.equal(await other.page.evaluate(() => window.splatd.session), own);
+
+  const lost = await open(context, `${daemon.url}#view=${'0'.repeat(32)}`);
+  await lost.page.locator('#notice', { hasText: 'could not be shown' }).waitFor();
+});

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// Video in the browser: each codec that daemon and browser share shows the same picture as a still, through drags, changes of
+// size and a lost stream; a decoder that fails asks for a key frame, and one that never works gives way to stills.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { difference, drag, launch, openPage, picture, pixels, rest, shot, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+import { decodePng } from '../support/png.mjs';
+
+const VOLUMES = ['--volume', 'demo:phantom?size=48'];
+let browser;
+let moving; // a daemon whose views never come to rest: what is seen stays video
+before(async () => {
+  browser = await launch();
+  moving = await startDaemon([...VOLUMES, '--rest-time', '60']);
+});
+after(async () => {
+  await browser?.close();
+  assert.equal(await moving?.stop(), 0);
+});
+
+async function setUp(context, daemon, format, before_ = () => {}) {
+  const opened = await openPage(browser, { viewport: { width: 900, height: 600 } });
+  context.after(() => opened.context.close());
+  await before_(opened.page);
+  await opened.page.goto(daemon.url);
+  await picture(opened.page);
+  await opened.page.waitForSelector(`#moving option[value=${format}]`, { state: 'attached' });
+  await opened.page.evaluate(() => { document.getElementById('moving').closest('details').open = true; });
+  await opened.page.selectOption('#moving', format);
+  return opened;
+}
+
+/** The last view is on the screen as a frame of video; on a busy machine a smaller one. */
+const lastAsVideo = (page) => until(page, 'the last view as video',
+  (s) => s.isIdle && s.videos > 2 && s.seq === s.sent && s.isVideo);
+
+/** The session's view as a still of the daemon's. */
+async function still(page, daemon) {
+  const token = new URL(daemon.url).searchParams.get('token');
+  const ask = async (target, options = {}) => {
+    const answer = await fetch(new URL(target, daemon.url), {
+      ...options, headers: { Authorization: `Bearer ${token}`, 'Content-Type': 'application/json' } });
+    assert.equal(answer.status, 200);
+    return answer;
+  };
+  const { view } = await (await ask(`/api/v1/sessions/${await page.evaluate(() => window.splatd.session)}`)).json();
+  const size = await page.evaluate(() => window.splatd.wanted);
+  const answer = await ask('/api/v1/render?format=png', { method: 'POST', body: JSON.stringify({ ...view, size }) });
+  return decodePng(Buffer.from(await answer.arrayBuffer()));
+}
+
+async function showsTheView(page, daemon) {
+  const part = difference(await pixels(page), await still(page, daemon));
+  assert.ok(part < 0.05, `${part} of the picture differs from the still`);
+}
+
+for (const format of ['vp9', 'vp8']) {
+  test(`${format}: what is seen is the view, after drags and in another size`, async (context) => {
+    const { page, said } = await setUp(context, moving, format);
+    await drag(page, [520, 320], [690, 240], { steps: 30 });
+    await lastAsVideo(page);
+    await showsTheView(page, moving);
+    await shot(page, `video-${format}`);
+    await page.setViewportSize({ width: 801, height: 569 });
+    await drag(page, [520, 320], [550, 380], { steps: 20 });
+    await lastAsVideo(page);
+    await showsTheView(page, moving);
+    assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
+    assert.deepEqual(said, []);
+  });
+}
+
+test('a view at rest is a sharp still, and the choice outlives a lost stream', async (context) => {
+  const daemon = await startDaemon(VOLUMES);
+  context.after(() => daemon.stop());
+  const { page } = await setUp(context, daemon, 'vp9');
+  const videos = () => page.evaluate(() => window.splatd.videos);
+  await drag(page, [520, 320], [690, 240], { steps: 30 });
+  await rest(page);
+  const first = await videos();
+  assert.ok(first > 0);
+  assert.equal(await page.evaluate(() => window.splatd.isVideo), false);
+  await showsTheView(page, daemon);
+  await page.reload();
+  await picture(page);
+  await until(page, 'the choice is back', () => document.getElementById('moving').value === 'vp9');
+  await drag(page, [520, 320], [620, 340], { steps: 30 });
+  await rest(page);
+  assert.ok(await videos() > 0);
+});
+
+/** Breaks the page's decoder: `fails(n)` says of the n-th frame of video, from 1, whether decoding it throws. */
+const breakDecoder = (fails) => (page) => page.addInitScript(`(() => {
+  const Real = window.VideoDecoder;
+  const fails = ${fails};
+  let n = 0;
+  window.VideoDecoder = class extends Real {
+    decode(chunk) {
+      if (fails(++n)) throw new Error('broken on purpose');
+      super.decode(chunk);
+    }
+  };
+})()`);
+
+test('a decoder that fails once gets a key frame and goes on', async (context) => {
+  const { page } = await setUp(context, moving, 'vp9', breakDecoder('(n) => n === 3'));
+  await drag(page, [520, 320], [690, 240], { steps: 40 });
+  await until(page, 'video after the failure', (s) => s.videos > 4);
+  await lastAsVideo(page);
+  await showsTheView(page, moving);
+  assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
+});
+
+test('a decoder that never works gives way to stills, and says so', async (context) => {
+  const { page } = await setUp(context, moving, 'vp9', breakDecoder('() => true'));
+  await drag(page, [520, 320], [690, 240], { steps: 40 });
+  await until(page, 'stills', (s) => document.getElementById('moving').value === 'jpeg' && s.isIdle && s.seq === s.sent);
+  assert.match((await page.evaluate(() => window.splatd.errors)).join(), /cannot decode the video, stills come instead/);
+  assert.equal(await page.evaluate(() => window.splatd.videos), 0);
+  await showsTheView(page, moving);
+});
+
+test('without WebCodecs there is no choice but stills', async (context) => {
+  const { page, context: own } = await openPage(browser);
+  context.after(() => own.close());
+  await page.addInitScript('delete window.VideoDecoder');
+  await page.goto(moving.url);
+  await picture(page);
+  assert.deepEqual(await page.evaluate(() => [...document.getElementById('moving').options].map((o) => o.value)), ['jpeg']);
+});
