@@ -178,7 +178,8 @@ static double stage_ms(const struct sp_frame_stats *stats, const char *name) {
 
 static void count_render(struct srv_scheduler *s, const struct sp_frame_stats *stats) {
     srv_metrics_time(s->options.metrics, SRV_TIME_RENDER, stats->render_ms);
-    srv_metrics_time(s->options.metrics, SRV_TIME_READBACK, stage_ms(stats, "resolve"));
+    srv_metrics_time(s->options.metrics, SRV_TIME_READBACK,
+                     stage_ms(stats, "resolve") + stage_ms(stats, "read"));
 }
 
 static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder, struct work *work) {

@@ -118,7 +118,7 @@ bool gl_classify_load(struct gl_classify *c, struct gl_voxels *voxels, const ato
                       struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(voxels->volume);
     uint32_t bricks = count_bricks(&info->grid);
-    uint64_t words = info->voxel_bytes / WORD + 1;
+    uint64_t words = (info->voxel_bytes + WORD - 1) / WORD;
     if (voxels->samples.name)
         return true;
     bool ok = gl_buffer_reserve(&voxels->samples, "voxels", words * WORD, c->block_bytes,
