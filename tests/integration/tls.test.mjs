@@ -176,6 +176,18 @@ test('a byte at a time, through the handshake and the request', async () => {
   assert.match(String(await readAll(socket)), /^HTTP\/1\.1 200/);
 });
 
+test('the time limits of HTTP hold behind TLS, and end with a close_notify', async () => {
+  const ends = ['', 'GET /healthz HTTP/1.1\r\nHost: '].map(async (start) => {
+    const socket = await connect();
+    if (start) socket.write(start);
+    return readAll(socket);
+  });
+  for (const rest of await Promise.all(ends)) assert.equal(rest.length, 0);
+  const ended = daemon.log.match(/connection of 127\.0\.0\.1:\d+ closed: past --header-time/g);
+  assert.ok(ended.length >= 2);
+  await othersAreServed();
+});
+
 test('clients that dawdle over the handshake keep nobody out', async () => {
   const held = [];
   for (let i = 0; i < 30; i++) {
