@@ -61,8 +61,9 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, dou
     struct sp_gradient_grid gradient;
     sp_gradient_units_init(&gradient, info);
     float half = (float)(0.5 * thickness * gradient.unit);
-    if (curve->buffer.name && curve->volume == volume && curve->half == half &&
-        sp_transfer_function_equal(&curve->tf, tf))
+    const double made_for[4] = { info->range[0], info->range[1], base, gradient.unit };
+    if (curve->buffer.name && memcmp(curve->made_for, made_for, sizeof made_for) == 0 &&
+        curve->half == half && sp_transfer_function_equal(&curve->tf, tf))
         return true;
     struct rows *r = calloc(1, sizeof *r);
     if (!r)
@@ -73,7 +74,7 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, dou
         gl_buffer_reserve(&curve->buffer, "transfer function", sizeof r->out, 0, GL_USE_KEPT, err);
     if (ok) {
         gl_buffer_write(&curve->buffer, r->out, rows * sizeof r->out[0]);
-        curve->volume = volume;
+        memcpy(curve->made_for, made_for, sizeof made_for);
         curve->tf = *tf;
         curve->half = half;
     }

@@ -10,8 +10,8 @@
 
 struct gl_curve {
     struct gl_buffer buffer;
-    const struct sp_volume *volume; /* what it was made for: compared, never read */
-    struct sp_transfer_function tf;
+    struct sp_transfer_function tf; /* what it was made for, and with … */
+    double made_for[4]; /* of the volume: its range, base, and the unit of its gradients */
     float half;
 };
 

@@ -16,6 +16,7 @@ static void gl_destroy(void *pointer) {
         gl_context_unbind(state->context);
     }
     gl_context_destroy(&state->context);
+    gl_lists_lose(&state->lists); /* where it could not be made current */
     sp_classify_cache_forget(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
@@ -84,6 +85,7 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
 /* The context is gone, with the fences behind the frames that were begun. */
 static void lose(struct gl_state *state) {
     gl_context_destroy(&state->context);
+    gl_lists_lose(&state->lists);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         state->slots[i].back.fence = NULL;
 }
@@ -105,9 +107,12 @@ static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct 
 /* Makes the context current, another one if there is none; destroyed when it cannot be. */
 static bool enter(struct gl_state *state, struct sp_error *why) {
     bool ok = (state->context || start(state, why)) && gl_context_bind(state->context, why);
-    if (!ok)
-        lose(state);
-    return ok;
+    if (ok)
+        return true;
+    lose(state);
+    /* It started before: whatever it lacks now, its device too, is not the view's fault. */
+    why->code = why->code == SP_ERR_MEMORY ? SP_ERR_MEMORY : SP_ERR_BACKEND;
+    return false;
 }
 
 static bool gl_begin(void *pointer, const struct sp_backend_job *job, struct sp_error *err) {

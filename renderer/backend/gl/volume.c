@@ -159,10 +159,11 @@ static struct gl_list *find(struct gl_lists *lists, const struct gl_list_source 
 
 static void empty_voxels(struct gl_voxels *voxels) {
     gl_voxels_drop(voxels);
+    sp_volume_unref(&voxels->volume);
     *voxels = (struct gl_voxels){ 0 };
 }
 
-struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, const struct sp_volume *volume,
+struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume,
                                   enum sp_tf_order order) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     struct gl_voxels *place = &lists->voxels[0];
@@ -173,7 +174,7 @@ struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, const struct sp_volume
             place = &lists->voxels[i];
     if (place->volume != volume) {
         empty_voxels(place);
-        place->volume = volume;
+        place->volume = sp_volume_ref(volume);
     }
     place->used = ++lists->clock;
     return place->is_refused ? NULL : place;
@@ -339,6 +340,15 @@ void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume) {
     for (int i = 0; i < GL_VOLUMES; i++)
         if (!volume || lists->voxels[i].volume == volume)
             empty_voxels(&lists->voxels[i]);
+}
+
+void gl_lists_lose(struct gl_lists *lists) {
+    for (int i = 0; i < GL_LISTS; i++)
+        lists->list[i] = (struct gl_list){ 0 };
+    for (int i = 0; i < GL_VOLUMES; i++) {
+        sp_volume_unref(&lists->voxels[i].volume);
+        lists->voxels[i] = (struct gl_voxels){ 0 };
+    }
 }
 
 uint64_t gl_lists_bytes(const struct gl_lists *lists, const struct sp_volume *volume) {

@@ -56,7 +56,7 @@ static inline void gl_lists_begin(struct gl_lists *lists) {
 /* The samples that the GPU classifies the volume from, uploaded when they are needed; valid until
  * the next frame begins. NULL: the processor classifies it, which is so for order post, types
  * without a table by key, and volumes that were refused. */
-struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, const struct sp_volume *volume,
+struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume,
                                   enum sp_tf_order order);
 
 /* Uploads the samples, unless they are there. SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED,
@@ -77,6 +77,9 @@ bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err);
 
 /* Drops what is there of the volume; NULL = of any. */
 void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume);
+
+/* The context is gone, and all that was there: lets go of what is not. No context is needed. */
+void gl_lists_lose(struct gl_lists *lists);
 
 /* Bytes on the GPU for the volume; NULL = for all. */
 uint64_t gl_lists_bytes(const struct gl_lists *lists, const struct sp_volume *volume);

@@ -9,11 +9,11 @@
 #include "sp/volume.h"
 
 struct gl_voxels {
-    const struct sp_volume *volume; /* not a reference; NULL = empty */
-    uint64_t used;                  /* clock of the last use */
-    struct gl_buffer samples;       /* as they lie in memory; none = not uploaded yet */
-    struct gl_buffer ranges;        /* by brick: smallest key | largest << 16 */
-    bool is_refused;                /* the GPU has no room: the processor classifies the volume */
+    struct sp_volume *volume; /* one reference, so that no other takes its address; NULL = empty */
+    uint64_t used;            /* clock of the last use */
+    struct gl_buffer samples; /* as they lie in memory; none = not uploaded yet */
+    struct gl_buffer ranges;  /* by brick: smallest key | largest << 16 */
+    bool is_refused;          /* the GPU has no room: the processor classifies the volume */
 };
 
 static inline uint64_t gl_voxels_bytes(const struct gl_voxels *voxels) {

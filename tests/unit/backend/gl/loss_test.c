@@ -24,7 +24,7 @@ enum { SIZE = 40, SKIPPED = 77 };
 
 /* What is about to fail, so many times each. */
 static struct {
-    unsigned resets, binds, contexts;
+    unsigned resets, binds, contexts, lists; /* of devices: then there are none */
     GLenum status;
 } plan;
 static unsigned contexts_made, warnings;
@@ -34,6 +34,7 @@ static struct {
     PFNEGLMAKECURRENTPROC make_current;
     PFNEGLCREATECONTEXTPROC create_context;
     PFNEGLGETERRORPROC get_error;
+    PFNEGLQUERYDEVICESEXTPROC query_devices;
 } real;
 static EGLint error;
 
@@ -66,6 +67,12 @@ static EGLContext create_context(EGLDisplay display, EGLConfig config, EGLContex
     return real.create_context(display, config, share, attributes);
 }
 
+static EGLBoolean query_devices(EGLint max, EGLDeviceEXT *devices, EGLint *count) {
+    EGLBoolean ok = real.query_devices(max, devices, count);
+    *count = fails(&plan.lists) ? 0 : *count;
+    return ok;
+}
+
 static EGLint get_error(void) {
     EGLint planned = error;
     error = 0;
@@ -77,10 +84,12 @@ static void play_the_driver(void) {
     real.make_current = epoxy_eglMakeCurrent;
     real.create_context = epoxy_eglCreateContext;
     real.get_error = epoxy_eglGetError;
+    real.query_devices = epoxy_eglQueryDevicesEXT;
     epoxy_glGetGraphicsResetStatus = reset_status;
     epoxy_eglMakeCurrent = make_current;
     epoxy_eglCreateContext = create_context;
     epoxy_eglGetError = get_error;
+    epoxy_eglQueryDevicesEXT = query_devices;
 }
 
 static void count_warning(void *user, enum sp_log_level level, const char *line) {
@@ -243,6 +252,22 @@ static void without_another_context_the_next_frame_tries_again(void **state) {
     check_pictures(scene);
 }
 
+/* It is no fault of the view's that the device which was there is not: another backend may take
+ * over. */
+static void a_device_that_is_gone_counts_as_a_failure(void **state) {
+    struct scene *scene = *state;
+    unsigned char pixels[SIZE][SIZE][4];
+    plan.resets = 1;
+    plan.lists = 1000;
+    for (unsigned i = 0; i < 2; i++) {
+        assert_false(draw(scene, 1, false, pixels));
+        assert_int_equal(scene->err.code, SP_ERR_BACKEND);
+    }
+    assert_int_equal(warnings, 4); /* three tries, then one a frame */
+    plan.lists = 0;
+    check_pictures(scene);
+}
+
 /* The last test: the renderer ends without a context. */
 static void it_may_end_lost(void **state) {
     struct scene *scene = *state;
@@ -282,6 +307,7 @@ int main(void) {
         TEST(a_context_that_cannot_be_bound_is_replaced),
         TEST(a_gpu_that_is_reset_again_and_again_is_given_up),
         TEST(without_another_context_the_next_frame_tries_again),
+        TEST(a_device_that_is_gone_counts_as_a_failure),
         TEST(it_may_end_lost),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
