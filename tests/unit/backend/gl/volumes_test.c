@@ -68,8 +68,8 @@ static void check(const struct rig *rig, struct sp_volume *volume, const struct 
 /* The renderer is told of none that goes, and keeps what it has of them for as long as it likes. */
 static void volumes_that_nobody_forgets_stay_apart(void **state) {
     static uint8_t voxels[SIDE * SIDE * SIDE];
-    for (int v = 0; v < 16; v++) {
-        const double centre[3] = { 6 + v % 4 * 4, 6 + v / 4 * 4, 12 };
+    for (int v = 0; v < 48; v++) {
+        const double centre[3] = { 6 + v % 4 * 4, 6 + v / 4 % 4 * 4, 6 + v / 16 * 6 };
         for (int i = 0; i < SIDE * SIDE * SIDE; i++)
             voxels[i] = ball_at(centre, 5, i) > 0 ? 200 : 0;
         struct sp_volume *volume = make_volume(SP_UINT8, voxels);
