@@ -8,9 +8,9 @@ usage() {
 Usage: deploy/bench.sh [OPTION...]
 
 Builds the release preset, measures every scene of the bench beside VTK and the scalar
-reference, the GPU backend on a GPU or else on software GL, and writes CSV files and a page
-made from them. About 25 minutes on two idle cores; each step prints what runs and how long
-it took.
+reference, the GPU backend on a GPU or else on software GL, the daemon with its clients, the
+codecs and TLS, and writes CSV files and a page made from them. About 45 minutes on two idle
+cores; each step prints what runs and how long it took.
 
   --quick         a few minutes: 4 views, 512 px, two threads, small volumes; not for the page
   --data DIR      folder of the real volumes (default ../shared/data, or $SPLATD_DATA_DIR)
@@ -19,14 +19,16 @@ it took.
   --vtk           measure VTK too, and install it if it is missing (python3-vtk9, xvfb)
   --no-vtk        do not; without either, VTK is measured where it is installed
   --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
-                  adaptive, detail, edits, cancel, scaling, gl
+                  adaptive, detail, edits, cancel, scaling, gl, serve, codecs, tls. On software GL the
+                  part gl draws two views of a scene and leaves out, saying so, what takes 30 s; serve
+                  and tls need node, serve also what deploy/test.sh installs in tests/node_modules
   --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)
   --full          24 cameras for VTK at 1024 px as well, where 8 are taken (10 minutes more)
   --no-install    build with what is already installed
   --help          this text
 
-What is not there (scenes, volumes, VTK) is skipped, and both the output and the page say so.
+What is not there (scenes, volumes, VTK, node) is skipped, and both the output and the page say so.
 TEXT
 }
 
@@ -83,7 +85,7 @@ fi
 [[ -n $peer ]] || say "skipped: VTK; $why"
 [[ $vtk != yes || -n $peer ]] || die "VTK was asked for: $why"
 
-build release splat-bench splat-limit splat-import splat-oiio
+build release splatd splat-bench splat-limit splat-codecs splat-tls-echo splat-import splat-oiio
 load=$(cut -d' ' -f1 /proc/loadavg)
 [[ ${load%%.*} -eq 0 ]] || say "the machine is not idle (load $load): times will be noisy"
 

@@ -159,12 +159,15 @@ def detail(folder):
     return f'{text}\nGoal: {GOAL_DETAIL_DB} dB against the full set: the worst view has {decibels(worst)} ({met(worst >= GOAL_DETAIL_DB)}).\n'
 
 
-def edits(folder):
-    rows = ordered(read(folder, 'edits.csv'))
+def edit_table(rows):
     lines = [[r['scene'], r['setting'].split('=')[1], short(r['median_ms']), short(r['against_median_ms']), f'{100 * r["speedup"]:.0f} %',
-              f'{100 * r["cpu_speedup"]:.0f} %', met(r['speedup'] >= GOAL_EDIT)] for r in rows]
-    text = table(['scene', 'what changes at every frame', 'median ms', 'fixed ms', 'frames a second, of fixed', 'by CPU time',
+              f'{100 * r["cpu_speedup"]:.0f} %', SOFTWARE if r.get('backend') == 'gl-software' else met(r['speedup'] >= GOAL_EDIT)] for r in rows]
+    return table(['scene', 'what changes at every frame', 'median ms', 'fixed ms', 'frames a second, of fixed', 'by CPU time',
                   f'goal {100 * GOAL_EDIT:.0f} %'], lines)
+
+
+def edits(folder):
+    text = edit_table(ordered(read(folder, 'edits.csv')))
     return text and text + '\nChen et al., tables 4 and 5: 96 to 99 % of the frames a second with lists by value.\n'
 
 
@@ -245,16 +248,17 @@ def gpu_shares(row, amounts):
             for amount, peak, unit in zip(amounts, (row['peak_gb_s'], row['peak_tflop_s']), (1e9, 1e12))]
 
 
-def gpu_goals(rows):
+def gpu_goals(backend, rows):
     lines = []
     for (scene, size), wanted in sorted(GOAL_GPU.items(), key=lambda item: (ORDER.index(item[0][0]), item[0][1])):
         row = find(rows, scene=scene, size=size, shading='none')
-        verdict = SOFTWARE if rows[0]['backend'] != 'gl' else met(row['fps'] >= wanted) if row else 'not measured'
+        verdict = SOFTWARE if backend != 'gl' else met(row['fps'] >= wanted) if row else 'not measured'
         lines.append([scene, size, wanted, short(row['fps']) if row else '–', verdict])
     return table(['scene', 'px', 'goal, frames a second', 'fps', 'on this device'], lines)
 
 
-GPU_EXPLAINED = '''The rest of a frame is what no stage accounts for: handing the work over, waiting, and reading the picture back.
+GPU_EXPLAINED = '''Stages are shares of a mean frame that is drawn alone, by the GPU's stamps; `read` is the GPU's copy of the picture to where the processor sees it, and the processor's from there. The rest is
+what no stage accounts for: planning, handing the work over, and waiting. With two in flight the next frame is begun before the one before is read.
 
 The model of a frame, for the fractions of memory bandwidth and arithmetic: 52 bytes and 120 operations a splat (its voxel's word, the record and its tiles written, the tiles read again),
 40 bytes a pair of a splat and a tile (its number written and read, the record read), 11 operations a pair and pixel of the tile, 16 more a fragment, and 76 bytes a pixel (cleared, composited, resolved, copied twice). Pairs are
@@ -262,23 +266,58 @@ those of the mean footprint. Tables, counts and gradients are left out, and opaq
 '''
 
 
+def left_out(rows):
+    """A sentence on what took too long; '' if nothing did."""
+    names = [f'{r["scene"]}{", shaded" if r["shading"] == "phong" else ""} at {r["size"]:.0f} px ({r["left_out"]})' for r in rows if r.get('left_out')]
+    return f'Left out: {"; ".join(names)}.\n\n' if names else ''
+
+
+def gpu_line(r):
+    work = gpu_work(r['splats'], r['fragments'], r['size'] ** 2)
+    return [r['scene'], f'{r["size"]:.0f}', 'shaded' if r['shading'] == 'phong' else '', short(r['splats'] / 1e6), short(r['median_ms']),
+            short(r['fps']), short(r.get('in_flight_2_fps')), short(r['splats_per_second'] / 1e6),
+            *(f'{100 * (r.get(s) or 0) / r["mean_ms"]:.0f} %' for s in GPU_STAGES),
+            f'{short(r["fps"] / r["cpu_fps"], 2)}' if r['cpu_fps'] else '–', short(work[0] / 1e6), short(work[1] / 1e9), *gpu_shares(r, work)]
+
+
+def gpu_edits(folder):
+    rows = ordered(read(folder, 'gl_edits.csv'))
+    text = edit_table([r for r in rows if not r['left_out']])
+    text += ''.join(f'\n{r["scene"]}, {r["setting"].split("=")[1]}: left out, {r["left_out"]}.\n' for r in rows if r['left_out'])
+    return text and '\nA transfer function that changes at every frame, 512 × 512, in turns with a fixed one:\n\n' + text
+
+
+GPU_STAGES = ('classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'read_ms', 'rest_ms')
+GPU_HEAD = ['scene', 'px', '', 'Msplat drawn', 'median ms', 'fps', 'fps, two in flight', 'Msplat/s', *(s[:-3] for s in GPU_STAGES), 'times the CPU backend',
+            'model MB', 'model Gop', 'of bandwidth', 'of arithmetic']
+
+
 def gpu(folder):
     rows = ordered(read(folder, 'gl.csv'))
     if not rows:
         return ''
-    stages = ('classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'rest_ms')
-    lines = []
-    for r in rows:
-        work = gpu_work(r['splats'], r['fragments'], r['size'] ** 2)
-        lines.append([r['scene'], f'{r["size"]:.0f}', 'shaded' if r['shading'] == 'phong' else '', short(r['splats'] / 1e6), short(r['median_ms']),
-                      short(r['fps']), short(r['splats_per_second'] / 1e6), *(f'{100 * (r[s] or 0) / r["mean_ms"]:.0f} %' for s in stages),
-                      f'{short(r["fps"] / r["cpu_fps"], 2)}' if r['cpu_fps'] else '–', short(work[0] / 1e6), short(work[1] / 1e9), *gpu_shares(r, work)])
+    drawn = [r for r in rows if not r.get('left_out')]
     about = f'Device: {rows[0]["device"]}. Backend `{rows[0]["backend"]}`, {rows[0]["views"]:.0f} views.'
     if rows[0]['backend'] != 'gl':
         about += f' Its times say nothing about a GPU, nor do the shares of the stages: {SOFTWARE}.'
-    head = ['scene', 'px', '', 'Msplat drawn', 'median ms', 'fps', 'Msplat/s', *(s[:-3] for s in stages), 'times the CPU backend', 'model MB', 'model Gop',
-            'of bandwidth', 'of arithmetic']
-    return f'{about}\n\n{table(head, lines)}\n{GPU_EXPLAINED}\nGoals on a data-centre GPU, not shaded:\n\n{gpu_goals(rows)}'
+    return (f'{about}\n\n{table(GPU_HEAD, [gpu_line(r) for r in drawn])}\n{left_out(rows)}{GPU_EXPLAINED}\nGoals on a data-centre GPU, not shaded:\n\n'
+            f'{gpu_goals(rows[0]["backend"], drawn)}{gpu_edits(folder)}')
+
+
+def serve(folder):
+    lines = [[r['part'], f'{r["clients"]:.0f}', f'{r["size"]:.0f}', *(short(r[k]) for k in ('fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame',
+              'rss_mib', 'cpu_share')), r['note']] for r in read(folder, 'serve.csv')]
+    return table(['part', 'clients', 'px', 'fps, least', 'fps, mean', 'median ms', 'p95 ms', 'p99 ms', 'kB a frame', 'MiB of the daemon', 'cores in use', ''], lines)
+
+
+def codecs(folder):
+    lines = [[r['scene'], f'{r["size"]:.0f}', r['codec'], f'{r["quality"]:.0f}', *(short(r[k] / 1000) for k in ('key_bytes', 'bytes')), short(r['ms']), short(r['cpu_ms'])]
+             for r in read(folder, 'codecs.csv')]
+    return table(['volume', 'px', 'codec', 'quality', 'kB, first frame', 'kB, later ones', 'ms', 'CPU ms'], lines)
+
+
+def acceptor(folder):
+    return table(['', 'median ms', 'slowest ms'], [[r['what'], short(r['median_ms']), short(r['slowest_ms'])] for r in read(folder, 'tls.csv')])
 
 
 def threads(folder):
@@ -343,6 +382,10 @@ SECTIONS = [
     ('Cancelling', cancel, '1024 × 1024, two threads: from setting the flag, at a random moment of the frame, to the return of the call.'),
     ('The GPU backend', gpu, ''),
     ('Memory', memory, 'What is kept beside the samples, and how often a frame asks for memory once the first ones are drawn.'),
+    ('What the daemon costs', serve, 'By `serve.mjs`; its clients share the machine with the daemon. Milliseconds from a change of the view to its picture. `viewers` share one '
+     'view, `sessions` turn one each, `fairness` is one client beside others of every temper, `idle` one beside connections that say nothing.'),
+    ('Codecs', codecs, 'The camera turns by 2° a frame; CPU time is of all threads.'),
+    ('TLS', acceptor, 'The acceptor alone, on this machine.'),
 ]
 
 

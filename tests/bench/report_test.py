@@ -110,7 +110,8 @@ class Report(unittest.TestCase):
     def gl(self, scene, size, fps, **more):
         row = {'scene': scene, 'backend': 'gl', 'device': 'a card', 'size': size, 'shading': 'none', 'views': 24, 'splats': 1000000,
                'fragments': 0, 'fps': fps, 'median_ms': 1000 / fps, 'mean_ms': 1000 / fps, 'splats_per_second': 1e6 * fps, 'classify_ms': 0,
-               'splat_ms': 250 / fps, 'bin_ms': 0, 'tile_ms': 500 / fps, 'resolve_ms': 0, 'rest_ms': 250 / fps, 'cpu_fps': 10}
+               'splat_ms': 250 / fps, 'bin_ms': 0, 'tile_ms': 500 / fps, 'resolve_ms': 0, 'read_ms': 100 / fps, 'rest_ms': 150 / fps, 'cpu_fps': 10,
+               'in_flight_2_fps': 1.5 * fps}
         return {**row, **more}
 
     def test_a_gpu(self):
@@ -118,9 +119,9 @@ class Report(unittest.TestCase):
                    self.gl('sparse', 1024, 200))
         text = report.gpu(self.folder.name)
         line = self.line(text.split('Goals')[0], '| engine')
-        self.assertEqual(line[4:13], ['1', '1000', '1000', '0 %', '25 %', '0 %', '50 %', '0 %', '25 %'])
+        self.assertEqual(line[4:15], ['1', '1000', '1500', '1000', '0 %', '25 %', '0 %', '50 %', '0 %', '10 %', '15 %'])
         # 92 bytes a splat without extent and 76 a pixel, in a millisecond; 824 operations a splat.
-        self.assertEqual(line[13:], ['100', '112', '0.824', '11.2 %', '8.2 %'])
+        self.assertEqual(line[15:], ['100', '112', '0.824', '11.2 %', '8.2 %'])
         self.assertEqual(self.line(text.split('Goals')[0], '| head-full')[-2:], ['–', '–'])
         self.assertIn('| engine | 512 | 1000 | 1000 | met |', text)
         self.assertIn('| head-full | 512 | 500 | 499 | **missed** |', text)
@@ -128,6 +129,8 @@ class Report(unittest.TestCase):
         self.assertIn('| checkerboard | 512 | 1000 | – | not measured |', text)
         self.assertIn('Device: a card. Backend `gl`', text)
         self.assertNotIn(report.SOFTWARE, text)
+        self.assertNotIn('Left out', text)
+        self.assertNotIn('transfer function', text)
 
     def test_software_gl_is_not_judged(self):
         self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 2000, backend='gl-software', peak_gb_s=1, peak_tflop_s=1))
@@ -137,6 +140,45 @@ class Report(unittest.TestCase):
         self.assertEqual(goals.count(report.SOFTWARE), len(report.GOAL_GPU))
         self.assertEqual(self.line(text.split('Goals')[0], '| engine')[-2:], ['–', '–'])
         self.assertEqual({scene for scene, _ in report.GOAL_GPU}, {'engine', 'bonsai', 'lobster', 'head', 'head-full', 'checkerboard', 'sparse'})
+
+    def test_what_took_too_long_is_named(self):
+        late = {'scene': 'head', 'backend': 'gl', 'device': 'a card', 'size': 2048, 'shading': 'phong', 'views': 24, 'left_out': 'more than 600 s'}
+        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000, in_flight_2_fps=''), late)
+        text = report.gpu(self.folder.name)
+        self.assertIn('Left out: head, shaded at 2048 px (more than 600 s).', text)
+        self.assertNotIn('| head | 2048', text)
+        self.assertEqual(self.line(text.split('Goals')[0], '| engine')[6], '–')
+        self.write('gl.csv', run_all.GL_COLUMNS, late)
+        self.assertIn('| engine | 512 | 1000 | – | not measured |', report.gpu(self.folder.name))
+
+    def test_edits_on_a_gpu(self):
+        edit = {'scene': 'engine', 'zoom': 1, 'backend': 'gl', 'setting': 'edit=range', 'median_ms': 10, 'against_median_ms': 8.9, 'speedup': 0.89,
+                'cpu_speedup': 1}
+        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000))
+        self.write('gl_edits.csv', run_all.GL_EDIT_COLUMNS, edit, {**edit, 'backend': 'gl-software', 'setting': 'edit=colour'},
+                   {'scene': 'head', 'backend': 'gl', 'setting': 'edit=opacity', 'left_out': 'more than 600 s'})
+        text = report.gpu(self.folder.name)
+        self.assertIn('| engine | range | 10 | 8.9 | 89 % | 100 % | **missed** |', text)
+        self.assertIn(f'| engine | colour | 10 | 8.9 | 89 % | 100 % | {report.SOFTWARE} |', text)
+        self.assertIn('head, opacity: left out, more than 600 s.', text)
+
+    def test_what_serving_costs(self):
+        self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 100))
+        self.assertNotIn('What the daemon costs', self.make()[0])
+        self.write('serve.csv', ['part', 'clients', 'size', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'rss_mib', 'cpu_share', 'note'],
+                   {'part': 'viewers', 'clients': 4, 'size': 512, 'fps_min': 29.1, 'fps_mean': 30, 'rss_mib': 80.5, 'cpu_share': 1.25, 'note': 'of one view'})
+        self.write('codecs.csv', ['scene', 'size', 'codec', 'quality', 'key_bytes', 'bytes', 'ms', 'cpu_ms'],
+                   {'scene': 'a.nrrd', 'size': 1024, 'codec': 'vp9', 'quality': 60, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9.83})
+        self.write('tls.csv', ['what', 'median_ms', 'slowest_ms'], {'what': 'handshake', 'median_ms': 2.4, 'slowest_ms': 16.4})
+        text, _ = self.make()
+        self.assertIn('| viewers | 4 | 512 | 29.1 | 30 | – | – | – | – | 80.5 | 1.25 | of one view |', text)
+        self.assertIn('| a.nrrd | 1024 | vp9 | 60 | 12.3 | 2.11 | 11.1 | 9.83 |', text)
+        self.assertIn('| handshake | 2.4 | 16.4 |', text)
+
+    def test_what_is_missing_has_a_name(self):
+        self.assertEqual(run_all.missing('sh', HERE), '')
+        self.assertEqual(run_all.missing('sh', 'no-such-program'), 'no-such-program is not there')
+        self.assertEqual(run_all.missing(os.path.join(run_all.ROOT, 'tests/nowhere')), 'tests/nowhere is not there')
 
     def test_what_a_gpu_can_do_is_two_numbers(self):
         self.assertEqual(run_all.peaks('4800,67'), (4800, 67))

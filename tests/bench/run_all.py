@@ -22,14 +22,14 @@ import time
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl')
+PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'codecs', 'tls')
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
 
 def arguments():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('--bin', required=True, help='folder of splat-bench and splat-limit')
+    p.add_argument('--bin', required=True, help='folder of the programs: splatd, splat-bench, splat-limit, splat-codecs, splat-tls-echo')
     p.add_argument('--data', required=True, help='folder of the real volumes')
     p.add_argument('--scenes', required=True, help='folder of their scenes')
     p.add_argument('--out', required=True, help='folder of the CSV files')
@@ -68,30 +68,49 @@ class Run:
     def say(self, text):
         print(text, file=sys.stderr, flush=True)
 
-    def call(self, label, command):
-        """Runs a program that prints JSON lines; [] after saying what went wrong."""
+    def program(self, label, command, limit=None):
+        """What a program prints; '' after saying what went wrong. None where it took more than `limit` seconds, which is
+        no failure where a limit is given."""
         self.done += 1
         begun = time.monotonic()
         print(f'[{self.done}/{self.steps}] {label} … ', end='', file=sys.stderr, flush=True)
         try:
-            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=3600)
-            rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith('{')]
-            problem = done.stderr.strip()
-            status = done.returncode
-        except (OSError, subprocess.TimeoutExpired, json.JSONDecodeError) as error:
-            rows, problem, status = [], str(error), 1
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit or 3600)
+            text, problem, status = done.stdout, done.stderr.strip(), done.returncode
+        except (OSError, subprocess.TimeoutExpired) as error:
+            if limit and isinstance(error, subprocess.TimeoutExpired):
+                self.say(f'left out: more than {limit} s')
+                return None
+            text, problem, status = '', str(error), 1
         self.say(f'{time.monotonic() - begun:.1f} s')
         if problem:
             self.say('    ' + '\n    '.join(problem.splitlines()[-5:]))
         if status:
             self.failed.append(f'{label}: exit status {status}')
+        return text
+
+    def call(self, label, command, limit=None):
+        """The rows of a program that prints JSON lines; [] after saying what went wrong, None as program() does."""
+        text = self.program(label, command, limit)
+        if text is None:
+            return None
+        try:
+            rows = [json.loads(line) for line in text.splitlines() if line.startswith('{')]
+        except json.JSONDecodeError as error:
+            self.failed.append(f'{label}: {error}')
+            return []
         for row in rows:
             if 'skipped' in row:
                 self.say(f'    skipped: {row["scene"]}: {row["skipped"]}')
         return [row for row in rows if 'skipped' not in row]
 
-    def bench(self, label, *arguments, backend='cpu'):
-        return self.call(label, [os.path.join(self.o.bin, 'splat-bench'), '--backend', backend, '--data', self.o.data, *map(str, arguments)])
+    def skip(self, steps, text):
+        self.done += steps
+        self.say('skipped: ' + text)
+
+    def bench(self, label, *arguments, backend='cpu', limit=None):
+        command = [os.path.join(self.o.bin, 'splat-bench'), '--backend', backend, '--data', self.o.data, *map(str, arguments)]
+        return self.call(label, command, limit)
 
     def write(self, name, columns, rows):
         path = os.path.join(self.o.out, name)
@@ -326,13 +345,14 @@ def measure_scaling(run, sides):
 
 
 GL_COLUMNS = ['scene', 'backend', 'device', 'size', 'shading', 'views', 'visible_voxels', 'splats', 'fragments', 'median_ms', 'p95_ms',
-              'mean_ms', 'fps', 'splats_per_second', 'classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'rest_ms', 'cpu_fps',
-              'derived_bytes', 'peak_gb_s', 'peak_tflop_s']
+              'mean_ms', 'fps', 'in_flight_2_fps', 'splats_per_second', 'classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'read_ms',
+              'rest_ms', 'cpu_fps', 'derived_bytes', 'peak_gb_s', 'peak_tflop_s', 'left_out']
+GL_EDIT_COLUMNS = ['backend'] + PAIR_COLUMNS + ['left_out']
 
 
 class Gpu:
-    """The GPU backend on what there is: hardware at full length, else software GL, whose times mean nothing: few views of small
-    pictures, which show that every scene is drawn."""
+    """The GPU backend on what there is: hardware at full length, else software GL, whose times mean nothing: two views, which show
+    that a scene is drawn, and scenes that take more than `limit` seconds are left out."""
 
     def __init__(self, run):
         self.backend, self.device, self.why = '', '', []
@@ -344,31 +364,102 @@ class Gpu:
                 break
             self.why += done.stderr.strip().splitlines()[-1:] or [f'{backend}: exit status {done.returncode}']
         hardware = self.backend == 'gl'
-        self.corners = [(size, shading) for size in ((512, 1024, 2048) if hardware else (256, 512))
-                        for shading in (('none', 'phong') if hardware else ('none',))]
+        self.corners = [(size, shading) for shading in (('none', 'phong') if hardware else ('none',)) for size in (512, 1024, 2048)]
         if run.o.quick:
             self.corners = self.corners[:1]
-        self.views, self.warm = (run.o.views, 2) if hardware else (2, 0)
-        self.steps = 2 * len(self.corners) if self.backend else 0
+        self.views, self.warm, self.limit = (run.o.views, 2, 600) if hardware else (2, 0, 30)
+        self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'engine'] or list(run.scenes)[:1]
+        self.steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) if self.backend else 0
 
     def told(self):
         return self.device or 'not measured: ' + '; '.join(self.why)
 
 
 def measure_gl(run):
-    gpu, rows = run.gpu, []
+    gpu, rows, slow = run.gpu, [], {}
     if not gpu.backend:
         run.say('skipped: the GPU backend; ' + '; '.join(gpu.why))
-    for size, shading in gpu.corners if gpu.backend else []:
-        files = run.files(gpu.views)
+        return
+    for size, shading in gpu.corners:
         common = ('--size', size, '--shading', shading, '--warm', gpu.warm)
         label = f'{size} px, {"shaded" if shading == "phong" else "not shaded"}'
-        fps = {row['scene']: row['fps'] for row in run.bench(f'cpu beside the GPU backend, {label}', *common, *files)}
-        for row in run.bench(f'{gpu.backend}, {label}', *common, *files, backend=gpu.backend):
-            rows.append(flat(row, cpu_fps=fps.get(row['scene'], ''), peak_gb_s=run.o.gpu_peak[0], peak_tflop_s=run.o.gpu_peak[1],
-                             **{name + '_ms': ms for name, ms in row['stages'].items()}))
-        run.write('gl.csv', GL_COLUMNS, rows)
-    run.write('gl.csv', GL_COLUMNS, rows)
+        fps = {row['scene']: row['fps'] for row in run.bench(f'cpu beside the GPU backend, {label}', *common, *run.files(gpu.views))}
+        for name in run.scenes:
+            rows += gl_rows(run, name, shading, label, common, fps.get(name, ''), slow)
+            run.write('gl.csv', GL_COLUMNS, rows)
+    measure_gl_edits(run)
+
+
+def gl_rows(run, name, shading, label, common, cpu_fps, slow):
+    """The row of a scene, with one frame at a time and with two in flight, or [] if it failed. slow: (scene, shading) → why it was
+    left out of a smaller picture, and is of larger ones."""
+    gpu, known = run.gpu, (name, shading)
+    own = {'scene': name, 'backend': gpu.backend, 'device': gpu.device, 'size': common[1], 'shading': shading, 'views': gpu.views}
+    if known in slow:
+        run.skip(2, f'{name}, {gpu.backend}, {label}; {slow[known]}')
+        return [flat(own, left_out=slow[known])]
+    one, = run.files(gpu.views, [name])
+    drawn = run.bench(f'{name}, {gpu.backend}, {label}', *common, one, backend=gpu.backend, limit=gpu.limit)
+    if drawn is None:
+        slow[known] = f'more than {gpu.limit} s at {common[1]} px'
+    if not drawn:
+        run.done += 1
+        return [] if drawn == [] else [flat(own, left_out=slow[known])]
+    both = run.bench(f'{name}, {gpu.backend}, {label}, two in flight', *common, '--in-flight', 2, one, backend=gpu.backend, limit=gpu.limit)
+    return [flat(drawn[0], cpu_fps=cpu_fps, in_flight_2_fps=both[0]['fps'] if both else '', peak_gb_s=run.o.gpu_peak[0],
+                 peak_tflop_s=run.o.gpu_peak[1], **{stage + '_ms': ms for stage, ms in drawn[0]['stages'].items()})]
+
+
+def measure_gl_edits(run):
+    """A transfer function that changes at every frame beside a fixed one, 512 px."""
+    gpu, rows = run.gpu, []
+    for edit in ('colour', 'opacity', 'range'):
+        for name in gpu.edited:
+            found = run.bench(f'{name}, {gpu.backend}, transfer function changing ({edit}) against fixed', '--size', 512, '--warm', 1, '--edit', edit,
+                              '--against', 'edit=none', *run.files(gpu.views, [name]), backend=gpu.backend, limit=gpu.limit)
+            if found is None:
+                rows.append({'scene': name, 'backend': gpu.backend, 'setting': 'edit=' + edit, 'left_out': f'more than {gpu.limit} s'})
+            rows += [pair(row, 'edit=' + edit) for row in found or []]
+    run.write('gl_edits.csv', GL_EDIT_COLUMNS, rows)
+
+
+def missing(*needs):
+    """Why something cannot run, of programs by name and paths; '' if all are there."""
+    absent = [need for need in needs if not (os.path.exists(need) if os.sep in need else shutil.which(need))]
+    return absent and f'{os.path.relpath(absent[0], ROOT) if os.sep in absent[0] else absent[0]} is not there' or ''
+
+
+def keep_table(run, name, text):
+    """What a program printed as CSV."""
+    if text:
+        run.write(name, text.splitlines()[0].split(','), csv.DictReader(text.splitlines()))
+
+
+def measure_serve(run):
+    why = missing('node', os.path.join(ROOT, 'tests/node_modules/ws'), os.path.join(run.o.bin, 'splatd'))
+    if why:
+        run.skip(1, f'what the daemon costs; {why} (deploy/test.sh installs what is in tests/node_modules)')
+        return
+    table = os.path.join(run.work, 'serve.csv')
+    run.program('what the daemon costs and who disturbs whom', ['node', os.path.join(ROOT, 'tests/bench/serve.mjs'), '--bin', run.o.bin,
+                                                               '--seconds', '1' if run.o.quick else '5', '--out', table])
+    if os.path.exists(table):
+        with open(table, encoding='utf-8') as f:
+            keep_table(run, 'serve.csv', f.read())
+
+
+def measure_codecs(run):
+    volumes = [find(run.o.data, name) for name in ('engine_256x256x128_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd')]
+    command = [os.path.join(run.o.bin, 'splat-codecs')] + (['--size', '256', '--frames', '5'] if run.o.quick else [])
+    keep_table(run, 'codecs.csv', run.program('codecs', command + ([v for v in volumes if v] or ['demo:engine'])))
+
+
+def measure_tls(run):
+    why = missing('node', 'openssl', os.path.join(run.o.bin, 'splat-tls-echo'))
+    if why:
+        run.skip(1, f'TLS; {why}')
+        return
+    keep_table(run, 'tls.csv', run.program('TLS', ['node', os.path.join(ROOT, 'tests/bench/tls_echo.mjs'), run.o.bin]))
 
 
 def available_memory():
@@ -432,8 +523,8 @@ def main():
     run = Run(options)
     try:
         run.isas = known_isas(run)
-        run.gpu = Gpu(run) if 'gl' in options.only else None
         run.load_scenes()
+        run.gpu = Gpu(run) if 'gl' in options.only else None
         corners, sides = CORNERS, (64, 128, 256, 512, 1024)
         if options.quick:
             corners, sides = CORNERS[:1], (64, 128)
@@ -451,6 +542,9 @@ def main():
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),
+            'serve': (1, lambda: measure_serve(run)),
+            'codecs': (1, lambda: measure_codecs(run)),
+            'tls': (1, lambda: measure_tls(run)),
         }
         run.steps = sum(work[part][0] for part in options.only)
         write_machine(run)

@@ -393,8 +393,13 @@ async function measure(wanted) {
     process.stderr.write(`serve.mjs: --only: "${unknown}" is none of ${PARTS.join(', ')}\n`);
     process.exit(2);
   }
-  for (const name of wanted) await parts[name]();
-  if (!options.out) return;
+  for (const name of wanted) {
+    await parts[name]();
+    if (options.out) save();
+  }
+}
+
+function save() {
   const cell = (value) => (/[",]/.test(value) ? `"${String(value).replaceAll('"', '""')}"` : value ?? '');
   fs.writeFileSync(options.out, `${[COLUMNS, ...rows.map((row) => COLUMNS.map((c) => cell(row[c])))].map((line) => line.join(',')).join('\n')}\n`);
 }
