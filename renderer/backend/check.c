@@ -7,7 +7,8 @@
 
 enum { SIDE = 64 }; /* px */
 
-/* The ways to draw that are compared: between them they go through every stage. */
+/* The ways to draw that are compared: between them they go through every stage but that which puts
+ * single splats in order; one frame at a time. */
 enum { WAYS = 2 };
 
 struct drawing {

@@ -55,7 +55,7 @@ struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error
 /* For the backends' table. */
 void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 
-/* What may be uploaded of volumes to such a GPU, bytes: sp_renderer_options.video_bytes. */
+/* What may be kept on such a GPU, bytes: sp_renderer_options.video_bytes. */
 uint64_t gl_video_budget(const struct gl_info *info, const struct sp_backend_options *options);
 
 /* Sets *err to "CALL fails: EGL_…" from this thread's EGL error, SP_ERR_BACKEND; returns false. */
