@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import types
 import unittest
 import xml.dom.minidom
 
@@ -174,6 +175,36 @@ class Report(unittest.TestCase):
         self.assertIn('| viewers | 4 | 512 | 29.1 | 30 | – | – | – | – | 80.5 | 1.25 | of one view |', text)
         self.assertIn('| a.nrrd | 1024 | vp9 | 60 | 12.3 | 2.11 | 11.1 | 9.83 |', text)
         self.assertIn('| handshake | 2.4 | 16.4 |', text)
+
+    def a_run(self):
+        run = run_all.Run(None)
+        self.addCleanup(os.rmdir, run.work)
+        run.say = lambda text: None
+        return run
+
+    def test_a_bound_on_a_program(self):
+        run = self.a_run()
+        self.assertIsNone(run.program('endless', ['tail', '-f', os.devnull], limit=0.1))
+        self.assertIsNone(run.call('endless', ['tail', '-f', os.devnull], limit=0.1))
+        self.assertEqual(run.failed, [])
+        self.assertEqual(run.call('brief', ['echo', '{"scene": "a"}'], limit=60), [{'scene': 'a'}])
+        self.assertEqual(run.call('wrong', ['false'], limit=60), [])
+        self.assertEqual(run.failed, ['wrong: exit status 1'])
+
+    def test_what_is_too_slow_is_so_at_larger_sizes(self):
+        run, slow = self.a_run(), {}
+        run.o = types.SimpleNamespace(gpu_peak=('', ''))
+        run.gpu = types.SimpleNamespace(backend='gl-software', device='a card', views=2, limit=30)
+        run.files = lambda views, names: ['scene.json']
+        run.bench = lambda *arguments, **options: None
+        rows = run_all.gl_rows(run, 'head', 'none', '512 px', ('--size', 512), 10, slow)
+        run.bench = None
+        rows += run_all.gl_rows(run, 'head', 'none', '1024 px', ('--size', 1024), 10, slow)
+        self.assertEqual([(row['size'], row['left_out']) for row in rows], [(512, 'more than 30 s at 512 px'), (1024, 'more than 30 s at 512 px')])
+        drawn = [{'scene': 'head', 'fps': 5, 'stages': {'read': 2}}, {'scene': 'head', 'fps': 8, 'stages': {}}]
+        run.bench = lambda *arguments, **options: [drawn['--in-flight' in arguments]]
+        row, = run_all.gl_rows(run, 'head', 'phong', '512 px', ('--size', 512), 10, slow)
+        self.assertEqual((row['fps'], row['in_flight_2_fps'], row['read_ms'], row['cpu_fps']), (5, 8, 2, 10))
 
     def test_what_is_missing_has_a_name(self):
         self.assertEqual(run_all.missing('sh', HERE), '')
