@@ -257,8 +257,8 @@ def gpu_goals(backend, rows):
     return table(['scene', 'px', 'goal, frames a second', 'fps', 'on this device'], lines)
 
 
-GPU_EXPLAINED = '''Stages are shares of a mean frame that is drawn alone, by the GPU's stamps; `read` is the GPU's copy of the picture to where the processor sees it, and the processor's from there. The rest is
-what no stage accounts for: planning, handing the work over, and waiting. With two in flight the next frame is begun before the one before is read.
+GPU_EXPLAINED = '''Stages are shares of a mean frame that is drawn alone, by the GPU's stamps (`classify` is the processor's: lists, and what is drawn of them); `read` is the GPU's copy of the picture to where the processor sees it, and the processor's from there. The rest is
+what no stage accounts for: cutting batches, handing the work over, and waiting. With two in flight the next frame is begun before the one before is read.
 
 The model of a frame, for the fractions of memory bandwidth and arithmetic: 52 bytes and 120 operations a splat (its voxel's word, the record and its tiles written, the tiles read again),
 40 bytes a pair of a splat and a tile (its number written and read, the record read), 11 operations a pair and pixel of the tile, 16 more a fragment, and 76 bytes a pixel (cleared, composited, resolved, copied twice). Pairs are

@@ -84,7 +84,7 @@ static proto_json *encode_stages(const struct bench_times *t) {
     return stages;
 }
 
-/* Of a mean frame, what no stage accounts for: with a GPU planning, handing over and waiting. */
+/* Of a mean frame, what no stage accounts for: with a GPU batches, handing over and waiting. */
 static double rest_ms(const struct bench_times *t) {
     double rest = bench_mean(t);
     for (uint32_t i = 0; i < t->last.stage_count; i++)

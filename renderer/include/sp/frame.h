@@ -21,7 +21,7 @@ enum { SP_STAGES_MAX = 8 };
 struct sp_stage_time {
     const char *name;
     double ms;
-}; /* name: constant string, "classify", "splat", "bin", "tile", "resolve" */
+}; /* name: constant string, "classify", "splat", "bin", "tile", "resolve"; of a GPU also "read" */
 
 enum { SP_DEVICE_NAME = 128 };
 
