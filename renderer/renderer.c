@@ -21,7 +21,7 @@ struct flight {
     double ms, cpu_ms;   /* spent in the calls for it so far */
 };
 
-/* What draws a frame that the backend has no memory for; NULL before the first one. */
+/* What draws a frame that the backend cannot; NULL before the first one. */
 struct stand_in {
     const struct sp_backend *backend;
     void *state;
@@ -173,8 +173,7 @@ bool sp_probe(sp_device_visit *visit, void *user) {
     if (!has_gpu)
         visit(user, &none);
     for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
-        if (backend->probe)
-            backend->probe(&options, note_gpu, &probing);
+        sp_registry_probe(backend, &options, note_gpu, &probing);
     return probing.works;
 }
 
@@ -295,7 +294,13 @@ static void sign(struct sp_frame *frame, const struct sp_renderer_info *by) {
     memcpy(frame->stats.device, by->device, sizeof by->device);
 }
 
-/* A frame that the backend has no memory for is drawn by the next one, which keeps what it derives
+/* Whether the view is too much for the backend, which is sound. */
+static bool is_too_much(const struct sp_error *why) {
+    return why->code == SP_ERR_MEMORY || why->code == SP_ERR_BUDGET ||
+           why->code == SP_ERR_UNSUPPORTED;
+}
+
+/* A frame that is too much for the backend is drawn by the next one, which keeps what it derives
  * for others of this kind. False with *why set when there is none that could do it, or it fails. */
 static bool draw_instead(struct sp_renderer *r, const struct flight *f, struct sp_error *why) {
     struct stand_in *s = &r->stand_in;
@@ -307,7 +312,7 @@ static bool draw_instead(struct sp_renderer *r, const struct flight *f, struct s
         return false;
     if (!r->info.overburdened[0]) {
         snprintf(r->info.overburdened, sizeof r->info.overburdened,
-                 "backend %s has no memory for some views, which %s draws: %.300s", r->info.backend,
+                 "backend %s cannot draw some views, which %s draws: %.300s", r->info.backend,
                  s->info.backend, first.text);
         sp_log(SP_LOG_WARN, "%s", r->info.overburdened);
     }
@@ -339,8 +344,7 @@ static bool draw(struct sp_renderer *r, struct flight *f, struct sp_error *err) 
     struct sp_error why = { .code = SP_OK };
     while (!draw_once(r, f, &why)) {
         bool again = why.code == SP_ERR_BACKEND;
-        bool lacks_memory = why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET;
-        if (lacks_memory && draw_instead(r, f, &why))
+        if (is_too_much(&why) && draw_instead(r, f, &why))
             return true;
         if (again) {
             sp_log(SP_LOG_WARN, "backend %s fails: %s", r->info.backend, why.text);

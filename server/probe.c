@@ -3,6 +3,7 @@
 
 #include <inttypes.h>
 
+#include "sp/log.h"
 #include "sp/renderer.h"
 
 static void print_text(FILE *out, const char *what, const char *text) {
@@ -53,6 +54,7 @@ static void print_device(void *user, const struct sp_device *device) {
 }
 
 bool srv_probe(FILE *out) {
+    sp_log_set_level(SP_LOG_WARN); /* what goes well is told below */
     bool works = sp_probe(print_device, out);
     fprintf(out, works ? "A GPU works.\n" : "No GPU works.\n");
     return works;

@@ -38,6 +38,11 @@ struct sp_backend_options {
     const char *isa; /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
     int gpu; /* index of the GPU to use; −1 = the first that works. Of no meaning to others */
     bool require_gpu; /* backends that do without one are not started */
+    /* What a backend for GPUs asks of each device that it could start on, with the state that it
+     * has made there, before it takes it or tries the next one. False with *err set: the device is
+     * refused. NULL = nothing is asked. */
+    bool (*passes)(void *user, void *state, struct sp_error *err);
+    void *user;
 };
 
 /* One frame to make. */
@@ -67,8 +72,9 @@ struct sp_backend {
 
     /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
      * stages. False with *err set leaves the frame's pixels undefined and the state usable.
-     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED; SP_ERR_BACKEND: the same call may work
-     * now, and is made again. Nothing is begun then. */
+     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_UNSUPPORTED (this device cannot draw this view after
+     * all): "auto" has the frame drawn by another. SP_ERR_CANCELLED. SP_ERR_BACKEND: the same call
+     * may work now, and is made again. Nothing is begun then. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional: render() in two halves, so that the processor prepares a frame while the device
@@ -96,6 +102,10 @@ const struct sp_backend *sp_registry_at(unsigned i);
 const struct sp_backend *sp_registry_start(const char *name,
                                            const struct sp_backend_options *options, void **state,
                                            struct sp_error *err);
+
+/* choose.c: has a backend tell of its devices, with what a start would ask of them. */
+void sp_registry_probe(const struct sp_backend *backend, const struct sp_backend_options *options,
+                       sp_device_visit *visit, void *user);
 
 /* The same with "auto", among those that come after `failed`. */
 const struct sp_backend *sp_registry_follow(const struct sp_backend *failed,

@@ -24,19 +24,48 @@ static const struct sp_backend *find_reference(void) {
     return backend;
 }
 
+/* What a GPU must pass before it is used: a reference to compare its pictures with. */
+struct trial {
+    const struct sp_backend *backend, *reference;
+    const struct sp_backend_options *options;
+    bool was_asked;
+};
+
+static bool passes(void *user, void *state, struct sp_error *err) {
+    struct trial *trial = user;
+    trial->was_asked = true;
+    return sp_backend_check(trial->backend, state, trial->reference, trial->options, err);
+}
+
+/* The options with the trial, where there is something to compare with. */
+static struct sp_backend_options add_trial(struct trial *trial) {
+    struct sp_backend_options options = *trial->options;
+    trial->reference = trial->backend->is_gpu ? find_reference() : NULL;
+    options.passes = trial->reference ? passes : NULL;
+    options.user = trial;
+    return options;
+}
+
+void sp_registry_probe(const struct sp_backend *backend, const struct sp_backend_options *options,
+                       sp_device_visit *visit, void *user) {
+    struct trial trial = { .backend = backend, .options = options };
+    const struct sp_backend_options own = add_trial(&trial);
+    if (backend->probe)
+        backend->probe(&own, visit, user);
+}
+
 static bool start(const struct sp_backend *backend, const struct sp_backend_options *options,
                   void **state, struct sp_error *err) {
     assert(backend->create && backend->destroy && backend->info && backend->render);
     assert(backend->depth != 1 && backend->depth <= SP_IN_FLIGHT_MAX);
     assert(!backend->depth == !backend->begin && !backend->begin == !backend->finish);
     struct sp_error why = { .code = SP_ERR_BACKEND };
-    const struct sp_backend *reference = backend->is_gpu ? find_reference() : NULL;
-    *state = backend->create(options, &why);
-    if (*state && (!reference || sp_backend_check(backend, *state, reference, options, &why)))
-        return true;
+    struct trial trial = { .backend = backend, .options = options };
+    const struct sp_backend_options own = add_trial(&trial);
+    *state = backend->create(&own, &why);
+    assert(!*state || trial.was_asked == !!trial.reference);
     if (*state)
-        backend->destroy(*state);
-    *state = NULL;
+        return true;
     sp_log(SP_LOG_WARN, "backend %s does not start: %s", backend->entry.name, why.text);
     return sp_fail(err, why.code, why.place, "backend %s does not start: %s", backend->entry.name,
                    why.text);

@@ -36,7 +36,11 @@ static void *create(const struct sp_backend_options *options, struct sp_error *e
     const struct sigaction action = { .sa_handler = on_signal, .sa_flags = SA_RESTART };
     sigaction(SIGUSR1, &action, NULL);
     sigaction(SIGUSR2, &action, NULL);
-    return find_cpu()->create(options, err);
+    void *state = find_cpu()->create(options, err);
+    if (!state || !options->passes || options->passes(options->user, state, err))
+        return state;
+    find_cpu()->destroy(state);
+    return NULL;
 }
 
 static void destroy(void *state) {

@@ -57,7 +57,7 @@ test('the processor draws what the GPU has no memory for', async (t) => {
   assert.equal(await still(daemon), 'cpu');
   const { backend, refused } = await ready(daemon);
   assert.equal(backend, 'played'); // it is not given up
-  const why = 'backend played has no memory for some views, which cpu draws: it takes 7 bytes and 3 are allowed';
+  const why = 'backend played cannot draw some views, which cpu draws: it takes 7 bytes and 3 are allowed';
   assert.deepEqual(refused, [why, why]); // of either lane
   assert.equal(daemon.log.split(why).length, 3);
   await stream.end();

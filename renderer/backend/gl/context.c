@@ -9,6 +9,8 @@
 #include "backend/gl/egl.h"
 #include "sp/log.h"
 
+#define UNTOLD_BYTES (UINT64_C(1) << 30) /* what any GPU is taken to have for this program */
+
 struct gl_context {
     EGLDisplay display;
     EGLContext context;
@@ -46,8 +48,12 @@ bool gl_context_is_lost(const struct gl_context *context, struct sp_error *err) 
 }
 
 uint64_t gl_video_budget(const struct gl_info *info, const struct sp_backend_options *options) {
-    uint64_t all = info->limits.video_bytes;
-    return options->video_bytes ? options->video_bytes : all ? all / 8 * 3 : options->memory_bytes;
+    uint64_t all = info->limits.video_bytes, half = options->memory_bytes / 2;
+    if (options->video_bytes)
+        return options->video_bytes;
+    if (info->software)
+        return options->memory_bytes;
+    return all ? all / 8 * 3 : half < UNTOLD_BYTES ? half : UNTOLD_BYTES;
 }
 
 const struct gl_info *gl_context_info(const struct gl_context *context) {
@@ -277,15 +283,14 @@ static struct gl_context *open_kind(const struct gl_place *place, bool software,
     return NULL;
 }
 
-struct gl_context *gl_context_create(const struct gl_options *options, struct sp_error *err) {
+bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, void *user,
+                     struct sp_error *err) {
     struct gl_places places;
     if (!gl_places_list(&places, err))
-        return NULL;
-    if (options->gpu >= (int)places.devices) {
-        sp_fail(err, SP_ERR_INVALID, "", "there is no GPU %d; EGL lists %u devices, from 0",
-                options->gpu, places.devices);
-        return NULL;
-    }
+        return false;
+    if (options->gpu >= (int)places.devices)
+        return sp_fail(err, SP_ERR_INVALID, "", "there is no GPU %d; EGL lists %u devices, from 0",
+                       options->gpu, places.devices);
     unsigned first = options->gpu < 0 ? 0 : (unsigned)options->gpu;
     unsigned end = options->gpu < 0 ? places.count : first + 1;
     char reasons[SP_ERROR_TEXT] = "";
@@ -293,8 +298,8 @@ struct gl_context *gl_context_create(const struct gl_options *options, struct sp
     for (unsigned i = first; i < end; i++) {
         struct sp_error why;
         struct gl_context *c = open_kind(&places.list[i], options->software, &why);
-        if (c)
-            return c;
+        if (c && take(user, c, &why))
+            return true;
         gl_place_add_cause(&places.list[i], &why);
         char name[96];
         gl_place_name(&places.list[i], name, sizeof name);
@@ -303,6 +308,16 @@ struct gl_context *gl_context_create(const struct gl_options *options, struct sp
             used += (size_t)snprintf(reasons + used, sizeof reasons - used, "%s%s: %s",
                                      used ? "; " : "", name, why.text);
     }
-    sp_fail(err, SP_ERR_BACKEND, "", "%s", reasons);
-    return NULL;
+    return sp_fail(err, SP_ERR_BACKEND, "", "%s", reasons);
+}
+
+static bool keep(void *user, struct gl_context *context, struct sp_error *err) {
+    (void)err;
+    *(struct gl_context **)user = context;
+    return true;
+}
+
+struct gl_context *gl_context_create(const struct gl_options *options, struct sp_error *err) {
+    struct gl_context *context = NULL;
+    return gl_contexts_try(options, keep, &context, err) ? context : NULL;
 }

@@ -3,7 +3,8 @@
  * One OpenGL core context without a window, through EGL.
  *
  *   places:  EGL device 0, 1, … ─► surfaceless ─► default display        (egl.h)
- *   each:    initialise ─► GL 4.5 core, else 4.3 ─► hardware or software? ─► taken, or the reason
+ *   each:    initialise ─► GL 4.5 core, else 4.3 ─► hardware or software?
+ *            ─► does it do what it is for? (gl.c) ─► taken, or the reason
  *
  * A place is refused with its reason, never passed over in silence, and software GL, known by its
  * renderer string, is never taken for a GPU: EGL itself tells the two apart on no platform.
@@ -36,9 +37,17 @@ struct gl_info {
 
 struct gl_context;
 
-/* Returns a context that is current on no thread, or NULL with *err set (SP_ERR_BACKEND with the
- * reason of every place; SP_ERR_INVALID for an index that no device has; SP_ERR_MEMORY). The
- * refusals on the way to a context are logged. */
+/* Hands over a context that is current on no thread, and that is the callee's, whatever it returns.
+ * False with *err set: it will not do. */
+typedef bool gl_context_take(void *user, struct gl_context *context, struct sp_error *err);
+
+/* Opens a context at one place after the other until one is taken. False with *err set:
+ * SP_ERR_BACKEND with the reason of every place; SP_ERR_INVALID for an index that no device has.
+ * The refusals on the way to the one that is taken are logged. */
+bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, void *user,
+                     struct sp_error *err);
+
+/* The first that there is; NULL with *err set as above. */
 struct gl_context *gl_context_create(const struct gl_options *options, struct sp_error *err);
 
 /* Unbinds it from the calling thread if it is current there; it must be current on no other. */

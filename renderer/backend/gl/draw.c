@@ -145,21 +145,28 @@ struct choices {
     bool is_flat, is_cubic, is_clipped, is_linear, is_post;
 };
 
-/* The program, compiled when it is first asked for; 0 with *err set. */
+/* The program, compiled when it is first asked for; 0 with *err set (SP_ERR_UNSUPPORTED). */
 static unsigned open_compositor(struct gl_state *s, const struct choices *c, struct sp_error *err) {
-    unsigned *program =
+    struct gl_compositor *own =
         &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped][c->is_linear][c->is_post];
+    if (own->program)
+        return own->program;
+    struct sp_error why = { .text = "it failed before, and the log tells why" };
     char defines[160];
     snprintf(defines, sizeof defines,
              "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"
              "#define LINEAR %d\n#define POST %d\n",
              (int)c->mode, c->is_flat, c->is_cubic, c->is_clipped, c->is_linear, c->is_post);
-    if (!*program)
-        *program =
+    if (!own->is_refused)
+        own->program =
             gl_program_open(c->is_post ? "frame bins records footprint shade post 30_composite"
                                        : "bins records footprint 30_composite",
-                            defines, err);
-    return *program;
+                            defines, &why);
+    own->is_refused = !own->program;
+    if (own->is_refused)
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no compositor for this view: %s", s->device,
+                why.text);
+    return own->program;
 }
 
 static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
@@ -523,9 +530,9 @@ void gl_draw_finish(struct gl_state *s) {
     gl_lists_finish(&s->lists);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         gl_buffer_finish(&buffers[i]);
-    unsigned *composite = &s->composite[0][0][0][0][0][0];
+    struct gl_compositor *composite = &s->composite[0][0][0][0][0][0];
     for (size_t i = 0; i < sizeof s->composite / sizeof *composite; i++)
-        glDeleteProgram(composite[i]);
+        glDeleteProgram(composite[i].program);
     memset(s->composite, 0, sizeof s->composite);
     glDeleteProgram(s->project);
     glDeleteProgram(s->resolve);

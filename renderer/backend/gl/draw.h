@@ -74,10 +74,14 @@ struct gl_state {
     struct gl_cut cut;
     struct gl_upload upload;
     unsigned project, resolve; /* programs */
-    /* The compositor's, made when they are first asked for: 0 = not yet. By compositing, kernel
+    /* The compositor's, made when they are first asked for: 0 = not yet, or the driver does not
+     * compile it, and is not asked again. By compositing, kernel
      * (Gaussian, cubic, flat), whether planes clip, attenuation is linear, pixels are classified.
      */
-    unsigned composite[3][2][2][2][2][2];
+    struct gl_compositor {
+        unsigned program;
+        bool is_refused;
+    } composite[3][2][2][2][2][2];
     struct {
         struct gl_buffer records, spans, image, cubic, pixels;
     } buffers;

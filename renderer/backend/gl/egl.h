@@ -52,6 +52,12 @@ EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err);
 /* A context at one place, of hardware or software. As gl_context_create(). */
 struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error *err);
 
+/* Whether the backend can start on a context, which it takes and ends: *context is NULL then. False
+ * with *err set: its programs do not compile, memory lacks, or, of hardware, options->passes()
+ * refuses it. SP_ERR_MEMORY: it was not tried, if *context is not NULL. */
+bool gl_works(struct gl_context **context, const struct sp_backend_options *options,
+              struct sp_error *err);
+
 /* For the backends' table. */
 void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 

@@ -9,14 +9,32 @@
 #include "backend/gl/draw.h"
 #include "backend/gl/egl.h"
 
-static void gl_destroy(void *pointer) {
-    struct gl_state *state = pointer;
+static void name_device(struct gl_state *state) {
+    const struct gl_info *info = gl_context_info(state->context);
+    snprintf(state->device, sizeof state->device, "%.90s%s", info->renderer,
+             info->software ? ", software GL, for correctness only" : "");
+}
+
+/* The context is gone, with the fences behind the frames that were begun. */
+static void lose(struct gl_state *state) {
+    gl_context_destroy(&state->context);
+    gl_lists_lose(&state->lists);
+    for (int i = 0; i < GL_IN_FLIGHT; i++)
+        state->slots[i].back.fence = NULL;
+}
+
+/* Ends the context, with all that is there. */
+static void stop(struct gl_state *state) {
     if (state->context && gl_context_bind(state->context, NULL)) {
         gl_draw_finish(state);
         gl_context_unbind(state->context);
     }
-    gl_context_destroy(&state->context);
-    gl_lists_lose(&state->lists); /* where it could not be made current */
+    lose(state);
+}
+
+static void gl_destroy(void *pointer) {
+    struct gl_state *state = pointer;
+    stop(state);
     sp_classify_cache_forget(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
@@ -24,30 +42,51 @@ static void gl_destroy(void *pointer) {
     free(state);
 }
 
-static void name_device(struct gl_state *state) {
-    const struct gl_info *info = gl_context_info(state->context);
-    snprintf(state->device, sizeof state->device, "%.90s%s", info->renderer,
-             info->software ? ", software GL, for correctness only" : "");
-}
-
-/* A context and what does not change. One that follows a lost one is of the same device, and knows
- * nothing of what the state had there: its names are let go. */
-static bool start(struct gl_state *state, struct sp_error *err) {
-    state->context = gl_context_create(&state->options, err);
-    if (!state->context || !gl_context_bind(state->context, err))
-        return false;
+/* Makes on the context what does not change. One that follows a lost one knows nothing of what the
+ * state had there: its names are let go. */
+static bool init(struct gl_state *state, struct sp_error *err) {
     const struct sp_backend_options budget = { .video_bytes = state->video_bytes,
                                                .memory_bytes = state->cache.limit_bytes };
+    if (!gl_context_bind(state->context, err))
+        return false;
     state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), &budget);
+    state->options.gpu = gl_context_info(state->context)->gpu;
+    name_device(state);
     gl_draw_finish(state);
     bool ok = gl_draw_init(state, err);
     gl_context_unbind(state->context);
-    state->options.gpu = gl_context_info(state->context)->gpu;
-    name_device(state);
     return ok;
 }
 
-static void *create(const struct sp_backend_options *options, bool software, struct sp_error *err) {
+struct starting {
+    struct gl_state *state;
+    const struct sp_backend_options *options; /* NULL = the state has passed */
+};
+
+static bool take(void *user, struct gl_context *context, struct sp_error *err) {
+    const struct starting *s = user;
+    const struct sp_backend_options *o = s->options;
+    s->state->context = context;
+    bool ok = init(s->state, err) && (!o || !o->passes || o->passes(o->user, s->state, err));
+    if (!ok)
+        stop(s->state);
+    return ok;
+}
+
+/* The first device that does all of it; one that was started on before, alone. */
+static bool start(struct gl_state *state, const struct sp_backend_options *options,
+                  struct sp_error *err) {
+    const struct gl_options wanted = state->options;
+    struct starting starting = { state, options };
+    bool ok = gl_contexts_try(&wanted, take, &starting, err);
+    if (!ok)
+        state->options = wanted;
+    return ok;
+}
+
+/* Without a context. */
+static struct gl_state *make(const struct sp_backend_options *options, bool software,
+                             struct sp_error *err) {
     struct gl_state *state = calloc(1, sizeof *state);
     if (!state) {
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for the gl backend");
@@ -59,11 +98,35 @@ static void *create(const struct sp_backend_options *options, bool software, str
     state->video_bytes = options->video_bytes;
     state->cache.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
-    if (!state->pool || !start(state, err)) {
+    if (state->pool)
+        return state;
+    gl_destroy(state);
+    return NULL;
+}
+
+static void *create(const struct sp_backend_options *options, bool software, struct sp_error *err) {
+    struct gl_state *state = make(options, software, err);
+    if (state && start(state, options, err))
+        return state;
+    if (state)
         gl_destroy(state);
-        return NULL;
-    }
-    return state;
+    return NULL;
+}
+
+bool gl_works(struct gl_context **context, const struct sp_backend_options *options,
+              struct sp_error *err) {
+    bool software = gl_context_info(*context)->software;
+    struct sp_backend_options own = *options;
+    if (software)
+        own.passes = NULL;
+    struct gl_state *state = make(&own, software, err);
+    if (!state)
+        return false;
+    struct starting starting = { state, &own };
+    bool ok = take(&starting, *context, err);
+    *context = NULL;
+    gl_destroy(state);
+    return ok;
 }
 
 static void *gl_create(const struct sp_backend_options *options, struct sp_error *err) {
@@ -82,14 +145,6 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
-/* The context is gone, with the fences behind the frames that were begun. */
-static void lose(struct gl_state *state) {
-    gl_context_destroy(&state->context);
-    gl_lists_lose(&state->lists);
-    for (int i = 0; i < GL_IN_FLIGHT; i++)
-        state->slots[i].back.fence = NULL;
-}
-
 /* A frame of a context that is lost fails, with all that were begun, and the next one begins with
  * another context. What the processor derived from volumes is kept, and uploaded again. */
 static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct sp_error *err) {
@@ -106,7 +161,7 @@ static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct 
 
 /* Makes the context current, another one if there is none; destroyed when it cannot be. */
 static bool enter(struct gl_state *state, struct sp_error *why) {
-    bool ok = (state->context || start(state, why)) && gl_context_bind(state->context, why);
+    bool ok = (state->context || start(state, NULL, why)) && gl_context_bind(state->context, why);
     if (ok)
         return true;
     lose(state);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every place where GL may be had, each opened and closed again.
+ * Every place where GL may be had, each started on as a renderer would, and left again.
  */
 #include <stdio.h>
 #include <string.h>
@@ -17,14 +17,15 @@ static void describe(struct sp_device *device, const struct gl_info *info) {
     memcpy(device->driver, info->driver, sizeof device->driver);
 }
 
-static void probe_place(const struct gl_place *place, sp_device_visit *visit, void *user) {
+static void probe_place(const struct gl_place *place, const struct sp_backend_options *options,
+                        sp_device_visit *visit, void *user) {
     struct sp_device device = { .backend = "gl", .gpu = place->gpu };
     struct sp_error why;
     gl_place_name(place, device.place, sizeof device.place);
     struct gl_context *context = gl_context_open(place, &why);
-    if (context) {
+    if (context)
         describe(&device, gl_context_info(context));
-    } else {
+    if (!context || !gl_works(&context, options, &why)) {
         gl_place_add_cause(place, &why);
         memcpy(device.refusal, why.text, sizeof device.refusal);
     }
@@ -35,10 +36,9 @@ static void probe_place(const struct gl_place *place, sp_device_visit *visit, vo
 void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, void *user) {
     struct gl_places places;
     struct sp_error why;
-    (void)options;
     if (gl_places_list(&places, &why)) {
         for (unsigned i = 0; i < places.count; i++)
-            probe_place(&places.list[i], visit, user);
+            probe_place(&places.list[i], options, visit, user);
     } else {
         struct sp_device device = { .backend = "gl", .place = "EGL", .gpu = -1 };
         memcpy(device.refusal, why.text, sizeof device.refusal);

@@ -40,8 +40,8 @@ struct sp_renderer_options {
     uint64_t memory_bytes;
     /* The same of a GPU's own memory, for all that is kept there: what is derived from volumes, and
      * what pictures are drawn in, which takes at most about half. 0 = three eighths of it, so
-     * that two renderers leave a quarter for other programs; memory_bytes where the
-     * GPU does not tell. */
+     * that two renderers leave a quarter for other programs; where the GPU does not tell how much
+     * it has, half of memory_bytes and at most 1 GiB; with software GL memory_bytes. */
     uint64_t video_bytes;
 };
 
@@ -137,10 +137,11 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
                        const struct sp_render_options *options, struct sp_error *err);
 
 /* Waits for the oldest frame that was begun, of which there must be one, and returns its reference,
- * or NULL with *err set: SP_ERR_UNSUPPORTED (by the backend that took over), SP_ERR_MEMORY,
- * SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. It is begun no longer then; the frames behind it
- * are, and are drawn again if its failure takes them along. stats.render_ms and cpu_ms are of its
- * own two calls: what passes between them is other frames'. */
+ * or NULL with *err set: SP_ERR_UNSUPPORTED (by the backend that took over, or by a GPU whose
+ * driver does not compile what the view takes), SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
+ * SP_ERR_BACKEND. It is begun no longer then; the frames behind it are, and are drawn again if its
+ * failure takes them along. stats.render_ms and cpu_ms are of its own two calls: what passes
+ * between them is other frames'. */
 struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
 
 /* The two in one: renders a frame. Nothing may be begun. After an error the renderer is ready for

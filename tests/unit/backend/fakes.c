@@ -22,7 +22,10 @@ static void *fake_create(struct fake *fake, const struct sp_backend_options *opt
         return NULL;
     }
     fake->running++;
-    return fake;
+    if (!options->passes || options->passes(options->user, fake, err))
+        return fake;
+    fake->running--;
+    return NULL;
 }
 static void *gpu_create(const struct sp_backend_options *options, struct sp_error *err) {
     return fake_create(&fakes[GPU], options, err);

@@ -127,28 +127,29 @@ static void who_takes_over_draws_all_that_was_begun(void **state) {
 }
 
 /* Refused at once, or when it turns out that there is not enough. */
-static void what_a_backend_has_no_memory_for_the_next_one_draws(void **state) {
+static void what_is_too_much_for_a_backend_the_next_one_draws(void **state) {
     (void)state;
     struct fakes_scene s;
     struct sp_renderer_info info;
     fakes_scene_init(&s, NULL);
+    static const enum sp_code codes[3] = { SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_UNSUPPORTED };
     unsigned before = fakes[PLAIN].renders;
-    for (int n = 0; n < 4; n++) {
-        fakes[GPU].code = n % 2 ? SP_ERR_BUDGET : SP_ERR_MEMORY;
-        fakes[GPU].refusals = n / 2;
+    for (int n = 0; n < 6; n++) {
+        fakes[GPU].code = codes[n % 3];
+        fakes[GPU].refusals = n / 3;
         begin(&s, 16);
         begin(&s, 17);
-        fakes[GPU].failures = 1 - n / 2;
+        fakes[GPU].failures = 1 - n / 3;
         assert_string_equal(finish(&s, 16), "plain");
         assert_string_equal(finish(&s, 17), "gpu"); /* which is still the renderer's */
     }
-    assert_int_equal(fakes[PLAIN].renders, before + 4);
-    assert_string_equal(fakes_warnings, "backend gpu has no memory for some views, which plain "
+    assert_int_equal(fakes[PLAIN].renders, before + 6);
+    assert_string_equal(fakes_warnings, "backend gpu cannot draw some views, which plain "
                                         "draws: gpu hung\n"); /* once */
     sp_renderer_info(s.renderer, &info);
     assert_string_equal(info.backend, "gpu");
     assert_string_equal(info.overburdened,
-                        "backend gpu has no memory for some views, which plain draws: gpu hung");
+                        "backend gpu cannot draw some views, which plain draws: gpu hung");
     assert_int_equal(sp_renderer_memory(s.renderer, s.volume), 1010);
     fakes[GPU].forgotten = fakes[PLAIN].forgotten = 0;
     sp_renderer_forget(s.renderer, s.volume);
@@ -246,7 +247,7 @@ int main(void) {
         TEST(a_view_that_is_refused_is_not_begun),
         TEST(a_failure_takes_no_frame_along),
         TEST(who_takes_over_draws_all_that_was_begun),
-        TEST(what_a_backend_has_no_memory_for_the_next_one_draws),
+        TEST(what_is_too_much_for_a_backend_the_next_one_draws),
         TEST(without_another_backend_its_error_is_told),
         TEST(who_draws_instead_is_asked_whether_it_can_and_may_fail),
         TEST(what_is_cancelled_is_not_drawn_again),

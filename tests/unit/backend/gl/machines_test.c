@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Machines with GPUs, good ones and bad ones, that need none: EGL and GL are played by the
- * functions below, in the place of those that libepoxy found.
+ * functions of played_machine.c.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,220 +10,12 @@
 
 #include <cmocka.h>
 
-#include "backend/gl/egl.h"
-
-#include <epoxy/gl.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "backend/gl/draw.h"
 #include "sp/log.h"
-
-/* One display and the GL behind it. */
-struct driver {
-    bool broken;        /* does not initialise */
-    EGLint error;       /* of its last call that failed; 0 = EGL_NOT_INITIALIZED */
-    const char *name;   /* GL_RENDERER */
-    int minor;          /* gives core contexts of OpenGL 4.0 to 4.minor; −1 = no core context */
-    bool no_resets;     /* gives none that tells of resets */
-    bool no_desktop;    /* gives no context of desktop GL at all */
-    bool wants_surface; /* has not the extensions to do without */
-    bool is_known_software; /* the device says so */
-    const char *file;       /* the device's node */
-    int video_mib;          /* by GL_NVX_gpu_memory_info; 0 = does not tell */
-};
-
-enum { DEVICES = 4, SURFACELESS = DEVICES, DEFAULT, DRIVERS };
-static struct driver drivers[DRIVERS];
-static unsigned device_count;
-static const char *client_extensions;
-
-static struct { /* what is there now */
-    EGLint error;
-    struct driver *current;
-    int contexts, surfaces;
-    int minor; /* of the newest context */
-    bool tells_reset;
-    unsigned initialised; /* bit n = driver n */
-} machine;
-
-static const char all_extensions[] =
-    "EGL_EXT_platform_base EGL_EXT_device_enumeration EGL_EXT_device_query EGL_EXT_platform_device "
-    "EGL_MESA_platform_surfaceless";
-
-static void *fail_with(EGLint error) {
-    machine.error = error;
-    return NULL;
-}
-
-static EGLint get_error(void) {
-    EGLint error = machine.error ? machine.error : EGL_SUCCESS;
-    machine.error = EGL_SUCCESS;
-    return error;
-}
-
-static const char *query_string(EGLDisplay display, EGLint name) {
-    const struct driver *driver = display;
-    if (!driver)
-        return name == EGL_EXTENSIONS ? client_extensions : NULL;
-    return name == EGL_VENDOR      ? "Fake"
-           : name == EGL_VERSION   ? "1.5"
-           : driver->wants_surface ? "EGL_KHR_create_context"
-                                   : "EGL_KHR_surfaceless_context EGL_KHR_no_config_context";
-}
-
-static EGLBoolean query_devices(EGLint max, EGLDeviceEXT *devices, EGLint *count) {
-    for (*count = 0; *count < (EGLint)device_count && *count < max; ++*count)
-        devices[*count] = &drivers[*count];
-    return EGL_TRUE;
-}
-
-static const char *query_device_string(EGLDeviceEXT device, EGLint name) {
-    const struct driver *driver = device;
-    if (name == EGL_EXTENSIONS)
-        return driver->file                ? "EGL_EXT_device_drm"
-               : driver->is_known_software ? "EGL_MESA_device_software"
-                                           : "";
-    return name == EGL_DRM_DEVICE_FILE_EXT ? driver->file : fail_with(EGL_BAD_PARAMETER);
-}
-
-static EGLDisplay get_platform_display(EGLenum platform, void *native, const EGLint *attributes) {
-    (void)attributes;
-    return platform == EGL_PLATFORM_DEVICE_EXT ? native : &drivers[SURFACELESS];
-}
-
-static EGLDisplay get_display(EGLNativeDisplayType native) {
-    (void)native;
-    return &drivers[DEFAULT];
-}
-
-static EGLBoolean initialize(EGLDisplay display, EGLint *major, EGLint *minor) {
-    struct driver *driver = display;
-    (void)major;
-    (void)minor;
-    machine.initialised |= 1u << (driver - drivers);
-    if (driver->broken)
-        fail_with(driver->error ? driver->error : EGL_NOT_INITIALIZED);
-    return !driver->broken;
-}
-
-static EGLBoolean bind_api(EGLenum api) {
-    return api == EGL_OPENGL_API;
-}
-
-static EGLContext create_context(EGLDisplay display, EGLConfig config, EGLContext share,
-                                 const EGLint *attributes) {
-    struct driver *driver = display;
-    int minor = 0;
-    bool core = attributes != NULL;
-    machine.tells_reset = false;
-    (void)share;
-    assert_int_equal(config != NULL, driver->wants_surface);
-    for (const EGLint *a = attributes; a && *a != EGL_NONE; a += 2) {
-        if (a[0] == EGL_CONTEXT_MINOR_VERSION_KHR)
-            minor = a[1];
-        if (a[0] == EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY_KHR)
-            machine.tells_reset = a[1] == EGL_LOSE_CONTEXT_ON_RESET_KHR;
-    }
-    if (driver->no_desktop || (machine.tells_reset && driver->no_resets) ||
-        (core && minor > driver->minor))
-        return fail_with(EGL_BAD_MATCH);
-    machine.minor = core ? minor : driver->minor;
-    machine.contexts++;
-    return driver;
-}
-
-static EGLBoolean destroy_context(EGLDisplay display, EGLContext context) {
-    assert_ptr_equal(display, context);
-    machine.contexts--;
-    return EGL_TRUE;
-}
-
-static EGLBoolean make_current(EGLDisplay display, EGLSurface draw, EGLSurface read,
-                               EGLContext context) {
-    const struct driver *driver = display;
-    assert_ptr_equal(draw, read);
-    if (context)
-        assert_int_equal(draw != EGL_NO_SURFACE, driver->wants_surface);
-    machine.current = context;
-    return EGL_TRUE;
-}
-
-static EGLContext get_current_context(void) {
-    return machine.current;
-}
-
-static EGLBoolean choose_config(EGLDisplay display, const EGLint *attributes, EGLConfig *configs,
-                                EGLint size, EGLint *count) {
-    (void)attributes;
-    configs[0] = display;
-    *count = size > 0;
-    return EGL_TRUE;
-}
-
-static EGLSurface create_surface(EGLDisplay display, EGLConfig config, const EGLint *attributes) {
-    (void)attributes;
-    assert_ptr_equal(display, config);
-    machine.surfaces++;
-    return display;
-}
-
-static EGLBoolean destroy_surface(EGLDisplay display, EGLSurface surface) {
-    assert_ptr_equal(display, surface);
-    machine.surfaces--;
-    return EGL_TRUE;
-}
-
-static const GLubyte *get_string(GLenum name) {
-    static char version[32];
-    snprintf(version, sizeof version, machine.current->minor < 0 ? "2.1 Fake" : "4.%d Fake",
-             machine.minor);
-    const char *text = name == GL_RENDERER  ? machine.current->name
-                       : name == GL_VERSION ? version
-                       : name == GL_VENDOR  ? "Fake & Söhne\n"
-                                            : "";
-    return (const GLubyte *)text;
-}
-
-static const GLubyte *get_string_at(GLenum name, GLuint i) {
-    (void)name;
-    return (const GLubyte *)(i == 0 ? "GL_KHR_robustness" : "GL_NVX_gpu_memory_info");
-}
-
-static void get_integers(GLenum name, GLint *value) {
-    *value = name == GL_NUM_EXTENSIONS ? 1 + (machine.current->video_mib > 0) : 0;
-}
-
-static void get_integer(GLenum name, GLint64 *value) {
-    *value = name == GL_GPU_MEMORY_INFO_TOTAL_AVAILABLE_MEMORY_NVX
-                 ? (GLint64)machine.current->video_mib << 10
-             : name == GL_RESET_NOTIFICATION_STRATEGY
-                 ? (machine.tells_reset ? GL_LOSE_CONTEXT_ON_RESET : GL_NO_RESET_NOTIFICATION)
-             : name == GL_MAX_SHADER_STORAGE_BLOCK_SIZE ? INT64_C(1) << 31
-                                                        : -1;
-}
-
-static void get_integer_at(GLenum name, GLuint i, GLint64 *value) {
-    *value = name == GL_MAX_COMPUTE_WORK_GROUP_SIZE ? 10 + i : 20 + i;
-}
-
-static int begin(void **state) {
-    (void)state;
-    memset(&machine, 0, sizeof machine);
-    for (int i = 0; i < DRIVERS; i++)
-        drivers[i] = (struct driver){ .name = "Real 100", .minor = 6 };
-    device_count = 1;
-    client_extensions = all_extensions;
-    return 0;
-}
-
-/* Nothing is left behind, whatever happened. */
-static int end(void **state) {
-    (void)state;
-    assert_int_equal(machine.contexts, 0);
-    assert_int_equal(machine.surfaces, 0);
-    assert_null(machine.current);
-    return 0;
-}
+#include "unit/backend/gl/played_machine.h"
 
 /* Index of the driver that a context comes from; −1 with *err set for none. */
 static int take(int gpu, bool software, struct gl_info *info, struct sp_error *err) {
@@ -414,7 +206,11 @@ static void limits_and_names_are_read(void **state) {
     assert_true(info.limits.video_bytes == 0);
     assert_true(gl_video_budget(&info, &options) == 5000);
     options.video_bytes = 0;
-    assert_true(gl_video_budget(&info, &options) == 4000);
+    assert_true(gl_video_budget(&info, &options) == 2000);
+    options.memory_bytes = UINT64_C(64) << 30; /* says nothing of a card */
+    assert_true(gl_video_budget(&info, &options) == UINT64_C(1) << 30);
+    info.software = true;
+    assert_true(gl_video_budget(&info, &options) == UINT64_C(64) << 30);
     assert_string_equal(info.renderer, "unnamed");
 }
 
@@ -441,6 +237,52 @@ static void a_node_that_cannot_be_opened_is_named(void **state) {
     assert_string_equal(err.text, "EGL device 0 (/dev/null): llvmpipe is software GL");
 }
 
+static const struct sp_backend *find_backend(const char *name) {
+    for (unsigned i = 0; sp_registry_at(i); i++)
+        if (strcmp(sp_registry_at(i)->entry.name, name) == 0)
+            return sp_registry_at(i);
+    return NULL;
+}
+
+static bool passes(void *user, void *state, struct sp_error *err) {
+    const struct gl_state *made = state;
+    unsigned driver = (unsigned)made->options.gpu;
+    (void)user;
+    assert_null(machine.current); /* as if it were to draw */
+    machine.asked |= 1u << driver;
+    return !drivers[driver].is_refused ||
+           sp_fail(err, SP_ERR_BACKEND, "", "it draws wrong pictures");
+}
+
+static const struct sp_backend_options starting = {
+    .threads = 1, .memory_bytes = 1 << 30, .isa = "auto", .gpu = -1, .passes = passes
+};
+
+/* A context is not enough: shaders that do not compile, no memory, wrong pictures. */
+static void a_device_that_does_not_do_it_all_is_passed_over(void **state) {
+    (void)state;
+    const struct sp_backend *backend = find_backend("gl");
+    struct sp_error err;
+    device_count = 4;
+    drivers[0].compiles_nothing = drivers[1].lacks_memory = drivers[2].is_refused = true;
+    struct gl_state *made = backend->create(&starting, &err);
+    assert_non_null(made);
+    assert_int_equal(made->options.gpu, 3);
+    assert_int_equal(machine.asked, 1 << 2 | 1 << 3);
+    assert_int_equal(machine.initialised, 0xf);
+    assert_int_equal(machine.contexts, 1);
+    backend->destroy(made);
+    drivers[3].is_refused = true;
+    drivers[SURFACELESS].compiles_nothing = drivers[DEFAULT].compiles_nothing = true;
+    assert_null(backend->create(&starting, &err));
+    assert_int_equal(err.code, SP_ERR_BACKEND);
+    assert_non_null(strstr(err.text, "EGL device 0: shader 10_project does not compile: no idea; "
+                                     "EGL device 1: the GPU has no "));
+    assert_non_null(strstr(err.text, "EGL device 2: it draws wrong pictures; "
+                                     "EGL device 3: it draws wrong pictures; "
+                                     "surfaceless display: shader "));
+}
+
 static void note_device(void *user, const struct sp_device *device) {
     struct sp_device **next = user;
     *(*next)++ = *device;
@@ -454,7 +296,7 @@ static void the_probe_tells_of_all(void **state) {
     drivers[1].name = "llvmpipe";
     drivers[2].broken = true;
     drivers[SURFACELESS].broken = drivers[DEFAULT].broken = true;
-    gl_probe(NULL, note_device, &next);
+    gl_probe(&starting, note_device, &next);
     assert_int_equal(next - found, 5);
     assert_string_equal(found[0].backend, "gl");
     assert_true(found[0].is_gpu);
@@ -475,30 +317,25 @@ static void the_probe_tells_of_all(void **state) {
     }
 }
 
-static void play_the_machine(void) {
-    epoxy_eglGetError = get_error;
-    epoxy_eglQueryString = query_string;
-    epoxy_eglQueryDevicesEXT = query_devices;
-    epoxy_eglQueryDeviceStringEXT = query_device_string;
-    epoxy_eglGetPlatformDisplayEXT = get_platform_display;
-    epoxy_eglGetDisplay = get_display;
-    epoxy_eglInitialize = initialize;
-    epoxy_eglBindAPI = bind_api;
-    epoxy_eglCreateContext = create_context;
-    epoxy_eglDestroyContext = destroy_context;
-    epoxy_eglMakeCurrent = make_current;
-    epoxy_eglGetCurrentContext = get_current_context;
-    epoxy_eglChooseConfig = choose_config;
-    epoxy_eglCreatePbufferSurface = create_surface;
-    epoxy_eglDestroySurface = destroy_surface;
-    epoxy_glGetString = get_string;
-    epoxy_glGetStringi = get_string_at;
-    epoxy_glGetIntegerv = get_integers;
-    epoxy_glGetInteger64v = get_integer;
-    epoxy_glGetInteger64i_v = get_integer_at;
+/* What the start would refuse is not called good. */
+static void the_probe_tries_what_the_start_does(void **state) {
+    (void)state;
+    struct sp_device found[8], *next = found;
+    device_count = 4;
+    drivers[0].compiles_nothing = drivers[2].is_refused = true;
+    drivers[3].name = "llvmpipe";
+    drivers[SURFACELESS].broken = drivers[DEFAULT].broken = true;
+    gl_probe(&starting, note_device, &next);
+    assert_int_equal(next - found, 6);
+    assert_string_equal(found[0].name, "Real 100"); /* and its limits are told all the same */
+    assert_string_equal(found[0].refusal, "shader 10_project does not compile: no idea");
+    assert_string_equal(found[1].refusal, "");
+    assert_string_equal(found[2].refusal, "it draws wrong pictures");
+    assert_string_equal(found[3].refusal, "");
+    assert_int_equal(machine.asked, 1 << 1 | 1 << 2); /* software is for tests */
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, begin, end)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, machine_begin, machine_end)
 
 int main(void) {
     const struct CMUnitTest tests[] = {
@@ -511,7 +348,9 @@ int main(void) {
         TEST(limits_and_names_are_read),
         TEST(a_surface_is_made_where_one_is_needed),
         TEST(a_node_that_cannot_be_opened_is_named),
+        TEST(a_device_that_does_not_do_it_all_is_passed_over),
         TEST(the_probe_tells_of_all),
+        TEST(the_probe_tries_what_the_start_does),
     };
     sp_log_init(NULL, NULL, SP_LOG_WARN);
     play_the_machine();
