@@ -28,7 +28,8 @@ cores; each step prints what runs and how long it took.
   --no-install    build with what is already installed
   --help          this text
 
-What is not there (scenes, volumes, VTK, node) is skipped, and both the output and the page say so.
+What is not there (scenes, volumes, VTK, node) is skipped, and the output says so; of VTK and a GPU
+the page, too.
 TEXT
 }
 

@@ -258,7 +258,7 @@ def gpu_goals(backend, rows):
 
 
 GPU_EXPLAINED = '''Stages are shares of a mean frame that is drawn alone, by the GPU's stamps (`classify` is the processor's: lists, and what is drawn of them); `read` is the GPU's copy of the picture to where the processor sees it, and the processor's from there. The rest is
-what no stage accounts for: cutting batches, handing the work over, and waiting. With two in flight the next frame is begun before the one before is read.
+what no stage accounts for: cutting batches, handing the work over, and waiting. With two in flight the next frame is begun before the one before is read (–: left out).
 
 The model of a frame, for the fractions of memory bandwidth and arithmetic: 52 bytes and 120 operations a splat (its voxel's word, the record and its tiles written, the tiles read again),
 40 bytes a pair of a splat and a tile (its number written and read, the record read), 11 operations a pair and pixel of the tile, 16 more a fragment, and 76 bytes a pixel (cleared, composited, resolved, copied twice). Pairs are
@@ -268,7 +268,11 @@ those of the mean footprint. Tables, counts and gradients are left out, and opaq
 
 def left_out(rows):
     """A sentence on what took too long; '' if nothing did."""
-    names = [f'{r["scene"]}{", shaded" if r["shading"] == "phong" else ""} at {r["size"]:.0f} px ({r["left_out"]})' for r in rows if r.get('left_out')]
+    sizes = {}
+    for r in rows:
+        if r.get('left_out'):
+            sizes.setdefault((r['scene'] + (', shaded' if r['shading'] == 'phong' else ''), r['left_out']), []).append(f'{r["size"]:.0f}')
+    names = [f'{scene} at {", ".join(px)} px ({why})' for (scene, why), px in sizes.items()]
     return f'Left out: {"; ".join(names)}.\n\n' if names else ''
 
 

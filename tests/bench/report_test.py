@@ -144,9 +144,9 @@ class Report(unittest.TestCase):
 
     def test_what_took_too_long_is_named(self):
         late = {'scene': 'head', 'backend': 'gl', 'device': 'a card', 'size': 2048, 'shading': 'phong', 'views': 24, 'left_out': 'more than 600 s'}
-        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000, in_flight_2_fps=''), late)
+        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000, in_flight_2_fps=''), late, {**late, 'size': 4096})
         text = report.gpu(self.folder.name)
-        self.assertIn('Left out: head, shaded at 2048 px (more than 600 s).', text)
+        self.assertIn('Left out: head, shaded at 2048, 4096 px (more than 600 s).', text)
         self.assertNotIn('| head | 2048', text)
         self.assertEqual(self.line(text.split('Goals')[0], '| engine')[6], '–')
         self.write('gl.csv', run_all.GL_COLUMNS, late)

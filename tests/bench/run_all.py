@@ -368,7 +368,7 @@ class Gpu:
         if run.o.quick:
             self.corners = self.corners[:1]
         self.views, self.warm, self.limit = (run.o.views, 2, 600) if hardware else (2, 0, 30)
-        self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'engine'] or list(run.scenes)[:1]
+        self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'lobster'] or list(run.scenes)[:1]
         self.steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) if self.backend else 0
 
     def told(self):
