@@ -46,7 +46,8 @@ static const struct setting settings[] = {
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "budget for volumes; 0 = half of the machine's memory" },
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",
-      "budget for all that is kept on a GPU; 0 = three quarters of its memory" },
+      "budget for all that is kept on a GPU; 0 = three quarters of its memory, or up to "
+      "2 GiB where it does not tell" },
     { "backend", TEXT, AT(backend), "auto", 0, 0, "NAME", "renderer to use; see below" },
     { "gpu", TEXT, AT(gpu), "auto", 0, 0, "N",
       "GPU to use, as --probe numbers them; auto is the first that works" },
