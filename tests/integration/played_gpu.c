@@ -5,24 +5,28 @@
  * signal: from SIGUSR1 on each frame fails, from SIGUSR2 on each has no memory. Standard error says
  * when.
  */
+#include <errno.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "backend/backend.h"
 
 enum { DRAWS, HANGS, IS_FULL };
-static volatile sig_atomic_t condition = DRAWS;
+static atomic_int condition = DRAWS; /* a signal sets it, render threads read it */
 
 const struct sp_backend *__real_sp_registry_at(unsigned i);
 const struct sp_backend *__wrap_sp_registry_at(unsigned i);
 
 static void on_signal(int number) {
     static const char hangs[] = "the GPU hangs\n", is_full[] = "the GPU is full\n";
+    int before = errno;
     condition = number == SIGUSR1 ? HANGS : IS_FULL;
     ssize_t written = number == SIGUSR1 ? write(STDERR_FILENO, hangs, sizeof hangs - 1)
                                         : write(STDERR_FILENO, is_full, sizeof is_full - 1);
     (void)written;
+    errno = before;
 }
 
 static const struct sp_backend *find_cpu(void) {
