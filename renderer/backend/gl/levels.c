@@ -70,7 +70,7 @@ bool gl_levels_get(struct gl_levels *levels, struct gl_lists *lists,
     if (w.voxels && get(levels, &w, cache, volume, &why))
         return true;
     bool has_no_room = why.code == SP_ERR_BUDGET || why.code == SP_ERR_MEMORY;
-    if (w.voxels && !has_no_room)
+    if (w.voxels && !(has_no_room && !lists->tries_again))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     if (w.voxels)
         gl_lists_refuse(w.voxels, &why);

@@ -177,14 +177,20 @@ struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volu
         place->volume = sp_volume_ref(volume);
     }
     place->used = ++lists->clock;
-    return place->is_refused ? NULL : place;
+    if (place->skips == 0)
+        return place;
+    place->skips--;
+    return NULL;
 }
 
 void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
-    sp_log(SP_LOG_WARN, "volume %s is classified by the processor: %s",
-           sp_volume_info(voxels->volume)->name, why->text);
+    enum { DOUBLINGS = 8 };
+    if (voxels->refusals == 0)
+        sp_log(SP_LOG_WARN, "volume %s is classified by the processor: %s",
+               sp_volume_info(voxels->volume)->name, why->text);
     gl_voxels_drop(voxels);
-    voxels->is_refused = true;
+    voxels->skips = GL_REFUSED_FRAMES << voxels->refusals;
+    voxels->refusals += voxels->refusals < DOUBLINGS;
 }
 
 static bool fail_budget(const struct gl_lists *lists, const char *what, uint64_t bytes,

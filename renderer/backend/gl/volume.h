@@ -16,7 +16,11 @@
 #include "backend/gl/voxels.h"
 #include "classify/classification.h"
 
-enum { GL_LISTS = 32, GL_VOLUMES = 16 }; /* lists of all volumes and levels */
+enum {
+    GL_LISTS = 32, /* of all volumes and levels */
+    GL_VOLUMES = 16,
+    GL_REFUSED_FRAMES = 64
+};
 
 struct gl_lists {
     struct gl_list list[GL_LISTS];
@@ -28,6 +32,7 @@ struct gl_lists {
     uint64_t beside_bytes; /* … with what else counts in it */
     uint64_t block_bytes;  /* the most that a shader sees of one buffer; 0 = not known */
     uint64_t uploaded;     /* bytes, since the beginning */
+    bool tries_again;      /* a frame that lacks room is tried again: no volume is refused yet */
 };
 
 /* What a list is made of. */
@@ -55,7 +60,8 @@ static inline void gl_lists_begin(struct gl_lists *lists) {
 
 /* The samples that the GPU classifies the volume from, uploaded when they are needed; valid until
  * the next frame begins. NULL: the processor classifies it, which is so for order post, types
- * without a table by key, and volumes that were refused. */
+ * without a table by key, and volumes that were refused, at which is looked again: after
+ * GL_REFUSED_FRAMES frames of theirs, after twice as many the next time. */
 struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume,
                                   enum sp_tf_order order);
 
@@ -64,7 +70,7 @@ struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volu
 bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, const atomic_bool *cancel,
                    struct sp_error *err);
 
-/* From now on the processor classifies their volume: logs why. */
+/* From now on the processor classifies their volume: logs why, the first time. */
 void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why);
 
 /* The level's list on the GPU, brought up to date; valid until the next frame begins. NULL with

@@ -13,7 +13,8 @@ struct gl_voxels {
     uint64_t used;            /* clock of the last use */
     struct gl_buffer samples; /* as they lie in memory; none = not uploaded yet */
     struct gl_buffer ranges;  /* by brick: smallest key | largest << 16 */
-    bool is_refused;          /* the GPU has no room: the processor classifies the volume */
+    uint32_t refusals; /* how often the GPU had no room, so that the processor classifies … */
+    uint32_t skips;    /* … so many frames more */
 };
 
 static inline uint64_t gl_voxels_bytes(const struct gl_voxels *voxels) {
