@@ -24,6 +24,7 @@ struct gl_bins_head {
     uint32_t longest;          /* pairs of the tile that had most in a batch */
     uint32_t planned;          /* used in between */
     uint32_t crowded;          /* pairs of the longest bin that was not put in order */
+    uint32_t widest;           /* rounds of the splat that had most, of those left out for it */
 };
 
 struct gl_bins {

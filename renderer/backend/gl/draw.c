@@ -14,8 +14,8 @@
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,       /* batches, or turns, that the GPU may lie behind */
-    ORDER_ROUNDS = 24 /* for a pair while its bin is put in order */
+    BEHIND = 2,     /* batches, or turns, that the GPU may lie behind, … */
+    BEHIND_MOST = 8 /* … and where they are short */
 };
 
 struct draw {
@@ -23,10 +23,10 @@ struct draw {
     const struct sp_backend_job *job;
     struct gl_slot *slot;
     struct gl_frame frame;
-    unsigned compositor; /* program */
-    uint32_t columns;    /* of tiles */
-    uint32_t y, end;     /* rows of the band [px] */
-    void *sent[BEHIND];  /* fences */
+    unsigned compositor;     /* program */
+    uint32_t columns;        /* of tiles */
+    uint32_t y, end;         /* rows of the band [px] */
+    void *sent[BEHIND_MOST]; /* fences */
     unsigned sent_count;
 };
 
@@ -56,10 +56,18 @@ static void storage_barrier(void) {
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
 
-/* Marks the end of a batch or a turn, and waits for the one before the last: a cancelled frame
- * leaves little behind. */
+/* Batches or turns that the GPU may lie behind: together they have room for no more pairs than one
+ * may have. */
+static unsigned behind(const struct draw *d) {
+    const struct gl_room *room = &d->state->room;
+    uint64_t n = gl_room_limits(room).pairs / room->pairs;
+    return n < BEHIND ? BEHIND : n < BEHIND_MOST ? (unsigned)n : BEHIND_MOST;
+}
+
+/* Marks the end of a batch or a turn, and waits for one a few before: a cancelled frame leaves
+ * little behind. */
 static bool follow(struct draw *d, struct sp_error *err) {
-    void **last = &d->sent[d->sent_count++ % BEHIND];
+    void **last = &d->sent[d->sent_count++ % behind(d)];
     if (!gl_fence_wait(last, d->job->cancel, err))
         return false;
     gl_fence_set(last);
@@ -67,7 +75,7 @@ static bool follow(struct draw *d, struct sp_error *err) {
 }
 
 static void drop_fences(struct draw *d) {
-    for (int i = 0; i < BEHIND; i++)
+    for (int i = 0; i < BEHIND_MOST; i++)
         gl_fence_drop(&d->sent[i]);
 }
 
@@ -81,30 +89,10 @@ static void use(const struct draw *d, unsigned program, const struct gl_batch *b
     gl_bins_set_space(&space);
 }
 
-/* Tiles of a band: a splat may touch them all, in as many layers as it lies in. */
-static uint32_t tiles_of_band(const struct draw *d) {
-    const struct gl_limits *limits = &d->state->room.limits;
-    uint32_t most = limits->loops / (d->frame.spanned + 2);
-    return most < limits->tiles ? most : limits->tiles;
-}
-
-/* Pairs of a tile that one turn of the compositor takes. */
-static uint32_t pairs_of_turn(const struct draw *d) {
-    uint32_t rounds = 1 + gl_frame_ewa(&d->frame)->clip.count;
-    if (d->frame.is_post) /* closing a layer looks for a value and a magnitude */
-        rounds += 9 + d->job->view->transfer_function.gradient_count;
-    return d->state->room.limits.loops / rounds;
-}
-
-/* Pairs of a bin that is put in order. */
-static uint32_t pairs_of_bin(const struct draw *d) {
-    return d->state->room.limits.loops / ORDER_ROUNDS;
-}
-
 static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     use(d, s->project, batch);
-    glUniform1ui(4, (GLuint)s->room.pairs);
+    glUniform2ui(4, (GLuint)s->room.pairs, d->slot->pieces.splat_rounds);
     gl_buffer_bind(&s->upload.constants, 0);
     gl_buffer_bind(&s->upload.chunks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
@@ -134,8 +122,10 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     const struct gl_bins_space space = space_of(d, batch);
     gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->room.pairs);
-    if (d->frame.compositing == SP_COMPOSITE_SPLAT)
-        gl_bins_order(&s->bins, &space, (uint32_t)s->room.pairs, pairs_of_bin(d));
+    gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
+    if (d->frame.compositing != SP_COMPOSITE_SPLAT)
+        return;
+    gl_bins_order(&s->bins, &space, (uint32_t)s->room.pairs, d->slot->pieces.bin_pairs);
     gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
 }
 
@@ -185,7 +175,7 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
     use(d, d->compositor, batch);
-    glUniform3ui(1, d->job->frame->width, (GLuint)s->room.pairs, pairs_of_turn(d));
+    glUniform3ui(1, d->job->frame->width, (GLuint)s->room.pairs, d->slot->pieces.turn_pairs);
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
@@ -201,10 +191,10 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
         glUniform4ui(2, batch->resumes, batch->stays_open, turn, s->room.turns);
         glDispatchCompute(d->columns, tile_rows(d), 1);
         storage_barrier();
+        gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
         if (!follow(d, err))
             return false;
     }
-    gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
     return true;
 }
 
@@ -258,7 +248,7 @@ static bool reserve(struct draw *d, struct sp_error *err) {
         enum gl_usage usage;
     } wanted[] = {
         { &s->buffers.records, "splats", records * 16 * d->frame.stride, GL_USE_SCRATCH },
-        { &s->buffers.spans, "tiles of splats", records * 8, GL_USE_SCRATCH },
+        { &s->buffers.spans, "tiles of splats", records * GL_SPAN_BYTES, GL_USE_SCRATCH },
         { &s->buffers.image, "pixels", pixels * GL_PIXEL_BYTES, GL_USE_SCRATCH },
         { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d->job->frame), GL_USE_SCRATCH },
     };
@@ -272,21 +262,28 @@ static bool reserve(struct draw *d, struct sp_error *err) {
 
 /* Layers of a batch: as many as the bins have room for. */
 static uint32_t layers_of_batch(const struct draw *d) {
-    uint32_t room = d->state->room.limits.bins / band_tiles(d);
+    uint32_t room = gl_room_limits(&d->state->room).bins / band_tiles(d);
     room = room < 1 ? 1 : room;
     return room < d->state->room.layers ? room : d->state->room.layers;
 }
 
-static uint32_t records_of_batch(const struct draw *d) {
-    const struct gl_state *s = d->state;
-    uint64_t room = s->block_bytes / (16 * d->frame.stride);
-    return s->block_bytes && room < s->room.records ? (uint32_t)room : s->room.records;
+/* What a pair and a record of the frame cost. */
+static struct gl_costs costs_of(const struct draw *d) {
+    const struct gl_frame *f = &d->frame;
+    struct gl_costs costs = { .columns = d->columns,
+                              .pair_rounds = f->compositing == SP_COMPOSITE_SLAB ? 3 : 1, /* Φ */
+                              .pair_loads = gl_frame_ewa(f)->clip.count,
+                              .record_bytes = 16 * f->stride,
+                              .block_bytes = d->state->block_bytes };
+    if (f->is_post) /* closing a layer looks for a value and a magnitude */
+        costs.pair_loads += 9 + d->job->view->transfer_function.gradient_count;
+    return costs;
 }
 
 /* Cuts the frame for the band. */
 static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
-    if (!gl_cut_make(&s->cut, layers_of_batch(d), records_of_batch(d), err))
+    if (!gl_cut_make(&s->cut, layers_of_batch(d), d->slot->pieces.records, err))
         return false;
     return reserve(d, err) && gl_upload_chunks(&s->upload, &s->cut, s->block_bytes, err) &&
            gl_memory_fit(s, err);
@@ -318,20 +315,38 @@ static uint32_t most_layers(const struct gl_cut *cut) {
 /* Rows of the band that begins at d->y, and the batches that it is drawn in. */
 static bool plan_band(struct draw *d, struct sp_error *err) {
     const struct gl_state *s = d->state;
+    const struct gl_costs costs = costs_of(d);
     uint32_t left = d->job->frame->height - d->y;
-    uint32_t rows = tiles_of_band(d) / d->columns;
+    uint32_t rows = gl_room_limits(&s->room).tiles / d->columns;
     rows = rows < 1 ? 1 : rows < s->room.rows ? rows : s->room.rows;
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
+    d->slot->pieces = gl_room_plan(&s->room, &costs);
     if (!cut(d, err))
         return false;
-    d->slot->pieces = (struct gl_pieces){ .layers = most_layers(&d->state->cut),
-                                          .records = records_of_batch(d),
-                                          .rows = tile_rows(d),
-                                          .pairs = s->room.pairs,
-                                          .turn_pairs = pairs_of_turn(d),
-                                          .turns = s->room.turns,
-                                          .bin_pairs = pairs_of_bin(d) };
+    d->slot->pieces.layers = most_layers(&s->cut);
+    d->slot->pieces.rows = tile_rows(d);
     return true;
+}
+
+static bool is_want_of_room(const struct sp_error *why) {
+    return why->code == SP_ERR_MEMORY || why->code == SP_ERR_BUDGET;
+}
+
+/* Plans the band in smaller and smaller pieces, until there is room for them. */
+static bool plan_in_room(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->state;
+    struct sp_error why = { .code = SP_OK };
+    unsigned halvings = s->room.halvings;
+    bool ok = plan_band(d, &why);
+    while (!ok && is_want_of_room(&why) && gl_room_halve(&s->room)) {
+        gl_memory_release(s);
+        gl_back_finish(&d->slot->back);
+        ok = plan_band(d, &why);
+    }
+    if (ok)
+        return true;
+    s->room.halvings = halvings;
+    return sp_fail(err, why.code, why.place, "%s", why.text);
 }
 
 /* Hands the band over. */
@@ -360,6 +375,13 @@ static bool take_pixels(struct gl_slot *slot, struct sp_frame *frame, struct gl_
     return gl_back_close(&slot->back, err);
 }
 
+static double longest_dispatch(const double longest[GL_STAGES]) {
+    double ms = 0;
+    for (int i = 0; i < GL_STAGES; i++)
+        ms = i != GL_STAGE_READ && longest[i] > ms ? longest[i] : ms;
+    return ms;
+}
+
 /* Waits for the band that was handed over last. If it had no room nothing was handed over then, and
  * there is more; else it is in the picture, and the slot's y its end. */
 static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
@@ -371,7 +393,9 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     if (!take_pixels(slot, job->frame, &head, err))
         return false;
     slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
-    gl_timer_read(&slot->timer, slot->stage_ms);
+    double longest[GL_STAGES] = { 0 };
+    gl_timer_read(&slot->timer, slot->stage_ms, longest);
+    gl_room_pace(&s->room, &slot->pieces, longest_dispatch(longest));
     bool fits = gl_room_is_enough(&slot->pieces, &head);
     slot->y = slot->end = fits ? slot->end : slot->y;
     s->needed = head.needed > s->needed ? head.needed : s->needed;
@@ -427,10 +451,10 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
     bool ok = true;
     do {
         d->y = slot->y;
-        if (!plan_band(d, err))
+        if (!plan_in_room(d, err))
             return false;
         if (!may_wait && (d->end < height ||
-                          (uint64_t)d->state->cut.batch_count * d->state->room.turns > BEHIND))
+                          (uint64_t)d->state->cut.batch_count * d->state->room.turns > behind(d)))
             return true;
         ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
     } while (ok && slot->end < height);
@@ -445,16 +469,19 @@ static bool try_draw(struct gl_state *s, struct gl_slot *slot, const struct sp_b
     return ok;
 }
 
-/* What has no room is tried once more without what earlier frames left. */
+/* What has no room is tried once more without what earlier frames left; then the processor
+ * classifies what the GPU has no room for. */
 static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                  bool may_wait, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
+    s->lists.tries_again = true;
     if (try_draw(s, slot, job, may_wait, &why))
         return true;
-    bool has_no_room = why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET;
-    if (has_no_room && gl_memory_release(s))
-        return try_draw(s, slot, job, may_wait, err);
-    return sp_fail(err, why.code, why.place, "%s", why.text);
+    if (!is_want_of_room(&why))
+        return sp_fail(err, why.code, why.place, "%s", why.text);
+    gl_memory_release(s);
+    s->lists.tries_again = false;
+    return try_draw(s, slot, job, may_wait, err);
 }
 
 bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct sp_error *err) {

@@ -229,7 +229,6 @@ static bool cut_distances(struct gl_frame *f, const struct sp_view *view,
     double reach = 0;
     f->thickness = f->compositing == SP_COMPOSITE_SLAB ? slab_thickness(f, view, &reach)
                                                        : sp_depth_thickness(ewa, SPLAT_RANGE, 0);
-    f->spanned += (uint32_t)ceil(2 * reach / f->thickness);
     const struct gl_cut_depth depth = { .camera = &f->camera,
                                         .thickness = f->thickness * ewa->unit,
                                         .reach = reach * ewa->unit,
@@ -244,7 +243,6 @@ static bool cut_layers(struct gl_frame *f, const struct sp_backend_job *job,
                                           .detail = &f->detail,
                                           .level = f->finest,
                                           .is_enlarged = f->is_enlarged };
-    f->spanned = 1;
     if (f->compositing == SP_COMPOSITE_SHEET)
         return cut_sheets(f, from, &source, err);
     return cut_distances(f, job->view, from, &source, err);

@@ -43,7 +43,6 @@ struct gl_frame {
     double thickness;   /* of a layer by distance [cells] */
     uint64_t visible;   /* voxels of the volume */
     double classify_ms; /* lists: the processor's work and the GPU's, which is waited for */
-    uint32_t spanned;   /* layers that a kernel lies in, at most */
     struct gl_constants constants;
     struct sp_camera_frame camera;
     struct sp_detail detail;

@@ -1,18 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/gl/memory.h"
 
+#include <math.h>
+
 enum {
     PAIRS_MOST = 1 << 25,
     RECORDS_MOST = 4000000, /* a pair has 22 bits for one; counts of GL_SCAN_BLOCK bins, a word */
     BINS_MOST = 1 << 25,
     TILES_MOST = 1 << 17, /* 8 million px */
-    LOOPS_MOST = 1 << 19, /* of a work group: some 10 ms */
+    LOOPS_MOST = 1 << 19, /* of a work group: some 10 ms where nothing is waited for, and … */
+    DEAR = 8,             /* … so many times that where each waits for memory */
+    DISPATCH_MS = 25,     /* half of what one may take: the next frame may be twice as dear */
     BINS_SOFTWARE = 1 << 22,
     TILES_SOFTWARE = 1 << 15,
     LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
                                iteration of a loop in a loop is two */
     PARTS = 8,              /* of the budget: four kinds of scratch take one each */
-    RECORD_BYTES = 40,
     PIXEL_BYTES = GL_PIXEL_BYTES + 16 + 2 * 16, /* image, pixels and two ways back */
     LOOKS = 256, /* frames between two looks at what scratch was needed for */
     LARGER = 4   /* times what was needed: too large */
@@ -23,21 +26,22 @@ static uint64_t least(uint64_t a, uint64_t b) {
 }
 
 void gl_memory_limit(struct gl_state *s) {
-    uint64_t part = s->lists.limit_bytes / PARTS;
+    uint64_t part = s->lists.limit_bytes / PARTS * 4 / 5; /* buffers have a quarter to spare */
     uint64_t block = s->block_bytes ? s->block_bytes : UINT64_MAX;
     uint64_t words = least(part / sizeof(uint32_t), block / sizeof(uint32_t) - GL_BINS_HEAD);
     uint64_t px = least(part / PIXEL_BYTES, block / GL_PIXEL_BYTES);
     bool software = gl_context_info(s->context)->software;
     struct gl_limits *limits = &s->room.limits;
     *limits =
-        (struct gl_limits){ .records = (uint32_t)least(RECORDS_MOST, part / RECORD_BYTES),
+        (struct gl_limits){ .records = RECORDS_MOST,
+                            .record_bytes = part,
                             .bins = (uint32_t)least(software ? BINS_SOFTWARE : BINS_MOST, words),
                             .tiles = (uint32_t)least(software ? TILES_SOFTWARE : TILES_MOST,
                                                      px / (GL_TILE * GL_TILE)),
                             .pairs = least(PAIRS_MOST, words),
-                            .loops = software ? LOOPS_SOFTWARE : LOOPS_MOST };
-    if (limits->records < SP_BRICK_VOXELS)
-        limits->records = SP_BRICK_VOXELS;
+                            .loops = software ? LOOPS_SOFTWARE : LOOPS_MOST,
+                            .dear = software ? 1 : DEAR,
+                            .dispatch_ms = software ? INFINITY : DISPATCH_MS };
 }
 
 static uint64_t of_slots(const struct gl_state *s) {
@@ -60,13 +64,13 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
 
 /* What frames are drawn in; ends with NULL. */
 struct scratch {
-    struct gl_buffer *buffers[8];
+    struct gl_buffer *buffers[9];
 };
 
 static struct scratch scratch_of(struct gl_state *s) {
     return (struct scratch){ { &s->buffers.records, &s->buffers.spans, &s->buffers.image,
                                &s->buffers.pixels, &s->bins.counts, &s->bins.totals, &s->bins.pairs,
-                               NULL } };
+                               &s->upload.chunks, NULL } };
 }
 
 bool gl_memory_release(struct gl_state *s) {
@@ -76,7 +80,7 @@ bool gl_memory_release(struct gl_state *s) {
         had = had || scratch.buffers[i]->name;
         gl_buffer_finish(scratch.buffers[i]);
     }
-    s->room.pairs = least(GL_PAIRS_MIN, s->room.limits.pairs);
+    s->room.pairs = least(GL_PAIRS_MIN, gl_room_limits(&s->room).pairs);
     s->lists.beside_bytes = gl_draw_bytes(s);
     return had;
 }

@@ -5,8 +5,9 @@
  *   |-- voxels, lists (volume.h) --|-- scratch: splats, pairs, bins, pixels --|-- rest --|  limit
  *
  * Scratch is what frames are drawn in; nothing of it outlives the frame, so that it can go whenever
- * one is planned. Pieces that frames are drawn in are as large as half of the budget allows. Voxels
- * and lists have what scratch leaves: the least recently used go.
+ * one is planned. Pieces that frames are drawn in are as large as half of the budget allows, and
+ * smaller where voxels and lists of the frame leave less; of others the least recently used go
+ * first.
  */
 #ifndef GL_MEMORY_H
 #define GL_MEMORY_H

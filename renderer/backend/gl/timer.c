@@ -16,21 +16,27 @@ void gl_timer_finish(struct gl_timer *timer) {
 
 void gl_timer_start(struct gl_timer *timer) {
     timer->count = 0;
+    timer->is_over = false;
     gl_timer_stamp(timer, NO_STAGE);
 }
 
 void gl_timer_stamp(struct gl_timer *timer, unsigned stage) {
-    if (timer->count == GL_STAMPS)
-        timer->count--; /* the last one moves on */
+    timer->is_over = timer->count == GL_STAMPS;
+    timer->count -= timer->is_over; /* the last one moves on */
     timer->stage[timer->count] = (uint8_t)stage;
     glQueryCounter(timer->queries[timer->count++], GL_TIMESTAMP);
 }
 
-void gl_timer_read(const struct gl_timer *timer, double *ms) {
+void gl_timer_read(const struct gl_timer *timer, double *ms, double *longest) {
     GLuint64 before = 0, now = 0;
     for (unsigned i = 0; i < timer->count; i++, before = now) {
         glGetQueryObjectui64v(timer->queries[i], GL_QUERY_RESULT, &now);
-        if (timer->stage[i] != NO_STAGE && now > before)
-            ms[timer->stage[i]] += (double)(now - before) * 1e-6;
+        unsigned stage = timer->stage[i];
+        if (stage == NO_STAGE || now <= before)
+            continue;
+        double part = (double)(now - before) * 1e-6;
+        ms[stage] += part;
+        if (part > longest[stage] && !(timer->is_over && i + 1 == timer->count))
+            longest[stage] = part;
     }
 }

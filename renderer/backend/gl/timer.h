@@ -6,6 +6,7 @@
 #ifndef GL_TIMER_H
 #define GL_TIMER_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 enum { GL_STAMPS = 512 };
@@ -14,6 +15,7 @@ struct gl_timer {
     unsigned queries[GL_STAMPS];
     uint8_t stage[GL_STAMPS]; /* that ended with the stamp; 255: none */
     unsigned count;
+    bool is_over; /* stamps were left out: the last one's part is many */
 };
 
 /* Contexts must be current. */
@@ -27,7 +29,8 @@ void gl_timer_start(struct gl_timer *timer);
  * are left out: the next one that is taken counts for all since. */
 void gl_timer_stamp(struct gl_timer *timer, unsigned stage);
 
-/* Adds the times to ms[stage]. The GPU must be done with what was stamped. */
-void gl_timer_read(const struct gl_timer *timer, double *ms);
+/* Adds the times to ms[stage], and raises longest[stage] to that of the longest of its parts, from
+ * stamp to stamp. The GPU must be done with what was stamped. */
+void gl_timer_read(const struct gl_timer *timer, double *ms, double *longest);
 
 #endif

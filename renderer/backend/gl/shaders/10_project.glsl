@@ -20,7 +20,7 @@ layout(std430, binding = 6) writeonly buffer Spans { uvec2 spans[]; };
 layout(location = 1) uniform uvec2 batch; // first chunk, first layer
 layout(location = 2) uniform uvec4 list;  // has keys, bytes of a normal, first class, has scales
 layout(location = 3) uniform uint stride; // of the records
-layout(location = 4) uniform uint room;   // for pairs
+layout(location = 4) uniform uvec2 room;  // for pairs; for the rounds of a splat over its tiles and layers
 
 // enum sp_filter_mode
 const uint ADAPTIVE = 0u, EWA = 1u, RECONSTRUCTION = 2u, LOWPASS = 3u, SWAN = 4u, NONE = 5u;
@@ -386,7 +386,19 @@ bool plan(uint own) {
     uint before = atomicAdd(planned, own);
     if (before + own < before)
         atomicMax(needed, 0xffffffffu);
-    return before + own >= before && before + own <= room;
+    return before + own >= before && before + own <= room.x;
+}
+
+// Where an invocation would go round its tiles and layers for too long, the splat is left out; the frame is drawn again
+// in smaller pieces then.
+uvec2 bound(uvec2 bits) {
+    Span span = unpack_span(bits);
+    uvec2 size = span.last - span.first + 1u;
+    uint rounds = bits == NOWHERE ? 0u : size.x * size.y * (span.layers.y - span.layers.x + 3u);
+    if (rounds <= room.y)
+        return bits;
+    atomicMax(widest, rounds);
+    return NOWHERE;
 }
 
 void count_pairs(Span span) {
@@ -433,7 +445,7 @@ void main() {
     mode = filter_mode;
     uvec2 bits = NOWHERE;
     if (thread < (chunk.z & 0xffffu))
-        spans[chunk.w + thread] = bits = set_up(chunk.x + thread, stride * (chunk.w + thread));
+        spans[chunk.w + thread] = bits = bound(set_up(chunk.x + thread, stride * (chunk.w + thread)));
     Span span = unpack_span(bits);
     bool is_drawn = bits != NOWHERE;
     if (is_drawn)

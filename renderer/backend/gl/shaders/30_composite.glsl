@@ -14,11 +14,11 @@ layout(std430, binding = 4) buffer Image { vec4 image[]; };
 layout(location = 1) uniform uvec3 batch; // width of the picture [px], room for pairs, those of a tile in a turn
 layout(location = 2) uniform uvec4 joint; // batch resumes a layer, leaves one open; turn, turns
 
-const uint STAGED = TILE * TILE;
+const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u ? 4u : 2u; // of a record's, all but its cuts
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
 const uint NO_LAYER = 0xffffffffu;
 
-shared uvec4 staged[2u * STAGED];
+shared uvec4 staged[WORDS * STAGED];
 shared uint staged_at[STAGED];
 shared bool is_live;
 
@@ -87,9 +87,9 @@ bool stage(uint thread, uint begin, uint end) {
         uint pair = pairs[begin + thread];
         uint record = shape.y * (pair & ((1u << RECORD_BITS) - 1u));
         staged_at[thread] = record;
-        staged[2u * thread] = records[record];
-        staged[2u * thread + 1u] = records[record + 1u];
-        staged[2u * thread + 1u].w += pair >> RECORD_BITS << 16;
+        for (uint w = 0u; w < WORDS; w++)
+            staged[WORDS * thread + w] = records[record + w];
+        staged[WORDS * thread + 1u].w += pair >> RECORD_BITS << 16;
     }
     barrier();
     return is_live;
@@ -97,27 +97,27 @@ bool stage(uint thread, uint begin, uint end) {
 
 // Adds staged splat i, which is of the open layer.
 void add(uint i) {
-    uvec4 rest = staged[2u * i + 1u];
+    uvec4 rest = staged[WORDS * i + 1u], line = staged[WORDS * i + WORDS - 2u], range = staged[WORDS * i + WORDS - 1u];
     vec2 d;
-    float exponent, weight = weigh(staged[2u * i], uintBitsToFloat(rest.x), at, d, exponent);
+    float exponent, weight = weigh(staged[WORDS * i], uintBitsToFloat(rest.x), at, d, exponent);
     if (weight > 0.0 && (compositing == COMPOSITE_SLAB || is_clipped))
-        weight *= share_of(staged_at[i], rest.w >> 16, d, exponent);
+        weight *= share_of(staged_at[i] + WORDS, uintBitsToFloat(line), ivec2(range.xy), rest.w >> 16, d, exponent);
     float t = weight * uintBitsToFloat(rest.y);
     sum += t * vec4(1.0, unpackHalf2x16(rest.z), unpackHalf2x16(rest.w).x);
     if (is_post)
-        sum_value += t * uintBitsToFloat(records[staged_at[i] + 3u].z);
+        sum_value += t * uintBitsToFloat(range.z);
 }
 
 // Adds n staged splats, layer by layer, so that a layer is composited once, whether branches are taken or masked.
 void add_staged(uint n, inout uint layer) {
     for (uint i = 0u; i < n;) {
-        uint own = staged[2u * i + 1u].w >> 16;
+        uint own = staged[WORDS * i + 1u].w >> 16;
         if (own != layer || compositing == COMPOSITE_SPLAT)
             composite();
         layer = own;
         do {
             add(i++);
-        } while (compositing != COMPOSITE_SPLAT && i < n && staged[2u * i + 1u].w >> 16 == own);
+        } while (compositing != COMPOSITE_SPLAT && i < n && staged[WORDS * i + 1u].w >> 16 == own);
     }
 }
 

@@ -11,7 +11,8 @@ layout(std430, binding = 7) coherent buffer Bins {
     uint longest;          // pairs of the tile that had most in a batch
     uint planned;          // pairs of this batch, before they are counted by bin
     uint crowded;          // pairs of the longest bin that was not put in order
-    uint unused[8];
+    uint widest;           // rounds of the splat that had most, of those that were left out for it
+    uint unused[7];
     uint count[];
 };
 

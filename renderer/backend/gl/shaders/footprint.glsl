@@ -87,14 +87,12 @@ float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
     return factor;
 }
 
-// Share of the record's weight that layer `layer` of the batch gets at d.
-float share_of(uint at, uint layer, vec2 d, float exponent) {
+// Share of the record's weight that layer `layer` of the batch gets at d. `at`: its first cut; slabs: its line and layers.
+float share_of(uint at, vec4 line, ivec2 range, uint layer, vec2 d, float exponent) {
     bool is_slab = compositing == COMPOSITE_SLAB;
     vec2 bounds = vec2(-UNBOUNDED, UNBOUNDED), shares;
-    float factor = is_clipped ? clip_ray(at + (is_slab ? 4u : 2u), d, exponent, bounds) : 1.0;
+    float factor = is_clipped ? clip_ray(at, d, exponent, bounds) : 1.0;
     if (is_slab) {
-        vec4 line = uintBitsToFloat(records[at + 2u]);
-        ivec2 range = ivec2(records[at + 3u].xy);
         int own = int(slab.x) + int(layer);
         float near = (float(own) * slab.y - line.x - dot(line.yz, d)) * line.w;
         float far = near + slab.y * line.w;

@@ -65,7 +65,7 @@ Class class_around(float value, float half_interval) {
     vec4 head[2], rest[2];
     integral_at(value - half_interval, head[0], rest[0]);
     integral_at(value + half_interval, head[1], rest[1]);
-    vec4 sum = (head[1] - head[0]) + (rest[1] - rest[0]);
+    precise vec4 sum = (head[1] - head[0]) + (rest[1] - rest[0]);
     if (!(sum.x > 0.0))
         return Class(vec3(0), 0.0);
     return Class(sum.yzw / sum.x, sum.x / (2.0 * half_interval));

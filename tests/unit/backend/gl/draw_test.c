@@ -114,7 +114,7 @@ static void pieces_make_the_whole(void **state) {
     static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB,
                                                  SP_COMPOSITE_SPLAT, SP_COMPOSITE_SHEET };
     const struct gl_limits whole = rig->state->room.limits;
-    struct gl_limits small[] = { whole, whole, whole, whole, whole, whole };
+    struct gl_limits small[] = { whole, whole, whole, whole, whole, whole, whole };
     small[0].records = SP_BRICK_VOXELS; /* a brick or two a batch */
     small[1].bins = 1;                  /* a layer a batch */
     small[2].records = SP_BRICK_VOXELS; /* … a few of its bricks, and a row of tiles a band */
@@ -123,6 +123,7 @@ static void pieces_make_the_whole(void **state) {
     small[4].loops = 1000; /* a tile in many turns … */
     small[5].loops = 2000; /* … of many batches */
     small[5].records = SP_BRICK_VOXELS;
+    small[6].dear = whole.loops; /* a splat no more than a row of tiles */
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b++) {
         struct test_scene scene;
         struct sp_volume *volume = make_scene(builds[b], &scene);
@@ -139,6 +140,8 @@ static void pieces_make_the_whole(void **state) {
             got = draw_ok(rig, volume, &scene.view, &own);
             check_same(&got, &wanted, scene.info.name);
             assert_int_equal(own.splats, stats.splats); /* each once */
+            if (small[i].dear > 1 && builds[b] == test_scene_inside)
+                assert_true(rig->state->room.rows < whole.tiles);
             reset(rig, &whole);
         }
         test_image_finish(&wanted);

@@ -121,6 +121,24 @@ static void what_had_no_room_is_drawn_again(void **state) {
     }
 }
 
+/* Short batches are no reason to wait. */
+static void a_few_batches_are_handed_over(void **state) {
+    struct rig *rig = *state;
+    struct sp_backend_job jobs[2] = { make_job(rig, &rig->shots[0], NULL),
+                                      make_job(rig, &rig->shots[0], NULL) };
+    struct gl_room *room = &rig->state->room;
+    uint32_t layers = room->layers;
+    room->layers = 4;
+    begin(rig, &jobs[0]);
+    begin(rig, &jobs[1]);
+    assert_in_range(rig->state->cut.batch_count, 3, 8);
+    const struct gl_slot *second = &rig->state->slots[(rig->state->oldest + 1) % GL_IN_FLIGHT];
+    assert_int_equal(second->end, SIZE);
+    room->layers = layers;
+    finish(rig, &jobs[0], &rig->shots[0]);
+    finish(rig, &jobs[1], &rig->shots[0]);
+}
+
 /* The second one's lists take the place of the first one's. */
 static void what_is_in_flight_may_be_dropped(void **state) {
     struct rig *rig = *state;
@@ -257,11 +275,9 @@ int main(int argc, char **argv) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(two_in_flight_do_not_meet),
-        ON(what_had_no_room_is_drawn_again),
-        ON(what_is_in_flight_may_be_dropped),
-        ON(one_is_cancelled_and_not_the_other),
-        ON(frames_may_be_left),
+        ON(two_in_flight_do_not_meet),          ON(what_had_no_room_is_drawn_again),
+        ON(a_few_batches_are_handed_over),      ON(what_is_in_flight_may_be_dropped),
+        ON(one_is_cancelled_and_not_the_other), ON(frames_may_be_left),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     close_rig(&rig);

@@ -11,10 +11,12 @@
 #include <cmocka.h>
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "backend/backend.h"
 #include "backend/gl/draw.h"
+#include "backend/gl/memory.h"
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/image.h"
@@ -123,11 +125,11 @@ static void a_budget_that_cannot_do_is_told_with_both_numbers(void **state) {
     struct sp_error err;
     must_open(&rig, 8 * MIB);
     must_draw(&rig, SMALL, NULL);
-    rig.state->lists.limit_bytes = MIB;
-    assert_false(draw(&rig, SMALL, NULL, &err)); /* the first pairs alone take more */
+    rig.state->lists.limit_bytes = MIB / 16;
+    assert_false(draw(&rig, SMALL, NULL, &err)); /* the voxels alone take more */
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_non_null(strstr(err.text, "take "));
-    assert_non_null(strstr(err.text, " 1048576 are allowed"));
+    assert_non_null(strstr(err.text, " 65536 are allowed"));
     rig.state->lists.limit_bytes = 8 * MIB;
     must_draw(&rig, SMALL, NULL);
     close_rig(&rig);
@@ -167,6 +169,155 @@ static void what_was_needed_once_goes(void **state) {
     close_rig(&rig);
 }
 
+/* The rig's volume from now on. */
+static void take_volume(struct rig *rig, struct sp_volume *volume) {
+    assert_non_null(volume);
+    rig->backend->forget(rig->state, rig->volume);
+    sp_volume_unref(&rig->volume);
+    rig->volume = volume;
+}
+
+static bool render(struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
+                   struct sp_error *err) {
+    struct sp_frame *frame =
+        sp_frame_create(rig->pool, view->size[0], view->size[1], SP_RGBA8, err);
+    const struct sp_backend_job job = { .volume = volume, .view = view, .frame = frame };
+    assert_non_null(frame);
+    bool ok = rig->backend->render(rig->state, &job, err);
+    sp_frame_unref(&frame);
+    return ok;
+}
+
+static void must_render(struct rig *rig, struct sp_volume *volume, const struct sp_view *view) {
+    struct sp_error err;
+    if (!render(rig, volume, view, &err))
+        fail_msg("%s", err.text);
+    assert_true(all_bytes(rig) <= rig->state->lists.limit_bytes);
+}
+
+/* Records of a view with many planes are large: pieces are as small as there is room for. */
+static void many_planes_fit_any_budget(void **state) {
+    (void)state;
+    static const uint64_t budgets[] = { 3 * MIB, 4 * MIB, 6 * MIB, 8 * MIB, 12 * MIB };
+    for (size_t i = 0; i < sizeof budgets / sizeof *budgets; i++) {
+        struct rig rig;
+        must_open(&rig, budgets[i]);
+        take_volume(&rig, sp_volume_load("demo:phantom?size=64", NULL, NULL));
+        struct sp_view view;
+        sp_view_init(&view, sp_volume_info(rig.volume), "v");
+        view.size[0] = view.size[1] = 32;
+        view.level_of_detail = SP_LOD_OFF;
+        view.clip.plane_count = SP_CLIP_PLANES_MAX;
+        for (int k = 0; k < SP_CLIP_PLANES_MAX; k++) {
+            view.clip.planes[k].normal[0] = 1;
+            view.clip.planes[k].normal[1] = 0.1 * k;
+            view.clip.planes[k].normal[2] = 0;
+            view.clip.planes[k].offset = -1000;
+        }
+        for (int k = 0; k < 3; k++) {
+            view.clip.box[0][k] = 0.001;
+            view.clip.box[1][k] = 0.999;
+        }
+        must_render(&rig, rig.volume, &view);
+        close_rig(&rig);
+    }
+}
+
+static struct sp_volume *make_cube(uint32_t n, uint32_t every) {
+    const struct sp_grid grid = { .dims = { n, n, n },
+                                  .spacing = { 1, 1, 1 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    size_t count = (size_t)n * n * n;
+    unsigned char *values = calloc(count, 1);
+    struct sp_error err;
+    assert_non_null(values);
+    for (size_t i = 1; i < count; i += every)
+        values[i] = (unsigned char)(200 + i % 2);
+    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, values, "cube", &err);
+    free(values);
+    assert_non_null(volume);
+    return volume;
+}
+
+static struct sp_view view_of(const struct sp_volume *volume, uint32_t size) {
+    struct sp_view view;
+    sp_view_init(&view, sp_volume_info(volume), "v");
+    view.size[0] = view.size[1] = size;
+    view.level_of_detail = SP_LOD_OFF;
+    return view;
+}
+
+/* Samples and entries leave little: pieces become smaller than half of the budget would make them.
+ */
+static void pieces_are_what_lists_leave(void **state) {
+    (void)state;
+    struct rig rig;
+    must_open(&rig, 8 * MIB);
+    take_volume(&rig, make_cube(96, 1));
+    struct sp_volume *other = make_cube(96, 50);
+    const struct sp_view view = view_of(rig.volume, 16);
+    for (int i = 0; i < 2; i++) {
+        must_render(&rig, other, &view);
+        must_render(&rig, rig.volume, &view);
+        assert_int_equal(gl_lists_voxels(&rig.state->lists, rig.volume, SP_TF_PRE)->refusals, 0);
+    }
+    rig.backend->forget(rig.state, other);
+    sp_volume_unref(&other);
+    close_rig(&rig);
+}
+
+static const struct gl_voxels *voxels_of(const struct rig *rig) {
+    for (int i = 0; i < GL_VOLUMES; i++)
+        if (rig->state->lists.voxels[i].volume == rig->volume)
+            return &rig->state->lists.voxels[i];
+    fail();
+    return NULL;
+}
+
+/* What an earlier picture was drawn in goes before the GPU leaves a volume to the processor. */
+static void scratch_makes_room_for_samples(void **state) {
+    (void)state;
+    struct rig rig;
+    must_open(&rig, 26 * MIB / 10);
+    struct sp_volume *other = make_cube(16, 1);
+    take_volume(&rig, make_cube(128, 5000));
+    struct sp_view large = view_of(other, 192);
+    large.compositing.mode = SP_COMPOSITE_SLAB;
+    const struct sp_view small = view_of(rig.volume, 32);
+    must_render(&rig, other, &large);
+    assert_true(gl_draw_bytes(rig.state) + ((uint64_t)1 << 21) > rig.state->lists.limit_bytes);
+    must_render(&rig, rig.volume, &small);
+    assert_int_equal(voxels_of(&rig)->refusals, 0);
+    assert_true(voxels_of(&rig)->samples.bytes > 0);
+    rig.backend->forget(rig.state, other);
+    sp_volume_unref(&other);
+    close_rig(&rig);
+}
+
+/* A volume that there was no room for gets another look, later each time. */
+static void a_refusal_is_not_for_ever(void **state) {
+    (void)state;
+    struct rig rig;
+    must_open(&rig, 0);
+    take_volume(&rig, make_cube(128, 5000));
+    const struct sp_view view = view_of(rig.volume, 16);
+    uint64_t limit = rig.state->lists.limit_bytes;
+    rig.state->lists.limit_bytes = 2 * MIB;
+    gl_memory_limit(rig.state);
+    for (int i = 0; i < 1 + GL_REFUSED_FRAMES; i++)
+        must_render(&rig, rig.volume, &view);
+    assert_int_equal(voxels_of(&rig)->refusals, 1);
+    must_render(&rig, rig.volume, &view);
+    assert_int_equal(voxels_of(&rig)->refusals, 2);
+    rig.state->lists.limit_bytes = limit;
+    for (int i = 0; i < 2 * GL_REFUSED_FRAMES; i++)
+        must_render(&rig, rig.volume, &view);
+    assert_true(voxels_of(&rig)->samples.bytes == 0);
+    must_render(&rig, rig.volume, &view);
+    assert_true(voxels_of(&rig)->samples.bytes > 0);
+    close_rig(&rig);
+}
+
 int main(void) {
     struct rig rig;
     struct sp_error err;
@@ -182,6 +333,10 @@ int main(void) {
         cmocka_unit_test(a_budget_that_cannot_do_is_told_with_both_numbers),
         cmocka_unit_test(scratch_makes_room),
         cmocka_unit_test(what_was_needed_once_goes),
+        cmocka_unit_test(many_planes_fit_any_budget),
+        cmocka_unit_test(pieces_are_what_lists_leave),
+        cmocka_unit_test(scratch_makes_room_for_samples),
+        cmocka_unit_test(a_refusal_is_not_for_ever),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
