@@ -206,7 +206,7 @@ static void resolve(struct draw *d) {
     gl_buffer_bind(&s->buffers.image, 1);
     gl_buffer_bind(&s->buffers.pixels, 2);
     glDispatchCompute(gl_divide_up(band_pixels(d), GL_GROUP), 1, 1);
-    glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
+    storage_barrier(); /* pixels stay bound: the next program may have a block there */
     gl_timer_stamp(&d->slot->timer, GL_STAGE_RESOLVE);
 }
 

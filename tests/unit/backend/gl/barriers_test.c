@@ -1,0 +1,393 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a GPU must be told and software GL need not, which does one thing after the other: between
+ * two dispatches, the second of which reads what the first one wrote, a barrier for storage; before
+ * a call that reads or writes a buffer that a dispatch wrote, one for updates; before the processor
+ * reads a frame, the fence behind it. The calls are watched on their way to the driver, and fences
+ * are slow. What a program reads and writes its source says.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sp/log.h"
+#include "sp/renderer.h"
+#include "support/data.h"
+
+enum { NAMES = 1 << 14, BINDINGS = 8, SLOW = 3 /* waits before a fence passes */ };
+
+struct program {
+    GLuint shader;
+    char *source; /* of a shader */
+    bool is_known, reads[BINDINGS], writes[BINDINGS], is_coherent[BINDINGS];
+};
+
+static struct {
+    struct program programs[NAMES];
+    GLuint bound[BINDINGS], target[3], program;
+    GLuint unseen[NAMES]; /* the program that wrote to a buffer, no barrier for storage since */
+    GLuint stale[NAMES];  /* the same, none for updates */
+    unsigned dispatches, calls;
+    unsigned copies, fenced,
+        passed; /* copies made, before the last fence, before one that passed */
+    GLsync waited;
+    unsigned waits; /* for it */
+    atomic_bool *cancels;
+    char fault[256]; /* the first */
+} watch;
+
+static struct {
+    PFNGLSHADERSOURCEPROC shader_source;
+    PFNGLATTACHSHADERPROC attach;
+    PFNGLUSEPROGRAMPROC use;
+    PFNGLDISPATCHCOMPUTEPROC dispatch;
+    PFNGLMEMORYBARRIERPROC barrier;
+    PFNGLBINDBUFFERBASEPROC bind_base;
+    PFNGLBINDBUFFERPROC bind;
+    PFNGLDELETEBUFFERSPROC delete_buffers;
+    PFNGLCOPYBUFFERSUBDATAPROC copy;
+    PFNGLCLEARBUFFERSUBDATAPROC clear;
+    PFNGLGETBUFFERSUBDATAPROC get;
+    PFNGLBUFFERSUBDATAPROC write;
+    PFNGLMAPBUFFERRANGEPROC map;
+    PFNGLFENCESYNCPROC fence;
+    PFNGLCLIENTWAITSYNCPROC wait;
+} real;
+
+static void fault(const char *what, GLuint buffer, GLuint writer) {
+    if (!watch.fault[0])
+        snprintf(watch.fault, sizeof watch.fault,
+                 "%s buffer %u, which program %u wrote, without a barrier (program %u is in use)",
+                 what, buffer, writer, watch.program);
+}
+
+static void shader_source(GLuint shader, GLsizei count, const GLchar *const *texts,
+                          const GLint *lengths) {
+    size_t used = 1;
+    char *all = calloc(1, 1);
+    for (GLsizei i = 0; i < count; i++) {
+        used += strlen(texts[i]);
+        all = realloc(all, used);
+        assert_non_null(all);
+        strcat(all, texts[i]);
+    }
+    assert_true(shader < NAMES);
+    free(watch.programs[shader].source);
+    watch.programs[shader].source = all;
+    real.shader_source(shader, count, texts, lengths);
+}
+
+static void attach(GLuint program, GLuint shader) {
+    assert_true(program < NAMES);
+    watch.programs[program].shader = shader;
+    real.attach(program, shader);
+}
+
+/* Its blocks, as the driver says, and how they are declared. */
+static void learn(GLuint name) {
+    struct program *program = &watch.programs[name];
+    const char *source = watch.programs[program->shader].source;
+    static const GLenum wanted = GL_BUFFER_BINDING;
+    GLint blocks = 0;
+    glGetProgramInterfaceiv(name, GL_SHADER_STORAGE_BLOCK, GL_ACTIVE_RESOURCES, &blocks);
+    assert_true(source && blocks > 0);
+    for (GLuint i = 0; i < (GLuint)blocks; i++) {
+        char block[64], text[96];
+        GLint at = 0;
+        glGetProgramResourceName(name, GL_SHADER_STORAGE_BLOCK, i, sizeof block, NULL, block);
+        glGetProgramResourceiv(name, GL_SHADER_STORAGE_BLOCK, i, 1, &wanted, 1, NULL, &at);
+        assert_in_range(at, 0, BINDINGS - 1);
+        snprintf(text, sizeof text, "buffer %s {", block);
+        const char *declared = strstr(source, text);
+        assert_non_null(declared);
+#define IS(word) (strncmp(declared - sizeof word, word " ", sizeof word) == 0)
+        program->reads[at] = !IS("writeonly");
+        program->writes[at] = !IS("readonly");
+        program->is_coherent[at] = IS("coherent"); /* counted in with atomics */
+    }
+    program->is_known = true;
+}
+
+static void use(GLuint program) {
+    watch.program = program;
+    real.use(program);
+    if (program && !watch.programs[program].is_known)
+        learn(program);
+}
+
+static void dispatch(GLuint x, GLuint y, GLuint z) {
+    const struct program *program = &watch.programs[watch.program];
+    watch.dispatches++;
+    for (int i = 0; i < BINDINGS; i++) {
+        GLuint buffer = watch.bound[i], writer = watch.unseen[buffer];
+        bool is_one_pass = program->is_coherent[i] && writer == watch.program;
+        if (writer && !is_one_pass && (program->reads[i] || program->writes[i]))
+            if (program->reads[i] || writer != watch.program)
+                fault("a dispatch takes", buffer, writer);
+    }
+    for (int i = 0; i < BINDINGS; i++)
+        if (program->writes[i])
+            watch.unseen[watch.bound[i]] = watch.stale[watch.bound[i]] = watch.program;
+    real.dispatch(x, y, z);
+}
+
+static void barrier(GLbitfield bits) {
+    if (bits & GL_SHADER_STORAGE_BARRIER_BIT)
+        memset(watch.unseen, 0, sizeof watch.unseen);
+    if (bits & GL_BUFFER_UPDATE_BARRIER_BIT)
+        memset(watch.stale, 0, sizeof watch.stale);
+    real.barrier(bits);
+}
+
+static GLuint *target_of(GLenum target) {
+    int i = target == GL_SHADER_STORAGE_BUFFER ? 0 : target == GL_COPY_READ_BUFFER ? 1 : 2;
+    assert_true(i < 2 || target == GL_COPY_WRITE_BUFFER);
+    return &watch.target[i];
+}
+
+static void bind_base(GLenum target, GLuint at, GLuint buffer) {
+    assert_true(at < BINDINGS && buffer < NAMES);
+    watch.bound[at] = *target_of(target) = buffer;
+    real.bind_base(target, at, buffer);
+}
+
+static void bind(GLenum target, GLuint buffer) {
+    assert_true(buffer < NAMES);
+    *target_of(target) = buffer;
+    real.bind(target, buffer);
+}
+
+static void delete_buffers(GLsizei count, const GLuint *names) {
+    for (GLsizei i = 0; i < count; i++) {
+        watch.unseen[names[i]] = watch.stale[names[i]] = 0; /* another may get the name */
+        for (int k = 0; k < BINDINGS; k++)
+            watch.bound[k] = watch.bound[k] == names[i] ? 0 : watch.bound[k];
+    }
+    real.delete_buffers(count, names);
+}
+
+static void check_update(const char *what, GLenum target) {
+    GLuint buffer = *target_of(target);
+    watch.calls++;
+    if (watch.stale[buffer])
+        fault(what, buffer, watch.stale[buffer]);
+}
+
+static void copy(GLenum from, GLenum to, GLintptr a, GLintptr b, GLsizeiptr bytes) {
+    check_update("a copy from", from);
+    check_update("a copy to", to);
+    watch.copies++;
+    real.copy(from, to, a, b, bytes);
+}
+
+static void clear(GLenum target, GLenum format, GLintptr at, GLsizeiptr bytes, GLenum of,
+                  GLenum type, const void *value) {
+    check_update("clearing", target);
+    real.clear(target, format, at, bytes, of, type, value);
+}
+
+static void get(GLenum target, GLintptr at, GLsizeiptr bytes, void *data) {
+    check_update("reading", target);
+    real.get(target, at, bytes, data);
+}
+
+static void write(GLenum target, GLintptr at, GLsizeiptr bytes, const void *data) {
+    check_update("writing", target);
+    real.write(target, at, bytes, data);
+}
+
+static void *map(GLenum target, GLintptr at, GLsizeiptr bytes, GLbitfield access) {
+    check_update("mapping", target);
+    return real.map(target, at, bytes, access);
+}
+
+enum { FENCES = 256 };
+static struct {
+    GLsync name;
+    unsigned copies;
+} fences[FENCES]; /* round the end */
+static unsigned fence_count;
+
+static GLsync fence(GLenum condition, GLbitfield flags) {
+    GLsync name = real.fence(condition, flags);
+    fences[fence_count % FENCES].name = name;
+    fences[fence_count++ % FENCES].copies = watch.copies;
+    return name;
+}
+
+/* Passes at the last of a few waits. */
+static GLenum wait(GLsync name, GLbitfield flags, GLuint64 ns) {
+    watch.waits = name == watch.waited ? watch.waits + 1 : 1;
+    watch.waited = name;
+    if (watch.cancels)
+        atomic_store(watch.cancels, true);
+    if (watch.cancels && watch.waits > 1000)
+        return GL_WAIT_FAILED; /* nobody looks at the flag */
+    if (watch.cancels || watch.waits < SLOW)
+        return GL_TIMEOUT_EXPIRED;
+    watch.waited = NULL;
+    for (unsigned i = fence_count; i > 0 && fence_count - i < FENCES; i--) {
+        if (fences[(i - 1) % FENCES].name != name)
+            continue;
+        unsigned copies = fences[(i - 1) % FENCES].copies;
+        watch.passed = copies > watch.passed ? copies : watch.passed;
+        break; /* the newest of the name */
+    }
+    return real.wait(name, flags, ns);
+}
+
+/* Once a context was there: until then libepoxy looks the functions up, and replaces these. */
+static void watch_calls(void) {
+#define WATCH(function, own) (real.own = epoxy_##function, epoxy_##function = own)
+    WATCH(glShaderSource, shader_source);
+    WATCH(glAttachShader, attach);
+    WATCH(glUseProgram, use);
+    WATCH(glDispatchCompute, dispatch);
+    WATCH(glMemoryBarrier, barrier);
+    WATCH(glBindBufferBase, bind_base);
+    WATCH(glBindBuffer, bind);
+    WATCH(glDeleteBuffers, delete_buffers);
+    WATCH(glCopyBufferSubData, copy);
+    WATCH(glClearBufferSubData, clear);
+    WATCH(glGetBufferSubData, get);
+    WATCH(glBufferSubData, write);
+    WATCH(glMapBufferRange, map);
+    WATCH(glFenceSync, fence);
+    WATCH(glClientWaitSync, wait);
+}
+
+struct rig {
+    struct sp_renderer *renderer;
+    struct sp_frame_pool *pool;
+    struct sp_volume *volumes[2];
+    struct sp_error err;
+};
+
+static const struct sp_renderer_options software = { .backend = "gl-software", .threads = 1 };
+
+/* Views of every kind, in turn. */
+static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
+    sp_view_init(view, sp_volume_info(rig->volumes[k % 2]), "v");
+    view->size[0] = view->size[1] = 24 + 8 * (k % 3);
+    view->compositing.mode = k / 2 % 3;
+    view->shading.mode = k / 6 % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
+    if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2)
+        view->transfer_function.order = SP_TF_POST;
+    view->level_of_detail = k % 5 ? SP_LOD_AUTO : SP_LOD_OFF;
+    if (k > 18) /* another list */
+        view->transfer_function.points[1].opacity *= 0.9f;
+    for (int a = 0; k % 7 == 3 && a < 3; a++) /* from afar: coarse cells */
+        view->camera.position[a] =
+            view->camera.target[a] + 20 * (view->camera.position[a] - view->camera.target[a]);
+}
+
+static bool begin(struct rig *rig, unsigned k, const struct sp_render_options *options) {
+    struct sp_view view;
+    make_view(rig, k, &view);
+    return sp_renderer_begin(rig->renderer, rig->volumes[k % 2], &view, rig->pool, options,
+                             &rig->err);
+}
+
+/* Finishes a frame before which so many copies had been made when it was handed over. */
+static void finish(struct rig *rig, unsigned copies) {
+    struct sp_frame *frame = sp_renderer_finish(rig->renderer, &rig->err);
+    if (!frame)
+        fail_msg("%s", rig->err.text);
+    sp_frame_unref(&frame);
+    if (watch.fault[0])
+        fail_msg("%s", watch.fault);
+    if (watch.passed < copies)
+        fail_msg("%u of %u copies were waited for", watch.passed, copies);
+}
+
+static void frames_one_by_one(void **state) {
+    for (unsigned k = 0; k < 36; k++) {
+        unsigned before = watch.copies;
+        assert_true(begin(*state, k, NULL));
+        finish(*state, before + 1);
+        assert_int_equal(watch.passed, watch.copies);
+    }
+    assert_true(watch.dispatches > 36 * 6 && watch.calls > 36 * 6); /* it did watch */
+}
+
+static void frames_in_flight(void **state) {
+    struct rig *rig = *state;
+    for (unsigned k = 0; k < 36; k++) {
+        unsigned copies[2];
+        for (unsigned i = 0; i < 2; i++) {
+            assert_true(begin(rig, k + i, NULL));
+            copies[i] = watch.copies;
+        }
+        if (k == 20)
+            sp_renderer_forget(rig->renderer, rig->volumes[0]);
+        finish(rig, copies[0]);
+        finish(rig, copies[1]);
+    }
+}
+
+static void a_fence_that_does_not_pass_can_be_cancelled(void **state) {
+    struct rig *rig = *state;
+    atomic_bool cancel = false;
+    const struct sp_render_options options = { .cancel = &cancel };
+    assert_true(begin(rig, 0, &options));
+    watch.cancels = &cancel;
+    assert_null(sp_renderer_finish(rig->renderer, &rig->err));
+    assert_int_equal(rig->err.code, SP_ERR_CANCELLED);
+    watch.cancels = NULL;
+    assert_true(begin(rig, 0, NULL));
+    finish(rig, watch.copies);
+}
+
+static bool open_rig(struct rig *rig) {
+    struct sp_renderer *first = sp_renderer_create(&software, &rig->err);
+    if (!first)
+        return false;
+    rig->pool = sp_frame_pool_create(0, &rig->err);
+    rig->volumes[0] = sp_volume_load("demo:engine?size=24", NULL, &rig->err);
+    rig->volumes[1] = sp_volume_load("demo:phantom?size=20", NULL, &rig->err);
+    assert_true(rig->pool && rig->volumes[0] && rig->volumes[1]);
+    rig->renderer = first; /* has libepoxy look up what frames take */
+    unsigned kinds = 12;
+    for (unsigned k = 0; k < kinds; k++) {
+        struct sp_frame *frame = begin(rig, k, NULL) ? sp_renderer_finish(first, &rig->err) : NULL;
+        assert_non_null(frame);
+        sp_frame_unref(&frame);
+    }
+    sp_renderer_destroy(&first);
+    watch_calls();
+    rig->renderer = sp_renderer_create(&software, &rig->err);
+    assert_non_null(rig->renderer);
+    return true;
+}
+
+int main(void) {
+    static struct rig rig;
+    sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    if (!open_rig(&rig)) {
+        printf("skipped: no software GL here: %s\n", rig.err.text);
+        return TEST_SKIPPED;
+    }
+#define TEST(name)                                                                                 \
+    { #name, name, NULL, NULL, &rig }
+    const struct CMUnitTest tests[] = {
+        TEST(frames_one_by_one),
+        TEST(frames_in_flight),
+        TEST(a_fence_that_does_not_pass_can_be_cancelled),
+    };
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    sp_renderer_destroy(&rig.renderer);
+    sp_frame_pool_destroy(&rig.pool);
+    for (int i = 0; i < 2; i++)
+        sp_volume_unref(&rig.volumes[i]);
+    for (int i = 0; i < NAMES; i++)
+        free(watch.programs[i].source);
+    return failed;
+}
