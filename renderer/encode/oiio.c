@@ -5,8 +5,8 @@
 #include "encode/module.h"
 
 #if defined(__SANITIZE_THREAD__)
-/* The library guards its thread pool and its table of formats with spin locks, which TSan cannot see
- * in a library that was not built with it. */
+/* The library guards its thread pool and its table of formats with spin locks, which TSan cannot
+ * see in a library that was not built with it. */
 __attribute__((visibility("default"))) const char *__tsan_default_suppressions(void);
 const char *__tsan_default_suppressions(void) {
     return "called_from_lib:libOpenImageIO_Util.so\ncalled_from_lib:libOpenImageIO.so\n";
