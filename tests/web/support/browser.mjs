@@ -78,6 +78,28 @@ export function difference(a, b) {
   return count / total;
 }
 
+/** The same for means of 16×16 pixels: of pictures that may be of other sharpness. */
+export function coarseDifference(a, b) {
+  assert.deepEqual([a.width, a.height], [b.width, b.height]);
+  const side = 16;
+  let count = 0;
+  let total = 0;
+  for (let y = 0; y + side <= a.height; y += side) {
+    for (let x = 0; x + side <= a.width; x += side) {
+      const sums = [0, 0, 0];
+      for (let v = y; v < y + side; v += 1) {
+        for (let u = x; u < x + side; u += 1) {
+          const q = b.at(u, v);
+          a.at(u, v).slice(0, 3).forEach((part, i) => { sums[i] += part - q[i]; });
+        }
+      }
+      if (sums.some((sum) => Math.abs(sum) > 24 * side * side)) count += 1;
+      total += 1;
+    }
+  }
+  return count / total;
+}
+
 /** Drags in `steps` moves. options: {button, shift} */
 export async function drag(page, [x0, y0], [x1, y1], { button = 'left', steps = 12 } = {}) {
   await page.mouse.move(x0, y0);
