@@ -324,7 +324,7 @@ async function connectMany(daemon, count) {
   return { sockets, refused };
 }
 
-/** 10,000 connections without a word: refused at the default limit, held where the limit allows them; a user works on. */
+/** 10,000 connections without a word: over the limit they wait in the system's backlog, below it they are held; a user works on. */
 async function idle() {
   for (const limit of [1024, 12000]) {
     const daemon = await Daemon.start('auto', ['--connections', String(limit), '--connections-per-address', String(limit), '--header-time', '600']);
