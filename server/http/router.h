@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Paths and methods → handlers, by one table (listener.c).
+ * Paths and methods → handlers, by one table (request.c).
  */
 #ifndef SRV_HTTP_ROUTER_H
 #define SRV_HTTP_ROUTER_H

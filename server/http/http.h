@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the two halves of HTTP share: listener.c, which has sockets and threads, and request.c,
+ * which has requests.
+ */
+#ifndef SRV_HTTP_HTTP_H
+#define SRV_HTTP_HTTP_H
+
+#include <pthread.h>
+
+#include "http/listener.h"
+
+struct srv_tls;
+
+struct srv_http {
+    struct srv_http_options options;
+    struct MHD_Daemon *daemon;
+    struct srv_tls *tls; /* NULL = the daemon listens itself */
+    struct srv_guard *guard;
+    char address[SRV_ADDRESS_TEXT];
+    pthread_mutex_t mutex;
+    pthread_cond_t idle;
+    unsigned active; /* requests between headers and the end of the answer */
+    bool draining;
+};
+
+/* The library's callbacks for requests; user: the srv_http. */
+void *srv_on_target(void *user, const char *target, struct MHD_Connection *connection);
+enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, const char *path,
+                               const char *method, const char *version, const char *bytes,
+                               size_t *size, void **state);
+void srv_on_completed(void *user, struct MHD_Connection *connection, void **state,
+                      enum MHD_RequestTerminationCode code);
+
+#endif

@@ -1,0 +1,372 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "http/answer.h"
+#include "http/headers.h"
+#include "http/http.h"
+#include "sp/log.h"
+
+enum {
+    DISCARD_BYTES =
+        16 * 1024 * 1024 /* of a refused body that are read, so that the answer arrives */
+};
+
+static const struct srv_route routes[] = {
+    { SRV_GET, "/healthz", srv_get_healthz, true },
+    { SRV_GET, "/metrics", srv_get_metrics, false },
+    { SRV_GET, "/readyz", srv_get_readyz, true },
+    { SRV_GET, "/api/v1/openapi.yaml", srv_get_openapi, false },
+    { SRV_GET, "/api/v1/view.schema.json", srv_get_schema, false },
+    { SRV_GET, "/api/v1/stream.schema.json", srv_get_schema, false },
+    { SRV_GET, "/api/v1/volumes", srv_get_volumes, false },
+    { SRV_POST, "/api/v1/volumes", srv_post_volume, false },
+    { SRV_GET, "/api/v1/volumes/{}", srv_get_volume, false },
+    { SRV_DELETE, "/api/v1/volumes/{}", srv_delete_volume, false },
+    { SRV_GET, "/api/v1/volumes/{}/view", srv_get_volume_view, false },
+    { SRV_POST, "/api/v1/render", srv_post_render, false },
+    { SRV_GET, "/api/v1/render/{}", srv_get_render, false },
+    { SRV_POST, "/api/v1/views", srv_post_view, false },
+    { SRV_GET, "/api/v1/views/{}", srv_get_view, false },
+    { SRV_GET, "/api/v1/presets", srv_get_presets, false },
+    { SRV_GET, "/api/v1/presets/{}", srv_get_preset, false },
+    { SRV_PUT, "/api/v1/presets/{}", srv_put_preset, false },
+    { SRV_DELETE, "/api/v1/presets/{}", srv_delete_preset, false },
+    { SRV_POST, "/api/v1/sessions", srv_post_session, true },
+    { SRV_GET, "/api/v1/sessions/{}", srv_get_session, true },
+    { SRV_PATCH, "/api/v1/sessions/{}", srv_patch_session, true },
+    { SRV_DELETE, "/api/v1/sessions/{}", srv_delete_session, false },
+    { SRV_GET, "/api/v1/sessions/{}/stream", srv_get_stream, true },
+};
+enum { ROUTES = sizeof routes / sizeof *routes };
+
+/* What handlers ask. */
+
+const char *srv_request_header(const struct srv_request *request, const char *name) {
+    return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
+}
+
+const char *srv_request_query(const struct srv_request *request, const char *key) {
+    return MHD_lookup_connection_value(request->connection, MHD_GET_ARGUMENT_KIND, key);
+}
+
+const char *srv_request_token(const struct srv_request *request) {
+    const char *bearer = srv_bearer_token(srv_request_header(request, "Authorization"));
+    return bearer ? bearer : srv_request_query(request, "token");
+}
+
+proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err = { .code = SP_OK };
+    proto_json *json = request->body_size
+                           ? proto_json_parse(request->body, request->body_size, &err)
+                           : proto_json_parse("{}", 2, &err);
+    if (!json) {
+        srv_reply_error(reply, &err);
+    } else if (proto_json_type(json) != PROTO_JSON_OBJECT) {
+        proto_json_free(&json);
+        srv_reply_problem(reply, 422, NULL, "the body must be a JSON object");
+    }
+    return json;
+}
+
+void srv_request_suspend(struct srv_request *request) {
+    request->is_suspended = true;
+    srv_guard_set_deadline(request->http->guard, request->guarded, 0);
+    MHD_suspend_connection(request->connection);
+}
+
+void srv_request_complete(struct srv_request *request) {
+    MHD_resume_connection(request->connection);
+}
+
+/* Answers. */
+
+static void count_answer(struct srv_request *request, unsigned status, size_t bytes) {
+    struct srv_metrics *metrics = request->app->metrics;
+    unsigned class = status >= 100 && status < 600 ? status / 100 - 1 : 4;
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_1XX + class, 1);
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_IN, request->body_seen);
+    srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_OUT, bytes);
+}
+
+static enum MHD_Result queue(struct srv_request *request) {
+    const struct srv_reply *reply = &request->reply;
+    const struct srv_config *config = request->app->config;
+    struct MHD_Response *response = srv_answer_create(request);
+    if (!response)
+        return MHD_NO;
+    if (request->is_last)
+        MHD_add_response_header(response, "Connection", "close");
+    sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
+           request->method, request->path, reply->status, reply->size);
+    enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
+    count_answer(request, reply->status, reply->size);
+    MHD_destroy_response(response);
+    request->is_answered = true;
+    srv_guard_set_deadline(request->http->guard, request->guarded,
+                           srv_clock_ms() + (double)config->request_time_ms);
+    return result;
+}
+
+static enum MHD_Result dispatch(struct srv_request *request) {
+    request->is_dispatched = true;
+    if (!request->is_refused) {
+        if (request->route)
+            request->route->handle(request, &request->reply);
+        /* From here on the reply of a suspended request belongs to whoever answers it. */
+        else if (!srv_get_asset(request, &request->reply))
+            srv_reply_problem(&request->reply, 404, NULL, "there is nothing at %.200s",
+                              request->path);
+    }
+    return MHD_YES;
+}
+
+/* Checks before the body. */
+
+static void refuse_method(struct srv_request *request, unsigned allowed) {
+    char allow[64];
+    srv_methods_to_text(allowed, allow);
+    srv_reply_problem(&request->reply, 405, NULL, "%.16s is not among the methods here: %s",
+                      request->method, allow);
+    srv_reply_header(&request->reply, "Allow", "%s", allow);
+}
+
+static bool check_limits(struct srv_request *request) {
+    const struct srv_config *config = request->app->config;
+    size_t all, same_host;
+    srv_guard_count(request->http->guard, request->guarded, &all, &same_host);
+    if (all > (size_t)config->connections) {
+        sp_log(SP_LOG_WARN, "%s refused: %zu connections, --connections %lld",
+               srv_guard_peer(request->guarded), all, (long long)config->connections);
+        srv_reply_problem(&request->reply, 503, NULL,
+                          "%zu connections are open and --connections allows %lld; try again later",
+                          all, (long long)config->connections);
+    } else if (same_host > (size_t)config->connections_per_address) {
+        sp_log(SP_LOG_WARN, "%s refused: %zu connections, --connections-per-address %lld",
+               srv_guard_peer(request->guarded), same_host,
+               (long long)config->connections_per_address);
+        srv_reply_problem(&request->reply, 429, NULL,
+                          "%zu connections from your address are open and "
+                          "--connections-per-address allows %lld",
+                          same_host, (long long)config->connections_per_address);
+    } else {
+        return true;
+    }
+    request->is_last = true;
+    return false;
+}
+
+static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char *name,
+                                 const char *value) {
+    (void)kind;
+    srv_framing_add(user, name, value);
+    return MHD_YES;
+}
+
+/* True: the answer, which is the last on its connection, need not wait for the body. */
+static bool is_turned_away(struct srv_request *request, const char *version) {
+    struct srv_refusal refusal = request->target;
+    if (!refusal.status) {
+        struct srv_framing framing = { .hosts = 0 };
+        MHD_get_connection_values(request->connection, MHD_HEADER_KIND, on_header, &framing);
+        refusal = srv_framing_check(&framing, version);
+    }
+    if (!refusal.status && !request->is_counted)
+        refusal = (struct srv_refusal){ 503, "the daemon is shutting down" };
+    if (!refusal.status)
+        return false;
+    srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
+    return true;
+}
+
+/* The daemon's own? It may be replaced at any moment. */
+static bool is_token(struct srv_http *http, const char *given) {
+    pthread_mutex_lock(&http->mutex);
+    bool equal = srv_secret_equal(http->options.token, given);
+    pthread_mutex_unlock(&http->mutex);
+    return equal;
+}
+
+/* Routes and judges what the headers tell; false: the reply is set. */
+static bool check(struct srv_request *request) {
+    struct srv_reply *reply = &request->reply;
+    unsigned allowed;
+    if (!check_limits(request))
+        return false;
+    request->has_token = is_token(request->http, srv_request_token(request));
+    request->route =
+        srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
+    if (allowed && srv_is_preflight(request)) {
+        srv_reply_preflight(reply, allowed);
+        return false;
+    }
+    bool is_api = strncmp(request->path, "/api/", 5) == 0;
+    bool is_open = request->route ? request->route->is_open : !is_api;
+    if (!is_open && !request->has_token) {
+        srv_reply_problem(
+            reply, 401, NULL,
+            "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
+        srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+        return false;
+    }
+    unsigned method = srv_method_from(request->method);
+    if (!request->route && (allowed || method != SRV_GET) && !(is_api && !allowed)) {
+        refuse_method(request, allowed ? allowed : SRV_GET);
+        return false;
+    }
+    if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
+        !srv_is_json(srv_request_header(request, "Content-Type"))) {
+        srv_reply_problem(reply, 415, NULL, "the body must be application/json");
+        return false;
+    }
+    const char *length = srv_request_header(request, "Content-Length");
+    if (length && strtoull(length, NULL, 10) > (uint64_t)request->app->config->body_size) {
+        srv_reply_problem(reply, 413, NULL, "the body has %.20s bytes and --body-size allows %lld",
+                          length, (long long)request->app->config->body_size);
+        return false;
+    }
+    return true;
+}
+
+/* The library's callbacks. */
+
+/* The request line was read. What is returned is the state of srv_on_request(). The text is the
+ * library's buffer, which it goes on to parse. */
+void *srv_on_target(void *user, const char *target, struct MHD_Connection *connection) {
+    struct srv_http *http = user;
+    struct srv_request *request = calloc(1, sizeof *request);
+    const union MHD_ConnectionInfo *info =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    if (!request || !info || !info->socket_context) {
+        free(request);
+        return NULL;
+    }
+    request->http = http;
+    request->app = &http->options;
+    request->connection = connection;
+    request->guarded = info->socket_context;
+    if (target)
+        request->target = srv_strict_target((char *)(uintptr_t)target,
+                                            (size_t)http->options.config->header_size / 4);
+    return request;
+}
+
+/* Holds up a shutdown until uncount(), unless that has begun. */
+static void count(struct srv_request *request) {
+    struct srv_http *http = request->http;
+    pthread_mutex_lock(&http->mutex);
+    request->is_counted = !http->draining;
+    if (request->is_counted)
+        http->active++;
+    pthread_mutex_unlock(&http->mutex);
+}
+
+static enum MHD_Result on_headers(struct srv_request *request, const char *version) {
+    request->is_begun = true;
+    count(request);
+    bool is_over = is_turned_away(request, version);
+    request->is_last = is_over || srv_guard_count_request(request->guarded) >=
+                                      (unsigned)request->app->config->connection_requests;
+    request->is_refused = is_over || !check(request);
+    srv_guard_set_deadline(request->http->guard, request->guarded,
+                           srv_clock_ms() + (double)request->app->config->request_time_ms);
+    /* A client that waits for permission to send its body gets the answer instead. */
+    const char *length = srv_request_header(request, "Content-Length");
+    bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
+    if (is_over || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
+        return queue(request);
+    return MHD_YES;
+}
+
+/* Keeps what belongs to the body; what is refused is read and dropped. */
+static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
+    size_t limit = (size_t)request->app->config->body_size, take = *size;
+    *size = 0;
+    request->body_seen += take;
+    if (request->body_seen > DISCARD_BYTES)
+        return MHD_NO;
+    if (!request->is_refused && request->body_seen > limit) {
+        srv_reply_problem(&request->reply, 413, NULL,
+                          "the body has more than the %zu bytes that --body-size allows", limit);
+        request->is_refused = true;
+    }
+    if (request->is_refused)
+        return MHD_YES;
+    if (request->body_seen + 1 > request->body_capacity) {
+        size_t capacity = (request->body_seen + 1) * 2;
+        char *larger = realloc(request->body, capacity);
+        if (!larger) {
+            srv_reply_problem(&request->reply, 503, NULL, "no memory for the body");
+            request->is_refused = true;
+            return MHD_YES;
+        }
+        request->body = larger;
+        request->body_capacity = capacity;
+    }
+    memcpy(request->body + request->body_size, bytes, take);
+    request->body_size += take;
+    request->body[request->body_size] = 0;
+    return MHD_YES;
+}
+
+enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, const char *path,
+                               const char *method, const char *version, const char *bytes,
+                               size_t *size, void **state) {
+    (void)user;
+    (void)connection;
+    struct srv_request *request = *state;
+    if (!request)
+        return MHD_NO;
+    request->path = path;
+    request->method = method;
+    if (!request->is_begun)
+        return on_headers(request, version);
+    if (*size > 0)
+        return on_body(request, bytes, size);
+    if (request->is_answered)
+        return MHD_YES;
+    if (!request->is_dispatched) {
+        dispatch(request);
+        if (request->is_suspended || request->is_answered)
+            return MHD_YES;
+    }
+    return queue(request);
+}
+
+/* The request no longer holds up a shutdown. Call once. */
+static void uncount(struct srv_request *request) {
+    struct srv_http *http = request->http;
+    request->is_counted = false;
+    pthread_mutex_lock(&http->mutex);
+    http->active--;
+    pthread_cond_broadcast(&http->idle);
+    pthread_mutex_unlock(&http->mutex);
+}
+
+void srv_request_upgraded(struct srv_request *request) {
+    count_answer(request, MHD_HTTP_SWITCHING_PROTOCOLS, 0);
+    request->is_answered = true;
+    srv_guard_set_deadline(request->http->guard, request->guarded, 0);
+    uncount(request);
+}
+
+void srv_on_completed(void *user, struct MHD_Connection *connection, void **state,
+                      enum MHD_RequestTerminationCode code) {
+    (void)connection;
+    struct srv_http *http = user;
+    struct srv_request *request = *state;
+    *state = NULL;
+    if (!request)
+        return;
+    srv_guard_set_deadline(http->guard, request->guarded,
+                           code == MHD_REQUEST_TERMINATED_COMPLETED_OK
+                               ? srv_clock_ms() + (double)http->options.config->idle_time_ms
+                               : 0);
+    if (request->is_counted)
+        uncount(request);
+    srv_reply_finish(&request->reply);
+    free(request->upgrade);
+    free(request->body);
+    free(request);
+}
