@@ -50,44 +50,85 @@ static void read_camera(const struct sp_camera *camera, float bars[3]) {
     bars[2] = (float)(0.5 + atan(log10(length * largest * 4)) / M_PI);
 }
 
-static void card_pixel(const struct sp_view *view, const float bars[3], uint32_t x, uint32_t y,
-                       float rgb[3]) {
+/* The gradient of channel c where it has gone the part t of its way: red to the right, green down,
+   blue to the left. */
+static float gradient(const struct sp_view *view, int c, float t) {
+    return 0.5f * (c == 2 ? 1 - t : t) + 0.5f * view->background[c];
+}
+
+static void write_pixel(const struct sp_frame *frame, unsigned char *row, uint32_t x,
+                        const float rgb[3]) {
+    if (frame->format == SP_RGBAF32) {
+        memcpy(row + 16 * (size_t)x, (const float[4]){ rgb[0], rgb[1], rgb[2], 1 }, 16);
+        return;
+    }
+    for (int c = 0; c < 3; c++)
+        row[4 * (size_t)x + (unsigned)c] = (unsigned char)(rgb[c] * 255 + 0.5f);
+    row[4 * (size_t)x + 3] = 255;
+}
+
+/* Red and blue are the same in every row: the first row is drawn, the others are copies of the one
+   above with their own green. */
+static void draw_gradient(const struct sp_view *view, const struct sp_frame *frame,
+                          unsigned char *row, uint32_t y) {
+    const size_t width = frame->width; /* a local: no store through `row` can change it */
+    float green = gradient(view, 1, ((float)y + 0.5f) / (float)view->size[1]);
+    if (y == 0) {
+        for (size_t x = 0; x < width; x++) {
+            float u = ((float)x + 0.5f) / (float)view->size[0];
+            write_pixel(frame, row, (uint32_t)x,
+                        (const float[3]){ gradient(view, 0, u), green, gradient(view, 2, u) });
+        }
+    } else if (frame->format == SP_RGBAF32) {
+        memcpy(row, row - frame->stride_bytes, 16 * width);
+        float *pixels = (float *)(void *)row;
+        for (size_t x = 0; x < width; x++)
+            pixels[4 * x + 1] = green;
+    } else {
+        const unsigned char *above = row - frame->stride_bytes;
+        uint32_t keep, add; /* as words, whatever the order of their bytes */
+        memcpy(&keep, (const unsigned char[4]){ 255, 0, 255, 255 }, sizeof keep);
+        memcpy(&add, (const unsigned char[4]){ 0, (unsigned char)(green * 255 + 0.5f), 0, 0 },
+               sizeof add);
+        for (size_t x = 0; x < width; x++) {
+            uint32_t pixel;
+            memcpy(&pixel, above + 4 * x, sizeof pixel);
+            pixel = (pixel & keep) | add;
+            memcpy(row + 4 * x, &pixel, sizeof pixel);
+        }
+    }
+}
+
+/* The bars lie in the lowest three tenths, one below the other. */
+static void draw_bars(const struct sp_view *view, const struct sp_frame *frame,
+                      const float bars[3]) {
     static const float colors[3][3] = { { 0.9f, 0.3f, 0.2f },
                                         { 0.3f, 0.8f, 0.3f },
                                         { 0.3f, 0.5f, 1.0f } };
-    float u = ((float)x + 0.5f) / (float)view->size[0],
-          v = ((float)y + 0.5f) / (float)view->size[1];
-    for (int c = 0; c < 3; c++)
-        rgb[c] = 0.5f * (c == 0 ? u : c == 1 ? v : 1 - u) + 0.5f * view->background[c];
-    int bar = (int)((v - 0.7f) * 10);
-    if (v >= 0.7f && bar < 3 && u < bars[bar])
-        memcpy(rgb, colors[bar], sizeof colors[bar]);
+    for (uint32_t y = 0; y < frame->height; y++) {
+        float v = ((float)y + 0.5f) / (float)view->size[1];
+        int bar = (int)((v - 0.7f) * 10);
+        if (v < 0.7f || bar >= 3)
+            continue;
+        unsigned char *row = (unsigned char *)frame->pixels + y * frame->stride_bytes;
+        for (uint32_t x = 0;
+             x < frame->width && ((float)x + 0.5f) / (float)view->size[0] < bars[bar]; x++)
+            write_pixel(frame, row, x, colors[bar]);
+    }
 }
 
 static bool null_render(void *state, const struct sp_backend_job *job, struct sp_error *err) {
     (void)state;
-    const struct sp_view *view = job->view;
     struct sp_frame *frame = job->frame;
-    float bars[3], rgb[3];
-    read_camera(&view->camera, bars);
+    float bars[3];
+    read_camera(&job->view->camera, bars);
     for (uint32_t y = 0; y < frame->height; y++) {
         if (y % 16 == 0 && sp_job_is_cancelled(job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-        unsigned char *row = (unsigned char *)frame->pixels + y * frame->stride_bytes;
-        for (uint32_t x = 0; x < frame->width; x++) {
-            card_pixel(view, bars, x, y, rgb);
-            if (frame->format == SP_RGBAF32) {
-                float *p = (float *)(void *)row + 4 * (size_t)x;
-                memcpy(p, rgb, sizeof rgb);
-                p[3] = 1;
-            } else {
-                unsigned char *p = row + 4 * (size_t)x;
-                for (int c = 0; c < 3; c++)
-                    p[c] = (unsigned char)(rgb[c] * 255 + 0.5f);
-                p[3] = 255;
-            }
-        }
+        draw_gradient(job->view, frame, (unsigned char *)frame->pixels + y * frame->stride_bytes,
+                      y);
     }
+    draw_bars(job->view, frame, bars);
     frame->stats.stages[0] = (struct sp_stage_time){ .name = "resolve" };
     frame->stats.stage_count = 1;
     return true;
