@@ -1,0 +1,223 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The encode threads: frames become pictures, for the outboxes of participants or the answers of
+ * stills.
+ */
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "render/scheduler_private.h"
+#include "sp/log.h"
+
+/* elapsed_ms: of rendering that was cancelled. */
+void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,
+                  double elapsed_ms) {
+    if (err->code == SP_ERR_CANCELLED) {
+        sp_log(SP_LOG_DEBUG, "%s given up after %.1f ms: %s",
+               job->refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
+        srv_hub_job_cancelled(s->hub, job, elapsed_ms);
+    } else {
+        sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,
+               err->place[0] ? ": " : "", err->text);
+        srv_hub_job_failed(s->hub, job, err);
+    }
+    free(job);
+}
+
+static double stage_ms(const struct sp_frame_stats *stats, const char *name) {
+    for (uint32_t i = 0; i < stats->stage_count; i++)
+        if (strcmp(stats->stages[i].name, name) == 0)
+            return stats->stages[i].ms;
+    return 0;
+}
+
+static void count_render(struct srv_scheduler *s, const struct sp_frame_stats *stats) {
+    srv_metrics_time(s->options.metrics, SRV_TIME_RENDER, stats->render_ms);
+    srv_metrics_time(s->options.metrics, SRV_TIME_READBACK,
+                     stage_ms(stats, "resolve") + stage_ms(stats, "read"));
+}
+
+static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
+                         struct srv_work *work) {
+    struct srv_still_result result = { .stats = work->frame->stats };
+    const struct srv_still *still = &work->still->still;
+    double start_ms = srv_clock_ms();
+    result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
+                          &result.size, &result.err);
+    result.encode_ms = srv_clock_ms() - start_ms;
+    count_render(s, &work->frame->stats);
+    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
+    srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
+    srv_still_answer(s, work->still, &result);
+}
+
+static uint8_t codec_of(enum sp_image_format format) {
+    return format == SP_IMAGE_PNG    ? PROTO_CODEC_PNG
+           : format == SP_IMAGE_WEBP ? PROTO_CODEC_WEBP
+                                     : PROTO_CODEC_JPEG;
+}
+
+static bool is_like(const struct srv_target *a, const struct srv_target *b) {
+    return a->format == b->format && a->quality == b->quality;
+}
+
+/* Encodes once for all targets of the set `stills` with the format and quality of the first. Takes
+ * them out of the set. */
+static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, struct srv_work *work,
+                         uint64_t *stills, double *encode_ms, struct sp_error *err) {
+    uint32_t first = (uint32_t)__builtin_ctzll(*stills);
+    struct srv_job *job = work->job;
+    const struct srv_target *like = &job->targets[first];
+    const uint8_t *bytes;
+    size_t size;
+    double start_ms = srv_clock_ms();
+    if (!sp_encode(encoder, work->frame, like->format, like->quality, &bytes, &size, err))
+        return false;
+    double took_ms = srv_clock_ms() - start_ms;
+    *encode_ms += took_ms;
+    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, took_ms);
+    struct srv_blob *blob = srv_blob_create(bytes, size);
+    if (!blob)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoded frame of %zu bytes",
+                       size);
+    struct proto_frame_header header = {
+        .codec = codec_of(like->format),
+        .flags = like->format == SP_IMAGE_PNG ? PROTO_FRAME_LOSSLESS : 0,
+        .width = (uint16_t)work->frame->width,
+        .height = (uint16_t)work->frame->height,
+        .render_us = (uint32_t)(work->frame->stats.render_ms * 1000),
+        .encode_us = (uint32_t)(took_ms * 1000),
+    };
+    for (uint32_t i = first; i < job->target_count; i++)
+        if (*stills >> i & 1 && is_like(&job->targets[i], like)) {
+            srv_hub_deliver(s->hub, job, i, &header, blob);
+            *stills &= ~(UINT64_C(1) << i);
+        }
+    srv_blob_unref(&blob);
+    return true;
+}
+
+/* An encoder cannot be stopped: look before each. */
+static bool still_wanted(struct srv_scheduler *s, const struct srv_job *job, struct sp_error *err) {
+    return !job->refinement || srv_hub_is_newest(s->hub, job) ||
+           sp_fail(err, SP_ERR_CANCELLED, NULL, "a newer view exists");
+}
+
+static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, struct srv_work *work) {
+    static const char *const step_words[] = { "", " middle", " final" };
+    struct srv_job *job = work->job;
+    struct srv_job_result result = { .width = work->frame->width,
+                                     .height = work->frame->height,
+                                     .coarse = work->frame->stats.coarse,
+                                     .render_ms = work->frame->stats.render_ms,
+                                     /* Classification is kept until the volume or the transfer
+                                        function changes. */
+                                     .once_ms = stage_ms(&work->frame->stats, "classify"),
+                                     .splats = work->frame->stats.splats,
+                                     .visible_voxels = work->frame->stats.visible_voxels,
+                                     .again = work->again };
+    struct sp_error err = { .code = SP_OK };
+    bool ok = still_wanted(s, job, &err);
+    if (!work->again)
+        count_render(s, &work->frame->stats);
+    uint64_t stills =
+        ok ? srv_videos_encode(s->videos, s->hub, job, work->frame, &result.encode_ms) : 0;
+    while (ok && stills)
+        ok = still_wanted(s, job, &err) &&
+             encode_group(s, encoder, work, &stills, &result.encode_ms, &err);
+    if (!ok) {
+        srv_job_fail(s, job, &err, 0);
+        return;
+    }
+    sp_log(SP_LOG_DEBUG, "frame %ux%u%s for %u clients: rendered %.1f ms, encoded %.1f ms",
+           result.width, result.height, step_words[job->step], job->target_count,
+           result.again ? 0 : result.render_ms, result.encode_ms);
+    srv_hub_job_done(s->hub, job, &result);
+    free(job);
+}
+
+struct encode_start {
+    struct srv_scheduler *scheduler;
+    struct sp_encoder *encoder;
+    bool stills; /* takes stills too */
+};
+
+/* Takes the oldest work that this thread may do. With the mutex held; false if there is none. */
+static bool take_work(struct srv_scheduler *s, bool stills, struct srv_work *work) {
+    unsigned i = 0;
+    while (i < s->encode_count && s->encode_queue[i].still && !stills)
+        i++;
+    if (i == s->encode_count)
+        return false;
+    *work = s->encode_queue[i];
+    s->encode_count--;
+    memmove(s->encode_queue + i, s->encode_queue + i + 1, (s->encode_count - i) * sizeof *work);
+    struct srv_lane *lane = &s->lanes[work->still ? SRV_LANE_STILLS : SRV_LANE_STREAMS];
+    lane->encodes--; /* there is room */
+    srv_lane_wake(lane);
+    return true;
+}
+
+static void *encode_main(void *user) {
+    struct encode_start start = *(struct encode_start *)user;
+    free(user);
+    struct srv_scheduler *s = start.scheduler;
+    pthread_mutex_lock(&s->mutex);
+    for (;;) {
+        struct srv_work work;
+        if (!take_work(s, start.stills, &work)) {
+            if (s->encode_stop)
+                break;
+            pthread_cond_wait(&s->encode, &s->mutex);
+            continue;
+        }
+        pthread_mutex_unlock(&s->mutex);
+        if (work.job)
+            encode_job(s, start.encoder, &work);
+        else
+            encode_still(s, start.encoder, &work);
+        sp_frame_unref(&work.frame);
+        pthread_mutex_lock(&s->mutex);
+    }
+    pthread_mutex_unlock(&s->mutex);
+    return NULL;
+}
+
+void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work) {
+    pthread_mutex_lock(&s->mutex);
+    s->lanes[work.still ? SRV_LANE_STILLS : SRV_LANE_STREAMS].encodes++;
+    assert(s->encode_count < SRV_ENCODE_QUEUE);
+    s->encode_queue[s->encode_count++] = work;
+    pthread_cond_broadcast(&s->encode);
+    pthread_mutex_unlock(&s->mutex);
+}
+
+bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err) {
+    for (unsigned i = 0; i < s->options.encode_threads; i++) {
+        struct encode_start *start = malloc(sizeof *start);
+        if (!start)
+            return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start an encode thread");
+        *start = (struct encode_start){ .scheduler = s,
+                                        .encoder = s->encoders[i],
+                                        .stills = i > 0 || s->options.encode_threads == 1 };
+        int failed = pthread_create(&s->encode_threads[i], NULL, encode_main, start);
+        if (failed) {
+            free(start);
+            return sp_fail(err, SP_ERR_IO, NULL, "cannot start an encode thread: %s",
+                           strerror(failed));
+        }
+        s->encode_thread_count++;
+    }
+    return true;
+}
+
+void srv_encode_stop(struct srv_scheduler *s) {
+    pthread_mutex_lock(&s->mutex);
+    s->encode_stop = true;
+    pthread_cond_broadcast(&s->encode);
+    pthread_mutex_unlock(&s->mutex);
+    while (s->encode_thread_count > 0)
+        pthread_join(s->encode_threads[--s->encode_thread_count], NULL);
+}

@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the files of the scheduler share: the lanes (scheduler.c), what their threads do
+ * (stream_lane.c, still_lane.c), and the encode threads (encode.c). Guarded by the mutex, besides
+ * what says otherwise.
+ */
+#ifndef SRV_RENDER_SCHEDULER_PRIVATE_H
+#define SRV_RENDER_SCHEDULER_PRIVATE_H
+
+#include <pthread.h>
+
+#include "render/flights.h"
+#include "render/scheduler.h"
+#include "render/video.h"
+
+enum {
+    SRV_LANE_ENCODES = 2, /* no further job is begun while so many frames wait */
+    SRV_ENCODE_QUEUE =
+        2 * SRV_LANE_ENCODES + SP_IN_FLIGHT_MAX /* those that were begun by then come, too */,
+    SRV_ENCODE_THREADS_MAX = 8
+};
+
+struct srv_still_item {
+    struct srv_still_item *next;
+    struct srv_still still;
+    double queued_ms; /* since when it waits */
+};
+struct srv_forget_item {
+    struct srv_forget_item *next;
+    struct sp_volume *volume;
+};
+struct srv_work { /* a rendered frame on its way to an encoder: of a job or of a still */
+    struct sp_frame *frame;
+    struct srv_job *job;
+    struct srv_still_item *still;
+    bool again; /* the frame is an earlier job's */
+};
+
+enum srv_lane_name { SRV_LANE_STREAMS, SRV_LANE_STILLS, SRV_LANES };
+
+struct srv_lane {
+    struct sp_renderer *renderer; /* its thread's */
+    struct sp_renderer_info info; /* of the renderer; its thread writes it with the mutex held */
+    pthread_t thread;
+    bool running;
+    pthread_cond_t wake; /* `generation`, stop */
+    uint64_t generation; /* rises with everything that its thread may have waited for */
+    struct srv_forget_item *forget;
+    unsigned encodes; /* frames in the encode queue */
+};
+
+struct srv_scheduler {
+    struct srv_scheduler_options options;
+    struct srv_lane lanes[SRV_LANES];
+    struct sp_frame_pool *pool;
+    struct srv_hub *hub;
+    pthread_mutex_t mutex;
+    pthread_cond_t encode; /* the encode threads: work, stop */
+    struct srv_still_item *still_head, **still_tail;
+    struct srv_still_item *still_now; /* being rendered */
+    atomic_bool still_cancel;
+    unsigned still_waiting;    /* in the list */
+    unsigned still_unanswered; /* in the list, being rendered or encoded */
+    struct srv_work encode_queue[SRV_ENCODE_QUEUE];
+    unsigned encode_count;
+    struct srv_flights flights; /* the stream lane's jobs */
+    struct {                    /* the stream lane's */
+        struct sp_frame *frame;
+        uint64_t session, version;
+    } kept;
+    bool stop, encode_stop;
+    pthread_t encode_threads[SRV_ENCODE_THREADS_MAX];
+    unsigned encode_thread_count;
+    struct sp_encoder *encoders[SRV_ENCODE_THREADS_MAX];
+    struct srv_videos *videos;
+};
+
+/* With the mutex held. */
+void srv_lane_wake(struct srv_lane *lane);
+
+struct srv_turn { /* what a lane's thread found at the start of a round */
+    uint64_t generation;
+    bool stop, room;
+    struct srv_forget_item *forget;
+};
+struct srv_turn srv_lane_look(struct srv_scheduler *s, enum srv_lane_name name);
+/* Until there may be something new since `generation`, at most wait_ms. */
+void srv_lane_wait(struct srv_scheduler *s, struct srv_lane *lane, uint64_t generation,
+                   double wait_ms);
+/* Its renderer's thread; takes over the list. */
+void srv_lane_forget(struct srv_lane *lane, struct srv_forget_item *list);
+/* After a frame of the volume was drawn, or not. */
+void srv_lane_note_frame(struct srv_scheduler *s, enum srv_lane_name name,
+                         struct srv_volume *volume);
+
+/* The threads; `user` is the scheduler. */
+void *srv_stream_lane_main(void *user);
+void *srv_still_lane_main(void *user);
+
+/* Takes over the work. */
+void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work);
+bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err);
+/* When nothing more is passed on: encodes what waits, and ends the threads. */
+void srv_encode_stop(struct srv_scheduler *s);
+
+/* A job that came to nothing; takes it over. elapsed_ms: of rendering that was cancelled. */
+void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,
+                  double elapsed_ms);
+
+/* Stills, without the mutex. The first two take over the item. */
+void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
+                      const struct srv_still_result *result);
+void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
+                    const struct sp_error *err);
+/* Drops those whose askers left. */
+void srv_stills_tick(struct srv_scheduler *s);
+/* Answers those that wait: the daemon is shutting down. */
+void srv_stills_drop(struct srv_scheduler *s);
+
+#endif
