@@ -54,9 +54,9 @@ static void on_ended(void *user, const char *id) {
     srv_store_remove(d->store, SRV_KIND_SESSION, id);
 }
 
-static void on_collect(void *user) {
+static bool on_collect(void *user) {
     struct srv_daemon *d = user;
-    srv_keep_sessions(d->store, d->hub);
+    return srv_keep_sessions(d->store, d->hub);
 }
 
 static void on_unloaded(void *user, struct sp_volume *volume) {

@@ -60,9 +60,8 @@ static bool put_session(void *user, const char *id, const char *text, size_t siz
     return false;
 }
 
-void srv_keep_sessions(struct srv_store *store, struct srv_hub *hub) {
-    if (!srv_hub_save(hub, put_session, store))
-        srv_store_nudge(store); /* once more, after a pause */
+bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub) {
+    return srv_hub_save(hub, put_session, store);
 }
 
 void srv_keep_volume(struct srv_store *store, const char *id,

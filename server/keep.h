@@ -15,10 +15,11 @@
 bool srv_keep_restore(struct srv_store *store, struct srv_hub *hub, struct srv_catalog *catalog,
                       struct sp_error *err);
 
-/* Puts the sessions that changed. */
-void srv_keep_sessions(struct srv_store *store, struct srv_hub *hub);
+/* Puts the sessions that changed. False: not all of them. */
+bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub);
 
-/* Puts a volume's source; request NULL removes it. */
+/* Puts a volume's source; request NULL removes it. What cannot be put is logged, and is not in the
+ * store. */
 void srv_keep_volume(struct srv_store *store, const char *id,
                      const struct srv_volume_request *request);
 

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <stdlib.h>
 #include <string.h>
 
 #include "http/listener.h"
@@ -136,6 +137,17 @@ static bool read_request(const proto_json *body, struct srv_volume_request *load
     return load->source != NULL;
 }
 
+/* The load goes on either way; of a volume that could not be put there is nothing to wait for. */
+static void keep_volume(struct srv_request *request, const char *id, struct srv_reply *reply) {
+    struct sp_error err;
+    char *kept = srv_store_get(request->app->store, SRV_KIND_VOLUME, id, NULL, &err);
+    if (kept)
+        srv_request_keep(request);
+    else
+        srv_reply_header(reply, "X-Durable", "no");
+    free(kept);
+}
+
 void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
     struct srv_volume_request load = { .confined = true };
     struct sp_error err;
@@ -155,7 +167,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
             srv_reply_json(reply, existed ? 201 : 202, encode_volume(&status, false));
             srv_reply_header(reply, "Location", "volumes/%s", id);
             sp_volume_unref(&status.volume);
-            srv_request_keep(request);
+            keep_volume(request, id, reply);
         }
     }
     proto_json_free(&body);

@@ -81,12 +81,34 @@ static bool ask(struct srv_database *d, const char *sql, int64_t *value, struct 
     return ok;
 }
 
+/* What was made in a folder is still there after the machine went down. */
+static bool sync_folder(const char *folder, struct sp_error *err) {
+    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    bool ok = fd >= 0 && fsync(fd) == 0;
+    if (!ok)
+        sp_fail(err, SP_ERR_IO, folder, "cannot write this folder to the disk: %s",
+                strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return ok;
+}
+
+/* Is it there, and as a name in the folder above it on the disk? */
+static bool make_folder(const char *folder, struct sp_error *err) {
+    char above[PATH_MAX];
+    if (mkdir(folder, 0700) != 0)
+        return errno == EEXIST ||
+               sp_fail(err, SP_ERR_IO, folder, "cannot make this folder for --state: %s",
+                       strerror(errno));
+    int size = snprintf(above, sizeof above, "%s/..", folder);
+    return size >= (int)sizeof above || sync_folder(above, err); /* too long: told below */
+}
+
 /* One daemon a folder. The lock ends with the process, however that ends. */
 static bool take_folder(struct srv_database *d, const char *folder, struct sp_error *err) {
     struct stat found;
-    if (mkdir(folder, 0700) != 0 && errno != EEXIST)
-        return sp_fail(err, SP_ERR_IO, folder, "cannot make this folder for --state: %s",
-                       strerror(errno));
+    if (!make_folder(folder, err))
+        return false;
     if (stat(folder, &found) != 0 || !S_ISDIR(found.st_mode))
         return sp_fail(err, SP_ERR_IO, folder, "cannot use this for --state: it is no folder");
     if (found.st_mode & 077)
@@ -141,6 +163,26 @@ static bool check(struct srv_database *d, int64_t *layout, struct sp_error *err)
     return ok && found;
 }
 
+/* SQLite answers with the mode that there is now, which need not be the one asked for. */
+static bool use_wal(struct srv_database *d, struct sp_error *err) {
+    sqlite3_stmt *statement = NULL;
+    const char *mode = NULL;
+    if (sqlite3_prepare_v2(d->sqlite, "PRAGMA journal_mode=WAL", -1, &statement, NULL) ==
+            SQLITE_OK &&
+        sqlite3_step(statement) == SQLITE_ROW)
+        mode = (const char *)sqlite3_column_text(statement, 0);
+    bool ok = mode && strcmp(mode, "wal") == 0;
+    if (!mode)
+        fail(d, "cannot write", err);
+    else if (!ok)
+        sp_fail(err, SP_ERR_UNSUPPORTED, d->path,
+                "the file system has no shared memory for SQLite (journal mode '%.16s', not WAL); "
+                "give --state a folder on a local disk",
+                mode);
+    sqlite3_finalize(statement);
+    return ok;
+}
+
 /* To the layout of today in one transaction, which also shows that writing works. */
 static bool bring_up_to_date(struct srv_database *d, int64_t layout, struct sp_error *err) {
     char marks[96];
@@ -181,7 +223,7 @@ static bool open_file(struct srv_database *d, const char *vfs, struct sp_error *
     /* What lies in a foreign file shall not run here. */
     sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_DEFENSIVE, 1, NULL);
     sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
-    return check(d, &layout, err) && run(d, "PRAGMA journal_mode=WAL", "cannot write", err) &&
+    return check(d, &layout, err) && use_wal(d, err) &&
            run(d, "PRAGMA synchronous=FULL", "cannot write", err) &&
            bring_up_to_date(d, layout, err) &&
            prepare(d,
@@ -198,7 +240,7 @@ struct srv_database *srv_database_open(const char *folder, const char *vfs, stru
         return NULL;
     }
     d->lock = -1;
-    if (!take_folder(d, folder, err) || !open_file(d, vfs, err))
+    if (!take_folder(d, folder, err) || !open_file(d, vfs, err) || !sync_folder(folder, err))
         srv_database_close(&d);
     return d;
 }

@@ -21,7 +21,7 @@ struct waiter {
 struct srv_store {
     struct srv_store_options options;
     struct srv_database *database; /* the writer's; NULL = nothing is written */
-    void (*collect)(void *user);
+    bool (*collect)(void *user);
     void *user;
     pthread_t writer;
     atomic_bool is_nudged;
@@ -97,22 +97,26 @@ static bool write_changes(struct srv_store *store) {
     struct srv_change *changes = NULL;
     atomic_store(&store->is_nudged, false);
     pthread_mutex_unlock(&store->mutex);
-    if (store->collect)
-        store->collect(store->user);
+    bool is_all = !store->collect || store->collect(store->user);
     pthread_mutex_lock(&store->mutex);
-    if (srv_table_changes(store->table) == 0)
+    if (!is_all)
+        atomic_store(&store->is_nudged, true); /* once more, after a pause */
+    else if (srv_table_changes(store->table) == 0 && !store->status.is_failing)
         return true;
     bool ok = srv_table_copy_changes(store->table, &changes) ||
               sp_fail(&err, SP_ERR_MEMORY, store->options.folder, "no memory for a copy");
     pthread_mutex_unlock(&store->mutex);
     double start_ms = srv_clock_ms();
-    ok = ok && srv_database_write(store->database, changes, &err);
+    ok = ok && (!changes || srv_database_write(store->database, changes, &err));
     double took_ms = srv_clock_ms() - start_ms;
     pthread_mutex_lock(&store->mutex);
     if (ok) {
         srv_table_written(store->table, changes);
         store->status.write_ms = took_ms;
     }
+    if (ok && !is_all)
+        ok = sp_fail(&err, SP_ERR_MEMORY, store->options.folder,
+                     "no memory for what changed in the sessions");
     note_result(store, ok, &err);
     srv_changes_free(&changes);
     return ok;
@@ -166,7 +170,7 @@ static void *writer_main(void *user) {
     return NULL;
 }
 
-bool srv_store_start(struct srv_store *store, void (*collect)(void *user), void *user,
+bool srv_store_start(struct srv_store *store, bool (*collect)(void *user), void *user,
                      struct sp_error *err) {
     store->collect = collect;
     store->user = user;

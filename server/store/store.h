@@ -44,8 +44,9 @@ struct srv_store_options {
  * of another program or of a newer version, or cannot be written. */
 struct srv_store *srv_store_create(const struct srv_store_options *options, struct sp_error *err);
 /* Starts the writer. Before each write it calls collect(user), which may put and remove: there
- * belongs what changes too often to be put each time. NULL = nothing to collect. */
-bool srv_store_start(struct srv_store *store, void (*collect)(void *user), void *user,
+ * belongs what changes too often to be put each time. False: not all of it could be put; then
+ * nobody is told that it is durable, and it is tried again. NULL = nothing to collect. */
+bool srv_store_start(struct srv_store *store, bool (*collect)(void *user), void *user,
                      struct sp_error *err);
 /* Writes what is left and ends the writer. Nothing is written from then on. Call it from one
  * thread. */
@@ -75,7 +76,7 @@ void srv_store_flush(struct srv_store *store, void (*done)(void *user, bool dura
 
 struct srv_store_status {
     bool has_folder;
-    bool is_failing;             /* the last write failed */
+    bool is_failing;             /* the last write failed, or not all could be collected for it */
     char reason[SP_ERROR_TEXT];  /* then why */
     unsigned records[SRV_KINDS]; /* in memory */
     uint64_t bytes;              /* of their ids and texts */

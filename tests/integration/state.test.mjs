@@ -2,7 +2,7 @@
 // What outlives the daemon: --state, kill -9 at any moment, and a disk that cannot be written.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { mkdirSync, mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -241,6 +241,25 @@ test('without --state nothing is written, and clients are told', async () => {
   assert.equal(session.headers.get('x-durable'), 'no');
   assert.deepEqual((await daemon.json('/readyz', { token: null })).json.state, { status: 'memory', waiting: 0 });
   assert.match(daemon.log, /no --state/);
+  assert.equal(await daemon.stop(), 0);
+});
+
+test('what cannot be put is not promised: a volume below a folder whose name is not UTF-8', async () => {
+  const data = Buffer.concat([Buffer.from(`${folder}/odd-`), Buffer.from([0xff])]);
+  mkdirSync(data);
+  const header = 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 1\nencoding: raw\n\n';
+  writeFileSync(Buffer.concat([data, Buffer.from('/cube.nrrd')]), Buffer.concat([Buffer.from(header), Buffer.alloc(64, 9)]));
+  const state = fresh();
+  // Node gives arguments as UTF-8 alone.
+  const daemon = await start(state, [], { prefix: ['bash', '-c', `exec "$@" --data "${folder}/odd-"$'\\xff'`, 'bash'] });
+  for (let i = 0; i < 2; i += 1) { // told again by who asks again
+    const answer = await daemon.post('/api/v1/volumes', { path: 'cube.nrrd' });
+    assert.equal(answer.status, i ? 201 : 202, JSON.stringify(answer.json));
+    assert.equal(answer.headers.get('x-durable'), 'no');
+  }
+  assert.equal((await daemon.loaded('cube')).state, 'ready');
+  assert.equal((await daemon.post('/api/v1/volumes', { uri: 'demo:engine?size=8' })).headers.get('x-durable'), 'yes');
+  assert.match(daemon.log, /volume cube will not be loaded again after a restart/);
   assert.equal(await daemon.stop(), 0);
 });
 

@@ -110,6 +110,7 @@ static int on_open(sqlite3_vfs *self, const char *name, sqlite3_file *f, int fla
     if (!file->real)
         return SQLITE_NOMEM;
     int code = system_vfs->xOpen(system_vfs, name, file->real, flags, out);
+    methods.iVersion = disk.has_no_shared_memory ? 1 : 2;
     if (code == SQLITE_OK)
         file->base.pMethods = &methods;
     else

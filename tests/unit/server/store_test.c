@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include <errno.h>
 #include <pthread.h>
 #include <sqlite3.h>
 #include <stdatomic.h>
@@ -49,6 +50,25 @@ void *__wrap_calloc(size_t count, size_t size) {
     return spend() ? __real_calloc(count, size) : NULL;
 }
 
+/* Folders that this program's own code brought to the disk; SQLite does that for its files. */
+static ino_t synced[8];
+static unsigned sync_count;
+static bool sync_fails;
+
+int __real_fsync(int fd);
+int __wrap_fsync(int fd);
+
+int __wrap_fsync(int fd) {
+    struct stat found;
+    if (sync_fails) {
+        errno = EIO;
+        return -1;
+    }
+    if (fstat(fd, &found) == 0 && S_ISDIR(found.st_mode))
+        synced[sync_count++ % 8] = found.st_ino;
+    return __real_fsync(fd);
+}
+
 static sqlite3_mem_methods real_memory;
 
 static void *sqlite_malloc(int size) {
@@ -68,6 +88,8 @@ static int set_up(void **state) {
     *state = folder;
     atomic_store(&disk->left, -1);
     disk->end = BAD_DISK_FULL;
+    disk->has_no_shared_memory = sync_fails = false;
+    sync_count = 0;
     return 0;
 }
 
@@ -299,6 +321,33 @@ static void what_cannot_be_used(void **state) {
     rmdir(path);
 }
 
+static bool is_synced(const char *folder) {
+    struct stat found;
+    bool is = false;
+    assert_int_equal(stat(folder, &found), 0);
+    for (unsigned i = 0; i < sync_count; i++)
+        is = is || synced[i] == found.st_ino;
+    return is;
+}
+
+/* A new folder is a change of the one above it, and a new database one of the folder. */
+static void names_are_on_the_disk(void **state) {
+    char folder[128];
+    snprintf(folder, sizeof folder, "%s/new", (char *)*state);
+    struct srv_store *store = create(folder);
+    assert_true(is_synced(*state) && is_synced(folder));
+    srv_store_destroy(&store);
+    sync_fails = true;
+    refused(folder, SP_ERR_IO, "to the disk");
+    snprintf(folder, sizeof folder, "%s/newer", (char *)*state);
+    refused(folder, SP_ERR_IO, "to the disk");
+}
+
+static void a_disk_without_shared_memory(void **state) {
+    disk->has_no_shared_memory = true;
+    refused(*state, SP_ERR_UNSUPPORTED, "local disk");
+}
+
 static void a_database_that_cannot_be_written(void **state) {
     char path[128];
     struct srv_store *store = create(*state);
@@ -372,13 +421,15 @@ static void catches_up_by_itself(void **state) {
 struct source {
     struct srv_store *store;
     int calls;
+    atomic_bool is_short; /* of memory: puts one thing, and not the other */
 };
 
-static void collect(void *user) {
+static bool collect(void *user) {
     struct source *source = user;
     char text[16];
     snprintf(text, sizeof text, "%d", ++source->calls);
     put(source->store, SRV_KIND_SESSION, "s", text);
+    return !atomic_load(&source->is_short);
 }
 
 static void collects_before_it_writes(void **state) {
@@ -397,6 +448,31 @@ static void collects_before_it_writes(void **state) {
     store = create(*state);
     holds(store, SRV_KIND_SESSION, "s", "3");
     srv_store_destroy(&store);
+}
+
+static bool collect_nothing(void *user) {
+    return !atomic_load(&((struct source *)user)->is_short);
+}
+
+/* What could not be collected is no promise kept, whether there is something else to write or not;
+ * it is collected later without anybody asking. */
+static void what_is_not_collected_is_not_durable(void **state) {
+    for (int i = 0; i < 2; i++) {
+        struct source source = { .store = create(*state) };
+        struct srv_store_status status;
+        atomic_store(&source.is_short, true);
+        assert_true(srv_store_start(source.store, i ? collect_nothing : collect, &source, NULL));
+        assert_false(flush(source.store));
+        srv_store_status(source.store, &status);
+        assert_true(status.is_failing && strstr(status.reason, "sessions"));
+        atomic_store(&source.is_short, false);
+        do
+            srv_store_status(source.store, &status);
+        while (status.is_failing);
+        assert_true(flush(source.store));
+        struct srv_store *store = source.store; /* which collect() still needs */
+        srv_store_destroy(&store);
+    }
 }
 
 /* A process that dies at its n-th write, for every n: what it was told to be durable is there. */
@@ -549,6 +625,9 @@ int main(void) {
         cmocka_unit_test_setup_teardown(full_disk, set_up, tear_down),
         cmocka_unit_test_setup_teardown(catches_up_by_itself, set_up, tear_down),
         cmocka_unit_test_setup_teardown(collects_before_it_writes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(what_is_not_collected_is_not_durable, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(names_are_on_the_disk, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_disk_without_shared_memory, set_up, tear_down),
         cmocka_unit_test_setup_teardown(death_at_any_write, set_up, tear_down),
         cmocka_unit_test_setup_teardown(no_memory, set_up, tear_down),
         cmocka_unit_test_setup_teardown(from_many_threads, set_up, tear_down),
