@@ -65,8 +65,9 @@ static const struct setting settings[] = {
     { "allow-origin", TEXT, AT(allow_origin), NULL, 0, 0, "ORIGIN,...",
       "pages of these other origins may use this daemon, with a token; none by default" },
     { "connections", COUNT, AT(connections), "256", 1, 60000, "N", "open connections" },
-    { "connections-per-address", COUNT, AT(connections_per_address), "256", 1, 60000, "N",
-      "open connections from one address" },
+    { "connections-per-address", COUNT, AT(connections_per_address), "0", 0, 60000, "N",
+      "open connections from one address; 0 = a quarter of --connections, and all of them from "
+      "this machine's own, where a reverse proxy may be" },
     { "handshakes", COUNT, AT(handshakes), "64", 1, 10000, "N",
       "TLS handshakes at a time; of more the oldest ends" },
     { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",

@@ -196,7 +196,8 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->metrics = d->metrics;
     if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
         return false;
-    if (!srv_address_is_loopback(&address) && !c->token_file && !c->tls_cert)
+    if (!srv_address_is_loopback((const struct sockaddr *)&address.storage) && !c->token_file &&
+        !c->tls_cert)
         return sp_fail(
             err, SP_ERR_INVALID, c->listen,
             "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "

@@ -64,6 +64,12 @@ static const struct family families[] = {
       SRV_COUNT_HTTP_BYTES_IN,
       2,
       { "in", "out" } },
+    { "splatd_connections_refused_total",
+      "Connections that were refused",
+      "reason",
+      SRV_COUNT_REFUSED_FULL,
+      4,
+      { "connections", "address", "handshakes", "tls" } },
 };
 
 struct srv_metrics *srv_metrics_create(void) {

@@ -50,6 +50,11 @@ enum srv_counter {
     SRV_COUNT_HTTP_5XX,
     SRV_COUNT_HTTP_BYTES_IN,
     SRV_COUNT_HTTP_BYTES_OUT,
+    /* Connections that were refused (http/refusals.h): */
+    SRV_COUNT_REFUSED_FULL,
+    SRV_COUNT_REFUSED_ADDRESS,
+    SRV_COUNT_REFUSED_HANDSHAKE,
+    SRV_COUNT_REFUSED_TLS,
     SRV_COUNTERS
 };
 

@@ -39,10 +39,12 @@ bool srv_address_parse(const char *text, struct srv_address *address, struct sp_
                    "'%s' is no numeric address; for IPv6 write [ADDRESS]:PORT", host);
 }
 
-bool srv_address_is_loopback(const struct srv_address *address) {
-    if (address->storage.ss_family == AF_INET)
-        return ntohl(((const struct sockaddr_in *)&address->storage)->sin_addr.s_addr) >> 24 == 127;
-    return IN6_IS_ADDR_LOOPBACK(&((const struct sockaddr_in6 *)&address->storage)->sin6_addr);
+bool srv_address_is_loopback(const struct sockaddr *address) {
+    const struct in6_addr *v6 = &((const struct sockaddr_in6 *)address)->sin6_addr;
+    if (address->sa_family == AF_INET)
+        return ntohl(((const struct sockaddr_in *)address)->sin_addr.s_addr) >> 24 == 127;
+    return address->sa_family == AF_INET6 &&
+           (IN6_IS_ADDR_LOOPBACK(v6) || (IN6_IS_ADDR_V4MAPPED(v6) && v6->s6_addr[12] == 127));
 }
 
 void srv_address_to_text(const struct sockaddr *address, char text[SRV_ADDRESS_TEXT]) {
@@ -66,7 +68,10 @@ bool srv_address_same_host(const struct sockaddr *a, const struct sockaddr *b) {
     if (a->sa_family == AF_INET)
         return ((const struct sockaddr_in *)a)->sin_addr.s_addr ==
                ((const struct sockaddr_in *)b)->sin_addr.s_addr;
-    return a->sa_family == AF_INET6 &&
-           memcmp(&((const struct sockaddr_in6 *)a)->sin6_addr,
-                  &((const struct sockaddr_in6 *)b)->sin6_addr, sizeof(struct in6_addr)) == 0;
+    if (a->sa_family != AF_INET6)
+        return false;
+    const struct in6_addr *a6 = &((const struct sockaddr_in6 *)a)->sin6_addr;
+    const struct in6_addr *b6 = &((const struct sockaddr_in6 *)b)->sin6_addr;
+    bool is_v4 = IN6_IS_ADDR_V4MAPPED(a6) || IN6_IS_ADDR_V4MAPPED(b6);
+    return memcmp(a6, b6, is_v4 ? sizeof *a6 : sizeof *a6 / 2) == 0;
 }

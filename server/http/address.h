@@ -19,10 +19,12 @@ struct srv_address {
 
 /* "127.0.0.1:8080", "[::1]:0", "localhost:8080"; names other than localhost are not looked up. */
 bool srv_address_parse(const char *text, struct srv_address *address, struct sp_error *err);
-bool srv_address_is_loopback(const struct srv_address *address);
+/* Of this machine? Also as IPv4 in IPv6. */
+bool srv_address_is_loopback(const struct sockaddr *address);
 /* "127.0.0.1:8080", "[::1]:8080". */
 void srv_address_to_text(const struct sockaddr *address, char text[SRV_ADDRESS_TEXT]);
-/* The same host, whatever the port? */
+/* The same host, whatever the port? Of IPv6 the first 64 bits count: one host may have all the rest
+ * to itself. */
 bool srv_address_same_host(const struct sockaddr *a, const struct sockaddr *b);
 
 #endif

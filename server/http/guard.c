@@ -95,14 +95,13 @@ void srv_guard_sweep(struct srv_guard *guard, double now_ms) {
     pthread_mutex_unlock(&guard->mutex);
 }
 
-void srv_guard_count(struct srv_guard *guard, const struct srv_guarded *connection, size_t *all,
+void srv_guard_count(struct srv_guard *guard, const struct sockaddr *host, size_t *all,
                      size_t *same_host) {
     *same_host = 0;
     pthread_mutex_lock(&guard->mutex);
     *all = guard->count;
     for (const struct srv_guarded *c = guard->list; c; c = c->next)
-        if (srv_address_same_host((const struct sockaddr *)&c->address,
-                                  (const struct sockaddr *)&connection->address))
+        if (srv_address_same_host((const struct sockaddr *)&c->address, host))
             (*same_host)++;
     pthread_mutex_unlock(&guard->mutex);
 }

@@ -36,8 +36,8 @@ void srv_guard_set_deadline(struct srv_guard *guard, struct srv_guarded *connect
                             double deadline_ms);
 /* Shuts down what is past its deadline. */
 void srv_guard_sweep(struct srv_guard *guard, double now_ms);
-/* Open connections, and those from the same host as this one. */
-void srv_guard_count(struct srv_guard *guard, const struct srv_guarded *connection, size_t *all,
+/* Open connections, and those from this host. */
+void srv_guard_count(struct srv_guard *guard, const struct sockaddr *host, size_t *all,
                      size_t *same_host);
 
 size_t srv_guard_all(struct srv_guard *guard);

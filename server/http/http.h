@@ -9,6 +9,7 @@
 #include <pthread.h>
 
 #include "http/listener.h"
+#include "http/refusals.h"
 
 struct srv_tls;
 
@@ -17,12 +18,16 @@ struct srv_http {
     struct MHD_Daemon *daemon;
     struct srv_tls *tls; /* NULL = the daemon listens itself */
     struct srv_guard *guard;
+    struct srv_refusals refusals;
     char address[SRV_ADDRESS_TEXT];
     pthread_mutex_t mutex;
     pthread_cond_t idle;
     unsigned active; /* requests between headers and the end of the answer */
     bool draining;
 };
+
+/* How many connections may one host have? Somewhat more are accepted, to be told so. */
+unsigned srv_connections_from(const struct srv_config *config, const struct sockaddr *host);
 
 /* The library's callbacks for requests; user: the srv_http. */
 void *srv_on_target(void *user, const char *target, struct MHD_Connection *connection);

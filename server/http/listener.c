@@ -13,9 +13,40 @@
 #include "http/tls.h"
 #include "sp/log.h"
 
-enum { SPARE_CONNECTIONS = 64 }; /* beyond --connections, to answer 503 instead of nothing */
+enum {
+    SPARE_CONNECTIONS = 64, /* beyond --connections, to answer 503 instead of nothing */
+    SPARE_FROM_HOST = 32,   /* beyond --connections-per-address, to answer 429 */
+};
 
 /* Connections. */
+
+unsigned srv_connections_from(const struct srv_config *config, const struct sockaddr *host) {
+    int64_t all = config->connections, few = config->connections_per_address;
+    if (few == 0)
+        few = srv_address_is_loopback(host) ? all : (all + 3) / 4;
+    return (unsigned)(few < all ? few : all);
+}
+
+/* Who says nothing gets no answer, but holds a place: also these are bounded, so that no host takes
+ * all places. */
+static unsigned accepted_from(void *user, const struct sockaddr *host) {
+    const struct srv_http *http = user;
+    return srv_connections_from(http->options.config, host) + SPARE_FROM_HOST;
+}
+
+static enum MHD_Result on_accept(void *user, const struct sockaddr *peer, socklen_t size) {
+    (void)size;
+    struct srv_http *http = user;
+    size_t all, same_host;
+    char text[SRV_ADDRESS_TEXT];
+    srv_guard_count(http->guard, peer, &all, &same_host);
+    if (same_host < accepted_from(http, peer))
+        return MHD_YES;
+    srv_address_to_text(peer, text);
+    srv_refused(&http->refusals, SRV_REFUSED_ADDRESS, srv_clock_ms(),
+                "%s refused: it has %zu connections (--connections-per-address)", text, same_host);
+    return MHD_NO;
+}
 
 static void on_connection(void *user, struct MHD_Connection *connection, void **context,
                           enum MHD_ConnectionNotificationCode code) {
@@ -78,7 +109,7 @@ static bool start(struct srv_http *http, int fd, struct sp_error *err) {
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME |
             MHD_USE_ERROR_LOG | (fd < 0 ? MHD_USE_NO_LISTEN_SOCKET : 0),
-        0, NULL, NULL, srv_on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
+        0, on_accept, http, srv_on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
         MHD_OPTION_ARRAY, listening, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
         MHD_OPTION_CONNECTION_LIMIT, connections_max(config), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
         (size_t)config->header_size, MHD_OPTION_URI_LOG_CALLBACK, srv_on_target, http,
@@ -106,7 +137,9 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
         .linger_ms = (double)config->request_time_ms,
         .handshakes_max = (unsigned)config->handshakes,
         .connections_max = connections_max(config) + (unsigned)config->handshakes,
+        .refusals = &http->refusals,
         .user = http,
+        .accepted_from = accepted_from,
         .give = on_tls_connection,
     };
     http->tls = srv_tls_create(&options, err);
@@ -153,6 +186,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
         return NULL;
     }
     http->options = *options;
+    http->refusals.metrics = options->metrics;
     pthread_mutex_init(&http->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);

@@ -134,22 +134,25 @@ static void refuse_method(struct srv_request *request, unsigned allowed) {
 
 static bool check_limits(struct srv_request *request) {
     const struct srv_config *config = request->app->config;
+    const struct sockaddr *host = (const struct sockaddr *)srv_guard_address(request->guarded);
+    unsigned from_host = srv_connections_from(config, host);
     size_t all, same_host;
-    srv_guard_count(request->http->guard, request->guarded, &all, &same_host);
+    srv_guard_count(request->http->guard, host, &all, &same_host);
     if (all > (size_t)config->connections) {
-        sp_log(SP_LOG_WARN, "%s refused: %zu connections, --connections %lld",
-               srv_guard_peer(request->guarded), all, (long long)config->connections);
+        srv_refused(&request->http->refusals, SRV_REFUSED_FULL, srv_clock_ms(),
+                    "%s refused: %zu connections, --connections %lld",
+                    srv_guard_peer(request->guarded), all, (long long)config->connections);
         srv_reply_problem(&request->reply, 503, NULL,
                           "%zu connections are open and --connections allows %lld; try again later",
                           all, (long long)config->connections);
-    } else if (same_host > (size_t)config->connections_per_address) {
-        sp_log(SP_LOG_WARN, "%s refused: %zu connections, --connections-per-address %lld",
-               srv_guard_peer(request->guarded), same_host,
-               (long long)config->connections_per_address);
+    } else if (same_host > from_host) {
+        srv_refused(&request->http->refusals, SRV_REFUSED_ADDRESS, srv_clock_ms(),
+                    "%s refused: %zu connections, --connections-per-address %u",
+                    srv_guard_peer(request->guarded), same_host, from_host);
         srv_reply_problem(&request->reply, 429, NULL,
                           "%zu connections from your address are open and "
-                          "--connections-per-address allows %lld",
-                          same_host, (long long)config->connections_per_address);
+                          "--connections-per-address allows %u",
+                          same_host, from_host);
     } else {
         return true;
     }

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -233,8 +234,8 @@ static void pump(struct srv_tls *tls, struct connection *c, double now_ms) {
 static void open_pair(struct srv_tls *tls, struct connection *c, double now_ms) {
     int pair[2], bytes = PAIR_BYTES;
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) != 0) {
-        sp_log(SP_LOG_WARN, "TLS connection of %s refused: no socket pair: %s", c->peer,
-               strerror(errno));
+        srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+                    "TLS connection of %s refused: no socket pair: %s", c->peer, strerror(errno));
         c->state = DEAD;
         return;
     }
@@ -242,7 +243,8 @@ static void open_pair(struct srv_tls *tls, struct connection *c, double now_ms) 
     c->sides[SERVER].fd = pair[0];
     if (!tls->options.give(tls->options.user, pair[1], (const struct sockaddr *)&c->address,
                            c->address_size)) {
-        sp_log(SP_LOG_WARN, "TLS connection of %s refused: there is no room", c->peer);
+        srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+                    "TLS connection of %s refused: there is no room", c->peer);
         c->state = DEAD;
         return;
     }
@@ -261,7 +263,8 @@ static void shake(struct srv_tls *tls, struct connection *c, double now_ms) {
         bool writes = gnutls_record_get_direction(c->session) == 1;
         watch(tls, c, CLIENT, writes ? EPOLLOUT : EPOLLIN);
     } else {
-        sp_log(SP_LOG_INFO, "no TLS with %s: %s", c->peer, gnutls_strerror(code));
+        srv_refused(tls->options.refusals, SRV_REFUSED_TLS, now_ms, "no TLS with %s: %s", c->peer,
+                    gnutls_strerror(code));
         gnutls_alert_send_appropriate(c->session, code);
         linger(tls, c, now_ms);
     }
@@ -282,7 +285,8 @@ static void tell_plain(struct srv_tls *tls, struct connection *c, double now_ms)
                         "Connection: close\r\nContent-Length: %zu\r\n\r\n%s",
                         sizeof body - 1, body);
     ssize_t sent = send(c->sides[CLIENT].fd, answer, (size_t)size, MSG_NOSIGNAL);
-    sp_log(SP_LOG_INFO, "no TLS with %s: it speaks plain HTTP", c->peer);
+    srv_refused(tls->options.refusals, SRV_REFUSED_TLS, now_ms,
+                "no TLS with %s: it speaks plain HTTP", c->peer);
     if (sent == size)
         linger(tls, c, now_ms);
     else
@@ -329,7 +333,7 @@ static void reap(struct srv_tls *tls) {
 }
 
 /* If there are too many; not the one that just arrived. */
-static void end_oldest_handshake(struct srv_tls *tls) {
+static void end_oldest_handshake(struct srv_tls *tls, double now_ms) {
     struct connection *oldest = NULL;
     unsigned handshakes = 0;
     for (struct connection *c = tls->list; c; c = c->next) {
@@ -338,9 +342,30 @@ static void end_oldest_handshake(struct srv_tls *tls) {
     }
     if (handshakes <= tls->options.handshakes_max)
         return;
-    sp_log(SP_LOG_WARN, "no TLS with %s: more than %u handshakes at a time (--handshakes)",
-           oldest->peer, tls->options.handshakes_max);
+    srv_refused(tls->options.refusals, SRV_REFUSED_HANDSHAKE, now_ms,
+                "no TLS with %s: more than %u handshakes at a time (--handshakes)", oldest->peer,
+                tls->options.handshakes_max);
     oldest->state = DEAD;
+}
+
+static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const char *peer,
+                     double now_ms) {
+    if (tls->count >= tls->options.connections_max) {
+        srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+                    "TLS connection of %s refused: --connections (%u are open)", peer, tls->count);
+        return false;
+    }
+    if (!tls->options.accepted_from)
+        return true;
+    unsigned same_host = 0;
+    for (const struct connection *c = tls->list; c; c = c->next)
+        same_host += srv_address_same_host((const struct sockaddr *)&c->address, host);
+    if (same_host < tls->options.accepted_from(tls->options.user, host))
+        return true;
+    srv_refused(tls->options.refusals, SRV_REFUSED_ADDRESS, now_ms,
+                "TLS connection of %s refused: it has %u (--connections-per-address)", peer,
+                same_host);
+    return false;
 }
 
 static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *address,
@@ -348,11 +373,12 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
     srv_address_to_text((const struct sockaddr *)address, peer);
-    bool is_full = tls->count >= tls->options.connections_max;
-    struct connection *c = is_full ? NULL : calloc(1, sizeof *c);
+    bool has = has_room(tls, (const struct sockaddr *)address, peer, now_ms);
+    struct connection *c = has ? calloc(1, sizeof *c) : NULL;
     if (!c) {
-        sp_log(SP_LOG_WARN, "TLS connection of %s refused: %s (%u are open)", peer,
-               is_full ? "--connections" : "no memory", tls->count);
+        if (has)
+            srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+                        "TLS connection of %s refused: no memory", peer);
         close(fd);
         return;
     }
@@ -372,7 +398,7 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     tls->list = c;
     tls->count++;
     watch(tls, c, CLIENT, EPOLLIN);
-    end_oldest_handshake(tls);
+    end_oldest_handshake(tls, now_ms);
 }
 
 static void accept_all(struct srv_tls *tls, double now_ms) {
@@ -384,7 +410,8 @@ static void accept_all(struct srv_tls *tls, double now_ms) {
         if (fd >= 0) {
             take(tls, fd, &address, size, now_ms);
         } else if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) {
-            sp_log(SP_LOG_WARN, "no connection can be accepted for now: %s", strerror(errno));
+            srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+                        "no connection can be accepted for now: %s", strerror(errno));
             listen_again(tls, false); /* until the next tick */
             return;
         } else if (is_again(errno)) {
@@ -393,12 +420,22 @@ static void accept_all(struct srv_tls *tls, double now_ms) {
     }
 }
 
+/* While bytes wait for the client nobody reads the server's side, nor hears of its end. */
+static void look_for_end(struct srv_tls *tls, struct connection *c, double now_ms) {
+    struct pollfd look = { .fd = c->sides[SERVER].fd, .events = POLLRDHUP };
+    if (c->state == OPEN && c->deadline_ms == 0 && c->down.at < c->down.size &&
+        poll(&look, 1, 0) > 0)
+        c->deadline_ms = now_ms + tls->options.linger_ms;
+}
+
 static void tick(struct srv_tls *tls, double now_ms) {
     for (struct connection *c = tls->list; c; c = c->next) {
+        look_for_end(tls, c, now_ms);
         if (c->deadline_ms == 0 || now_ms < c->deadline_ms)
             continue;
         if (c->state == HANDSHAKE)
-            sp_log(SP_LOG_INFO, "no TLS with %s: no handshake within --header-time", c->peer);
+            srv_refused(tls->options.refusals, SRV_REFUSED_TLS, now_ms,
+                        "no TLS with %s: no handshake within --header-time", c->peer);
         else if (c->state == OPEN)
             sp_log(SP_LOG_INFO,
                    "TLS connection of %s closed: the rest was not read within "

@@ -12,9 +12,10 @@
  *
  * Bounded: a connection costs two buffers and GnuTLS's session; a handshake has a deadline; of too
  * many handshakes the oldest ends, so that clients which dawdle keep nobody out; beyond
- * connections_max the newest is closed at once. Back-pressure goes through: a side is read only
- * while the other takes it. An end of either side is passed on after the bytes before it; the time
- * limits of an open connection are those of whoever has the other end.
+ * connections_max, and for one host beyond accepted_from(), the newest is closed at once.
+ * Back-pressure goes through: a side is read only while the other takes it. An end of either side
+ * is passed on after the bytes before it; the time limits of an open connection are those of
+ * whoever has the other end, and once that end is closed, linger_ms.
  */
 #ifndef SRV_HTTP_TLS_H
 #define SRV_HTTP_TLS_H
@@ -22,6 +23,7 @@
 #include <stdbool.h>
 #include <sys/socket.h>
 
+#include "http/refusals.h"
 #include "http/tls_keys.h"
 #include "sp/status.h"
 
@@ -34,7 +36,11 @@ struct srv_tls_options {
     double linger_ms;          /* longest for a client to read the rest, once give()'s end closed */
     unsigned handshakes_max;   /* at a time */
     unsigned connections_max;  /* at a time, handshakes and those that linger too */
+    struct srv_refusals *refusals; /* not owned; NULL = they are not counted */
     void *user;
+    /* Connections that one host may have at a time, as connections_max; NULL = any number. On the
+     * TLS thread. */
+    unsigned (*accepted_from)(void *user, const struct sockaddr *host);
     /* Takes the other end over, also when false: then the connection ends. On the TLS thread. */
     bool (*give)(void *user, int socket, const struct sockaddr *peer, socklen_t size);
 };

@@ -283,9 +283,9 @@ export class Raw {
   ended = false;
   #watchers = new Set();
 
-  static async connect(port) {
+  static async connect(port, options = {}) {
     const raw = new Raw();
-    raw.socket = net.connect(port, '127.0.0.1');
+    raw.socket = net.connect({ port, host: '127.0.0.1', ...options });
     const gone = () => { raw.ended = true; raw.#look(); };
     raw.socket.on('data', (data) => { raw.bytes = Buffer.concat([raw.bytes, data]); raw.#look(); });
     raw.socket.on('end', gone).on('close', gone).on('error', gone);

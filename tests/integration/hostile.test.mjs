@@ -261,3 +261,22 @@ test('over the limits of connections everybody gets an answer at once', async ()
   await Promise.all(streams.map((s) => s.end()));
   await othersAreServed();
 });
+
+test('who says nothing takes no more places than its address has', async (t) => {
+  const small = await Daemon.start(['--connections', '40', '--connections-per-address', '4', '--http-threads', '1', '--header-time', '600']);
+  const silent = await Promise.all(Array.from({ length: 100 }, () => Raw.connect(small.port)));
+  t.after(() => silent.forEach((raw) => raw.destroy()));
+  // 4 and 32 that would be told so are kept.
+  let ended = 0;
+  const enough = new Promise((resolve) => {
+    for (const raw of silent) raw.until(() => raw.ended, 'its end').then(() => ++ended === 64 && resolve(), () => {});
+  });
+  await within(enough, () => `64 connections to end (${ended} did)`);
+  const other = await Raw.connect(small.port, { localAddress: '127.0.0.2' });
+  other.write(`GET /metrics HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${small.token}\r\nConnection: close\r\n\r\n`);
+  await other.until(() => other.ended, 'the metrics');
+  assert.match(other.text(), /^HTTP\/1.1 200/);
+  assert.match(other.text(), /^splatd_connections_refused_total\{reason="address"\} 64$/m);
+  assert.ok(small.log.match(/refused: it has 36 connections/g).length < 64, 'a line for each');
+  assert.equal(await small.stop(), 0);
+});

@@ -265,6 +265,37 @@ test('a client that does not read holds up nobody else', async () => {
   raw.destroy();
 });
 
+test('a client that stops reading in the middle of its answers is not kept for ever', async () => {
+  const short = await Daemon.start(['--volume', 'demo:engine?size=32', ...secure, '--request-time', '0.5', '--idle-time', '0.5']);
+  const raw = await connect({ port: short.port });
+  const { localPort } = raw;
+  raw.on('error', () => {});
+  raw.pause();
+  // More than the kernel's buffers take.
+  const request = `GET /api/v1/openapi.yaml HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${short.token}\r\n\r\n`;
+  raw.write(request.repeat(900));
+  await short.untilLogged(`TLS connection of 127.0.0.1:${localPort} closed: the rest was not read within --request-time`);
+  raw.destroy();
+  assert.equal((await ask('/healthz', { of: short })).status, 200);
+  assert.equal(await short.stop(), 0);
+});
+
+test('who says nothing, in TLS or before it, takes no more places than its address has', async (t) => {
+  const small = await Daemon.start([...secure, '--connections', '40', '--connections-per-address', '4', '--http-threads', '1',
+    '--header-time', '600', '--handshakes', '100']);
+  const silent = await Promise.all(Array.from({ length: 100 }, () => Raw.connect(small.port)));
+  t.after(() => silent.forEach((raw) => raw.destroy()));
+  let ended = 0;
+  const enough = new Promise((resolve) => {
+    for (const raw of silent) raw.until(() => raw.ended, 'its end').then(() => ++ended === 64 && resolve(), () => {});
+  });
+  await within(enough, () => `64 connections to end (${ended} did)`);
+  const { status, body } = await ask('/metrics', { of: small, localAddress: '127.0.0.2' });
+  assert.equal(status, 200);
+  assert.match(String(body), /^splatd_connections_refused_total\{reason="address"\} 64$/m);
+  assert.equal(await small.stop(), 0);
+});
+
 test('SIGHUP: new connections get the new certificate, old ones go on; a bad one changes nothing', async () => {
   const of = await session();
   const stream = await Stream.open(daemon.streamUrl(of), { session: of, ca });

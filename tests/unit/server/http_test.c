@@ -14,10 +14,12 @@
 #include "http/gzip.h"
 #include "http/handshake.h"
 #include "http/headers.h"
+#include "http/http.h"
 #include "http/origins.h"
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/strict.h"
+#include "sp/log.h"
 
 static void nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
@@ -219,25 +221,92 @@ static void addresses(void **state) {
         { "10.1.2.3:80", "10.1.2.3:80", false },
         { "[::1]:80", "[::1]:80", true },
         { "[::]:80", "[::]:80", false },
+        { "[::ffff:127.0.0.1]:80", "[::ffff:127.0.0.1]:80", true },
+        { "[::ffff:10.0.0.1]:80", "[::ffff:10.0.0.1]:80", false },
     };
     for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
         assert_true(srv_address_parse(good[i].text, &a, NULL));
         srv_address_to_text((const struct sockaddr *)&a.storage, text);
         assert_string_equal(text, good[i].shown);
-        assert_int_equal(srv_address_is_loopback(&a), good[i].loopback);
+        assert_int_equal(srv_address_is_loopback((struct sockaddr *)&a.storage), good[i].loopback);
     }
     static const char *const bad[] = { "",       "8080",      ":8080",      "127.0.0.1",
                                        "a.b:80", "::1:80",    "[::1]",      "127.0.0.1:65536",
                                        "[]:80",  "1.2.3.4:x", "1.2.3.4:-1", "1.2.3.4:80 " };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         assert_false(srv_address_parse(bad[i], &a, NULL));
-    assert_true(srv_address_parse("10.0.0.1:1", &a, NULL));
-    assert_true(srv_address_parse("10.0.0.1:2", &b, NULL));
-    assert_true(
-        srv_address_same_host((struct sockaddr *)&a.storage, (struct sockaddr *)&b.storage));
-    assert_true(srv_address_parse("10.0.0.2:1", &b, NULL));
-    assert_false(
-        srv_address_same_host((struct sockaddr *)&a.storage, (struct sockaddr *)&b.storage));
+    static const struct {
+        const char *a, *b;
+        bool same;
+    } pairs[] = {
+        { "10.0.0.1:1", "10.0.0.1:2", true },
+        { "10.0.0.1:1", "10.0.0.2:1", false },
+        { "10.0.0.1:1", "[::1]:1", false },
+        { "[2001:db8::1]:1", "[2001:db8::ffff:0:0:2]:1", true },
+        { "[2001:db8::1]:1", "[2001:db8:0:1::1]:1", false },
+        { "[::ffff:10.0.0.1]:1", "[::ffff:10.0.0.1]:2", true },
+        { "[::ffff:10.0.0.1]:1", "[::ffff:10.0.0.2]:1", false },
+        { "[::ffff:10.0.0.1]:1", "[::1]:1", false },
+    };
+    for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
+        assert_true(srv_address_parse(pairs[i].a, &a, NULL));
+        assert_true(srv_address_parse(pairs[i].b, &b, NULL));
+        bool same =
+            srv_address_same_host((struct sockaddr *)&a.storage, (struct sockaddr *)&b.storage);
+        if (same != pairs[i].same)
+            fail_msg("%s and %s", pairs[i].a, pairs[i].b);
+    }
+}
+
+static void connections_from_one_host(void **state) {
+    (void)state;
+    static const struct {
+        const char *host;
+        int64_t connections, per_address;
+        unsigned from;
+    } cases[] = {
+        { "10.0.0.1:1", 256, 0, 64 },  { "127.0.0.1:1", 256, 0, 256 },
+        { "[::1]:1", 256, 0, 256 },    { "10.0.0.1:1", 1, 0, 1 },
+        { "10.0.0.1:1", 256, 20, 20 }, { "127.0.0.1:1", 256, 20, 20 },
+        { "10.0.0.1:1", 10, 200, 10 },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_address host;
+        struct srv_config config = { .connections = cases[i].connections,
+                                     .connections_per_address = cases[i].per_address };
+        assert_true(srv_address_parse(cases[i].host, &host, NULL));
+        assert_int_equal(srv_connections_from(&config, (struct sockaddr *)&host.storage),
+                         cases[i].from);
+    }
+}
+
+static char last_line[512];
+static unsigned lines;
+
+static void keep_line(void *user, enum sp_log_level level, const char *line) {
+    (void)user;
+    (void)level;
+    snprintf(last_line, sizeof last_line, "%s", line);
+    lines++;
+}
+
+static void refusals(void **state) {
+    (void)state;
+    struct srv_refusals r = { .metrics = NULL };
+    sp_log_init(keep_line, NULL, SP_LOG_INFO);
+    for (int i = 0; i < 1000; i++)
+        srv_refused(&r, SRV_REFUSED_FULL, 5000 + i * 0.5, "%d refused", i);
+    assert_int_equal(lines, 1);
+    assert_string_equal(last_line, "0 refused");
+    srv_refused(&r, SRV_REFUSED_TLS, 5500, "another reason");
+    assert_int_equal(lines, 2);
+    srv_refused(&r, SRV_REFUSED_FULL, 6000, "the next second");
+    assert_string_equal(last_line, "the next second; 999 more like it since the last such line");
+    srv_refused(&r, SRV_REFUSED_FULL, 7000, "later");
+    assert_string_equal(last_line, "later");
+    assert_int_equal(lines, 4);
+    srv_refused(NULL, SRV_REFUSED_FULL, 9000, "nothing");
+    assert_int_equal(lines, 4);
 }
 
 /* RFC 6455, 1.3; another one from `printf KEY258EAFA5-… | openssl sha1 -binary | base64`. */
@@ -335,7 +404,8 @@ int main(void) {
         cmocka_unit_test(accepting),       cmocka_unit_test(tokens_and_types),
         cmocka_unit_test(addresses),       cmocka_unit_test(handshake),
         cmocka_unit_test(problems),        cmocka_unit_test(targets),
-        cmocka_unit_test(framing),
+        cmocka_unit_test(framing),         cmocka_unit_test(connections_from_one_host),
+        cmocka_unit_test(refusals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
