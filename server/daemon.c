@@ -69,9 +69,9 @@ static void on_work(void *user) {
     srv_scheduler_wake(d->scheduler);
 }
 
-static void on_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
+static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     struct srv_daemon *d = user;
-    srv_scheduler_interrupt(d->scheduler, session, why);
+    srv_scheduler_interrupt(d->scheduler, of, why);
 }
 
 static bool on_supports(void *user, const struct sp_view *view, struct sp_error *err) {

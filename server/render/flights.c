@@ -71,14 +71,23 @@ void srv_flights_tick(struct srv_flights *flights, double now_ms) {
     }
 }
 
-void srv_flights_interrupt(struct srv_flights *flights, uint64_t session, enum srv_interrupt why,
+static bool concerns(const struct srv_flight *f, uint64_t of, enum srv_interrupt why) {
+    const struct srv_job *job = f->job;
+    if (why == SRV_MOVES)
+        return job->gives_way;
+    if (why == SRV_NEWER_PICTURE) /* who else gets it still wants it */
+        return job->target_count == 1 && job->targets[0].participant == of;
+    return job->session == of;
+}
+
+void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_interrupt why,
                            double now_ms) {
     for (unsigned i = 0; i < flights->count; i++) {
         struct srv_flight *f = at(flights, i);
-        if (f->job->session != session)
+        if (!concerns(f, of, why))
             continue;
         f->is_outdated = true;
-        if (why == SRV_UNWANTED)
+        if (why == SRV_UNWANTED || why == SRV_MOVES)
             f->keep_until_ms = 0;
     }
     srv_flights_tick(flights, now_ms);

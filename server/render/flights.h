@@ -7,7 +7,8 @@
  *                 │                 │
  *                 │                 └ a newer view waits, and it is over its budget: its clock
  *                 │                   starts here, so that nobody pays for the frame before his
- *                 └ at any time: a refinement of an older view, and what nobody wants
+ *                 └ at any time: a refinement of an older view, what nobody wants, and
+ *                   what gives way when something moves
  *
  * Of two moving frames of a session one is always finished: when one is given up, those behind it
  * stay. No clock, no lock: whoever calls holds the lane's.
@@ -44,8 +45,9 @@ void srv_flights_end(struct srv_flights *flights, double now_ms);
 /* Takes out the newest, which was not begun after all. */
 void srv_flights_undo(struct srv_flights *flights);
 
-/* What is begun for this session is no longer what it wants. Then what may be given up is. */
-void srv_flights_interrupt(struct srv_flights *flights, uint64_t session, enum srv_interrupt why,
+/* Something begun is no longer what is wanted first: as struct srv_hub_options says. What may be
+ * given up then is. */
+void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_interrupt why,
                            double now_ms);
 void srv_flights_tick(struct srv_flights *flights, double now_ms);
 void srv_flights_cancel(struct srv_flights *flights); /* all of them */

@@ -198,10 +198,10 @@ void srv_scheduler_wake(void *user) {
     pthread_mutex_unlock(&s->mutex);
 }
 
-void srv_scheduler_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
+void srv_scheduler_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
-    srv_flights_interrupt(&s->flights, session, why, srv_clock_ms());
+    srv_flights_interrupt(&s->flights, of, why, srv_clock_ms());
     pthread_mutex_unlock(&s->mutex);
 }
 

@@ -11,13 +11,14 @@
  * still lane's renderer is made for the first still. Of several encode threads the first is for
  * streams alone.
  *
- * In the stream lane moving views go first. Where the renderer takes several frames at a time
- * (sp_renderer_depth(), a GPU) the next job is begun while the former ones are drawn: begin, begin,
- * finish, begin, finish, … (flights.h). Nothing waits for a second job: what was begun is finished
- * when the hub has no other just then. What is rendered for a view that changed is cancelled
- * from the moment on that its job names (session/work.c): a refinement at once, a moving frame when
- * it is far over its budget, so that a long drag always shows something. A still is cancelled when
- * who asked for it is gone.
+ * In the stream lane moving views go first, each session has an equal share of its time, and a
+ * refinement gives way to what moves (session/turn.c). Where the renderer takes several frames at a
+ * time (sp_renderer_depth(), a GPU) the next job is begun while the former ones are drawn: begin,
+ * begin, finish, begin, finish, … (flights.h). Nothing waits for a second job: what was begun is
+ * finished when the hub has no other just then. What is rendered for a view that changed is
+ * cancelled from the moment on that its job names (session/work.c): a refinement at once, a moving
+ * frame when it is far over its budget, so that a long drag always shows something. A still is
+ * cancelled when who asked for it is gone.
  *
  * A renderer whose backend fails goes over to the next one (sp/renderer.h): the hub tells clients.
  *
@@ -87,7 +88,7 @@ unsigned srv_scheduler_waiting(struct srv_scheduler *scheduler); /* stills not y
 
 /* For srv_hub_options and srv_catalog_options; `user` is the scheduler. */
 void srv_scheduler_wake(void *scheduler);
-void srv_scheduler_interrupt(void *scheduler, uint64_t session, enum srv_interrupt why);
+void srv_scheduler_interrupt(void *scheduler, uint64_t of, enum srv_interrupt why);
 void srv_scheduler_forget(void *scheduler, struct sp_volume *volume);
 bool srv_scheduler_supports(void *scheduler, const struct sp_view *view, struct sp_error *err);
 

@@ -37,9 +37,11 @@ static void begin_job(struct srv_scheduler *s, struct srv_job *job) {
     if (s->stop)
         srv_flights_cancel(&s->flights);
     pthread_mutex_unlock(&s->mutex);
-    /* The view may have changed before the interruption could reach us. */
+    /* The view may have changed before the interruption could reach us, or another one. */
     if (!srv_hub_is_newest(s->hub, job))
         srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
+    if (job->gives_way && srv_hub_moves(s->hub))
+        srv_scheduler_interrupt(s, 0, SRV_MOVES);
     if (job->refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
     const struct sp_render_options options = { .format = SP_RGBA8,

@@ -127,6 +127,9 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         session->volume_version = session->version + 1;
         srv_pace_init(&session->pace);
     }
+    for (struct srv_participant *p = session->participants; p; p = p->next)
+        if (p->taken_version == session->version)
+            p->behind_ms = now_ms;
     session->version++;
     session->changed_by = by;
     session->changed_ms = now_ms;
@@ -136,7 +139,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     bool useless = volume && !session->must_finish;
     hub->options.interrupt(hub->options.user, session->number,
                            useless ? SRV_UNWANTED : SRV_NEWER_VIEW);
-    hub->options.work(hub->options.user);
+    srv_hub_work(hub);
     return true;
 }
 

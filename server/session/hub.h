@@ -52,7 +52,12 @@ struct srv_volume_source {
                  const double at[2], struct sp_pick *pick);
 };
 
-enum srv_interrupt { SRV_NEWER_VIEW, SRV_UNWANTED };
+enum srv_interrupt {
+    SRV_NEWER_VIEW,    /* the session's view changed */
+    SRV_NEWER_PICTURE, /* the view is the same: one participant wants another picture of it */
+    SRV_UNWANTED,      /* nobody wants anything that is under way for the session */
+    SRV_MOVES          /* some view moves: whatever gives way to that (struct srv_job) does so */
+};
 
 struct srv_hub_options {
     struct srv_volume_source volumes;
@@ -65,9 +70,9 @@ struct srv_hub_options {
     void *user;
     void (*work)(void *user);  /* there may be something to render */
     void (*ready)(void *user); /* some participant has something to send */
-    /* What is being rendered for this session is no longer what it wants (struct srv_job says when
-     * it may be given up), or nobody wants it at all. */
-    void (*interrupt)(void *user, uint64_t session, enum srv_interrupt why);
+    /* What is being rendered is no longer what is wanted first (struct srv_job says when it may be
+     * given up). `of` is a session, or the participant of SRV_NEWER_PICTURE, or 0. */
+    void (*interrupt)(void *user, uint64_t of, enum srv_interrupt why);
     /* There is something to save, or nothing of this session any more. NULL = nothing is kept. */
     void (*changed)(void *user);
     void (*ended)(void *user, const char *id);
@@ -175,6 +180,12 @@ struct srv_target {
     int quality;
     bool final; /* the full picture in the granted quality: nothing follows */
 };
+/* What comes first. */
+enum srv_rank {
+    SRV_RANK_INTERACTION, /* the view is newer than what is seen of it */
+    SRV_RANK_REFINEMENT,  /* a better picture of it, or for who wants good ones alone */
+    SRV_RANKS
+};
 /* What a picture is for, in the order in which a view that came to rest gets them. */
 enum srv_step {
     SRV_STEP_MOVING, /* keeps up with the hand */
@@ -186,13 +197,15 @@ struct srv_job {
     uint64_t order;            /* rises from job to job */
     enum srv_step step;
     bool refinement;      /* worthless as soon as a newer view exists */
+    bool gives_way;       /* to whatever moves: is given up, and taken again */
     bool sharp;           /* full size and all voxels: only the encoding can get better */
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */
-    unsigned coarse;      /* as in sp/renderer.h; 0 if final */
-    uint32_t full[2];     /* size at rest */
-    struct sp_view view;  /* with the size to render */
-    void *volume;         /* a use of its own */
+    double charged_ms; /* of its session's and its participants' shares, until its time is known */
+    unsigned coarse;   /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];  /* size at rest */
+    struct sp_view view; /* with the size to render */
+    void *volume;        /* a use of its own */
     uint32_t target_count;
     struct srv_target targets[SRV_PARTICIPANTS_MAX];
 };
@@ -204,11 +217,13 @@ struct srv_job_result {
     bool again; /* not rendered: an earlier job's picture of the same view was encoded again */
 };
 
-/* The next thing to render; views that move go first. False if there is none: *wait_ms says when to
- * ask again at the latest. */
+/* The next thing to render (share.h says whose). False if there is none: *wait_ms says when to ask
+ * again at the latest. */
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */
 bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
+/* Does anything move, or is about to? */
+bool srv_hub_moves(struct srv_hub *hub);
 /* One encoded picture for target `i`. header: size, times, codec and LOSSLESS are the caller's; the
  * rest is filled in. */
 void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,

@@ -12,6 +12,7 @@
 #include "session/flow.h"
 #include "session/hub.h"
 #include "session/pace.h"
+#include "session/share.h"
 
 enum srv_note { /* what a participant has not been told yet */
                 SRV_NOTE_VIEW = 1,
@@ -61,6 +62,10 @@ struct srv_participant {
     struct srv_detail taken_detail;
     uint64_t failed_version; /* rendering it failed: not tried again */
     double next_frame_ms;    /* not before, by max_fps */
+    double behind_ms;        /* since when the view is newer than its last job */
+    double patient_ms;       /* since when a refinement gives way; 0 = none is wanted */
+    struct srv_share share;  /* of its session, by its clock */
+    uint64_t taken_order;    /* of its newest job */
     double stats_ms;         /* when stats were told last */
     uint64_t frames_sent, bytes_sent;
 };
@@ -76,6 +81,10 @@ struct srv_session {
     uint64_t saved_version; /* that was saved last */
     uint64_t changed_by;    /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
+    double moved_ms;        /* when it got a moving frame last; 0 = never */
+    struct srv_share share; /* of the stream lane, by the hub's clock */
+    double clock_ms;        /* of its participants' shares */
+    uint64_t taken_order;   /* of its newest job */
     struct srv_pace pace;
     /* The view in which the volume or the transfer function changed last, and the newest one that
      * a picture was finished of: before that, a picture begins with work that is done once. */
@@ -110,6 +119,8 @@ struct srv_hub {
     unsigned volume_count;
     uint64_t volume_clock;
     char backend[32], device[SP_DEVICE_NAME]; /* that renders for sessions */
+    double clock_ms;                          /* of the sessions' shares */
+    unsigned giving_way;                      /* jobs under way that give way to what moves */
     bool draining;
 };
 
@@ -150,6 +161,27 @@ double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double
 /* The notification session.control; malloc'ed. */
 char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *to, double now_ms,
                        size_t *size);
+/* There may be something to render; what gives way to it does. */
+void srv_hub_work(struct srv_hub *hub);
+
+/* Turns (turn.c): what one participant wants now. */
+struct srv_wish {
+    bool wanted;
+    enum srv_step step;
+    enum srv_rank rank;
+    bool refinement, gives_way; /* as in struct srv_job */
+    double deadline_ms;
+    double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
+};
+struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
+                              const struct srv_participant *p, double now_ms);
+/* Whose turn it is: the participant and its wish; NULL = nobody's. Lowers *wait_ms to when it may
+ * be somebody's. */
+struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
+                                      double *wait_ms);
+/* Does anybody get a frame of a moving view, now or as soon as its rate allows it? */
+bool srv_turn_moves(const struct srv_hub *hub);
+
 /* The size that a participant wants. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);

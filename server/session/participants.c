@@ -59,7 +59,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->quality = QUALITY_DEFAULT;
     p->max_fps = FPS_DEFAULT;
     p->progressive = true;
-    p->stats_ms = now_ms;
+    p->stats_ms = p->behind_ms = now_ms;
     srv_flow_init(&p->flow);
     srv_outbox_init(&p->outbox);
     pthread_mutex_lock(&hub->mutex);
@@ -78,7 +78,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
         srv_hub_note(hub, p,
                      SRV_NOTE_VIEW | SRV_NOTE_CONTROL | (hub->draining ? SRV_NOTE_DRAINING : 0));
-        hub->options.work(hub->options.user);
+        srv_hub_work(hub);
     }
     pthread_mutex_unlock(&hub->mutex);
     if (!session) {
@@ -257,7 +257,7 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
     }
     if (p->notes & SRV_NOTE_STATS) {
         p->notes &= ~(unsigned)SRV_NOTE_STATS;
-        p->stats_ms = now_ms;
+        p->stats_ms = p->behind_ms = now_ms;
         return text_of_stats(hub, p, size);
     }
     return text_of_volume(hub, p, size);
@@ -289,7 +289,7 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
         if (frames && p->outbox.blob && p->flow.count < SRV_FLOW_MAX) {
             take_frame(hub, p, now_ms, message);
             if (p->video != SP_VIDEO_CODEC_COUNT) /* is_open() waits for it */
-                hub->options.work(hub->options.user);
+                srv_hub_work(hub);
             kind = SRV_MESSAGE_FRAME;
         } else if ((message->text = take_note(hub, p, now_ms, &message->size))) {
             kind = SRV_MESSAGE_TEXT;

@@ -240,9 +240,10 @@ static bool stream_configure(struct srv_call *call) {
     p->next_frame_ms = fmin(p->next_frame_ms, call->now_ms + 1000.0 / p->max_fps);
     if (changed) { /* what was shown is not what is asked for now */
         p->taken_version = p->failed_version = 0;
-        call->hub->options.interrupt(call->hub->options.user, p->session->number, SRV_NEWER_VIEW);
+        p->behind_ms = call->now_ms;
+        call->hub->options.interrupt(call->hub->options.user, p->id, SRV_NEWER_PICTURE);
     }
-    call->hub->options.work(call->hub->options.user);
+    srv_hub_work(call->hub);
     call->result = encode_settings(p);
     return true;
 }
@@ -260,7 +261,7 @@ static bool stream_ack(struct srv_call *call) {
                                "must be the number of a frame that was sent");
     if (sent_ms > 0)
         srv_metrics_time(call->hub->options.metrics, SRV_TIME_TRIP, call->now_ms - sent_ms);
-    call->hub->options.work(call->hub->options.user);
+    srv_hub_work(call->hub);
     call->result = proto_json_object();
     return true;
 }

@@ -1,11 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which picture to make next, and where it goes.
- *
- *   a participant wants a frame if        and gets it if
- *     the view is newer than its last job   its window is open (flow.h) and its rate allows it
- *     or the view rests and its last frame
- *     was not of final quality
+ * The jobs: what is made of a wish (turn.c), and where the picture goes.
  *
  * A newer view gives up a refinement at once. A moving frame is finished, so that a long drag
  * always shows something, unless it takes more than twice its budget: then the next one, which is
@@ -20,68 +15,11 @@
 #include "session/hub_private.h"
 
 enum { QUALITY_MOVING = 60 };
-#define FIRST_PICTURE_MS 150.0 /* a first picture that takes longer is shown coarse first */
-
-struct wish {
-    bool wanted;
-    enum srv_step step;
-    bool refinement;
-    double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
-};
+#define MOVING_MS 500.0 /* a session moves for so long after a moving frame */
 
 static struct srv_detail detail_of(const struct srv_job *job) {
     return (struct srv_detail){ .coarse = job->coarse,
                                 .size = { job->view.size[0], job->view.size[1] } };
-}
-
-static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
-    unsigned waiting = p->pipeline + (p->outbox.blob ? 1 : 0);
-    if (p->video != SP_VIDEO_CODEC_COUNT && p->outbox.blob)
-        return false; /* a frame of video that waits must not be replaced */
-    return srv_flow_is_open(&p->flow, waiting, p->max_fps, hub->options.stream_bytes) &&
-           p->flow.count + waiting < SRV_FLOW_MAX;
-}
-
-/* What a view that rests gets next. */
-static enum srv_step next_step(const struct srv_session *s, const struct srv_participant *p) {
-    struct srv_detail detail;
-    uint32_t full[2];
-    srv_hub_size(s, p, full);
-    bool middle = p->progressive && p->taken_step == SRV_STEP_MOVING &&
-                  srv_pace_middle(&s->pace, full, &p->taken_detail, &detail);
-    return middle ? SRV_STEP_MIDDLE : SRV_STEP_FINAL;
-}
-
-/* Is the sharp picture known to be there soon, so that nothing need be shown before it? */
-static bool is_sharp_soon(const struct srv_session *s, const struct srv_participant *p) {
-    struct srv_detail sharp = { .coarse = 0 };
-    srv_hub_size(s, p, sharp.size);
-    double expected_ms = srv_pace_expect_ms(&s->pace, &sharp);
-    return expected_ms > 0 && expected_ms <= FIRST_PICTURE_MS;
-}
-
-static struct wish wish_of(const struct srv_hub *hub, const struct srv_session *s,
-                           const struct srv_participant *p, double now_ms) {
-    struct wish wish = { .in_ms = INFINITY };
-    bool newer = p->taken_version < s->version;
-    if ((!newer && p->taken_step == SRV_STEP_FINAL) || p->failed_version == s->version ||
-        !is_open(hub, p))
-        return wish;
-    double rate_ms = p->next_frame_ms - now_ms;
-    double rest_ms = s->changed_ms + hub->options.rest_ms - now_ms;
-    if (!newer)
-        rate_ms = fmax(rate_ms, rest_ms);
-    if (rate_ms > 0) {
-        wish.in_ms = rate_ms;
-        return wish;
-    }
-    wish.wanted = true;
-    wish.refinement = p->progressive && (!newer || (rest_ms <= 0 && is_sharp_soon(s, p)));
-    if (!newer)
-        wish.step = next_step(s, p);
-    else
-        wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
-    return wish;
 }
 
 static bool same_picture(const struct srv_session *s, const struct srv_participant *a,
@@ -92,12 +30,23 @@ static bool same_picture(const struct srv_session *s, const struct srv_participa
     return size[0][0] == size[1][0] && size[0][1] == size[1][1];
 }
 
-/* Detail for the job; its view has the full size and gets the one to render. */
-static void choose_detail(struct srv_session *s, struct srv_job *job,
-                          const struct srv_participant *first, int max_fps) {
+/* Sessions that get moving frames just now, with this one. Who asks for them and does not take them
+ * is none. */
+static unsigned moving_sessions(const struct srv_hub *hub, const struct srv_session *this,
+                                double now_ms) {
+    unsigned count = 0;
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        count += s == this || (s->moved_ms > 0 && now_ms - s->moved_ms < MOVING_MS);
+    return count;
+}
+
+/* Detail for the job; its view has the full size and gets the one to render. Those who move share
+ * the time of a frame: each has less detail instead of fewer frames. */
+static void choose_detail(const struct srv_hub *hub, struct srv_session *s, struct srv_job *job,
+                          const struct srv_participant *first, int max_fps, double now_ms) {
     uint32_t full[2] = { job->view.size[0], job->view.size[1] };
     struct srv_detail detail = { .coarse = 0, .size = { full[0], full[1] } };
-    job->budget_ms = srv_pace_budget_ms(max_fps);
+    job->budget_ms = srv_pace_budget_ms(max_fps) / moving_sessions(hub, s, now_ms);
     if (job->step == SRV_STEP_MOVING)
         srv_pace_moving(&s->pace, full, job->budget_ms, &detail);
     else if (job->step == SRV_STEP_MIDDLE)
@@ -139,19 +88,50 @@ static void take_job(struct srv_session *s, struct srv_participant *p, struct sr
     p->taken_version = s->version;
     p->taken_step = target.final ? SRV_STEP_FINAL : job->step;
     p->taken_detail = detail_of(job);
+    p->taken_order = job->order;
+    if (job->step == SRV_STEP_MOVING)
+        p->patient_ms = 0;
     /* Keep to the grid of the rate instead of adding our own delay to every frame. */
     double period = 1000.0 / p->max_fps;
     p->next_frame_ms = fmax(p->next_frame_ms + period, now_ms + period / 2);
 }
 
+static struct srv_participant *participant_of(struct srv_session *s, uint64_t id) {
+    for (struct srv_participant *p = s ? s->participants : NULL; p; p = p->next)
+        if (p->id == id)
+            return p;
+    return NULL;
+}
+
+/* The session, and each of its participants who gets the picture, gets what it is expected to take.
+ */
+static void take_share(struct srv_hub *hub, struct srv_session *s, struct srv_job *job) {
+    const struct srv_detail detail = detail_of(job);
+    job->charged_ms = srv_pace_expect_ms(&s->pace, &detail);
+    srv_share_take(&s->share, hub->clock_ms, job->charged_ms);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = participant_of(s, job->targets[i].participant);
+        srv_share_take(&p->share, s->clock_ms, job->charged_ms);
+    }
+}
+
+static void correct_share(struct srv_session *s, const struct srv_job *job, double took_ms) {
+    srv_share_correct(&s->share, took_ms - job->charged_ms);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = participant_of(s, job->targets[i].participant);
+        if (p)
+            srv_share_correct(&p->share, took_ms - job->charged_ms);
+    }
+}
+
 /* Fills the job for `first` and everybody else of the session who wants the same picture. */
 static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_participant *first,
-                     const struct wish *wish, double now_ms, struct srv_job *job) {
+                     const struct srv_wish *wish, double now_ms, struct srv_job *job) {
     struct srv_participant *takers[SRV_PARTICIPANTS_MAX];
     uint32_t count = 0;
     int max_fps = 1;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
-        struct wish other = wish_of(hub, s, p, now_ms);
+        struct srv_wish other = srv_turn_wish(hub, s, p, now_ms);
         if (!other.wanted || other.step != wish->step || !same_picture(s, first, p))
             continue;
         takers[count++] = p;
@@ -163,17 +143,24 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->order = ++hub->next_order;
     job->step = wish->step;
     job->refinement = wish->refinement;
+    job->gives_way = wish->gives_way;
     job->view = s->view;
     srv_hub_size(s, first, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
     job->volume = hub->options.volumes.ref(hub->options.volumes.user, s->volume);
     job->target_count = 0;
-    choose_detail(s, job, first, max_fps);
+    choose_detail(hub, s, job, first, max_fps, now_ms);
     job->keep_until_ms = keep_until_ms(s, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
         take_job(s, takers[i], job, now_ms);
-    if (job->step == SRV_STEP_MOVING)
+    s->taken_order = job->order;
+    s->clock_ms = srv_share_start(&first->share, s->clock_ms);
+    take_share(hub, s, job);
+    hub->giving_way += job->gives_way;
+    if (job->step == SRV_STEP_MOVING) {
+        s->moved_ms = now_ms;
         srv_metrics_time(hub->options.metrics, SRV_TIME_QUEUE, now_ms - s->changed_ms);
+    }
     double since = now_ms - s->served_ms;
     if (since < 1000)
         s->frame_ms = s->frame_ms == 0 ? since : s->frame_ms + (since - s->frame_ms) / 4;
@@ -181,31 +168,14 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
 }
 
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms) {
-    struct srv_session *best_session = NULL;
-    struct srv_participant *best = NULL;
-    struct wish best_wish = { .wanted = false };
+    struct srv_wish wish;
     *wait_ms = 1000;
     pthread_mutex_lock(&hub->mutex);
-    for (struct srv_session *s = hub->sessions; s; s = s->next) {
-        for (struct srv_participant *p = s->participants; p; p = p->next) {
-            struct wish wish = wish_of(hub, s, p, now_ms);
-            *wait_ms = fmin(*wait_ms, wish.in_ms);
-            if (!wish.wanted)
-                continue;
-            bool better =
-                !best || best_wish.refinement > wish.refinement ||
-                (best_wish.refinement == wish.refinement && s->served_ms < best_session->served_ms);
-            if (better) {
-                best_session = s;
-                best = p;
-                best_wish = wish;
-            }
-        }
-    }
-    if (best)
-        make_job(hub, best_session, best, &best_wish, now_ms, job);
+    struct srv_participant *next = srv_turn_next(hub, now_ms, &wish, wait_ms);
+    if (next)
+        make_job(hub, next->session, next, &wish, now_ms, job);
     pthread_mutex_unlock(&hub->mutex);
-    return best != NULL;
+    return next != NULL;
 }
 
 static struct srv_session *session_of(struct srv_hub *hub, const struct srv_job *job) {
@@ -223,11 +193,11 @@ bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job) {
     return newest;
 }
 
-static struct srv_participant *participant_of(struct srv_session *s, uint64_t id) {
-    for (struct srv_participant *p = s ? s->participants : NULL; p; p = p->next)
-        if (p->id == id)
-            return p;
-    return NULL;
+bool srv_hub_moves(struct srv_hub *hub) {
+    pthread_mutex_lock(&hub->mutex);
+    bool moves = srv_turn_moves(hub);
+    pthread_mutex_unlock(&hub->mutex);
+    return moves;
 }
 
 static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv_job *job,
@@ -302,7 +272,7 @@ static struct srv_session *end_job(struct srv_hub *hub, struct srv_job *job) {
     }
     hub->options.volumes.release(hub->options.volumes.user, job->volume);
     job->volume = NULL;
-    hub->options.work(hub->options.user);
+    hub->giving_way -= job->gives_way;
     return s;
 }
 
@@ -321,13 +291,17 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
             srv_pace_done(&s->pace, &drawn, moving, job->budget_ms, took_ms);
         if (job->step == SRV_STEP_FINAL)
             srv_pace_rest(&s->pace, job->view.size);
+        correct_share(s, job, result->again ? 0 : result->render_ms);
         /* What is at rest is told once more; the numbers of a moving view follow in time. */
         for (uint32_t i = 0; !moving && i < job->target_count; i++) {
             struct srv_participant *p = participant_of(s, job->targets[i].participant);
+            if (p && job->step == SRV_STEP_FINAL)
+                p->patient_ms = 0;
             if (p)
                 srv_hub_note(hub, p, SRV_NOTE_STATS);
         }
     }
+    srv_hub_work(hub);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -339,10 +313,12 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
         if (p) {
             p->failed_version = job->version;
+            p->patient_ms = 0;
             p->error = *err;
             srv_hub_note(hub, p, SRV_NOTE_ERROR);
         }
     }
+    srv_hub_work(hub);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -350,6 +326,8 @@ void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elap
     srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_OUTDATED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
+    if (s && elapsed_ms > 0)
+        correct_share(s, job, elapsed_ms);
     if (s && job->step == SRV_STEP_MOVING) {
         struct srv_detail drawn = detail_of(job);
         s->must_finish = true;
@@ -364,5 +342,6 @@ void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elap
         if (!job->refinement)
             p->taken_version = 0;
     }
+    srv_hub_work(hub);
     pthread_mutex_unlock(&hub->mutex);
 }

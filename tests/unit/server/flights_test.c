@@ -116,6 +116,32 @@ static void of_two_moving_frames_one_is_finished(void **state) {
     assert_true(third->cancel);
 }
 
+static void what_gives_way_does_so_when_something_moves(void **state) {
+    (void)state;
+    struct srv_flight *moving = begin(0, A, 1000), *refinement = begin_refinement(1, A, 1000);
+    struct srv_flight *final = begin_refinement(2, B, 1000);
+    jobs[2].refinement = false; /* for who wants final pictures alone: kept for ever */
+    jobs[2].keep_until_ms = final->keep_until_ms = INFINITY;
+    jobs[2].gives_way = true;
+    srv_flights_interrupt(&flights, 0, SRV_MOVES, 1001);
+    assert_true(final->cancel);
+    assert_false(moving->cancel || refinement->cancel); /* its patience was at an end */
+}
+
+static void anothers_picture_is_none_of_ones_business(void **state) {
+    (void)state;
+    struct srv_flight *own = begin_refinement(0, A, 1000), *common = begin_refinement(1, A, 1000);
+    jobs[0].targets[0].participant = jobs[1].targets[0].participant = 7;
+    jobs[1].targets[1].participant = 8;
+    jobs[0].target_count = 1;
+    jobs[1].target_count = 2;
+    srv_flights_interrupt(&flights, 8, SRV_NEWER_PICTURE, 1001);
+    assert_false(own->cancel || common->cancel);
+    srv_flights_interrupt(&flights, 7, SRV_NEWER_PICTURE, 1001);
+    assert_true(own->cancel);
+    assert_false(common->cancel);
+}
+
 static void all_can_be_cancelled(void **state) {
     (void)state;
     struct srv_flight *f[2] = { begin(0, A, 0), begin_refinement(1, B, 0) };
@@ -150,6 +176,8 @@ int main(void) {
         TEST(the_clock_of_one_behind_starts_when_it_is_the_oldest),
         TEST(refinements_and_what_nobody_wants_go_at_once),
         TEST(of_two_moving_frames_one_is_finished),
+        TEST(what_gives_way_does_so_when_something_moves),
+        TEST(anothers_picture_is_none_of_ones_business),
         TEST(all_can_be_cancelled),
         TEST(a_sharp_picture_on_its_way_is_known),
     };

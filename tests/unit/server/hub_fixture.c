@@ -50,10 +50,15 @@ static void ignore(void *user) {
     (void)user;
 }
 
-static void count_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
-    (void)session;
-    ((struct fixture *)user)->interrupts++;
-    ((struct fixture *)user)->why = why;
+static void count_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
+    struct fixture *f = user;
+    if (why == SRV_MOVES) {
+        f->yields++;
+    } else {
+        f->interrupts++;
+        f->why = why;
+        f->of = of;
+    }
 }
 
 int hub_set_up(void **state) {

@@ -12,8 +12,9 @@ struct fixture {
     struct srv_hub *hub;
     struct sp_volume_info info;
     int uses;
-    unsigned interrupts;
-    enum srv_interrupt why; /* of the last one */
+    unsigned interrupts, yields; /* yields: because something moves; not among the interrupts */
+    enum srv_interrupt why;      /* of the last interrupt */
+    uint64_t of;
     char id[SRV_SESSION_ID_BYTES];
 };
 

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Equal shares of render time (start-time fair queueing: Goyal, Vin and Cheng 1996).
+ *
+ *   clock   what each of those who always want something has got, ms
+ *   start   who wants something starts from the clock, or from where its last one ended, whichever
+ *           is later: nobody saves up a share by wanting nothing, and a debt stays
+ *   next    who starts no later than the mean of those who want something is entitled; of them the
+ *           one whose frame is due first (earliest eligible deadline first)
+ *
+ * Turns instead of shares would give most to who asks for the largest pictures; deadlines alone, to
+ * who asks for the most frames.
+ *
+ * Pure: no lock, no clock of the world.
+ */
+#ifndef SRV_SESSION_SHARE_H
+#define SRV_SESSION_SHARE_H
+
+struct srv_share { /* zero = got nothing yet */
+    double end_ms; /* of what it got last, by the clock of its peers */
+};
+
+/* Where it starts. */
+double srv_share_start(const struct srv_share *share, double clock_ms);
+/* It gets something that is expected to take ms. */
+void srv_share_take(struct srv_share *share, double clock_ms, double ms);
+/* What it got took so much more than expected; less than 0 = less. */
+void srv_share_correct(struct srv_share *share, double more_ms);
+
+/* For how long something that is expected to take expected_ms gives way to what comes first, again
+ * and again. Then it no longer does: so it costs the others a twentieth of their time at most, and
+ * is done some day, however busy they are. 0 = not known. */
+double srv_share_patience_ms(double expected_ms);
+
+#endif

@@ -1,0 +1,191 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Whose turn it is in the stream lane.
+ *
+ *   a participant wants a frame if        and gets it if
+ *     the view is newer than its last job   its window is open (flow.h) and its rate allows it
+ *     or the view rests and its last frame
+ *     was not of final quality
+ *
+ * Interaction comes before refinement. Within a rank sessions have equal shares of render time, and
+ * so have the participants of a session (share.h). A frame of a moving view is due by when the next
+ * one is.
+ *
+ * Who wants nothing but final pictures gets refinements. A refinement gives way to whatever moves:
+ * it is not begun while a frame of a moving view is about to be due, and given up when one is. When
+ * its patience is at an end it comes before what moves, once.
+ */
+#include <math.h>
+
+#include "session/hub_private.h"
+
+#define FIRST_PICTURE_MS 150.0 /* a first picture that takes longer is shown coarse first */
+#define ROUNDING_MS 1e-6       /* of a mean of equal numbers */
+
+static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
+    unsigned waiting = p->pipeline + (p->outbox.blob ? 1 : 0);
+    if (p->video != SP_VIDEO_CODEC_COUNT && p->outbox.blob)
+        return false; /* a frame of video that waits must not be replaced */
+    return srv_flow_is_open(&p->flow, waiting, p->max_fps, hub->options.stream_bytes) &&
+           p->flow.count + waiting < SRV_FLOW_MAX;
+}
+
+/* What a view that rests gets next. */
+static enum srv_step next_step(const struct srv_session *s, const struct srv_participant *p) {
+    struct srv_detail detail;
+    uint32_t full[2];
+    srv_hub_size(s, p, full);
+    bool middle = p->progressive && p->taken_step == SRV_STEP_MOVING &&
+                  srv_pace_middle(&s->pace, full, &p->taken_detail, &detail);
+    return middle ? SRV_STEP_MIDDLE : SRV_STEP_FINAL;
+}
+
+/* Of the sharp picture; 0 = not known. */
+static double sharp_ms(const struct srv_session *s, const struct srv_participant *p) {
+    struct srv_detail sharp = { .coarse = 0 };
+    srv_hub_size(s, p, sharp.size);
+    return srv_pace_expect_ms(&s->pace, &sharp);
+}
+
+/* Is the sharp picture known to be there soon, so that nothing need be shown before it? */
+static bool is_sharp_soon(const struct srv_session *s, const struct srv_participant *p) {
+    double expected_ms = sharp_ms(s, p);
+    return expected_ms > 0 && expected_ms <= FIRST_PICTURE_MS;
+}
+
+/* Wants a frame now or by the time, and gets it. */
+static bool wants(const struct srv_hub *hub, const struct srv_session *s,
+                  const struct srv_participant *p) {
+    bool has_all = p->taken_version >= s->version && p->taken_step == SRV_STEP_FINAL;
+    return !has_all && p->failed_version != s->version && is_open(hub, p);
+}
+
+struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
+                              const struct srv_participant *p, double now_ms) {
+    struct srv_wish wish = { .in_ms = INFINITY };
+    if (!wants(hub, s, p))
+        return wish;
+    bool newer = p->taken_version < s->version;
+    double rate_ms = p->next_frame_ms - now_ms;
+    double rest_ms = s->changed_ms + hub->options.rest_ms - now_ms;
+    if (!newer)
+        rate_ms = fmax(rate_ms, rest_ms);
+    if (rate_ms > 0) {
+        wish.in_ms = rate_ms;
+        return wish;
+    }
+    wish.wanted = true;
+    wish.deadline_ms = fmax(p->next_frame_ms, p->behind_ms) + 1000.0 / p->max_fps;
+    wish.refinement = p->progressive && (!newer || (rest_ms <= 0 && is_sharp_soon(s, p)));
+    if (!newer)
+        wish.step = next_step(s, p);
+    else
+        wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
+    bool is_patient =
+        !p->patient_ms || now_ms - p->patient_ms < srv_share_patience_ms(sharp_ms(s, p));
+    wish.gives_way = (!newer || !p->progressive) && is_patient;
+    wish.rank = wish.gives_way ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
+    return wish;
+}
+
+static bool moves(const struct srv_hub *hub, const struct srv_session *s) {
+    for (const struct srv_participant *p = s->participants; p; p = p->next)
+        if (p->progressive && p->taken_version < s->version && wants(hub, s, p))
+            return true;
+    return false;
+}
+
+bool srv_turn_moves(const struct srv_hub *hub) {
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        if (moves(hub, s))
+            return true;
+    return false;
+}
+
+void srv_hub_work(struct srv_hub *hub) {
+    if (hub->giving_way > 0 && srv_turn_moves(hub))
+        hub->options.interrupt(hub->options.user, 0, SRV_MOVES);
+    hub->options.work(hub->options.user);
+}
+
+struct claim { /* of a participant within its session, or of that for its session */
+    struct srv_participant *p;
+    struct srv_wish wish;
+    double start_ms;
+};
+
+/* The participant of the lowest rank that has had least. */
+static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double now_ms,
+                             double *wait_ms) {
+    struct claim best = { .p = NULL };
+    for (struct srv_participant *p = s->participants; p; p = p->next) {
+        struct claim c = { p, srv_turn_wish(hub, s, p, now_ms),
+                           srv_share_start(&p->share, s->clock_ms) };
+        *wait_ms = fmin(*wait_ms, c.wish.in_ms);
+        if (!c.wish.wanted)
+            continue;
+        if (c.wish.gives_way && !p->patient_ms)
+            p->patient_ms = now_ms;
+        bool better = !best.p || c.wish.rank < best.wish.rank ||
+                      (c.wish.rank == best.wish.rank &&
+                       (c.start_ms < best.start_ms ||
+                        (c.start_ms == best.start_ms && p->taken_order < best.p->taken_order)));
+        if (better)
+            best = c;
+    }
+    return best;
+}
+
+/* Of two that are entitled. */
+static bool is_due_before(const struct claim *a, const struct claim *b) {
+    if (a->wish.rank == SRV_RANK_INTERACTION && a->wish.deadline_ms != b->wish.deadline_ms)
+        return a->wish.deadline_ms < b->wish.deadline_ms;
+    if (a->start_ms != b->start_ms)
+        return a->start_ms < b->start_ms;
+    return a->p->session->taken_order < b->p->session->taken_order;
+}
+
+/* The first rank of those who want something; the clock moves on to the least start of it. Returns
+ * the mean start. */
+static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank, double *wait_ms) {
+    double sum = 0, least = INFINITY;
+    unsigned count = 0;
+    *rank = SRV_RANKS;
+    for (struct srv_session *s = hub->sessions; s; s = s->next) {
+        struct claim c = claim_of(hub, s, now_ms, wait_ms);
+        if (!c.p || c.wish.rank > *rank)
+            continue;
+        if (c.wish.rank < *rank) {
+            *rank = c.wish.rank;
+            sum = count = 0;
+            least = INFINITY;
+        }
+        c.start_ms = srv_share_start(&s->share, hub->clock_ms);
+        sum += c.start_ms;
+        least = fmin(least, c.start_ms);
+        count++;
+    }
+    if (count > 0)
+        hub->clock_ms = fmax(hub->clock_ms, least);
+    return count > 0 ? sum / count : 0;
+}
+
+struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
+                                      double *wait_ms) {
+    struct claim best = { .p = NULL };
+    enum srv_rank rank;
+    double mean_ms = mean_start(hub, now_ms, &rank, wait_ms);
+    for (struct srv_session *s = hub->sessions; s; s = s->next) {
+        struct claim c = claim_of(hub, s, now_ms, wait_ms);
+        if (!c.p || c.wish.rank != rank)
+            continue;
+        c.start_ms = srv_share_start(&s->share, hub->clock_ms);
+        bool is_entitled = c.start_ms <= mean_ms + ROUNDING_MS;
+        if (is_entitled && (!best.p || is_due_before(&c, &best)))
+            best = c;
+    }
+    if (!best.p || (best.wish.gives_way && srv_turn_moves(hub)))
+        return NULL;
+    *wish = best.wish;
+    return best.p;
+}

@@ -1,0 +1,347 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Who gets how much of one render lane. The lane and its clients are played: a picture takes a time
+ * that follows from its size and detail, clients turn their views and take every frame at once.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "hub_fixture.h"
+#include "session/share.h"
+
+enum { CLIENTS = 3 };
+
+struct client {
+    struct srv_participant *participant;
+    double period_ms, next_ms; /* of its updates; 0 = it never moves */
+    unsigned seq;
+    unsigned frames, finals; /* that it got */
+    double took_ms;          /* rendering those and what was given up */
+    double last_ms, gap_ms;  /* between frames, the longest */
+};
+
+struct stage {
+    struct fixture *f;
+    struct client clients[CLIENTS];
+    struct srv_job job;              /* under way, if there is one */
+    double now_ms, begun_ms, end_ms; /* end_ms: INFINITY = nothing is under way */
+    double fixed_ms, mpx_ms;         /* of a picture, and of its megapixels with all voxels */
+};
+
+static void tell(struct stage *s, struct client *c, const char *method, const char *params) {
+    char text[256], *answer;
+    size_t size;
+    snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"%s\",\"params\":%s}",
+             method, params);
+    assert_true(
+        srv_hub_message(s->f->hub, c->participant, text, strlen(text), s->now_ms, &answer, &size));
+    assert_non_null(strstr(answer, "\"result\""));
+    free(answer);
+}
+
+static struct client *join(struct stage *s, unsigned i, const char *id, double period_ms,
+                           const char *settings) {
+    struct client *c = &s->clients[i];
+    *c = (struct client){ .period_ms = period_ms, .next_ms = s->now_ms + period_ms + i };
+    c->participant = srv_hub_join(s->f->hub, id, SRV_ROLE_CONTROL, c, s->now_ms, NULL);
+    assert_non_null(c->participant);
+    tell(s, c, "stream.configure", settings);
+    return c;
+}
+
+static void another_session(struct stage *s, char id[SRV_SESSION_ID_BYTES]) {
+    proto_json *json = srv_hub_session_create(s->f->hub, NULL, s->now_ms, id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+}
+
+static bool is_for(const struct srv_job *job, const struct client *c) {
+    for (uint32_t i = 0; c->participant && i < job->target_count; i++)
+        if (job->targets[i].participant == srv_participant_id(c->participant))
+            return true;
+    return false;
+}
+
+static void note_time(struct stage *s) {
+    for (int i = 0; i < CLIENTS; i++)
+        if (is_for(&s->job, &s->clients[i]))
+            s->clients[i].took_ms += s->now_ms - s->begun_ms;
+    s->end_ms = INFINITY;
+}
+
+/* Takes all that there is for the client, and acknowledges it. */
+static void drain(struct stage *s, struct client *c) {
+    struct srv_message message;
+    while (srv_hub_next_message(s->f->hub, c->participant, true, s->now_ms, &message) !=
+           SRV_MESSAGE_NONE) {
+        char text[64];
+        if (message.blob) {
+            c->frames++;
+            c->finals += message.header.flags & PROTO_FRAME_FINAL ? 1 : 0;
+            c->gap_ms = fmax(c->gap_ms, s->now_ms - c->last_ms);
+            c->last_ms = s->now_ms;
+            snprintf(text, sizeof text, "{\"frame\":%u}", message.header.frame);
+            tell(s, c, "stream.ack", text);
+        }
+        free(message.text);
+        srv_blob_unref(&message.blob);
+    }
+}
+
+static void finish(struct stage *s) {
+    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
+                                         .width = (uint16_t)s->job.view.size[0],
+                                         .height = (uint16_t)s->job.view.size[1] };
+    struct srv_job_result result = { .width = s->job.view.size[0],
+                                     .height = s->job.view.size[1],
+                                     .render_ms = s->now_ms - s->begun_ms };
+    struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
+    note_time(s);
+    for (uint32_t i = 0; i < s->job.target_count; i++)
+        srv_hub_deliver(s->f->hub, &s->job, i, &header, blob);
+    srv_blob_unref(&blob);
+    srv_hub_job_done(s->f->hub, &s->job, &result);
+    for (int i = 0; i < CLIENTS; i++)
+        if (s->clients[i].participant)
+            drain(s, &s->clients[i]);
+}
+
+static double duration(const struct stage *s, const struct srv_job *job) {
+    return s->fixed_ms +
+           ldexp(s->mpx_ms * 1e-6 * job->view.size[0] * job->view.size[1], -(int)job->coarse);
+}
+
+/* The client turns its view; what is under way is given up when the hub says so. */
+static void turn(struct stage *s, struct client *c) {
+    unsigned yields = s->f->yields;
+    char text[128];
+    c->next_ms += c->period_ms;
+    snprintf(text, sizeof text, "{\"seq\":%u,\"patch\":{\"background\":[0,0,%f,1]}}", c->seq + 1,
+             (c->seq + 1) % 100 * 0.01);
+    c->seq++;
+    tell(s, c, "view.update", text);
+    bool is_over =
+        s->end_ms < INFINITY && ((s->job.gives_way && s->f->yields > yields) ||
+                                 (s->job.refinement && !srv_hub_is_newest(s->f->hub, &s->job)));
+    if (is_over) {
+        note_time(s);
+        srv_hub_job_cancelled(s->f->hub, &s->job, s->now_ms - s->begun_ms);
+    }
+}
+
+static void play(struct stage *s, double for_ms) {
+    double until_ms = s->now_ms + for_ms;
+    while (s->now_ms < until_ms) {
+        double wait_ms = 1000, next_ms = fmin(s->end_ms, until_ms);
+        if (s->end_ms == INFINITY) {
+            if (srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms)) {
+                assert_false(s->job.gives_way && srv_hub_moves(s->f->hub));
+                s->begun_ms = s->now_ms;
+                s->end_ms = s->now_ms + duration(s, &s->job);
+                continue;
+            }
+            next_ms = fmin(next_ms, s->now_ms + fmax(wait_ms, 0.01));
+        }
+        struct client *first = NULL;
+        for (int i = 0; i < CLIENTS; i++) {
+            struct client *c = &s->clients[i];
+            if (c->participant && c->period_ms > 0 && c->next_ms <= next_ms) {
+                next_ms = c->next_ms;
+                first = c;
+            }
+        }
+        s->now_ms = fmax(s->now_ms, next_ms);
+        if (first)
+            turn(s, first);
+        else if (s->end_ms <= s->now_ms)
+            finish(s);
+    }
+}
+
+/* From here on is counted. */
+static void reset(struct stage *s) {
+    for (int i = 0; i < CLIENTS; i++) {
+        struct client *c = &s->clients[i];
+        c->frames = c->finals = 0;
+        c->took_ms = c->gap_ms = 0;
+        c->last_ms = s->now_ms;
+    }
+}
+
+static int set_up(void **state) {
+    struct stage *s = calloc(1, sizeof *s);
+    if (!s || hub_set_up(state) != 0)
+        return -1;
+    s->f = *state;
+    s->now_ms = 1000;
+    s->end_ms = INFINITY;
+    s->fixed_ms = 2;
+    s->mpx_ms = 50;
+    *state = s;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct stage *s = *state;
+    if (s->end_ms < INFINITY)
+        srv_hub_job_cancelled(s->f->hub, &s->job, 0);
+    for (int i = 0; i < CLIENTS; i++)
+        srv_hub_leave(s->f->hub, &s->clients[i].participant, s->now_ms);
+    *state = s->f;
+    free(s);
+    return hub_tear_down(state);
+}
+
+static void a_share_is_not_saved_up_and_a_debt_stays(void **state) {
+    (void)state;
+    struct srv_share share = { 0 };
+    assert_true(srv_share_start(&share, 500) == 500);
+    srv_share_take(&share, 500, 30);
+    assert_true(srv_share_start(&share, 510) == 530);
+    srv_share_correct(&share, 70);
+    assert_true(srv_share_start(&share, 510) == 600);
+    srv_share_correct(&share, -90);
+    assert_true(srv_share_start(&share, 505) == 510);
+    assert_true(srv_share_start(&share, 9000) == 9000);
+    assert_true(srv_share_patience_ms(500) == 10000 && srv_share_patience_ms(0) == 1000);
+}
+
+/* Always want the next picture, which has always all detail: 15 and 212 ms. */
+#define SMALL "{\"max_fps\":120,\"progressive\":false,\"size\":[512,512]}"
+#define LARGE "{\"max_fps\":120,\"progressive\":false,\"size\":[2048,2048]}"
+
+static void sessions_have_equal_shares_of_time_not_of_turns(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *small = join(s, 0, s->f->id, 8, SMALL);
+    struct client *large = join(s, 1, id, 8, LARGE);
+    play(s, 2000);
+    reset(s);
+    play(s, 5000);
+    assert_true(large->frames > 0 && small->frames > 2 * large->frames);
+    assert_true(fabs(small->took_ms - large->took_ms) < 0.1 * large->took_ms);
+}
+
+static void a_client_keeps_its_rate_beside_a_larger_one(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct client *small = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
+    play(s, 2000);
+    reset(s);
+    play(s, 5000);
+    unsigned alone = small->frames;
+    another_session(s, id);
+    join(s, 1, id, 33, "{\"size\":[2048,2048]}");
+    play(s, 2000);
+    reset(s);
+    play(s, 5000);
+    assert_in_range(small->frames, alone * 3 / 4, alone);
+}
+
+static void of_those_entitled_the_one_that_is_due_first_goes_first(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *slow = join(s, 0, s->f->id, 0, "{\"max_fps\":10,\"size\":[64,64]}");
+    struct client *fast = join(s, 1, id, 0, "{\"max_fps\":60,\"size\":[64,64]}");
+    s->fixed_ms = s->mpx_ms = 0; /* nobody owes anything */
+    play(s, 5000);
+    turn(s, fast);
+    play(s, 5000); /* both rest; the slow one was served longer ago */
+    turn(s, slow);
+    s->now_ms += 1;
+    turn(s, fast);
+    double wait_ms;
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    assert_true(is_for(&s->job, fast));
+    s->begun_ms = s->now_ms;
+    s->end_ms = s->now_ms + 3;
+    play(s, 200);
+    assert_int_equal(slow->seq, 1);
+}
+
+static void a_refinement_gives_way_to_what_moves_elsewhere(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *still = join(s, 0, s->f->id, 0, "{\"size\":[4096,4096]}");
+    play(s, 5000); /* what its pictures take is known: 840 ms */
+    assert_int_equal(still->finals, 1);
+    struct client *moving = join(s, 1, id, 33, "{\"size\":[256,256]}");
+    play(s, 1000);
+    turn(s, still);
+    reset(s);
+    play(s, 10000);
+    assert_int_equal(still->finals, 0);
+    assert_true(moving->gap_ms < 100); /* of its own 33 and a moving one of the other's */
+    play(s, 20000);
+    assert_int_equal(still->finals, 1); /* it comes, some day */
+    assert_true(moving->frames > 30000 / 33 * 9 / 10);
+}
+
+static void who_wants_final_pictures_alone_does_not_stop_the_others(void **state) {
+    struct stage *s = *state;
+    struct client *driver = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
+    play(s, 2000);
+    reset(s);
+    play(s, 30000);
+    unsigned alone = driver->frames;
+    struct client *viewer = join(s, 1, s->f->id, 0, "{\"progressive\":false,\"size\":[4096,4096]}");
+    play(s, 3000);
+    reset(s);
+    play(s, 60000);
+    assert_in_range(driver->frames, 2 * alone * 9 / 10, 2 * alone);
+    assert_true(viewer->finals > 0);
+    driver->period_ms = 0;
+    reset(s);
+    play(s, 3000);
+    assert_int_equal(viewer->finals, 1);
+}
+
+static void participants_have_equal_shares_of_their_session(void **state) {
+    struct stage *s = *state;
+    struct client *driver = join(s, 0, s->f->id, 8, SMALL);
+    struct client *viewer = join(s, 1, s->f->id, 0, LARGE);
+    play(s, 2000);
+    reset(s);
+    play(s, 5000);
+    assert_true(viewer->frames > 0);
+    assert_true(fabs(driver->took_ms - viewer->took_ms) < 0.1 * viewer->took_ms);
+}
+
+static void a_viewers_settings_interrupt_its_own_picture_alone(void **state) {
+    struct stage *s = *state;
+    struct client *driver = join(s, 0, s->f->id, 0, "{\"size\":[256,256]}");
+    struct client *viewer = join(s, 1, s->f->id, 0, "{\"size\":[64,64]}");
+    play(s, 5000);
+    unsigned before = s->f->interrupts;
+    tell(s, viewer, "stream.configure", "{\"quality\":30}");
+    assert_int_equal(s->f->interrupts, before + 1);
+    assert_int_equal(s->f->why, SRV_NEWER_PICTURE);
+    assert_int_equal(s->f->of, srv_participant_id(viewer->participant));
+    (void)driver;
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_share_is_not_saved_up_and_a_debt_stays),
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+        TEST(sessions_have_equal_shares_of_time_not_of_turns),
+        TEST(a_client_keeps_its_rate_beside_a_larger_one),
+        TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
+        TEST(a_refinement_gives_way_to_what_moves_elsewhere),
+        TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
+        TEST(participants_have_equal_shares_of_their_session),
+        TEST(a_viewers_settings_interrupt_its_own_picture_alone),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
