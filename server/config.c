@@ -18,7 +18,7 @@
 #include "sp/renderer.h"
 #include "sp/volume.h"
 
-enum kind { TEXT, COUNT, SIZE, SECONDS, YES_NO, VOLUME, FILE_TO_READ, SWITCH };
+enum kind { TEXT, COUNT, SIZE, PIXELS, SECONDS, YES_NO, VOLUME, FILE_TO_READ, SWITCH };
 
 #define KIB INT64_C(1024)
 #define MIB (KIB * 1024)
@@ -29,7 +29,7 @@ struct setting {
     enum kind kind;
     size_t offset;       /* in struct srv_config */
     const char *initial; /* default; NULL = not set */
-    int64_t min, max;    /* bytes, ms or a count, inclusive */
+    int64_t min, max;    /* bytes, px, ms or a count, inclusive */
     const char *argument, *doc;
 };
 
@@ -86,6 +86,13 @@ static const struct setting settings[] = {
       "bytes of frames that one client may not have acknowledged yet" },
     { "render-queue", COUNT, AT(render_queue), "32", 1, 10000, "N",
       "renders by HTTP that may wait" },
+    { "render-bytes", SIZE, AT(render_bytes), "1G", MIB, TIB, "SIZE",
+      "pictures by HTTP that are made or on their way to their clients, together" },
+    { "frame-size", PIXELS, AT(frame_px), "16M", 512 * 512, (int64_t)SP_SIZE_MAX *SP_SIZE_MAX,
+      "PX|WxH", "largest picture that a client may ask for; 16M is 4096x4096" },
+    { "video-pixels", PIXELS, AT(video_px), "32M", 512 * 512, 1024 * MIB, "PX|WxH",
+      "pictures of all video encoders together, each of some 20 bytes a px; beyond, "
+      "streams get JPEG" },
     { "header-time", SECONDS, AT(header_time_ms), "10", 50, 600000, "SECONDS",
       "a request's headers must arrive within this" },
     { "request-time", SECONDS, AT(request_time_ms), "30", 50, 600000, "SECONDS",
@@ -136,12 +143,28 @@ static void number_to_text(enum kind kind, int64_t value, char text[32]) {
         snprintf(text, 32, "%g", (double)value / 1000);
     else if (kind == SIZE && value && value % (MIB * 1024) == 0)
         snprintf(text, 32, "%" PRId64 "G", value / (MIB * 1024));
-    else if (kind == SIZE && value && value % MIB == 0)
+    else if ((kind == SIZE || kind == PIXELS) && value && value % MIB == 0)
         snprintf(text, 32, "%" PRId64 "M", value / MIB);
-    else if (kind == SIZE && value && value % KIB == 0)
+    else if ((kind == SIZE || kind == PIXELS) && value && value % KIB == 0)
         snprintf(text, 32, "%" PRId64 "K", value / KIB);
     else
         snprintf(text, 32, "%" PRId64, value);
+}
+
+/* "WIDTHxHEIGHT" as a number of px; -1 if it is none. */
+static int64_t parse_area(const char *text) {
+    unsigned width, height;
+    char end;
+    bool ok = strspn(text, "0123456789x") == strlen(text) && strlen(text) <= 11 &&
+              sscanf(text, "%5ux%5u%c", &width, &height, &end) == 2;
+    return ok ? (int64_t)width * height : -1;
+}
+
+static const char *number_name(enum kind kind) {
+    return kind == SIZE      ? "size (a whole number, or with K, M, G or T)"
+           : kind == PIXELS  ? "number of pixels (a whole number, or with K or M, or WIDTHxHEIGHT)"
+           : kind == SECONDS ? "number of seconds"
+                             : "whole number";
 }
 
 static bool parse_number(const struct setting *setting, const char *text, int64_t *out,
@@ -156,7 +179,10 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
     ok = ok && !*stop;
     if (ok && setting->kind == SECONDS) {
         value *= 1000;
-    } else if (ok && setting->kind == SIZE && *end) {
+    } else if (ok && setting->kind == PIXELS && *end == 'x') {
+        value = (double)parse_area(text);
+        end += strlen(end);
+    } else if (ok && (setting->kind == SIZE || setting->kind == PIXELS) && *end) {
         const char *suffixes = "KMGT", *suffix = strchr(suffixes, toupper((unsigned char)*end));
         ok = suffix != NULL;
         for (const char *s = suffixes; ok && s <= suffix; s++)
@@ -173,10 +199,7 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
     number_to_text(setting->kind, setting->min, low);
     number_to_text(setting->kind, setting->max, high);
     return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is no %s in [%s, %s]", text,
-                   setting->kind == SIZE      ? "size (a whole number, or with K, M, G or T)"
-                   : setting->kind == SECONDS ? "number of seconds"
-                                              : "whole number",
-                   low, high);
+                   number_name(setting->kind), low, high);
 }
 
 static bool set_text(char **slot, const char *text, const char *place, struct sp_error *err) {
@@ -199,6 +222,7 @@ static bool set(struct srv_config *config, const struct setting *setting, const 
         return set_text(field(config, setting), value, place, err);
     case COUNT:
     case SIZE:
+    case PIXELS:
     case SECONDS:
         return parse_number(setting, value, field(config, setting), place, err);
     case YES_NO:
@@ -364,6 +388,7 @@ static bool is_same(const struct srv_config *a, const struct srv_config *b,
         return !s == !t && (!s || strcmp(s, t) == 0);
     case COUNT:
     case SIZE:
+    case PIXELS:
     case SECONDS:
         return *(const int64_t *)x == *(const int64_t *)y;
     case YES_NO:
@@ -397,7 +422,8 @@ void srv_config_print_help(FILE *out) {
         snprintf(left, sizeof left, "--%s%s%s", s->name, s->argument ? " " : "",
                  s->argument ? s->argument : "");
         fprintf(out, "  %-34s %s\n", left, s->doc);
-        bool number = s->kind == COUNT || s->kind == SIZE || s->kind == SECONDS;
+        bool number =
+            s->kind == COUNT || s->kind == SIZE || s->kind == PIXELS || s->kind == SECONDS;
         number_to_text(s->kind, s->min, low);
         number_to_text(s->kind, s->max, high);
         if (number)

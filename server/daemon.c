@@ -21,6 +21,7 @@ struct srv_daemon {
     const struct srv_config *config;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
+    struct srv_stills *stills;
     struct srv_hub *hub;
     struct srv_store *store;
     struct srv_metrics *metrics;
@@ -143,6 +144,7 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
                                                .metrics = d->metrics,
                                                .queue_max = (unsigned)c->render_queue,
                                                .encode_threads = (unsigned)c->encode_threads,
+                                               .video_px = (uint64_t)c->video_px,
                                                .stills = options };
     d->scheduler = srv_scheduler_create(&scheduler, &renderer, err);
     if (!d->scheduler)
@@ -161,6 +163,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
+        .frame_px = (uint64_t)c->frame_px,
         .metrics = d->metrics,
         .user = d,
         .work = on_work,
@@ -192,6 +195,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->catalog = d->catalog;
     o->scheduler = d->scheduler;
     o->streams = d->streams;
+    o->stills = d->stills;
     o->store = d->store;
     o->metrics = d->metrics;
     if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
@@ -243,7 +247,8 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .keep = on_volume,
         .unloaded = on_unloaded,
     };
-    if (open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
+    if ((d->stills = srv_stills_create((uint64_t)config->render_bytes, err)) &&
+        open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
         start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
         start_http(d, err))
         return d;
@@ -308,6 +313,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
+    srv_stills_destroy(&d->stills);
     srv_hub_destroy(&d->hub);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);

@@ -18,6 +18,7 @@
 #include "http/guard.h"
 #include "http/reply.h"
 #include "http/router.h"
+#include "http/stills.h"
 #include "http/streams.h"
 #include "http/strict.h"
 #include "render/scheduler.h"
@@ -28,6 +29,7 @@ struct srv_http_options {
     struct srv_hub *hub;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
+    struct srv_stills *stills;
     struct srv_streams *streams;
     struct srv_store *store;
     struct srv_metrics *metrics;
@@ -70,7 +72,8 @@ struct srv_request {
     char param[SRV_PARAM_BYTES]; /* what stands for {} in the pattern */
     char *body;                  /* NUL-terminated; NULL = empty */
     size_t body_size;
-    bool has_token; /* the daemon's own token was given */
+    bool has_token;       /* the daemon's own token was given */
+    uint64_t still_bytes; /* taken from app->stills */
     struct srv_reply reply;
     void *upgrade; /* state of a stream's handshake; freed with the request */
 

@@ -369,6 +369,7 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
     if (request->is_counted)
         uncount(request);
     srv_reply_finish(&request->reply);
+    srv_stills_change(request->app->stills, &request->still_bytes, 0);
     free(request->upgrade);
     free(request->body);
     free(request);

@@ -128,6 +128,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
                          result->stats.isa[0] ? " " : "", result->stats.isa);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
+    srv_stills_change(request->app->stills, &request->still_bytes, reply->owned ? reply->size : 0);
     free(render);
     srv_request_complete(request);
 }
@@ -142,12 +143,17 @@ static bool has_left(void *user) {
 static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
                    const char *caching, struct srv_reply *reply) {
     struct sp_error err;
+    uint64_t bytes = srv_stills_bytes(still->view.size, still->format);
     struct render *render = malloc(sizeof *render);
-    if (!render) {
+    if (!render)
+        sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory for a render request");
+    if (!render || !srv_stills_take(request->app->stills, bytes, &err)) {
         srv_catalog_release(request->app->catalog, still->volume);
-        srv_reply_problem(reply, 503, NULL, "no memory for a render request");
+        srv_reply_error(reply, &err);
+        free(render);
         return;
     }
+    request->still_bytes = bytes;
     render->request = request;
     render->format = still->format;
     render->caching = caching;

@@ -30,7 +30,7 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     pthread_cond_init(&s->encode, NULL);
     pthread_condattr_destroy(&monotonic);
     bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL &&
-              (s->videos = srv_videos_create(options->metrics, err)) != NULL;
+              (s->videos = srv_videos_create(options->video_px, options->metrics, err)) != NULL;
     for (unsigned i = 0; ok && i < options->encode_threads; i++)
         ok = (s->encoders[i] = sp_encoder_create(err)) != NULL;
     if (!ok) {

@@ -60,6 +60,7 @@ struct srv_scheduler_options {
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     unsigned queue_max;          /* stills that wait */
     unsigned encode_threads;
+    uint64_t video_px; /* of all video encoders together; 0 = no video */
     struct sp_renderer_options
         stills; /* of the still lane's renderer; strings outlive the scheduler */
 };

@@ -9,12 +9,10 @@
 #include "sp/log.h"
 #include "sp/video.h"
 
-enum {
-    ENCODERS_MAX = 32,   /* at a time: one of 1024 × 1024 costs some 20 MB */
-    LARGE_PX = 640 * 480 /* from here on two threads encode a picture */
-};
-#define KEY_MS 1000.0   /* between key frames that only some need */
-#define IDLE_MS 10000.0 /* after which an encoder goes */
+enum { LARGE_PX = 640 * 480 }; /* from here on two threads encode a picture */
+#define KEY_MS 1000.0          /* between key frames that only some need */
+#define IDLE_MS 10000.0        /* after which an encoder goes */
+#define BUSY_MS 1000.0         /* after which it goes if another one has no room */
 
 _Static_assert((int)SRV_PARTICIPANTS_MAX <= 64, "a set of targets has one bit each");
 
@@ -36,16 +34,18 @@ struct srv_videos {
     struct srv_metrics *metrics;
     pthread_mutex_t mutex;
     struct encoder *list;
-    unsigned count;
-    uint64_t epochs; /* so far */
+    uint64_t px, px_max; /* of all in the list; bound */
+    uint64_t epochs;     /* so far */
 };
 
-struct srv_videos *srv_videos_create(struct srv_metrics *metrics, struct sp_error *err) {
+struct srv_videos *srv_videos_create(uint64_t px, struct srv_metrics *metrics,
+                                     struct sp_error *err) {
     struct srv_videos *videos = calloc(1, sizeof *videos);
     if (!videos) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for video");
         return NULL;
     }
+    videos->px_max = px;
     videos->metrics = metrics;
     pthread_mutex_init(&videos->mutex, NULL);
     /* Now, so that no client waits for a module to load. */
@@ -54,6 +54,11 @@ struct srv_videos *srv_videos_create(struct srv_metrics *metrics, struct sp_erro
             sp_log(SP_LOG_DEBUG, "no %s: it is not built in",
                    sp_video_codec_name((enum sp_video_codec)i));
     return videos;
+}
+
+static uint64_t cost_px(const uint32_t full[2]) {
+    uint64_t px = (uint64_t)full[0] * full[1];
+    return px > SRV_VIDEO_PX_MIN ? px : SRV_VIDEO_PX_MIN;
 }
 
 static void destroy(struct encoder *encoder) {
@@ -75,7 +80,7 @@ static struct encoder *take_idle(struct srv_videos *videos, double until_ms) {
         *link = encoder->next;
         encoder->next = idle;
         idle = encoder;
-        videos->count--;
+        videos->px -= cost_px(encoder->full);
     }
     return idle;
 }
@@ -130,14 +135,20 @@ static struct encoder *borrow(struct srv_videos *videos, const struct srv_job *j
     while (encoder && !(encoder->session == job->session && encoder->codec == codec &&
                         encoder->full[0] == job->full[0] && encoder->full[1] == job->full[1]))
         encoder = encoder->next;
-    if (!encoder && videos->count < ENCODERS_MAX && (encoder = create(job, codec))) {
+    /* Of a window that is being resized, say: those before the last one are of no use now. */
+    uint64_t cost = cost_px(job->full);
+    struct encoder *idle = NULL;
+    if (!encoder && videos->px + cost > videos->px_max)
+        idle = take_idle(videos, srv_clock_ms() - BUSY_MS);
+    if (!encoder && videos->px + cost <= videos->px_max && (encoder = create(job, codec))) {
         encoder->next = videos->list;
         videos->list = encoder;
-        videos->count++;
+        videos->px += cost;
     }
     if (encoder)
         encoder->users++;
     pthread_mutex_unlock(&videos->mutex);
+    destroy_all(idle);
     return encoder;
 }
 
@@ -245,8 +256,10 @@ static uint64_t encode_set(struct srv_videos *videos, struct srv_hub *hub,
                            const struct srv_job *job, const struct sp_frame *frame,
                            enum sp_video_codec codec, uint64_t set, double *encode_ms) {
     struct encoder *encoder = borrow(videos, job, codec);
-    if (!encoder)
+    if (!encoder) {
+        srv_hub_refuse_video(hub, job, set);
         return set;
+    }
     pthread_mutex_lock(&encoder->mutex);
     struct takers takers = ask(hub, job, set, encoder, srv_clock_ms());
     uint64_t served = takers.delta | takers.key;

@@ -22,7 +22,8 @@
  *     the order in which they were encoded, whichever thread does it.
  *
  * A view at rest is a still, lossless if asked for: it depends on nothing. Where there is no
- * encoder to be had, everybody gets JPEG. Locks: an encoder's, then the hub's.
+ * encoder to be had, because all together would have more pixels than allowed, everybody gets JPEG
+ * and is told so (srv_hub_refuse_video). Locks: an encoder's, then the hub's.
  */
 #ifndef SRV_RENDER_VIDEO_H
 #define SRV_RENDER_VIDEO_H
@@ -35,8 +36,11 @@
 
 struct srv_videos;
 
-/* metrics: may be NULL. */
-struct srv_videos *srv_videos_create(struct srv_metrics *metrics, struct sp_error *err);
+/* px: bound on the pictures of all encoders together, by their size at rest; each counts for at
+ * least SRV_VIDEO_PX_MIN. metrics: may be NULL. */
+enum { SRV_VIDEO_PX_MIN = 256 * 1024 };
+struct srv_videos *srv_videos_create(uint64_t px, struct srv_metrics *metrics,
+                                     struct sp_error *err);
 /* After the threads that encode. */
 void srv_videos_destroy(struct srv_videos **videos);
 

@@ -75,6 +75,20 @@ void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint6
             srv_hub_note(hub, p, notes);
 }
 
+bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err) {
+    uint64_t px = (uint64_t)size[0] * size[1], most = hub->options.frame_px;
+    return !most || px <= most ||
+           sp_fail(err, SP_ERR_INVALID, "/size",
+                   "%u x %u are %llu px, and --frame-size allows %llu", size[0], size[1],
+                   (unsigned long long)px, (unsigned long long)most);
+}
+
+/* Larger than allowed, or nothing that the renderer can draw? */
+static bool can_show(const struct srv_hub *hub, const struct sp_view *view, struct sp_error *err) {
+    return srv_hub_allows_size(hub, view->size, err) &&
+           (!hub->options.supports || hub->options.supports(hub->options.user, view, err));
+}
+
 bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
                           struct sp_view *view, void **volume, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;
@@ -86,8 +100,7 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
     source->default_view(source->user, *volume, view);
     struct sp_view defaults = *view;
     if ((!base || proto_view_apply(base, &defaults, view, err)) &&
-        (!patch || proto_view_apply(patch, &defaults, view, err)) &&
-        (!hub->options.supports || hub->options.supports(hub->options.user, view, err)))
+        (!patch || proto_view_apply(patch, &defaults, view, err)) && can_show(hub, view, err))
         return true;
     source->release(source->user, *volume);
     *volume = NULL;
@@ -111,8 +124,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     } else {
         source->default_view(source->user, session->volume, &defaults);
     }
-    if (!proto_view_apply(patch, &defaults, &view, err) ||
-        (hub->options.supports && !hub->options.supports(hub->options.user, &view, err))) {
+    if (!proto_view_apply(patch, &defaults, &view, err) || !can_show(hub, &view, err)) {
         if (volume)
             source->release(source->user, volume);
         return false;

@@ -66,6 +66,7 @@ struct srv_hub_options {
     double control_ms;   /* a request for control that nobody answers is granted after this */
     double rest_ms;      /* a view that did not change for this long is refined, step by step */
     size_t stream_bytes; /* byte cap on the frames on their way to one client */
+    uint64_t frame_px;   /* largest picture; 0 = what sp/view.h allows */
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*work)(void *user);  /* there may be something to render */
@@ -243,6 +244,9 @@ enum srv_video_claim {
 };
 enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                                          const struct srv_video_mark *next);
+/* There is no encoder for those of the set, a bit each: they get stills, and are told so
+ * (stream.policy), until one is there again. */
+void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_job *job, uint64_t set);
 /* As srv_hub_deliver(), of the frame `mark`; number 0 is a key frame. Does nothing for who can no
  * longer use it. */
 void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,

@@ -21,7 +21,8 @@ enum srv_note { /* what a participant has not been told yet */
                 SRV_NOTE_ERROR = 8,
                 SRV_NOTE_DRAINING = 16,
                 SRV_NOTE_CLOSE = 32,
-                SRV_NOTE_CONTROL = 64
+                SRV_NOTE_CONTROL = 64,
+                SRV_NOTE_POLICY = 128
 };
 
 enum { SRV_HUB_VOLUMES = 64 }; /* volumes whose progress is remembered for notifications */
@@ -48,6 +49,7 @@ struct srv_participant {
     enum sp_image_format format;
     enum sp_video_codec video;  /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
     struct srv_video_mark mark; /* of the frame that it can take next; epoch 0 = a key frame */
+    bool video_refused;         /* there is no encoder for it: stills */
     int quality, max_fps;
     bool progressive, lossless;
     uint32_t size[2]; /* 0 = the view's */
@@ -182,6 +184,8 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
 /* Does anybody get a frame of a moving view, now or as soon as its rate allows it? */
 bool srv_turn_moves(const struct srv_hub *hub);
 
+/* Is it no larger than --frame-size allows? SP_ERR_INVALID at "/size". */
+bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err);
 /* The size that a participant wants. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);

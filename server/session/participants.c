@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "protocol/view.h"
-#include "session/hub_private.h"
+#include "session/policy.h"
 
 enum { QUALITY_DEFAULT = 90, FPS_DEFAULT = 30 };
 
@@ -77,7 +77,8 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         session->participant_count++;
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
         srv_hub_note(hub, p,
-                     SRV_NOTE_VIEW | SRV_NOTE_CONTROL | (hub->draining ? SRV_NOTE_DRAINING : 0));
+                     SRV_NOTE_VIEW | SRV_NOTE_CONTROL | SRV_NOTE_POLICY |
+                         (hub->draining ? SRV_NOTE_DRAINING : 0));
         srv_hub_work(hub);
     }
     pthread_mutex_unlock(&hub->mutex);
@@ -254,6 +255,10 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
     if (p->notes & SRV_NOTE_VIEW) {
         p->notes &= ~(unsigned)SRV_NOTE_VIEW;
         return text_of_view(p, size);
+    }
+    if (p->notes & SRV_NOTE_POLICY) {
+        p->notes &= ~(unsigned)SRV_NOTE_POLICY;
+        return srv_policy_text(p, size);
     }
     if (p->notes & SRV_NOTE_STATS) {
         p->notes &= ~(unsigned)SRV_NOTE_STATS;

@@ -118,7 +118,9 @@ static bool read_size(struct srv_call *call, struct stream_settings *s) {
             return srv_call_refuse(
                 call, PROTO_RPC_PARAMS, "/size",
                 "must be [width, height], each in [1, 8192] px, or null for the view's");
-    return true;
+    const uint32_t size[2] = { (uint32_t)s->size[0], (uint32_t)s->size[1] };
+    call->code = PROTO_RPC_PARAMS;
+    return srv_hub_allows_size(call->hub, size, &call->err);
 }
 
 static bool read_name(struct srv_call *call, struct stream_settings *s) {
@@ -239,9 +241,11 @@ static bool stream_configure(struct srv_call *call) {
     set_name(call, s.name);
     p->next_frame_ms = fmin(p->next_frame_ms, call->now_ms + 1000.0 / p->max_fps);
     if (changed) { /* what was shown is not what is asked for now */
+        p->video_refused = false;
         p->taken_version = p->failed_version = 0;
         p->behind_ms = call->now_ms;
         call->hub->options.interrupt(call->hub->options.user, p->id, SRV_NEWER_PICTURE);
+        srv_hub_note(call->hub, p, SRV_NOTE_POLICY);
     }
     srv_hub_work(call->hub);
     call->result = encode_settings(p);

@@ -13,8 +13,8 @@
 #include <string.h>
 
 #include "session/hub_private.h"
+#include "session/policy.h"
 
-enum { QUALITY_MOVING = 60 };
 #define MOVING_MS 500.0 /* a session moves for so long after a moving frame */
 
 static struct srv_detail detail_of(const struct srv_job *job) {
@@ -66,18 +66,16 @@ static double keep_until_ms(const struct srv_session *s, const struct srv_job *j
 }
 
 static struct srv_target target_of(const struct srv_participant *p, const struct srv_job *job) {
-    bool final = job->step == SRV_STEP_FINAL, moving = job->step == SRV_STEP_MOVING;
-    bool png = final && p->lossless;
-    int quality = moving && p->quality > QUALITY_MOVING ? QUALITY_MOVING : p->quality;
-    enum sp_video_codec video = final ? SP_VIDEO_CODEC_COUNT : p->video;
-    bool is_still = video == SP_VIDEO_CODEC_COUNT;
+    bool final = job->step == SRV_STEP_FINAL;
+    struct srv_encoding e = srv_policy_encoding(p, job->step);
+    bool is_still = e.video == SP_VIDEO_CODEC_COUNT;
     return (struct srv_target){ .participant = p->id,
                                 .seq = p->seq,
-                                .format = png ? SP_IMAGE_PNG : p->format,
-                                .video = video,
-                                .quality = quality,
+                                .format = e.format,
+                                .video = e.video,
+                                .quality = e.quality,
                                 .final = final || (is_still && job->sharp &&
-                                                   quality == p->quality && !p->lossless) };
+                                                   e.quality == p->quality && !p->lossless) };
 }
 
 static void take_job(struct srv_session *s, struct srv_participant *p, struct srv_job *job,
@@ -231,11 +229,31 @@ void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
     pthread_mutex_unlock(&hub->mutex);
 }
 
+/* With the mutex held. */
+static void set_refused(struct srv_hub *hub, struct srv_participant *p, bool refused) {
+    if (p->video_refused != refused)
+        srv_hub_note(hub, p, SRV_NOTE_POLICY);
+    p->video_refused = refused;
+}
+
+void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_job *job, uint64_t set) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *s = session_of(hub, job);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = participant_of(s, job->targets[i].participant);
+        if (p && set >> i & 1 && p->video == job->targets[i].video)
+            set_refused(hub, p, true);
+    }
+    pthread_mutex_unlock(&hub->mutex);
+}
+
 enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                                          const struct srv_video_mark *next) {
     enum srv_video_claim claim = SRV_VIDEO_NONE;
     pthread_mutex_lock(&hub->mutex);
     struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
+    if (p && p->video == job->targets[i].video)
+        set_refused(hub, p, false);
     if (p && p->outbox.blob && job->order > p->outbox.order) {
         if (p->taken_version == job->version)
             p->taken_version = 0;

@@ -159,7 +159,7 @@ const LARGE_REQUEST = (token) => `POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAut
   + `Content-Type: application/json\r\nContent-Length: ${LARGE.length}\r\n\r\n${LARGE}`;
 
 test('large pictures for who has left are not drawn, and hold up nobody', async () => {
-  const slow = await Daemon.start(['--volume', 'demo:engine?size=64'], { backend: 'cpu' });
+  const slow = await Daemon.start(['--volume', 'demo:engine?size=64', '--frame-size', '8192x8192'], { backend: 'cpu' });
   await slow.loaded('engine');
   const impatient = [];
   for (let i = 0; i < 4; i += 1) {

@@ -131,7 +131,7 @@ test('a render that fails is an error of its session, never the end of the daemo
     return;
   }
   // Too little address space for a frame of 8192 by 8192.
-  const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--memory', '64M'],
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--memory', '64M', '--frame-size', '8192x8192'],
     { prefix: ['bash', '-c', 'ulimit -v 700000; exec "$@"', 'bash'] });
   await daemon.loaded('engine');
   const large = await daemon.post('/api/v1/render', { size: [8192, 8192] });

@@ -64,7 +64,8 @@ test('during a long drag frames keep coming', async () => {
 });
 
 test('a newer view gives up the refinement of an older one, and is what is seen next', async () => {
-  const own = await Daemon.start(['--volume', 'demo:engine?size=32', '--log-level', 'debug', '--rest-time', '0.01']);
+  const own = await Daemon.start(['--volume', 'demo:engine?size=32', '--log-level', 'debug', '--rest-time', '0.01',
+    '--frame-size', '6000x6000']);
   await own.loaded('engine');
   const stream = await own.stream();
   await stream.call('stream.configure', { size: [6000, 6000] });

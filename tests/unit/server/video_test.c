@@ -21,7 +21,7 @@
 #include "hub_fixture.h"
 #include "render/video.h"
 
-enum { WIDTH = 64, HEIGHT = 48, SIDE = 16, PEOPLE = 3, FLYING = 2 };
+enum { WIDTH = 64, HEIGHT = 48, SIDE = 16, PEOPLE = 3, FLYING = 2, VIDEO_PX = 1 << 20 };
 
 struct person {
     struct srv_participant *p;
@@ -29,6 +29,7 @@ struct person {
     unsigned videos, keys, stills;
     uint64_t version; /* of the newest picture */
     bool is_final;
+    unsigned policies, refusals; /* told by stream.policy; those which say that there is no room */
 };
 
 struct flying {
@@ -135,6 +136,10 @@ static bool take(struct world *w, struct person *person) {
     case SRV_MESSAGE_CLOSE:
         return false;
     case SRV_MESSAGE_TEXT:
+        if (strstr(message.text, "stream.policy")) {
+            person->policies++;
+            person->refusals += strstr(message.text, "video_pixels") != NULL;
+        }
         free(message.text);
         return true;
     case SRV_MESSAGE_FRAME:
@@ -196,7 +201,7 @@ static void finish_job(struct world *w, unsigned which) {
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
     *w = (struct world){ .f = f, .random = seed, .now_ms = 1 };
-    w->videos = srv_videos_create(NULL, NULL);
+    w->videos = srv_videos_create(VIDEO_PX, NULL, NULL);
     for (int i = 0; i < PEOPLE; i++)
         join(w, &w->people[i]);
 }
@@ -418,11 +423,61 @@ static void greedy(void **state) {
     tear_down(&w);
 }
 
+static void drag(struct world *w, int frames) {
+    for (int i = 0; i < frames; i++) {
+        w->now_ms += 20;
+        change(w);
+        while (start_job(w))
+            ;
+        while (w->flying_count > 0)
+            finish_job(w, 0);
+        for (int p = 0; p < PEOPLE; p++)
+            while (take(w, &w->people[p]))
+                ;
+    }
+}
+
+/* A picture that is larger than all encoders together may be gets JPEG and is told so once; the
+ * others' video goes on, and so does its own with a smaller picture. */
+static void no_room(void **state) {
+    struct world w;
+    set_up(&w, *state, 1);
+    struct person *large = &w.people[2];
+    say(&w, large->p,
+        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
+        "[1100,1000]}}");
+    drag(&w, 1);
+    unsigned told = large->policies;
+    drag(&w, 9);
+    assert_int_equal(large->videos, 0);
+    assert_true(large->stills > 0);
+    assert_int_equal(large->refusals, 1);
+    assert_int_equal(large->policies, told);
+    assert_true(w.people[0].videos > 3);
+    assert_int_equal(w.people[0].refusals, 0);
+    say(&w, large->p,
+        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
+        "[128,48]}}");
+    w.now_ms += 20;
+    change(&w);
+    assert_true(start_job(&w));
+    assert_true(start_job(&w));
+    while (w.flying_count > 0)
+        finish_job(&w, 0);
+    while (take(&w, large))
+        ;
+    assert_int_equal(large->videos, 1);
+    assert_true(large->policies > told);
+    assert_int_equal(large->refusals, 1);
+    tear_down(&w);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(in_step, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(left_out, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(races, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(no_room, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(greedy, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(whatever_happens, hub_set_up, hub_tear_down),
     };

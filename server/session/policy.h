@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The policy of quality: how pictures are encoded for a participant while the view moves and when
+ * it rests, decided here alone, and told to it (stream.policy in protocol/stream.md). How much
+ * detail a picture has is pace.h's.
+ */
+#ifndef SRV_SESSION_POLICY_H
+#define SRV_SESSION_POLICY_H
+
+#include "session/hub_private.h"
+
+struct srv_encoding {
+    enum sp_image_format format; /* of stills */
+    enum sp_video_codec video;   /* SP_VIDEO_CODEC_COUNT = a still */
+    int quality;
+};
+
+struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
+                                        enum srv_step step);
+
+/* The notification; malloc'ed, NULL when out of memory. With the hub's mutex held. */
+char *srv_policy_text(const struct srv_participant *participant, size_t *size);
+
+#endif

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// Limits on pictures: their size by every way in, the memory of those by HTTP, and the pixels of video.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, turned } from './harness.mjs';
+
+const CODECS = { jpeg: 1, vp8: 7 };
+let daemon;
+before(async () => {
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--frame-size', '1024x512', '--video-pixels', '512x512', '--render-bytes', '1M']);
+  await daemon.loaded('engine');
+});
+after(async () => assert.equal(await daemon.stop(), 0));
+
+const LARGEST = [512, 1024];
+const LARGER = [725, 724];
+
+test('no picture is larger than --frame-size, by any way', async () => {
+  const refused = (answer) => {
+    assert.equal(answer.status, 422);
+    assert.equal(answer.json.pointer, '/size');
+    assert.match(answer.json.detail, /725 x 724 are 524900 px, and --frame-size allows 524288/);
+  };
+  const { json: { id } } = await daemon.post('/api/v1/views', { size: LARGEST });
+  assert.equal((await daemon.fetch(`/api/v1/render/${id}`)).status, 200);
+  refused(await daemon.post('/api/v1/views', { size: LARGER }));
+  refused(await daemon.post('/api/v1/render', { size: LARGER }));
+  refused(await daemon.json(`/api/v1/render/${id}?size=${LARGER}`));
+  const session = await daemon.session({ size: LARGEST });
+  const create = await daemon.post('/api/v1/sessions', { view: { size: LARGER } });
+  assert.deepEqual([create.status, create.json.pointer], [422, '/view/size']);
+  const patch = await daemon.post(`/api/v1/sessions/${session.id}`, { view: { size: LARGER } }, { method: 'PATCH' });
+  assert.deepEqual([patch.status, patch.json.pointer], [422, '/view/size']);
+  const stream = await daemon.stream({ session });
+  await assert.rejects(stream.call('stream.configure', { size: LARGER }), (e) => e.code === -32602 && e.data.pointer === '/size');
+  await assert.rejects(stream.update({ size: LARGER }), (e) => e.code === -32000 && e.data.pointer === '/size');
+  assert.deepEqual((await stream.call('stream.configure', { size: LARGEST })).size, LARGEST);
+  assert.deepEqual((await stream.call('view.get')).view.size, LARGEST);
+  await stream.end();
+});
+
+test('pictures by HTTP have a bound of bytes together, and give them back', async () => {
+  const draw = (quality) => daemon.fetch(`/api/v1/render?format=exr&quality=${quality}`, {
+    method: 'POST', body: JSON.stringify({ size: LARGEST }), headers: { 'Content-Type': 'application/json' },
+  });
+  const ask = async (quality) => {
+    const answer = await draw(quality);
+    const body = await answer.arrayBuffer();
+    if (answer.status === 200) return null;
+    return { status: answer.status, retry: answer.headers.get('Retry-After'), ...JSON.parse(Buffer.from(body).toString()) };
+  };
+  assert.equal(await ask(1), null, 'one alone, though it is larger');
+  let refusal = null;
+  for (let round = 0; !refusal && round < 100; round++) {
+    const answers = await Promise.all([1, 2, 3, 4, 5, 6].map(ask));
+    assert.ok(answers.includes(null), 'one of them is drawn');
+    refusal = answers.find((answer) => answer);
+  }
+  assert.deepEqual([refusal.status, refusal.retry], [503, '1']);
+  assert.match(refusal.detail, /this one takes 8388608, and --render-bytes allows 1048576/);
+  assert.equal(await ask(1), null, 'all was given back');
+});
+
+test('video beyond --video-pixels is JPEG, and the stream is told', async () => {
+  const stream = await daemon.stream();
+  const drag = async (enough, what) => {
+    const { view } = await stream.call('view.get');
+    const end = performance.now() + 60000;
+    for (let step = 1; !enough(); step++) {
+      assert.ok(performance.now() < end, what);
+      await stream.update(turned(view, step));
+    }
+  };
+  const count = (codec, from) => stream.frames.slice(from).filter((f) => f.codec === codec).length;
+  assert.equal((await stream.call('stream.configure', { format: 'vp8', size: LARGEST, max_fps: 120 })).format, 'vp8');
+  await stream.note('stream.policy', ({ moving, why }) => moving.format === 'vp8' && why.length === 0);
+  await drag(() => count(CODECS.jpeg, 0) > 5, 'JPEG instead of video');
+  assert.equal(count(CODECS.vp8, 0), 0);
+  await stream.note('stream.policy', ({ moving, final, why }) => moving.format === 'jpeg' && final.format === 'jpeg' && why[0] === 'video_pixels');
+  const told = stream.notes.length;
+  await stream.call('stream.configure', { size: [256, 256] });
+  const from = stream.frames.length;
+  await drag(() => count(CODECS.vp8, from) > 5, 'video of a smaller size');
+  const policy = stream.notes.slice(told).filter((n) => n.method === 'stream.policy').at(-1).params;
+  assert.deepEqual([policy.moving.format, policy.why], ['vp8', []]);
+  await stream.end();
+});
