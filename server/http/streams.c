@@ -78,6 +78,8 @@ static void watch(struct srv_streams *s, struct stream *stream) {
     uint32_t events = EPOLLRDHUP;
     if (!stream->ws || srv_ws_wants_read(stream->ws))
         events = EPOLLIN;
+    else if (srv_ws_is_paused(stream->ws))
+        events = EPOLLERR; /* before its end comes what it said, after the next tick */
     if (stream->ws && srv_ws_wants_write(stream->ws))
         events |= EPOLLOUT;
     if (events == stream->events)
@@ -135,6 +137,12 @@ static void on_event(struct srv_streams *s, struct stream *stream, uint32_t even
         settle(s, stream, now_ms);
 }
 
+/* What came with the handshake wakes nobody. */
+static void read_extra(struct stream *stream, double now_ms) {
+    while (stream->ws && stream->extra_at < stream->extra_size && srv_ws_wants_read(stream->ws))
+        srv_ws_read(stream->ws, now_ms);
+}
+
 static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
@@ -161,8 +169,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     }
     sp_log(SP_LOG_INFO, "stream of %s joined session %s for %s", peer, stream->start.session,
            stream->start.role == SRV_ROLE_CONTROL ? "control" : "view");
-    while (stream->extra_at < stream->extra_size && srv_ws_wants_read(stream->ws))
-        srv_ws_read(stream->ws, now_ms);
+    read_extra(stream, now_ms);
     settle(s, stream, now_ms);
 }
 
@@ -193,10 +200,12 @@ static void reap(struct srv_streams *s, double now_ms) {
 
 static void tick(struct srv_streams *s, double now_ms) {
     for (struct stream *stream = s->list; stream; stream = stream->next) {
-        if (stream->ws)
+        if (stream->ws) {
             srv_ws_tick(stream->ws, now_ms);
-        else if (now_ms - stream->linger_ms > LINGER_MS)
+            read_extra(stream, now_ms);
+        } else if (now_ms - stream->linger_ms > LINGER_MS) {
             stream->dead = true;
+        }
         if (!stream->dead)
             settle(s, stream, now_ms);
     }
@@ -237,9 +246,9 @@ static void *stream_main(void *user) {
     struct srv_streams *s = user;
     struct epoll_event events[EVENTS];
     bool draining = false;
-    double last_tick_ms = 0;
+    double last_tick_ms = 0, wait_ms = TICK_MS;
     for (;;) {
-        int count = epoll_wait(s->epoll, events, EVENTS, (int)TICK_MS);
+        int count = epoll_wait(s->epoll, events, EVENTS, (int)ceil(fmax(0, wait_ms)));
         double now_ms = srv_clock_ms();
         for (int i = 0; i < count; i++) {
             uint64_t counter;
@@ -256,6 +265,7 @@ static void *stream_main(void *user) {
             tick(s, now_ms);
             last_tick_ms = now_ms;
         }
+        wait_ms = last_tick_ms + TICK_MS - now_ms;
         reap(s, now_ms);
     }
     for (struct stream *stream = s->list; stream; stream = stream->next)

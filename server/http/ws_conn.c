@@ -12,10 +12,13 @@
 #include "sp/log.h"
 
 enum {
-    REPLIES_MAX = 64,        /* messages that wait for the socket before reading stops */
-    FRAGMENTS_MAX = 1024,    /* of one message: each costs memory of its own */
-    READ_BUDGET = 64 * 1024, /* bytes a turn, so that one client does not keep the thread */
-    MESSAGES_BUDGET = 64,    /* messages sent a turn */
+    REPLIES_MAX = 64,     /* messages that wait for the socket before reading stops */
+    FRAGMENTS_MAX = 1024, /* of one message: each costs memory of its own */
+    /* What a client may make this thread do from one tick to the next. */
+    TICK_FRAMES = 32,
+    TICK_BYTES = 128 * 1024,
+    PIECE_BYTES = 512,    /* the library takes all frames of a piece before it asks again */
+    MESSAGES_BUDGET = 64, /* messages sent a turn */
 };
 #define CLOSE_MS 2000.0 /* to send what is queued after the decision to close */
 
@@ -24,32 +27,46 @@ struct srv_ws {
     char peer[SRV_ADDRESS_TEXT];
     wslay_event_context_ptr context;
     struct srv_participant *participant;
-    size_t read_left;   /* of this turn's budget */
+    unsigned frames_left; /* until the next tick */
+    size_t bytes_left;
     unsigned fragments; /* of the message that is arriving */
-    uint8_t *scratch;   /* header and image of the frame being queued */
-    size_t scratch_size;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
     double frame_ms; /* since when a frame is being sent; 0 = none is */
     bool end_of_file, broken, closing;
     bool is_ended; /* its end was counted */
 };
 
+static bool has_replies(const struct srv_ws *ws) {
+    return wslay_event_get_queued_msg_count(ws->context) >= REPLIES_MAX;
+}
+
+static bool has_allowance(const struct srv_ws *ws) {
+    return ws->frames_left > 0 && ws->bytes_left > 0;
+}
+
+static void refill(struct srv_ws *ws) {
+    ws->frames_left = TICK_FRAMES;
+    ws->bytes_left = TICK_BYTES;
+}
+
 static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t size, int flags,
                        void *user) {
     (void)flags;
     struct srv_ws *ws = user;
-    if (size > ws->read_left)
-        size = ws->read_left;
     ssize_t got = -1;
-    if (size == 0) {
+    if (!has_allowance(ws) || has_replies(ws)) {
         wslay_event_set_error(context, WSLAY_ERR_WOULDBLOCK);
         return -1;
     }
+    if (size > PIECE_BYTES)
+        size = PIECE_BYTES;
+    if (size > ws->bytes_left)
+        size = ws->bytes_left;
     do
         got = ws->options.transport.recv(ws->options.transport.user, bytes, size);
     while (got < 0 && errno == EINTR);
     if (got > 0) {
-        ws->read_left -= (size_t)got;
+        ws->bytes_left -= (size_t)got;
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
         return got;
@@ -109,6 +126,8 @@ static void on_frame_start(wslay_event_context_ptr context,
                            const struct wslay_event_on_frame_recv_start_arg *frame, void *user) {
     (void)context;
     struct srv_ws *ws = user;
+    if (ws->frames_left > 0)
+        ws->frames_left--;
     if (wslay_is_ctrl_frame(frame->opcode))
         return;
     ws->fragments = frame->opcode == WSLAY_CONTINUATION_FRAME ? ws->fragments + 1 : 1;
@@ -161,6 +180,7 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
     strncpy(ws->peer, options->peer, sizeof ws->peer - 1);
     wslay_event_config_set_max_recv_msg_length(ws->context, options->message_bytes);
     ws->heard_ms = ws->pinged_ms = ws->progress_ms = ws->now_ms = now_ms;
+    refill(ws);
     ws->participant =
         srv_hub_join(options->hub, options->session, options->role, options->user, now_ms, err);
     if (ws->participant)
@@ -179,7 +199,6 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
         count_end(ws, SRV_COUNT_END_LOST);
     srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
     wslay_event_context_free(ws->context);
-    free(ws->scratch);
     free(ws);
 }
 
@@ -202,7 +221,6 @@ static void refuse_frame(struct srv_ws *ws) {
 
 void srv_ws_read(struct srv_ws *ws, double now_ms) {
     ws->now_ms = now_ms;
-    ws->read_left = READ_BUDGET;
     if (!srv_ws_wants_read(ws))
         return;
     int failed = wslay_event_recv(ws->context);
@@ -224,19 +242,15 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
 
 static bool queue_frame(struct srv_ws *ws, struct srv_message *message) {
     size_t size = PROTO_FRAME_HEADER_BYTES + message->blob->size;
-    if (size > ws->scratch_size) {
-        uint8_t *larger = realloc(ws->scratch, size);
-        if (!larger)
-            return false;
-        ws->scratch = larger;
-        ws->scratch_size = size;
-    }
-    proto_frame_header_encode(&message->header, ws->scratch);
-    memcpy(ws->scratch + PROTO_FRAME_HEADER_BYTES, message->blob->bytes, message->blob->size);
-    struct wslay_event_msg out = { .opcode = WSLAY_BINARY_FRAME,
-                                   .msg = ws->scratch,
-                                   .msg_length = size };
-    return wslay_event_queue_msg(ws->context, &out) == 0;
+    uint8_t *bytes = malloc(size);
+    if (!bytes)
+        return false;
+    proto_frame_header_encode(&message->header, bytes);
+    memcpy(bytes + PROTO_FRAME_HEADER_BYTES, message->blob->bytes, message->blob->size);
+    struct wslay_event_msg out = { .opcode = WSLAY_BINARY_FRAME, .msg = bytes, .msg_length = size };
+    bool ok = wslay_event_queue_msg(ws->context, &out) == 0; /* copies */
+    free(bytes);
+    return ok;
 }
 
 /* Queues the next message of the session; false if there is none. */
@@ -301,6 +315,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     /* Who is not listened to is not silent; the stall limit is for this one. */
     if (!srv_ws_wants_read(ws))
         ws->heard_ms = now_ms;
+    refill(ws);
     double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
     if (wslay_event_get_queued_msg_count(ws->context) > 0 &&
         now_ms - ws->progress_ms > ws->options.stall_ms) {
@@ -324,9 +339,17 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     }
 }
 
-bool srv_ws_wants_read(const struct srv_ws *ws) {
+static bool listens(const struct srv_ws *ws) {
     return !ws->broken && !ws->end_of_file && wslay_event_want_read(ws->context) &&
-           wslay_event_get_queued_msg_count(ws->context) < REPLIES_MAX;
+           !has_replies(ws);
+}
+
+bool srv_ws_wants_read(const struct srv_ws *ws) {
+    return listens(ws) && has_allowance(ws);
+}
+
+bool srv_ws_is_paused(const struct srv_ws *ws) {
+    return listens(ws) && !has_allowance(ws);
 }
 
 bool srv_ws_wants_write(const struct srv_ws *ws) {

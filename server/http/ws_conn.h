@@ -4,8 +4,9 @@
  *
  *   open ──(close queued, peer closed, error)──► closing ──(sent)──► over
  *
- * Bounded: reading stops while REPLIES_MAX messages wait to be sent; one frame is in the socket's
- * hands and one in the outbox. One thread at a time.
+ * Bounded: reading stops while 64 messages wait to be sent, and until the next tick after 32 frames
+ * or 128 KiB, so that a flood costs the thread no more than a busy client does; one frame is in the
+ * socket's hands and one in the outbox. One thread at a time.
  */
 #ifndef SRV_HTTP_WS_CONN_H
 #define SRV_HTTP_WS_CONN_H
@@ -44,11 +45,13 @@ void srv_ws_destroy(struct srv_ws **ws, double now_ms); /* leaves the session */
 
 void srv_ws_read(struct srv_ws *ws, double now_ms);  /* the transport may have bytes */
 void srv_ws_write(struct srv_ws *ws, double now_ms); /* it may take bytes, or there is something */
-void srv_ws_tick(struct srv_ws *ws, double now_ms);  /* pings and time limits; now and then */
+/* Pings, time limits, and a new allowance for reading; ten times a second. */
+void srv_ws_tick(struct srv_ws *ws, double now_ms);
 /* Says good-bye; `reason` is a constant string of at most 123 bytes. */
 void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms);
 
 bool srv_ws_wants_read(const struct srv_ws *ws);
+bool srv_ws_is_paused(const struct srv_ws *ws); /* it will want to read after the next tick */
 bool srv_ws_wants_write(const struct srv_ws *ws);
 bool srv_ws_is_over(const struct srv_ws *ws); /* nothing more to send or to receive */
 bool srv_ws_is_lost(const struct srv_ws *ws); /* over, and the peer is gone or beyond talking to */

@@ -92,6 +92,20 @@ test('a message in many pieces, byte by byte, and bytes sent before the handshak
   raw.destroy();
 });
 
+test('requests sent with the handshake, more than are read at a time, are answered though nothing follows', async () => {
+  const session = await daemon.session();
+  const many = Array.from({ length: 300 }, (_, i) => ping(i));
+  const raw = await Raw.webSocket(daemon, session, { extra: Buffer.concat(many) });
+  for (const i of many.keys()) await raw.answer(i);
+  raw.destroy();
+  // Nor is a client cut off that ended its side while it was not read. (Answers that wait when its close is read are not sent.)
+  const brief = await Raw.webSocket(daemon, session);
+  brief.socket.end(Buffer.concat([...many, clientFrame(8, Buffer.from([0x03, 0xe8]))]));
+  assert.equal(await brief.closeCode(), 1000);
+  await brief.answer(200);
+  brief.destroy();
+});
+
 test('a client that never reads is dropped with a word in the log, and costs nobody a frame', async () => {
   const session = await daemon.session();
   const raw = await Raw.webSocket(daemon, session);
