@@ -72,7 +72,9 @@ static const struct setting settings[] = {
       "TLS handshakes at a time; of more the oldest ends" },
     { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",
       "requests on one connection, pipelined or not, before it ends" },
-    { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "open sessions" },
+    { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "sessions that are awake" },
+    { "sleeping-sessions", COUNT, AT(sleeping_sessions), "10000", 1, 1000000, "N",
+      "sessions that sleep; at that many no new one is made" },
     { "participants", COUNT, AT(participants), "32", 1, 64, "N", "participants of one session" },
     { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "kept views" },
     { "presets", COUNT, AT(presets), "1000", 1, 100000, "N", "kept presets" },
@@ -104,7 +106,9 @@ static const struct setting settings[] = {
     { "stall-time", SECONDS, AT(stall_time_ms), "20", 50, 3600000, "SECONDS",
       "a client that takes no data or owes an acknowledgement for this long is dropped" },
     { "session-time", SECONDS, AT(session_time_ms), "600", 50, 604800000, "SECONDS",
-      "a session without participants ends after this" },
+      "a session without participants falls asleep after this, and ends without --state" },
+    { "sleep-time", SECONDS, AT(sleep_time_ms), "2592000", 50, 315360000000, "SECONDS",
+      "a session that sleeps ends after this, counted anew at each start of the daemon" },
     { "control-time", SECONDS, AT(control_time_ms), "10", 50, 3600000, "SECONDS",
       "who asks for control of a session and gets no answer has it after this" },
     { "drain-time", SECONDS, AT(drain_time_ms), "10", 50, 600000, "SECONDS",
@@ -140,7 +144,7 @@ static const struct setting *find(const char *name, size_t length) {
 /* Writes bytes, seconds or a count as the table's text form. */
 static void number_to_text(enum kind kind, int64_t value, char text[32]) {
     if (kind == SECONDS)
-        snprintf(text, 32, "%g", (double)value / 1000);
+        snprintf(text, 32, "%.12g", (double)value / 1000);
     else if (kind == SIZE && value && value % (MIB * 1024) == 0)
         snprintf(text, 32, "%" PRId64 "G", value / (MIB * 1024));
     else if ((kind == SIZE || kind == PIXELS) && value && value % MIB == 0)

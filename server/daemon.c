@@ -37,7 +37,7 @@ struct srv_daemon {
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {
     struct srv_daemon *d = user;
-    srv_hub_volume_progress(d->hub, id, state, progress, reason, srv_clock_ms());
+    srv_hub_volume_progress(d->hub, id, state, progress, reason);
 }
 
 static void on_volume(void *user, const char *id, const struct srv_volume_request *request) {
@@ -58,6 +58,11 @@ static void on_ended(void *user, const char *id) {
 static bool on_collect(void *user) {
     struct srv_daemon *d = user;
     return srv_keep_sessions(d->store, d->hub);
+}
+
+static char *on_recall(void *user, const char *id, size_t *size, struct sp_error *err) {
+    struct srv_daemon *d = user;
+    return srv_store_get(d->store, SRV_KIND_SESSION, id, size, err);
 }
 
 static void on_unloaded(void *user, struct sp_volume *volume) {
@@ -160,6 +165,8 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
+        .sleep_ms = (double)c->sleep_time_ms,
+        .sleepers_max = (unsigned)c->sleeping_sessions,
         .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
@@ -172,6 +179,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .supports = on_supports,
         .changed = on_changed,
         .ended = on_ended,
+        .recall = c->state ? on_recall : NULL,
     };
     if (!(d->hub = srv_hub_create(&hub, err)))
         return false;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clock.h"
 #include "protocol/json.h"
 #include "sp/log.h"
 
@@ -33,9 +34,9 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
         struct sp_error why;
         size_t size;
         char *text = srv_store_get(store, kind, id, &size, &why);
-        bool ok =
-            text && (kind == SRV_KIND_SESSION ? srv_hub_restore(hub, id, text, size, &why)
-                                              : restore_volume(catalog, id, text, size, &why));
+        bool ok = text && (kind == SRV_KIND_SESSION
+                               ? srv_hub_restore(hub, id, text, size, srv_clock_ms(), &why)
+                               : restore_volume(catalog, id, text, size, &why));
         if (!ok)
             sp_log(SP_LOG_ERROR, "the kept %s %s cannot come back: %s%s%s",
                    kind == SRV_KIND_SESSION ? "session" : "volume", id, why.place,

@@ -10,7 +10,7 @@
 #include "session/hub.h"
 #include "store/store.h"
 
-/* Brings back sessions, which sleep until their volumes are loaded, and queues the loads. What
+/* Brings back sessions, which sleep until somebody asks for them, and queues the loads. What
  * cannot come back is logged and stays in the store. SP_ERR_MEMORY. */
 bool srv_keep_restore(struct srv_store *store, struct srv_hub *hub, struct srv_catalog *catalog,
                       struct sp_error *err);

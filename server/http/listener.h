@@ -106,11 +106,11 @@ void srv_request_upgraded(struct srv_request *request);
 /* Handlers, by file. */
 typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
-    srv_get_volume_view;                     /* routes_volumes.c */
-srv_handler srv_post_render, srv_get_render; /* routes_render.c */
-srv_handler srv_post_view, srv_get_view;     /* routes_views.c */
-srv_handler srv_post_session, srv_get_session, srv_patch_session, srv_delete_session,
-    srv_get_stream; /* routes_sessions.c */
+    srv_get_volume_view;                                                 /* routes_volumes.c */
+srv_handler srv_post_render, srv_get_render;                             /* routes_render.c */
+srv_handler srv_get_views, srv_post_view, srv_get_view, srv_delete_view; /* routes_views.c */
+srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
+    srv_delete_session, srv_get_stream; /* routes_sessions.c */
 srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
     srv_delete_preset;                                                        /* routes_presets.c */
 srv_handler srv_get_metrics;                                                  /* routes_metrics.c */

@@ -28,7 +28,8 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
     struct srv_hub_numbers n;
     srv_hub_numbers(request->app->hub, &n);
     gauge(out, "splatd_sessions", "Open sessions", n.sessions);
-    gauge(out, "splatd_sessions_asleep", "Kept sessions that wait for their volumes", n.asleep);
+    gauge(out, "splatd_sessions_asleep", "Sessions that sleep until somebody asks for them",
+          n.asleep);
     srv_metrics_family(out, "splatd_participants", "gauge", "Open streams by their role");
     fprintf(out, "splatd_participants{role=\"control\"} %u\n", n.participants[SRV_ROLE_CONTROL]);
     fprintf(out, "splatd_participants{role=\"view\"} %u\n", n.participants[SRV_ROLE_VIEW]);

@@ -7,6 +7,7 @@
 #include "http/headers.h"
 #include "http/kept.h"
 #include "http/listener.h"
+#include "http/listing.h"
 #include "http/origins.h"
 #include "sp/log.h"
 
@@ -52,7 +53,7 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
     }
     if ((*owner = srv_kept_view(request->app->store, id, &err)))
         return *owner;
-    if ((*owner = srv_hub_session_get(request->app->hub, id, false, &err)))
+    if ((*owner = srv_hub_session_get(request->app->hub, id, false, srv_clock_ms(), &err)))
         return proto_json_get(*owner, "view");
     if (err.code == SP_ERR_NOT_FOUND)
         srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
@@ -113,6 +114,28 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&body);
 }
 
+static proto_json *encode_item(void *user, const void *item) {
+    const struct srv_session_note *note = item;
+    (void)user;
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "id", note->id);
+    ok = proto_json_set_string(json, "volume", note->volume) && ok;
+    ok = proto_json_set_integer(json, "participants", note->participants) && ok;
+    ok = proto_json_set_bool(json, "asleep", note->is_asleep) && ok;
+    ok = proto_json_set_number(json, "idle", note->idle_ms / 1000) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
+    struct srv_page page;
+    if (!srv_listing_begin(request, sizeof(struct srv_session_note), &page, reply))
+        return;
+    srv_hub_list(request->app->hub, srv_clock_ms(), &page);
+    srv_listing_reply(&page, "sessions", encode_item, NULL, reply);
+}
+
 /* The daemon's token, or one of the session's own; false: the reply is the problem. */
 static bool may(struct srv_request *request, enum srv_role wanted, struct srv_reply *reply) {
     struct sp_error err;
@@ -141,8 +164,8 @@ void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     if (!may(request, SRV_ROLE_VIEW, reply))
         return;
-    proto_json *json =
-        srv_hub_session_get(request->app->hub, request->param, request->has_token, &err);
+    proto_json *json = srv_hub_session_get(request->app->hub, request->param, request->has_token,
+                                           srv_clock_ms(), &err);
     if (json)
         srv_reply_json(reply, 200, json);
     else
@@ -247,7 +270,7 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     if (!srv_hub_authorize(request->app->hub, request->param, srv_request_token(request), &role,
                            &err))
         role = SRV_ROLE_CONTROL; /* the daemon's own token */
-    if (!srv_hub_has_room(request->app->hub, request->param, &err)) {
+    if (!srv_hub_has_room(request->app->hub, request->param, srv_clock_ms(), &err)) {
         srv_reply_error(reply, &err);
         return;
     }

@@ -10,6 +10,7 @@
 #include "http/headers.h"
 #include "http/kept.h"
 #include "http/listener.h"
+#include "http/listing.h"
 #include "protocol/view.h"
 
 bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]) {
@@ -91,4 +92,46 @@ void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
     }
     srv_reply_header(reply, "ETag", "%s", etag);
     srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
+}
+
+/* {"id", "volume", "size"}; the id alone of one that went meanwhile. */
+static proto_json *encode_item(void *user, const void *item) {
+    struct srv_request *request = user;
+    struct sp_error err = { .code = SP_OK };
+    proto_json *json = proto_json_object();
+    proto_json *view = srv_kept_view(request->app->store, item, &err);
+    const char *volume = proto_view_volume(view);
+    const proto_json *size = proto_json_get(view, "size");
+    int64_t width, height;
+    bool ok = proto_json_set_string(json, "id", item) && err.code != SP_ERR_MEMORY;
+    if (volume)
+        ok = proto_json_set_string(json, "volume", volume) && ok;
+    if (proto_json_integer(proto_json_at(size, 0), &width) &&
+        proto_json_integer(proto_json_at(size, 1), &height)) {
+        proto_json *copy = proto_json_array();
+        ok = proto_json_append_integer(copy, width) && ok;
+        ok = proto_json_append_integer(copy, height) && ok;
+        ok = proto_json_set(json, "size", copy) && ok;
+    }
+    if (!ok)
+        proto_json_free(&json);
+    proto_json_free(&view);
+    return json;
+}
+
+void srv_get_views(struct srv_request *request, struct srv_reply *reply) {
+    struct srv_page page;
+    if (!srv_listing_begin(request, SRV_STORE_ID_MAX + 1, &page, reply))
+        return;
+    srv_store_page(request->app->store, SRV_KIND_VIEW, &page);
+    srv_listing_reply(&page, "views", encode_item, request, reply);
+}
+
+void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
+    if (!srv_store_remove(request->app->store, SRV_KIND_VIEW, request->param)) {
+        srv_reply_problem(reply, 404, NULL, "there is no kept view '%.64s'", request->param);
+        return;
+    }
+    reply->status = 204;
+    srv_request_keep(request);
 }

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "page.h"
 #include "protocol/view.h"
 #include "session/hub_private.h"
 #include "sp/log.h"
@@ -44,14 +45,21 @@ void srv_hub_destroy(struct srv_hub **hub_pointer) {
     free(hub);
 }
 
-struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, struct sp_error *err) {
-    for (struct srv_session *s = hub->sessions; s; s = s->next)
-        if (strcmp(s->id, id) == 0)
-            return s;
-    if (srv_hub_is_asleep(hub, id, err))
-        return NULL;
-    sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
-    return NULL;
+struct srv_session *srv_hub_find_awake(struct srv_hub *hub, const char *id) {
+    struct srv_session *s = hub->sessions;
+    while (s && strcmp(s->id, id) != 0)
+        s = s->next;
+    return s;
+}
+
+struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, double now_ms,
+                                 struct sp_error *err) {
+    struct srv_session *session = srv_hub_find_awake(hub, id);
+    return session ? session : srv_hub_wake(hub, id, now_ms, err);
+}
+
+double srv_hub_used_ms(const struct srv_session *session) {
+    return fmax(session->empty_ms, session->changed_ms);
 }
 
 void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsigned notes) {
@@ -170,7 +178,7 @@ void srv_hub_unsaved(struct srv_hub *hub) {
         hub->options.changed(hub->options.user);
 }
 
-static void ended(struct srv_hub *hub, const char *id) {
+void srv_hub_ended(struct srv_hub *hub, const char *id) {
     if (hub->options.ended)
         hub->options.ended(hub->options.user, id);
 }
@@ -211,11 +219,14 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
                         struct sp_error *err) {
     if (hub->draining)
         return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
-    unsigned count = hub->session_count + hub->sleeper_count;
-    if (count >= hub->options.sessions_max)
+    if (hub->session_count >= hub->options.sessions_max)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are open and --sessions allows %u; try again later", count,
-                       hub->options.sessions_max);
+                       "%u sessions are open and --sessions allows %u; try again later",
+                       hub->session_count, hub->options.sessions_max);
+    if (hub->options.recall && hub->sleeper_count >= hub->options.sleepers_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions sleep and --sleeping-sessions allows %u; delete some",
+                       hub->sleeper_count, hub->options.sleepers_max);
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub);
     return true;
@@ -249,9 +260,9 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
 }
 
 proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_tokens,
-                                struct sp_error *err) {
+                                double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
+    struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
     proto_json *json = session ? encode_session(session, with_tokens, err) : NULL;
     pthread_mutex_unlock(&hub->mutex);
     return json;
@@ -261,7 +272,7 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
                                   double now_ms, struct sp_error *err) {
     proto_json *json = NULL;
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
+    struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
     if (session && srv_hub_apply(hub, session, patch, 0, now_ms, err)) {
         json = proto_view_encode(&session->view);
         if (!json)
@@ -271,15 +282,19 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
     return json;
 }
 
-/* Unlinks a session; participants stay, without a session, and are told to leave. */
-static void session_remove(struct srv_hub *hub, struct srv_session *session) {
+static void session_unlink(struct srv_hub *hub, struct srv_session *session) {
     struct srv_session **link = &hub->sessions;
     while (*link != session)
         link = &(*link)->next;
     *link = session->next;
     hub->session_count--;
-    ended(hub, session->id);
     srv_hub_abandon(hub, session);
+}
+
+/* Participants stay, without a session, and are told to leave. */
+static void session_remove(struct srv_hub *hub, struct srv_session *session) {
+    session_unlink(hub, session);
+    srv_hub_ended(hub, session->id);
     while (session->participants) {
         struct srv_participant *p = session->participants;
         session->participants = p->next;
@@ -293,12 +308,14 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
 
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
-    bool found = session || srv_hub_forget_sleeper(hub, id);
+    struct srv_session *session = srv_hub_find_awake(hub, id);
+    bool found =
+        session || srv_hub_forget_sleeper(hub, id) ||
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
     if (session)
         session_remove(hub, session);
     else if (found)
-        ended(hub, id);
+        srv_hub_ended(hub, id);
     pthread_mutex_unlock(&hub->mutex);
     return found;
 }
@@ -306,13 +323,15 @@ bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
-    const struct srv_session *session = srv_hub_find(hub, id, err);
+    const struct srv_session *session = srv_hub_find_awake(hub, id);
     const char *tokens[2];
     for (int r = 0; r < 2; r++)
         tokens[r] =
             session ? session->tokens[r] : srv_hub_sleeping_token(hub, id, (enum srv_role)r);
     bool ok = false;
-    if (tokens[0]) {
+    if (!tokens[0]) {
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+    } else {
         bool control = srv_secret_equal(tokens[SRV_ROLE_CONTROL], token);
         bool view = srv_secret_equal(tokens[SRV_ROLE_VIEW], token);
         *role = control ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
@@ -324,33 +343,59 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
     return ok;
 }
 
+/* It is no longer used: it ends, or falls asleep as soon as that is possible. */
+static void retire(struct srv_hub *hub, struct srv_session *session) {
+    double idle_s = hub->options.session_idle_ms / 1000;
+    if (!hub->options.recall) {
+        sp_log(SP_LOG_INFO, "session %s ended: nobody joined for %.0f s (--session-time)",
+               session->id, idle_s);
+        session_remove(hub, session);
+    } else if (session->saved_version != session->version) {
+        srv_hub_unsaved(hub);
+    } else if (srv_hub_add_sleeper(hub, session)) {
+        sp_log(SP_LOG_INFO, "session %s sleeps: nobody joined for %.0f s (--session-time)",
+               session->id, idle_s);
+        session_unlink(hub, session);
+        session_free(hub, session);
+    }
+}
+
 double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     double wait = 1000;
     pthread_mutex_lock(&hub->mutex);
     for (struct srv_session *s = hub->sessions, *next; s; s = next) {
         next = s->next;
-        double left = s->empty_ms + hub->options.session_idle_ms - now_ms;
-        if (s->participant_count > 0) {
+        double left = srv_hub_used_ms(s) + hub->options.session_idle_ms - now_ms;
+        if (s->participant_count > 0)
             wait = fmin(wait, srv_control_tick(hub, s, now_ms));
-            continue;
-        }
-        if (left <= 0) {
-            sp_log(SP_LOG_INFO, "session %s ended: nobody joined for %.0f s (--session-time)",
-                   s->id, hub->options.session_idle_ms / 1000);
-            session_remove(hub, s);
-        } else {
+        else if (left > 0)
             wait = fmin(wait, left);
-        }
+        else
+            retire(hub, s);
     }
+    wait = fmin(wait, srv_hub_end_sleepers(hub, now_ms));
     pthread_mutex_unlock(&hub->mutex);
     return wait;
 }
 
-void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason, double now_ms) {
+void srv_hub_list(struct srv_hub *hub, double now_ms, struct srv_page *page) {
     pthread_mutex_lock(&hub->mutex);
-    if (strcmp(state, "ready") == 0)
-        srv_hub_wake(hub, id, now_ms);
+    for (const struct srv_session *s = hub->sessions; s; s = s->next) {
+        struct srv_session_note *note = srv_page_slot(page, s->id);
+        if (!note)
+            continue;
+        *note = (struct srv_session_note){ .participants = s->participant_count };
+        note->idle_ms = s->participants ? 0 : now_ms - srv_hub_used_ms(s);
+        memcpy(note->id, s->id, sizeof note->id);
+        memcpy(note->volume, s->view.volume, sizeof note->volume);
+    }
+    srv_hub_list_sleepers(hub, now_ms, page);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
+                             double progress, const char *reason) {
+    pthread_mutex_lock(&hub->mutex);
     struct srv_volume_note *note = NULL;
     for (unsigned i = 0; i < hub->volume_count; i++)
         if (strcmp(hub->volumes[i].id, id) == 0)

@@ -62,11 +62,13 @@ enum srv_interrupt {
 struct srv_hub_options {
     struct srv_volume_source volumes;
     unsigned sessions_max, participants_max; /* the latter a session, [1, SRV_PARTICIPANTS_MAX] */
-    double session_idle_ms;                  /* a session without participants ends after this */
-    double control_ms;   /* a request for control that nobody answers is granted after this */
-    double rest_ms;      /* a view that did not change for this long is refined, step by step */
-    size_t stream_bytes; /* byte cap on the frames on their way to one client */
-    uint64_t frame_px;   /* largest picture; 0 = what sp/view.h allows */
+    double session_idle_ms; /* a session that nobody uses falls asleep, or ends, after this */
+    double sleep_ms;        /* one that sleeps ends after this */
+    unsigned sleepers_max;  /* when so many sleep no new session is made */
+    double control_ms;      /* a request for control that nobody answers is granted after this */
+    double rest_ms;         /* a view that did not change for this long is refined, step by step */
+    size_t stream_bytes;    /* byte cap on the frames on their way to one client */
+    uint64_t frame_px;      /* largest picture; 0 = what sp/view.h allows */
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*work)(void *user);  /* there may be something to render */
@@ -77,6 +79,9 @@ struct srv_hub_options {
     /* There is something to save, or nothing of this session any more. NULL = nothing is kept. */
     void (*changed)(void *user);
     void (*ended)(void *user, const char *id);
+    /* What was saved last of a session: malloc'ed, with a NUL behind it. NULL = nothing can be had
+     * back, and sessions end instead of falling asleep. */
+    char *(*recall)(void *user, const char *id, size_t *size, struct sp_error *err);
     /* Can it be drawn? NULL = everything can. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -96,9 +101,11 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
 /* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
-/* {"id", "view", "participants"}; `with_tokens` adds "tokens". */
+/* {"id", "view", "participants"}; `with_tokens` adds "tokens". Like all that asks for a session by
+ * its id, besides deletion, authorization and the list, it wakes one that sleeps: SP_ERR_TIMEOUT
+ * with what it waits for if that cannot be, SP_ERR_BUDGET if too many are awake. */
 proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_tokens,
-                                struct sp_error *err);
+                                double now_ms, struct sp_error *err);
 /* Merges a patch; returns the new view. */
 proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
                                   double now_ms, struct sp_error *err);
@@ -108,15 +115,27 @@ bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err);
 /* Could one more participant join now? SP_ERR_NOT_FOUND, SP_ERR_BUDGET. */
-bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err);
-/* Ends idle sessions and passes control on; returns when to call again, in ms from now (at most
- * 1000). */
+bool srv_hub_has_room(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err);
+
+struct srv_session_note {
+    char id[SRV_SESSION_ID_BYTES]; /* first: struct srv_page */
+    char volume[SP_NAME_BYTES];
+    bool is_asleep;
+    unsigned participants;
+    double idle_ms; /* since it was used last: 0 with participants */
+};
+struct srv_page;
+/* Shows all sessions, awake or asleep, to a page of struct srv_session_note. */
+void srv_hub_list(struct srv_hub *hub, double now_ms, struct srv_page *page);
+
+/* Puts idle sessions to sleep or ends them, and passes control on; returns when to call again, in
+ * ms from now (at most 1000). */
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
 /* Tells all participants: a volume's state ("loading", "ready", "failed", "unloaded"), progress in
  * [0,1], and the reason of a failure ("" = none). Who joins later hears nothing of an unloaded one.
  */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason, double now_ms);
+                             double progress, const char *reason);
 
 /* Keeping (any thread). */
 
@@ -125,16 +144,16 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
 bool srv_hub_save(struct srv_hub *hub,
                   bool (*save)(void *user, const char *id, const char *text, size_t size),
                   void *user);
-/* A session as it was saved. It is there again when its volume is told to be ready; until then who
- * asks for it gets SP_ERR_TIMEOUT with what it waits for. SP_ERR_FORMAT if it is none. */
+/* A session as it was saved, which sleeps from now on: recall() must give the same text.
+ * SP_ERR_FORMAT if it is none. */
 bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
-                     struct sp_error *err);
+                     double now_ms, struct sp_error *err);
 
 /* What the status line of clients shows besides the frame's own numbers; all are told at once. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 void srv_hub_drain(struct srv_hub *hub);
 struct srv_hub_numbers {
-    unsigned sessions, asleep; /* asleep: of an earlier run, waiting for their volumes */
+    unsigned sessions, asleep; /* sessions: awake */
     unsigned participants[2];  /* by role */
 };
 void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers);

@@ -25,7 +25,10 @@ enum srv_note { /* what a participant has not been told yet */
                 SRV_NOTE_POLICY = 128
 };
 
-enum { SRV_HUB_VOLUMES = 64 }; /* volumes whose progress is remembered for notifications */
+enum {
+    SRV_HUB_VOLUMES = 64, /* volumes whose progress is remembered for notifications */
+    SRV_HUB_BUCKETS = 256 /* of sessions that sleep */
+};
 
 struct srv_participant {
     struct srv_session *session; /* NULL = it was deleted */
@@ -113,8 +116,9 @@ struct srv_hub {
     pthread_mutex_t mutex;
     struct srv_session *sessions;
     unsigned session_count;
-    struct srv_sleeper *sleepers; /* keep.c */
+    struct srv_sleeper *sleepers[SRV_HUB_BUCKETS]; /* keep.c */
     unsigned sleeper_count;
+    double sleeper_end_ms; /* none ends before this */
     uint64_t next_number, next_participant, next_order, next_request;
     struct srv_participant *ready_head, *ready_tail;
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];
@@ -126,7 +130,13 @@ struct srv_hub {
     bool draining;
 };
 
-struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, struct sp_error *err);
+/* One that is awake; NULL = there is none. */
+struct srv_session *srv_hub_find_awake(struct srv_hub *hub, const char *id);
+/* Wakes it if it sleeps. */
+struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, double now_ms,
+                                 struct sp_error *err);
+/* When somebody used it last. */
+double srv_hub_used_ms(const struct srv_session *session);
 void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsigned notes);
 void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
                          unsigned notes);
@@ -140,15 +150,22 @@ void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, doub
 /* There is something that srv_hub_save() would save. */
 void srv_hub_unsaved(struct srv_hub *hub);
 
-/* Sessions of an earlier run that wait for their volume (keep.c). */
+/* Sessions that sleep (keep.c). */
 
-/* True: there is one of that id, and *err says what it waits for. */
-bool srv_hub_is_asleep(struct srv_hub *hub, const char *id, struct sp_error *err);
+/* A session of which all is saved; false when out of memory. The session itself stays. */
+bool srv_hub_add_sleeper(struct srv_hub *hub, const struct srv_session *session);
 /* NULL: there is none. Lives as long as it sleeps. */
 const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv_role role);
-void srv_hub_wake(struct srv_hub *hub, const char *volume, double now_ms);
+/* NULL: there is none, or it cannot wake yet. */
+struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
+                                 struct sp_error *err);
 bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
+/* Ends those that have slept for too long; ms until the next one does, INFINITY = never. */
+double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms);
+void srv_hub_list_sleepers(struct srv_hub *hub, double now_ms, struct srv_page *page);
 void srv_hub_free_sleepers(struct srv_hub *hub);
+/* There is nothing of this session any more. */
+void srv_hub_ended(struct srv_hub *hub, const char *id);
 
 /* {"id", "role", "name", "color"} of each. NULL when out of memory. */
 proto_json *srv_hub_encode_participants(const struct srv_session *session);

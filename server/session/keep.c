@@ -4,13 +4,19 @@
  *
  *   {"tokens": {"control", "view"}, "view": {…}}
  *
- * A session of an earlier run sleeps until its volume is ready. It has its id and tokens then, but
- * takes part in nothing; whoever asks for it is told what it waits for.
+ *     created ──► awake ──(nobody uses it)──► asleep ──(for too long, or deleted)──► gone
+ *                   └──◄──(somebody asks for it)──┘ └──◄── saved in an earlier run
+ *
+ * One that sleeps has its id and tokens but takes part in nothing and uses no volume; all else is
+ * where it was saved, so that it takes some hundred bytes. It wakes when its volume is ready; until
+ * then whoever asks for it is told what it waits for.
  */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "page.h"
 #include "protocol/view.h"
 #include "session/hub_private.h"
 #include "sp/log.h"
@@ -20,7 +26,7 @@ struct srv_sleeper {
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
-    proto_json *record;
+    double used_ms;
 };
 
 /* Saving. */
@@ -86,11 +92,48 @@ bool srv_hub_save(struct srv_hub *hub,
     return ok;
 }
 
-/* Coming back. */
+/* Falling asleep. */
 
-static void sleeper_free(struct srv_sleeper *sleeper) {
-    proto_json_free(&sleeper->record);
+static struct srv_sleeper **bucket_of(struct srv_hub *hub, const char *id) {
+    uint32_t hash = 2166136261; /* FNV-1a */
+    for (; *id; id++)
+        hash = (hash ^ (unsigned char)*id) * 16777619;
+    return &hub->sleepers[hash % SRV_HUB_BUCKETS];
+}
+
+static struct srv_sleeper **find(struct srv_hub *hub, const char *id) {
+    struct srv_sleeper **link = bucket_of(hub, id);
+    while (*link && strcmp((*link)->id, id) != 0)
+        link = &(*link)->next;
+    return link;
+}
+
+static void link_sleeper(struct srv_hub *hub, struct srv_sleeper *sleeper) {
+    struct srv_sleeper **bucket = bucket_of(hub, sleeper->id);
+    double end_ms = sleeper->used_ms + hub->options.sleep_ms;
+    sleeper->next = *bucket;
+    *bucket = sleeper;
+    if (hub->sleeper_count++ == 0 || end_ms < hub->sleeper_end_ms)
+        hub->sleeper_end_ms = end_ms;
+}
+
+static void unlink_sleeper(struct srv_hub *hub, struct srv_sleeper **link) {
+    struct srv_sleeper *sleeper = *link;
+    *link = sleeper->next;
+    hub->sleeper_count--;
     free(sleeper);
+}
+
+bool srv_hub_add_sleeper(struct srv_hub *hub, const struct srv_session *session) {
+    struct srv_sleeper *sleeper = calloc(1, sizeof *sleeper);
+    if (!sleeper)
+        return false;
+    memcpy(sleeper->id, session->id, sizeof sleeper->id);
+    memcpy(sleeper->tokens, session->tokens, sizeof sleeper->tokens);
+    memcpy(sleeper->volume, session->view.volume, sizeof sleeper->volume);
+    sleeper->used_ms = srv_hub_used_ms(session);
+    link_sleeper(hub, sleeper);
+    return true;
 }
 
 static bool read_token(const proto_json *record, const char *role,
@@ -103,90 +146,83 @@ static bool read_token(const proto_json *record, const char *role,
 }
 
 bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
-                     struct sp_error *err) {
+                     double now_ms, struct sp_error *err) {
     struct srv_sleeper *sleeper = calloc(1, sizeof *sleeper);
     if (!sleeper)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
-    sleeper->record = proto_json_parse(text, size, err);
-    const char *volume = proto_view_volume(proto_json_get(sleeper->record, "view"));
-    bool ok = sleeper->record != NULL;
+    proto_json *record = proto_json_parse(text, size, err);
+    const char *volume = proto_view_volume(proto_json_get(record, "view"));
+    bool ok = record != NULL;
     if (ok && (strlen(id) != sizeof sleeper->id - 1 || !volume || strlen(volume) >= SP_NAME_BYTES ||
-               !read_token(sleeper->record, "control", sleeper->tokens[SRV_ROLE_CONTROL]) ||
-               !read_token(sleeper->record, "view", sleeper->tokens[SRV_ROLE_VIEW])))
+               !read_token(record, "control", sleeper->tokens[SRV_ROLE_CONTROL]) ||
+               !read_token(record, "view", sleeper->tokens[SRV_ROLE_VIEW])))
         ok = sp_fail(err, SP_ERR_FORMAT, NULL, "this is no session");
-    if (!ok) {
-        sleeper_free(sleeper);
-        return false;
+    if (ok) {
+        strcpy(sleeper->id, id);
+        strcpy(sleeper->volume, volume);
+        sleeper->used_ms = now_ms;
+        pthread_mutex_lock(&hub->mutex);
+        link_sleeper(hub, sleeper);
+        pthread_mutex_unlock(&hub->mutex);
+    } else {
+        free(sleeper);
     }
-    strcpy(sleeper->id, id);
-    strcpy(sleeper->volume, volume);
-    pthread_mutex_lock(&hub->mutex);
-    sleeper->next = hub->sleepers;
-    hub->sleepers = sleeper;
-    hub->sleeper_count++;
-    pthread_mutex_unlock(&hub->mutex);
-    return true;
+    proto_json_free(&record);
+    return ok;
 }
 
-static struct srv_sleeper **find(struct srv_hub *hub, const char *id) {
-    struct srv_sleeper **link = &hub->sleepers;
-    while (*link && strcmp((*link)->id, id) != 0)
-        link = &(*link)->next;
-    return link;
+/* Coming back. */
+
+/* Its view as it was, of its volume, which has to be there. */
+static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    size_t size;
+    char *text = hub->options.recall(hub->options.user, session->id, &size, err);
+    proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
+    bool ok = record && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL,
+                                             &session->view, &session->volume, &why);
+    if (record && !ok && why.code == SP_ERR_MEMORY)
+        *err = why;
+    else if (record && !ok && strcmp(why.place, "/volume") == 0)
+        sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session waits for its volume: %s", why.text);
+    else if (record && !ok)
+        sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session's view cannot be shown here: %s: %s",
+                why.place, why.text);
+    proto_json_free(&record);
+    free(text);
+    return ok;
 }
 
-static void unlink_sleeper(struct srv_hub *hub, struct srv_sleeper **link) {
-    struct srv_sleeper *sleeper = *link;
-    *link = sleeper->next;
-    hub->sleeper_count--;
-    sleeper_free(sleeper);
-}
-
-static bool wake(struct srv_hub *hub, const struct srv_sleeper *sleeper, double now_ms,
-                 struct sp_error *err) {
+struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
+                                 struct sp_error *err) {
+    struct srv_sleeper **link = find(hub, id);
+    if (!*link) {
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+        return NULL;
+    }
+    if (hub->session_count >= hub->options.sessions_max) {
+        sp_fail(err, SP_ERR_BUDGET, NULL,
+                "the session sleeps, and %u others are open while --sessions allows %u; try again "
+                "later",
+                hub->session_count, hub->options.sessions_max);
+        return NULL;
+    }
     struct srv_session *session = calloc(1, sizeof *session);
-    if (!session)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
-    if (!srv_hub_resolve_view(hub, proto_json_get(sleeper->record, "view"), NULL, &session->view,
-                              &session->volume, err)) {
-        free(session);
-        return false;
+    if (!session) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
+        return NULL;
     }
-    memcpy(session->id, sleeper->id, sizeof session->id);
-    memcpy(session->tokens, sleeper->tokens, sizeof session->tokens);
+    memcpy(session->id, (*link)->id, sizeof session->id);
+    memcpy(session->tokens, (*link)->tokens, sizeof session->tokens);
+    if (!resolve(hub, session, err)) {
+        free(session);
+        return NULL;
+    }
+    unlink_sleeper(hub, link);
     srv_hub_link_session(hub, session, now_ms);
     session->saved_version = session->version;
-    return true;
-}
-
-void srv_hub_wake(struct srv_hub *hub, const char *volume, double now_ms) {
-    struct sp_error err;
-    for (struct srv_sleeper **link = &hub->sleepers; *link;) {
-        struct srv_sleeper *sleeper = *link;
-        if (strcmp(sleeper->volume, volume) == 0 && wake(hub, sleeper, now_ms, &err)) {
-            sp_log(SP_LOG_INFO, "session %s is back", sleeper->id);
-            unlink_sleeper(hub, link);
-            continue;
-        }
-        if (strcmp(sleeper->volume, volume) == 0)
-            sp_log(SP_LOG_ERROR, "session %s cannot come back: %s%s%s", sleeper->id, err.place,
-                   err.place[0] ? ": " : "", err.text);
-        link = &sleeper->next;
-    }
-}
-
-bool srv_hub_is_asleep(struct srv_hub *hub, const char *id, struct sp_error *err) {
-    const struct srv_volume_source *source = &hub->options.volumes;
-    const struct srv_sleeper *sleeper = *find(hub, id);
-    struct sp_error why;
-    if (!sleeper)
-        return false;
-    void *volume = source->acquire(source->user, sleeper->volume, &why);
-    if (volume)
-        source->release(source->user, volume);
-    sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session waits for its volume: %s",
-            volume ? "its view could not be shown again, the log says why" : why.text);
-    return true;
+    sp_log(SP_LOG_INFO, "session %s is awake", session->id);
+    return session;
 }
 
 const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv_role role) {
@@ -202,7 +238,41 @@ bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id) {
     return true;
 }
 
+double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms) {
+    if (hub->sleeper_count > 0 && now_ms >= hub->sleeper_end_ms) {
+        hub->sleeper_end_ms = INFINITY;
+        for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
+            for (struct srv_sleeper **link = &hub->sleepers[i]; *link;) {
+                double end_ms = (*link)->used_ms + hub->options.sleep_ms;
+                if (end_ms > now_ms) {
+                    hub->sleeper_end_ms = fmin(hub->sleeper_end_ms, end_ms);
+                    link = &(*link)->next;
+                    continue;
+                }
+                sp_log(SP_LOG_INFO,
+                       "session %s ended: nobody asked for it for %.0f s (--sleep-time)",
+                       (*link)->id, hub->options.sleep_ms / 1000);
+                srv_hub_ended(hub, (*link)->id);
+                unlink_sleeper(hub, link);
+            }
+    }
+    return hub->sleeper_count > 0 ? hub->sleeper_end_ms - now_ms : INFINITY;
+}
+
+void srv_hub_list_sleepers(struct srv_hub *hub, double now_ms, struct srv_page *page) {
+    for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
+        for (const struct srv_sleeper *s = hub->sleepers[i]; s; s = s->next) {
+            struct srv_session_note *note = srv_page_slot(page, s->id);
+            if (!note)
+                continue;
+            *note = (struct srv_session_note){ .is_asleep = true, .idle_ms = now_ms - s->used_ms };
+            strcpy(note->id, s->id);
+            strcpy(note->volume, s->volume);
+        }
+}
+
 void srv_hub_free_sleepers(struct srv_hub *hub) {
-    while (hub->sleepers)
-        unlink_sleeper(hub, &hub->sleepers);
+    for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
+        while (hub->sleepers[i])
+            unlink_sleeper(hub, &hub->sleepers[i]);
 }

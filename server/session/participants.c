@@ -37,9 +37,9 @@ static bool has_room(const struct srv_hub *hub, const struct srv_session *sessio
                    session->participant_count, hub->options.participants_max);
 }
 
-bool srv_hub_has_room(struct srv_hub *hub, const char *id, struct sp_error *err) {
+bool srv_hub_has_room(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
+    struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
     bool room = session && has_room(hub, session, err);
     pthread_mutex_unlock(&hub->mutex);
     return room;
@@ -63,7 +63,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     srv_flow_init(&p->flow);
     srv_outbox_init(&p->outbox);
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *session = srv_hub_find(hub, id, err);
+    struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
     if (session && !has_room(hub, session, err))
         session = NULL;
     if (session) {

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "clock.h"
+#include "page.h"
 #include "sp/log.h"
 #include "store/database.h"
 #include "store/table.h"
@@ -267,6 +268,19 @@ char *srv_store_ids(struct srv_store *store, enum srv_kind kind) {
         ids[used] = 0;
     pthread_mutex_unlock(&store->mutex);
     return ids;
+}
+
+void srv_store_page(struct srv_store *store, enum srv_kind kind, struct srv_page *page) {
+    const void *at = NULL;
+    const char *id, *text;
+    size_t size;
+    pthread_mutex_lock(&store->mutex);
+    while ((id = srv_table_next(store->table, kind, &at, &text, &size))) {
+        char *slot = srv_page_slot(page, id);
+        if (slot)
+            strcpy(slot, id);
+    }
+    pthread_mutex_unlock(&store->mutex);
 }
 
 void srv_store_nudge(struct srv_store *store) {

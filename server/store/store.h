@@ -67,6 +67,10 @@ char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id,
  * behind the last: malloc'ed, the caller's. NULL when out of memory. */
 char *srv_store_ids(struct srv_store *store, enum srv_kind kind);
 
+struct srv_page;
+/* Shows all ids of a kind to a page of char[SRV_STORE_ID_MAX + 1]. */
+void srv_store_page(struct srv_store *store, enum srv_kind kind, struct srv_page *page);
+
 /* There is something to collect. Cheap: may be called for every change. */
 void srv_store_nudge(struct srv_store *store);
 /* Calls done() once, on any thread and perhaps before it returns, when all that was put, removed or

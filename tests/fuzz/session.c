@@ -9,39 +9,27 @@
 
 #include "session/hub.h"
 #include "sp/log.h"
-#include "sp/volume.h"
+#include "support/played_volumes.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static void *acquire(void *user, const char *id, struct sp_error *err) {
+struct input {
+    const char *text;
+    size_t size;
+};
+
+static char *recall(void *user, const char *id, size_t *size, struct sp_error *err) {
+    const struct input *input = user;
+    char *text = malloc(input->size + 1);
     (void)id;
-    (void)err;
-    return user;
-}
-
-static void *ref(void *user, void *volume) {
-    (void)user;
-    return volume;
-}
-
-static void release(void *user, void *volume) {
-    (void)user;
-    (void)volume;
-}
-
-static void default_view(void *user, void *volume, struct sp_view *view) {
-    struct sp_volume_info info = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
-    (void)user;
-    (void)volume;
-    for (int i = 0; i < 3; i++) {
-        info.grid.dims[i] = 8;
-        info.grid.spacing[i] = info.grid.direction[i][i] = 1;
+    if (!text) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory");
+        return NULL;
     }
-    sp_view_init(view, &info, "v");
-}
-
-static void ignore(void *user) {
-    (void)user;
+    memcpy(text, input->text, input->size);
+    text[input->size] = 0;
+    *size = input->size;
+    return text;
 }
 
 static void ignore_line(void *user, enum sp_log_level level, const char *line) {
@@ -58,25 +46,29 @@ static bool drop(void *user, const char *id, const char *text, size_t size) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static const char id[] = "0123456789abcdef";
-    char volume;
-    struct srv_hub_options options = { .volumes = { &volume, acquire, ref, release, default_view,
-                                                    NULL },
+    struct played_volumes volumes = { .uses = 0 };
+    struct input input = { (const char *)data, size };
+    struct srv_hub_options options = { .volumes = played_source(&volumes),
                                        .sessions_max = 1,
                                        .participants_max = 1,
-                                       .work = ignore,
-                                       .ready = ignore };
+                                       .user = &input,
+                                       .work = played_ignore,
+                                       .ready = played_ignore,
+                                       .interrupt = played_ignore_interrupt,
+                                       .recall = recall };
     struct sp_error err;
     sp_log_init(ignore_line, NULL, SP_LOG_ERROR);
     struct srv_hub *hub = srv_hub_create(&options, &err);
     if (!hub)
         abort();
-    if (srv_hub_restore(hub, id, (const char *)data, size, &err)) {
-        srv_hub_volume_progress(hub, "v", "ready", 1, "", 0);
-        proto_json *json = srv_hub_session_get(hub, id, true, &err);
+    if (srv_hub_restore(hub, id, input.text, input.size, 0, &err)) {
+        proto_json *json = srv_hub_session_get(hub, id, true, 0, &err);
         if (json && !srv_hub_save(hub, drop, NULL))
             abort();
         proto_json_free(&json);
     }
     srv_hub_destroy(&hub);
+    if (volumes.uses != 0)
+        abort();
     return 0;
 }

@@ -194,7 +194,7 @@ test('a session whose volume is gone waits for it', async () => {
   const session = await first.session({ volume: 'cube' });
   await killed(first);
   rmSync(file);
-  const second = await start(state, ['--data', folder, '--session-time', '0.1']);
+  const second = await start(state, ['--data', folder]);
   await second.loaded('engine');
   const volume = (await second.json('/api/v1/volumes/cube')).json;
   assert.equal(volume.state, 'failed');
@@ -207,13 +207,48 @@ test('a session whose volume is gone waits for it', async () => {
   assert.equal((await second.post('/api/v1/sessions', { from: session.id })).status, 409);
   write(); // it is there again
   assert.equal((await second.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
-  await second.untilLogged(`session ${session.id} is back`);
-  await second.untilLogged(`session ${session.id} ended`); // and idle ones end as ever
+  assert.equal((await sessionOf(second, session.id)).status, 200);
   assert.equal(await second.stop(), 0);
   // Without the folder from which it came it is not loaded.
   const third = await start(state);
   assert.match((await third.json('/api/v1/volumes/cube')).json.reason, /--data DIR/);
   assert.equal(await third.stop(), 0);
+});
+
+const asleepOf = async (daemon, id) => (await daemon.json('/api/v1/sessions')).json.sessions.find((s) => s.id === id)?.asleep;
+
+test('an idle session sleeps, uses no volume, and its link shows the same view again', async () => {
+  const state = fresh();
+  const daemon = await start(state, ['--volume', 'demo:engine?size=8', '--volume', 'demo:phantom?size=8', '--session-time', '0.1']);
+  await daemon.loaded('engine');
+  await daemon.loaded('phantom');
+  const session = await daemon.session({ volume: 'phantom', size: [40, 30] });
+  const first = await daemon.stream({ session });
+  await first.update(turned(session.view, 100));
+  await first.end();
+  await daemon.untilLogged(`session ${session.id} sleeps`);
+  assert.equal(await asleepOf(daemon, session.id), true);
+  assert.equal((await daemon.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 204);
+  const gone = await daemon.json(`/api/v1/sessions/${session.id}`, { token: session.tokens.view });
+  assert.equal(gone.status, 409);
+  assert.equal((await daemon.post('/api/v1/volumes', { uri: 'demo:phantom?size=8' })).status, 202);
+  await daemon.loaded('phantom');
+  const again = await daemon.stream({ session });
+  assert.equal((await again.final()).width, 40);
+  assert.equal(await asleepOf(daemon, session.id), false);
+  assert.deepEqual((await daemon.json(`/api/v1/sessions/${session.id}`)).json.view.camera.position, turned(session.view, 100).camera.position);
+  await again.end();
+  await daemon.untilLogged(new RegExp(`session ${session.id} is awake[^]*session ${session.id} sleeps`));
+  const fork = await daemon.post('/api/v1/sessions', { from: session.id }, { token: session.tokens.control });
+  assert.equal(fork.status, 201);
+  assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
+  assert.equal((await daemon.json(`/api/v1/sessions/${session.id}`)).status, 404);
+  await killed(daemon);
+  const next = await start(state, ['--sleep-time', '0.1']);
+  await next.untilLogged(`session ${fork.json.id} ended: nobody asked for it`);
+  assert.equal((await next.json(`/api/v1/sessions/${fork.json.id}`)).status, 404);
+  assert.deepEqual((await next.json('/api/v1/sessions')).json, { sessions: [] });
+  assert.equal(await next.stop(), 0);
 });
 
 test('a folder that cannot be used: why and what to do', async () => {

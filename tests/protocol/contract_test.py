@@ -169,7 +169,11 @@ def walk(daemon, contract):
     ask(304, 'POST', f'{api}/render', {'size': [16, 8]}, {'If-None-Match': headers['ETag']})
     session = ask(201, 'POST', f'{api}/sessions', {'view': {'size': [32, 32]}})
     ask(422, 'POST', f'{api}/sessions', {'view': {'size': [0, 1]}})
-    ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
+    fork = ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
+    listed = walk_pages(ask, f'{api}/sessions', 'sessions')
+    check(sorted(s['id'] for s in listed) == sorted([session['id'], fork['id']]), f'sessions: {listed}')
+    check(all(s['volume'] == 'engine' and not s['asleep'] and s['participants'] == 0 for s in listed), f'sessions: {listed}')
+    ask(401, 'GET', f'{api}/sessions', token=session['tokens']['control'])
     walk_kept(daemon, ask, api)
     walk_presets(ask, api)
     names = {'id': session['id']}
@@ -191,6 +195,21 @@ def walk(daemon, contract):
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
 
 
+def walk_pages(ask, template, name):
+    """All items, which come one a page as well."""
+    whole = ask(200, 'GET', template)
+    check('next' not in whole, f'{template}: there is no next page')
+    single, query = [], '?limit=1'
+    while query:
+        page = ask(200, 'GET', template, query=query)
+        single += page[name]
+        query = f'?limit=1&after={page["next"]}' if 'next' in page else None
+    check([i['id'] for i in single] == [i['id'] for i in whole[name]], f'{template}: {single} is not {whole}')
+    for wrong in ('limit=0', 'limit=1001', 'limit=x', 'limit=1x', 'limit=-1', 'limit='):
+        ask(400, 'GET', template, query=f'?{wrong}')
+    return whole[name]
+
+
 def walk_kept(daemon, ask, api):
     kept = ask(201, 'POST', f'{api}/views', {'size': [16, 8]})
     ask(422, 'POST', f'{api}/views', {'size': [0, 8]})
@@ -207,6 +226,14 @@ def walk_kept(daemon, ask, api):
     ask(304, 'GET', template, headers={'If-None-Match': headers['ETag']}, **kept)
     ask(406, 'GET', template, headers={'Accept': 'text/html'}, **kept)
     ask(404, 'GET', template, id='0' * 32)
+    other = ask(201, 'POST', f'{api}/views', {'size': [17, 8]})
+    listed = walk_pages(ask, f'{api}/views', 'views')
+    check(sorted((v['id'], v['volume'], v['size'][0]) for v in listed) ==
+          sorted([(kept['id'], 'engine', 16), (other['id'], 'engine', 17)]), f'views: {listed}')
+    ask(204, 'DELETE', f'{api}/views/{{id}}', **other)
+    ask(404, 'DELETE', f'{api}/views/{{id}}', **other)
+    ask(404, 'GET', f'{api}/views/{{id}}', **other)
+    check(len(ask(200, 'GET', f'{api}/views')['views']) == 1, 'one is left')
     for wrong in ('size=8', 'size=8,8,8', 'size=-1,2', 'camera=%7B', 'quality=0'):
         ask(400, 'GET', template, query=f'?{wrong}', **kept)
     for wrong in ('size=8,0', 'size=8,9999', 'camera=5', f'camera={urllib.parse.quote(json.dumps(dict(x=1)))}'):

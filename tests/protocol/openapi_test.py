@@ -93,9 +93,9 @@ def check_operations(document):
 
 
 def check_routes(document, source):
-    with open(f'{source}/server/http/listener.c', encoding='utf-8') as f:
+    with open(f'{source}/server/http/request.c', encoding='utf-8') as f:
         routed = set(re.findall(r'\{ SRV_(\w+), "([^"]+)", \w+, (?:true|false) \}', f.read()))
-    check(len(routed) > 5, 'the table of routes in server/http/listener.c was not understood')
+    check(len(routed) > 5, 'the table of routes in server/http/request.c was not understood')
     documented = {(method.upper(), re.sub(r'\{\w+\}', '{}', path))
                   for path, item in document['paths'].items() for method in METHODS & item.keys()}
     for method, path in sorted(routed ^ documented):

@@ -372,7 +372,7 @@ static void notifications_tell_the_state_not_its_history(void **state) {
     for (unsigned seq = 1; seq <= 9; seq++)
         update(f, a, seq, seq);
     for (int i = 0; i <= 100; i++)
-        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "", 0);
+        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "");
     assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "session.control")); /* the first update took it */
     free(message.text);
@@ -393,8 +393,8 @@ static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
     struct srv_participant *a = join(f, 0);
     struct srv_message message;
     drain(f, a, 0);
-    srv_hub_volume_progress(f->hub, "w", "ready", 1, "", 0);
-    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "", 0);
+    srv_hub_volume_progress(f->hub, "w", "ready", 1, "");
+    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "");
     assert_int_equal(srv_hub_next_message(f->hub, a, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"unloaded\""));
     free(message.text);
@@ -404,7 +404,7 @@ static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
         assert_null(strstr(message.text, "volume.progress"));
         free(message.text);
     }
-    srv_hub_volume_progress(f->hub, "w", "loading", 0, "", 0);
+    srv_hub_volume_progress(f->hub, "w", "loading", 0, "");
     assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"loading\""));
     free(message.text);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What is kept of sessions: saved when they changed, back when their volumes are; the clock is
- * given.
+ * What is kept of sessions: saved when they changed, asleep when nobody uses them, awake when
+ * somebody asks; the clock is given.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,16 +14,18 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "page.h"
 #include "session/hub.h"
-#include "sp/volume.h"
+#include "support/played_volumes.h"
 
 /* The JSON library's own hook; its header belongs to protocol/json.c. */
 void json_set_alloc_funcs(void *(*allocate)(size_t), void (*release)(void *));
 
 static struct fixture {
     struct srv_hub *hub;
-    int uses, saves, changes, ends;
-    bool is_loading, is_refused, refuses_save;
+    struct played_volumes volumes;
+    int saves, changes, ends;
+    bool is_refused, refuses_save;
     char ended[32], id[SRV_SESSION_ID_BYTES];
     char text[8192]; /* of the session that was saved last */
     size_t size;
@@ -41,48 +43,6 @@ static void *allocate(size_t size) {
         assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
     }
     return malloc(size);
-}
-
-static void *acquire(void *user, const char *id, struct sp_error *err) {
-    if (f.is_loading || (id && *id && strcmp(id, "v") != 0)) {
-        sp_fail(err, f.is_loading ? SP_ERR_TIMEOUT : SP_ERR_NOT_FOUND, "/volume", "no %s now", id);
-        return NULL;
-    }
-    f.uses++;
-    return user;
-}
-
-static void *add_use(void *user, void *volume) {
-    (void)user;
-    f.uses++;
-    return volume;
-}
-
-static void release(void *user, void *volume) {
-    (void)user;
-    (void)volume;
-    f.uses--;
-}
-
-static void default_view(void *user, void *volume, struct sp_view *view) {
-    struct sp_volume_info info = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
-    (void)user;
-    (void)volume;
-    for (int i = 0; i < 3; i++) {
-        info.grid.dims[i] = 8;
-        info.grid.spacing[i] = info.grid.direction[i][i] = 1;
-    }
-    sp_view_init(view, &info, "v");
-}
-
-static void ignore(void *user) {
-    (void)user;
-}
-
-static void ignore_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
-    (void)user;
-    (void)session;
-    (void)why;
 }
 
 static void on_changed(void *user) {
@@ -114,17 +74,32 @@ static bool save(void *user, const char *id, const char *text, size_t size) {
     return true;
 }
 
+static char *recall(void *user, const char *id, size_t *size, struct sp_error *err) {
+    (void)user;
+    if (strcmp(id, f.id) != 0) {
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "not kept");
+        return NULL;
+    }
+    char *copy = malloc(f.size + 1);
+    assert_non_null(copy);
+    memcpy(copy, f.text, f.size + 1);
+    *size = f.size;
+    return copy;
+}
+
 static void create_hub(void) {
-    struct srv_hub_options options = { .volumes = { &f, acquire, add_use, release, default_view,
-                                                    NULL },
+    struct srv_hub_options options = { .volumes = played_source(&f.volumes),
                                        .sessions_max = 2,
+                                       .sleep_ms = 50000,
+                                       .sleepers_max = 2,
                                        .participants_max = 3,
                                        .session_idle_ms = 1000,
                                        .rest_ms = 100,
                                        .stream_bytes = 1 << 20,
-                                       .work = ignore,
-                                       .ready = ignore,
-                                       .interrupt = ignore_interrupt,
+                                       .work = played_ignore,
+                                       .ready = played_ignore,
+                                       .interrupt = played_ignore_interrupt,
+                                       .recall = recall,
                                        .supports = supports,
                                        .changed = on_changed,
                                        .ended = on_ended };
@@ -135,6 +110,7 @@ static void create_hub(void) {
 static int set_up(void **state) {
     (void)state;
     memset(&f, 0, sizeof f);
+    f.volumes.only = "v";
     left = -1;
     json_set_alloc_funcs(allocate, free);
     create_hub();
@@ -149,17 +125,27 @@ static int tear_down(void **state) {
     (void)state;
     srv_hub_destroy(&f.hub);
     json_set_alloc_funcs(malloc, free);
-    return f.uses; /* every use was given back */
+    return f.volumes.uses; /* every use was given back */
 }
 
-static char *session_text(void) {
+static struct srv_hub_numbers numbers(void) {
+    struct srv_hub_numbers numbers;
+    srv_hub_numbers(f.hub, &numbers);
+    return numbers;
+}
+
+static char *session_text_at(double now_ms) {
     struct sp_error err;
-    proto_json *json = srv_hub_session_get(f.hub, f.id, true, &err);
+    proto_json *json = srv_hub_session_get(f.hub, f.id, true, now_ms, &err);
     if (!json)
         fail_msg("%s", err.text);
     char *text = proto_json_to_canonical(json, NULL);
     proto_json_free(&json);
     return text;
+}
+
+static char *session_text(void) {
+    return session_text_at(0);
 }
 
 static void patch(const char *text) {
@@ -174,21 +160,16 @@ static void patch(const char *text) {
 static void restart(void) {
     struct sp_error err;
     srv_hub_destroy(&f.hub);
-    assert_int_equal(f.uses, 0);
+    assert_int_equal(f.volumes.uses, 0);
     create_hub();
-    f.is_loading = true;
-    if (!srv_hub_restore(f.hub, f.id, f.text, f.size, &err))
+    f.volumes.is_loading = true;
+    if (!srv_hub_restore(f.hub, f.id, f.text, f.size, 0, &err))
         fail_msg("%s", err.text);
-}
-
-static void volume_is_ready(double now_ms) {
-    f.is_loading = false;
-    srv_hub_volume_progress(f.hub, "v", "ready", 1, "", now_ms);
 }
 
 static void asleep_because(const char *why) {
     struct sp_error err;
-    assert_null(srv_hub_session_get(f.hub, f.id, true, &err));
+    assert_null(srv_hub_session_get(f.hub, f.id, true, 0, &err));
     assert_int_equal(err.code, SP_ERR_TIMEOUT);
     if (!strstr(err.text, why))
         fail_msg("'%s' does not say '%s'", err.text, why);
@@ -224,23 +205,82 @@ static void comes_back_as_it_was(void **state) {
     char *before = session_text();
     restart();
     asleep_because("no v now");
-    srv_hub_volume_progress(f.hub, "another", "ready", 1, "", 0);
-    asleep_because("waits for its volume");
-    volume_is_ready(5000);
-    char *after = session_text();
+    f.volumes.is_loading = false;
+    char *after = session_text_at(5000);
     assert_string_equal(before, after);
     free(before);
     free(after);
     assert_true(srv_hub_save(f.hub, save, NULL) && f.saves == 1); /* nothing has changed */
-    srv_hub_tick(f.hub, 5900);
-    struct srv_hub_numbers numbers;
-    srv_hub_numbers(f.hub, &numbers);
-    assert_true(numbers.sessions == 1 && numbers.asleep == 0);
-    srv_hub_tick(f.hub, 6001); /* idle since it came back */
-    assert_int_equal(f.ends, 1);
+    assert_true(numbers().sessions == 1 && numbers().asleep == 0);
 }
 
-static void a_sleeper_counts_and_can_be_deleted(void **state) {
+/* Nothing is lost when nobody uses a session, whatever happened to it, but for its own long limit.
+ */
+static void an_idle_one_sleeps(void **state) {
+    (void)state;
+    patch("{\"size\":[44,20]}"); /* at 10 ms */
+    char *before = session_text();
+    srv_hub_tick(f.hub, 1009);
+    assert_int_equal(numbers().sessions, 1);
+    f.changes = 0;
+    srv_hub_tick(f.hub, 1011);
+    assert_true(numbers().sessions == 1 && f.changes == 1); /* not before it is saved */
+    assert_true(srv_hub_save(f.hub, save, NULL));
+    srv_hub_tick(f.hub, 1012);
+    assert_true(numbers().sessions == 0 && numbers().asleep == 1);
+    assert_int_equal(f.volumes.uses, 0);
+    char *after = session_text_at(3000);
+    assert_string_equal(before, after);
+    free(before);
+    free(after);
+    assert_true(srv_hub_save(f.hub, save, NULL) && f.saves == 1); /* nothing has changed */
+    srv_hub_tick(f.hub, 3999);                                    /* idle since it woke */
+    assert_int_equal(numbers().sessions, 1);
+    assert_true(srv_hub_tick(f.hub, 4000) > 0 && numbers().asleep == 1);
+    srv_hub_tick(f.hub, 52999); /* used last at 3000 */
+    assert_true(numbers().asleep == 1 && f.ends == 0);
+    srv_hub_tick(f.hub, 53000);
+    assert_true(numbers().asleep == 0 && f.ends == 1);
+    assert_string_equal(f.ended, f.id);
+}
+
+static void one_whose_volume_is_gone_ends_as_well(void **state) {
+    (void)state;
+    assert_true(srv_hub_save(f.hub, save, NULL));
+    restart();
+    srv_hub_tick(f.hub, 49999);
+    asleep_because("waits for its volume"); /* which is no use of it */
+    srv_hub_tick(f.hub, 50000);
+    assert_true(numbers().asleep == 0 && f.ends == 1);
+}
+
+static void all_are_listed(void **state) {
+    (void)state;
+    struct srv_session_note notes[4];
+    struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 4, .after = "" };
+    char other[SRV_SESSION_ID_BYTES];
+    assert_true(srv_hub_save(f.hub, save, NULL));
+    srv_hub_tick(f.hub, 1000);
+    proto_json *json = srv_hub_session_create(f.hub, NULL, 2000, other, NULL);
+    proto_json_free(&json);
+    struct srv_participant *p = srv_hub_join(f.hub, other, SRV_ROLE_VIEW, NULL, 2500, NULL);
+    assert_non_null(p);
+    srv_hub_list(f.hub, 3000, &page);
+    assert_int_equal(page.count, 2);
+    int first = strcmp(f.id, other) < 0 ? 0 : 1;
+    const struct srv_session_note *asleep = &notes[first], *awake = &notes[!first];
+    assert_string_equal(asleep->id, f.id);
+    assert_string_equal(asleep->volume, "v");
+    assert_true(asleep->is_asleep && asleep->participants == 0 && asleep->idle_ms == 3000);
+    assert_string_equal(awake->id, other);
+    assert_true(!awake->is_asleep && awake->participants == 1 && awake->idle_ms == 0);
+    srv_hub_leave(f.hub, &p, 2800);
+    page.count = 0;
+    srv_hub_list(f.hub, 3000, &page);
+    assert_true(awake->participants == 0 && awake->idle_ms == 200);
+}
+
+static void sleepers_have_a_limit_and_can_be_deleted(void **state) {
     (void)state;
     char other[SRV_SESSION_ID_BYTES];
     struct sp_error err;
@@ -254,20 +294,24 @@ static void a_sleeper_counts_and_can_be_deleted(void **state) {
     assert_false(srv_hub_authorize(f.hub, f.id, "x", &role, &err));
     assert_int_equal(err.code, SP_ERR_DENIED);
     proto_json_free(&record);
-    f.is_loading = false;
-    for (int i = 0; i < 2; i++) {
+    f.volumes.is_loading = false;
+    for (int i = 0; i < 3; i++) {
         proto_json *json = srv_hub_session_create(f.hub, NULL, 0, other, &err);
-        assert_int_equal(json != NULL, i == 0); /* of two, one sleeps */
+        assert_int_equal(json != NULL, i < 2); /* two may be awake */
         proto_json_free(&json);
     }
+    assert_non_null(strstr(err.text, "--sessions"));
+    assert_null(srv_hub_session_get(f.hub, f.id, true, 0, &err)); /* nor can one wake */
     assert_int_equal(err.code, SP_ERR_BUDGET);
-    srv_hub_tick(f.hub, 1e9); /* what sleeps does not end by itself, what is awake does */
-    assert_int_equal(f.ends, 1);
+    assert_true(srv_hub_session_delete(f.hub, other, NULL));
+    assert_true(srv_hub_restore(f.hub, "0123456789abcdef", f.text, f.size, 0, &err));
+    assert_null(srv_hub_session_create(f.hub, NULL, 0, other, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_non_null(strstr(err.text, "--sleeping-sessions"));
     assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
     assert_string_equal(f.ended, f.id);
     assert_false(srv_hub_session_delete(f.hub, f.id, NULL));
-    volume_is_ready(0);
-    assert_null(srv_hub_session_get(f.hub, f.id, true, &err));
+    assert_null(srv_hub_session_get(f.hub, f.id, true, 0, &err));
     assert_int_equal(err.code, SP_ERR_NOT_FOUND);
 }
 
@@ -276,10 +320,9 @@ static void what_cannot_be_shown_sleeps_on(void **state) {
     assert_true(srv_hub_save(f.hub, save, NULL));
     restart();
     f.is_refused = true;
-    volume_is_ready(0);
-    asleep_because("the log says why");
+    f.volumes.is_loading = false;
+    asleep_because("cannot be shown here: /filter: not by this backend");
     f.is_refused = false;
-    volume_is_ready(0); /* loaded once more */
     free(session_text());
 }
 
@@ -298,11 +341,11 @@ static void what_is_no_session(void **state) {
     struct sp_error err;
     for (size_t i = 0; i < sizeof records / sizeof *records; i++) {
         assert_false(
-            srv_hub_restore(f.hub, "0123456789abcdef", records[i], strlen(records[i]), &err));
+            srv_hub_restore(f.hub, "0123456789abcdef", records[i], strlen(records[i]), 0, &err));
         assert_int_equal(err.code, SP_ERR_FORMAT);
     }
     assert_true(srv_hub_save(f.hub, save, NULL));
-    assert_false(srv_hub_restore(f.hub, "short", f.text, f.size, &err));
+    assert_false(srv_hub_restore(f.hub, "short", f.text, f.size, 0, &err));
 }
 
 /* Every allocation of JSON fails once: nothing is lost, and nothing is half saved. */
@@ -310,7 +353,8 @@ static void no_memory(void **state) {
     (void)state;
     char whole[8192];
     struct sp_error err;
-    int unsaved = 0, unrestored = 0;
+    int unsaved = 0, unrestored = 0, unshown = 0;
+    proto_json *json;
     assert_true(srv_hub_save(f.hub, save, NULL));
     strcpy(whole, f.text);
     for (left = 0;; left = ++unsaved) {
@@ -327,12 +371,14 @@ static void no_memory(void **state) {
     }
     srv_hub_destroy(&f.hub);
     create_hub();
-    for (left = 0; !srv_hub_restore(f.hub, f.id, f.text, f.size, &err); left = ++unrestored)
+    for (left = 0; !srv_hub_restore(f.hub, f.id, f.text, f.size, 0, &err); left = ++unrestored)
         assert_true(err.code == SP_ERR_MEMORY || err.code == SP_ERR_FORMAT);
     left = -1;
-    assert_true(unsaved > 100 && unrestored > 100);
-    volume_is_ready(0);
-    free(session_text());
+    for (left = 0; !(json = srv_hub_session_get(f.hub, f.id, true, 0, &err)); left = ++unshown)
+        assert_true(err.code == SP_ERR_MEMORY || err.code == SP_ERR_FORMAT);
+    left = -1;
+    proto_json_free(&json);
+    assert_true(unsaved > 100 && unrestored > 100 && unshown > 100);
 }
 
 int main(void) {
@@ -340,7 +386,11 @@ int main(void) {
         cmocka_unit_test_setup_teardown(what_changed_is_saved_once, set_up, tear_down),
         cmocka_unit_test_setup_teardown(one_that_ended_is_not_saved, set_up, tear_down),
         cmocka_unit_test_setup_teardown(comes_back_as_it_was, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_sleeper_counts_and_can_be_deleted, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_idle_one_sleeps, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(one_whose_volume_is_gone_ends_as_well, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(all_are_listed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(sleepers_have_a_limit_and_can_be_deleted, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(what_cannot_be_shown_sleeps_on, set_up, tear_down),
         cmocka_unit_test_setup_teardown(what_is_no_session, set_up, tear_down),
         cmocka_unit_test_setup_teardown(no_memory, set_up, tear_down),

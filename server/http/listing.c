@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/listing.h"
+
+#include <stdlib.h>
+
+enum { LIMIT_DEFAULT = 100, LIMIT_MAX = 1000 };
+
+bool srv_listing_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,
+                       struct srv_reply *reply) {
+    const char *after = srv_request_query(request, "after");
+    const char *text = srv_request_query(request, "limit");
+    char *end = NULL;
+    long limit = text ? strtol(text, &end, 10) : LIMIT_DEFAULT;
+    if (text && (*text < '0' || *text > '9' || *end || limit < 1 || limit > LIMIT_MAX)) {
+        srv_reply_problem(reply, 400, NULL, "?limit= must be a whole number in [1, %d]", LIMIT_MAX);
+        return false;
+    }
+    /* One more shows whether there is a next page. */
+    *page = (struct srv_page){ .item_bytes = item_bytes,
+                               .max = (unsigned)limit + 1,
+                               .after = after ? after : "" };
+    page->items = malloc(page->max * item_bytes);
+    if (!page->items)
+        srv_reply_problem(reply, 503, NULL, "no memory for a list");
+    return page->items != NULL;
+}
+
+void srv_listing_reply(struct srv_page *page, const char *name,
+                       proto_json *(*encode)(void *user, const void *item), void *user,
+                       struct srv_reply *reply) {
+    const char *items = page->items;
+    bool has_next = page->count == page->max, ok = true;
+    unsigned count = has_next ? page->max - 1 : page->count;
+    proto_json *json = proto_json_object(), *list = proto_json_array();
+    for (unsigned i = 0; ok && i < count; i++)
+        ok = proto_json_append(list, encode(user, items + i * page->item_bytes));
+    ok = proto_json_set(json, name, list) && ok;
+    if (has_next)
+        ok = proto_json_set_string(json, "next", items + (count - 1) * page->item_bytes) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    free(page->items);
+    srv_reply_json(reply, 200, json);
+}

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "support/played_volumes.h"
+
+#include <string.h>
+
+#include "sp/volume.h"
+
+static void *acquire(void *user, const char *id, struct sp_error *err) {
+    struct played_volumes *volumes = user;
+    bool is_there = !volumes->only || !id || !*id || strcmp(id, volumes->only) == 0;
+    if (volumes->is_loading || !is_there) {
+        sp_fail(err, volumes->is_loading ? SP_ERR_TIMEOUT : SP_ERR_NOT_FOUND, "/volume",
+                "no %s now", id);
+        return NULL;
+    }
+    volumes->uses++;
+    return volumes;
+}
+
+static void *add_use(void *user, void *volume) {
+    ((struct played_volumes *)user)->uses++;
+    return volume;
+}
+
+static void release(void *user, void *volume) {
+    (void)volume;
+    ((struct played_volumes *)user)->uses--;
+}
+
+static void default_view(void *user, void *volume, struct sp_view *view) {
+    struct sp_volume_info info = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
+    (void)user;
+    (void)volume;
+    for (int i = 0; i < 3; i++) {
+        info.grid.dims[i] = 8;
+        info.grid.spacing[i] = info.grid.direction[i][i] = 1;
+    }
+    sp_view_init(view, &info, "v");
+}
+
+struct srv_volume_source played_source(struct played_volumes *volumes) {
+    return (struct srv_volume_source){ volumes, acquire, add_use, release, default_view, NULL };
+}
+
+void played_ignore(void *user) {
+    (void)user;
+}
+
+void played_ignore_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
+    (void)user;
+    (void)session;
+    (void)why;
+}
