@@ -3,6 +3,7 @@
 
 #include <assert.h>
 #include <math.h>
+#include <string.h>
 
 static struct srv_flight *at(struct srv_flights *flights, unsigned i) {
     return &flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX];
@@ -101,9 +102,8 @@ void srv_flights_cancel(struct srv_flights *flights) {
 bool srv_flights_has_sharp(const struct srv_flights *flights, const struct srv_job *job) {
     for (unsigned i = 0; i < flights->count; i++) {
         const struct srv_job *other = flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX].job;
-        if (other->sharp && job->sharp && other->session == job->session &&
-            other->version == job->version && other->view.size[0] == job->view.size[0] &&
-            other->view.size[1] == job->view.size[1])
+        if (other->sharp && job->sharp && other->volume == job->volume &&
+            memcmp(&other->view, &job->view, sizeof job->view) == 0)
             return true;
     }
     return false;

@@ -52,7 +52,7 @@ void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_in
 void srv_flights_tick(struct srv_flights *flights, double now_ms);
 void srv_flights_cancel(struct srv_flights *flights); /* all of them */
 
-/* Is the sharp picture of this job's view among them? */
+/* Is this job's picture, a sharp one, among them? For whatever session. */
 bool srv_flights_has_sharp(const struct srv_flights *flights, const struct srv_job *job);
 
 #endif

@@ -19,12 +19,10 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     }
     assert(options->encode_threads >= 1 && options->encode_threads <= SRV_ENCODE_THREADS_MAX);
     s->options = *options;
-    s->still_tail = &s->still_head;
     pthread_mutex_init(&s->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    atomic_init(&s->still_cancel, false);
     for (int l = 0; l < SRV_LANES; l++)
         pthread_cond_init(&s->lanes[l].wake, &monotonic);
     pthread_cond_init(&s->encode, NULL);
@@ -134,7 +132,7 @@ void srv_scheduler_stop(struct srv_scheduler *s) {
     pthread_mutex_lock(&s->mutex);
     s->stop = true;
     srv_flights_cancel(&s->flights);
-    atomic_store(&s->still_cancel, true);
+    srv_stills_cancel(s);
     for (int l = 0; l < SRV_LANES; l++)
         srv_lane_wake(&s->lanes[l]);
     pthread_mutex_unlock(&s->mutex);

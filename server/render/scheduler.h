@@ -22,8 +22,13 @@
  *
  * A renderer whose backend fails goes over to the next one (sp/renderer.h): the hub tells clients.
  *
- * The last picture with all voxels and of full size is kept: when the view rests and nothing but
- * the encoding can get better, it is encoded again, not rendered.
+ * Equal pictures are drawn once: the last one with all voxels and of full size is kept, and encoded
+ * again for whatever session or still wants it; a still that equals one in flight is answered with
+ * that one's bytes.
+ *
+ * A still of the lowest class, in the background, is drawn when nothing else is: it is begun when
+ * no other still waits and the stream lane had nothing to do for a moment, and gives way as soon as
+ * there is something, for twenty times its own time (session/share.h).
  */
 #ifndef SRV_RENDER_SCHEDULER_H
 #define SRV_RENDER_SCHEDULER_H
@@ -47,6 +52,7 @@ struct srv_still {
     struct srv_volume *volume; /* a use, taken over by submit */
     enum sp_image_format format;
     int quality;
+    bool background; /* the lowest class */
     /* Called once, from another thread. */
     void (*done)(void *user, const struct srv_still_result *result);
     /* Has who asked for it left? Asked now and then from another thread until shortly before
@@ -58,7 +64,7 @@ struct srv_still {
 struct srv_scheduler_options {
     struct srv_catalog *catalog;
     struct srv_metrics *metrics; /* NULL = nothing is counted */
-    unsigned queue_max;          /* stills that wait */
+    unsigned queue_max;          /* stills that wait, of each class */
     unsigned encode_threads;
     uint64_t video_px; /* of all video encoders together; 0 = no video */
     struct sp_renderer_options
@@ -75,8 +81,8 @@ bool srv_scheduler_start(struct srv_scheduler *scheduler, struct srv_hub *hub,
 void srv_scheduler_stop(struct srv_scheduler *scheduler);
 void srv_scheduler_destroy(struct srv_scheduler **scheduler); /* stops first */
 
-/* False with SP_ERR_BUDGET when the queue is full or SP_ERR_CANCELLED when stopping; the volume is
- * released then and done() is not called. */
+/* Any thread; done() may be called at once. False with SP_ERR_BUDGET when the queue is full or
+ * SP_ERR_CANCELLED when stopping; the volume is released then and done() is not called. */
 bool srv_scheduler_submit(struct srv_scheduler *scheduler, const struct srv_still *still,
                           struct sp_error *err);
 /* Drops the stills of those who left, and moving frames that go over their budget while a newer

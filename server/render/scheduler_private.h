@@ -20,10 +20,21 @@ enum {
     SRV_ENCODE_THREADS_MAX = 8
 };
 
-struct srv_still_item {
+struct srv_ask { /* for a still */
+    struct srv_ask *next;
+    void (*done)(void *user, const struct srv_still_result *result);
+    bool (*is_gone)(void *user);
+    void *user;
+};
+struct srv_still_item { /* in the list until it is answered or dropped */
     struct srv_still_item *next;
-    struct srv_still still;
-    double queued_ms; /* since when it waits */
+    struct srv_still still; /* of the first who asked */
+    struct srv_ask *asks;
+    bool waits; /* false: being drawn or encoded */
+    atomic_bool cancel;
+    double queued_ms;  /* since when it is there */
+    double patient_ms; /* since when it gives way; 0 = it never had to */
+    double spent_ms;   /* drawing it before it gave way, the longest time */
 };
 struct srv_forget_item {
     struct srv_forget_item *next;
@@ -55,18 +66,18 @@ struct srv_scheduler {
     struct sp_frame_pool *pool;
     struct srv_hub *hub;
     pthread_mutex_t mutex;
-    pthread_cond_t encode; /* the encode threads: work, stop */
-    struct srv_still_item *still_head, **still_tail;
-    struct srv_still_item *still_now; /* being rendered */
-    atomic_bool still_cancel;
-    unsigned still_waiting;    /* in the list */
-    unsigned still_unanswered; /* in the list, being rendered or encoded */
+    pthread_cond_t encode;            /* the encode threads: work, stop */
+    struct srv_still_item *stills;    /* in flight, oldest first */
+    struct srv_still_item *still_now; /* being drawn */
+    unsigned still_unanswered;        /* who asked for one and has no answer */
+    double stream_ms;                 /* when the stream lane had something under way last */
     struct srv_work encode_queue[SRV_ENCODE_QUEUE];
     unsigned encode_count;
     struct srv_flights flights; /* the stream lane's jobs */
-    struct {                    /* the stream lane's */
+    struct {                    /* the last sharp picture */
         struct sp_frame *frame;
-        uint64_t session, version;
+        uint64_t volume; /* identity */
+        struct sp_view view;
     } kept;
     bool stop, encode_stop;
     pthread_t encode_threads[SRV_ENCODE_THREADS_MAX];
@@ -107,11 +118,19 @@ void srv_encode_stop(struct srv_scheduler *s);
 void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,
                   double elapsed_ms);
 
+/* The kept picture, if it is that of the view; the caller's reference. Without the mutex. */
+struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
+                               const struct sp_view *view);
+
 /* Stills, without the mutex. The first two take over the item. */
 void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
                       const struct srv_still_result *result);
 void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
                     const struct sp_error *err);
+/* The stream lane begins something; with the mutex held. */
+void srv_stills_give_way(struct srv_scheduler *s);
+/* Cancels what is being drawn: the daemon stops; with the mutex held. */
+void srv_stills_cancel(struct srv_scheduler *s);
 /* Drops those whose askers left. */
 void srv_stills_tick(struct srv_scheduler *s);
 /* Answers those that wait: the daemon is shutting down. */

@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The still lane: single pictures, in the order in which they were asked for.
+ * The still lane: single pictures, in the order in which they were asked for, those in the
+ * background last. A picture is asked for by one or several: who wants one that is in flight joins
+ * it.
  */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -10,79 +13,151 @@
 
 #include "clock.h"
 #include "render/scheduler_private.h"
+#include "session/share.h"
 #include "sp/log.h"
 
 enum { STILL_NICE = 10 };
+#define QUIET_MS 100.0 /* the stream lane has nothing to do: so long after its last frame */
+
+/* Takes it out of the list: nobody joins it from now on. With the mutex held. */
+static void take_out(struct srv_scheduler *s, struct srv_still_item *item) {
+    struct srv_still_item **link = &s->stills;
+    while (*link != item)
+        link = &(*link)->next;
+    *link = item->next;
+}
+
+/* Calls those who ask for nothing but this result; the item is no longer in the list. */
+static void answer(struct srv_scheduler *s, struct srv_ask *asks,
+                   const struct srv_still_result *result) {
+    while (asks) {
+        struct srv_ask *next = asks->next;
+        asks->done(asks->user, result);
+        free(asks);
+        pthread_mutex_lock(&s->mutex);
+        s->still_unanswered--;
+        pthread_mutex_unlock(&s->mutex);
+        asks = next;
+    }
+}
+
+static void fail_asks(struct srv_scheduler *s, struct srv_ask *asks, const struct sp_error *err) {
+    struct srv_still_result result = { .ok = false, .err = *err };
+    for (const struct srv_ask *ask = asks; ask; ask = ask->next)
+        srv_metrics_add(s->options.metrics,
+                        err->code == SP_ERR_CANCELLED ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED,
+                        1);
+    answer(s, asks, &result);
+}
+
+static void free_item(struct srv_scheduler *s, struct srv_still_item *item) {
+    srv_catalog_release(s->options.catalog, item->still.volume);
+    free(item);
+}
 
 void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
                       const struct srv_still_result *result) {
-    item->still.done(item->still.user, result);
-    srv_catalog_release(s->options.catalog, item->still.volume);
-    free(item);
     pthread_mutex_lock(&s->mutex);
-    s->still_unanswered--;
+    take_out(s, item);
     pthread_mutex_unlock(&s->mutex);
+    answer(s, item->asks, result);
+    free_item(s, item);
 }
 
 void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
                     const struct sp_error *err) {
-    srv_metrics_add(s->options.metrics,
-                    err->code == SP_ERR_CANCELLED ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED, 1);
-    struct srv_still_result result = { .ok = false, .err = *err };
-    srv_still_answer(s, item, &result);
-}
-
-static void fail_all(struct srv_scheduler *s, struct srv_still_item *list, const char *why) {
-    struct sp_error err;
-    sp_fail(&err, SP_ERR_CANCELLED, NULL, "%s", why);
-    while (list) {
-        struct srv_still_item *next = list->next;
-        srv_still_fail(s, list, &err);
-        list = next;
-    }
-}
-
-static bool is_gone(const struct srv_still_item *item) {
-    return item->still.is_gone && item->still.is_gone(item->still.user);
-}
-
-/* The next still becomes still_now; NULL if there is none. */
-static struct srv_still_item *take_still(struct srv_scheduler *s) {
     pthread_mutex_lock(&s->mutex);
-    struct srv_still_item *item = s->still_head;
+    take_out(s, item);
+    pthread_mutex_unlock(&s->mutex);
+    fail_asks(s, item->asks, err);
+    free_item(s, item);
+}
+
+/* What is in the background gives way to streams and to other stills. With the mutex held. */
+static bool gives_way(struct srv_still_item *item, double now_ms) {
+    if (!item->still.background)
+        return false;
+    if (item->patient_ms == 0)
+        item->patient_ms = now_ms;
+    return now_ms - item->patient_ms < srv_share_patience_ms(item->spent_ms);
+}
+
+void srv_stills_give_way(struct srv_scheduler *s) {
+    if (s->still_now && gives_way(s->still_now, srv_clock_ms()))
+        atomic_store(&s->still_now->cancel, true);
+}
+
+void srv_stills_cancel(struct srv_scheduler *s) {
+    if (s->still_now)
+        atomic_store(&s->still_now->cancel, true);
+}
+
+/* The next still becomes still_now; NULL if there is none, until *wait_ms at the latest. */
+static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_ms) {
+    struct srv_still_item *item = NULL;
+    double now_ms = srv_clock_ms();
+    pthread_mutex_lock(&s->mutex);
+    bool quiet = s->flights.count == 0 && now_ms - s->stream_ms >= QUIET_MS;
+    for (struct srv_still_item *i = s->stills; i; i = i->next) {
+        bool may = i->waits && (quiet || !gives_way(i, now_ms));
+        if (i->waits && !may)
+            *wait_ms = QUIET_MS;
+        if (may && (!item || (item->still.background && !i->still.background)))
+            item = i;
+    }
     if (item) {
-        s->still_head = item->next;
-        if (!s->still_head)
-            s->still_tail = &s->still_head;
-        s->still_waiting--;
+        item->waits = false;
+        atomic_store(&item->cancel, s->stop);
         s->still_now = item;
-        atomic_store(&s->still_cancel, s->stop);
     }
     pthread_mutex_unlock(&s->mutex);
     return item;
 }
 
-static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
+static struct sp_frame *draw(struct srv_scheduler *s, struct srv_still_item *item,
+                             struct sp_error *err) {
     struct srv_lane *lane = &s->lanes[SRV_LANE_STILLS];
+    bool wants_float = sp_image_format_info(item->still.format)->wants_float;
+    struct sp_frame *frame =
+        wants_float ? NULL : srv_kept_find(s, item->still.volume, &item->still.view);
+    if (frame)
+        return frame;
+    if (!lane->renderer && !(lane->renderer = sp_renderer_create(&s->options.stills, err)))
+        return NULL;
+    const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
+                                               .cancel = &item->cancel };
+    frame = sp_renderer_render(lane->renderer, srv_volume_voxels(item->still.volume),
+                               &item->still.view, s->pool, &options, err);
+    srv_lane_note_frame(s, SRV_LANE_STILLS, item->still.volume);
+    return frame;
+}
+
+static bool is_gone(const struct srv_ask *ask) {
+    return ask->is_gone && ask->is_gone(ask->user);
+}
+
+static bool all_gone(const struct srv_still_item *item) {
+    for (const struct srv_ask *ask = item->asks; ask; ask = ask->next)
+        if (!is_gone(ask))
+            return false;
+    return true;
+}
+
+static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     struct sp_error err = { .code = SP_OK };
-    struct sp_frame *frame = NULL;
-    srv_metrics_time(s->options.metrics, SRV_TIME_QUEUE, srv_clock_ms() - item->queued_ms);
-    enum sp_pixel_format format =
-        sp_image_format_info(item->still.format)->wants_float ? SP_RGBAF32 : SP_RGBA8;
-    if (!lane->renderer)
-        lane->renderer = sp_renderer_create(&s->options.stills, &err);
-    const struct sp_render_options options = { .format = format, .cancel = &s->still_cancel };
-    if (lane->renderer) {
-        frame = sp_renderer_render(lane->renderer, srv_volume_voxels(item->still.volume),
-                                   &item->still.view, s->pool, &options, &err);
-        srv_lane_note_frame(s, SRV_LANE_STILLS, item->still.volume);
-    }
+    double start_ms = srv_clock_ms();
+    if (item->spent_ms == 0)
+        srv_metrics_time(s->options.metrics, SRV_TIME_QUEUE, start_ms - item->queued_ms);
+    struct sp_frame *frame = draw(s, item, &err);
     pthread_mutex_lock(&s->mutex);
     s->still_now = NULL;
+    item->spent_ms = fmax(item->spent_ms, srv_clock_ms() - start_ms);
+    bool again = !frame && err.code == SP_ERR_CANCELLED && !s->stop && !all_gone(item);
+    item->waits = again; /* it gave way */
     pthread_mutex_unlock(&s->mutex);
     if (frame)
         srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .still = item });
-    else
+    else if (!again)
         srv_still_fail(s, item, &err);
 }
 
@@ -106,71 +181,153 @@ void *srv_still_lane_main(void *user) {
         srv_lane_forget(lane, turn.forget);
         if (turn.stop)
             break;
-        struct srv_still_item *item = turn.room ? take_still(s) : NULL;
+        double wait_ms = 1000;
+        struct srv_still_item *item = turn.room ? take_still(s, &wait_ms) : NULL;
         if (item)
             render_still(s, item);
         else
-            srv_lane_wait(s, lane, turn.generation, 1000);
+            srv_lane_wait(s, lane, turn.generation, wait_ms);
     }
     return NULL;
 }
 
+static bool is_lossy(enum sp_image_format format) {
+    return format == SP_IMAGE_JPEG || format == SP_IMAGE_WEBP;
+}
+
+/* One in flight of the same bytes that may still be joined. With the mutex held. */
+static struct srv_still_item *find_equal(struct srv_scheduler *s, const struct srv_still *still) {
+    for (struct srv_still_item *i = s->stills; i; i = i->next) {
+        const struct srv_still *other = &i->still;
+        bool same = other->volume == still->volume && other->format == still->format &&
+                    (other->quality == still->quality || !is_lossy(still->format)) &&
+                    memcmp(&other->view, &still->view, sizeof still->view) == 0;
+        if (same && (i->waits || !atomic_load(&i->cancel)))
+            return i;
+    }
+    return NULL;
+}
+
+static void join(struct srv_still_item *item, struct srv_ask *ask, bool background) {
+    struct srv_ask **end = &item->asks;
+    while (*end)
+        end = &(*end)->next;
+    *end = ask;
+    item->still.background = item->still.background && background;
+}
+
+static bool has_room(const struct srv_scheduler *s, bool background, struct sp_error *err) {
+    unsigned waiting = 0;
+    for (const struct srv_still_item *i = s->stills; i; i = i->next)
+        waiting += i->waits && i->still.background == background;
+    return waiting < s->options.queue_max ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "%u renders wait already and --render-queue allows %u; try again later", waiting,
+                   s->options.queue_max);
+}
+
+static void append(struct srv_scheduler *s, struct srv_still_item *item) {
+    struct srv_still_item **end = &s->stills;
+    while (*end)
+        end = &(*end)->next;
+    *end = item;
+    if (!item->still.background)
+        srv_stills_give_way(s);
+}
+
 bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still,
                           struct sp_error *err) {
+    struct srv_ask *ask = malloc(sizeof *ask);
     struct srv_still_item *item = malloc(sizeof *item);
-    bool ok = item || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a render request");
+    bool ok = (ask && item) || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a render request");
     pthread_mutex_lock(&s->mutex);
     if (ok && s->stop)
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
-    if (ok && s->still_waiting >= s->options.queue_max)
-        ok = sp_fail(err, SP_ERR_BUDGET, NULL,
-                     "%u renders wait already and --render-queue allows %u; try again later",
-                     s->still_waiting, s->options.queue_max);
+    struct srv_still_item *equal = ok ? find_equal(s, still) : NULL;
+    ok = ok && (equal || has_room(s, still->background, err));
     if (ok) {
-        *item = (struct srv_still_item){ .still = *still, .queued_ms = srv_clock_ms() };
-        *s->still_tail = item;
-        s->still_tail = &item->next;
-        s->still_waiting++;
+        *ask = (struct srv_ask){ NULL, still->done, still->is_gone, still->user };
         s->still_unanswered++;
-        srv_lane_wake(&s->lanes[SRV_LANE_STILLS]);
     }
+    if (ok && equal) {
+        join(equal, ask, still->background);
+    } else if (ok) {
+        *item = (struct srv_still_item){
+            .still = *still, .asks = ask, .waits = true, .queued_ms = srv_clock_ms()
+        };
+        append(s, item);
+    }
+    if (ok)
+        srv_lane_wake(&s->lanes[SRV_LANE_STILLS]);
     pthread_mutex_unlock(&s->mutex);
-    if (!ok) {
+    if (!ok)
+        free(ask);
+    if (!ok || equal) {
         srv_catalog_release(s->options.catalog, still->volume);
         free(item);
     }
     return ok;
 }
 
+/* Moves those who left from *asks to *gone. */
+static void part(struct srv_ask **asks, struct srv_ask **gone) {
+    while (*asks) {
+        struct srv_ask *ask = *asks;
+        if (is_gone(ask)) {
+            *asks = ask->next;
+            ask->next = *gone;
+            *gone = ask;
+        } else {
+            asks = &ask->next;
+        }
+    }
+}
+
+/* Frees items that wait and that nobody asks for any more. */
+static void free_unasked(struct srv_scheduler *s, struct srv_still_item *list) {
+    while (list) {
+        struct srv_still_item *next = list->next;
+        free_item(s, list);
+        list = next;
+    }
+}
+
 void srv_stills_tick(struct srv_scheduler *s) {
-    struct srv_still_item *gone = NULL;
+    struct srv_ask *gone = NULL;
+    struct srv_still_item *unasked = NULL;
+    struct sp_error err;
     pthread_mutex_lock(&s->mutex);
-    for (struct srv_still_item **at = &s->still_head; *at;) {
+    for (struct srv_still_item **at = &s->stills; *at;) {
         struct srv_still_item *item = *at;
-        if (!is_gone(item)) {
+        if (item->waits)
+            part(&item->asks, &gone);
+        if (item->asks) {
             at = &item->next;
             continue;
         }
         *at = item->next;
-        s->still_waiting--;
-        item->next = gone;
-        gone = item;
+        item->next = unasked;
+        unasked = item;
     }
-    s->still_tail = &s->still_head;
-    while (*s->still_tail)
-        s->still_tail = &(*s->still_tail)->next;
-    if (s->still_now && is_gone(s->still_now))
-        atomic_store(&s->still_cancel, true);
+    if (s->still_now && all_gone(s->still_now))
+        atomic_store(&s->still_now->cancel, true);
     pthread_mutex_unlock(&s->mutex);
-    fail_all(s, gone, "who asked for this picture has left");
+    sp_fail(&err, SP_ERR_CANCELLED, NULL, "who asked for this picture has left");
+    fail_asks(s, gone, &err);
+    free_unasked(s, unasked);
 }
 
 void srv_stills_drop(struct srv_scheduler *s) {
-    pthread_mutex_lock(&s->mutex);
-    struct srv_still_item *left = s->still_head;
-    s->still_head = NULL;
-    s->still_tail = &s->still_head;
-    s->still_waiting = 0;
-    pthread_mutex_unlock(&s->mutex);
-    fail_all(s, left, "the daemon is shutting down");
+    struct sp_error err;
+    sp_fail(&err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
+    for (;;) {
+        pthread_mutex_lock(&s->mutex);
+        struct srv_still_item *item = s->stills;
+        while (item && !item->waits)
+            item = item->next;
+        pthread_mutex_unlock(&s->mutex);
+        if (!item)
+            return;
+        srv_still_fail(s, item, &err);
+    }
 }

@@ -3,6 +3,7 @@
  * The stream lane: renders what the hub wants.
  */
 #include <stdlib.h>
+#include <string.h>
 
 #include "clock.h"
 #include "render/scheduler_private.h"
@@ -10,22 +11,31 @@
 
 #define KEPT_BYTES_MAX ((size_t)64 << 20)
 
-/* The kept picture, if it is the one that the job wants; the caller's reference. */
-static struct sp_frame *reuse(struct srv_scheduler *s, const struct srv_job *job) {
-    struct sp_frame *frame = s->kept.frame;
-    bool same = frame && job->sharp && s->kept.session == job->session &&
-                s->kept.version == job->version && frame->width == job->view.size[0] &&
-                frame->height == job->view.size[1];
-    return same ? sp_frame_ref(frame) : NULL;
+struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
+                               const struct sp_view *view) {
+    pthread_mutex_lock(&s->mutex);
+    bool same = s->kept.frame && s->kept.volume == srv_volume_identity(volume) &&
+                memcmp(&s->kept.view, view, sizeof *view) == 0;
+    struct sp_frame *frame = same ? sp_frame_ref(s->kept.frame) : NULL;
+    pthread_mutex_unlock(&s->mutex);
+    return frame;
 }
 
 static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_frame *frame) {
     if (!job->sharp || frame->stride_bytes * frame->height > KEPT_BYTES_MAX)
         return;
+    pthread_mutex_lock(&s->mutex);
     sp_frame_unref(&s->kept.frame);
     s->kept.frame = sp_frame_ref(frame);
-    s->kept.session = job->session;
-    s->kept.version = job->version;
+    s->kept.volume = srv_volume_identity(job->volume);
+    s->kept.view = job->view;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+static void drop_kept(struct srv_scheduler *s) {
+    pthread_mutex_lock(&s->mutex);
+    sp_frame_unref(&s->kept.frame);
+    pthread_mutex_unlock(&s->mutex);
 }
 
 /* Hands the job to the renderer. From now on srv_scheduler_interrupt() reaches it. */
@@ -36,6 +46,7 @@ static void begin_job(struct srv_scheduler *s, struct srv_job *job) {
     struct srv_flight *flight = srv_flights_begin(&s->flights, job, start_ms);
     if (s->stop)
         srv_flights_cancel(&s->flights);
+    srv_stills_give_way(s);
     pthread_mutex_unlock(&s->mutex);
     /* The view may have changed before the interruption could reach us, or another one. */
     if (!srv_hub_is_newest(s->hub, job))
@@ -68,6 +79,7 @@ static void finish_job(struct srv_scheduler *s) {
     double now_ms = srv_clock_ms(), spent_ms = flight->spent_ms + now_ms - start_ms;
     pthread_mutex_lock(&s->mutex);
     srv_flights_end(&s->flights, now_ms);
+    s->stream_ms = now_ms;
     pthread_mutex_unlock(&s->mutex);
     srv_lane_note_frame(s, SRV_LANE_STREAMS, job->volume);
     if (frame) {
@@ -87,7 +99,7 @@ static void finish_jobs(struct srv_scheduler *s) {
 static void take_job(struct srv_scheduler *s, struct srv_job *job) {
     if (srv_flights_has_sharp(&s->flights, job))
         finish_jobs(s);
-    struct sp_frame *frame = reuse(s, job);
+    struct sp_frame *frame = job->sharp ? srv_kept_find(s, job->volume, &job->view) : NULL;
     if (frame)
         srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .job = job, .again = true });
     else
@@ -103,7 +115,7 @@ void *srv_stream_lane_main(void *user) {
     for (;;) {
         struct srv_turn turn = srv_lane_look(s, SRV_LANE_STREAMS);
         if (turn.forget)
-            sp_frame_unref(&s->kept.frame);
+            drop_kept(s);
         srv_lane_forget(lane, turn.forget);
         if (turn.stop)
             break;

@@ -151,10 +151,9 @@ static void all_can_be_cancelled(void **state) {
 
 static void a_sharp_picture_on_its_way_is_known(void **state) {
     (void)state;
-    struct srv_job wanted = { .session = A, .version = 7, .sharp = true, .view.size = { 9, 8 } };
+    struct srv_job wanted = { .session = B, .sharp = true, .view.size = { 9, 8 } };
     assert_false(srv_flights_has_sharp(&flights, &wanted));
     begin(0, A, 0);
-    jobs[0].version = 7;
     jobs[0].view.size[0] = 9;
     jobs[0].view.size[1] = 8;
     assert_false(srv_flights_has_sharp(&flights, &wanted));
@@ -163,7 +162,10 @@ static void a_sharp_picture_on_its_way_is_known(void **state) {
     wanted.view.size[1] = 9;
     assert_false(srv_flights_has_sharp(&flights, &wanted));
     wanted = jobs[0];
-    wanted.version = 8;
+    wanted.view.background[0] = 1;
+    assert_false(srv_flights_has_sharp(&flights, &wanted));
+    wanted = jobs[0];
+    wanted.volume = &wanted;
     assert_false(srv_flights_has_sharp(&flights, &wanted));
 }
 

@@ -1,0 +1,389 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The still lane behind a gate: the linker puts the gate in the place of sp_renderer_render(),
+ * which that lane alone calls. What is drawn waits there until the test lets it through or its
+ * cancel flag is set. Streams are drawn by the null backend.
+ */
+#include <pthread.h>
+#include <sched.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "clock.h"
+#include "render/scheduler.h"
+
+enum { QUEUE = 3 };
+
+struct gate {
+    pthread_mutex_t mutex;
+    unsigned entered, cancelled, encoded, passes;
+    unsigned width[16]; /* of those that entered, in order */
+};
+static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
+
+static bool pass_gate(const atomic_bool *cancel) {
+    for (;; sched_yield()) {
+        pthread_mutex_lock(&gate.mutex);
+        bool cancelled = atomic_load(cancel), go = !cancelled && gate.passes > 0;
+        gate.passes -= go;
+        gate.cancelled += cancelled;
+        pthread_mutex_unlock(&gate.mutex);
+        if (go || cancelled)
+            return go;
+    }
+}
+
+struct sp_frame *__real_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                           const struct sp_view *view, struct sp_frame_pool *pool,
+                                           const struct sp_render_options *options,
+                                           struct sp_error *err);
+struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                           const struct sp_view *view, struct sp_frame_pool *pool,
+                                           const struct sp_render_options *options,
+                                           struct sp_error *err);
+struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
+                                           const struct sp_view *view, struct sp_frame_pool *pool,
+                                           const struct sp_render_options *options,
+                                           struct sp_error *err) {
+    pthread_mutex_lock(&gate.mutex);
+    gate.width[gate.entered++ % 16] = view->size[0];
+    pthread_mutex_unlock(&gate.mutex);
+    if (!pass_gate(options->cancel)) {
+        sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        return NULL;
+    }
+    struct sp_render_options go_on = *options;
+    go_on.cancel = NULL;
+    return __real_sp_renderer_render(renderer, volume, view, pool, &go_on, err);
+}
+
+bool __real_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
+                      enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
+                      struct sp_error *err);
+bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
+                      enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
+                      struct sp_error *err);
+bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
+                      enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
+                      struct sp_error *err) {
+    pthread_mutex_lock(&gate.mutex);
+    gate.encoded++;
+    pthread_mutex_unlock(&gate.mutex);
+    return __real_sp_encode(encoder, frame, format, quality, bytes, size, err);
+}
+
+static unsigned look_at(const unsigned *counter) {
+    pthread_mutex_lock(&gate.mutex);
+    unsigned value = *counter;
+    pthread_mutex_unlock(&gate.mutex);
+    return value;
+}
+
+static void wait_for(const unsigned *counter, unsigned value) {
+    while (look_at(counter) < value)
+        sched_yield();
+}
+
+static void let_through(unsigned renders) {
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes += renders;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+struct fixture {
+    struct srv_catalog *catalog;
+    struct srv_scheduler *scheduler;
+    struct srv_hub *hub;
+    struct srv_participant *participant; /* NULL until somebody joins */
+    char id[SRV_SESSION_ID_BYTES];
+};
+
+struct asker { /* of a still */
+    unsigned answers, pictures;
+    size_t size;
+    uint32_t sum; /* of the bytes */
+    atomic_bool left;
+};
+
+static void on_done(void *user, const struct srv_still_result *result) {
+    struct asker *asker = user;
+    pthread_mutex_lock(&gate.mutex);
+    asker->pictures += result->ok;
+    asker->size = result->ok ? result->size : 0;
+    asker->sum = 0;
+    for (size_t i = 0; i < asker->size; i++)
+        asker->sum = asker->sum * 31 + result->bytes[i];
+    asker->answers++;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+static bool has_left(void *user) {
+    return atomic_load(&((struct asker *)user)->left);
+}
+
+static void on_progress(void *user, const char *id, const char *state, double progress,
+                        const char *reason) {
+    (void)user, (void)id, (void)state, (void)progress, (void)reason;
+}
+
+static void on_unloaded(void *user, struct sp_volume *volume) {
+    (void)user;
+    sp_volume_unref(&volume);
+}
+
+static void on_work(void *user) {
+    srv_scheduler_wake(((struct fixture *)user)->scheduler);
+}
+
+static void on_ready(void *user) {
+    (void)user;
+}
+
+static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
+    srv_scheduler_interrupt(((struct fixture *)user)->scheduler, of, why);
+}
+
+static void load(struct fixture *f, const char *source) {
+    struct srv_volume_request request = { .source = source };
+    struct srv_volume_status status;
+    char id[SP_NAME_BYTES];
+    bool existed, conflict;
+    assert_true(srv_catalog_add(f->catalog, &request, id, &existed, &conflict, NULL));
+    for (;; sched_yield()) {
+        assert_true(srv_catalog_find(f->catalog, id, &status));
+        sp_volume_unref(&status.volume);
+        if (status.state != SRV_VOLUME_LOADING)
+            break;
+    }
+    assert_int_equal(status.state, SRV_VOLUME_READY);
+}
+
+static int set_up(void **state) {
+    struct fixture *f = *state = calloc(1, sizeof *f);
+    struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
+                                           .progress = on_progress,
+                                           .unloaded = on_unloaded };
+    gate.entered = gate.cancelled = gate.encoded = gate.passes = 0;
+    f->catalog = srv_catalog_create(&catalog, NULL);
+    assert_non_null(f->catalog);
+    load(f, "demo:phantom?size=8");
+    struct sp_renderer_options null = { .backend = "null" };
+    struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
+    struct srv_scheduler_options options = {
+        .catalog = f->catalog, .queue_max = QUEUE, .encode_threads = 1, .stills = null
+    };
+    f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
+    assert_non_null(f->scheduler);
+    struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
+                                                srv_catalog_release, srv_catalog_default_view,
+                                                srv_catalog_pick },
+                                   .sessions_max = 1,
+                                   .participants_max = 1,
+                                   .session_idle_ms = 1e6,
+                                   .stream_bytes = 1 << 20,
+                                   .user = f,
+                                   .work = on_work,
+                                   .ready = on_ready,
+                                   .interrupt = on_interrupt };
+    f->hub = srv_hub_create(&hub, NULL);
+    assert_true(srv_scheduler_start(f->scheduler, f->hub, NULL));
+    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), f->id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct fixture *f = *state;
+    srv_hub_leave(f->hub, &f->participant, srv_clock_ms());
+    srv_scheduler_stop(f->scheduler);
+    srv_hub_destroy(&f->hub);
+    srv_scheduler_destroy(&f->scheduler);
+    srv_catalog_destroy(&f->catalog);
+    free(f);
+    return 0;
+}
+
+static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool background) {
+    struct srv_still still = { .format = SP_IMAGE_PNG,
+                               .background = background,
+                               .done = on_done,
+                               .is_gone = has_left,
+                               .user = asker };
+    struct sp_error err;
+    still.volume = srv_catalog_acquire(f->catalog, "phantom", &err);
+    assert_non_null(still.volume);
+    srv_catalog_default_view(f->catalog, still.volume, &still.view);
+    still.view.size[0] = width;
+    return srv_scheduler_submit(f->scheduler, &still, &err);
+}
+
+static void equal_stills_are_drawn_and_encoded_once(void **state) {
+    struct fixture *f = *state;
+    struct asker first = { 0 }, other = { 0 }, same[4] = { { 0 } };
+    assert_true(ask(f, &first, 100, false));
+    wait_for(&gate.entered, 1); /* it is being drawn */
+    assert_true(ask(f, &other, 200, false));
+    for (int i = 0; i < 4; i++) /* more than may wait: these do not */
+        assert_true(ask(f, &same[i], i < 2 ? 100 : 200, false));
+    let_through(2);
+    wait_for(&first.answers, 1);
+    wait_for(&other.answers, 1);
+    for (int i = 0; i < 4; i++) {
+        const struct asker *like = i < 2 ? &first : &other;
+        wait_for(&same[i].answers, 1);
+        assert_int_equal(same[i].pictures, 1);
+        assert_int_equal(same[i].size, like->size);
+        assert_int_equal(same[i].sum, like->sum);
+    }
+    assert_int_equal(look_at(&gate.entered), 2);
+    assert_int_equal(look_at(&gate.encoded), 2);
+    assert_true(ask(f, &first, 100, false)); /* nothing of it is in flight any more */
+    let_through(1);
+    wait_for(&first.answers, 2);
+    assert_int_equal(look_at(&gate.entered), 3);
+}
+
+static void a_still_is_drawn_while_anybody_wants_it(void **state) {
+    struct fixture *f = *state;
+    struct asker a = { 0 }, b = { 0 };
+    assert_true(ask(f, &a, 100, false));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &b, 100, false));
+    atomic_store(&a.left, true);
+    for (int i = 0; i < 100; i++)
+        srv_scheduler_tick(f->scheduler);
+    assert_int_equal(look_at(&gate.cancelled), 0);
+    atomic_store(&b.left, true);
+    srv_scheduler_tick(f->scheduler);
+    wait_for(&gate.cancelled, 1);
+    wait_for(&a.answers, 1);
+    wait_for(&b.answers, 1);
+    assert_int_equal(a.pictures + b.pictures, 0);
+}
+
+static void of_those_that_wait_who_left_goes_alone(void **state) {
+    struct fixture *f = *state;
+    struct asker now = { 0 }, a = { 0 }, b = { 0 };
+    assert_true(ask(f, &now, 100, false));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &a, 200, false));
+    assert_true(ask(f, &b, 200, false));
+    atomic_store(&a.left, true);
+    srv_scheduler_tick(f->scheduler);
+    assert_int_equal(look_at(&a.answers), 1);
+    assert_int_equal(look_at(&b.answers), 0);
+    let_through(2);
+    wait_for(&b.answers, 1);
+    assert_int_equal(b.pictures, 1);
+}
+
+static void the_background_is_drawn_after_all_others(void **state) {
+    struct fixture *f = *state;
+    struct asker now = { 0 }, background[QUEUE + 1] = { { 0 } }, other = { 0 };
+    assert_true(ask(f, &now, 100, false));
+    wait_for(&gate.entered, 1);
+    for (unsigned i = 0; i < QUEUE; i++)
+        assert_true(ask(f, &background[i], 200 + i, true));
+    assert_false(ask(f, &background[QUEUE], 299, true)); /* these do not fill the others' queue */
+    assert_true(ask(f, &other, 300, false));
+    let_through(2 + QUEUE);
+    for (unsigned i = 0; i < QUEUE; i++)
+        wait_for(&background[i].answers, 1);
+    assert_int_equal(gate.width[1], 300);
+    for (unsigned i = 0; i < QUEUE; i++)
+        assert_int_equal(gate.width[2 + i], 200 + i);
+}
+
+static void the_background_gives_way_and_is_taken_again(void **state) {
+    struct fixture *f = *state;
+    struct asker background = { 0 }, other = { 0 };
+    assert_true(ask(f, &background, 200, true));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &other, 300, false));
+    wait_for(&gate.cancelled, 1);
+    wait_for(&gate.entered, 2);
+    assert_int_equal(gate.width[1], 300);
+    let_through(2);
+    wait_for(&background.answers, 1);
+    assert_int_equal(background.pictures + other.pictures, 2);
+    assert_int_equal(look_at(&gate.entered), 3);
+}
+
+static void the_background_gives_way_to_streams(void **state) {
+    struct fixture *f = *state;
+    struct asker background = { 0 };
+    assert_true(ask(f, &background, 200, true));
+    wait_for(&gate.entered, 1);
+    f->participant = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
+    assert_non_null(f->participant);
+    wait_for(&gate.cancelled, 1);
+    let_through(1000); /* it may give way again: to the picture that follows at rest */
+    wait_for(&background.answers, 1);
+    assert_int_equal(background.pictures, 1);
+}
+
+static void somebody_who_waits_for_it_takes_it_out_of_the_background(void **state) {
+    struct fixture *f = *state;
+    struct asker background = { 0 }, somebody = { 0 }, other = { 0 };
+    assert_true(ask(f, &background, 200, true));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &somebody, 200, false));
+    assert_true(ask(f, &other, 300, false));
+    let_through(2);
+    wait_for(&other.answers, 1);
+    assert_int_equal(background.pictures + somebody.pictures + other.pictures, 3);
+    assert_int_equal(look_at(&gate.cancelled), 0);
+    assert_int_equal(look_at(&gate.entered), 2);
+}
+
+static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
+    struct fixture *f = *state;
+    struct asker asker = { 0 };
+    struct srv_message message = { .text = NULL };
+    f->participant = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
+    assert_non_null(f->participant);
+    for (bool is_final = false; !is_final; sched_yield()) {
+        char text[120], *answer;
+        size_t size;
+        enum srv_message_kind kind =
+            srv_hub_next_message(f->hub, f->participant, true, srv_clock_ms(), &message);
+        free(message.text);
+        srv_blob_unref(&message.blob);
+        if (kind != SRV_MESSAGE_FRAME)
+            continue;
+        is_final = message.header.flags & PROTO_FRAME_FINAL;
+        snprintf(text, sizeof text,
+                 "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
+                 message.header.frame);
+        assert_true(srv_hub_message(f->hub, f->participant, text, strlen(text), srv_clock_ms(),
+                                    &answer, &size));
+        free(answer);
+    }
+    assert_true(ask(f, &asker, 512, false));
+    wait_for(&asker.answers, 1);
+    assert_int_equal(asker.pictures, 1);
+    assert_int_equal(look_at(&gate.entered), 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+        TEST(equal_stills_are_drawn_and_encoded_once),
+        TEST(a_still_is_drawn_while_anybody_wants_it),
+        TEST(of_those_that_wait_who_left_goes_alone),
+        TEST(the_background_is_drawn_after_all_others),
+        TEST(the_background_gives_way_and_is_taken_again),
+        TEST(the_background_gives_way_to_streams),
+        TEST(somebody_who_waits_for_it_takes_it_out_of_the_background),
+        TEST(a_sessions_sharp_picture_is_not_drawn_again),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
