@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "classify/shown.h"
 #include "volume/grid.h"
 
 enum { CELLS = SP_BRICK / SP_CELL };
@@ -12,28 +13,13 @@ struct work {
     const struct sp_level *level;
     const struct sp_classify_job *job;
     const void *voxels;
+    struct sp_shown shown;
     uint32_t dims[3]; /* in cells: those of all bricks, also beyond the volume */
     struct sp_range *from, *to;
     unsigned axis;     /* of the pass */
     uint32_t *ends[2]; /* by cell along it: first and last that two kernels reach */
     uint64_t *cells;
 };
-
-bool sp_reach_is_visible(const struct sp_transfer_function *tf, double base, double low,
-                         double high) {
-    struct sp_class c;
-    if (!(low <= high))
-        return false;
-    for (uint32_t i = 0; i < tf->point_count; i++)
-        if (tf->points[i].opacity > 0 && tf->points[i].value >= low + base &&
-            tf->points[i].value <= high + base)
-            return true;
-    sp_transfer_function_eval(tf, low + base, &c);
-    if (c.depth > 0)
-        return true;
-    sp_transfer_function_eval(tf, high + base, &c);
-    return c.depth > 0;
-}
 
 static struct sp_range join(struct sp_range a, struct sp_range b) {
     return (struct sp_range){ a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high };
@@ -91,7 +77,6 @@ static void widen_planes(void *user, size_t begin, size_t end, unsigned worker) 
 static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct work *w = user;
-    double base = sp_transfer_base(&w->level->transfer);
     for (size_t b = begin; b < end && !sp_classify_cancelled(w->job, NULL); b++) {
         uint32_t corner[3];
         uint64_t bits = 0;
@@ -100,10 +85,7 @@ static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
             size_t x = corner[0] / SP_CELL + (i & 3), y = corner[1] / SP_CELL + (i >> 2 & 3),
                    z = corner[2] / SP_CELL + (i >> 4);
             struct sp_range r = w->from[(z * w->dims[1] + y) * w->dims[0] + x];
-            /* Values were rounded once: the ends are moved outwards by as much. */
-            if (sp_reach_is_visible(&w->level->transfer.tf, base,
-                                    (double)nextafterf(r.low, -INFINITY),
-                                    (double)nextafterf(r.high, INFINITY)))
+            if (sp_shown_meets(&w->shown, (double)r.low, (double)r.high))
                 bits |= UINT64_C(1) << i;
         }
         w->cells[b] = bits;
@@ -126,38 +108,36 @@ static struct span find_span(const struct sp_grid *grid, unsigned axis, uint32_t
 }
 
 /* The farthest cell on one side of `cell` whose kernels meet its own. */
-static uint32_t find_end(const struct work *w, uint32_t cell, uint32_t cells, int step,
-                         double largest) {
-    const struct sp_grid *grid = &w->level->grid;
-    struct span own = find_span(grid, w->axis, cell);
-    uint32_t end = cell;
+static uint32_t find_end(const struct sp_grid *grid, unsigned axis, double reach, uint32_t cell,
+                         int step, double largest) {
+    struct span own = find_span(grid, axis, cell);
+    uint32_t cells = (grid->dims[axis] + SP_CELL - 1) / SP_CELL, end = cell;
     for (uint32_t k = cell + (uint32_t)step; k < cells; k += (uint32_t)step) { /* wraps below 0 */
-        struct span other = find_span(grid, w->axis, k);
+        struct span other = find_span(grid, axis, k);
         double gap = step > 0 ? other.low - own.high : own.low - other.high;
-        if (gap > w->job->reach * (own.spacing + largest))
+        if (gap > reach * (own.spacing + largest))
             break;
-        if (gap <= w->job->reach * (own.spacing + other.spacing))
+        if (gap <= reach * (own.spacing + other.spacing))
             end = k;
     }
     return end;
 }
 
-/* Fills w->ends for the axis. */
-static void find_ends(struct work *w) {
-    const struct sp_grid *grid = &w->level->grid;
-    uint32_t dims = grid->dims[w->axis], cells = (dims + SP_CELL - 1) / SP_CELL;
-    double around = ceil(2 * w->job->reach / SP_CELL), largest = 0;
-    for (uint32_t i = 0; grid->coordinates[w->axis] && i < dims; i++)
-        largest = fmax(largest, sp_grid_local_spacing(grid, w->axis, i));
-    for (uint32_t i = 0; i < w->dims[w->axis]; i++) {
+void sp_reach_ends(const struct sp_grid *grid, unsigned axis, double reach, uint32_t count,
+                   uint32_t *first, uint32_t *last) {
+    uint32_t dims = grid->dims[axis], cells = (dims + SP_CELL - 1) / SP_CELL;
+    double around = ceil(2 * reach / SP_CELL), largest = 0;
+    for (uint32_t i = 0; grid->coordinates[axis] && i < dims; i++)
+        largest = fmax(largest, sp_grid_local_spacing(grid, axis, i));
+    for (uint32_t i = 0; i < count; i++) {
         if (i >= cells) { /* beyond the volume */
-            w->ends[0][i] = w->ends[1][i] = i;
-        } else if (grid->coordinates[w->axis]) {
-            w->ends[0][i] = find_end(w, i, cells, -1, largest);
-            w->ends[1][i] = find_end(w, i, cells, 1, largest);
+            first[i] = last[i] = i;
+        } else if (grid->coordinates[axis]) {
+            first[i] = find_end(grid, axis, reach, i, -1, largest);
+            last[i] = find_end(grid, axis, reach, i, 1, largest);
         } else {
-            w->ends[0][i] = around < i ? i - (uint32_t)around : 0;
-            w->ends[1][i] = around < cells - 1 - i ? i + (uint32_t)around : cells - 1;
+            first[i] = around < i ? i - (uint32_t)around : 0;
+            last[i] = around < cells - 1 - i ? i + (uint32_t)around : cells - 1;
         }
     }
 }
@@ -165,7 +145,8 @@ static void find_ends(struct work *w) {
 static void run_passes(struct work *w) {
     sp_parallel_for(w->job->pool, (size_t)w->dims[1] * w->dims[2], 8, measure_rows, w);
     for (w->axis = 0; w->axis < 3; w->axis++) {
-        find_ends(w);
+        sp_reach_ends(&w->level->grid, w->axis, w->job->reach, w->dims[w->axis], w->ends[0],
+                      w->ends[1]);
         sp_parallel_for(w->job->pool, w->dims[w->axis == 2 ? 1 : 2], 1, widen_planes, w);
         struct sp_range *widened = w->to;
         w->to = w->from;
@@ -180,6 +161,7 @@ bool sp_reach_fill(const struct sp_level *level, const struct sp_volume *volume,
         .level = level, .job = job, .voxels = sp_volume_voxels(volume), .cells = cells
     };
     size_t count = 1, longest = 0;
+    sp_shown_init_keys(&w.shown, &level->transfer.tf, sp_transfer_base(&level->transfer));
     for (int a = 0; a < 3; a++) {
         count *= w.dims[a] = level->visible.bricks[a] * CELLS;
         longest = w.dims[a] > longest ? w.dims[a] : longest;

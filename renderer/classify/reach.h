@@ -6,6 +6,9 @@
  * is left out only when no value between the smallest and the largest sample within two radii of it
  * can be visible. Decided for cells of 4³ voxels, 64 of them a brick.
  *
+ * Values are compared as pixels have them, in single precision from the transfer's base on, so that
+ * a volume's background at the foot of a ramp is left out.
+ *
  *   samples ─► range a cell ─► smallest and largest of the cells around ─► a bit a cell
  */
 #ifndef SP_CLASSIFY_REACH_H
@@ -15,9 +18,10 @@
 
 enum { SP_CELL = 4, SP_CELL_SHIFT = 2 };
 
-/* Whether any value in [low, high], both relative to the base, is visible. */
-bool sp_reach_is_visible(const struct sp_transfer_function *tf, double base, double low,
-                         double high);
+/* Along an axis, of each of `count` cells: the first and the last one that its values may be mixed
+ * with in a pixel, kernels being `reach` voxels in radius; of cells beyond the volume itself. */
+void sp_reach_ends(const struct sp_grid *grid, unsigned axis, double reach, uint32_t count,
+                   uint32_t *first, uint32_t *last);
 
 /* Fills cells[bricks of the level's list]: bit x + 4·y + 16·z of a brick is its cell (x, y, z). The
  * level has its transfer; job->reach is the kernel's radius in voxels. SP_ERR_MEMORY,

@@ -17,6 +17,7 @@
 #include "classify/classification.h"
 #include "classify/gradient.h"
 #include "classify/reach.h"
+#include "classify/shown.h"
 #include "volume/grid.h"
 
 enum { X = 37, Y = 21, Z = 50 };
@@ -67,7 +68,9 @@ static bool matters(const struct sp_volume *v, const struct sp_transfer_function
                 low = fmin(low, s);
                 high = fmax(high, s);
             }
-    return sp_reach_is_visible(tf, 0, low, high);
+    struct sp_shown shown;
+    sp_shown_init(&shown, tf);
+    return sp_shown_meets(&shown, low, high);
 }
 
 static void check_list(const struct sp_volume *v, const struct sp_transfer_function *tf,
@@ -288,6 +291,71 @@ static void graded_axes_have_kernels_of_their_own(void **state) {
     sp_pool_destroy(&pool);
 }
 
+static struct sp_transfer_function random_function(void) {
+    struct sp_transfer_function tf = { .reference_length = 1, .order = SP_TF_POST };
+    tf.point_count = 1 + (uint32_t)(rand() % 6);
+    for (uint32_t i = 0; i < tf.point_count; i++)
+        tf.points[i] = (struct sp_tf_point){ .value = 100 + 2.5 * i, .opacity = rand() % 2 * 0.5f };
+    return tf;
+}
+
+/* Values and intervals of a fine grid, on which the points lie, against the function itself. */
+static void what_is_shown_is_where_the_function_is_not_zero(void **state) {
+    (void)state;
+    enum { STEPS = 41 };
+    for (int n = 0; n < 200; n++) {
+        const struct sp_transfer_function tf = random_function();
+        struct sp_shown shown, keys;
+        bool is_shown[STEPS];
+        sp_shown_init(&shown, &tf);
+        sp_shown_init_keys(&keys, &tf, 99);
+        assert_in_range(shown.count, 0, tf.point_count);
+        for (int i = 0; i < STEPS; i++) {
+            struct sp_class c;
+            sp_transfer_function_eval(&tf, 98 + 0.5 * i, &c);
+            is_shown[i] = c.depth > 0;
+        }
+        for (int i = 0; i < STEPS; i++)
+            for (int k = i, any = 0; k < STEPS; k++) {
+                any = any || is_shown[k];
+                assert_int_equal(sp_shown_meets(&shown, 98 + 0.5 * i, 98 + 0.5 * k), any);
+                assert_int_equal(sp_shown_meets(&keys, 0.5 * i - 1, 0.5 * k - 1), any);
+            }
+        assert_false(sp_shown_meets(&shown, INFINITY, -INFINITY));
+    }
+}
+
+/* A background that is the value at which a ramp begins, or a flat part ends, shows nothing. */
+static void a_background_at_the_foot_of_a_ramp_is_left_out(void **state) {
+    (void)state;
+    struct sp_pool *pool = sp_pool_create(1, NULL);
+    static float reals[X * Y * Z];
+    const struct sp_grid grid = { .dims = { X, Y, Z },
+                                  .spacing = { 1, 1, 1 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    for (int i = 0; i < X * Y * Z; i++)
+        reals[i] = 0.1f;
+    reals[0] = 1;
+    struct sp_volume *v = sp_volume_create(&grid, SP_FLOAT32, reals, "v", NULL);
+    struct sp_transfer_function tf = {
+        .reference_length = 1,
+        .order = SP_TF_POST,
+        .point_count = 3,
+        .points = { { -1, { 0 }, 0 }, { (double)0.1f, { 0 }, 0 }, { 0.5, { 0 }, 0.5f } }
+    };
+    struct sp_classify_job job = {
+        .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .reach = 2, .pool = pool
+    };
+    struct sp_classification c;
+    assert_non_null(v);
+    sp_classification_init(&c, v);
+    assert_true(sp_classification_update(&c, &job, NULL));
+    assert_in_range(c.levels[0].visible.count, 1, 8 * 8 * 8);
+    sp_classification_finish(&c);
+    sp_volume_unref(&v);
+    sp_pool_destroy(&pool);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(voxels_that_matter_are_listed),
@@ -295,6 +363,8 @@ int main(void) {
         cmocka_unit_test(graded_axes_have_kernels_of_their_own),
         cmocka_unit_test(coarse_levels_average_the_scalar),
         cmocka_unit_test(the_gradient_axis_scales_opacity),
+        cmocka_unit_test(what_is_shown_is_where_the_function_is_not_zero),
+        cmocka_unit_test(a_background_at_the_foot_of_a_ramp_is_left_out),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
