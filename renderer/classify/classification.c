@@ -124,16 +124,29 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
     return true;
 }
 
+static void drop_all_lists(struct sp_classification *c) {
+    drop_lists(&c->levels[0]);
+    for (int l = 1; l < SP_LEVELS; l++)
+        sp_level_finish(&c->levels[l]);
+}
+
 /* Lists for post-classification are made for a kernel: a wider one needs more voxels, and for a
  * much narrower one it pays to leave some out. */
 static void check_reach(struct sp_classification *c, const struct sp_classify_job *job) {
     struct sp_level *all = &c->levels[0];
     if (job->tf->order != SP_TF_POST || (job->reach <= all->reach && job->reach > 0.5 * all->reach))
         return;
-    drop_lists(all);
-    for (int l = 1; l < SP_LEVELS; l++)
-        sp_level_finish(&c->levels[l]);
+    drop_all_lists(c);
     all->reach = job->reach;
+}
+
+/* What is listed by keys is the same whoever counts. By value it may be rounded otherwise: who
+ * makes a list has counted it. */
+static void check_maker(struct sp_classification *c, const struct sp_classify_job *job) {
+    const struct sp_level *all = &c->levels[0];
+    bool is_ours = !job->counter, was_ours = all->visible.place != NULL;
+    if (all->visible.first && !all->listed && is_ours != was_ours)
+        drop_all_lists(c);
 }
 
 /* Adds the keys next to what is listed, an eighth of the visible voxels at most: where the next
@@ -216,9 +229,11 @@ static bool collect_from(struct sp_classification *c, const struct sp_classify_j
     struct sp_visible *list = &all->visible;
     if (!choose_listed(c, job, err))
         return false;
+    uint32_t key_bytes = sp_transfer_key_bytes(&all->transfer);
     if (job->counter)
-        return count_elsewhere(c, 0, sp_transfer_key_bytes(&all->transfer),
-                               sp_transfer_wants_magnitudes(job->tf) ? 4 : 2, job, err);
+        return count_elsewhere(c, 0, key_bytes,
+                               key_bytes > 2 || sp_transfer_wants_magnitudes(job->tf) ? 4 : 2, job,
+                               err);
     if (!sp_collect_count(all, c->volume, job, source, err))
         return false;
     /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
@@ -300,8 +315,10 @@ static bool has_list(const struct sp_level *level, const struct sp_classify_job 
 static bool count_coarse(struct sp_classification *c, unsigned l, const struct sp_classify_job *job,
                          struct sp_error *err) {
     struct sp_level *level = &c->levels[l];
+    bool is_post = job->tf->order == SP_TF_POST;
+    level->transfer.base = is_post ? sp_transfer_base(&c->levels[l - 1].transfer) : 0;
     if (sp_coarse_grid(level, &c->levels[l - 1].grid, err) &&
-        count_elsewhere(c, l, 4, sizeof(struct sp_flakes), job, err))
+        count_elsewhere(c, l, 4, is_post ? 4 : sizeof(struct sp_flakes), job, err))
         return true;
     sp_level_finish(level);
     return false;
@@ -348,6 +365,7 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     if (!update_transfer(c, job, err))
         return false;
     check_reach(c, job);
+    check_maker(c, job);
     if (!update_all(c, job, err) || !count_visible(c, job, err))
         return false;
     count_made(&c->levels[0], job->made);

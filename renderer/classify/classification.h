@@ -45,16 +45,18 @@ enum { SP_NO_AXIS = 3 };
 
 struct sp_classification;
 
-/* Who makes the lists, of types with a table and order pre, where it is not the processor. The
- * classification then keeps what they are made of (`listed`, grids) and how many entries each brick
- * has, and no entries, nor classes of coarse levels. */
+/* Who makes the lists where it is not the processor. The classification then keeps what they are
+ * made of (`listed`, `reach`, grids) and how many entries each brick has, and no entries, nor
+ * classes of coarse levels. */
 struct sp_counter {
-    /* Fills counts[bricks of the level's list]: the voxels of each that are in `listed`; of a
-     * coarse level the cells with a visible voxel. Finer levels are there, with their numbers.
-     * False with *err set. */
+    /* Fills counts[bricks of the level's list]: the voxels of each that are in `listed`, and
+     * without it those that are visible (order post: that can matter, reach.h); of a coarse level
+     * the cells with such a voxel. Finer levels are there, with their numbers. False with *err set.
+     */
     bool (*count)(void *user, const struct sp_classification *c, unsigned level, uint64_t *counts,
                   struct sp_error *err);
-    /* Fills counts[keys of the finest level's transfer] with the volume's voxels of each. */
+    /* Fills counts[keys of the finest level's transfer] with the volume's voxels of each; types
+     * with a table alone. */
     bool (*histogram)(void *user, const struct sp_classification *c, uint64_t *counts,
                       struct sp_error *err);
     void *user;

@@ -3,38 +3,46 @@
 
 #include <assert.h>
 #include <epoxy/gl.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "backend/gl/back.h"
 #include "backend/gl/bins.h"
+#include "backend/gl/pass.h"
 #include "backend/gl/program.h"
+#include "backend/gl/shown.h"
 #include "classify/gradient.h"
 #include "volume/grid.h"
 
 enum {
     BRICKS_MOST = 8192,        /* of a dispatch: some 10 ms */
     BRICKS_SOFTWARE = 64,      /* the same */
-    IN_FLIGHT = 2,             /* dispatches that the GPU may lie behind */
     UPLOAD_BYTES = 1 << 26,    /* between two looks at the cancel flag */
     LISTED_WORDS = 65536 / 32, /* a bit a key */
     WORD = sizeof(uint32_t)
 };
 
+/* 00_classify.glsl */
+enum { BY_KEY, BY_VALUE, BY_CELL };
+enum { NO_CLASSES, COLORS, VALUES };
+
 static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
     static const char *const defines[] = { "#define PASS 0\n", "#define PASS 1\n",
-                                           "#define PASS 2\n", "#define PASS 3\n" };
+                                           "#define PASS 2\n", "#define PASS 3\n",
+                                           "#define PASS 4\n" };
     return gl_program_open(names, defines[pass], err);
 }
 
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
+    static const char finest[] = "samples gradient post 00_classify";
+    static const char coarse[] = "gradient 01_coarse";
     c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
-    return (c->range = open_pass("00_classify", 0, err)) &&
-           (c->count = open_pass("00_classify", 1, err)) &&
-           (c->fill = open_pass("00_classify", 2, err)) &&
-           (c->histogram = open_pass("00_classify", 3, err)) &&
-           (c->coarse_count = open_pass("gradient 01_coarse", 0, err)) &&
-           (c->coarse_fill = open_pass("gradient 01_coarse", 1, err));
+    return (c->range = open_pass(finest, 0, err)) && (c->count = open_pass(finest, 1, err)) &&
+           (c->fill = open_pass(finest, 2, err)) && (c->histogram = open_pass(finest, 3, err)) &&
+           (c->classes = open_pass(finest, 4, err)) &&
+           (c->coarse_count = open_pass(coarse, 0, err)) &&
+           (c->coarse_fill = open_pass(coarse, 1, err)) && gl_reach_init(&c->reach, err);
 }
 
 void gl_classify_finish(struct gl_classify *c) {
@@ -42,42 +50,14 @@ void gl_classify_finish(struct gl_classify *c) {
     glDeleteProgram(c->count);
     glDeleteProgram(c->fill);
     glDeleteProgram(c->histogram);
+    glDeleteProgram(c->classes);
     glDeleteProgram(c->coarse_count);
     glDeleteProgram(c->coarse_fill);
+    gl_reach_finish(&c->reach);
     gl_buffer_finish(&c->listed);
+    gl_buffer_finish(&c->points);
     gl_buffer_finish(&c->counts);
     gl_buffer_finish(&c->firsts);
-}
-
-static bool is_cancelled(const atomic_bool *cancel, struct sp_error *err) {
-    if (!cancel || !atomic_load_explicit(cancel, memory_order_relaxed))
-        return false;
-    sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    return true;
-}
-
-/* Runs the program in use over all bricks, a work group each, and waits for it. A pass that is
- * cancelled leaves two dispatches behind. */
-static bool run(const struct gl_classify *c, uint32_t bricks, const atomic_bool *cancel,
-                struct sp_error *err) {
-    void *sent[IN_FLIGHT] = { NULL };
-    uint32_t turn = 0;
-    bool ok = true;
-    for (uint32_t done = 0, n; ok && done < bricks; done += n, turn = (turn + 1) % IN_FLIGHT) {
-        n = bricks - done < c->bricks ? bricks - done : c->bricks;
-        ok = gl_fence_wait(&sent[turn], cancel, err) && !is_cancelled(cancel, err);
-        if (!ok)
-            break;
-        glUniform1ui(0, done);
-        glDispatchCompute(n, 1, 1);
-        gl_fence_set(&sent[turn]);
-    }
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
-    for (int i = 0; i < IN_FLIGHT; i++)
-        ok = ok && gl_fence_wait(&sent[(turn + (uint32_t)i) % IN_FLIGHT], cancel, err);
-    for (int i = 0; i < IN_FLIGHT; i++)
-        gl_fence_drop(&sent[i]);
-    return ok && gl_check("classified", err);
 }
 
 static uint32_t count_bricks(const struct sp_grid *grid) {
@@ -87,25 +67,13 @@ static uint32_t count_bricks(const struct sp_grid *grid) {
     return bricks;
 }
 
-/* The program, and what all passes are told of the volume. */
-static void use(unsigned program, const struct gl_voxels *voxels, uint32_t normal_bytes) {
-    const struct sp_volume_info *info = sp_volume_info(voxels->volume);
-    bool is_signed = info->type == SP_INT8 || info->type == SP_INT16;
-    glUseProgram(program);
-    glUniform3ui(1, info->grid.dims[0], info->grid.dims[1], info->grid.dims[2]);
-    glUniform4i(2, (GLint)sp_type_size(info->type), is_signed, (GLint)info->range[0],
-                (GLint)normal_bytes);
-    gl_buffer_bind(&voxels->samples, 0);
-    gl_buffer_bind(&voxels->ranges, 1);
-}
-
 static bool upload(struct gl_classify *c, const struct gl_voxels *voxels, const atomic_bool *cancel,
                    struct sp_error *err) {
     const char *samples = sp_volume_voxels(voxels->volume);
     uint64_t bytes = sp_volume_info(voxels->volume)->voxel_bytes;
     for (uint64_t at = 0, n; at < bytes; at += n) {
         n = bytes - at < UPLOAD_BYTES ? bytes - at : UPLOAD_BYTES;
-        if (is_cancelled(cancel, err))
+        if (gl_pass_cancelled(cancel, err))
             return false;
         glBindBuffer(GL_SHADER_STORAGE_BUFFER, voxels->samples.name);
         glBufferSubData(GL_SHADER_STORAGE_BUFFER, (GLintptr)at, (GLsizeiptr)n, samples + at);
@@ -114,25 +82,30 @@ static bool upload(struct gl_classify *c, const struct gl_voxels *voxels, const 
     return true;
 }
 
-bool gl_classify_load(struct gl_classify *c, struct gl_voxels *voxels, const atomic_bool *cancel,
-                      struct sp_error *err) {
+static bool load_samples(struct gl_classify *c, struct gl_voxels *voxels, const atomic_bool *cancel,
+                         struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(voxels->volume);
     uint32_t bricks = count_bricks(&info->grid);
     uint64_t words = (info->voxel_bytes + WORD - 1) / WORD;
-    if (voxels->samples.name)
-        return true;
     bool ok = gl_buffer_reserve(&voxels->samples, "voxels", words * WORD, c->block_bytes,
                                 GL_USE_KEPT, err) &&
-              gl_buffer_reserve(&voxels->ranges, "ranges of bricks", (uint64_t)bricks * WORD,
+              gl_buffer_reserve(&voxels->ranges, "ranges of bricks", (uint64_t)bricks * 2 * WORD,
                                 c->block_bytes, GL_USE_KEPT, err) &&
               upload(c, voxels, cancel, err);
     if (ok) {
-        use(c->range, voxels, 0);
-        ok = run(c, bricks, cancel, err);
+        gl_pass_use(c->range, voxels, 0);
+        ok = gl_pass_run(bricks, c->bricks, cancel, err);
     }
-    if (!ok)
-        gl_voxels_drop(voxels);
     return ok;
+}
+
+bool gl_classify_load(struct gl_classify *c, struct gl_voxels *voxels, bool cells,
+                      const atomic_bool *cancel, struct sp_error *err) {
+    if ((voxels->samples.name || load_samples(c, voxels, cancel, err)) &&
+        (!cells || gl_reach_load(&c->reach, voxels, c->bricks, c->block_bytes, cancel, err)))
+        return true;
+    gl_voxels_drop(voxels);
+    return false;
 }
 
 /* A bit a key: what is listed. */
@@ -145,6 +118,22 @@ static bool write_listed(struct gl_classify *c, const struct sp_level *level,
     if (!gl_buffer_reserve(&c->listed, "visible values", sizeof words, 0, GL_USE_STREAM, err))
         return false;
     gl_buffer_write(&c->listed, words, bytes);
+    *c->uploaded += bytes;
+    return true;
+}
+
+/* The same by value: a few intervals. */
+static bool write_shown(struct gl_classify *c, const struct sp_level *level, uint32_t *count,
+                        struct sp_error *err) {
+    struct gl_shown shown;
+    gl_shown_init(&shown, &level->transfer);
+    uint64_t bytes = shown.count * (uint64_t)sizeof shown.ends[0];
+    if (!gl_buffer_reserve(&c->listed, "visible values", LISTED_WORDS * WORD, 0, GL_USE_STREAM,
+                           err))
+        return false;
+    if (bytes)
+        gl_buffer_write(&c->listed, shown.ends, bytes);
+    *count = shown.count;
     *c->uploaded += bytes;
     return true;
 }
@@ -181,7 +170,7 @@ static bool reserve_places(const struct gl_classify *c, struct gl_buffer *buffer
 static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic_bool *cancel,
                       uint32_t count, uint64_t *counts, struct sp_error *err) {
     uint32_t *words = allocate(count, err);
-    bool ok = words && run(c, bricks, cancel, err);
+    bool ok = words && gl_pass_run(bricks, c->bricks, cancel, err);
     if (ok) {
         glBindBuffer(GL_COPY_READ_BUFFER, c->counts.name);
         glGetBufferSubData(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)(count * sizeof *words), words);
@@ -193,16 +182,43 @@ static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic
     return ok;
 }
 
+/* What a list holds, and which classes it has by entry; list: NULL = none is written. */
+static void set_list(uint32_t way, uint32_t intervals, const struct sp_level *level,
+                     const struct gl_list *list) {
+    uint32_t classes = level->transfer.tf.order == SP_TF_POST ? VALUES : COLORS;
+    glUniform4ui(5, way, intervals, !list || list->has_keys ? NO_CLASSES : classes,
+                 list ? list->first_class : 0);
+}
+
+/* Writes what the level's list is to hold, and uses the program. */
+static bool use(struct gl_classify *c, unsigned program, const struct gl_voxels *voxels,
+                const struct sp_level *level, const struct gl_list *list, const atomic_bool *cancel,
+                struct sp_error *err) {
+    bool is_post = level->transfer.tf.order == SP_TF_POST;
+    uint32_t way = level->listed ? BY_KEY : is_post ? BY_CELL : BY_VALUE, intervals = 0;
+    if (way == BY_CELL && !gl_reach_widen(&c->reach, voxels, level, c->bricks, c->block_bytes,
+                                          c->uploaded, cancel, err))
+        return false;
+    if (!(way == BY_KEY ? write_listed(c, level, err) : write_shown(c, level, &intervals, err)))
+        return false;
+    gl_pass_use(program, voxels, list ? list->normal_bytes : 0);
+    set_list(way, intervals, level, list);
+    gl_buffer_bind(&c->listed, 2);
+    gl_buffer_bind(&c->counts, 3);
+    if (way == BY_CELL)
+        gl_buffer_bind(&c->reach.scratch[0], 1);
+    return true;
+}
+
 bool gl_classify_count(struct gl_classify *c, const struct gl_voxels *voxels,
                        const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
                        struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
-    if (!write_listed(c, level, err) || !reserve_places(c, &c->counts, bricks, err))
-        return false;
-    use(c->count, voxels, 0);
-    gl_buffer_bind(&c->listed, 2);
-    gl_buffer_bind(&c->counts, 3);
-    return run_count(c, bricks, cancel, bricks, counts, err);
+    bool ok = reserve_places(c, &c->counts, bricks, err) &&
+              use(c, c->count, voxels, level, NULL, cancel, err) &&
+              run_count(c, bricks, cancel, bricks, counts, err);
+    gl_reach_drop(&c->reach);
+    return ok;
 }
 
 static void clear(const struct gl_buffer *buffer, uint64_t words) {
@@ -216,21 +232,31 @@ bool gl_classify_histogram(struct gl_classify *c, const struct gl_voxels *voxels
     if (!reserve_places(c, &c->counts, keys, err))
         return false;
     clear(&c->counts, keys);
-    use(c->histogram, voxels, 0);
+    gl_pass_use(c->histogram, voxels, 0);
     gl_buffer_bind(&c->counts, 3);
     return run_count(c, count_bricks(&sp_volume_info(voxels->volume)->grid), cancel, keys, counts,
                      err);
 }
 
-/* Differences a spacing → world gradient over its bound. */
-static void set_gradients(const struct sp_volume *volume) {
+/* What values are counted from, and differences a spacing → world gradient over its bound; of reals
+ * they are scaled, by a power of two, so that they do not overflow. */
+static void set_units(const struct sp_volume *volume, double base) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    bool is_real = info->type == SP_FLOAT32;
+    double whole = is_real ? (double)(float)base : floor(base), scale = 1;
     struct sp_gradient_grid grid;
     float columns[9];
-    sp_gradient_units_init(&grid, sp_volume_info(volume));
+    int exponent;
+    sp_gradient_units_init(&grid, info);
+    frexp(fmax(fabs(info->range[0]), fabs(info->range[1])), &exponent);
+    if (is_real)
+        scale = ldexp(1, exponent > 100 ? -100 : exponent < -100 ? 100 : -exponent);
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++)
-            columns[3 * a + r] = (float)(grid.to_world[r][a] / grid.unit);
+            columns[3 * a + r] = (float)(grid.to_world[r][a] / (grid.unit * scale));
     glUniformMatrix3fv(4, 1, GL_FALSE, columns);
+    glUniform3f(6, (float)whole, (float)(base - whole), (float)scale);
+    glUniform1i(7, is_real ? 0 : (GLint)whole);
 }
 
 /* Where in the tables a list's axes are, and one thing more. */
@@ -239,29 +265,57 @@ static void set_rows(int location, const struct gl_list *list, uint32_t last) {
     glUniform4ui(location, row[0], row[1], row[2], last);
 }
 
+/* Where the list's bricks begin, and the points that its classes are made of. */
+static bool prepare_list(struct gl_classify *c, const struct sp_level *level,
+                         const struct gl_list *list, struct sp_error *err) {
+    uint32_t bricks = sp_visible_bricks(&level->visible);
+    return reserve_places(c, &c->counts, bricks, err) &&
+           write_places(c, &c->counts, level->visible.first, bricks, err) &&
+           (list->has_keys ||
+            gl_shown_write_points(&c->points, &level->transfer, c->uploaded, err));
+}
+
+/* Runs the program in use, which writes the list. */
+static bool run_list(const struct gl_classify *c, const struct gl_voxels *voxels,
+                     const struct sp_level *level, const struct gl_list *list,
+                     const atomic_bool *cancel, struct sp_error *err) {
+    set_rows(3, list, sp_grid_is_rectilinear(&level->grid));
+    set_units(voxels->volume, sp_transfer_base(&level->transfer));
+    gl_buffer_bind(&list->entries, 4);
+    gl_buffer_bind(list->has_keys ? &list->entries : &c->points, 5);
+    gl_buffer_bind(&list->tables, 6);
+    gl_buffer_bind(list->normal_bytes ? &list->normals : &list->entries, 7);
+    return gl_pass_run(sp_visible_bricks(&level->visible), c->bricks, cancel, err);
+}
+
 bool gl_classify_fill(struct gl_classify *c, const struct gl_voxels *voxels,
                       const struct sp_level *level, const struct gl_list *list,
                       const atomic_bool *cancel, struct sp_error *err) {
-    uint32_t bricks = sp_visible_bricks(&level->visible);
-    if (!write_listed(c, level, err) || !reserve_places(c, &c->counts, bricks, err) ||
-        !write_places(c, &c->counts, level->visible.first, bricks, err))
-        return false;
     if (list->normal_bytes == 2)
         clear(&list->normals, level->visible.count / 2 + 1);
-    use(c->fill, voxels, list->normal_bytes);
-    set_rows(3, list, sp_grid_is_rectilinear(&level->grid));
-    set_gradients(voxels->volume);
-    gl_buffer_bind(&c->listed, 2);
+    bool ok = prepare_list(c, level, list, err) &&
+              use(c, c->fill, voxels, level, list, cancel, err) &&
+              run_list(c, voxels, level, list, cancel, err);
+    gl_reach_drop(&c->reach);
+    return ok;
+}
+
+bool gl_classify_color(struct gl_classify *c, const struct gl_voxels *voxels,
+                       const struct sp_level *level, const struct gl_list *list,
+                       const atomic_bool *cancel, struct sp_error *err) {
+    assert(!list->has_keys);
+    if (!prepare_list(c, level, list, err))
+        return false;
+    gl_pass_use(c->classes, voxels, 0);
+    set_list(BY_KEY, 0, level, list);
     gl_buffer_bind(&c->counts, 3);
-    gl_buffer_bind(&list->entries, 4);
-    gl_buffer_bind(list->normal_bytes ? &list->normals : &list->entries, 5);
-    gl_buffer_bind(&list->tables, 6);
-    return run(c, bricks, cancel, err);
+    return run_list(c, voxels, level, list, cancel, err);
 }
 
 /* The program, and what it is told of the finer level, of which it reads normals or not. */
 static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_list *finer,
-                       bool normals, const struct sp_level *level, struct sp_error *err) {
+                       bool normals, bool is_post, const struct sp_level *level,
+                       struct sp_error *err) {
     const uint32_t *dims = finer->grid.dims, bricks = gl_list_bricks(finer);
     if (!reserve_places(c, &c->firsts, bricks, err) ||
         !reserve_places(c, &c->counts, sp_visible_bricks(&level->visible), err) ||
@@ -269,6 +323,7 @@ static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_
         return false;
     assert(finer->is_rising);
     glUseProgram(program);
+    glUniform1ui(6, is_post);
     glUniform3ui(1, dims[0], dims[1], dims[2]);
     glUniform4ui(2, finer->has_keys, normals ? finer->normal_bytes : 0, finer->first_class,
                  finer->has_scales);
@@ -280,20 +335,20 @@ static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_
     return true;
 }
 
-bool gl_classify_count_coarse(struct gl_classify *c, const struct gl_list *finer,
+bool gl_classify_count_coarse(struct gl_classify *c, const struct gl_list *finer, bool is_post,
                               const struct sp_level *level, const atomic_bool *cancel,
                               uint64_t *counts, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
-    return use_coarse(c, c->coarse_count, finer, false, level, err) &&
+    return use_coarse(c, c->coarse_count, finer, false, is_post, level, err) &&
            run_count(c, bricks, cancel, bricks, counts, err);
 }
 
-bool gl_classify_fill_coarse(struct gl_classify *c, const struct gl_list *finer,
+bool gl_classify_fill_coarse(struct gl_classify *c, const struct gl_list *finer, bool is_post,
                              const struct sp_level *level, const struct gl_list *list,
                              const atomic_bool *cancel, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
     const double *fine = finer->grid.spacing, *coarse = level->grid.spacing;
-    if (!use_coarse(c, c->coarse_fill, finer, list->normal_bytes > 0, level, err) ||
+    if (!use_coarse(c, c->coarse_fill, finer, list->normal_bytes > 0, is_post, level, err) ||
         !write_places(c, &c->counts, level->visible.first, bricks, err))
         return false;
     set_rows(3, finer, sp_grid_is_rectilinear(&finer->grid));
@@ -303,5 +358,5 @@ bool gl_classify_fill_coarse(struct gl_classify *c, const struct gl_list *finer,
     gl_buffer_bind(&list->entries, 5);
     gl_buffer_bind(&list->tables, 6);
     gl_buffer_bind(list->normal_bytes ? &list->normals : &list->entries, 7);
-    return run(c, bricks, cancel, err);
+    return gl_pass_run(bricks, c->bricks, cancel, err);
 }

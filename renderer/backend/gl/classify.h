@@ -3,24 +3,28 @@
  * Classification on the GPU: samples that stay there → lists of visible voxels, so that the
  * processor makes none.
  *
- *   samples ─ once ─► range of each brick's keys
- *   listed ─► entries a brick ─► read back: the processor knows where each brick begins
- *                             ─► entries and gradients, written there
+ *   samples ─ once ─► range of each brick; order post: of its cells (reach.h)
+ *   what is listed ─► entries a brick ─► read back: the processor knows where each brick begins
+ *                                     ─► entries, gradients and classes, written there
+ *   points ─► classes of entries that are there
  *   a level ─► the next coarser one, in the same two passes
  *
- * A bit a key says what is listed; bricks whose range holds none are not read. Types with a table
- * by key alone (8 and 16 bits), order pre.
+ * Of types with a table by key (8 and 16 bits), order pre, a bit a key says what is listed; else
+ * intervals of samples (shown.h). Bricks whose range holds nothing of that are not read. Classes,
+ * or values for order post, are by entry where types have no table.
  */
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H
 
 #include "backend/gl/list.h"
+#include "backend/gl/reach.h"
 #include "backend/gl/voxels.h"
 
 /* Programs and what they need for the length of a pass. */
 struct gl_classify {
-    unsigned range, count, fill, histogram, coarse_count, coarse_fill;
-    struct gl_buffer listed, counts, firsts;
+    unsigned range, count, fill, histogram, classes, coarse_count, coarse_fill;
+    struct gl_buffer listed, points, counts, firsts;
+    struct gl_reach reach;
     uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
     uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
     uint64_t *uploaded;   /* counts bytes; not owned */
@@ -31,12 +35,13 @@ struct gl_classify {
 bool gl_classify_init(struct gl_classify *classify, bool software, struct sp_error *err);
 void gl_classify_finish(struct gl_classify *classify);
 
-/* Uploads the samples, unless they are there. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
- * SP_ERR_BACKEND, here and below. cancel: NULL = never. */
-bool gl_classify_load(struct gl_classify *classify, struct gl_voxels *voxels,
+/* Uploads the samples, unless they are there; cells: for order post. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED, SP_ERR_BACKEND, here and below. cancel: NULL = never. */
+bool gl_classify_load(struct gl_classify *classify, struct gl_voxels *voxels, bool cells,
                       const atomic_bool *cancel, struct sp_error *err);
 
-/* counts[bricks] = listed voxels of each brick of the finest level. */
+/* counts[bricks] = listed voxels of each brick of the finest level, as its transfer, `listed` and
+ * `reach` have it. */
 bool gl_classify_count(struct gl_classify *classify, const struct gl_voxels *voxels,
                        const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
                        struct sp_error *err);
@@ -46,19 +51,25 @@ bool gl_classify_histogram(struct gl_classify *classify, const struct gl_voxels 
                            uint32_t keys, const atomic_bool *cancel, uint64_t *counts,
                            struct sp_error *err);
 
-/* Writes the entries, and normals as wide as the list's, of a level that was counted. Returns when
- * the GPU has done it. */
+/* Writes the entries, normals as wide as the list's, and classes where they are by entry, of a
+ * level that was counted. Returns when the GPU has done it. */
 bool gl_classify_fill(struct gl_classify *classify, const struct gl_voxels *voxels,
                       const struct sp_level *level, const struct gl_list *list,
                       const atomic_bool *cancel, struct sp_error *err);
 
+/* Writes the classes alone, of a list without keys that the GPU has made. */
+bool gl_classify_color(struct gl_classify *classify, const struct gl_voxels *voxels,
+                       const struct sp_level *level, const struct gl_list *list,
+                       const atomic_bool *cancel, struct sp_error *err);
+
 /* The same for a coarse level, from the list of the next finer one, which the GPU has made: cells
- * with a visible voxel; entries, classes, and flakes if the finer one has normals. */
+ * with a visible voxel; entries, classes, and flakes if the finer one has normals; order post:
+ * entries, values and gradients. */
 bool gl_classify_count_coarse(struct gl_classify *classify, const struct gl_list *finer,
-                              const struct sp_level *level, const atomic_bool *cancel,
+                              bool is_post, const struct sp_level *level, const atomic_bool *cancel,
                               uint64_t *counts, struct sp_error *err);
 bool gl_classify_fill_coarse(struct gl_classify *classify, const struct gl_list *finer,
-                             const struct sp_level *level, const struct gl_list *list,
+                             bool is_post, const struct sp_level *level, const struct gl_list *list,
                              const atomic_bool *cancel, struct sp_error *err);
 
 #endif

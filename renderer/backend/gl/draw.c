@@ -333,19 +333,26 @@ static bool is_want_of_room(const struct sp_error *why) {
 }
 
 /* Plans the band in smaller and smaller pieces, until there is room for them. */
-static bool plan_in_room(struct draw *d, struct sp_error *err) {
+static bool plan_smaller(struct draw *d, struct sp_error *why) {
     struct gl_state *s = d->state;
-    struct sp_error why = { .code = SP_OK };
     unsigned halvings = s->room.halvings;
-    bool ok = plan_band(d, &why);
-    while (!ok && is_want_of_room(&why) && gl_room_halve(&s->room)) {
+    bool ok = plan_band(d, why);
+    while (!ok && is_want_of_room(why) && gl_room_halve(&s->room)) {
         gl_memory_release(s);
         gl_back_finish(&d->slot->back);
-        ok = plan_band(d, &why);
+        ok = plan_band(d, why);
     }
-    if (ok)
+    if (!ok)
+        s->room.halvings = halvings;
+    return ok;
+}
+
+/* The same; where even small pieces have none, the samples that lists were made of make some. */
+static bool plan_in_room(struct draw *d, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    if (plan_smaller(d, &why) ||
+        (is_want_of_room(&why) && gl_lists_drop_samples(&d->state->lists) && plan_smaller(d, &why)))
         return true;
-    s->room.halvings = halvings;
     return sp_fail(err, why.code, why.place, "%s", why.text);
 }
 

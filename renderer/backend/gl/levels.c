@@ -17,6 +17,7 @@ static void find_sources(struct work *w, const struct sp_classification *c, unsi
                                      .voxels = w->voxels,
                                      .finer = w->voxels && l > 0 ? &w->sources[l - 1] : NULL,
                                      .normals = w->job->normals,
+                                     .order = w->job->tf->order,
                                      .pool = w->job->pool,
                                      .cancel = w->job->cancel };
 }
@@ -26,18 +27,18 @@ static bool count(void *user, const struct sp_classification *c, unsigned level,
     struct work *w = user;
     struct gl_classify *classify = &w->lists->classify;
     if (level == 0)
-        return gl_lists_load(w->lists, w->voxels, w->job->cancel, err) &&
+        return gl_lists_load(w->lists, w->voxels, w->job->tf->order, w->job->cancel, err) &&
                gl_classify_count(classify, w->voxels, &c->levels[0], w->job->cancel, counts, err);
     find_sources(w, c, level - 1);
     const struct gl_list *finer = gl_lists_get(w->lists, &w->sources[level - 1], err);
-    return finer && gl_classify_count_coarse(classify, finer, &c->levels[level], w->job->cancel,
-                                             counts, err);
+    return finer && gl_classify_count_coarse(classify, finer, w->job->tf->order == SP_TF_POST,
+                                             &c->levels[level], w->job->cancel, counts, err);
 }
 
 static bool histogram(void *user, const struct sp_classification *c, uint64_t *counts,
                       struct sp_error *err) {
     struct work *w = user;
-    return gl_lists_load(w->lists, w->voxels, w->job->cancel, err) &&
+    return gl_lists_load(w->lists, w->voxels, w->job->tf->order, w->job->cancel, err) &&
            gl_classify_histogram(&w->lists->classify, w->voxels, c->levels[0].transfer.count,
                                  w->job->cancel, counts, err);
 }
@@ -64,9 +65,7 @@ bool gl_levels_get(struct gl_levels *levels, struct gl_lists *lists,
                    const struct sp_classify_job *job, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     gl_lists_begin(lists);
-    struct work w = { .lists = lists,
-                      .voxels = gl_lists_voxels(lists, volume, job->tf->order),
-                      .job = job };
+    struct work w = { .lists = lists, .voxels = gl_lists_voxels(lists, volume), .job = job };
     if (w.voxels && get(levels, &w, cache, volume, &why))
         return true;
     bool has_no_room = why.code == SP_ERR_BUDGET || why.code == SP_ERR_MEMORY;

@@ -3,8 +3,8 @@
  * The lists of a frame's levels, brought up to date: which of them change is what the processor
  * decides (classify/cache.h), and entries are made where the samples are.
  *
- *   8 and 16 bits, order pre     GPU, coarse levels too: counts a brick come back, entries stay
- *   all else, or no room         processor
+ *   8, 16 and 32 bits, both orders   GPU, coarse levels too: counts a brick come back, entries stay
+ *   64-bit reals, or no room         processor
  */
 #ifndef GL_LEVELS_H
 #define GL_LEVELS_H

@@ -59,7 +59,8 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
            s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
            s->lists.classify.listed.bytes + s->lists.classify.counts.bytes +
-           s->lists.classify.firsts.bytes + of_slots(s);
+           s->lists.classify.firsts.bytes + s->lists.classify.points.bytes +
+           s->lists.classify.reach.ends.bytes + of_slots(s);
 }
 
 /* What frames are drawn in; ends with NULL. */

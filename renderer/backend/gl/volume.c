@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "backend/gl/program.h"
+#include "backend/gl/shown.h"
 #include "sp/log.h"
 #include "volume/grid.h"
 
@@ -126,14 +127,15 @@ static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
     list->first_class = place_axes(list, &level->grid);
     uint64_t bytes = (list->first_class + classes + 1) * sizeof(float[4]);
     float(*rows)[4];
-    written = from->finer ? list->first_class * sizeof(float[4]) : bytes;
+    bool are_made = from->voxels && !list->has_keys; /* by the GPU */
+    written = are_made ? list->first_class * sizeof(float[4]) : bytes;
     if (!gl_buffer_reserve(&list->tables, "classes of visible voxels", bytes, lists->block_bytes,
                            GL_USE_KEPT, err) ||
         !(rows = gl_buffer_map(&list->tables, written, err)))
         return false;
     write_scales(transfer, rows);
     write_axes(list, &level->grid, rows);
-    if (!from->finer)
+    if (!are_made)
         write_classes(list, from, rows + list->first_class);
     lists->uploaded += written;
     return gl_buffer_unmap(&list->tables, err);
@@ -163,11 +165,9 @@ static void empty_voxels(struct gl_voxels *voxels) {
     *voxels = (struct gl_voxels){ 0 };
 }
 
-struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume,
-                                  enum sp_tf_order order) {
-    const struct sp_volume_info *info = sp_volume_info(volume);
+struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume) {
     struct gl_voxels *place = &lists->voxels[0];
-    if (order == SP_TF_POST || sp_type_size(info->type) > 2)
+    if (!gl_shown_is_possible(sp_volume_info(volume)))
         return NULL;
     for (int i = 1; i < GL_VOLUMES && place->volume != volume; i++)
         if (lists->voxels[i].volume == volume || lists->voxels[i].used < place->used)
@@ -246,12 +246,24 @@ bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err) {
     return trim(lists, "the visible voxels and what the picture is drawn in take", 0, err);
 }
 
-bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, const atomic_bool *cancel,
-                   struct sp_error *err) {
-    uint64_t bytes = sp_volume_info(voxels->volume)->voxel_bytes;
-    return voxels->samples.name ||
-           (trim(lists, "its voxels and the visible ones take", bytes, err) &&
-            gl_classify_load(&lists->classify, voxels, cancel, err));
+bool gl_lists_drop_samples(struct gl_lists *lists) {
+    bool had = false;
+    for (int i = 0; i < GL_VOLUMES; i++) {
+        had = had || lists->voxels[i].samples.name;
+        gl_voxels_drop(&lists->voxels[i]);
+    }
+    return had;
+}
+
+bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, enum sp_tf_order order,
+                   const atomic_bool *cancel, struct sp_error *err) {
+    const struct sp_volume_info *info = sp_volume_info(voxels->volume);
+    bool is_post = order == SP_TF_POST;
+    uint64_t more = voxels->samples.name ? 0 : info->voxel_bytes;
+    if (is_post) /* two of them for the length of a pass */
+        more += gl_reach_bytes(&info->grid) * (voxels->cells.name ? 2 : 3);
+    return (more == 0 || trim(lists, "its voxels and the visible ones take", more, err)) &&
+           gl_classify_load(&lists->classify, voxels, is_post, cancel, err);
 }
 
 /* Bytes of a normal that the list is to have. */
@@ -276,16 +288,18 @@ static bool reserve(struct gl_lists *lists, struct gl_list *list, const struct g
                                           GL_USE_KEPT, err));
 }
 
-/* Makes the entries on the GPU. */
+/* Makes the entries on the GPU, or their classes alone. */
 static bool fill(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
-                 struct sp_error *err) {
+                 bool has_entries, struct sp_error *err) {
+    struct gl_classify *c = &lists->classify;
+    enum sp_tf_order order = from->order;
     if (!from->finer)
-        return gl_lists_load(lists, from->voxels, from->cancel, err) &&
-               gl_classify_fill(&lists->classify, from->voxels, from->level, list, from->cancel,
-                                err);
+        return gl_lists_load(lists, from->voxels, order, from->cancel, err) &&
+               (has_entries ? gl_classify_color : gl_classify_fill)(c, from->voxels, from->level,
+                                                                    list, from->cancel, err);
     const struct gl_list *finer = gl_lists_get(lists, from->finer, err);
-    return finer &&
-           gl_classify_fill_coarse(&lists->classify, finer, from->level, list, from->cancel, err);
+    return finer && gl_classify_fill_coarse(c, finer, order == SP_TF_POST, from->level, list,
+                                            from->cancel, err);
 }
 
 /* Makes what of the list is not there. */
@@ -294,7 +308,9 @@ static bool update(struct gl_lists *lists, struct gl_list *list, const struct gl
     const struct sp_level *level = from->level;
     uint32_t wanted = normal_bytes(from);
     bool has_entries = list->list_made && (!wanted || list->normal_bytes == wanted) &&
-                       (!from->voxels || list->is_rising);
+                       (list->is_rising || !from->voxels) &&
+                       (list->has_keys || list->is_rising == (from->voxels != NULL));
+    bool has_tables = list->table_made == level->table_made && (has_entries || list->has_keys);
     if (!has_entries) {
         gl_buffer_finish(&list->entries);
         gl_buffer_finish(&list->normals);
@@ -303,12 +319,14 @@ static bool update(struct gl_lists *lists, struct gl_list *list, const struct gl
         list->has_keys = level->transfer.table && level->visible.key_bytes <= 2 &&
                          sp_transfer_key_bytes(&level->transfer) <= 2;
     }
-    if (list->table_made != level->table_made && !upload_tables(lists, list, from, err))
+    if (!has_tables && !upload_tables(lists, list, from, err))
         return false;
     if (!has_entries && !reserve(lists, list, from, err))
         return false;
-    if (!has_entries &&
-        !(from->voxels ? fill(lists, list, from, err) : upload_entries(lists, list, from, err)))
+    bool fills = from->voxels && (!has_entries || (!has_tables && !list->has_keys));
+    if (fills && !fill(lists, list, from, has_entries, err))
+        return false;
+    if (!from->voxels && !has_entries && !upload_entries(lists, list, from, err))
         return false;
     return trim(lists, "the visible voxels take", 0, err);
 }

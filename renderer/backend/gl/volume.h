@@ -43,6 +43,7 @@ struct gl_list_source {
                                  has entries */
     const struct gl_list_source *finer; /* of a coarse level that the GPU makes; else NULL */
     bool normals;                       /* then it makes normals as well */
+    enum sp_tf_order order;
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
 };
@@ -59,16 +60,15 @@ static inline void gl_lists_begin(struct gl_lists *lists) {
 }
 
 /* The samples that the GPU classifies the volume from, uploaded when they are needed; valid until
- * the next frame begins. NULL: the processor classifies it, which is so for order post, types
- * without a table by key, and volumes that were refused, at which is looked again: after
+ * the next frame begins. NULL: the processor classifies it, which is so for 64-bit reals
+ * (gl_shown_is_possible()), and volumes that were refused, at which is looked again: after
  * GL_REFUSED_FRAMES frames of theirs, after twice as many the next time. */
-struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume,
-                                  enum sp_tf_order order);
+struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume);
 
-/* Uploads the samples, unless they are there. SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED,
- * SP_ERR_BACKEND. cancel: NULL = never. */
-bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, const atomic_bool *cancel,
-                   struct sp_error *err);
+/* Uploads the samples, unless they are there, and sees to what classifying them in this order
+ * takes. SP_ERR_BUDGET, SP_ERR_MEMORY, SP_ERR_CANCELLED, SP_ERR_BACKEND. cancel: NULL = never. */
+bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, enum sp_tf_order order,
+                   const atomic_bool *cancel, struct sp_error *err);
 
 /* From now on the processor classifies their volume: logs why, the first time. */
 void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why);
@@ -80,6 +80,10 @@ const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct gl_list_
 
 /* What is not of this frame makes room for beside_bytes. SP_ERR_BUDGET. */
 bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err);
+
+/* Drops all samples, also those of this frame, whose lists are made: the next ones upload them
+ * again. Whether there were any. */
+bool gl_lists_drop_samples(struct gl_lists *lists);
 
 /* Drops what is there of the volume; NULL = of any. */
 void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume);

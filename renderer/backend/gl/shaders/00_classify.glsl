@@ -1,77 +1,63 @@
 // SPDX-License-Identifier: Apache-2.0
 // Samples → the list of visible voxels (classify/collect.c), a work group a brick of 16³. By PASS: the range of each
-// brick's keys; how many of its voxels are listed; their entries and gradients, in rising order of their place; the
-// voxels of each key.
+// brick's samples; how many of its voxels are listed; their entries, gradients and classes, in rising order of their
+// place; the voxels of each key; classes of entries that are there.
 
 layout(local_size_x = GROUP) in;
-// 8 or 16 bits each, as they lie in memory.
-layout(std430, binding = 0) readonly buffer Samples { uint samples[]; };
-// By brick: smallest key | largest << 16.
-layout(std430, binding = 1) buffer Ranges { uint ranges[]; };
-// A bit a key.
-layout(std430, binding = 2) readonly buffer Listed { uint listed[]; };
+// Smallest and largest ordinal, by brick; order post: by cell, with what lies around it (00_reach.glsl).
+layout(std430, binding = 1) buffer Ranges { ivec2 ranges[]; };
 // By brick: entries; while they are written, where the first of them goes. By key: voxels.
 layout(std430, binding = 3) buffer Counts { uint counts[]; };
 // 10_project.glsl
-layout(std430, binding = 4) writeonly buffer Entries { uint entries[]; };
-layout(std430, binding = 5) buffer Normals { uint normals[]; };
-layout(std430, binding = 6) readonly buffer Tables { vec4 tables[]; };
+layout(std430, binding = 4) buffer Entries { uint entries[]; };
+layout(std430, binding = 6) buffer Tables { vec4 tables[]; };
+layout(std430, binding = 7) buffer Normals { uint normals[]; };
 
-layout(location = 0) uniform uint first_brick;
-layout(location = 1) uniform uvec3 dims;
-layout(location = 2) uniform ivec4 type;       // bytes of a sample, signed, value of key 0, bytes of a normal
 layout(location = 3) uniform uvec4 axis_rows;  // of the tables: of sample 0 of each axis; rectilinear
-layout(location = 4) uniform mat3 to_gradient; // differences a spacing → world gradient over its bound
+layout(location = 4) uniform mat3 to_gradient; // differences a spacing, times their scale → world gradient over its bound
+layout(location = 5) uniform uvec4 how;        // what is listed; intervals; what classes by entry are; the row of the first
+layout(location = 6) uniform vec3 base;        // of values: a sum of two; then the scale of differences
+layout(location = 7) uniform int whole_base;   // of whole numbers: a third part of that sum
 
-const int RANGES = 0, COUNT = 1, FILL = 2, HISTOGRAM = 3;
+const int RANGES = 0, COUNT = 1, FILL = 2, HISTOGRAM = 3, CLASSES = 4;
+const uint BY_KEY = 0u, BY_VALUE = 1u, BY_CELL = 2u;   // how.x
+const uint NO_CLASSES = 0u, COLORS = 1u, VALUES = 2u; // how.z
 
-shared uint low, high, shows;
+shared int low, high;
+shared uint shows, marked[2];      // of the brick's cells: a bit each that can matter
 shared uint masks[128], ends[128]; // by 32 voxels: a bit each, and the entries up to their end
 
-// As the type has it.
-int sample_at(uvec3 i) {
-    uint at = (i.z * dims.y + i.y) * dims.x + i.x;
-    int bits = 8 * type.x, per_word = 4 / type.x;
-    uint word = samples[at / uint(per_word)], shift = uint(bits) * (at % uint(per_word));
-    return type.y != 0 ? bitfieldExtract(int(word), int(shift), bits)
-                       : int(bitfieldExtract(word, int(shift), bits));
+uint key_of(int ordinal) {
+    return uint(ordinal - type.z);
 }
 
-uint key_at(uvec3 i) {
-    return uint(sample_at(i) - type.z);
-}
-
-uvec3 corner_of(uint brick) {
-    uvec3 bricks = (dims + 15u) / 16u;
-    return 16u * uvec3(brick % bricks.x, brick / bricks.x % bricks.y, brick / bricks.x / bricks.y);
-}
-
-// The thread's voxel of a slice.
-uvec3 voxel_of(uvec3 corner, uint slice) {
-    return corner + uvec3(gl_LocalInvocationIndex & 15u, gl_LocalInvocationIndex >> 4, slice);
+// The brick's range in keys.
+uvec2 key_range(uint brick) {
+    return uvec2(ranges[brick] - type.z);
 }
 
 void find_range(uint brick) {
     uvec3 corner = corner_of(brick);
-    uint least = 0xffffu, most = 0u;
+    ivec2 range = ivec2(NONE_LOW, NONE_HIGH);
     for (uint s = 0u; s < 16u; s++) {
         uvec3 i = voxel_of(corner, s);
-        if (all(lessThan(i, dims))) {
-            uint key = key_at(i);
-            least = min(least, key);
-            most = max(most, key);
-        }
+        if (!all(lessThan(i, dims)))
+            continue;
+        int ordinal = ordinal_at(i);
+        if (is_finite(ordinal))
+            range = ivec2(min(range.x, ordinal), max(range.y, ordinal));
     }
-    atomicMin(low, least);
-    atomicMax(high, most);
+    atomicMin(low, range.x);
+    atomicMax(high, range.y);
     barrier();
     if (gl_LocalInvocationIndex == 0u)
-        ranges[brick] = low | high << 16;
+        ranges[brick] = ivec2(low, high);
 }
 
 // Whether any key of the brick's range is listed.
-bool shows_any(uint brick) {
-    uint first = ranges[brick] & 0xffffu, last = ranges[brick] >> 16, any = 0u;
+bool shows_key(uint brick) {
+    uvec2 range = key_range(brick);
+    uint first = range.x, last = range.y, any = 0u;
     for (uint w = first / 32u + gl_LocalInvocationIndex; w <= last / 32u; w += GROUP) {
         uint bits = listed[w];
         bits &= w == first / 32u ? 0xffffffffu << (first & 31u) : 0xffffffffu;
@@ -84,15 +70,41 @@ bool shows_any(uint brick) {
     return shows != 0u;
 }
 
+// Finds the brick's cells that can matter; whether any does.
+bool shows_cell(uint brick) {
+    uint thread = gl_LocalInvocationIndex;
+    if (thread < 64u) {
+        uvec3 size = 4u * count_bricks(), at = corner_of(brick) / 4u;
+        at += uvec3(thread, thread >> 2, thread >> 4) & 3u;
+        if (meets(ranges[(at.z * size.y + at.y) * size.x + at.x], how.y))
+            atomicOr(marked[thread / 32u], 1u << (thread & 31u));
+    }
+    barrier();
+    return (marked[0] | marked[1]) != 0u;
+}
+
+bool shows_any(uint brick) {
+    if (how.x == BY_KEY)
+        return shows_key(brick);
+    return how.x == BY_CELL ? shows_cell(brick) : meets(ranges[brick], how.y);
+}
+
+bool is_listed(int ordinal, uint slice) {
+    if (how.x == BY_VALUE)
+        return meets(ivec2(ordinal), how.y);
+    uint thread = gl_LocalInvocationIndex, key = key_of(ordinal);
+    uint cell = (thread >> 2 & 3u) | (thread >> 4 & 12u) | (slice & 12u) << 2;
+    if (how.x == BY_CELL)
+        return (marked[cell / 32u] >> (cell & 31u) & 1u) != 0u && is_finite(ordinal);
+    return (listed[key / 32u] >> (key & 31u) & 1u) != 0u;
+}
+
 // Fills masks and ends.
 void mark(uvec3 corner) {
     uint thread = gl_LocalInvocationIndex;
     for (uint s = 0u; s < 16u; s++) {
         uvec3 i = voxel_of(corner, s);
-        if (!all(lessThan(i, dims)))
-            continue;
-        uint key = key_at(i);
-        if ((listed[key / 32u] >> (key & 31u) & 1u) != 0u)
+        if (all(lessThan(i, dims)) && is_listed(ordinal_at(i), s))
             atomicOr(masks[8u * s + thread / 32u], 1u << (thread & 31u));
     }
     barrier();
@@ -108,53 +120,76 @@ void mark(uvec3 corner) {
     }
 }
 
+// Distance of two samples along an axis, in spacings; each lies beside `i`.
+float gap_of(int axis, uint i, uint from, uint to) {
+    float gaps = float(to - from);
+    uint row = axis_rows[axis];
+    if (axis_rows.w == 0u)
+        return gaps;
+    if (to == min(i + 1u, dims[axis] - 1u) && from == max(i, 1u) - 1u)
+        return gaps * tables[row + i].y;
+    vec4 a = tables[row + from], b = tables[row + to]; // beside a sample that is not finite
+    return (b.z - a.z) + (b.w - a.w) + (b.x - a.x);
+}
+
+float rise(uvec3 to, uvec3 from) {
+    if (type.y != REAL)
+        return difference(ordinal_at(to), ordinal_at(from));
+    precise float up = uintBitsToFloat(samples[index_of(to)]) * base.z - uintBitsToFloat(samples[index_of(from)]) * base.z;
+    return up;
+}
+
 // sp_gradient_at(): over its bound.
 vec3 gradient_at(uvec3 i) {
-    vec3 difference;
+    vec3 slope;
     for (int a = 0; a < 3; a++) {
         uvec3 from = i, to = i;
         from[a] -= i[a] > 0u ? 1u : 0u;
         to[a] += i[a] + 1u < dims[a] ? 1u : 0u;
-        float gaps = float(to[a] - from[a]);
-        if (axis_rows.w != 0u)
-            gaps *= tables[axis_rows[a] + i[a]].y;
-        difference[a] = from[a] < to[a] ? float(sample_at(to) - sample_at(from)) / gaps : 0.0;
+        if (!is_finite(ordinal_at(from)))
+            from = i;
+        if (!is_finite(ordinal_at(to)))
+            to = i;
+        slope[a] = from[a] < to[a] ? rise(to, from) / gap_of(a, i[a], from[a], to[a]) : 0.0;
     }
-    return to_gradient * difference;
+    return to_gradient * slope;
 }
 
-// The octahedral map of a direction whose absolute values add up to `sum`, > 0.
-vec2 unfold(vec3 d, float sum) {
-    vec2 uv = d.xy / sum, side = mix(vec2(1), vec2(-1), lessThan(uv, vec2(0)));
-    return d.z < 0.0 ? (1.0 - abs(uv.yx)) * side : uv;
+// sp_transfer_keys(): the value, counted from the base; the difference of reals and its rest, so that it is rounded once.
+float value_at(uvec3 i) {
+    if (type.y != REAL)
+        return difference(ordinal_at(i), whole_base) - base.y;
+    precise float value = uintBitsToFloat(samples[index_of(i)]), sum = value - base.x, part = sum - value;
+    precise float rest = (value - (sum - part)) - (base.x + part);
+    precise float all = sum + (rest - base.y);
+    return all;
 }
 
-// sp_gradient_pack_direction().
-uint pack_direction(vec3 d) {
-    float sum = abs(d.x) + abs(d.y) + abs(d.z);
-    if (!(sum > 0.0))
-        return 0u;
-    uvec2 steps = uvec2(unfold(d, sum) * 127.0 + 127.5);
-    uint code = steps.y << 8 | steps.x;
-    return code != 0u ? code : 254u << 8 | 254u;
-}
-
-// sp_gradient_pack().
-uint pack_gradient(vec3 d) {
-    float sum = abs(d.x) + abs(d.y) + abs(d.z);
-    if (!(sum > 0.0))
-        return 0u;
-    float magnitude = clamp(floor(sqrt(sum * length(d / sum)) * 1023.0 + 0.5), 1.0, 1023.0);
-    uvec2 steps = uvec2(floor(unfold(d, sum) * 1023.0 + 0.5) + 1023.0);
-    return uint(magnitude) << 22 | steps.y << 11 | steps.x;
+void write_class(uint entry, uvec3 i) {
+    float value = value_at(i);
+    vec4 row = vec4(value, 0.0, 0.0, 0.0);
+    if (how.z == COLORS) {
+        Class c = class_at(value);
+        row = vec4(c.color, c.depth);
+    }
+    tables[how.w + entry] = row;
 }
 
 void write_entry(uint entry, uint local, uvec3 i) {
-    entries[entry] = local | key_at(i) << 12;
+    entries[entry] = local | (type.x == 4 ? 0u : key_of(ordinal_at(i)) << 12);
     if (type.w == 4)
         normals[entry] = pack_gradient(gradient_at(i));
     if (type.w == 2) /* half a word, in one that was cleared */
         atomicOr(normals[entry / 2u], pack_direction(gradient_at(i)) << (16u * (entry & 1u)));
+    if (how.z != NO_CLASSES)
+        write_class(entry, i);
+}
+
+// Of entries that are there.
+void write_classes(uint brick) {
+    uvec3 corner = corner_of(brick);
+    for (uint e = counts[brick] + gl_LocalInvocationIndex; e < counts[brick + 1u]; e += GROUP)
+        write_class(e, corner + (uvec3(entries[e], entries[e] >> 4, entries[e] >> 8) & 15u));
 }
 
 void fill(uint brick, uvec3 corner) {
@@ -176,17 +211,18 @@ void add_key(uint key, uint voxels) {
 // Equal neighbours are counted together: most of a volume is often one value, for which all would wait.
 void count_keys(uint brick) {
     uvec3 corner = corner_of(brick), size = min(dims - corner, uvec3(16));
-    uint range = ranges[brick], last = 0u, voxels = 0u;
-    if (range >> 16 == (range & 0xffffu)) {
+    uvec2 range = key_range(brick);
+    uint last = 0u, voxels = 0u;
+    if (range.x == range.y) {
         if (gl_LocalInvocationIndex == 0u)
-            add_key(range & 0xffffu, size.x * size.y * size.z);
+            add_key(range.x, size.x * size.y * size.z);
         return;
     }
     for (uint s = 0u; s < 16u; s++) {
         uvec3 i = voxel_of(corner, s);
         if (!all(lessThan(i, dims)))
             continue;
-        uint key = key_at(i);
+        uint key = key_of(ordinal_at(i));
         if (key != last) {
             add_key(last, voxels);
             voxels = 0u;
@@ -200,14 +236,19 @@ void count_keys(uint brick) {
 void main() {
     uint brick = first_brick + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
     if (thread == 0u) {
-        low = 0xffffu;
-        high = shows = 0u;
+        low = NONE_LOW;
+        high = NONE_HIGH;
+        shows = marked[0] = marked[1] = 0u;
     }
     if (thread < 128u)
         masks[thread] = 0u;
     barrier();
     if (PASS == RANGES) {
         find_range(brick);
+        return;
+    }
+    if (PASS == CLASSES) {
+        write_classes(brick);
         return;
     }
     if (PASS == HISTOGRAM) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list of a level → that of the next coarser one (classify/coarse.c), a work group a coarse brick. By PASS: how many
-// of its cells have a visible voxel; their entries, classes and flakes. Lists rise by place, so that a slice of a brick
+// of its cells have a visible voxel; their entries, classes and flakes; order post: values and gradients. Lists rise by place, so that a slice of a brick
 // is found by bisection, and a cell's eight voxels are added up in the same order every time.
 
 layout(local_size_x = GROUP) in;
@@ -13,7 +13,7 @@ layout(std430, binding = 3) readonly buffer Firsts { uint firsts[]; };
 layout(std430, binding = 4) buffer Counts { uint counts[]; };
 layout(std430, binding = 5) writeonly buffer CoarseEntries { uint coarse_entries[]; };
 layout(std430, binding = 6) buffer CoarseTables { vec4 coarse_tables[]; };
-layout(std430, binding = 7) writeonly buffer Flakes { uvec2 flakes[]; };
+layout(std430, binding = 7) writeonly buffer Flakes { uint flakes[]; }; // two words each; order post: gradients
 
 layout(location = 0) uniform uint first_brick;
 layout(location = 1) uniform uvec3 dims; // of the finer level
@@ -21,6 +21,7 @@ layout(location = 2) uniform uvec4 list; // has keys, bytes of a normal, first c
 layout(location = 3) uniform uvec4 rows; // of its tables: of sample 0 of each axis; rectilinear
 layout(location = 4) uniform uvec4 coarse_rows; // the same of the coarse tables; first class
 layout(location = 5) uniform vec3 ratio; // of the finer spacing to the coarse one
+layout(location = 6) uniform uint is_post;
 
 const int COUNT = 0, FILL = 1;
 const float MINOR = 0.525731112, MAJOR = 0.850650808;
@@ -56,7 +57,7 @@ void find_bounds(uvec3 coarse) {
 
 // Lists may hold voxels that are not visible.
 bool is_hidden(uint word) {
-    return list.x != 0u && !(tables[list.z + (word >> 12)].w > 0.0);
+    return is_post == 0u && list.x != 0u && !(tables[list.z + (word >> 12)].w > 0.0);
 }
 
 // Fills masks and ends.
@@ -180,13 +181,39 @@ uvec2 pack_flakes(Sum sum) {
     return bits;
 }
 
+// Value and gradient are averaged as they are.
+void write_scalar(uint out_entry, uvec3 cell) {
+    float parts = 0.0, value = 0.0;
+    vec3 gradient = vec3(0);
+    for (uint k = 0u; k < 8u; k++) {
+        uint entry = voxel_of(k) - 1u;
+        if (entry == 0xffffffffu)
+            continue;
+        uint bits = gradient_of(entry);
+        float part = share_of(2u * cell + (uvec3(k, k >> 1, k >> 2) & 1u)), share = float(bits >> 22) / 1023.0;
+        parts += part;
+        value += part * tables[list.z + (list.x != 0u ? entries[entry] >> 12 : entry)].x;
+        gradient += part * share * share * unpack_gradient(bits);
+    }
+    coarse_tables[coarse_rows.w + out_entry] = vec4(value / parts, 0.0, 0.0, 0.0);
+    if (list.y != 0u)
+        flakes[out_entry] = pack_gradient(gradient / parts);
+}
+
 void write_cell(uint out_entry, uint local, uvec3 cell) {
+    coarse_entries[out_entry] = local;
+    if (is_post != 0u) {
+        write_scalar(out_entry, cell);
+        return;
+    }
     Sum sum = add_up(cell);
     float inverse = sum.depth > 0.0 ? 1.0 / sum.depth : 0.0;
-    coarse_entries[out_entry] = local;
     coarse_tables[coarse_rows.w + out_entry] = vec4(sum.color * inverse, sum.depth);
-    if (list.y != 0u)
-        flakes[out_entry] = pack_flakes(sum);
+    if (list.y == 0u)
+        return;
+    uvec2 bits = pack_flakes(sum);
+    flakes[2u * out_entry] = bits.x;
+    flakes[2u * out_entry + 1u] = bits.y;
 }
 
 // The thread's cell of each slice that has any.

@@ -11,6 +11,32 @@ vec3 unpack_gradient(uint bits) {
     return normalize(vec3(uv, w));
 }
 
+// The octahedral map of a direction whose absolute values add up to `sum`, > 0.
+vec2 unfold(vec3 d, float sum) {
+    vec2 uv = d.xy / sum, side = mix(vec2(1), vec2(-1), lessThan(uv, vec2(0)));
+    return d.z < 0.0 ? (1.0 - abs(uv.yx)) * side : uv;
+}
+
+// sp_gradient_pack_direction().
+uint pack_direction(vec3 d) {
+    float sum = abs(d.x) + abs(d.y) + abs(d.z);
+    if (!(sum > 0.0))
+        return 0u;
+    uvec2 steps = uvec2(unfold(d, sum) * 127.0 + 127.5);
+    uint code = steps.y << 8 | steps.x;
+    return code != 0u ? code : 254u << 8 | 254u;
+}
+
+// sp_gradient_pack(), of a gradient over its bound.
+uint pack_gradient(vec3 d) {
+    float sum = abs(d.x) + abs(d.y) + abs(d.z);
+    if (!(sum > 0.0))
+        return 0u;
+    float magnitude = clamp(floor(sqrt(sum * length(d / sum)) * 1023.0 + 0.5), 1.0, 1023.0);
+    uvec2 steps = uvec2(floor(unfold(d, sum) * 1023.0 + 0.5) + 1023.0);
+    return uint(magnitude) << 22 | steps.y << 11 | steps.x;
+}
+
 // sp_gradient_widen(): 16 bits of direction as a packed gradient of full magnitude.
 uint widen_direction(uint bits) {
     if (bits == 0u)

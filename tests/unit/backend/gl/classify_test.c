@@ -10,221 +10,17 @@
 
 #include <cmocka.h>
 
-#include <epoxy/gl.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "backend/gl/context.h"
-#include "backend/gl/levels.h"
 #include "backend/gl/program.h"
 #include "classify/collect.h"
 #include "sp/log.h"
 #include "support/data.h"
-
-struct rig {
-    struct gl_lists lists;
-    struct sp_classify_cache cache;
-    struct sp_pool *pool;
-    unsigned warnings;
-};
-
-static double uniform(double low, double high) {
-    return low + (high - low) * (rand() / (double)RAND_MAX);
-}
-
-/* A volume, and what it is made of. */
-struct shape {
-    enum sp_type type;
-    uint32_t dims[3];
-    bool is_rectilinear; /* along axes 0 and 2, and sheared */
-};
-
-static void put(enum sp_type type, void *samples, size_t i, double share) {
-    static const double low[] = { 3, -120, 0, -30000 }, high[] = { 250, 100, 65535, 32000 };
-    double v = low[type] + share * (high[type] - low[type]);
-    if (type == SP_UINT8)
-        ((uint8_t *)samples)[i] = (uint8_t)v;
-    else if (type == SP_INT8)
-        ((int8_t *)samples)[i] = (int8_t)v;
-    else if (type == SP_UINT16)
-        ((uint16_t *)samples)[i] = (uint16_t)v;
-    else
-        ((int16_t *)samples)[i] = (int16_t)v;
-}
-
-/* Smooth with noise; a third of it is one value. */
-static struct sp_volume *make_volume(const struct shape *shape) {
-    const uint32_t *d = shape->dims;
-    size_t count = (size_t)d[0] * d[1] * d[2];
-    void *samples = calloc(count, 2);
-    double *places[3] = { NULL };
-    struct sp_grid grid = { .dims = { d[0], d[1], d[2] },
-                            .spacing = { 1, 2, 0.5 },
-                            .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
-    assert_non_null(samples);
-    for (unsigned a = 0; shape->is_rectilinear && a < 3; a += 2) {
-        places[a] = calloc(d[a], sizeof(double));
-        assert_non_null(places[a]);
-        for (uint32_t i = 1; i < d[a]; i++)
-            places[a][i] = places[a][i - 1] + uniform(0.1, 3);
-        grid.coordinates[a] = places[a];
-        grid.spacing[a] = d[a] > 1 ? places[a][d[a] - 1] / (d[a] - 1) : 1;
-        grid.direction[0][1] = 0.6;
-        grid.direction[1][1] = 0.8;
-    }
-    for (size_t i = 0; i < count; i++) {
-        uint32_t x = (uint32_t)(i % d[0]), y = (uint32_t)(i / d[0] % d[1]);
-        double v = 0.47 + 0.45 * sin(0.3 * x) * cos(0.2 * y) + uniform(-0.02, 0.02);
-        put(shape->type, samples, i, 3 * x > 2 * d[0] ? 0.5 : v);
-    }
-    struct sp_error err;
-    struct sp_volume *volume = sp_volume_create(&grid, shape->type, samples, "v", &err);
-    if (!volume)
-        fail_msg("%s", err.text);
-    free(samples);
-    free(places[0]);
-    free(places[2]);
-    return volume;
-}
-
-/* Visible where the share of the range lies in [from, to]. */
-static struct sp_transfer_function make_function(const struct sp_volume *volume, double from,
-                                                 double to) {
-    const double *range = sp_volume_info(volume)->range, span = range[1] - range[0];
-    const double shares[4] = { from - 1e-9, from, to, to + 1e-9 };
-    struct sp_transfer_function tf = { .reference_length = 1, .point_count = 4 };
-    for (uint32_t i = 0; i < 4; i++)
-        tf.points[i] = (struct sp_tf_point){ .value = range[0] + span * shares[i],
-                                             .color = { 1, (float)uniform(0, 1), 0 },
-                                             .opacity = i == 1 || i == 2 ? 0.5f : 0 };
-    return tf;
-}
-
-static void add_gradient_axis(struct sp_transfer_function *tf) {
-    tf->gradient_count = 2;
-    tf->gradient[0] = (struct sp_gradient_point){ 0, 0 };
-    tf->gradient[1] = (struct sp_gradient_point){ 10, 1 };
-}
-
-static struct sp_classify_job make_job(struct rig *rig, const struct sp_transfer_function *tf,
-                                       bool normals) {
-    return (struct sp_classify_job){
-        .tf = tf, .levels = 1, .axis = SP_NO_AXIS, .normals = normals, .pool = rig->pool
-    };
-}
-
-static const struct gl_list *get(struct rig *rig, struct sp_volume *volume,
-                                 const struct sp_classify_job *job) {
-    struct gl_levels levels;
-    struct sp_error err;
-    if (!gl_levels_get(&levels, &rig->lists, &rig->cache, volume, job, &err))
-        fail_msg("%s", err.text);
-    return levels.lists[0];
-}
-
-static void *read_back(const struct gl_buffer *buffer, uint64_t bytes) {
-    void *copy = malloc(bytes + 1);
-    assert_non_null(copy);
-    glBindBuffer(GL_COPY_READ_BUFFER, buffer->name);
-    glGetBufferSubData(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)bytes, copy);
-    assert_int_equal(glGetError(), GL_NO_ERROR);
-    return copy;
-}
-
-/* Directions at most a step of their map apart, which stretches it, and magnitudes a step. */
-static void check_normal(uint32_t got, uint32_t wanted, bool is_wide) {
-    float a[3], b[3];
-    assert_int_equal(got == 0, wanted == 0);
-    sp_gradient_unpack(got, a);
-    sp_gradient_unpack(wanted, b);
-    float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-    float apart = sqrtf(x * x + y * y + z * z), step = is_wide ? 1.0f / 1023 : 1.0f / 127;
-    if (!(apart < 6 * step) || labs((long)(got >> 22) - (long)(wanted >> 22)) > 1)
-        fail_msg("%08x for %08x: %g apart", got, wanted, (double)apart);
-}
-
-/* The processor's list, by voxel of the brick: key + 1, and normal. */
-struct brick {
-    uint32_t key[SP_BRICK_VOXELS], normal[SP_BRICK_VOXELS];
-};
-
-static uint32_t read_brick(const struct sp_level *level, uint32_t b, bool normals,
-                           struct brick *brick) {
-    const struct sp_visible *v = &level->visible;
-    uint16_t local[SP_BRICK_VOXELS];
-    uint32_t count = (uint32_t)(v->first[b + 1] - v->first[b]);
-    memset(brick, 0, sizeof *brick);
-    sp_visible_locals(v, b, NULL, 0, count, local);
-    for (uint32_t n = 0; n < count; n++) {
-        brick->key[local[n]] = sp_visible_key(v, v->first[b] + n) + 1;
-        brick->normal[local[n]] = normals ? sp_visible_normal(v, v->first[b] + n) : 0;
-    }
-    return count;
-}
-
-/* What of the processor's lists the GPU's differ in is nothing. What is hidden may be missing. */
-static void check_list(const struct gl_list *list, const struct sp_level *level, bool normals,
-                       bool is_exact) {
-    static struct brick brick;
-    const struct sp_transfer *t = &level->transfer;
-    uint32_t *words = read_back(&list->entries, list->count * sizeof *words);
-    uint32_t bytes = normals ? list->normal_bytes : 0;
-    void *packed = read_back(bytes ? &list->normals : &list->entries, list->count * bytes);
-    assert_memory_equal(list->bricks, level->visible.bricks, sizeof list->bricks);
-    assert_true(!normals || bytes == level->visible.normal_bytes);
-    for (uint32_t b = 0; b < gl_list_bricks(list); b++) {
-        uint32_t wanted = read_brick(level, b, normals, &brick), found = 0;
-        for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
-            uint32_t local = words[e] & 4095, key = words[e] >> 12;
-            bool is_there = brick.key[local] == key + 1;
-            if (!is_there && (is_exact || t->is_visible[key]))
-                fail_msg("brick %u: voxel %03x has key %u", b, local, key);
-            if (!is_there)
-                continue;
-            brick.key[local] = 0; /* each once */
-            found++;
-            if (bytes == 2)
-                check_normal(sp_gradient_widen(((uint16_t *)packed)[e]), brick.normal[local],
-                             false);
-            if (bytes == 4)
-                check_normal(((uint32_t *)packed)[e], brick.normal[local], true);
-        }
-        assert_int_equal(found, wanted);
-    }
-    assert_int_equal(list->first[gl_list_bricks(list)], list->count);
-    free(words);
-    free(packed);
-}
-
-/* Compares with a list that the processor makes of nothing. */
-static void check_against_processor(struct rig *rig, struct sp_volume *volume,
-                                    const struct sp_classify_job *job, bool is_exact) {
-    const struct gl_list *list = get(rig, volume, job);
-    struct sp_classification c;
-    struct sp_error err;
-    sp_classification_init(&c, volume);
-    if (!sp_classification_update(&c, job, &err))
-        fail_msg("%s", err.text);
-    check_list(list, &c.levels[0], job->normals, is_exact);
-    sp_classification_finish(&c);
-}
-
-static void forget(struct rig *rig, struct sp_volume **volume) {
-    gl_lists_forget(&rig->lists, *volume);
-    sp_classify_cache_forget(&rig->cache, *volume);
-    sp_volume_unref(volume);
-}
-
-/* Whether the processor has made entries of the volume's finest level. */
-static bool has_entries(const struct rig *rig, const struct sp_volume *volume) {
-    bool has = false;
-    for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        has = has || (rig->cache.slots[i].c.volume == volume &&
-                      rig->cache.slots[i].c.levels[0].visible.place);
-    return has;
-}
+#include "unit/backend/gl/lists.h"
 
 /* Of the slot that has one. */
 static void check_histogram(struct rig *rig, const struct sp_volume *volume) {
@@ -240,25 +36,31 @@ static void check_histogram(struct rig *rig, const struct sp_volume *volume) {
     free(wanted);
 }
 
+static void check_functions(struct rig *rig, struct sp_volume *volume, enum sp_tf_order order) {
+    static const double shares[][2] = { { 0.2, 0.6 }, { -1, 2 }, { 2, 3 }, { 0.5, 0.5 } };
+    for (unsigned m = 0; m < 4 * 3; m++) {
+        struct sp_transfer_function tf = make_function(volume, shares[m % 4][0], shares[m % 4][1]);
+        tf.order = order;
+        if (m >= 8)
+            add_gradient_axis(&tf);
+        struct sp_classify_job job = make_job(rig, &tf, m >= 4);
+        job.reach = m % 2 ? 1.3 : 2.6;
+        check_against_processor(rig, volume, &job, false);
+        assert_false(has_entries(rig, volume));
+    }
+}
+
 static void lists_are_those_of_the_processor(void **state) {
     struct rig *rig = *state;
-    static const enum sp_type types[] = { SP_UINT8, SP_INT8, SP_UINT16, SP_INT16 };
     static const uint32_t dims[][3] = { { 17, 33, 5 }, { 16, 16, 16 }, { 1, 1, 1 }, { 40, 3, 50 } };
-    static const double shares[][2] = { { 0.2, 0.6 }, { -1, 2 }, { 2, 3 }, { 0.5, 0.5 } };
-    for (unsigned n = 0; n < 4 * 4 * 2; n++) {
-        struct shape shape = { types[n % 4], { 0 }, n >= 16 };
-        memcpy(shape.dims, dims[n / 4 % 4], sizeof shape.dims);
+    for (unsigned n = 0; n < TYPES * 4 * 2; n++) {
+        struct shape shape = { (enum sp_type)(n % TYPES), { 0 }, n >= TYPES * 4 };
+        memcpy(shape.dims, dims[n / TYPES % 4], sizeof shape.dims);
         struct sp_volume *volume = make_volume(&shape);
-        for (unsigned m = 0; m < 4 * 3; m++) {
-            struct sp_transfer_function tf =
-                make_function(volume, shares[m % 4][0], shares[m % 4][1]);
-            if (m >= 8)
-                add_gradient_axis(&tf);
-            const struct sp_classify_job job = make_job(rig, &tf, m >= 4);
-            check_against_processor(rig, volume, &job, false);
-            assert_false(has_entries(rig, volume));
-        }
-        check_histogram(rig, volume);
+        check_functions(rig, volume, SP_TF_PRE);
+        if (shape.type <= SP_INT16)
+            check_histogram(rig, volume);
+        check_functions(rig, volume, SP_TF_POST);
         forget(rig, &volume);
     }
 }
@@ -313,6 +115,106 @@ static void an_edit_uploads_no_voxels(void **state) {
     forget(rig, &volume);
 }
 
+/* Of types without a table and order post: no list serves others, but none is uploaded either. */
+static void lists_by_value_follow_edits(void **state) {
+    struct rig *rig = *state;
+    static const enum sp_type types[] = { SP_FLOAT32, SP_INT32, SP_UINT8, SP_FLOAT32 };
+    for (unsigned n = 0; n < 4; n++) {
+        const struct shape shape = { types[n], { 50, 35, 20 }, n == 3 };
+        struct sp_volume *volume = make_volume(&shape);
+        double from = 0.3, to = 0.6;
+        for (int i = 0; i < 30; i++) {
+            struct sp_transfer_function tf = make_function(volume, from, to);
+            tf.order = n >= 2 && i % 3 ? SP_TF_POST : SP_TF_PRE;
+            struct sp_classify_job job = make_job(rig, &tf, i % 7 > 3);
+            job.reach = i % 2 ? 1 : 2;
+            if (i % 10 == 9)
+                gl_lists_forget(&rig->lists, NULL); /* as with a lost context */
+            check_against_processor(rig, volume, &job, false);
+            tf.points[1].color[1] = 0.25f; /* the list stays */
+            check_against_processor(rig, volume, &job, false);
+            from = fmin(fmax(from + uniform(-0.1, 0.1), 0), 0.9);
+            to = fmin(fmax(to + uniform(-0.1, 0.1), from), 1);
+        }
+        assert_false(has_entries(rig, volume));
+        forget(rig, &volume);
+    }
+}
+
+/* A colour: the points, where bricks begin, and scales. Another list: what is shown beside it. */
+static void an_edit_by_value_uploads_a_few_bytes_a_brick(void **state) {
+    struct rig *rig = *state;
+    const uint64_t bricks = 4 * 4 * 4, most = (GL_TABLE_SCALES + 16) * 16 + 2 * 4 * bricks + 2000;
+    for (int n = 0; n < 2; n++) {
+        const struct shape shape = { SP_FLOAT32, { 64, 64, 64 }, false };
+        struct sp_volume *volume = make_volume(&shape);
+        for (int i = 0; i < 3; i++) {
+            struct sp_transfer_function tf = make_function(volume, 0.2 + 0.1 * i, 0.8);
+            tf.order = n ? SP_TF_POST : SP_TF_PRE;
+            const struct sp_classify_job job = make_job(rig, &tf, true);
+            uint64_t before = rig->lists.uploaded;
+            assert_in_range(get(rig, volume, &job)->count, 10000, 64 * 64 * 64);
+            if (i > 0) /* then the samples */
+                assert_in_range(rig->lists.uploaded - before, 1, most);
+            tf.points[0].color[2] = 1;
+            before = rig->lists.uploaded;
+            get(rig, volume, &job);
+            assert_in_range(rig->lists.uploaded - before, 1, most);
+            before = rig->lists.uploaded;
+            get(rig, volume, &job);
+            assert_int_equal(rig->lists.uploaded, before);
+        }
+        forget(rig, &volume);
+    }
+}
+
+/* Values close together and far from 0, apart as far as can be, and points between them. */
+static void values_of_any_size_are_told_apart(void **state) {
+    struct rig *rig = *state;
+    static const struct {
+        enum sp_type type;
+        double first, step, points[4];
+    } cases[] = {
+        { SP_FLOAT32, 1000, 0.0009765625, { 1000.05, 1000.1, 1000.2, 1000.25 } },
+        { SP_FLOAT32, -8e37, 1e36, { -8.1e37, -3e37, 2e36, 3e36 } },
+        { SP_FLOAT32, -2e-4, 1e-6, { -1e-5, 0, 1e-9, 3e-5 } },
+        { SP_INT32, -2e9, 2.2e7, { -1.9e9, -1.8e9, 1e9, 1.1e9 } },
+        { SP_INT32, 2147483000, 3, { 2147483100, 2147483100.5, 2147483200, 2147483200.25 } },
+        { SP_INT16, 100, 1, { 110.3, 110.5, 110.6, 110.8 } },
+        { SP_INT32, 100, 1, { 110.3, 110.5, 110.6, 110.8 } },
+    };
+    for (size_t n = 0; n < 2 * sizeof cases / sizeof cases[0]; n++) {
+        enum { COUNT = 18 * 5 * 17 };
+        int32_t whole[COUNT];
+        int16_t halves[COUNT];
+        float reals[COUNT];
+        const double *points = cases[n / 2].points;
+        enum sp_type type = cases[n / 2].type;
+        for (int i = 0; i < COUNT; i++) {
+            double v = cases[n / 2].first + cases[n / 2].step * (rand() % 192);
+            whole[i] = type == SP_FLOAT32 ? 0 : (int32_t)v;
+            halves[i] = type == SP_INT16 ? (int16_t)v : 0;
+            reals[i] = (float)v;
+        }
+        const struct sp_grid grid = { .dims = { 18, 5, 17 },
+                                      .spacing = { 1, 1, 1 },
+                                      .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+        const void *samples = type == SP_FLOAT32 ? (void *)reals
+                              : type == SP_INT32 ? (void *)whole
+                                                 : (void *)halves;
+        struct sp_volume *volume = sp_volume_create(&grid, type, samples, "v", NULL);
+        struct sp_transfer_function tf = { .reference_length = 1, .point_count = 4 };
+        assert_non_null(volume);
+        tf.order = n % 2 ? SP_TF_POST : SP_TF_PRE;
+        for (int i = 0; i < 4; i++)
+            tf.points[i] = (struct sp_tf_point){ points[i], { 1, 0.5f, 0 }, i % 3 ? 0.5f : 0 };
+        const struct sp_classify_job job = make_job(rig, &tf, true);
+        check_against_processor(rig, volume, &job, true);
+        assert_false(has_entries(rig, volume));
+        forget(rig, &volume);
+    }
+}
+
 static void count_warnings(void *user, enum sp_log_level level, const char *line) {
     struct rig *rig = user;
     rig->warnings +=
@@ -352,6 +254,31 @@ static void without_room_the_processor_classifies(void **state) {
     }
 }
 
+/* A list that the one has counted is made by the other, and back again. */
+static void the_processor_and_the_gpu_take_turns(void **state) {
+    struct rig *rig = *state;
+    const uint64_t limit = rig->lists.limit_bytes;
+    static const enum sp_type types[] = { SP_UINT8, SP_FLOAT32, SP_INT32 };
+    for (int n = 0; n < 6; n++) {
+        const struct shape shape = { types[n % 3], { 30, 20, 40 }, false };
+        struct sp_volume *volume = make_volume(&shape);
+        struct sp_transfer_function tf = make_function(volume, 0.3, 0.6);
+        tf.order = n < 3 ? SP_TF_PRE : SP_TF_POST;
+        for (int turn = 0; turn < 4; turn++) {
+            const struct sp_classify_job job = make_job(rig, &tf, turn > 0);
+            bool is_gpu = turn % 2 == 0;
+            gl_lists_forget(&rig->lists, volume);
+            rig->lists.classify.block_bytes = is_gpu ? 0 : 20000; /* the samples take more */
+            check_against_processor(rig, volume, &job, false);
+            tf.points[1].color[0] = 0.1f * (float)turn;
+            check_against_processor(rig, volume, &job, false);
+            assert_int_equal(has_entries(rig, volume), !is_gpu || (n == 0 && turn > 0));
+        }
+        set_room(rig, limit, 0);
+        forget(rig, &volume);
+    }
+}
+
 static void a_cancelled_pass_can_be_made_again(void **state) {
     struct rig *rig = *state;
     const struct shape shape = { SP_UINT8, { 50, 40, 30 }, false };
@@ -381,20 +308,32 @@ static void check_flakes(const uint32_t got[2], struct sp_flakes wanted) {
     }
 }
 
-/* Depths rounded otherwise, and colours of what has a depth. */
-static void check_class(const float got[4], const struct sp_class *wanted) {
-    assert_true(fabsf(got[3] - wanted->depth) <= 1e-4f * wanted->depth + 1e-7f);
-    for (int k = 0; wanted->depth > 1e-6f && k < 3; k++)
-        assert_true(fabsf(got[k] - wanted->color[k]) < 1e-4f);
+/* Order post: a mean value, and a gradient whose parts may each be a step off. */
+static void check_scalar(const float row[4], const struct sp_visible *v, uint64_t e,
+                         const struct sp_transfer *transfer, const uint32_t *normal) {
+    float value = sp_transfer_value(transfer, sp_visible_key(v, e));
+    assert_true(fabsf(row[0] - value) <= 1e-5f * fabsf(value) + 1e-5f);
+    if (!normal)
+        return;
+    float a[3], b[3], apart = 0, got = sp_gradient_share(*normal);
+    float wanted = sp_gradient_share(sp_visible_normal(v, e));
+    sp_gradient_unpack(*normal, a);
+    sp_gradient_unpack(sp_visible_normal(v, e), b);
+    for (int k = 0; k < 3; k++)
+        apart = fmaxf(apart, fabsf(a[k] * got - b[k] * wanted));
+    assert_true(apart < 0.01f * sqrtf(wanted) + 1e-4f);
 }
 
 static void check_coarse(const struct gl_list *list, const struct sp_level *wanted, bool normals) {
     const struct sp_visible *v = &wanted->visible;
+    bool is_post = wanted->transfer.tf.order == SP_TF_POST;
     uint32_t *words = read_back(&list->entries, list->count * sizeof *words);
-    uint32_t(*flakes)[2] = read_back(normals ? &list->normals : &list->entries,
-                                     normals ? list->count * sizeof *flakes : 0);
+    uint32_t size = list->normal_bytes / 4;
+    uint32_t *packed = read_back(normals ? &list->normals : &list->entries,
+                                 normals ? list->count * list->normal_bytes : 0);
     float(*rows)[4] = read_back(&list->tables, (list->first_class + list->count) * sizeof *rows);
     assert_int_equal(list->count, v->count);
+    assert_int_equal(list->normal_bytes, normals ? v->normal_bytes : 0);
     assert_memory_equal(list->first, v->first, (gl_list_bricks(list) + 1) * sizeof *v->first);
     for (uint32_t b = 0; b < gl_list_bricks(list); b++) {
         uint16_t local[SP_BRICK_VOXELS];
@@ -402,14 +341,20 @@ static void check_coarse(const struct gl_list *list, const struct sp_level *want
         sp_visible_locals(v, b, NULL, 0, count, local);
         for (uint32_t n = 0; n < count; n++) { /* both rise by place */
             uint64_t e = v->first[b] + n;
+            const float *row = rows[list->first_class + e];
             assert_int_equal(words[e], local[n]);
-            check_class(rows[list->first_class + e], &wanted->transfer.table[e]);
-            if (normals)
-                check_flakes(flakes[e], *sp_visible_flakes(v, e));
+            if (is_post)
+                check_scalar(row, v, e, &wanted->transfer, normals ? &packed[e] : NULL);
+            else
+                check_class(row, &wanted->transfer.table[e]);
+            if (normals && !is_post)
+                check_flakes(&packed[size * e], *sp_visible_flakes(v, e));
         }
     }
+    if (is_post)
+        assert_true(list->base == wanted->transfer.base);
     free(words);
-    free(flakes);
+    free(packed);
     free(rows);
 }
 
@@ -440,8 +385,9 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
     struct rig *rig = *state;
     static const uint32_t dims[][3] = { { 50, 40, 30 }, { 17, 33, 5 }, { 1, 100, 2 } };
     static const uint32_t levels[] = { 2, 15, 4, 1, 8, 13 };
-    for (unsigned n = 0; n < 12; n++) {
-        struct shape shape = { n % 2 ? SP_UINT8 : SP_INT16, { 0 }, n >= 6 };
+    static const enum sp_type types[] = { SP_UINT8, SP_INT16, SP_FLOAT32 };
+    for (unsigned n = 0; n < 18; n++) {
+        struct shape shape = { types[n / 3 % 3], { 0 }, n >= 9 };
         memcpy(shape.dims, dims[n % 3], sizeof shape.dims);
         struct sp_volume *volume = make_volume(&shape);
         struct sp_transfer_function tf = make_function(volume, 0.2, 0.7);
@@ -450,6 +396,7 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
                 tf = make_function(volume, 0.25, 0.7);
             if (m == 4)
                 add_gradient_axis(&tf);
+            tf.order = m == 1 || m == 5 ? SP_TF_POST : SP_TF_PRE;
             struct sp_classify_job job = make_job(rig, &tf, m % 2 || m >= 4);
             job.levels = levels[(n + m) % 6];
             check_levels(rig, volume, &job);
@@ -485,9 +432,16 @@ int main(void) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(lists_are_those_of_the_processor),   ON(edits_leave_nothing_out),
-        ON(an_edit_uploads_no_voxels),          ON(without_room_the_processor_classifies),
-        ON(a_cancelled_pass_can_be_made_again), ON(coarse_levels_are_those_of_the_processor),
+        ON(lists_are_those_of_the_processor),
+        ON(edits_leave_nothing_out),
+        ON(an_edit_uploads_no_voxels),
+        ON(lists_by_value_follow_edits),
+        ON(an_edit_by_value_uploads_a_few_bytes_a_brick),
+        ON(values_of_any_size_are_told_apart),
+        ON(without_room_the_processor_classifies),
+        ON(the_processor_and_the_gpu_take_turns),
+        ON(a_cancelled_pass_can_be_made_again),
+        ON(coarse_levels_are_those_of_the_processor),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     gl_lists_finish(&rig.lists);

@@ -259,7 +259,7 @@ static void pieces_are_what_lists_leave(void **state) {
     for (int i = 0; i < 2; i++) {
         must_render(&rig, other, &view);
         must_render(&rig, rig.volume, &view);
-        assert_int_equal(gl_lists_voxels(&rig.state->lists, rig.volume, SP_TF_PRE)->refusals, 0);
+        assert_int_equal(gl_lists_voxels(&rig.state->lists, rig.volume)->refusals, 0);
     }
     rig.backend->forget(rig.state, other);
     sp_volume_unref(&other);
