@@ -297,6 +297,8 @@ bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, vo
     size_t used = 0;
     for (unsigned i = first; i < end; i++) {
         struct sp_error why;
+        if (options->platform && strcmp(options->platform, places.list[i].platform) != 0)
+            continue;
         struct gl_context *c = open_kind(&places.list[i], options->software, &why);
         if (c && take(user, c, &why))
             return true;

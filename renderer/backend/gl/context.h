@@ -18,8 +18,9 @@
 #include "sp/status.h"
 
 struct gl_options {
-    int gpu;       /* index of an EGL device; −1 = the first place that works */
-    bool software; /* true: software GL alone; false: never */
+    int gpu;              /* index of an EGL device; −1 = the first place that works … */
+    const char *platform; /* … of this platform (struct gl_info); NULL = of any */
+    bool software;        /* true: software GL alone; false: never */
 };
 
 /* What a context runs on. Strings are printable ASCII, cut to fit, never empty. */

@@ -51,6 +51,7 @@ static bool init(struct gl_state *state, struct sp_error *err) {
         return false;
     state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), &budget);
     state->options.gpu = gl_context_info(state->context)->gpu;
+    state->options.platform = gl_context_info(state->context)->platform;
     name_device(state);
     gl_draw_finish(state);
     bool ok = gl_draw_init(state, err);
@@ -73,7 +74,7 @@ static bool take(void *user, struct gl_context *context, struct sp_error *err) {
     return ok;
 }
 
-/* The first device that does all of it; one that was started on before, alone. */
+/* The first place that does all of it; one that was started on before, alone. */
 static bool start(struct gl_state *state, const struct sp_backend_options *options,
                   struct sp_error *err) {
     const struct gl_options wanted = state->options;

@@ -283,6 +283,32 @@ static void a_device_that_does_not_do_it_all_is_passed_over(void **state) {
                                      "surfaceless display: shader "));
 }
 
+/* Where a state was started it starts again: no other display takes its place. */
+static void a_platform_is_taken_alone(void **state) {
+    (void)state;
+    const struct sp_backend *backend = find_backend("gl");
+    const struct sp_backend_options anywhere = {
+        .threads = 1, .memory_bytes = 1 << 30, .isa = "auto", .gpu = -1
+    };
+    struct sp_error err;
+    drivers[0].broken = true;
+    struct gl_state *made = backend->create(&anywhere, &err);
+    assert_non_null(made);
+    const struct gl_options again = made->options;
+    backend->destroy(made);
+    assert_int_equal(again.gpu, -1);
+    assert_string_equal(again.platform, "surfaceless");
+    drivers[0].broken = false;
+    machine.initialised = 0;
+    struct gl_context *context = gl_context_create(&again, &err);
+    assert_non_null(context);
+    assert_int_equal(machine.initialised, 1 << SURFACELESS);
+    gl_context_destroy(&context);
+    drivers[SURFACELESS].broken = true;
+    assert_null(gl_context_create(&again, &err));
+    assert_string_equal(err.text, "surfaceless display: eglInitialize fails: EGL_NOT_INITIALIZED");
+}
+
 static void note_device(void *user, const struct sp_device *device) {
     struct sp_device **next = user;
     *(*next)++ = *device;
@@ -349,6 +375,7 @@ int main(void) {
         TEST(a_surface_is_made_where_one_is_needed),
         TEST(a_node_that_cannot_be_opened_is_named),
         TEST(a_device_that_does_not_do_it_all_is_passed_over),
+        TEST(a_platform_is_taken_alone),
         TEST(the_probe_tells_of_all),
         TEST(the_probe_tries_what_the_start_does),
     };
