@@ -14,8 +14,9 @@
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch, on any GPU */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,     /* batches, or turns, that the GPU may lie behind, … */
-    BEHIND_MOST = 8 /* … and where they are short */
+    BEHIND = 2,      /* batches, or turns, that the GPU may lie behind, … */
+    BEHIND_MOST = 8, /* … and where they are short */
+    CHUNKS_SHARE = 8 /* what records may take over what their bricks may */
 };
 
 struct draw {
@@ -110,7 +111,7 @@ static void project(struct draw *d, const struct gl_batch *batch) {
         for (uint32_t done = 0, n; done < batch->chunks[l]; done += n) {
             uint32_t left = batch->chunks[l] - done;
             n = left < GROUPS_MOST ? left : GROUPS_MOST;
-            glUniform2ui(1, batch->chunk[l] + done, batch->first);
+            glUniform2ui(1, batch->chunk[l] - s->upload.chunk_first + done, batch->first);
             glDispatchCompute(n, 1, 1);
         }
     }
@@ -285,7 +286,8 @@ static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     if (!gl_cut_make(&s->cut, layers_of_batch(d), d->slot->pieces.records, err))
         return false;
-    return reserve(d, err) && gl_upload_chunks(&s->upload, &s->cut, s->block_bytes, err) &&
+    uint64_t enough = gl_room_limits(&s->room).record_bytes / CHUNKS_SHARE;
+    return reserve(d, err) && gl_upload_chunks(&s->upload, &s->cut, enough, s->block_bytes, err) &&
            gl_memory_fit(s, err);
 }
 
@@ -296,6 +298,7 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         const struct gl_bins_space space = space_of(d, batch);
         gl_bins_clear(&d->state->bins, &space);
+        gl_upload_batch(&d->state->upload, &d->state->cut, batch);
         project(d, batch);
         bin(d, batch);
         if (!composite(d, batch, err))

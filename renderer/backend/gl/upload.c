@@ -42,15 +42,45 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f, const s
     return true;
 }
 
-bool gl_upload_chunks(struct gl_upload *upload, const struct gl_cut *cut, uint64_t most,
-                      struct sp_error *err) {
-    uint64_t bytes = cut->chunk_count * sizeof *cut->chunks;
-    if (!reserve(&upload->chunks, "bricks", bytes + 1, most, &upload->chunks_made, err))
+/* Levels follow each other. */
+static void find_chunks(const struct gl_batch *batch, uint32_t *first, uint32_t *count) {
+    *first = *count = 0;
+    for (int l = SP_LEVELS - 1; l >= 0; l--) {
+        *first = batch->chunks[l] ? batch->chunk[l] : *first;
+        *count += batch->chunks[l];
+    }
+}
+
+bool gl_upload_chunks(struct gl_upload *upload, const struct gl_cut *cut, uint64_t enough,
+                      uint64_t most, struct sp_error *err) {
+    uint64_t room = enough / sizeof *cut->chunks;
+    for (uint32_t i = 0; i < cut->batch_count; i++) {
+        uint32_t first, count;
+        find_chunks(&cut->batches[i], &first, &count);
+        room = room > count ? room : count;
+    }
+    room = room < cut->chunk_count ? room : cut->chunk_count;
+    if (!reserve(&upload->chunks, "bricks", room * sizeof *cut->chunks + 1, most,
+                 &upload->chunks_made, err))
         return false;
-    if (bytes && upload->chunks_made != cut->chunks_made)
-        send(upload, &upload->chunks, 0, cut->chunks, bytes);
+    if (upload->chunks_made != cut->chunks_made)
+        upload->chunk_first = upload->chunk_end = 0;
     upload->chunks_made = cut->chunks_made;
+    upload->chunk_room = (uint32_t)room;
     return true;
+}
+
+void gl_upload_batch(struct gl_upload *upload, const struct gl_cut *cut,
+                     const struct gl_batch *batch) {
+    uint32_t first, count;
+    find_chunks(batch, &first, &count);
+    if (first >= upload->chunk_first && first + count <= upload->chunk_end)
+        return;
+    uint32_t left = cut->chunk_count - first;
+    uint32_t n = left < upload->chunk_room ? left : upload->chunk_room;
+    send(upload, &upload->chunks, 0, cut->chunks + first, n * sizeof *cut->chunks);
+    upload->chunk_first = first;
+    upload->chunk_end = first + n;
 }
 
 void gl_upload_finish(struct gl_upload *upload) {

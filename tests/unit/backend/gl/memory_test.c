@@ -266,6 +266,48 @@ static void pieces_are_what_lists_leave(void **state) {
     close_rig(&rig);
 }
 
+static struct test_image picture_of(struct rig *rig, struct sp_volume *volume,
+                                    const struct sp_view *view) {
+    struct sp_frame *frame = sp_frame_create(rig->pool, 16, 16, SP_RGBAF32, NULL);
+    const struct sp_backend_job job = { .volume = volume, .view = view, .frame = frame };
+    struct test_image image;
+    struct sp_error err;
+    assert_non_null(frame);
+    if (!rig->backend->render(rig->state, &job, &err))
+        fail_msg("%s", err.text);
+    assert_true(test_image_from_frame(&image, frame));
+    assert_true(all_bytes(rig) <= rig->state->lists.limit_bytes);
+    sp_frame_unref(&frame);
+    return image;
+}
+
+/* Lists that leave a fifth of the budget: small pieces are of many bricks, which are sent in turns.
+ */
+static void many_bricks_are_sent_in_turns(void **state) {
+    (void)state;
+    struct rig large, tight;
+    must_open(&large, 1 << 30);
+    must_open(&tight, 2 * MIB);
+    take_volume(&tight, make_cube(64, 1));
+    const struct sp_view view = view_of(tight.volume, 16);
+    struct test_image wanted = picture_of(&large, tight.volume, &view);
+    uint64_t before = large.state->upload.bytes;
+    for (int i = 0; i < 2; i++) {
+        struct test_image got = picture_of(&tight, tight.volume, &view);
+        assert_true(test_image_psnr(&got, &wanted) >= 90);
+        test_image_finish(&got);
+    }
+    const struct gl_upload *upload = &tight.state->upload;
+    assert_true(upload->chunk_end - upload->chunk_first < tight.state->cut.chunk_count);
+    struct test_image again = picture_of(&large, tight.volume, &view);
+    assert_in_range(large.state->upload.bytes - before, 1, 2000); /* constants: bricks are there */
+    test_image_finish(&again);
+    test_image_finish(&wanted);
+    large.backend->forget(large.state, tight.volume);
+    close_rig(&large);
+    close_rig(&tight);
+}
+
 static const struct gl_voxels *voxels_of(const struct rig *rig) {
     for (int i = 0; i < GL_VOLUMES; i++)
         if (rig->state->lists.voxels[i].volume == rig->volume)
@@ -335,6 +377,7 @@ int main(void) {
         cmocka_unit_test(what_was_needed_once_goes),
         cmocka_unit_test(many_planes_fit_any_budget),
         cmocka_unit_test(pieces_are_what_lists_leave),
+        cmocka_unit_test(many_bricks_are_sent_in_turns),
         cmocka_unit_test(scratch_makes_room_for_samples),
         cmocka_unit_test(a_refusal_is_not_for_ever),
     };
