@@ -61,11 +61,12 @@ static bool write_ends(struct gl_reach *reach, const struct sp_level *level, uns
                        uint64_t *uploaded, struct sp_error *err) {
     uint32_t count = bricks_along(&level->grid, (int)axis) * CELLS;
     uint64_t bytes = count * (uint64_t)(2 * sizeof(uint32_t));
-    uint32_t *first = malloc(2 * bytes), *last = first + count, *pairs = last + count;
-    bool ok = first && gl_buffer_reserve(&reach->ends, "cells that kernels reach", bytes, 0,
-                                         GL_USE_STREAM, err);
-    if (!first)
+    uint32_t *pairs = malloc(2 * bytes);
+    if (!pairs)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u cells", count);
+    bool ok = gl_buffer_reserve(&reach->ends, "cells that kernels reach", bytes, 0, GL_USE_STREAM,
+                                err);
+    uint32_t *first = pairs + 2 * (size_t)count, *last = first + count;
     sp_reach_ends(&level->grid, axis, level->reach, count, first, last);
     for (uint32_t i = 0; i < count; i++) {
         pairs[2 * i] = first[i];
@@ -75,7 +76,7 @@ static bool write_ends(struct gl_reach *reach, const struct sp_level *level, uns
         gl_buffer_write(&reach->ends, pairs, bytes);
         *uploaded += bytes;
     }
-    free(first);
+    free(pairs);
     return ok;
 }
 
