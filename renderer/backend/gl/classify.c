@@ -35,8 +35,8 @@ static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
 }
 
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
-    static const char finest[] = "samples gradient post 00_classify";
-    static const char coarse[] = "gradient 01_coarse";
+    static const char finest[] = "samples gradient post marks 00_classify";
+    static const char coarse[] = "gradient marks 01_coarse";
     c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
     return (c->range = open_pass(finest, 0, err)) && (c->count = open_pass(finest, 1, err)) &&
            (c->fill = open_pass(finest, 2, err)) && (c->histogram = open_pass(finest, 3, err)) &&

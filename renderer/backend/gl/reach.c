@@ -64,8 +64,8 @@ static bool write_ends(struct gl_reach *reach, const struct sp_level *level, uns
     uint32_t *pairs = malloc(2 * bytes);
     if (!pairs)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u cells", count);
-    bool ok = gl_buffer_reserve(&reach->ends, "cells that kernels reach", bytes, 0, GL_USE_STREAM,
-                                err);
+    bool ok =
+        gl_buffer_reserve(&reach->ends, "cells that kernels reach", bytes, 0, GL_USE_STREAM, err);
     uint32_t *first = pairs + 2 * (size_t)count, *last = first + count;
     sp_reach_ends(&level->grid, axis, level->reach, count, first, last);
     for (uint32_t i = 0; i < count; i++) {

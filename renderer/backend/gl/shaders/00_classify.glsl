@@ -24,8 +24,7 @@ const uint BY_KEY = 0u, BY_VALUE = 1u, BY_CELL = 2u;   // how.x
 const uint NO_CLASSES = 0u, COLORS = 1u, VALUES = 2u; // how.z
 
 shared int low, high;
-shared uint shows, marked[2];      // of the brick's cells: a bit each that can matter
-shared uint masks[128], ends[128]; // by 32 voxels: a bit each, and the entries up to their end
+shared uint shows, marked[2]; // of the brick's cells: a bit each that can matter
 
 uint key_of(int ordinal) {
     return uint(ordinal - type.z);
@@ -99,25 +98,15 @@ bool is_listed(int ordinal, uint slice) {
     return (listed[key / 32u] >> (key & 31u) & 1u) != 0u;
 }
 
-// Fills masks and ends.
 void mark(uvec3 corner) {
     uint thread = gl_LocalInvocationIndex;
     for (uint s = 0u; s < 16u; s++) {
         uvec3 i = voxel_of(corner, s);
         if (all(lessThan(i, dims)) && is_listed(ordinal_at(i), s))
-            atomicOr(masks[8u * s + thread / 32u], 1u << (thread & 31u));
+            set_mark(s << 8 | thread);
     }
     barrier();
-    if (thread < 128u)
-        ends[thread] = uint(bitCount(masks[thread]));
-    barrier();
-    for (uint step = 1u; step < 128u; step *= 2u) {
-        uint before = thread >= step && thread < 128u ? ends[thread - step] : 0u;
-        barrier();
-        if (thread < 128u)
-            ends[thread] += before;
-        barrier();
-    }
+    sum_marks();
 }
 
 // Distance of two samples along an axis, in spacings; each lies beside `i`.
@@ -129,7 +118,8 @@ float gap_of(int axis, uint i, uint from, uint to) {
     if (to == min(i + 1u, dims[axis] - 1u) && from == max(i, 1u) - 1u)
         return gaps * tables[row + i].y;
     vec4 a = tables[row + from], b = tables[row + to]; // beside a sample that is not finite
-    return (b.z - a.z) + (b.w - a.w) + (b.x - a.x);
+    precise float gap = (b.z - a.z) + (b.w - a.w) + (b.x - a.x);
+    return gap;
 }
 
 float rise(uvec3 to, uvec3 from) {
@@ -195,11 +185,9 @@ void write_classes(uint brick) {
 void fill(uint brick, uvec3 corner) {
     uint thread = gl_LocalInvocationIndex, first = counts[brick];
     for (uint s = 0u; s < 16u; s++) {
-        uint word = 8u * s + thread / 32u, bit = 1u << (thread & 31u), mask = masks[word];
-        if ((mask & bit) == 0u)
-            continue;
-        uint before = ends[word] - uint(bitCount(mask)) + uint(bitCount(mask & (bit - 1u)));
-        write_entry(first + before, s << 8 | thread, voxel_of(corner, s));
+        uint before;
+        if (find_mark(s << 8 | thread, before))
+            write_entry(first + before, s << 8 | thread, voxel_of(corner, s));
     }
 }
 
@@ -240,8 +228,7 @@ void main() {
         high = NONE_HIGH;
         shows = marked[0] = marked[1] = 0u;
     }
-    if (thread < 128u)
-        masks[thread] = 0u;
+    clear_marks();
     barrier();
     if (PASS == RANGES) {
         find_range(brick);
@@ -259,7 +246,7 @@ void main() {
     if (!is_empty)
         mark(corner_of(brick));
     if (PASS == COUNT && thread == 0u)
-        counts[brick] = is_empty ? 0u : ends[127];
+        counts[brick] = is_empty ? 0u : marks_before(4096u);
     if (PASS == FILL && !is_empty)
         fill(brick, corner_of(brick));
 }

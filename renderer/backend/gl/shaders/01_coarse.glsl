@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list of a level → that of the next coarser one (classify/coarse.c), a work group a coarse brick. By PASS: how many
-// of its cells have a visible voxel; their entries, classes and flakes; order post: values and gradients. Lists rise by place, so that a slice of a brick
-// is found by bisection, and a cell's eight voxels are added up in the same order every time.
+// of its cells have a visible voxel; their entries, classes and flakes; order post: values and gradients. Lists rise by
+// place, so that a slice of a brick is found by bisection, and a cell's eight voxels are added up in the same order every
+// time.
 
 layout(local_size_x = GROUP) in;
 // The finer level, as in 10_project.glsl; where the entries of each of its bricks begin.
@@ -27,7 +28,6 @@ const int COUNT = 0, FILL = 1;
 const float MINOR = 0.525731112, MAJOR = 0.850650808;
 
 shared uint bounds[8][17]; // of finer brick b: where its slice s begins
-shared uint masks[128], ends[128]; // by 32 cells: a bit each that is used, and the entries up to their end
 shared uint voxels[2048];  // entries + 1 of a coarse slice, by x | y << 5 | z << 10; 0 = none
 
 // What the voxels of a cell add up to, by depth.
@@ -60,7 +60,7 @@ bool is_hidden(uint word) {
     return is_post == 0u && list.x != 0u && !(tables[list.z + (word >> 12)].w > 0.0);
 }
 
-// Fills masks and ends.
+// Marks cells that are used.
 void mark() {
     uint thread = gl_LocalInvocationIndex;
     for (uint b = 0u; b < 8u; b++) {
@@ -68,20 +68,11 @@ void mark() {
         for (uint e = bounds[b][0] + thread; e < bounds[b][16]; e += GROUP) {
             uint word = entries[e], cell = (word >> 1 & 0x777u) + offset;
             if (!is_hidden(word))
-                atomicOr(masks[cell / 32u], 1u << (cell & 31u));
+                set_mark(cell);
         }
     }
     barrier();
-    if (thread < 128u)
-        ends[thread] = uint(bitCount(masks[thread]));
-    barrier();
-    for (uint step = 1u; step < 128u; step *= 2u) {
-        uint before = thread >= step && thread < 128u ? ends[thread - step] : 0u;
-        barrier();
-        if (thread < 128u)
-            ends[thread] += before;
-        barrier();
-    }
+    sum_marks();
 }
 
 // Finds the voxels of coarse slice s.
@@ -218,14 +209,13 @@ void write_cell(uint out_entry, uint local, uvec3 cell) {
 
 // The thread's cell of each slice that has any.
 void fill(uvec3 corner, uint first) {
-    uint thread = gl_LocalInvocationIndex, bit = 1u << (thread & 31u);
+    uint thread = gl_LocalInvocationIndex;
     for (uint s = 0u; s < 16u; s++) {
-        uint word = 8u * s + thread / 32u, mask = masks[word];
-        if (ends[8u * s + 7u] == (s > 0u ? ends[8u * s - 1u] : 0u))
+        if (marks_before(s << 8) == marks_before(s + 1u << 8))
             continue;
         collect(s);
-        uint before = ends[word] - uint(bitCount(mask)) + uint(bitCount(mask & (bit - 1u)));
-        if ((mask & bit) != 0u)
+        uint before;
+        if (find_mark(s << 8 | thread, before))
             write_cell(first + before, s << 8 | thread, corner + uvec3(thread & 15u, thread >> 4, s));
         barrier();
     }
@@ -235,8 +225,7 @@ void main() {
     uint brick = first_brick + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
     uvec3 bricks = ((dims + 1u) / 2u + 15u) / 16u;
     uvec3 at = uvec3(brick % bricks.x, brick / bricks.x % bricks.y, brick / bricks.x / bricks.y);
-    if (thread < 128u)
-        masks[thread] = 0u;
+    clear_marks();
     find_bounds(at);
     barrier();
     uint all_entries = 0u;
@@ -245,7 +234,7 @@ void main() {
     if (all_entries > 0u)
         mark();
     if (PASS == COUNT && thread == 0u)
-        counts[brick] = all_entries > 0u ? ends[127] : 0u;
+        counts[brick] = all_entries > 0u ? marks_before(4096u) : 0u;
     if (PASS == FILL && all_entries > 0u)
         fill(16u * at, counts[brick]);
 }

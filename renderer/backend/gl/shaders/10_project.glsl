@@ -189,7 +189,8 @@ vec2 place_of(uint axis, uint i) {
     if (parts[part].kind.y == 0u)
         return vec2(float(int(i - parts[part].origin[axis])), 1.0);
     vec4 row = row_of(axis, i), origin = row_of(axis, parts[part].origin[axis]);
-    return vec2((row.z - origin.z) + (row.w - origin.w) + row.x, row.y);
+    precise float place = (row.z - origin.z) + (row.w - origin.w) + row.x;
+    return vec2(place, row.y);
 }
 
 // Places a voxel; returns its cell's volume over the mean one's.
