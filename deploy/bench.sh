@@ -20,8 +20,11 @@ cores; each step prints what runs and how long it took.
   --no-vtk        do not; without either, VTK is measured where it is installed
   --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
                   adaptive, detail, edits, cancel, scaling, gl, serve, codecs, tls. On software GL the
-                  part gl draws two views of a scene and leaves out, saying so, what takes 30 s; serve
-                  and tls need node, serve also what deploy/test.sh installs in tests/node_modules
+                  part gl draws two views of a scene and leaves out, saying so, what takes longer than
+                  --software-limit; serve and tls need node, serve also what deploy/test.sh installs in
+                  tests/node_modules
+  --software-limit S  seconds of it (default 30); 400 are enough for every scene at 2048 px, and take
+                  half an hour more
   --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)
   --full          24 cameras for VTK at 1024 px as well, where 8 are taken (10 minutes more)
@@ -43,7 +46,7 @@ need_value() {
 }
 
 install=yes quick=no vtk=auto views='' full=no out='' only='' peak=''
-data=${SPLATD_DATA_DIR:-$root/../shared/data} scenes=$root/../shared/bench/scenes
+software_limit='' data=${SPLATD_DATA_DIR:-$root/../shared/data} scenes=$root/../shared/bench/scenes
 while [[ $# -gt 0 ]]; do
     case $1 in
     --quick) quick=yes ;;
@@ -57,6 +60,7 @@ while [[ $# -gt 0 ]]; do
     --only) need_value "$@"; only=$2; shift ;;
     --gpu-peak) need_value "$@"; peak=$2; shift ;;
     --views) need_value "$@"; views=$2; shift ;;
+    --software-limit) need_value "$@"; software_limit=$2; shift ;;
     --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
     esac
@@ -68,6 +72,7 @@ else
     out=${out:-$root/tests/bench/results} views=${views:-24}
 fi
 [[ $views =~ ^[0-9]+$ && $views -ge 2 && $views -le 24 ]] || die "--views takes a number from 2 to 24"
+[[ $software_limit =~ ^([1-9][0-9]{0,4})?$ ]] || die "--software-limit takes seconds, from 1 to 99999"
 
 data=$(realpath -m "$data") scenes=$(realpath -m "$scenes")
 peer=$scenes/../vtk_bench.py why=''
@@ -94,6 +99,7 @@ arguments=(--bin "$root/build/release/bin" --data "$data" --scenes "$scenes" --o
 [[ $quick == no ]] || arguments+=(--quick)
 [[ -z $only ]] || arguments+=(--only "$only")
 [[ -z $peak ]] || arguments+=(--gpu-peak "$peak")
+[[ -z $software_limit ]] || arguments+=(--software-limit "$software_limit")
 [[ $full == no ]] || arguments+=(--peer-views 24)
 say "measuring into $out"
 status=0

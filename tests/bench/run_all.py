@@ -40,6 +40,7 @@ def arguments():
     p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
     p.add_argument('--gpu-peak', type=peaks, default=('', ''), metavar='GB/s,TFLOP/s',
                    help='memory bandwidth and single-precision arithmetic of the GPU, which the page compares with')
+    p.add_argument('--software-limit', type=int, default=30, metavar='S', help='seconds that two views of a scene may take on software GL')
     p.add_argument('--peer-views', type=int, default=8, help='cameras for VTK at 1024 px, evenly chosen; 24 at 512 px')
     options = p.parse_args()
     options.only = options.only.split(',')
@@ -367,7 +368,7 @@ class Gpu:
         self.corners = [(size, shading) for shading in (('none', 'phong') if hardware else ('none',)) for size in (512, 1024, 2048)]
         if run.o.quick:
             self.corners = self.corners[:1]
-        self.views, self.warm, self.limit = (run.o.views, 2, 600) if hardware else (2, 0, 30)
+        self.views, self.warm, self.limit = (run.o.views, 2, 600) if hardware else (2, 0, run.o.software_limit)
         self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'lobster'] or list(run.scenes)[:1]
         self.steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) if self.backend else 0
 
