@@ -44,13 +44,19 @@ CMAKE_ARGS=(-DSPLATD_WERROR=ON "-DSPLATD_DATA_DIR=$data")
 [[ -d $data ]] || say "no real volumes at $data: their tests will be skipped"
 
 failed=()
-# run PRESET CTEST-ARGUMENT...: a preset that fails does not keep the next from running.
+# run PRESET CTEST-ARGUMENT...: a preset that fails does not keep the next from running. A test a core, but for those
+# that want them all (RUN_SERIAL).
 run() {
-    local preset=$1
+    local preset=$1 begun=$SECONDS
     shift
     say "testing $preset"
-    (cd "$root" && ctest --preset "$preset" "$@") || failed+=("$preset")
+    (cd "$root" && ctest --preset "$preset" --parallel "$(nproc)" "$@") || failed+=("$preset")
+    say "$preset took $((SECONDS - begun)) s"
 }
+
+# Shaders are compiled once, not by each preset again, nor by each run of a test.
+export MESA_SHADER_CACHE_DIR=$root/build/shaders
+mkdir -p "$MESA_SHADER_CACHE_DIR"
 
 if [[ $quick == no ]]; then
     build asan

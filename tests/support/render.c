@@ -4,23 +4,14 @@
 #include <string.h>
 
 #include "backend/cpu/kernels.h"
+#include "support/sanitized.h"
 
-/* The CPU backend's instruction sets. Sanitizers make everything ten times slower: there the
- * reference and the best that the machine has. */
-#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
-#define SANITIZED 1
-#elif defined __has_feature
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SANITIZED 1
-#endif
-#endif
-
+/* The CPU backend's instruction sets; under a sanitizer the reference and the best that the machine
+ * has. */
 static const char *isa_at(unsigned i) {
-#ifdef SANITIZED
-    return i == 0 ? "scalar" : i == 1 ? "auto" : NULL;
-#else
+    if (TEST_SANITIZED)
+        return i == 0 ? "scalar" : i == 1 ? "auto" : NULL;
     return cpu_isa_at(i);
-#endif
 }
 
 bool test_target_at(unsigned i, struct test_target *target) {

@@ -20,6 +20,7 @@
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/image.h"
+#include "support/sanitized.h"
 #include "support/scene.h"
 
 struct rig {
@@ -69,12 +70,15 @@ static bool draw(struct rig *rig, struct sp_volume *volume, const struct sp_view
     return ok;
 }
 
-/* Sheets of a scene that has them, in a picture whose sides no tile divides. */
+/* Of pictures, px: no tile divides them. */
+enum { WIDE = TEST_SANITIZED ? 43 : 75, HIGH = TEST_SANITIZED ? 29 : 53 };
+
+/* Sheets of a scene that has them. */
 static struct sp_volume *make_scene(test_scene_fn *build, struct test_scene *scene) {
     assert_true(build(scene));
     scene->view.compositing.mode = SP_COMPOSITE_SHEET;
-    scene->view.size[0] = 75;
-    scene->view.size[1] = 53;
+    scene->view.size[0] = WIDE;
+    scene->view.size[1] = HIGH;
     struct sp_volume *volume = test_scene_volume(scene, NULL);
     assert_non_null(volume);
     return volume;
@@ -455,6 +459,8 @@ int main(void) {
     struct rig rig;
     struct sp_error err;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    if (TEST_SANITIZED)
+        printf("thinned under a sanitizer: pictures of %d by %d px\n", WIDE, HIGH);
     if (!open_rig(&rig, (uint64_t)1 << 30, &err)) {
         printf("skipped: no software GL here: %s\n", err.text);
         return TEST_SKIPPED;
