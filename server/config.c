@@ -57,7 +57,8 @@ static const struct setting settings[] = {
       "instruction set of the CPU renderer: auto, scalar, sse41, avx2, avx512, neon" },
     { "threads", COUNT, AT(threads), "0", 0, 256, "N", "render threads; 0 = one a core" },
     { "token-file", TEXT, AT(token_file), NULL, 0, 0, "FILE",
-      "the token is the first line of this file; without it a random one is made and printed" },
+      "the tokens, one a line, with what each is for (README); without it a random one is "
+      "made and printed" },
     { "tls-cert", TEXT, AT(tls_cert), NULL, 0, 0, "FILE",
       "speak TLS with this certificate (PEM, its own first, then its chain); needs --tls-key" },
     { "tls-key", TEXT, AT(tls_key), NULL, 0, 0, "FILE",
@@ -204,6 +205,10 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
     number_to_text(setting->kind, setting->max, high);
     return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is no %s in [%s, %s]", text,
                    number_name(setting->kind), low, high);
+}
+
+bool srv_config_pixels(const char *text, int64_t *px, struct sp_error *err) {
+    return parse_number(find("frame-size", strlen("frame-size")), text, px, NULL, err);
 }
 
 static bool set_text(char **slot, const char *text, const char *place, struct sp_error *err) {

@@ -22,6 +22,8 @@ struct srv_daemon {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_stills *stills;
+    struct srv_tokens *tokens;
+    char token[SRV_TOKEN_DIGITS + 1]; /* the only one, if there is no file */
     struct srv_hub *hub;
     struct srv_store *store;
     struct srv_metrics *metrics;
@@ -194,6 +196,22 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
            srv_scheduler_start(d->scheduler, d->hub, err);
 }
 
+/* Those of the file, or a random one. */
+static bool start_tokens(struct srv_daemon *d, struct sp_error *err) {
+    static const char name[] = "printed";
+    const char *file = d->config->token_file;
+    struct srv_token *list;
+    size_t count;
+    if (!(d->tokens = srv_tokens_create(err)) ||
+        !(file ? srv_token_file_read(file, &list, &count, err)
+               : srv_secret_hex(d->token, SRV_TOKEN_DIGITS, err) &&
+                     srv_token_file_parse(d->token, SRV_TOKEN_DIGITS, &list, &count, err)))
+        return false;
+    if (!file)
+        memcpy(list->name, name, sizeof name);
+    return srv_tokens_set(d->tokens, list, count, err);
+}
+
 static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_address address;
@@ -204,6 +222,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->scheduler = d->scheduler;
     o->streams = d->streams;
     o->stills = d->stills;
+    o->tokens = d->tokens;
     o->store = d->store;
     o->metrics = d->metrics;
     if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
@@ -214,9 +233,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
             err, SP_ERR_INVALID, c->listen,
             "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "
             "behind a reverse proxy that has it, --token-file FILE; or forward a port by ssh");
-    if (!srv_secret_hex(o->instance, sizeof o->instance - 1, err) ||
-        !(c->token_file ? srv_secret_read(c->token_file, o->token, err)
-                        : srv_secret_hex(o->token, SRV_TOKEN_DIGITS, err)))
+    if (!srv_secret_hex(o->instance, sizeof o->instance - 1, err))
         return false;
     struct srv_http *http = srv_http_create(o, err);
     atomic_store(&d->http, http);
@@ -258,7 +275,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     if ((d->stills = srv_stills_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
         start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
-        start_http(d, err))
+        start_tokens(d, err) && start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -267,8 +284,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
 void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
     bool show = !d->config->token_file;
     snprintf(url, size, "http%s://%s/%s%s", d->config->tls_cert ? "s" : "",
-             srv_http_address(atomic_load(&d->http)), show ? "?token=" : "",
-             show ? d->http_options.token : "");
+             srv_http_address(atomic_load(&d->http)), show ? "?token=" : "", show ? d->token : "");
 }
 
 static void on_difference(void *user, const char *name) {
@@ -322,6 +338,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
     srv_stills_destroy(&d->stills);
+    srv_tokens_destroy(&d->tokens);
     srv_hub_destroy(&d->hub);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);

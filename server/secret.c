@@ -3,11 +3,8 @@
 
 #include <assert.h>
 #include <errno.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/random.h>
-
-#include "config.h"
 
 bool srv_secret_hex(char *out, size_t digits, struct sp_error *err) {
     unsigned char raw[32];
@@ -35,22 +32,4 @@ bool srv_secret_equal(const char *secret, const char *given) {
     for (size_t i = 0; i < given_length; i++)
         difference |= (unsigned char)(secret[i % length] ^ given[i]);
     return difference == 0;
-}
-
-bool srv_secret_read(const char *path, char token[SRV_TOKEN_BYTES], struct sp_error *err) {
-    FILE *file = srv_open_regular(path);
-    if (!file)
-        return sp_fail(err, SP_ERR_IO, path, "cannot read the token: %s", strerror(errno));
-    char line[SRV_TOKEN_BYTES + 2] = "";
-    bool read = fgets(line, sizeof line, file) != NULL;
-    fclose(file);
-    line[strcspn(line, "\r\n")] = 0;
-    size_t length = strlen(line);
-    size_t allowed =
-        strspn(line, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._~-");
-    if (!read || length < 16 || length >= SRV_TOKEN_BYTES || allowed != length)
-        return sp_fail(err, SP_ERR_INVALID, path,
-                       "its first line must be a token of 16 to 128 characters of [A-Za-z0-9._~-]");
-    memcpy(token, line, length + 1);
-    return true;
 }

@@ -18,7 +18,4 @@ bool srv_secret_hex(char *out, size_t digits, struct sp_error *err);
 /* Equal? Takes a time that depends on the length of `given` alone. NULL is never equal. */
 bool srv_secret_equal(const char *secret, const char *given);
 
-/* Reads a token from the first line of a file: 16 to 128 characters of [A-Za-z0-9._~-]. */
-bool srv_secret_read(const char *path, char token[SRV_TOKEN_BYTES], struct sp_error *err);
-
 #endif

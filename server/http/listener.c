@@ -148,17 +148,12 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
     return http->tls != NULL;
 }
 
-static bool reload_token(struct srv_http *http, struct sp_error *err) {
+static bool reload_tokens(struct srv_http *http, struct sp_error *err) {
     const char *file = http->options.config->token_file;
-    char token[SRV_TOKEN_BYTES];
-    if (!file)
-        return true;
-    if (!srv_secret_read(file, token, err))
-        return false;
-    pthread_mutex_lock(&http->mutex);
-    memcpy(http->options.token, token, sizeof token);
-    pthread_mutex_unlock(&http->mutex);
-    return true;
+    struct srv_token *list;
+    size_t count;
+    return !file || (srv_token_file_read(file, &list, &count, err) &&
+                     srv_tokens_set(http->options.tokens, list, count, err));
 }
 
 static bool reload_keys(struct srv_http *http, struct sp_error *err) {
@@ -172,8 +167,8 @@ static bool reload_keys(struct srv_http *http, struct sp_error *err) {
 }
 
 bool srv_http_reload(struct srv_http *http, struct sp_error *err) {
-    bool token = reload_token(http, err);
-    return reload_keys(http, err) && token;
+    bool tokens = reload_tokens(http, err);
+    return reload_keys(http, err) && tokens;
 }
 
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err) {

@@ -23,6 +23,7 @@
 #include "http/strict.h"
 #include "render/scheduler.h"
 #include "store/store.h"
+#include "tokens.h"
 
 struct srv_http_options {
     const struct srv_config *config;
@@ -30,13 +31,13 @@ struct srv_http_options {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_stills *stills;
+    struct srv_tokens *tokens;
     struct srv_streams *streams;
     struct srv_store *store;
     struct srv_metrics *metrics;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
     char instance[17]; /* random: frames of different runs have different ETags */
-    char token[SRV_TOKEN_BYTES];
 };
 
 struct srv_http;
@@ -46,7 +47,8 @@ struct srv_http;
 struct srv_http *srv_http_create(const struct srv_http_options *options, struct sp_error *err);
 /* "127.0.0.1:8080": where it really listens. */
 const char *srv_http_address(const struct srv_http *http);
-/* Reads certificate and key again; new connections get them. When that fails the old ones stay. */
+/* Reads tokens, certificate and key again; new requests and connections get them. What cannot be
+ * read stays. */
 bool srv_http_reload(struct srv_http *http, struct sp_error *err);
 /* From now on every new request is answered with 503 and its connection ends. */
 void srv_http_close(struct srv_http *http);
@@ -72,8 +74,9 @@ struct srv_request {
     char param[SRV_PARAM_BYTES]; /* what stands for {} in the pattern */
     char *body;                  /* NUL-terminated; NULL = empty */
     size_t body_size;
-    bool has_token;       /* the daemon's own token was given */
-    uint64_t still_bytes; /* taken from app->stills */
+    struct srv_grant grant; /* of the daemon's token that was given, if it is one */
+    bool has_still;         /* a picture is under way for it */
+    uint64_t still_bytes;   /* taken from app->stills */
     struct srv_reply reply;
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
@@ -89,6 +92,9 @@ const char *srv_request_query(const struct srv_request *request, const char *key
 /* Bearer token, or ?token=. */
 const char *srv_request_token(const struct srv_request *request);
 
+/* Who it is, and what the token allows; nobody without one. */
+void srv_request_owner(const struct srv_request *request, struct srv_owner *owner);
+
 /* Parses the body, which must be an object; an empty one is {}. NULL: the reply is the problem. */
 proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply);
 
@@ -100,6 +106,10 @@ void srv_request_complete(struct srv_request *request);
  * put into the store is on the disk. Its header X-Durable says whether it is, or is kept in memory
  * alone (no --state, a full disk). */
 void srv_request_keep(struct srv_request *request);
+/* What a picture takes (stills.h, tokens.h), until srv_request_end_still() or the request's end.
+ * False: *err is over a bound or a quota. */
+bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct sp_error *err);
+void srv_request_end_still(struct srv_request *request);
 /* The handler queued an upgrade itself: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);
 

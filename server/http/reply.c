@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "tokens.h"
+
 void srv_reply_finish(struct srv_reply *reply) {
     free(reply->owned);
     memset(reply, 0, sizeof *reply);
@@ -132,7 +134,8 @@ unsigned srv_status_from(enum sp_code code) {
 }
 
 void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
-    unsigned status = srv_status_from(err->code);
+    bool is_quota = err->code == SP_ERR_BUDGET && strcmp(err->place, SRV_PLACE_QUOTA) == 0;
+    unsigned status = is_quota ? 429 : srv_status_from(err->code);
     /* A place that is no pointer names a file or flag: it belongs to the text. */
     bool pointer = err->place[0] == '/' && strncmp(err->place, "//", 2) != 0;
     problem(reply, status, pointer ? err->place : NULL, err->text);

@@ -14,33 +14,33 @@ enum {
 };
 
 static const struct srv_route routes[] = {
-    { SRV_GET, "/healthz", srv_get_healthz, true },
-    { SRV_GET, "/metrics", srv_get_metrics, false },
-    { SRV_GET, "/readyz", srv_get_readyz, true },
-    { SRV_GET, "/api/v1/openapi.yaml", srv_get_openapi, false },
-    { SRV_GET, "/api/v1/view.schema.json", srv_get_schema, false },
-    { SRV_GET, "/api/v1/stream.schema.json", srv_get_schema, false },
-    { SRV_GET, "/api/v1/volumes", srv_get_volumes, false },
-    { SRV_POST, "/api/v1/volumes", srv_post_volume, false },
-    { SRV_GET, "/api/v1/volumes/{}", srv_get_volume, false },
-    { SRV_DELETE, "/api/v1/volumes/{}", srv_delete_volume, false },
-    { SRV_GET, "/api/v1/volumes/{}/view", srv_get_volume_view, false },
-    { SRV_POST, "/api/v1/render", srv_post_render, false },
-    { SRV_GET, "/api/v1/render/{}", srv_get_render, false },
-    { SRV_GET, "/api/v1/views", srv_get_views, false },
-    { SRV_POST, "/api/v1/views", srv_post_view, false },
-    { SRV_GET, "/api/v1/views/{}", srv_get_view, false },
-    { SRV_DELETE, "/api/v1/views/{}", srv_delete_view, false },
-    { SRV_GET, "/api/v1/presets", srv_get_presets, false },
-    { SRV_GET, "/api/v1/presets/{}", srv_get_preset, false },
-    { SRV_PUT, "/api/v1/presets/{}", srv_put_preset, false },
-    { SRV_DELETE, "/api/v1/presets/{}", srv_delete_preset, false },
-    { SRV_GET, "/api/v1/sessions", srv_get_sessions, false },
-    { SRV_POST, "/api/v1/sessions", srv_post_session, true },
-    { SRV_GET, "/api/v1/sessions/{}", srv_get_session, true },
-    { SRV_PATCH, "/api/v1/sessions/{}", srv_patch_session, true },
-    { SRV_DELETE, "/api/v1/sessions/{}", srv_delete_session, false },
-    { SRV_GET, "/api/v1/sessions/{}/stream", srv_get_stream, true },
+    { SRV_GET, "/healthz", SRV_RIGHT_NONE, srv_get_healthz },
+    { SRV_GET, "/metrics", SRV_RIGHT_METRICS, srv_get_metrics },
+    { SRV_GET, "/readyz", SRV_RIGHT_NONE, srv_get_readyz },
+    { SRV_GET, "/api/v1/openapi.yaml", SRV_RIGHT_VIEW, srv_get_openapi },
+    { SRV_GET, "/api/v1/view.schema.json", SRV_RIGHT_VIEW, srv_get_schema },
+    { SRV_GET, "/api/v1/stream.schema.json", SRV_RIGHT_VIEW, srv_get_schema },
+    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_VIEW, srv_get_volumes },
+    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_ADMIN, srv_post_volume },
+    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_VIEW, srv_get_volume },
+    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_ADMIN, srv_delete_volume },
+    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_VIEW, srv_get_volume_view },
+    { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render },
+    { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render },
+    { SRV_GET, "/api/v1/views", SRV_RIGHT_ADMIN, srv_get_views },
+    { SRV_POST, "/api/v1/views", SRV_RIGHT_RENDER, srv_post_view },
+    { SRV_GET, "/api/v1/views/{}", SRV_RIGHT_VIEW, srv_get_view },
+    { SRV_DELETE, "/api/v1/views/{}", SRV_RIGHT_ADMIN, srv_delete_view },
+    { SRV_GET, "/api/v1/presets", SRV_RIGHT_VIEW, srv_get_presets },
+    { SRV_GET, "/api/v1/presets/{}", SRV_RIGHT_VIEW, srv_get_preset },
+    { SRV_PUT, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_put_preset },
+    { SRV_DELETE, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_delete_preset },
+    { SRV_GET, "/api/v1/sessions", SRV_RIGHT_ADMIN, srv_get_sessions },
+    { SRV_POST, "/api/v1/sessions", SRV_RIGHT_NONE, srv_post_session },
+    { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_NONE, srv_get_session },
+    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, srv_patch_session },
+    { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session },
+    { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_NONE, srv_get_stream },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
@@ -59,6 +59,11 @@ const char *srv_request_token(const struct srv_request *request) {
     return bearer ? bearer : srv_request_query(request, "token");
 }
 
+void srv_request_owner(const struct srv_request *request, struct srv_owner *owner) {
+    *owner = (struct srv_owner){ .quota = request->grant.quota };
+    memcpy(owner->name, request->grant.name, sizeof owner->name);
+}
+
 proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err = { .code = SP_OK };
     proto_json *json = request->body_size
@@ -71,6 +76,27 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
         srv_reply_problem(reply, 422, NULL, "the body must be a JSON object");
     }
     return json;
+}
+
+bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
+    const struct srv_http_options *app = request->app;
+    if (!srv_tokens_begin_still(app->tokens, &request->grant, srv_clock_ms(), err))
+        return false;
+    if (!srv_stills_take(app->stills, bytes, err)) {
+        srv_tokens_end_still(app->tokens, &request->grant);
+        return false;
+    }
+    request->has_still = true;
+    request->still_bytes = bytes;
+    return true;
+}
+
+void srv_request_end_still(struct srv_request *request) {
+    if (!request->has_still)
+        return;
+    request->has_still = false;
+    srv_tokens_end_still(request->app->tokens, &request->grant);
+    srv_stills_change(request->app->stills, &request->still_bytes, 0);
 }
 
 void srv_request_suspend(struct srv_request *request) {
@@ -186,12 +212,19 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
     return true;
 }
 
-/* The daemon's own? It may be replaced at any moment. */
-static bool is_token(struct srv_http *http, const char *given) {
-    pthread_mutex_lock(&http->mutex);
-    bool equal = srv_secret_equal(http->options.token, given);
-    pthread_mutex_unlock(&http->mutex);
-    return equal;
+/* Has the token the right that the route needs? */
+static bool check_right(struct srv_request *request, enum srv_right needs) {
+    struct srv_reply *reply = &request->reply;
+    if (needs == SRV_RIGHT_NONE || request->grant.rights & needs)
+        return true;
+    if (request->grant.rights) {
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
+        return false;
+    }
+    srv_reply_problem(reply, 401, NULL,
+                      "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
+    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+    return false;
 }
 
 /* Routes and judges what the headers tell; false: the reply is set. */
@@ -200,7 +233,7 @@ static bool check(struct srv_request *request) {
     unsigned allowed;
     if (!check_limits(request))
         return false;
-    request->has_token = is_token(request->http, srv_request_token(request));
+    srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
     request->route =
         srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
     if (allowed && srv_is_preflight(request)) {
@@ -208,14 +241,9 @@ static bool check(struct srv_request *request) {
         return false;
     }
     bool is_api = strncmp(request->path, "/api/", 5) == 0;
-    bool is_open = request->route ? request->route->is_open : !is_api;
-    if (!is_open && !request->has_token) {
-        srv_reply_problem(
-            reply, 401, NULL,
-            "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
-        srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+    enum srv_right unknown = is_api ? SRV_RIGHT_VIEW : SRV_RIGHT_NONE;
+    if (!check_right(request, request->route ? request->route->needs : unknown))
         return false;
-    }
     unsigned method = srv_method_from(request->method);
     if (!request->route && (allowed || method != SRV_GET) && !(is_api && !allowed)) {
         refuse_method(request, allowed ? allowed : SRV_GET);
@@ -372,7 +400,8 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
     if (request->is_counted)
         uncount(request);
     srv_reply_finish(&request->reply);
-    srv_stills_change(request->app->stills, &request->still_bytes, 0);
+    srv_request_end_still(request);
+    srv_tokens_give_back(request->app->tokens, &request->grant);
     free(request->upgrade);
     free(request->body);
     free(request);

@@ -8,6 +8,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "token_file.h"
+
 enum srv_method { SRV_GET = 1, SRV_POST = 2, SRV_PUT = 4, SRV_PATCH = 8, SRV_DELETE = 16 };
 enum { SRV_PARAM_BYTES = 128 };
 
@@ -16,10 +18,10 @@ struct srv_reply;
 
 struct srv_route {
     enum srv_method method;
-    const char *pattern; /* "{}" matches one segment that is not empty; at most one a pattern */
+    const char *pattern;  /* "{}" matches one segment that is not empty; at most one a pattern */
+    enum srv_right needs; /* of the daemon's token; SRV_RIGHT_NONE: handles permission itself */
     /* Fills *reply, or takes care that it will be filled (listener.h). */
     void (*handle)(struct srv_request *request, struct srv_reply *reply);
-    bool is_open; /* needs no token: handles permission itself */
 };
 
 /* Does the path match, and what stands for {}? False too if that is too long. */

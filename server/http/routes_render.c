@@ -147,13 +147,12 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     struct render *render = malloc(sizeof *render);
     if (!render)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory for a render request");
-    if (!render || !srv_stills_take(request->app->stills, bytes, &err)) {
+    if (!render || !srv_request_begin_still(request, bytes, &err)) {
         srv_catalog_release(request->app->catalog, still->volume);
         srv_reply_error(reply, &err);
         free(render);
         return;
     }
-    request->still_bytes = bytes;
     render->request = request;
     render->format = still->format;
     render->caching = caching;
@@ -175,6 +174,7 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
                  const char *caching, struct srv_reply *reply) {
     struct sp_error err;
     struct srv_still still = { .quality = 0 };
+    struct srv_owner owner;
     void *volume = NULL;
     char etag[ETAG_BYTES];
     still.format = choose_format(request, reply);
@@ -189,7 +189,11 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
         return;
     }
     still.volume = volume;
-    if (!make_etag(request, &still.view, still.volume, still.format, still.quality, etag)) {
+    srv_request_owner(request, &owner);
+    if (!srv_owner_allows_size(&owner, still.view.size, &err)) {
+        srv_catalog_release(request->app->catalog, still.volume);
+        srv_reply_error(reply, &err);
+    } else if (!make_etag(request, &still.view, still.volume, still.format, still.quality, etag)) {
         srv_catalog_release(request->app->catalog, still.volume);
         srv_reply_problem(reply, 503, NULL, "no memory for a render request");
     } else if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {

@@ -73,10 +73,13 @@ static bool may_fork(struct srv_request *request, const proto_json *body, struct
     struct sp_error err;
     enum srv_role role;
     const char *from = proto_json_string(proto_json_get(body, "from"));
-    if (request->has_token)
+    unsigned rights = request->grant.rights;
+    if (rights & SRV_RIGHT_CONTROL)
         return true;
-    if (!from ||
-        !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
+    if (rights)
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include sessions");
+    else if (!from ||
+             !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
         reply_unauthorized(reply,
                            "give the daemon's token, or fork a session with its control token");
     else if (role != SRV_ROLE_CONTROL)
@@ -85,6 +88,15 @@ static bool may_fork(struct srv_request *request, const proto_json *body, struct
     else
         return true;
     return false;
+}
+
+/* Whose the new session is: of who gave a token, or of who made the one that is forked. */
+static void owner_of(const struct srv_request *request, const proto_json *body,
+                     struct srv_owner *owner) {
+    srv_request_owner(request, owner);
+    if (!request->grant.rights)
+        srv_hub_session_owner(request->app->hub, proto_json_string(proto_json_get(body, "from")),
+                              owner);
 }
 
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
@@ -99,8 +111,10 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     bool ok = may_fork(request, body, reply) && body && only_known(body, true, reply);
     const proto_json *view = ok ? first_view(request, body, &owner, reply) : NULL;
     if (view) {
+        struct srv_owner of;
+        owner_of(request, body, &of);
         proto_json *json =
-            srv_hub_session_create(request->app->hub, view, srv_clock_ms(), id, &err);
+            srv_hub_session_create_owned(request->app->hub, view, &of, srv_clock_ms(), id, &err);
         if (json) {
             srv_reply_json(reply, 201, json);
             srv_reply_header(reply, "Location", "sessions/%s", id);
@@ -141,13 +155,17 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
     struct sp_error err;
     enum srv_role role;
     const char *token = srv_request_token(request);
+    unsigned rights = request->grant.rights;
+    bool has_right = rights & (wanted == SRV_ROLE_CONTROL ? SRV_RIGHT_CONTROL : SRV_RIGHT_VIEW);
     if (srv_hub_authorize(request->app->hub, request->param, token, &role, &err)) {
-        if (request->has_token || role >= wanted)
+        if (role >= wanted)
             return true;
         srv_reply_problem(reply, 403, NULL, "this token may watch, not change");
-    } else if (request->has_token && err.code == SP_ERR_DENIED) {
+    } else if (rights && !has_right) {
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
+    } else if (rights && err.code == SP_ERR_DENIED) {
         return true;
-    } else if (!token || !request->has_token) {
+    } else if (!rights) {
         /* Who has no valid token does not learn which sessions exist. */
         bool gone = err.code == SP_ERR_NOT_FOUND && token;
         if (gone)
@@ -164,8 +182,9 @@ void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     if (!may(request, SRV_ROLE_VIEW, reply))
         return;
-    proto_json *json = srv_hub_session_get(request->app->hub, request->param, request->has_token,
-                                           srv_clock_ms(), &err);
+    proto_json *json =
+        srv_hub_session_get(request->app->hub, request->param,
+                            (request->grant.rights & SRV_RIGHT_CONTROL) != 0, srv_clock_ms(), &err);
     if (json)
         srv_reply_json(reply, 200, json);
     else
@@ -269,7 +288,7 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
         return;
     if (!srv_hub_authorize(request->app->hub, request->param, srv_request_token(request), &role,
                            &err))
-        role = SRV_ROLE_CONTROL; /* the daemon's own token */
+        role = request->grant.rights & SRV_RIGHT_CONTROL ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
     if (!srv_hub_has_room(request->app->hub, request->param, srv_clock_ms(), &err)) {
         srv_reply_error(reply, &err);
         return;

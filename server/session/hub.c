@@ -11,6 +11,7 @@
 #include "protocol/view.h"
 #include "session/hub_private.h"
 #include "sp/log.h"
+#include "tokens.h"
 
 struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_error *err) {
     struct srv_hub *hub = calloc(1, sizeof *hub);
@@ -132,7 +133,8 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     } else {
         source->default_view(source->user, session->volume, &defaults);
     }
-    if (!proto_view_apply(patch, &defaults, &view, err) || !can_show(hub, &view, err)) {
+    if (!proto_view_apply(patch, &defaults, &view, err) || !can_show(hub, &view, err) ||
+        !srv_owner_allows_size(&session->owner, view.size, err)) {
         if (volume)
             source->release(source->user, volume);
         return false;
@@ -215,6 +217,16 @@ void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, doub
     hub->session_count++;
 }
 
+bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
+                       struct sp_error *err) {
+    unsigned count = 0, most = owner->quota.sessions;
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        count += strcmp(s->owner.name, owner->name) == 0;
+    return !most || count < most ||
+           sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+                   "%s has %u open sessions, and its token allows %u", owner->name, count, most);
+}
+
 static bool session_add(struct srv_hub *hub, struct srv_session *session, double now_ms,
                         struct sp_error *err) {
     if (hub->draining)
@@ -227,6 +239,8 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "%u sessions sleep and --sleeping-sessions allows %u; delete some",
                        hub->sleeper_count, hub->options.sleepers_max);
+    if (!srv_hub_has_quota(hub, &session->owner, err))
+        return false;
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub);
     return true;
@@ -234,6 +248,22 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
 
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
+    const struct srv_owner nobody = { .name = "" };
+    return srv_hub_session_create_owned(hub, patch, &nobody, now_ms, id, err);
+}
+
+void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner) {
+    *owner = (struct srv_owner){ .name = "" };
+    pthread_mutex_lock(&hub->mutex);
+    const struct srv_session *session = srv_hub_find_awake(hub, id);
+    if (session)
+        *owner = session->owner;
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
+                                         const struct srv_owner *owner, double now_ms,
+                                         char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
     struct srv_session *session = calloc(1, sizeof *session);
     if (!session) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
@@ -244,8 +274,10 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
         return NULL;
     }
     proto_json *json = NULL;
+    session->owner = *owner;
     pthread_mutex_lock(&hub->mutex);
-    bool ok = srv_secret_hex(session->id, sizeof session->id - 1, err) &&
+    bool ok = srv_owner_allows_size(owner, session->view.size, err) &&
+              srv_secret_hex(session->id, sizeof session->id - 1, err) &&
               srv_secret_hex(session->tokens[0], SRV_TOKEN_DIGITS, err) &&
               srv_secret_hex(session->tokens[1], SRV_TOKEN_DIGITS, err) &&
               (json = encode_session(session, true, err)) && session_add(hub, session, now_ms, err);

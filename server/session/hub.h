@@ -26,6 +26,7 @@
 #include "protocol/json.h"
 #include "secret.h"
 #include "session/outbox.h"
+#include "session/owner.h"
 #include "session/pace.h"
 #include "sp/encode.h"
 #include "sp/pick.h"
@@ -101,6 +102,12 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
 /* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
+/* The same of an owner: SP_ERR_BUDGET at SRV_PLACE_QUOTA over its own limit. */
+proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
+                                         const struct srv_owner *owner, double now_ms,
+                                         char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
+/* Whose session it is, for its forks; nobody's if there is none awake. */
+void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
 /* {"id", "view", "participants"}; `with_tokens` adds "tokens". Like all that asks for a session by
  * its id, besides deletion, authorization and the list, it wakes one that sleeps: SP_ERR_TIMEOUT
  * with what it waits for if that cannot be, SP_ERR_BUDGET if too many are awake. */

@@ -80,6 +80,7 @@ struct srv_session {
     uint64_t number; /* unique */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
+    struct srv_owner owner;               /* constant */
     struct sp_view view;
     void *volume;
     uint64_t version;       /* of the view, from 1 */
@@ -159,6 +160,9 @@ const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv
 /* NULL: there is none, or it cannot wake yet. */
 struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
                                  struct sp_error *err);
+/* May one more session of this owner be open? SP_ERR_BUDGET at SRV_PLACE_QUOTA. */
+bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
+                       struct sp_error *err);
 bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
 /* Ends those that have slept for too long; ms until the next one does, INFINITY = never. */
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms);

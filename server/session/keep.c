@@ -2,7 +2,7 @@
  *
  * What is kept of a session, and how it comes back:
  *
- *   {"tokens": {"control", "view"}, "view": {…}}
+ *   {"tokens": {"control", "view"}, "view": {…}, "owner": {…}}
  *
  *     created ──► awake ──(nobody uses it)──► asleep ──(for too long, or deleted)──► gone
  *                   └──◄──(somebody asks for it)──┘ └──◄── saved in an earlier run
@@ -35,6 +35,7 @@ struct snapshot {
     uint64_t number, version;
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
+    struct srv_owner owner;
     struct sp_view view;
 };
 
@@ -50,6 +51,7 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t after, struct snapshot *
         snapshot->number = next->number;
         snapshot->version = next->version;
         snapshot->view = next->view;
+        snapshot->owner = next->owner;
         memcpy(snapshot->id, next->id, sizeof snapshot->id);
         memcpy(snapshot->tokens, next->tokens, sizeof snapshot->tokens);
     }
@@ -63,6 +65,8 @@ static char *text_of(const struct snapshot *snapshot, size_t *size) {
     ok = proto_json_set_string(tokens, "view", snapshot->tokens[SRV_ROLE_VIEW]) && ok;
     ok = proto_json_set(json, "tokens", tokens) && ok;
     ok = proto_json_set(json, "view", proto_view_encode(&snapshot->view)) && ok;
+    if (snapshot->owner.name[0])
+        ok = proto_json_set(json, "owner", srv_owner_encode(&snapshot->owner)) && ok;
     char *text = ok ? proto_json_to_text(json, size) : NULL;
     proto_json_free(&json);
     return text;
@@ -179,13 +183,15 @@ static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_
     size_t size;
     char *text = hub->options.recall(hub->options.user, session->id, &size, err);
     proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
-    bool ok = record && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL,
-                                             &session->view, &session->volume, &why);
-    if (record && !ok && why.code == SP_ERR_MEMORY)
+    srv_owner_decode(proto_json_get(record, "owner"), &session->owner);
+    bool may = record && srv_hub_has_quota(hub, &session->owner, err);
+    bool ok = may && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL, &session->view,
+                                          &session->volume, &why);
+    if (may && !ok && why.code == SP_ERR_MEMORY)
         *err = why;
-    else if (record && !ok && strcmp(why.place, "/volume") == 0)
+    else if (may && !ok && strcmp(why.place, "/volume") == 0)
         sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session waits for its volume: %s", why.text);
-    else if (record && !ok)
+    else if (may && !ok)
         sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session's view cannot be shown here: %s: %s",
                 why.place, why.text);
     proto_json_free(&record);

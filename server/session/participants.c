@@ -57,7 +57,6 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->format = SP_IMAGE_JPEG;
     p->video = SP_VIDEO_CODEC_COUNT;
     p->quality = QUALITY_DEFAULT;
-    p->max_fps = FPS_DEFAULT;
     p->progressive = true;
     p->stats_ms = p->behind_ms = now_ms;
     srv_flow_init(&p->flow);
@@ -67,6 +66,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     if (session && !has_room(hub, session, err))
         session = NULL;
     if (session) {
+        p->max_fps = srv_owner_fps(&session->owner, FPS_DEFAULT);
         p->id = ++hub->next_participant;
         p->session = session;
         p->volume_start = hub->volume_clock;

@@ -120,7 +120,8 @@ static bool read_size(struct srv_call *call, struct stream_settings *s) {
                 "must be [width, height], each in [1, 8192] px, or null for the view's");
     const uint32_t size[2] = { (uint32_t)s->size[0], (uint32_t)s->size[1] };
     call->code = PROTO_RPC_PARAMS;
-    return srv_hub_allows_size(call->hub, size, &call->err);
+    return srv_hub_allows_size(call->hub, size, &call->err) &&
+           srv_owner_allows_size(&call->participant->session->owner, size, &call->err);
 }
 
 static bool read_name(struct srv_call *call, struct stream_settings *s) {
@@ -233,7 +234,7 @@ static bool stream_configure(struct srv_call *call) {
     p->format = s.format;
     p->video = s.video;
     p->quality = (int)s.quality;
-    p->max_fps = (int)s.max_fps;
+    p->max_fps = srv_owner_fps(&p->session->owner, (int)s.max_fps);
     p->size[0] = (uint32_t)s.size[0];
     p->size[1] = (uint32_t)s.size[1];
     p->progressive = s.progressive;

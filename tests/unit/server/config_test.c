@@ -165,7 +165,7 @@ static void lines(void **state) {
 static void tokens(void **state) {
     (void)state;
     struct sp_error err;
-    char a[33], b[33], read[SRV_TOKEN_BYTES], path[] = "/tmp/splatd-token-XXXXXX";
+    char a[33], b[33];
     assert_true(srv_secret_hex(a, 32, &err));
     assert_true(srv_secret_hex(b, 32, &err));
     assert_int_equal(strlen(a), 32);
@@ -179,16 +179,6 @@ static void tokens(void **state) {
     char twice[65];
     snprintf(twice, sizeof twice, "%s%s", a, a);
     assert_false(srv_secret_equal(a, twice));
-    int fd = mkstemp(path);
-    assert_true(fd >= 0);
-    assert_false(srv_secret_read(path, read, &err));
-    assert_int_equal(write(fd, "0123456789abcdef-XYZ\nmore\n", 26), 26);
-    close(fd);
-    assert_true(srv_secret_read(path, read, &err));
-    assert_string_equal(read, "0123456789abcdef-XYZ");
-    unlink(path);
-    assert_false(srv_secret_read(path, read, &err));
-    assert_int_equal(err.code, SP_ERR_IO);
 }
 
 int main(void) {

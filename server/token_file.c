@@ -1,0 +1,196 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "token_file.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "config.h"
+#include "sp/view.h"
+
+enum { LINE_BYTES = 512, TOKEN_MIN = 16, NUMBER_DIGITS = 6 };
+#define NAME_CHARACTERS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-"
+
+static const struct {
+    const char *name;
+    unsigned rights;
+} roles[] = {
+    { "admin",
+      SRV_RIGHT_METRICS | SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL | SRV_RIGHT_ADMIN },
+    { "control", SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL },
+    { "render", SRV_RIGHT_VIEW | SRV_RIGHT_RENDER },
+    { "view", SRV_RIGHT_VIEW },
+    { "metrics", SRV_RIGHT_METRICS },
+};
+
+static bool read_role(const char *value, struct srv_token *token) {
+    for (size_t i = 0; i < sizeof roles / sizeof *roles; i++)
+        if (strcmp(value, roles[i].name) == 0)
+            token->rights = roles[i].rights;
+    return token->rights != 0;
+}
+
+static bool read_name(const char *value, struct srv_token *token) {
+    size_t length = strlen(value);
+    if (length == 0 || length >= sizeof token->name || strspn(value, NAME_CHARACTERS) != length)
+        return false;
+    memcpy(token->name, value, length + 1);
+    return true;
+}
+
+static bool read_number(const char *value, unsigned max, unsigned *number) {
+    size_t length = strlen(value);
+    if (length == 0 || length > NUMBER_DIGITS || strspn(value, "0123456789") != length)
+        return false;
+    *number = (unsigned)strtoul(value, NULL, 10);
+    return *number >= 1 && *number <= max;
+}
+
+static bool read_frame_size(const char *value, struct srv_token *token) {
+    struct sp_error ignored;
+    int64_t px;
+    if (!srv_config_pixels(value, &px, &ignored))
+        return false;
+    token->quota.frame_px = (uint64_t)px;
+    return true;
+}
+
+static bool fail(struct sp_error *err, const char *place, const char *what) {
+    return sp_fail(err, SP_ERR_INVALID, place, "%s", what);
+}
+
+/* One word "key=value" behind the token. */
+static bool read_word(char *word, struct srv_token *token, const char *place,
+                      struct sp_error *err) {
+    char *value = strchr(word, '=');
+    if (!value)
+        return fail(err, place, "behind the token there is key=value, without blanks around =");
+    *value++ = 0;
+    if (strcmp(word, "role") == 0)
+        return (!token->rights && read_role(value, token)) ||
+               fail(err, place, "role is one of admin, control, render, view, metrics");
+    if (strcmp(word, "name") == 0)
+        return (!token->name[0] && read_name(value, token)) ||
+               fail(err, place, "name has 1 to 32 characters of [A-Za-z0-9._-]");
+    struct srv_quota *quota = &token->quota;
+    if (strcmp(word, "sessions") == 0)
+        return (!quota->sessions && read_number(value, 100000, &quota->sessions)) ||
+               fail(err, place, "sessions is a whole number in [1, 100000]");
+    if (strcmp(word, "stills") == 0)
+        return (!quota->stills && read_number(value, 10000, &quota->stills)) ||
+               fail(err, place, "stills is a whole number in [1, 10000]");
+    if (strcmp(word, "fps") == 0)
+        return (!quota->fps && read_number(value, 120, &quota->fps)) ||
+               fail(err, place, "fps is a whole number in [1, 120]");
+    if (strcmp(word, "frame-size") == 0)
+        return (!quota->frame_px && read_frame_size(value, token)) ||
+               fail(err, place, "frame-size is as --frame-size: px, or WIDTHxHEIGHT");
+    return fail(err, place, "known are role, name, sessions, stills, fps and frame-size");
+}
+
+/* A line that has a token. */
+static bool read_line(char *line, const char *place, struct srv_token *token,
+                      struct sp_error *err) {
+    char *rest = NULL, *word = strtok_r(line, " \t", &rest);
+    size_t length = strlen(word);
+    *token = (struct srv_token){ .rights = 0 };
+    if (length < TOKEN_MIN || length >= SRV_TOKEN_BYTES ||
+        strspn(word, NAME_CHARACTERS "~") != length)
+        return fail(err, place,
+                    "a line begins with a token of 16 to 128 characters of [A-Za-z0-9._~-]");
+    memcpy(token->text, word, length + 1);
+    while ((word = strtok_r(NULL, " \t", &rest)))
+        if (!read_word(word, token, place, err))
+            return false;
+    if (!token->rights)
+        token->rights = roles[0].rights;
+    return true;
+}
+
+static bool is_new(const struct srv_token *list, size_t count, const struct srv_token *token,
+                   const char *place, struct sp_error *err) {
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(list[i].text, token->text) == 0 || strcmp(list[i].name, token->name) == 0)
+            return fail(err, place, "a line above has this token or name");
+    return true;
+}
+
+/* Adds the token of a line, if it has one. */
+static bool add(const char *text, size_t size, unsigned number, struct srv_token *list,
+                size_t *count, struct sp_error *err) {
+    char line[LINE_BYTES], place[32];
+    snprintf(place, sizeof place, "line %u", number);
+    while (size > 0 && strchr(" \t\r", text[size - 1]) && text[size - 1])
+        size--;
+    while (size > 0 && (*text == ' ' || *text == '\t')) {
+        text++;
+        size--;
+    }
+    if (size == 0 || *text == '#')
+        return true;
+    if (size >= sizeof line || memchr(text, 0, size))
+        return fail(err, place, "a line has at most 511 bytes, and no NUL");
+    if (*count == SRV_TOKENS_MAX)
+        return fail(err, place, "there are more than 1000 tokens");
+    memcpy(line, text, size);
+    line[size] = 0;
+    struct srv_token *token = &list[*count];
+    if (!read_line(line, place, token, err))
+        return false;
+    if (!token->name[0])
+        snprintf(token->name, sizeof token->name, "token-%u", number);
+    if (!is_new(list, *count, token, place, err))
+        return false;
+    ++*count;
+    return true;
+}
+
+bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list, size_t *count,
+                          struct sp_error *err) {
+    size_t lines = 1;
+    for (size_t i = 0; i < size; i++)
+        lines += text[i] == '\n';
+    *count = 0;
+    *list = calloc(lines < SRV_TOKENS_MAX ? lines : SRV_TOKENS_MAX, sizeof **list);
+    bool ok = *list || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+    const char *end = text + size;
+    for (unsigned number = 1; ok && text < end; number++) {
+        const char *stop = memchr(text, '\n', (size_t)(end - text));
+        size_t length = (size_t)((stop ? stop : end) - text);
+        ok = add(text, length, number, *list, count, err);
+        text += length + 1;
+    }
+    if (ok && *count == 0)
+        ok = fail(err, "line 1", "there is no token");
+    if (!ok) {
+        free(*list);
+        *list = NULL;
+    }
+    return ok;
+}
+
+bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
+                         struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    FILE *file = srv_open_regular(path);
+    if (!file)
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+    char *text = malloc(SRV_TOKEN_FILE_BYTES + 1);
+    size_t size = text ? fread(text, 1, SRV_TOKEN_FILE_BYTES + 1, file) : 0;
+    bool failed = ferror(file);
+    fclose(file);
+    bool ok = false;
+    if (!text)
+        sp_fail(err, SP_ERR_MEMORY, path, "no memory for the tokens");
+    else if (failed)
+        sp_fail(err, SP_ERR_IO, path, "cannot read the tokens");
+    else if (size > SRV_TOKEN_FILE_BYTES)
+        sp_fail(err, SP_ERR_INVALID, path, "it has more than %d bytes", SRV_TOKEN_FILE_BYTES);
+    else if (!(ok = srv_token_file_parse(text, size, list, count, &why)))
+        sp_fail(err, why.code, path, "%s%s%s", why.place, why.place[0] ? ": " : "", why.text);
+    if (text)
+        explicit_bzero(text, SRV_TOKEN_FILE_BYTES + 1);
+    free(text);
+    return ok;
+}

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tokens by role and quota: what each may do over HTTP and on a stream, 401 and 403, 429 over a quota, and a new file on SIGHUP.
+import assert from 'node:assert/strict';
+import fs from 'node:fs';
+import os from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { Daemon, runToEnd } from './harness.mjs';
+
+const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'splatd-tokens-'));
+const file = path.join(folder, 'tokens');
+const of = (name) => `token-of-${name}-0123456789`;
+const LINES = [
+  `# who may do what`,
+  of('admin'),
+  `${of('control')} role=control name=ann sessions=2 fps=12 frame-size=512x512`,
+  `${of('render')} role=render name=bob stills=1`,
+  `${of('view')} role=view`,
+  `${of('metrics')} role=metrics name=prometheus`,
+];
+let daemon;
+before(async () => {
+  fs.writeFileSync(file, `${LINES.join('\n')}\n`);
+  daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--token-file', file, '--data', folder]);
+  daemon.token = of('admin');
+  await daemon.loaded('engine');
+});
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  for (const line of LINES.slice(1)) assert.ok(!daemon.log.includes(line.split(' ')[0]), 'no token is in the log');
+  fs.rmSync(folder, { recursive: true });
+});
+
+const post = (target, body, token, method = 'POST') => daemon.post(target, body, { method, token });
+
+test('each role may do what it is for, and is told 403 for the rest', async () => {
+  const session = await daemon.session();
+  const { json: { id: kept } } = await post('/api/v1/views', {}, of('admin'));
+  const ROLES = ['metrics', 'view', 'render', 'control', 'admin'];
+  const preset = { view: { filter: { sigma: 1 } } };
+  const calls = [
+    ['metrics admin', (t) => daemon.fetch('/metrics', { token: t })],
+    ['view render control admin', (t) => daemon.json('/api/v1/volumes', { token: t })],
+    ['view render control admin', (t) => daemon.json('/api/v1/volumes/engine/view', { token: t })],
+    ['view render control admin', (t) => daemon.json(`/api/v1/views/${kept}`, { token: t })],
+    ['view render control admin', (t) => daemon.json('/api/v1/presets', { token: t })],
+    ['view render control admin', (t) => daemon.json(`/api/v1/sessions/${session.id}`, { token: t })],
+    ['render control admin', (t) => post('/api/v1/render', { size: [16, 16] }, t), 'picture'],
+    ['render control admin', (t) => daemon.fetch(`/api/v1/render/${kept}?size=16,16`, { token: t })],
+    ['render control admin', (t) => post('/api/v1/views', { size: [17, 17] }, t)],
+    ['control admin', (t) => post(`/api/v1/sessions/${session.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
+    ['control admin', (t) => post('/api/v1/presets/one', preset, t, 'PUT'), 'put'],
+    ['control admin', (t) => post('/api/v1/sessions', { from: kept }, t), 'session'],
+    ['admin', (t) => post('/api/v1/volumes', { path: 'none.vti' }, t), 'load'],
+    ['admin', (t) => daemon.fetch('/api/v1/volumes/none', { method: 'DELETE', token: t })],
+  ];
+  for (const [allowed, call, what] of calls) {
+    for (const role of ROLES) {
+      const answer = what === 'picture'
+        ? await daemon.fetch('/api/v1/render', { method: 'POST', body: '{"size":[16,16]}', token: of(role), headers: { 'Content-Type': 'application/json' } })
+        : await call(of(role));
+      const may = allowed.split(' ').includes(role);
+      assert.equal(answer.status === 403, !may, `${role}: ${call}: ${answer.status}`);
+      assert.notEqual(answer.status, 401, `${role}: ${call}`);
+      if (answer.json && !may && typeof answer.json === 'object') assert.equal(answer.json.title, 'Forbidden');
+    }
+    for (const token of ['token-of-nobody-0123456789', null]) assert.equal((await call(token)).status, 401, `${call}`);
+  }
+});
+
+test('a session\'s tokens are told to control alone; a view token watches', async () => {
+  const session = await daemon.session();
+  const told = async (role) => (await daemon.json(`/api/v1/sessions/${session.id}`, { token: of(role) })).json.tokens !== undefined;
+  assert.deepEqual([await told('view'), await told('render'), await told('control'), await told('admin')], [false, false, true, true]);
+  const roleOf = async (role) => {
+    const stream = await daemon.stream({ session, token: of(role) });
+    const { params } = await stream.note('session.participants');
+    await stream.end();
+    return params.participants.find(({ id }) => id === params.you).role;
+  };
+  assert.deepEqual([await roleOf('view'), await roleOf('render'), await roleOf('control')], ['view', 'view', 'control']);
+  await assert.rejects(daemon.stream({ session, token: of('metrics') }), (e) => e.status === 403);
+});
+
+test('quotas: sessions, frames a second and sizes are those of who made the session, and forks count', async () => {
+  const made = [];
+  const make = async (body, token = of('control')) => {
+    const answer = await post('/api/v1/sessions', body, token);
+    if (answer.status === 201) made.push(answer.json);
+    return answer;
+  };
+  // One is there since the first test.
+  const one = await make({ view: { size: [256, 256] } });
+  assert.equal(one.status, 201, JSON.stringify(one.json));
+  const over = await make({}, one.json.tokens.control);
+  assert.equal(over.status, 401, 'a session\'s token forks that session alone');
+  const fork = await make({ from: one.json.id }, one.json.tokens.control);
+  assert.equal(fork.status, 429);
+  assert.equal(fork.headers.get('Retry-After'), '1');
+  assert.match(fork.json.detail, /ann has 2 open sessions, and its token allows 2/);
+  assert.equal((await make({})).status, 429);
+  assert.equal((await make({}, of('admin'))).status, 201, 'another token has its own');
+  const large = await post(`/api/v1/sessions/${one.json.id}`, { view: { size: [513, 512] } }, of('admin'), 'PATCH');
+  assert.deepEqual([large.status, large.json.pointer], [422, '/view/size']);
+  assert.match(large.json.detail, /the token of ann allows 262144/);
+  const stream = await daemon.stream({ session: one.json });
+  assert.equal((await stream.call('stream.configure', {})).max_fps, 12);
+  assert.equal((await stream.call('stream.configure', { max_fps: 60 })).max_fps, 12);
+  assert.equal((await stream.call('stream.configure', { max_fps: 5 })).max_fps, 5);
+  await assert.rejects(stream.call('stream.configure', { size: [513, 512] }), (e) => e.data.pointer === '/size');
+  await stream.end();
+  const still = await post('/api/v1/render', { size: [513, 512] }, of('control'));
+  assert.deepEqual([still.status, still.json.pointer], [422, '/size']);
+  for (const { id } of made) await daemon.fetch(`/api/v1/sessions/${id}`, { method: 'DELETE' });
+  assert.equal((await make({})).status, 201, 'there is room again');
+});
+
+test('pictures under way', async () => {
+  const draw = async (i) => {
+    const answer = await daemon.fetch(`/api/v1/render?format=png&quality=${i}`, {
+      method: 'POST', body: '{"size":[1024,1024]}', token: of('render'), headers: { 'Content-Type': 'application/json' },
+    });
+    await answer.arrayBuffer();
+    return answer.status;
+  };
+  let statuses = [];
+  for (let round = 0; !statuses.includes(429) && round < 100; round++) {
+    statuses = await Promise.all([1, 2, 3, 4].map(draw));
+    assert.ok(statuses.includes(200));
+  }
+  assert.deepEqual([...new Set(statuses)].sort(), [200, 429]);
+  assert.equal(await draw(1), 200);
+});
+
+test('SIGHUP reads the file again; one that is wrong changes nothing', async () => {
+  const status = async (role) => (await daemon.fetch('/metrics', { token: of(role) })).status;
+  fs.writeFileSync(file, `${LINES.join('\n')}\n${of('more')} role=king\n`);
+  daemon.kill('SIGHUP');
+  await daemon.untilLogged(/not reloaded, what was there stays.*line 7/);
+  assert.deepEqual([await status('metrics'), await status('more')], [200, 401]);
+  fs.writeFileSync(file, `${of('admin')}\n${of('more')} role=metrics\n`);
+  daemon.kill('SIGHUP');
+  await daemon.untilLogged(/reloaded(?!,)/);
+  assert.deepEqual([await status('metrics'), await status('more'), await status('admin')], [401, 200, 200]);
+});
+
+test('a file that is wrong is no start', async () => {
+  fs.writeFileSync(file, `${of('admin')} role=view\n${of('admin')}\n`);
+  const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--token-file', file]);
+  assert.equal(status, 2);
+  assert.match(err, /tokens: line 2: a line above has this token or name/);
+  assert.ok(!err.includes(of('admin')));
+});
