@@ -38,7 +38,8 @@ def check(ok, text):
 
 
 class Daemon:
-    def __init__(self, program, *options):
+    def __init__(self, program, *options, token=None):
+        """token: with --token-file, where the daemon does not print it"""
         self.log = tempfile.TemporaryFile()
         self.process = subprocess.Popen([program, '--listen', '127.0.0.1:0', '--backend', 'null', '--volume',
                                          'demo:engine?size=16', *options], stdout=subprocess.PIPE, stderr=self.log)
@@ -46,7 +47,7 @@ class Daemon:
         if 'http' not in line:
             raise RuntimeError(f'splatd did not start: {self.stop()}')
         url = urllib.parse.urlsplit(line.split()[-1])
-        self.host, self.token = url.netloc, urllib.parse.parse_qs(url.query)['token'][0]
+        self.host, self.token = url.netloc, token or urllib.parse.parse_qs(url.query)['token'][0]
 
     def ask(self, method, path, body=None, headers=None, token=True):
         """(status, headers, bytes)"""

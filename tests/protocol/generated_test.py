@@ -9,21 +9,23 @@ that it does not. Every answer must be documented; what is sound must not be ref
 not be accepted; and in the end every documented status has been seen, but for those that a test of overload or failure
 brings about. SPLATD_SEED chooses other requests, SPLATD_REQUESTS how many for each operation. Exit status 77: skipped.
 """
+import http.client
 import json
 import os
 import random
 import re
 import sys
+import tempfile
 
 import contract_test
-from contract_test import UPGRADE, Contract, Daemon, asker, check, walk
+from contract_test import jsonschema, UPGRADE, Contract, Daemon, asker, check, walk
 from generate import Requests
 
 MALFORMED = {400, 406, 422}
 REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
-# What no request brings about by itself: overload and failures (integration.life, unit.server_scheduler), and sessions of
+# What no request brings about by itself: failures (integration.life, unit.server_scheduler), and sessions of
 # an earlier run that wait for their volume (integration.state).
-ELSEWHERE = {'500', '503', ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
+ELSEWHERE = {'500', ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
 
 
 # Where views and requests are wrong in a way that a schema cannot say (its description lists them), or cannot be drawn.
@@ -141,13 +143,73 @@ def bring_about(daemon, contract):
     ask(409, 'GET', f'{api}/render/{{id}}', **kept)
 
 
-def check_coverage(contract):
+def all_operations(document):
+    for template, item in document['paths'].items():
+        for method in ('get', 'post', 'put', 'patch', 'delete'):
+            if method in item:
+                yield template, method, item[method].get('security') != []
+
+
+def refused(daemon, contract, status, template, method, headers=(), query='', token=None):
+    """Asks with these headers, which may be there twice, and expects the status, as documented."""
+    path = template.format(id='engine', name='x') + query
+    connection = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
+    connection.putrequest(method.upper(), path)
+    for name, value in (('Authorization', f'Bearer {token or daemon.token}'), ('Content-Length', '0'), *headers):
+        connection.putheader(name, value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    data = answer.read()
+    connection.close()
+    check(answer.status == status, f'{method.upper()} {path[:100]}: {answer.status}, expected {status}: {data[:200]}')
+    if status == 405:
+        allowed = {m.strip().lower() for m in answer.headers.get('Allow', '').split(',')} - {'head'}
+        check(allowed == contract.document['paths'][template].keys() & {'get', 'post', 'put', 'patch', 'delete'},
+              f'{method.upper()} {template}: Allow: {answer.headers.get("Allow")}')
+        for error in jsonschema.Draft202012Validator(contract.document['components']['schemas']['Problem']).iter_errors(json.loads(data)):
+            check(False, f'{method.upper()} {template}: 405: {error.message}')
+    else:
+        contract.check(method, template, answer.status, answer.headers, data)
+    if status in (429, 503):
+        check(answer.headers.get('Retry-After', '').isdigit(), f'{method.upper()} {template}: {status} without Retry-After')
+
+
+def whatever_is_asked(program, contract):
+    """400, 403, 405, 414, 429 and 503 do not depend on what is asked for."""
+    operations_ = list(all_operations(contract.document))
+    with tempfile.NamedTemporaryFile('w') as tokens:
+        tokens.write('admin-0123456789ab\nmetrics-0123456789ab role=metrics\nview-0123456789ab role=view\n')
+        tokens.flush()
+        daemon = Daemon(program, '--token-file', tokens.name, token='admin-0123456789ab')
+    for template, method, secured in operations_:
+        refused(daemon, contract, 400, template, method, [('Host', 'a')])
+        refused(daemon, contract, 414, template, method, query='?' + 'x' * 9000)
+        if secured:
+            role = 'view' if template == '/metrics' else 'metrics'
+            refused(daemon, contract, 403, template, method, token=f'{role}-0123456789ab')
     for template, item in contract.document['paths'].items():
-        for method, operation in item.items():
-            for status in operation['responses'] if isinstance(operation, dict) else ():
-                seen = (method, template, status) in contract.statuses
-                check(seen or ELSEWHERE & {status, (method, template, status)},
-                      f'{method.upper()} {template}: {status} is documented and never came')
+        for method in {'get', 'post', 'put', 'patch', 'delete', 'trace'} - item.keys():
+            refused(daemon, contract, 405, template, method)
+    status, _, _ = daemon.ask('GET', '/readyz', headers={'X': 'x' * 40000})
+    check(status == 431, f'headers over their limit: {status}')
+    check(daemon.stop()[0] == 0, 'splatd did not end well')
+    for status, limit in ((429, '--connections-per-address'), (503, '--connections')):
+        daemon = Daemon(program, limit, '1')
+        first = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
+        first.request('GET', '/healthz')
+        first.getresponse().read()
+        for template, method, _ in operations_:
+            refused(daemon, contract, status, template, method)
+        first.close()
+        check(daemon.stop()[0] == 0, 'splatd did not end well')
+
+
+def check_coverage(contract):
+    for template, method, _ in all_operations(contract.document):
+        for status in contract.document['paths'][template][method]['responses']:
+            seen = (method, template, status) in contract.statuses
+            check(seen or ELSEWHERE & {status, (method, template, status)},
+                  f'{method.upper()} {template}: {status} is documented and never came')
 
 
 def main():
@@ -168,6 +230,7 @@ def main():
         status, log = daemon.stop()
     check(status == 0, f'splatd ended with {status}: {log[-2000:]}')
     check('Sanitizer' not in log and 'runtime error' not in log, log[-4000:])
+    whatever_is_asked(sys.argv[1], contract)
     check_coverage(contract)
     print(f'seed {seed}, {REQUESTS} requests for each operation, {len(contract.statuses)} statuses, {contract_test.failures} failures')
     return 1 if contract_test.failures else 0

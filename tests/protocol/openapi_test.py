@@ -19,6 +19,8 @@ except ImportError as e:
     sys.exit(77)
 
 failures = 0
+# What any request may be answered with; 405 belongs to a path.
+EVERYWHERE = {'400', '414', '429', '503'}
 METHODS = {'get', 'post', 'patch', 'delete', 'put'}
 
 
@@ -69,11 +71,14 @@ def check_node(document, view, used):
 def check_operations(document):
     ids = set()
     for path, item in document['paths'].items():
+        check('x-other-methods' in item, f'{path} does not say what happens to other methods')
         for method in METHODS & item.keys():
             operation, name = item[method], f'{method.upper()} {path}'
             check(operation.get('operationId') not in ids, f'{name}: operationId is missing or used twice')
             ids.add(operation.get('operationId'))
             check(operation.get('summary'), f'{name} has no summary')
+            for status in EVERYWHERE | ({'401', '403'} if operation.get('security') != [] else set()):
+                check(status in operation['responses'], f'{name} does not describe {status}')
             for status, answer in operation['responses'].items():
                 answer = resolve(document, answer['$ref']) if '$ref' in answer else answer
                 check(isinstance(status, str), f'{name}: status {status} is no string')
@@ -81,8 +86,6 @@ def check_operations(document):
                 if int(status) >= 400:
                     check(list(answer.get('content', {})) == ['application/problem+json'],
                           f'{name} {status} is no problem document')
-            if operation.get('security') != []:
-                check('401' in operation['responses'], f'{name} does not say what happens without a token')
             named = {p for p in re.findall(r'\{(\w+)\}', path)}
             declared = set()
             for p in item.get('parameters', []) + operation.get('parameters', []):
