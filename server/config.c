@@ -69,7 +69,7 @@ static const struct setting settings[] = {
     { "connections-per-address", COUNT, AT(connections_per_address), "0", 0, 60000, "N",
       "open connections from one address; 0 = a quarter of --connections, and all of them from "
       "this machine's own, where a reverse proxy may be" },
-    { "handshakes", COUNT, AT(handshakes), "64", 1, 10000, "N",
+    { "handshakes", COUNT, AT(handshakes), "256", 1, 10000, "N",
       "TLS handshakes at a time; of more the oldest ends" },
     { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",
       "requests on one connection, pipelined or not, before it ends" },

@@ -106,6 +106,31 @@ test('requests sent with the handshake, more than are read at a time, are answer
   brief.destroy();
 });
 
+test('a byte at a time: requests with a body, two on one connection, and the handshake of a stream', async () => {
+  const session = await daemon.session();
+  const trickle = async (raw, text) => {
+    for (const byte of Buffer.from(text)) if (!raw.socket.write(Buffer.from([byte]))) await within(once(raw.socket, 'drain'), 'room');
+  };
+  const raw = await Raw.connect(daemon.port);
+  raw.socket.setNoDelay(true);
+  const body = JSON.stringify({ size: [16, 16], background: [0, 1, 0, 1] });
+  const post = `POST /api/v1/render?format=png HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\nContent-Type: application/json\r\n`;
+  await trickle(raw, `${post}Content-Length: ${body.length}\r\n\r\n${body}`
+    + `${post}Transfer-Encoding: chunked\r\n\r\n5\r\n${body.slice(0, 5)}\r\n${(body.length - 5).toString(16)}\r\n${body.slice(5)}\r\n0\r\n\r\n`);
+  await raw.until(() => raw.text().match(/HTTP\/1\.1 200/g)?.length === 2 && raw.text().match(/IEND/g)?.length === 2, 'two pictures');
+  raw.destroy();
+  const stream = await Raw.connect(daemon.port);
+  stream.socket.setNoDelay(true);
+  const target = new URL(daemon.streamUrl(session));
+  await trickle(stream, `GET ${target.pathname}${target.search} HTTP/1.1\r\nHost: ${target.host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n`
+    + 'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n');
+  await stream.until(() => stream.text().includes('\r\n\r\n'), 'the handshake');
+  stream.start = stream.bytes.indexOf('\r\n\r\n') + 4;
+  for (const byte of ping('slow')) stream.write(Buffer.from([byte]));
+  await stream.answer('slow');
+  stream.destroy();
+});
+
 test('a client that never reads is dropped with a word in the log, and costs nobody a frame', async () => {
   const session = await daemon.session();
   const raw = await Raw.webSocket(daemon, session);

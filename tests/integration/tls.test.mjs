@@ -158,6 +158,37 @@ test('garbage, cut greetings and connections that say nothing', async () => {
   await othersAreServed();
 });
 
+test('garbage in an open connection ends it, and no byte of it reaches HTTP', async () => {
+  for (const maxVersion of ['TLSv1.2', 'TLSv1.3']) {
+    for (const bytes of [Buffer.alloc(40000, 0xa5), Buffer.from('17030300200000000000000000000000000000000000000000000000000000000000000000', 'hex'),
+      Buffer.from('1703034001', 'hex'), Buffer.from('1503030002022a', 'hex'), Buffer.from('16030300040e000000', 'hex')]) {
+      const raw = await Raw.connect(daemon.port);
+      const socket = await connect({ socket: raw.socket, maxVersion });
+      socket.on('error', () => {});
+      const ended = within(new Promise((resolve) => { raw.socket.on('end', resolve).on('close', resolve); }),
+        `the end after ${bytes.subarray(0, 8).toString('hex')} in ${maxVersion}`); // by --header-time at the latest
+      let got = '';
+      socket.on('data', (data) => { got += data; });
+      raw.write(bytes);
+      await ended;
+      assert.equal(got, '');
+      raw.destroy();
+    }
+  }
+  await othersAreServed();
+});
+
+test('100 clients join at once', async () => {
+  const many = await Daemon.start(['--volume', 'demo:engine?size=32', ...secure, '--participants', '32']);
+  const of = [await session(many)];
+  while (!of[0].id) of[0] = await session(many); // the volume loads
+  for (let i = 1; i < 4; i++) of.push(await session(many));
+  const streams = await Promise.all(Array.from({ length: 100 }, (_, i) => Stream.open(many.streamUrl(of[i % 4]), { session: of[i % 4], ca })));
+  await Promise.all(streams.map((stream) => stream.final()));
+  await Promise.all(streams.map((stream) => stream.end()));
+  assert.equal(await many.stop(), 0);
+});
+
 test('a byte at a time, through the handshake and the request', async () => {
   const raw = await Raw.connect(daemon.port);
   raw.socket.setNoDelay(true);

@@ -19,6 +19,36 @@
 
 enum { ROOM = 1 << 20 };
 
+/* The fail_in-th allocation from now on fails, and all after it; 0 = none. */
+static unsigned fail_in;
+
+static bool fails(void) {
+    if (fail_in > 1)
+        fail_in--;
+    else if (fail_in == 1)
+        return true;
+    return false;
+}
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *old, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *old, size_t size);
+
+void *__wrap_malloc(size_t size) {
+    return fails() ? NULL : __real_malloc(size);
+}
+
+void *__wrap_calloc(size_t count, size_t size) {
+    return fails() ? NULL : __real_calloc(count, size);
+}
+
+void *__wrap_realloc(void *old, size_t size) {
+    return fails() ? NULL : __real_realloc(old, size);
+}
+
 struct wire { /* what the client sent, and what it was sent */
     uint8_t *in, *out;
     size_t in_size, in_at, out_size;
@@ -188,12 +218,59 @@ static void who_does_not_read_is_not_read(void **state) {
     assert_int_equal(answers(&s->wire), PINGS);
 }
 
+/* The code of the close frame that was sent; 0 = none was. */
+static unsigned close_code(const struct wire *wire) {
+    for (size_t at = 0; at + 4 <= wire->out_size;) {
+        size_t size = wire->out[at + 1], head = 2;
+        if (wire->out[at] == 0x88)
+            return wire->out[at + 2] * 256u + wire->out[at + 3];
+        if (size == 126) {
+            size = wire->out[at + 2] * 256u + wire->out[at + 3];
+            head = 4;
+        }
+        at += head + size;
+    }
+    return 0;
+}
+
+/* Memory runs out at each allocation that a message costs, one after the other: the stream goes on,
+ * says why not, or is over. */
+static void out_of_memory(void **state) {
+    static const char update[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\","
+                                 "\"params\":{\"seq\":1,\"patch\":{\"background\":[1,0,0,1]}}}";
+    unsigned closed = 0;
+    bool answered = false;
+    (void)state;
+    for (unsigned n = 1; !answered; n++) {
+        void *one = NULL;
+        assert_int_equal(set_up(&one), 0);
+        struct stream *s = one;
+        run(s, 1); /* who is there, and the like */
+        s->wire.out_size = 0;
+        say(&s->wire, update, sizeof update - 1);
+        fail_in = n;
+        srv_ws_read(s->ws, 2);
+        answered = fail_in > 1;
+        fail_in = 0;
+        run(s, 3);
+        unsigned code = close_code(&s->wire);
+        assert_true(code == 0 || code == 1011);
+        assert_true(code == 1011 || s->wire.out_size > 0 || srv_ws_is_lost(s->ws));
+        assert_int_equal(srv_ws_is_over(s->ws), code == 1011 || srv_ws_is_lost(s->ws));
+        closed += code == 1011;
+        assert_int_equal(tear_down(&one), 0);
+        assert_true(n < 10000);
+    }
+    assert_true(closed > 0);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_flood_is_read_bit_by_bit_and_nothing_is_lost, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_large_message_comes_128_kib_at_a_time, set_up, tear_down),
         cmocka_unit_test_setup_teardown(who_does_not_read_is_not_read, set_up, tear_down),
+        cmocka_unit_test(out_of_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

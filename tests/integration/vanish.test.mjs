@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clients that vanish without a word: no FIN and no RST ever comes, as when a laptop loses its network. The daemon and
+// its clients run in a network of their own, whose only link goes down.
+import assert from 'node:assert/strict';
+import { execFileSync, spawn, spawnSync } from 'node:child_process';
+import { once } from 'node:events';
+import { mkdtempSync, readdirSync, readlinkSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { test } from 'node:test';
+import tls from 'node:tls';
+import { fileURLToPath } from 'node:url';
+import { Daemon, Raw, within } from './harness.mjs';
+
+const FILE = fileURLToPath(import.meta.url);
+const ALONE = ['-rn', process.execPath, FILE];
+
+/** The link of this network; needs no tools of the system's. */
+function link(up) {
+  execFileSync('/usr/bin/python3', ['-c', 'import fcntl, socket, struct\n'
+    + `fcntl.ioctl(socket.socket(), 0x8914, struct.pack("16sh14x", b"lo", ${up ? 0x41 : 0}))`]); // SIOCSIFFLAGS
+}
+
+function sockets(daemon) {
+  const folder = `/proc/${daemon.child.pid}/fd`;
+  return readdirSync(folder).filter((name) => {
+    try {
+      return readlinkSync(path.join(folder, name)).startsWith('socket:');
+    } catch {
+      return false; // closed meanwhile
+    }
+  }).length;
+}
+
+async function untilOnly(daemon, count) {
+  const end = Date.now() + 60000;
+  while (sockets(daemon) > count) {
+    assert.ok(Date.now() < end, `${sockets(daemon)} sockets are open, ${count} were; ${daemon.log.slice(-1500)}`);
+    await new Promise((resolve) => setTimeout(resolve, 20));
+  }
+}
+
+/** A connection that says `text`, in TLS or not, and does not read. */
+async function speak(daemon, text) {
+  const raw = await Raw.connect(daemon.port);
+  if (!daemon.base.startsWith('https')) {
+    raw.socket.pause();
+    raw.write(text);
+    return raw;
+  }
+  raw.socket.removeAllListeners('data');
+  const socket = tls.connect({ socket: raw.socket, rejectUnauthorized: false });
+  socket.on('error', () => {});
+  await within(once(socket, 'secureConnect'), 'a TLS handshake');
+  socket.pause();
+  socket.write(text);
+  return raw;
+}
+
+async function vanish(secure) {
+  const daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--ping-time', '1', '--stall-time', '2',
+    '--header-time', '2', '--request-time', '2', '--idle-time', '2', ...secure]);
+  const before = sockets(daemon);
+  await daemon.loaded('engine');
+  const session = await daemon.session();
+  await untilOnly(daemon, before); // fetch keeps connections: they end by --idle-time
+  const [idle, busy] = [await daemon.stream({ session }), await daemon.stream({ session, acks: false })];
+  await idle.final();
+  await busy.frame(() => true, 'a frame');
+  const request = `GET /api/v1/openapi.yaml HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n\r\n`;
+  const rest = [await speak(daemon, ''), await speak(daemon, 'GET /healthz HT'), await speak(daemon, request),
+    await speak(daemon, request.repeat(500))];
+  assert.ok(sockets(daemon) > before);
+  const { localPort } = idle.socket._socket;
+  link(false);
+  for (const stream of [idle, busy]) stream.socket.on('error', () => {}).terminate();
+  for (const raw of rest) raw.socket.destroy();
+  await daemon.untilLogged(`stream of 127.0.0.1:${localPort} dropped: silent for`);
+  await untilOnly(daemon, before);
+  link(true);
+  assert.equal((await daemon.fetch('/healthz')).status, 200);
+  assert.equal(await daemon.stop(), 0);
+}
+
+function certificate(folder) {
+  const [cert, key] = [path.join(folder, 'cert.pem'), path.join(folder, 'key.pem')];
+  execFileSync('openssl', ['req', '-x509', '-newkey', 'ec', '-pkeyopt', 'ec_paramgen_curve:P-256', '-nodes', '-days', '30', '-subj',
+    '/CN=127.0.0.1', '-keyout', key, '-out', cert], { stdio: 'ignore' });
+  return ['--tls-cert', cert, '--tls-key', key];
+}
+
+if (process.env.SPLATD_TEST_ALONE) {
+  link(true);
+  test('of clients that vanish nothing stays', () => vanish([]));
+  test('nor behind TLS', async () => {
+    const folder = mkdtempSync(path.join(tmpdir(), 'splatd-vanish-'));
+    process.env.NODE_TLS_REJECT_UNAUTHORIZED = '0';
+    await vanish(certificate(folder));
+    rmSync(folder, { recursive: true });
+  });
+} else {
+  test('clients that vanish without a word', async (t) => {
+    if (spawnSync('unshare', ['-rn', 'true']).status !== 0) return t.skip('no network of its own: unshare -rn');
+    const child = spawn('unshare', ALONE, { env: { ...process.env, SPLATD_TEST_ALONE: '1', NODE_TEST_CONTEXT: '' }, stdio: ['ignore', 'pipe', 'pipe'] });
+    let out = '';
+    child.stdout.on('data', (data) => { out += data; });
+    child.stderr.on('data', (data) => { out += data; });
+    const [code] = await once(child, 'close');
+    assert.equal(code, 0, out);
+    assert.match(out, /pass 2/);
+  });
+}
