@@ -27,9 +27,11 @@ static void nothing(struct srv_request *request, struct srv_reply *reply) {
 }
 
 static const struct srv_route routes[] = {
-    { SRV_GET, "/a", nothing, false },         { SRV_POST, "/a", nothing, false },
-    { SRV_GET, "/a/{}", nothing, true },       { SRV_DELETE, "/a/{}", nothing, false },
-    { SRV_GET, "/a/{}/view", nothing, false },
+    { SRV_GET, "/a", SRV_RIGHT_NONE, nothing },
+    { SRV_POST, "/a", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, nothing },
 };
 
 static void routing(void **state) {
