@@ -325,6 +325,9 @@ bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, c
     *answer = NULL;
     *answer_size = 0;
     bool decoded = proto_rpc_decode(text, size, &message, &call.code, &call.err), ok = decoded;
+    /* What could not be read may be an acknowledgement, for which a stream would wait in vain. */
+    if (!decoded && call.err.code == SP_ERR_MEMORY)
+        return false;
     if (decoded) {
         call.params = message.params;
         ok = dispatch(&call, message.method);

@@ -1,0 +1,446 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Memory runs out while a client is served: the whole daemon in this process, a client on a socket,
+ * and an allocator that refuses once, at the n-th time, for every n until nothing is refused. Each
+ * time the answer is right, or a problem document of status 500 or 503, or the connection ends; and
+ * the next request is answered as ever. What the HTTP, TLS and image libraries allocate themselves
+ * is not refused. The leak checker of the ASan build looks on.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <signal.h>
+#include <sqlite3.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "daemon.h"
+
+/* The allocator. */
+
+static _Thread_local bool is_exempt; /* the client's thread */
+static atomic_long countdown = -1;   /* allocations before the one that is refused; < 0 = none is */
+
+static bool is_refused(void) {
+    return !is_exempt && atomic_load(&countdown) >= 0 && atomic_fetch_sub(&countdown, 1) == 0;
+}
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *old, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *old, size_t size);
+/* The JSON library's own hook; its header belongs to protocol/json.c. */
+void json_set_alloc_funcs(void *(*allocate)(size_t), void (*release)(void *));
+
+void *__wrap_malloc(size_t size) {
+    return is_refused() ? NULL : __real_malloc(size);
+}
+
+void *__wrap_calloc(size_t count, size_t size) {
+    return is_refused() ? NULL : __real_calloc(count, size);
+}
+
+void *__wrap_realloc(void *old, size_t size) {
+    return is_refused() ? NULL : __real_realloc(old, size);
+}
+
+static sqlite3_mem_methods real_memory;
+
+static void *sqlite_malloc(int size) {
+    return is_refused() ? NULL : real_memory.xMalloc(size);
+}
+
+static void *sqlite_realloc(void *old, int size) {
+    return is_refused() ? NULL : real_memory.xRealloc(old, size);
+}
+
+/* From here on the n-th allocation is refused. */
+static void refuse(long n) {
+    atomic_store(&countdown, n);
+}
+
+/* Nothing is from here on; was anything? */
+static bool end_refusing(void) {
+    return atomic_exchange(&countdown, -1) < 0;
+}
+
+/* The daemon. */
+
+static struct fixture {
+    struct srv_config config;
+    struct srv_log log;
+    struct srv_daemon *daemon;
+    char folder[32], token[80];
+    uint16_t port;
+} f;
+
+static int set_up(void **state) {
+    (void)state;
+    char url[256];
+    strcpy(f.folder, "/tmp/splatd-oom-XXXXXX");
+    char *argv[] = { (char *)"splatd",
+                     (char *)"--listen",
+                     (char *)"127.0.0.1:0",
+                     (char *)"--backend",
+                     (char *)"null",
+                     (char *)"--volume",
+                     (char *)"demo:engine?size=8",
+                     (char *)"--state",
+                     f.folder,
+                     (char *)"--views",
+                     (char *)"1000000",
+                     (char *)"--sessions",
+                     (char *)"100",
+                     (char *)"--rest-time",
+                     (char *)"0.001",
+                     (char *)"--threads",
+                     (char *)"1",
+                     NULL };
+    if (!mkdtemp(f.folder) || !srv_config_init(&f.config, NULL) ||
+        !srv_config_parse(&f.config, (int)(sizeof argv / sizeof *argv) - 1, argv, NULL))
+        return -1;
+    srv_log_init(&f.log, SP_LOG_ERROR, SRV_LOG_TEXT);
+    f.daemon = srv_daemon_start(&f.config, &f.log, NULL);
+    if (!f.daemon)
+        return -1;
+    srv_daemon_url(f.daemon, url, sizeof url);
+    unsigned port;
+    if (sscanf(url, "http://127.0.0.1:%u/?token=%79s", &port, f.token) != 2)
+        return -1;
+    f.port = (uint16_t)port;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    (void)state;
+    char command[64];
+    srv_daemon_stop(&f.daemon);
+    srv_config_finish(&f.config);
+    snprintf(command, sizeof command, "rm -rf '%s'", f.folder);
+    return system(command);
+}
+
+/* The client. */
+
+struct client {
+    int fd;
+    size_t have;
+    char bytes[1 << 16]; /* that came and were not used, with a NUL behind them */
+};
+static struct client http, stream = { .fd = -1 };
+
+static void dial(struct client *client) {
+    struct sockaddr_in to = { .sin_family = AF_INET, .sin_port = htons(f.port) };
+    struct timeval limit = { .tv_sec = 120 }; /* for an answer that never comes */
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    client->have = 0;
+    client->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    assert_true(client->fd >= 0);
+    setsockopt(client->fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    assert_int_equal(connect(client->fd, (struct sockaddr *)&to, sizeof to), 0);
+}
+
+static void hang_up(struct client *client) {
+    if (client->fd >= 0)
+        close(client->fd);
+    client->fd = -1;
+}
+
+static void tell(struct client *client, const void *bytes, size_t size) {
+    if (send(client->fd, bytes, size, MSG_NOSIGNAL) != (ssize_t)size && errno != EPIPE &&
+        errno != ECONNRESET)
+        fail_msg("cannot send: %s", strerror(errno));
+}
+
+/* False: the other side has closed. */
+static bool hear(struct client *client) {
+    assert_true(client->have + 1 < sizeof client->bytes);
+    ssize_t got =
+        recv(client->fd, client->bytes + client->have, sizeof client->bytes - 1 - client->have, 0);
+    if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
+        fail_msg("it hangs");
+    if (got <= 0)
+        return false;
+    client->have += (size_t)got;
+    client->bytes[client->have] = 0;
+    return true;
+}
+
+/* The status of the answer, which is in http.bytes then; 0 = the connection ended without one. */
+static int ask(const char *method, const char *path, const char *body) {
+    char text[2048];
+    int size = snprintf(text, sizeof text,
+                        "%s /api/v1/%s HTTP/1.1\r\nHost: x\r\nConnection: close\r\n"
+                        "Authorization: Bearer %s\r\nContent-Type: application/json\r\n"
+                        "Content-Length: %zu\r\n\r\n%s",
+                        method, path, f.token, strlen(body), body);
+    int status = 0;
+    assert_true(size < (int)sizeof text);
+    dial(&http);
+    tell(&http, text, (size_t)size);
+    while (hear(&http)) {
+    }
+    http.bytes[http.have] = 0;
+    hang_up(&http);
+    if (http.have > 0 && sscanf(http.bytes, "HTTP/1.1 %d", &status) != 1)
+        fail_msg("no answer: %.200s", http.bytes);
+    if (status >= 400 && !strstr(http.bytes, "application/problem+json"))
+        fail_msg("no problem document: %.400s", http.bytes);
+    return status;
+}
+
+static void must(const char *method, const char *path, const char *body, int expected) {
+    int status = ask(method, path, body);
+    if (status != expected)
+        fail_msg("%s %s: %d, not %d: %.600s", method, path, status, expected, http.bytes);
+}
+
+/* The text behind the first `"key":"` of the last answer. */
+static void member(const char *key, char value[64]) {
+    char pattern[32];
+    snprintf(pattern, sizeof pattern, "\"%s\":\"", key);
+    const char *at = strstr(http.bytes, pattern);
+    assert_non_null(at);
+    at += strlen(pattern);
+    snprintf(value, 64, "%.*s", (int)strcspn(at, "\""), at);
+}
+
+/* Requests. */
+
+static char session[64], kept[64];
+
+static void wait_for_volume(void) {
+    do
+        must("GET", "volumes/engine", "", 200);
+    while (strstr(http.bytes, "\"loading\""));
+    must("POST", "sessions", "{\"view\":{\"size\":[8,8]}}", 201);
+    member("id", session);
+    must("POST", "views", "{\"size\":[9,9]}", 201);
+    member("id", kept);
+}
+
+/* Ends what a session made costs, and tells whether one was made. */
+static void forget_session(void) {
+    char id[64], path[96];
+    member("id", id);
+    snprintf(path, sizeof path, "sessions/%s", id);
+    must("DELETE", path, "", 204);
+}
+
+/* `body` has one %ld, so that nothing is there already. */
+static void each_allocation(const char *method, const char *path, const char *body, int expected) {
+    char text[512];
+    long n = 0;
+    for (bool refused = true; refused; n++) {
+        snprintf(text, sizeof text, body, n);
+        refuse(n);
+        int status = ask(method, path, text);
+        refused = end_refusing();
+        bool is_told = status == 0 || status == 500 || status == 503 ||
+                       (status == 400 && strstr(http.bytes, "not valid JSON")); /* see see() */
+        if (status != expected && !(refused && is_told))
+            fail_msg("%s %s with allocation %ld refused: %d: %.600s", method, path, n, status,
+                     http.bytes);
+        if (status == expected && strcmp(path, "sessions") == 0 && strcmp(method, "POST") == 0)
+            forget_session();
+        if (status == expected)
+            continue;
+        must(method, path, text, expected); /* nothing is broken, and nothing half done */
+        if (strcmp(path, "sessions") == 0 && strcmp(method, "POST") == 0)
+            forget_session();
+    }
+    print_message("%s %s: %ld allocations\n", method, path, n - 1);
+    assert_true(n > 3);
+}
+
+static void requests(void **state) {
+    (void)state;
+    char path[96];
+    wait_for_volume();
+    each_allocation("GET", "volumes/engine", "", 200);
+    each_allocation("GET", "sessions", "", 200);
+    each_allocation("GET", "views", "", 200);
+    each_allocation("POST", "render?format=png", "{\"size\":[8,8],\"camera\":{\"fov_y\":20.%ld}}",
+                    200);
+    snprintf(path, sizeof path, "render/%s?size=8,8", kept);
+    each_allocation("GET", path, "", 200);
+    each_allocation("POST", "views", "{\"background\":[0.%ld,0,0,1]}", 201);
+    each_allocation("POST", "sessions", "{\"view\":{\"background\":[0.%ld,0,0,1]}}", 201);
+    snprintf(path, sizeof path, "sessions/%s", session);
+    each_allocation("PATCH", path, "{\"view\":{\"background\":[0.%ld,0,0,1]}}", 200);
+    each_allocation("GET", path, "", 200);
+}
+
+/* A stream. */
+
+enum message { ENDED, TEXT, FRAME };
+
+static void send_text(const char *text) {
+    uint8_t frame[1024] = { 0x81 };
+    size_t size = strlen(text), head = size < 126 ? 2 : 4;
+    assert_true(size + 8 < sizeof frame);
+    frame[1] = (uint8_t)(0x80 | (size < 126 ? size : 126));
+    if (head == 4) {
+        frame[2] = (uint8_t)(size >> 8);
+        frame[3] = (uint8_t)size;
+    }
+    memcpy(frame + head + 4, text, size); /* the mask is 0 */
+    tell(&stream, frame, head + 4 + size);
+}
+
+/* The next message of the stream: *payload lives until the next call. */
+static enum message next_message(const uint8_t **payload, size_t *size) {
+    static uint8_t message[sizeof stream.bytes];
+    for (;;) {
+        const uint8_t *bytes = (const uint8_t *)stream.bytes;
+        size_t head = stream.have < 2 ? 2 : (bytes[1] & 127) == 126 ? 4 : 2;
+        *size = head == 4 && stream.have >= 4 ? (size_t)(bytes[2] << 8 | bytes[3])
+                                              : (size_t)(bytes[1] & 127);
+        if (stream.have < head || stream.have < head + *size) {
+            if (!hear(&stream))
+                return ENDED;
+            continue;
+        }
+        int kind = bytes[0] & 15;
+        memcpy(message, bytes + head, *size);
+        message[*size] = 0;
+        stream.have -= head + *size;
+        memmove(stream.bytes, stream.bytes + head + *size, stream.have);
+        *payload = message;
+        if (kind == 1 || kind == 2)
+            return kind == 1 ? TEXT : FRAME;
+        if (kind == 8)
+            return ENDED;
+    }
+}
+
+/* Did the stream open? */
+static bool join(void) {
+    char text[512];
+    snprintf(text, sizeof text,
+             "GET /api/v1/sessions/%s/stream?token=%s HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\n"
+             "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+             "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
+             session, f.token);
+    dial(&stream);
+    tell(&stream, text, strlen(text));
+    stream.bytes[0] = 0;
+    const char *end;
+    while (!(end = strstr(stream.bytes, "\r\n\r\n")))
+        if (!hear(&stream))
+            return false;
+    int status = atoi(stream.bytes + 9);
+    assert_true(status == 101 || status == 503 || status == 500);
+    size_t used = (size_t)(end + 4 - stream.bytes);
+    stream.have -= used;
+    memmove(stream.bytes, stream.bytes + used, stream.have);
+    return status == 101;
+}
+
+/* Reads until the final picture of update `seq` came, or the client was told that there is none;
+ * false: the stream ended. Without memory the JSON library may take a right message for a wrong
+ * one (proto_json_parse()), which is lost then: a client that cannot have that starts anew. */
+static bool see(uint32_t seq, bool *failed) {
+    const uint8_t *bytes;
+    size_t size;
+    *failed = false;
+    for (;;) {
+        switch (next_message(&bytes, &size)) {
+        case ENDED:
+            return false;
+        case TEXT:
+            if (strstr((const char *)bytes, "\"id\":null,\"error\":{\"code\":-32700"))
+                return false;
+            if (strstr((const char *)bytes, "render.error") ||
+                strstr((const char *)bytes, "\"error\""))
+                *failed = true;
+            if (*failed)
+                return true;
+            break;
+        case FRAME: {
+            uint32_t number, shown;
+            char ack[96];
+            memcpy(&number, bytes + 8, 4);
+            memcpy(&shown, bytes + 12, 4);
+            snprintf(ack, sizeof ack,
+                     "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
+                     number);
+            send_text(ack);
+            if (shown == seq && bytes[5] & 2)
+                return true;
+        }
+        }
+    }
+}
+
+static void update(uint32_t seq, long n) {
+    char text[256];
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"id\":%u,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
+             "\"patch\":{\"background\":[0,0.%ld,0,1]}}}",
+             seq, seq, n);
+    send_text(text);
+}
+
+static void streams(void **state) {
+    (void)state;
+    long n = 0;
+    bool failed;
+    for (bool refused = true; refused; n++) { /* to join and see the first picture */
+        refuse(n);
+        bool ok = join() && see(0, &failed) && !failed;
+        refused = end_refusing();
+        assert_true(ok || refused);
+        hang_up(&stream);
+        if (!ok) { /* a view that failed is drawn again when it changes */
+            assert_true(join());
+            update(1, n);
+            assert_true(see(1, &failed) && !failed);
+            hang_up(&stream);
+        }
+    }
+    print_message("joining: %ld allocations\n", n - 1);
+    assert_true(join() && see(0, &failed) && !failed);
+    uint32_t seq = 0;
+    n = 0;
+    for (bool refused = true; refused; n++) {
+        refuse(n);
+        update(++seq, 2 * n);
+        bool is_open = see(seq, &failed);
+        refused = end_refusing();
+        assert_true((is_open && !failed) || refused);
+        if (!is_open) {
+            hang_up(&stream);
+            assert_true(join());
+        }
+        update(++seq, 2 * n + 1);
+        assert_true(see(seq, &failed) && !failed);
+    }
+    print_message("an update: %ld allocations\n", n - 1);
+    hang_up(&stream);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = { cmocka_unit_test(requests), cmocka_unit_test(streams) };
+    is_exempt = true;
+    signal(SIGPIPE, SIG_IGN);
+    sqlite3_config(SQLITE_CONFIG_GETMALLOC, &real_memory);
+    sqlite3_mem_methods failing = real_memory;
+    failing.xMalloc = sqlite_malloc;
+    failing.xRealloc = sqlite_realloc;
+    sqlite3_config(SQLITE_CONFIG_MALLOC, &failing);
+    json_set_alloc_funcs(__wrap_malloc, free);
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
