@@ -10,17 +10,16 @@
 
 enum { POLL_MS = 100 };
 
-static struct http *connect_to_daemon(const struct options *options, struct sp_error *err) {
+struct http *connect_to_daemon(const struct options *options, struct sp_error *err) {
     return http_create(options->url, options->token, options->timeout_s, err);
 }
 
-static const char *text_of(const proto_json *object, const char *key) {
+const char *text_of(const proto_json *object, const char *key) {
     const char *text = proto_json_string(proto_json_get(object, key));
     return text ? text : "";
 }
 
-/* Prints a document and a newline. */
-static bool print_json(const proto_json *json, struct sp_error *err) {
+bool print_json(const proto_json *json, struct sp_error *err) {
     char *text = proto_json_to_text(json, NULL);
     bool ok = text && puts(text) >= 0 && fflush(stdout) == 0;
     free(text);

@@ -10,7 +10,18 @@
  * command line. */
 typedef int command_fn(const struct options *options, struct sp_error *err);
 
-command_fn command_volumes, command_load, command_view, command_render;
+command_fn command_volumes, command_load, command_view, command_render; /* commands.c, render.c */
+command_fn command_presets, command_preset, command_views, command_kept, command_keep,
+    command_sessions, command_session, command_share; /* kept.c */
+
+struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
+/* The text of a member; "" if it is none. */
+const char *text_of(const proto_json *object, const char *key);
+/* Prints a document and a newline. */
+bool print_json(const proto_json *json, struct sp_error *err);
+/* The view of the command line: that of --view, or an empty one, with --size. NULL with *err set.
+ */
+proto_json *read_view(const struct options *options, struct sp_error *err);
 
 /* An image to be written, and what is known of how it came to be. */
 struct picture {

@@ -114,6 +114,10 @@ void http_destroy(struct http **http) {
     *http = NULL;
 }
 
+const char *http_base(const struct http *http) {
+    return http->base;
+}
+
 static size_t receive_body(char *bytes, size_t one, size_t size, void *user) {
     struct http_response *response = user;
     (void)one;

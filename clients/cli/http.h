@@ -19,6 +19,8 @@ struct http;
 struct http *http_create(const char *url, const char *token, unsigned timeout_s,
                          struct sp_error *err);
 void http_destroy(struct http **http);
+/* The daemon's address without a token and a slash at its end; lives as long. */
+const char *http_base(const struct http *http);
 
 struct http_response {
     long status;

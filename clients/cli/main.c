@@ -9,11 +9,14 @@
 static const struct {
     const char *name;
     command_fn *run;
+    bool deletes; /* knows --delete */
 } commands[] = {
-    { "volumes", command_volumes },
-    { "load", command_load },
-    { "view", command_view },
-    { "render", command_render },
+    { "volumes", command_volumes, false }, { "load", command_load, false },
+    { "view", command_view, false },       { "render", command_render, false },
+    { "keep", command_keep, false },       { "kept", command_kept, true },
+    { "views", command_views, false },     { "preset", command_preset, true },
+    { "presets", command_presets, false }, { "share", command_share, false },
+    { "session", command_session, true },  { "sessions", command_sessions, false },
 };
 
 /* The renderer's log: what went wrong is told by the error, the rest is for daemons. */
@@ -26,6 +29,8 @@ static void drop_line(void *user, enum sp_log_level level, const char *line) {
 static int run(const struct options *options) {
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
         if (strcmp(options->command, commands[i].name) == 0) {
+            if (options->delete &&!commands[i].deletes)
+                return usage_error(options->command, "has nothing to --delete");
             struct sp_error err = { 0 };
             int status = commands[i].run(options, &err);
             if (status == 1)

@@ -24,6 +24,7 @@ enum option_id {
     OPT_TIMEOUT,
     OPT_JSON,
     OPT_NO_WAIT,
+    OPT_DELETE,
     OPT_HELP,
     OPT_VERSION
 };
@@ -45,6 +46,7 @@ static const struct option known[] = {
     { "timeout", required_argument, NULL, OPT_TIMEOUT },
     { "json", no_argument, NULL, OPT_JSON },
     { "no-wait", no_argument, NULL, OPT_NO_WAIT },
+    { "delete", no_argument, NULL, OPT_DELETE },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
     { NULL, 0, NULL, 0 },
@@ -59,6 +61,16 @@ static const char help_text[] =
     "                          its id and wait until it is ready\n"
     "  view ID                 print the default view of a volume\n"
     "  render                  render one image\n"
+    "  keep                    keep a view (--view, --volume) for links; print its id\n"
+    "  kept ID                 print a kept view\n"
+    "  views                   list the kept views\n"
+    "  preset NAME             print a preset, or keep that of --view under the name\n"
+    "  presets                 list the presets\n"
+    "  share [ID]              begin a session with a view (--view, --volume), or with that of a\n"
+    "                          session or kept view; print its links\n"
+    "  session ID              print the links of a session\n"
+    "  sessions                list the sessions, awake or asleep\n"
+    "  --delete                of kept, preset and session: delete it\n"
     "\n"
     "The daemon:\n"
     "  --url URL               its address, with or without ?token= (default: $SPLATD_URL, else\n"
@@ -197,6 +209,8 @@ static bool apply_option(struct options *o, int id, const char *value) {
         return o->json = true;
     case OPT_NO_WAIT:
         return o->no_wait = true;
+    case OPT_DELETE:
+        return o->delete = true;
     case OPT_HELP:
         return o->help = true;
     case OPT_VERSION:

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splatctl: the daemon from a shell. main.c dispatches, commands.c and render.c do what is asked,
- * http.c speaks to the daemon, local.c renders without one, output.c writes files whole or not at
- * all. Errors are a struct sp_error up to main(), which prints `splatctl: place: text`.
+ * splatctl: the daemon from a shell. main.c dispatches, commands.c, kept.c and render.c do what is
+ * asked, http.c speaks to the daemon, local.c renders without one, output.c writes files whole or
+ * not at all. Errors are a struct sp_error up to main(), which prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
@@ -19,7 +19,7 @@ struct options {
     int quality;      /* 0 = the default */
     unsigned threads; /* 0 = one a core */
     unsigned timeout_s;
-    bool local, json, no_wait, help, version;
+    bool local, json, no_wait, delete, help, version;
 };
 
 /* Reads the command line. False, with a message on standard error, if it cannot be understood (exit

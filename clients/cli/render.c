@@ -32,8 +32,7 @@ bool write_picture(const struct options *options, const struct picture *picture,
     return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
 }
 
-/* The view of the command line: that of --view, with --size. NULL with *err set. */
-static proto_json *read_view(const struct options *options, struct sp_error *err) {
+proto_json *read_view(const struct options *options, struct sp_error *err) {
     proto_json *view = NULL;
     const char *name = options->view;
     if (name && strcmp(name, "-") == 0)

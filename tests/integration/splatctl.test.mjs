@@ -129,3 +129,57 @@ test('a wrong token is told', async () => {
   assert.equal(status, 1);
   assert.match(err, /^splatctl: GET \/volumes: .*HTTP 401.*token/);
 });
+
+test('views are kept, listed, printed and deleted', async () => {
+  const view = JSON.stringify({ background: [0.25, 0, 0, 1] });
+  const id = (await succeeds(['keep', '--volume', 'engine', '--view', '-', '--size', '24,16'], { input: view })).toString().trim();
+  assert.match(id, /^[0-9a-f]{32}$/);
+  assert.equal(JSON.parse(await succeeds(['keep', '--volume', 'engine', '--view', '-', '--size', '24,16', '--json'], { input: view })).id, id);
+  assert.match((await succeeds(['views'])).toString(), new RegExp(`^${id} +engine +24x16$`, 'm'));
+  const whole = JSON.parse(await succeeds(['kept', id]));
+  assert.deepEqual([whole.background, whole.size], [[0.25, 0, 0, 1], [24, 16]]);
+  const ids = new Set([id]);
+  for (let i = 1; i <= 120; i += 1) { // more than one page
+    ids.add((await daemon.post('/api/v1/views', { size: [i, 1] })).json.id);
+  }
+  const { views, next } = JSON.parse(await succeeds(['views', '--json']));
+  assert.equal(next, undefined);
+  assert.deepEqual(new Set(views.map((v) => v.id)), ids);
+  await succeeds(['kept', id, '--delete']);
+  const gone = await splatctl(['kept', id]);
+  assert.equal(gone.status, 1);
+  assert.match(gone.err, /no kept view/);
+});
+
+test('presets are put under names, listed, printed and deleted', async () => {
+  await succeeds(['preset', 'narrow', '--view', '-'], { input: '{"camera":{"fov_y":12}}' });
+  assert.equal((await succeeds(['presets'])).toString(), 'narrow\n');
+  assert.deepEqual(JSON.parse(await succeeds(['presets', '--json'])), { presets: ['narrow'] });
+  assert.deepEqual(JSON.parse(await succeeds(['preset', 'narrow'])), { camera: { fov_y: 12 } });
+  const wrong = await splatctl(['preset', 'wrong', '--view', '-'], { input: '{"camera":{"fov_y":999}}' });
+  assert.deepEqual([wrong.status, /\/camera\/fov_y/.test(wrong.err)], [1, true]);
+  assert.equal((await splatctl(['preset', 'narrow', '--view', '-', '--delete'])).status, 2);
+  await succeeds(['preset', 'narrow', '--delete']);
+  assert.equal((await splatctl(['preset', 'narrow', '--delete'])).status, 1);
+  assert.equal((await succeeds(['presets'])).toString(), '');
+});
+
+test('sessions are begun, forked, listed and ended; their links join them', async () => {
+  const links = JSON.parse(await succeeds(['share', '--volume', 'engine', '--size', '30,20', '--json']));
+  const made = (await daemon.json(`/api/v1/sessions/${links.session}`)).json;
+  assert.deepEqual(made.view.size, [30, 20]);
+  assert.equal(links.control, `${daemon.base}/#session=${links.session}&token=${made.tokens.control}`);
+  assert.equal(links.view, `${daemon.base}/#session=${links.session}&token=${made.tokens.view}`);
+  const fork = JSON.parse(await succeeds(['share', links.session, '--json']));
+  assert.notEqual(fork.session, links.session);
+  assert.deepEqual((await daemon.json(`/api/v1/sessions/${fork.session}`)).json.view, made.view);
+  assert.equal((await succeeds(['session', fork.session])).toString(),
+    `session ${fork.session}\ncontrol ${fork.control}\nview    ${fork.view}\n`);
+  const table = (await succeeds(['sessions'])).toString();
+  for (const id of [links.session, fork.session]) assert.match(table, new RegExp(`^${id} +engine +awake +0 +\\d+$`, 'm'));
+  await succeeds(['session', fork.session, '--delete']);
+  const { sessions } = JSON.parse(await succeeds(['sessions', '--json']));
+  assert.deepEqual(sessions.map((s) => s.id), [links.session]);
+  assert.equal((await splatctl(['sessions', '--delete'])).status, 2);
+  assert.equal((await splatctl(['share', 'nothing-there'])).status, 1);
+});

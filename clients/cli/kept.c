@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the daemon keeps: presets, views and sessions.
+ */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "commands.h"
+
+static bool end_output(struct sp_error *err) {
+    return (fflush(stdout) == 0 && !ferror(stdout)) ||
+           sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
+}
+
+/* "/COLLECTION/NAME"; NULL with *err set. */
+static char *path_of(struct http *http, const char *collection, const char *name,
+                     struct sp_error *err) {
+    char *escaped = http_escape(http, name), *path = NULL;
+    if (!escaped || asprintf(&path, "/%s/%s", collection, escaped) < 0) {
+        path = NULL;
+        sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
+    }
+    free(escaped);
+    return path;
+}
+
+/* All pages of a list in one document {"`name`": […]}; NULL with *err set. */
+static proto_json *read_pages(struct http *http, const char *name, struct sp_error *err) {
+    proto_json *all = proto_json_array(), *whole = proto_json_object();
+    char path[512] = "";
+    bool ok = all && whole;
+    snprintf(path, sizeof path, "/%s", name);
+    while (ok && path[0]) {
+        proto_json *page = http_json(http, "GET", path, NULL, err);
+        if (!page)
+            break;
+        const proto_json *list = proto_json_get(page, name);
+        for (size_t i = 0; ok && i < proto_json_size(list); i++)
+            ok = proto_json_append(all, proto_json_ref((proto_json *)proto_json_at(list, i)));
+        const char *next = proto_json_string(proto_json_get(page, "next"));
+        char *escaped = next ? http_escape(http, next) : NULL;
+        ok = ok && !next == !escaped;
+        path[0] = 0;
+        if (escaped)
+            snprintf(path, sizeof path, "/%s?limit=1000&after=%.400s", name, escaped);
+        free(escaped);
+        proto_json_free(&page);
+    }
+    bool is_whole = ok && !path[0];
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
+    if (!proto_json_set(whole, name, all) || !is_whole)
+        proto_json_free(&whole);
+    return whole;
+}
+
+static void print_session(const proto_json *session) {
+    int64_t participants = 0;
+    double idle_s = 0;
+    bool is_asleep = false;
+    proto_json_integer(proto_json_get(session, "participants"), &participants);
+    proto_json_number(proto_json_get(session, "idle"), &idle_s);
+    proto_json_bool(proto_json_get(session, "asleep"), &is_asleep);
+    printf("%-18s %-24s %-7s %6" PRId64 " %9.0f\n", text_of(session, "id"),
+           text_of(session, "volume"), is_asleep ? "asleep" : "awake", participants, idle_s);
+}
+
+static void print_view(const proto_json *view) {
+    int64_t size[2] = { 0 };
+    for (size_t i = 0; i < 2; i++)
+        proto_json_integer(proto_json_at(proto_json_get(view, "size"), i), &size[i]);
+    printf("%-34s %-24s %" PRId64 "x%" PRId64 "\n", text_of(view, "id"), text_of(view, "volume"),
+           size[0], size[1]);
+}
+
+static void print_name(const proto_json *name) {
+    puts(proto_json_string(name) ? proto_json_string(name) : "");
+}
+
+/* Prints a list of the daemon's, in JSON as one document. */
+static int list(const struct options *options, const char *name, const char *heading,
+                void (*print)(const proto_json *), struct sp_error *err) {
+    if (options->argument)
+        return usage_error(options->argument, "this lists all and takes no argument");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *all = http ? read_pages(http, name, err) : NULL;
+    bool ok = all != NULL;
+    http_destroy(&http);
+    if (ok && options->json) {
+        ok = print_json(all, err);
+    } else if (ok) {
+        const proto_json *items = proto_json_get(all, name);
+        fputs(heading, stdout);
+        for (size_t i = 0; i < proto_json_size(items); i++)
+            print(proto_json_at(items, i));
+        ok = end_output(err);
+    }
+    proto_json_free(&all);
+    return ok ? 0 : 1;
+}
+
+int command_presets(const struct options *options, struct sp_error *err) {
+    return list(options, "presets", "", print_name, err);
+}
+
+int command_views(const struct options *options, struct sp_error *err) {
+    return list(options, "views",
+                "ID                                 VOLUME                   SIZE\n", print_view,
+                err);
+}
+
+int command_sessions(const struct options *options, struct sp_error *err) {
+    return list(options, "sessions",
+                "ID                 VOLUME                   STATE   PEOPLE   IDLE, s\n",
+                print_session, err);
+}
+
+/* Asks for one thing, or deletes it; the answer, of a deletion an empty object, or NULL. */
+static proto_json *get_or_delete(const struct options *options, struct http *http,
+                                 const char *collection, struct sp_error *err) {
+    char *path = path_of(http, collection, options->argument, err);
+    struct http_response response = { 0 };
+    proto_json *json = NULL;
+    if (path && options->delete) {
+        if (http_request(http, "DELETE", path, "application/json", NULL, &response, err))
+            json = proto_json_object();
+        http_response_finish(&response);
+    } else if (path) {
+        json = http_json(http, "GET", path, NULL, err);
+    }
+    free(path);
+    return json;
+}
+
+/* {"session", "control", "view"}: a session's links to the page. NULL = no memory. */
+static proto_json *links_of(struct http *http, const proto_json *session) {
+    static const char *const roles[] = { "control", "view" };
+    proto_json *links = proto_json_object();
+    bool ok = proto_json_set_string(links, "session", text_of(session, "id"));
+    for (int i = 0; ok && i < 2; i++) {
+        char *link = NULL;
+        ok = asprintf(&link, "%s/#session=%s&token=%s", http_base(http), text_of(session, "id"),
+                      text_of(proto_json_get(session, "tokens"), roles[i])) >= 0 &&
+             proto_json_set_string(links, roles[i], link);
+        free(link);
+    }
+    if (!ok)
+        proto_json_free(&links);
+    return links;
+}
+
+static bool print_links(const struct options *options, struct http *http, const proto_json *session,
+                        struct sp_error *err) {
+    proto_json *links = links_of(http, session);
+    bool ok = links || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    if (ok && options->json)
+        ok = print_json(links, err);
+    else if (ok) {
+        printf("session %s\ncontrol %s\nview    %s\n", text_of(links, "session"),
+               text_of(links, "control"), text_of(links, "view"));
+        ok = end_output(err);
+    }
+    proto_json_free(&links);
+    return ok;
+}
+
+int command_session(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("session",
+                           "needs the id of a session; \"splatctl sessions\" lists them");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *session = http ? get_or_delete(options, http, "sessions", err) : NULL;
+    bool ok = session && (options->delete || print_links(options, http, session, err));
+    proto_json_free(&session);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
+int command_kept(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("kept", "needs the id of a kept view; \"splatctl views\" lists them");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *view = http ? get_or_delete(options, http, "views", err) : NULL;
+    bool ok = view && (options->delete || print_json(view, err));
+    proto_json_free(&view);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
+/* Puts the view of the command line under the name. */
+static bool put_preset(const struct options *options, struct http *http, struct sp_error *err) {
+    proto_json *view = read_view(options, err);
+    char *text = view ? proto_json_to_text(view, NULL) : NULL;
+    char *path = text ? path_of(http, "presets", options->argument, err) : NULL;
+    struct http_response response = { 0 };
+    bool ok = path && http_request(http, "PUT", path, "application/json", text, &response, err);
+    if (view && !text)
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    http_response_finish(&response);
+    free(path);
+    free(text);
+    proto_json_free(&view);
+    return ok;
+}
+
+int command_preset(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("preset", "needs a name; \"splatctl presets\" lists them");
+    if (options->view && options->delete)
+        return usage_error("preset", "takes either --view or --delete");
+    struct http *http = connect_to_daemon(options, err);
+    bool ok = http != NULL;
+    if (ok && options->view) {
+        ok = put_preset(options, http, err);
+    } else if (ok) {
+        proto_json *preset = get_or_delete(options, http, "presets", err);
+        ok = preset && (options->delete || print_json(preset, err));
+        proto_json_free(&preset);
+    }
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
+/* POST of the view of the command line, of --volume if that is given; `member`: within an object
+ * of that one member. NULL with *err set. */
+static proto_json *post_view(const struct options *options, struct http *http, const char *path,
+                             const char *member, struct sp_error *err) {
+    proto_json *view = read_view(options, err), *body = NULL, *answer = NULL;
+    char *volume = view && options->volume
+                       ? resolve_volume(http, options, options->volume, false, true, err)
+                       : NULL;
+    if (view && (!options->volume || volume)) {
+        bool ok = !volume || proto_json_set_string(view, "volume", volume);
+        body = member ? proto_json_object() : proto_json_ref(view);
+        ok = (!member || proto_json_set(body, member, proto_json_ref(view))) && ok;
+        char *text = ok ? proto_json_to_text(body, NULL) : NULL;
+        if (text)
+            answer = http_json(http, "POST", path, text, err);
+        else
+            sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+        free(text);
+    }
+    free(volume);
+    proto_json_free(&body);
+    proto_json_free(&view);
+    return answer;
+}
+
+int command_keep(const struct options *options, struct sp_error *err) {
+    if (options->argument)
+        return usage_error(options->argument, "keep takes options only; did you mean --volume?");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *kept = http ? post_view(options, http, "/views", NULL, err) : NULL;
+    bool ok = kept != NULL;
+    if (ok && options->json) {
+        ok = print_json(kept, err);
+    } else if (ok) {
+        puts(text_of(kept, "id"));
+        ok = end_output(err);
+    }
+    proto_json_free(&kept);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
+/* A session that begins with the view of another one or with a kept view. */
+static proto_json *fork_session(const char *from, struct http *http, struct sp_error *err) {
+    proto_json *body = proto_json_object(), *session = NULL;
+    char *text = proto_json_set_string(body, "from", from) ? proto_json_to_text(body, NULL) : NULL;
+    if (text)
+        session = http_json(http, "POST", "/sessions", text, err);
+    else
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    free(text);
+    proto_json_free(&body);
+    return session;
+}
+
+int command_share(const struct options *options, struct sp_error *err) {
+    if (options->argument && (options->view || options->volume))
+        return usage_error("share", "takes either an id or a view");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *session = !http               ? NULL
+                          : options->argument ? fork_session(options->argument, http, err)
+                                              : post_view(options, http, "/sessions", "view", err);
+    bool ok = session && print_links(options, http, session, err);
+    proto_json_free(&session);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
