@@ -1,0 +1,161 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a client says beside bodies: the request line and headers, as the daemon judges them once
+ * the HTTP library has split them into lines. The input is such text, requests one after the other
+ * with an empty line between them; what is after the last one is not looked at.
+ */
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "http/address.h"
+#include "http/handshake.h"
+#include "http/headers.h"
+#include "http/origins.h"
+#include "http/router.h"
+#include "http/strict.h"
+
+enum { TARGET_MAX = 256 };
+
+static void nothing(struct srv_request *request, struct srv_reply *reply) {
+    (void)request;
+    (void)reply;
+}
+
+static const struct srv_route routes[] = {
+    { SRV_GET, "/healthz", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_NONE, nothing },
+    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_NONE, nothing },
+    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, nothing },
+};
+enum { ROUTES = sizeof routes / sizeof *routes };
+
+static void must(bool holds) {
+    if (!holds)
+        abort();
+}
+
+static void judge_path(const char *method, const char *path) {
+    char param[SRV_PARAM_BYTES], text[64];
+    unsigned allowed;
+    const struct srv_route *route = srv_route_find(routes, ROUTES, method, path, param, &allowed);
+    if (route) {
+        must(strlen(param) < SRV_PARAM_BYTES && !strchr(param, '/'));
+        must(!strstr(route->pattern, "{}") == !*param);
+        must(route->method == srv_method_from(method));
+    } else {
+        srv_methods_to_text(allowed, text);
+        must(strlen(text) < sizeof text && !allowed == !*text);
+    }
+}
+
+/* An address is shown as it is read. */
+static void judge_address(const char *text) {
+    struct srv_address address, again;
+    char shown[SRV_ADDRESS_TEXT];
+    if (!srv_address_parse(text, &address, NULL))
+        return;
+    const struct sockaddr *a = (const struct sockaddr *)&address.storage;
+    srv_address_to_text(a, shown);
+    must(srv_address_parse(shown, &again, NULL));
+    must(srv_address_same_host(a, (const struct sockaddr *)&again.storage));
+    must(srv_address_is_loopback(a) ==
+         srv_address_is_loopback((const struct sockaddr *)&again.storage));
+}
+
+static void judge_origin(const char *value) {
+    struct sp_error err;
+    srv_origin_is_allowed(value, "splat.example:8080");
+    srv_origin_is_allowed("https://splat.example", value);
+    if (srv_origins_check(value, &err) && !strchr(value, ','))
+        must(srv_origins_have(value, value));
+}
+
+static void judge_etags(const char *value) {
+    bool any = srv_etag_matches(value, "\"0123456789abcdef\"");
+    must(!any || strchr(value, '*') || strstr(value, "0123456789abcdef"));
+}
+
+static void judge_header(struct srv_framing *framing, const char *name, const char *value) {
+    static const char *const types[] = { "image/jpeg", "image/png", "gzip", "application/json" };
+    char accept[SRV_ACCEPT_BYTES];
+    srv_framing_add(framing, name, value);
+    if (strcasecmp(name, "Accept") == 0 || strcasecmp(name, "Accept-Encoding") == 0)
+        for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+            double quality = srv_accept_quality(value, types[i]);
+            must(quality >= 0 && quality <= 1);
+        }
+    const char *token = strcasecmp(name, "Authorization") == 0 ? srv_bearer_token(value) : NULL;
+    must(!token || (token >= value + 7 && token <= value + strlen(value)));
+    if (strcasecmp(name, "If-None-Match") == 0)
+        judge_etags(value);
+    if (strcasecmp(name, "Origin") == 0)
+        judge_origin(value);
+    if (strcasecmp(name, "Host") == 0)
+        judge_address(value);
+    if (strcasecmp(name, "Content-Type") == 0)
+        srv_is_json(value);
+    if (strcasecmp(name, "Connection") == 0)
+        srv_header_has_token(value, "upgrade");
+    if (strcasecmp(name, "Sec-WebSocket-Key") == 0 && strlen(value) == 24)
+        must(!srv_websocket_accept(value, accept) || strlen(accept) == SRV_ACCEPT_BYTES - 1);
+}
+
+/* METHOD TARGET VERSION; returns the version. The target is judged, and cut, in place. */
+static const char *judge_line(char *line) {
+    char *target = line + strcspn(line, " ");
+    if (*target)
+        *target++ = 0;
+    char *version = target + strcspn(target, " ");
+    if (*version)
+        *version++ = 0;
+    size_t size = strlen(target);
+    struct srv_refusal refusal = srv_strict_target(target, TARGET_MAX);
+    must(!refusal.status == !refusal.detail);
+    must(size <= TARGET_MAX || refusal.status == 414);
+    target[strcspn(target, "?")] = 0;
+    judge_path(line, target);
+    return version;
+}
+
+/* The next line, whose end becomes a NUL; NULL at the end. */
+static char *next_line(char **at) {
+    char *line = *at;
+    if (!*line)
+        return NULL;
+    size_t length = strcspn(line, "\n");
+    *at = line + length + (line[length] == '\n');
+    line[length] = 0;
+    if (length > 0 && line[length - 1] == '\r')
+        line[length - 1] = 0;
+    return line;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    char *text = malloc(size + 1), *at = text, *line;
+    if (!text)
+        return 0;
+    memcpy(text, data, size);
+    text[size] = 0; /* bytes after a NUL are not looked at: the library takes them for no text */
+    while ((line = next_line(&at))) {
+        struct srv_framing framing = { .hosts = 0 };
+        const char *version = judge_line(line);
+        while ((line = next_line(&at)) && *line) {
+            char *value = line + strcspn(line, ":");
+            if (*value)
+                *value++ = 0;
+            judge_header(&framing, line, value + strspn(value, " \t"));
+        }
+        struct srv_refusal refusal = srv_framing_check(&framing, version);
+        must(!refusal.status == !refusal.detail);
+        must(refusal.status || (framing.hosts < 2 && framing.lengths < 2));
+    }
+    free(text);
+    return 0;
+}
