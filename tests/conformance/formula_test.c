@@ -31,7 +31,8 @@ enum {
     FLOOR_QUANTISED = 70,
     FLOOR_FLAT = 50,
     FLOOR_SHEETS = 55,
-    CUTOFF_FAR = 6
+    CUTOFF_FAR = 6,
+    SUBJECTS_MAX = 16
 };
 
 /* Single splats are sorted by distance in ranges of so many cells. */
@@ -244,91 +245,137 @@ struct tally {
     double worst[KINDS]; /* dB */
 };
 
-/* PSNR to the formulas with kernels that end far out. */
-static double compare_uncut(const struct test_scene *scene, const struct test_image *image) {
-    struct test_scene far = *scene;
+/* What a backend and instruction set comes to. */
+struct subject {
+    struct test_target target;
+    struct test_renderer renderer;
+    char name[64];
+    unsigned step; /* takes every so many scenes */
+    struct tally tally;
+};
+
+/* A scene, and its picture by the formulas, which all targets share. */
+struct task {
+    unsigned seed;
+    struct test_scene scene;
     struct test_image wanted;
-    far.view.filter.cutoff = CUTOFF_FAR;
-    if (!test_formula_render(&far, RANGE * cell(&scene->info.grid), &wanted))
-        return NAN;
-    double psnr = test_image_psnr(image, &wanted);
-    test_image_finish(&wanted);
-    return psnr;
+    struct test_image uncut; /* with kernels that end far out; not made: no pixels */
+};
+
+static bool begin_task(struct task *task, unsigned seed) {
+    *task = (struct task){ .seed = seed };
+    return draw(&task->scene, seed) &&
+           test_formula_render(&task->scene, RANGE * cell(&task->scene.info.grid), &task->wanted);
 }
 
-static bool check(const struct test_renderer *r, const struct test_target *target, const char *name,
-                  unsigned seed, struct tally *tally) {
+static void end_task(struct task *task) {
+    test_image_finish(&task->wanted);
+    test_image_finish(&task->uncut);
+    test_scene_finish(&task->scene);
+}
+
+static double compare_uncut(struct task *task, const struct test_image *image) {
+    struct test_scene far = task->scene;
+    far.view.filter.cutoff = CUTOFF_FAR;
+    if (!task->uncut.rgba && !test_formula_render(&far, RANGE * cell(&far.info.grid), &task->uncut))
+        return NAN;
+    return test_image_psnr(image, &task->uncut);
+}
+
+static void tell(const struct task *task, const char *name, const struct test_image *image,
+                 double psnr) {
+    struct test_difference d = test_image_difference(image, &task->wanted);
+    char dump[128];
+    printf("FAILED %s worst at (%u,%u) channel %u: %.5f for %.5f; ", name, d.x, d.y, d.channel, d.a,
+           d.b);
+    describe(&task->scene, task->seed, psnr);
+    snprintf(dump, sizeof dump, "formula-%u", task->seed);
+    test_image_dump(dump, image, &task->wanted, 20);
+}
+
+static bool check(struct subject *subject, struct task *task) {
     static const double floors[KINDS] = { FLOOR, FLOOR_QUANTISED, FLOOR_FLAT, FLOOR_SHEETS };
-    struct test_scene scene;
-    struct test_image image, wanted;
+    struct test_image image;
     struct sp_error err;
-    if (!draw(&scene, seed) ||
-        !test_formula_render(&scene, RANGE * cell(&scene.info.grid), &wanted))
-        return false;
-    if (!test_render_scene(r, &scene, &image, &err)) {
-        test_image_finish(&wanted);
-        test_scene_finish(&scene);
-        if (err.code == SP_ERR_UNSUPPORTED && strncmp(name, "cpu/", 4) != 0) {
-            tally->unsupported++;
+    if (!test_render_scene(&subject->renderer, &task->scene, &image, &err)) {
+        if (err.code == SP_ERR_UNSUPPORTED && strcmp(subject->target.backend, "cpu") != 0) {
+            subject->tally.unsupported++;
             return true;
         }
-        printf("FAILED %s seed %u: %s: %s\n", name, seed, err.place, err.text);
+        printf("FAILED %s seed %u: %s: %s\n", subject->name, task->seed, err.place, err.text);
         return false;
     }
-    enum kind kind = kind_of(target, &scene);
-    double psnr = test_image_psnr(&image, &wanted);
+    enum kind kind = kind_of(&subject->target, &task->scene);
+    double psnr = test_image_psnr(&image, &task->wanted);
     if (kind == SHEETS)
-        psnr = fmax(psnr, compare_uncut(&scene, &image));
+        psnr = fmax(psnr, compare_uncut(task, &image));
     bool ok = psnr >= floors[kind];
-    tally->worst[kind] = fmin(tally->worst[kind], psnr);
-    if (!ok) {
-        struct test_difference d = test_image_difference(&image, &wanted);
-        char dump[128];
-        printf("FAILED %s worst at (%u,%u) channel %u: %.5f for %.5f; ", name, d.x, d.y, d.channel,
-               d.a, d.b);
-        describe(&scene, seed, psnr);
-        snprintf(dump, sizeof dump, "formula-%u", seed);
-        test_image_dump(dump, &image, &wanted, 20);
-    }
+    subject->tally.worst[kind] = fmin(subject->tally.worst[kind], psnr);
+    if (!ok)
+        tell(task, subject->name, &image, psnr);
     test_image_finish(&image);
-    test_image_finish(&wanted);
-    test_scene_finish(&scene);
     return ok;
 }
 
-int main(int argc, char **argv) {
+/* isa: NULL = any. The number of those that start here. */
+static unsigned open_all(struct subject subjects[], const char *isa, bool is_range) {
     struct test_target target;
-    struct tally all = { 0 };
-    unsigned first = 0, end = SCENES;
+    unsigned count = 0;
+    for (unsigned i = 0; test_target_at(i, &target) && count < SUBJECTS_MAX; i++) {
+        struct subject *subject = &subjects[count];
+        struct sp_error err;
+        if (isa && strcmp(isa, target.isa) != 0)
+            continue;
+        *subject = (struct subject){ .target = target, .step = 1 };
+        for (int k = 0; k < KINDS; k++)
+            subject->tally.worst[k] = INFINITY;
+        snprintf(subject->name, sizeof subject->name, "%s/%s", target.backend, target.isa);
+        /* Software GL is slow: a quarter of the scenes. */
+        if (strcmp(target.backend, "gl-software") == 0 && !is_range)
+            subject->step = 4;
+        if (test_renderer_open(&subject->renderer, &target, 2, &err))
+            count++;
+        else
+            printf("skipped: %s: %s\n", subject->name, err.text);
+    }
+    return count;
+}
+
+static void run(struct subject subjects[], unsigned count, unsigned first, unsigned end) {
+    for (unsigned seed = first; seed < end; seed++) {
+        struct task task;
+        bool is_there = begin_task(&task, seed);
+        if (!is_there)
+            printf("FAILED seed %u: no memory for its scene\n", seed);
+        for (unsigned i = 0; i < count; i++)
+            if ((seed - first) % subjects[i].step == 0) {
+                subjects[i].tally.ran++;
+                subjects[i].tally.failed += !is_there || !check(&subjects[i], &task);
+            }
+        end_task(&task);
+    }
+}
+
+int main(int argc, char **argv) {
+    struct subject subjects[SUBJECTS_MAX];
+    unsigned first = 0, end = SCENES, ran = 0, failed = 0;
     if (argc > 1) {
         first = (unsigned)strtoul(argv[1], NULL, 10);
         end = argc > 2 ? (unsigned)strtoul(argv[2], NULL, 10) : first + 1;
     }
     sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
-    for (unsigned i = 0; test_target_at(i, &target); i++) {
-        struct test_renderer r;
-        struct sp_error err;
-        char name[64];
-        struct tally t = { .worst = { INFINITY, INFINITY, INFINITY, INFINITY } };
-        if (argc > 3 && strcmp(argv[3], target.isa) != 0)
-            continue;
-        snprintf(name, sizeof name, "%s/%s", target.backend, target.isa);
-        if (!test_renderer_open(&r, &target, 2, &err)) {
-            printf("skipped: %s: %s\n", name, err.text);
-            continue;
-        }
-        /* Software GL is slow: a quarter of the scenes. */
-        unsigned step = strcmp(target.backend, "gl-software") == 0 && argc < 2 ? 4 : 1;
-        for (unsigned seed = first; seed < end; seed += step, t.ran++)
-            t.failed += !check(&r, &target, name, seed, &t);
+    unsigned count = open_all(subjects, argc > 3 ? argv[3] : NULL, argc > 1);
+    run(subjects, count, first, end);
+    for (unsigned i = 0; i < count; i++) {
+        const struct tally *t = &subjects[i].tally;
         printf("%s: lowest %.1f dB, with quantised gradients %.1f dB, flat %.1f dB, sheets without "
                "footprints %.1f dB; %u scenes of what it does not support\n",
-               name, t.worst[PLAIN], t.worst[QUANTISED], t.worst[FLAT], t.worst[SHEETS],
-               t.unsupported);
-        test_renderer_close(&r);
-        all.ran += t.ran - t.unsupported;
-        all.failed += t.failed;
+               subjects[i].name, t->worst[PLAIN], t->worst[QUANTISED], t->worst[FLAT],
+               t->worst[SHEETS], t->unsupported);
+        test_renderer_close(&subjects[i].renderer);
+        ran += t->ran - t->unsupported;
+        failed += t->failed;
     }
-    printf("%u of %u scenes failed\n", all.failed, all.ran);
-    return all.failed ? EXIT_FAILURE : all.ran ? EXIT_SUCCESS : TEST_SKIPPED;
+    printf("%u of %u scenes failed\n", failed, ran);
+    return failed ? EXIT_FAILURE : ran ? EXIT_SUCCESS : TEST_SKIPPED;
 }

@@ -24,9 +24,12 @@ int quality_main(void (*measure)(struct quality *q)) {
             continue;
         }
         printf("%s/%s\n", q.target.backend, q.target.isa);
+        q.truth_next = 0;
         measure(&q);
         test_renderer_close(&q.renderer);
     }
+    for (unsigned i = 0; i < q.truth_count; i++)
+        test_image_finish(&q.truths[i].image);
     printf("%u of %u claims failed\n", q.failed, q.checks);
     return q.failed ? EXIT_FAILURE : q.checks ? EXIT_SUCCESS : TEST_SKIPPED;
 }
@@ -47,6 +50,49 @@ void quality_expect(struct quality *q, bool holds, const char *format, ...) {
 static void stop(const char *what, const struct sp_error *err) {
     printf("FAILED %s: %s: %s\n", what, err->place, err->text);
     exit(EXIT_FAILURE);
+}
+
+static bool is_same_eye(const struct sp_camera *a, const struct sp_camera *b) {
+    bool is_same = a->fov_y == b->fov_y && a->projection == b->projection;
+    for (int i = 0; i < 3; i++)
+        is_same = is_same && a->position[i] == b->position[i] && a->target[i] == b->target[i];
+    return is_same;
+}
+
+static bool is_same_task(const struct quality_truth *truth, const struct test_scene *scene) {
+    return strcmp(truth->scene, scene->info.name) == 0 &&
+           truth->image.width == scene->view.size[0] &&
+           truth->image.height == scene->view.size[1] &&
+           truth->lowpass == scene->view.filter.lowpass &&
+           is_same_eye(&truth->camera, &scene->view.camera);
+}
+
+static void integrate(struct quality_truth *truth, const struct test_scene *scene,
+                      const struct test_truth_options *options) {
+    struct test_rays rays;
+    struct sp_error err = { .text = "out of memory" };
+    snprintf(truth->scene, sizeof truth->scene, "%s", scene->info.name);
+    truth->camera = scene->view.camera;
+    truth->lowpass = scene->view.filter.lowpass;
+    if (!test_truth_integrate(&scene->info, scene->voxels, &scene->view, options, &rays, &err) ||
+        !test_truth_image(&rays, truth->lowpass, scene->view.background, &truth->image))
+        stop(truth->scene, &err);
+    test_rays_finish(&rays);
+}
+
+const struct test_image *quality_integrate(struct quality *q, const struct test_scene *scene,
+                                           const struct test_truth_options *options) {
+    const struct sp_error other = { .text = "not what the target before was held to" };
+    struct quality_truth *truth = &q->truths[q->truth_next++];
+    if (q->truth_next > QUALITY_TRUTHS)
+        stop("too many integrals", &other);
+    if (q->truth_next > q->truth_count) {
+        integrate(truth, scene, options);
+        q->truth_count = q->truth_next;
+    }
+    if (!is_same_task(truth, scene))
+        stop(truth->scene, &other);
+    return &truth->image;
 }
 
 struct test_image quality_render(const struct quality *q, struct sp_volume *volume,

@@ -9,11 +9,21 @@
 #include <stdbool.h>
 
 #include "support/render.h"
+#include "support/truth.h"
+
+enum { QUALITY_TRUTHS = 64 };
 
 struct quality {
     struct test_target target;
     struct test_renderer renderer; /* two threads */
     unsigned checks, failed;
+    struct quality_truth {
+        char scene[128];
+        struct sp_camera camera;
+        double lowpass;
+        struct test_image image;
+    } truths[QUALITY_TRUTHS]; /* in the order in which the first target asked for them */
+    unsigned truth_count, truth_next;
 };
 
 /* Runs `measure` on every target that starts here; the exit status of main(). */
@@ -27,6 +37,12 @@ __attribute__((format(printf, 3, 4))) void quality_expect(struct quality *q, boo
 struct test_image quality_render(const struct quality *q, struct sp_volume *volume,
                                  const struct sp_view *view);
 struct sp_volume *quality_volume(const struct test_scene *scene);
+
+/* The integral of the scene as its view has it, convolved with the view's low-pass filter. It takes
+ * longer than a picture, and targets share it: all ask for the same ones in the same order. Ends
+ * the program where they do not, and when out of memory. */
+const struct test_image *quality_integrate(struct quality *q, const struct test_scene *scene,
+                                           const struct test_truth_options *options);
 
 /* A built-in volume ("demo:…") or a real one of the folder of data; NULL when that is absent. Ends
  * the program where loading fails. */

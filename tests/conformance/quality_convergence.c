@@ -17,7 +17,6 @@
 #include <stdlib.h>
 
 #include "quality.h"
-#include "support/truth.h"
 
 static const double slabs[] = { 4, 2, 1, 0.5, 0.25 }, cutoffs[] = { 2, 3, 4, 5 };
 enum { SLABS = sizeof slabs / sizeof *slabs, CUTOFFS = sizeof cutoffs / sizeof *cutoffs };
@@ -25,20 +24,6 @@ enum { SLABS = sizeof slabs / sizeof *slabs, CUTOFFS = sizeof cutoffs / sizeof *
 struct table {
     double sheet[CUTOFFS], slab[CUTOFFS][SLABS]; /* dB */
 };
-
-static struct test_image integrate(const struct test_scene *scene) {
-    struct test_truth_options options = { .samples = 1, .step = 0.2, .radius = 6 };
-    struct test_rays rays;
-    struct test_image image;
-    struct sp_error err;
-    if (!test_truth_integrate(&scene->info, scene->voxels, &scene->view, &options, &rays, &err) ||
-        !test_truth_image(&rays, 0, scene->view.background, &image)) {
-        printf("FAILED %s: %s\n", scene->info.name, err.text);
-        exit(EXIT_FAILURE);
-    }
-    test_rays_finish(&rays);
-    return image;
-}
 
 static double compare(const struct quality *q, struct sp_volume *volume, const struct sp_view *view,
                       const struct test_image *truth) {
@@ -49,28 +34,28 @@ static double compare(const struct quality *q, struct sp_volume *volume, const s
 }
 
 static struct table fill(struct quality *q, struct test_scene *scene) {
-    struct test_image truth = integrate(scene);
+    const struct test_truth_options options = { .samples = 1, .step = 0.2, .radius = 6 };
     struct sp_volume *volume = quality_volume(scene);
     struct sp_view *view = &scene->view;
     struct table table;
     view->filter.lowpass = 0;
+    const struct test_image *truth = quality_integrate(q, scene, &options);
     printf("  %-12s  sheet  slab of %g      %g      %g    %g   %g\n", scene->info.name, slabs[0],
            slabs[1], slabs[2], slabs[3], slabs[4]);
     for (int c = 0; c < CUTOFFS; c++) {
         view->filter.cutoff = cutoffs[c];
         view->compositing.mode = SP_COMPOSITE_SHEET;
-        table.sheet[c] = compare(q, volume, view, &truth);
+        table.sheet[c] = compare(q, volume, view, truth);
         printf("  cutoff %g     %6.2f  ", cutoffs[c], table.sheet[c]);
         view->compositing.mode = SP_COMPOSITE_SLAB;
         for (int s = 0; s < SLABS; s++) {
             view->compositing.slab = slabs[s];
-            table.slab[c][s] = compare(q, volume, view, &truth);
+            table.slab[c][s] = compare(q, volume, view, truth);
             printf(" %6.2f", table.slab[c][s]);
         }
         printf("\n");
     }
     quality_forget(q, &volume);
-    test_image_finish(&truth);
     return table;
 }
 

@@ -17,7 +17,6 @@
 #include <stdlib.h>
 
 #include "quality.h"
-#include "support/truth.h"
 
 /* Where one filter is nearly all of ewa they share their errors, and chance decides the rest. */
 #define TIE_DB 0.15
@@ -58,30 +57,23 @@ static void place(struct test_scene *scene, const struct zoom *zoom, double scal
     test_scene_orbit(scene, NULL, zoom->azimuth, zoom->elevation, zoom->focal / scale);
 }
 
-static struct test_image integrate(const struct test_scene *scene, double scale) {
+static const struct test_image *integrate(struct quality *q, const struct test_scene *scene,
+                                          double scale) {
     struct test_truth_options options = { .samples = 1 };
-    struct test_rays rays;
-    struct test_image image;
-    struct sp_error err;
     while (options.samples * scale < 1.9 && options.samples < 15)
         options.samples += 2; /* two rays a voxel: its Gaussian passes nothing beyond */
-    if (!test_truth_integrate(&scene->info, scene->voxels, &scene->view, &options, &rays, &err) ||
-        !test_truth_image(&rays, scene->view.filter.lowpass, scene->view.background, &image)) {
-        printf("FAILED %s: %s\n", scene->info.name, err.text);
-        exit(EXIT_FAILURE);
-    }
-    test_rays_finish(&rays);
-    return image;
+    return quality_integrate(q, scene, &options);
 }
 
 static void step(struct quality *q, struct test_scene *scene, struct sp_volume *volume,
                  double scale) {
-    struct test_image truth = integrate(scene, scale), got[MODES];
+    const struct test_image *truth = integrate(q, scene, scale);
+    struct test_image got[MODES];
     double psnr[MODES];
     for (int m = 0; m < MODES; m++) {
         scene->view.filter.mode = modes[m];
         got[m] = quality_render(q, volume, &scene->view);
-        psnr[m] = test_image_psnr(&got[m], &truth);
+        psnr[m] = test_image_psnr(&got[m], truth);
     }
     double apart = test_image_psnr(&got[3], &got[0]);
     printf("  %-14s %6.3f  %6.2f  %6.2f  %6.2f  %6.2f  %6.2f\n", scene->info.name, scale, psnr[0],
@@ -96,7 +88,6 @@ static void step(struct quality *q, struct test_scene *scene, struct sp_volume *
                    scene->info.name, scale, psnr[0], psnr[3]);
     quality_expect(q, apart >= ADAPTIVE_FLOOR_DB, "%s at %.3f px: adaptive %.2f dB from ewa",
                    scene->info.name, scale, apart);
-    test_image_finish(&truth);
     for (int m = 0; m < MODES; m++)
         test_image_finish(&got[m]);
 }
