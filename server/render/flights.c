@@ -27,7 +27,8 @@ struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job
     struct srv_flight *f = at(flights, flights->count++);
     f->job = job;
     atomic_store(&f->cancel, false);
-    f->is_outdated = false;
+    f->is_outdated = f->yields = false;
+    f->begun_ms = now_ms;
     f->keep_until_ms = is_kept ? INFINITY : job->keep_until_ms;
     f->kept_ms = job->keep_until_ms - now_ms;
     f->spent_ms = 0;
@@ -43,7 +44,10 @@ void srv_flights_end(struct srv_flights *flights, double now_ms) {
     flights->first = (flights->first + 1) % SP_IN_FLIGHT_MAX;
     flights->count--;
     struct srv_flight *f = srv_flights_oldest(flights);
-    if (f && f->keep_until_ms > 0)
+    if (!f)
+        return;
+    f->begun_ms = now_ms;
+    if (f->keep_until_ms > 0)
         f->keep_until_ms = fmax(f->keep_until_ms, now_ms + f->kept_ms);
 }
 
@@ -67,7 +71,8 @@ void srv_flights_tick(struct srv_flights *flights, double now_ms) {
     for (unsigned i = 0; i < flights->count; i++) {
         struct srv_flight *f = at(flights, i);
         bool is_over = f->keep_until_ms == 0 || (i == 0 && now_ms >= f->keep_until_ms);
-        if (f->is_outdated && is_over && !atomic_load(&f->cancel))
+        bool yields = f->yields && now_ms - f->begun_ms >= f->job->yield_ms;
+        if ((yields || (f->is_outdated && is_over)) && !atomic_load(&f->cancel))
             give_up(flights, i);
     }
 }
@@ -75,7 +80,7 @@ void srv_flights_tick(struct srv_flights *flights, double now_ms) {
 static bool concerns(const struct srv_flight *f, uint64_t of, enum srv_interrupt why) {
     const struct srv_job *job = f->job;
     if (why == SRV_MOVES)
-        return job->gives_way;
+        return job->yield_ms < INFINITY;
     if (why == SRV_NEWER_PICTURE) /* who else gets it still wants it */
         return job->target_count == 1 && job->targets[0].participant == of;
     return job->session == of;
@@ -87,8 +92,11 @@ void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_in
         struct srv_flight *f = at(flights, i);
         if (!concerns(f, of, why))
             continue;
-        f->is_outdated = true;
-        if (why == SRV_UNWANTED || why == SRV_MOVES)
+        if (why == SRV_MOVES)
+            f->yields = true;
+        else
+            f->is_outdated = true;
+        if (why == SRV_UNWANTED)
             f->keep_until_ms = 0;
     }
     srv_flights_tick(flights, now_ms);

@@ -25,6 +25,8 @@ struct srv_flight {
     struct srv_job *job;           /* the lane's */
     atomic_bool cancel;            /* of its rendering */
     bool is_outdated;              /* a newer view waits */
+    bool yields;                   /* something moves to which it gives way in time */
+    double begun_ms;               /* or since when it is the oldest */
     double keep_until_ms, kept_ms; /* as the job's; and how long that is from its beginning */
     double spent_ms; /* in the renderer; the lane's thread alone writes and reads it */
 };

@@ -79,7 +79,7 @@ static bool gives_way(struct srv_still_item *item, double now_ms) {
         return false;
     if (item->patient_ms == 0)
         item->patient_ms = now_ms;
-    return now_ms - item->patient_ms < srv_share_patience_ms(item->spent_ms);
+    return srv_share_patience(now_ms - item->patient_ms, 2 * item->spent_ms) == 0;
 }
 
 void srv_stills_give_way(struct srv_scheduler *s) {

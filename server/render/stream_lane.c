@@ -2,6 +2,7 @@
  *
  * The stream lane: renders what the hub wants.
  */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -51,7 +52,7 @@ static void begin_job(struct srv_scheduler *s, struct srv_job *job) {
     /* The view may have changed before the interruption could reach us, or another one. */
     if (!srv_hub_is_newest(s->hub, job))
         srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
-    if (job->gives_way && srv_hub_moves(s->hub))
+    if (job->yield_ms < INFINITY && srv_hub_moves(s->hub))
         srv_scheduler_interrupt(s, 0, SRV_MOVES);
     if (job->refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);

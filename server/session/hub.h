@@ -224,7 +224,8 @@ struct srv_job {
     uint64_t order;            /* rises from job to job */
     enum srv_step step;
     bool refinement;      /* worthless as soon as a newer view exists */
-    bool gives_way;       /* to whatever moves: is given up, and taken again */
+    double yield_ms;      /* gives way to whatever moves when it was drawn for so long: is given up,
+                             and taken again; INFINITY = it does not */
     bool sharp;           /* full size and all voxels: only the encoding can get better */
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */

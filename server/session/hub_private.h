@@ -69,6 +69,7 @@ struct srv_participant {
     double next_frame_ms;    /* not before, by max_fps */
     double behind_ms;        /* since when the view is newer than its last job */
     double patient_ms;       /* since when a refinement gives way; 0 = none is wanted */
+    double spent_ms;         /* on it before it gave way, the longest time */
     struct srv_share share;  /* of its session, by its clock */
     uint64_t taken_order;    /* of its newest job */
     double stats_ms;         /* when stats were told last */
@@ -192,8 +193,8 @@ struct srv_wish {
     bool wanted;
     enum srv_step step;
     enum srv_rank rank;
-    bool refinement, gives_way; /* as in struct srv_job */
-    double deadline_ms;
+    bool refinement; /* as in struct srv_job, and the next */
+    double yield_ms, deadline_ms;
     double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
 };
 struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,

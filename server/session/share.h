@@ -27,9 +27,10 @@ void srv_share_take(struct srv_share *share, double clock_ms, double ms);
 /* What it got took so much more than expected; less than 0 = less. */
 void srv_share_correct(struct srv_share *share, double more_ms);
 
-/* For how long something that is expected to take expected_ms gives way to what comes first, again
- * and again. Then it no longer does: so it costs the others a twentieth of their time at most, and
- * is done some day, however busy they are. 0 = not known. */
-double srv_share_patience_ms(double expected_ms);
+/* What is expected to take expected_ms (0 = not known) gives way to what comes first, again and
+ * again, for twenty times as long. Then it does not, for the time that is returned, a tenth of what
+ * it waited: so it is done some day, however busy the others are, and costs them about a twentieth
+ * of their time. 0 = it still gives way at once. */
+double srv_share_patience(double waited_ms, double expected_ms);
 
 #endif

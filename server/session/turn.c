@@ -12,14 +12,15 @@
  * one is.
  *
  * Who wants nothing but final pictures gets refinements. A refinement gives way to whatever moves:
- * it is not begun while a frame of a moving view is about to be due, and given up when one is. When
- * its patience is at an end it comes before what moves, once.
+ * it is not begun while a view moves elsewhere, and given up when one does. When its patience is at
+ * an end (share.h) it is as good as interaction, for a time.
  */
 #include <math.h>
 
 #include "session/hub_private.h"
 
 #define FIRST_PICTURE_MS 150.0 /* a first picture that takes longer is shown coarse first */
+#define QUIET_MS 100.0         /* nothing moves: so long after the last moving frame */
 #define ROUNDING_MS 1e-6       /* of a mean of equal numbers */
 
 static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
@@ -60,6 +61,13 @@ static bool wants(const struct srv_hub *hub, const struct srv_session *s,
     return !has_all && p->failed_version != s->version && is_open(hub, p);
 }
 
+/* Of a refinement. What was begun and gave way takes twice as long at least. */
+static double yield_ms(const struct srv_session *s, const struct srv_participant *p,
+                       double now_ms) {
+    double waited_ms = p->patient_ms ? now_ms - p->patient_ms : 0;
+    return srv_share_patience(waited_ms, fmax(sharp_ms(s, p), 2 * p->spent_ms));
+}
+
 struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
                               const struct srv_participant *p, double now_ms) {
     struct srv_wish wish = { .in_ms = INFINITY };
@@ -81,10 +89,8 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
         wish.step = next_step(s, p);
     else
         wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
-    bool is_patient =
-        !p->patient_ms || now_ms - p->patient_ms < srv_share_patience_ms(sharp_ms(s, p));
-    wish.gives_way = (!newer || !p->progressive) && is_patient;
-    wish.rank = wish.gives_way ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
+    wish.yield_ms = newer && p->progressive ? INFINITY : yield_ms(s, p, now_ms);
+    wish.rank = wish.yield_ms == 0 ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
     return wish;
 }
 
@@ -124,7 +130,7 @@ static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double 
         *wait_ms = fmin(*wait_ms, c.wish.in_ms);
         if (!c.wish.wanted)
             continue;
-        if (c.wish.gives_way && !p->patient_ms)
+        if (c.wish.yield_ms < INFINITY && !p->patient_ms)
             p->patient_ms = now_ms;
         bool better = !best.p || c.wish.rank < best.wish.rank ||
                       (c.wish.rank == best.wish.rank &&
@@ -170,6 +176,17 @@ static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank
     return count > 0 ? sum / count : 0;
 }
 
+/* When a refinement may begin, 0 = now: not between two frames of a view that moves, where it would
+ * have to give way in a moment. */
+static double quiet_in_ms(const struct srv_hub *hub, const struct srv_participant *p,
+                          double now_ms) {
+    double in_ms = srv_turn_moves(hub) ? QUIET_MS : 0;
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        if (s->moved_ms > 0 && (s != p->session || !p->progressive))
+            in_ms = fmax(in_ms, s->moved_ms + QUIET_MS - now_ms);
+    return in_ms;
+}
+
 struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
                                       double *wait_ms) {
     struct claim best = { .p = NULL };
@@ -184,7 +201,9 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
         if (is_entitled && (!best.p || is_due_before(&c, &best)))
             best = c;
     }
-    if (!best.p || (best.wish.gives_way && srv_turn_moves(hub)))
+    double quiet_ms = best.p && rank == SRV_RANK_REFINEMENT ? quiet_in_ms(hub, best.p, now_ms) : 0;
+    *wait_ms = quiet_ms > 0 ? fmin(*wait_ms, quiet_ms) : *wait_ms;
+    if (!best.p || quiet_ms > 0)
         return NULL;
     *wish = best.wish;
     return best.p;

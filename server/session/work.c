@@ -88,7 +88,7 @@ static void take_job(struct srv_session *s, struct srv_participant *p, struct sr
     p->taken_detail = detail_of(job);
     p->taken_order = job->order;
     if (job->step == SRV_STEP_MOVING)
-        p->patient_ms = 0;
+        p->patient_ms = p->spent_ms = 0;
     /* Keep to the grid of the rate instead of adding our own delay to every frame. */
     double period = 1000.0 / p->max_fps;
     p->next_frame_ms = fmax(p->next_frame_ms + period, now_ms + period / 2);
@@ -141,7 +141,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->order = ++hub->next_order;
     job->step = wish->step;
     job->refinement = wish->refinement;
-    job->gives_way = wish->gives_way;
+    job->yield_ms = wish->yield_ms;
     job->view = s->view;
     srv_hub_size(s, first, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
@@ -154,7 +154,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     s->taken_order = job->order;
     s->clock_ms = srv_share_start(&first->share, s->clock_ms);
     take_share(hub, s, job);
-    hub->giving_way += job->gives_way;
+    hub->giving_way += job->yield_ms < INFINITY;
     if (job->step == SRV_STEP_MOVING) {
         s->moved_ms = now_ms;
         srv_metrics_time(hub->options.metrics, SRV_TIME_QUEUE, now_ms - s->changed_ms);
@@ -290,7 +290,7 @@ static struct srv_session *end_job(struct srv_hub *hub, struct srv_job *job) {
     }
     hub->options.volumes.release(hub->options.volumes.user, job->volume);
     job->volume = NULL;
-    hub->giving_way -= job->gives_way;
+    hub->giving_way -= job->yield_ms < INFINITY;
     return s;
 }
 
@@ -314,7 +314,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
         for (uint32_t i = 0; !moving && i < job->target_count; i++) {
             struct srv_participant *p = participant_of(s, job->targets[i].participant);
             if (p && job->step == SRV_STEP_FINAL)
-                p->patient_ms = 0;
+                p->patient_ms = p->spent_ms = 0;
             if (p)
                 srv_hub_note(hub, p, SRV_NOTE_STATS);
         }
@@ -331,7 +331,7 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
         if (p) {
             p->failed_version = job->version;
-            p->patient_ms = 0;
+            p->patient_ms = p->spent_ms = 0;
             p->error = *err;
             srv_hub_note(hub, p, SRV_NOTE_ERROR);
         }
@@ -357,6 +357,8 @@ void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elap
         if (!p || p->taken_version != job->version)
             continue;
         p->taken_step = SRV_STEP_MOVING;
+        if (job->yield_ms < INFINITY)
+            p->spent_ms = fmax(p->spent_ms, elapsed_ms);
         if (!job->refinement)
             p->taken_version = 0;
     }

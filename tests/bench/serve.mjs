@@ -266,6 +266,11 @@ const disturbers = {
     client.drive();
     client.socket._socket.pause();
   },
+  greedy: async (daemon) => { // wants nothing but large final pictures, of a view that it turns without end
+    const client = await Client.open(daemon, await daemon.session(4096));
+    client.configure({ progressive: false, size: [4096, 4096], quality: 100, max_fps: 60 });
+    client.drive();
+  },
   'flooding with messages': async (daemon) => {
     const client = await Client.open(daemon, await daemon.session(512), { delay: Infinity });
     const send = () => {
@@ -289,22 +294,26 @@ async function disturb(kind) {
   process.stdout.write('at work\n');
 }
 
-/** One client at work, alone and beside others that are slow, stalled or flooding. */
+/** One client at work, alone and beside others that are slow, stalled, greedy or flooding. The machine has moods: each is compared with
+ * the time alone just before and just after. */
 async function fairness() {
   const daemon = await Daemon.start('auto', ['--stall-time', '3600']);
   const fast = await Client.open(daemon, await daemon.session(512));
   fast.drive();
-  const alone = await watch(daemon, [fast]);
-  note({ part: 'fairness', clients: 1, size: 512, ...alone, note: 'alone' });
+  let before = await watch(daemon, [fast]);
+  note({ part: 'fairness', clients: 1, size: 512, ...before, note: 'alone' });
   for (const kind of Object.keys(disturbers)) {
     const other = spawn(process.execPath, [process.argv[1], '--disturb', kind, '--port', String(daemon.port), '--token', daemon.token],
       { stdio: ['ignore', 'pipe', 'inherit'] });
     await once(other.stdout, 'data');
     const beside = await watch(daemon, [fast]);
-    note({ part: 'fairness', clients: 2, size: 512, ...beside,
-      note: `beside one that is ${kind}: ${round(100 * beside.fps_mean / alone.fps_mean, 0)} % of alone` });
     other.kill();
     await once(other, 'close');
+    const after = await watch(daemon, [fast]);
+    const change = 100 * (2 * beside.fps_mean / (before.fps_mean + after.fps_mean) - 1);
+    note({ part: 'fairness', clients: 2, size: 512, ...beside,
+      note: `beside one that is ${kind}: ${change < 0 ? '' : '+'}${round(change)} %; alone ${before.fps_mean} before, ${after.fps_mean} after` });
+    before = after;
   }
   fast.end();
   await daemon.stop();

@@ -122,10 +122,17 @@ static void what_gives_way_does_so_when_something_moves(void **state) {
     struct srv_flight *final = begin_refinement(2, B, 1000);
     jobs[2].refinement = false; /* for who wants final pictures alone: kept for ever */
     jobs[2].keep_until_ms = final->keep_until_ms = INFINITY;
-    jobs[2].gives_way = true;
+    jobs[0].yield_ms = INFINITY;
+    jobs[1].yield_ms = 500; /* its patience was at an end */
     srv_flights_interrupt(&flights, 0, SRV_MOVES, 1001);
     assert_true(final->cancel);
-    assert_false(moving->cancel || refinement->cancel); /* its patience was at an end */
+    srv_flights_tick(&flights, 1499);
+    assert_false(moving->cancel || refinement->cancel);
+    srv_flights_end(&flights, 1400);
+    srv_flights_tick(&flights, 1899);
+    assert_false(refinement->cancel);
+    srv_flights_tick(&flights, 1900);
+    assert_true(refinement->cancel);
 }
 
 static void anothers_picture_is_none_of_ones_business(void **state) {

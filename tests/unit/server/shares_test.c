@@ -32,6 +32,7 @@ struct stage {
     struct fixture *f;
     struct client clients[CLIENTS];
     struct srv_job job;              /* under way, if there is one */
+    bool yields;                     /* something moves since it was begun */
     double now_ms, begun_ms, end_ms; /* end_ms: INFINITY = nothing is under way */
     double fixed_ms, mpx_ms;         /* of a picture, and of its megapixels with all voxels */
 };
@@ -128,8 +129,9 @@ static void turn(struct stage *s, struct client *c) {
              (c->seq + 1) % 100 * 0.01);
     c->seq++;
     tell(s, c, "view.update", text);
+    s->yields = s->yields || s->f->yields > yields;
     bool is_over =
-        s->end_ms < INFINITY && ((s->job.gives_way && s->f->yields > yields) ||
+        s->end_ms < INFINITY && ((s->yields && s->now_ms - s->begun_ms >= s->job.yield_ms) ||
                                  (s->job.refinement && !srv_hub_is_newest(s->f->hub, &s->job)));
     if (is_over) {
         note_time(s);
@@ -143,7 +145,8 @@ static void play(struct stage *s, double for_ms) {
         double wait_ms = 1000, next_ms = fmin(s->end_ms, until_ms);
         if (s->end_ms == INFINITY) {
             if (srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms)) {
-                assert_false(s->job.gives_way && srv_hub_moves(s->f->hub));
+                assert_false(s->job.yield_ms == 0 && srv_hub_moves(s->f->hub));
+                s->yields = false;
                 s->begun_ms = s->now_ms;
                 s->end_ms = s->now_ms + duration(s, &s->job);
                 continue;
@@ -211,7 +214,8 @@ static void a_share_is_not_saved_up_and_a_debt_stays(void **state) {
     srv_share_correct(&share, -90);
     assert_true(srv_share_start(&share, 505) == 510);
     assert_true(srv_share_start(&share, 9000) == 9000);
-    assert_true(srv_share_patience_ms(500) == 10000 && srv_share_patience_ms(0) == 1000);
+    assert_true(srv_share_patience(9999, 500) == 0 && srv_share_patience(10000, 500) == 1000);
+    assert_true(srv_share_patience(999, 0) == 0 && srv_share_patience(1000, 0) == 100);
 }
 
 /* Always want the next picture, which has always all detail: 15 and 212 ms. */
@@ -307,6 +311,26 @@ static void who_wants_final_pictures_alone_does_not_stop_the_others(void **state
     assert_int_equal(viewer->finals, 1);
 }
 
+static void what_is_not_known_to_take_long_does_not_stop_the_others_either(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct client *moving = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
+    play(s, 2000);
+    reset(s);
+    play(s, 60000);
+    unsigned alone = moving->frames;
+    another_session(s, id);
+    struct client *greedy =
+        join(s, 1, id, 33, "{\"max_fps\":60,\"progressive\":false,\"size\":[8192,8192]}");
+    reset(s);
+    play(s, 60000);
+    assert_in_range(moving->frames, alone * 85 / 100, alone);
+    assert_int_equal(greedy->finals, 0); /* 3.4 s, for which it has not waited long enough */
+    play(s, 240000);
+    assert_true(greedy->finals > 0);
+    assert_in_range(moving->frames, 5 * alone * 9 / 10, 5 * alone);
+}
+
 static void participants_have_equal_shares_of_their_session(void **state) {
     struct stage *s = *state;
     struct client *driver = join(s, 0, s->f->id, 8, SMALL);
@@ -340,6 +364,7 @@ int main(void) {
         TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
         TEST(a_refinement_gives_way_to_what_moves_elsewhere),
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
+        TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
         TEST(participants_have_equal_shares_of_their_session),
         TEST(a_viewers_settings_interrupt_its_own_picture_alone),
     };

@@ -212,7 +212,8 @@ static int tear_down(void **state) {
 }
 
 static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool background) {
-    struct srv_still still = { .format = SP_IMAGE_PNG,
+    struct srv_still still = { .format = SP_IMAGE_JPEG,
+                               .quality = 90,
                                .background = background,
                                .done = on_done,
                                .is_gone = has_left,
