@@ -24,6 +24,7 @@ struct sp_encoder {
     struct sp_buffer pixels; /* the frame as its format wants it, when it must be converted */
     struct sp_buffer output;
     void *jpeg;              /* tjhandle; NULL until the first JPEG */
+    enum sp_chroma chroma;   /* of JPEGs */
     sp_oiio_encode_fn *oiio; /* NULL until the first other image; the library is never unloaded */
 };
 

@@ -54,6 +54,16 @@ static bool read_quality(struct srv_request *request, int *quality, struct srv_r
     return false;
 }
 
+static bool read_chroma(struct srv_request *request, enum sp_chroma *chroma,
+                        struct srv_reply *reply) {
+    const char *name = srv_request_query(request, "subsampling");
+    *chroma = name ? sp_chroma_find(name) : SP_CHROMA_AUTO;
+    if (*chroma != SP_CHROMA_COUNT)
+        return true;
+    srv_reply_problem(reply, 400, NULL, "?subsampling= must be auto, 4:4:4, 4:2:2 or 4:2:0");
+    return false;
+}
+
 /* FNV-1a with 128 bits: equal only for equal input, for all purposes but an attack, and there is
  * nothing to gain from one. */
 static unsigned __int128 hash(unsigned __int128 h, const void *bytes, size_t size) {
@@ -63,20 +73,20 @@ static unsigned __int128 hash(unsigned __int128 h, const void *bytes, size_t siz
     return h;
 }
 
-static bool make_etag(const struct srv_request *request, const struct sp_view *view,
-                      const struct srv_volume *volume, enum sp_image_format format, int quality,
+static bool make_etag(const struct srv_request *request, const struct srv_still *still,
                       char etag[ETAG_BYTES]) {
     size_t size;
-    proto_json *json = proto_view_encode(view);
+    proto_json *json = proto_view_encode(&still->view);
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
     if (!text)
         return false;
     unsigned __int128 h =
         ((unsigned __int128)UINT64_C(0x6c62272e07bb0142) << 64) | UINT64_C(0x62b821756295c58d);
-    uint64_t identity = srv_volume_identity(volume);
-    bool lossy = format == SP_IMAGE_JPEG || format == SP_IMAGE_WEBP;
-    int32_t tail[2] = { (int32_t)format, lossy ? quality : 0 };
+    uint64_t identity = srv_volume_identity(still->volume);
+    bool jpeg = still->format == SP_IMAGE_JPEG, lossy = jpeg || still->format == SP_IMAGE_WEBP;
+    int32_t tail[3] = { (int32_t)still->format, lossy ? still->quality : 0,
+                        jpeg ? (int32_t)still->chroma : 0 };
     h = hash(h, request->app->instance, sizeof request->app->instance);
     h = hash(h, &identity, sizeof identity);
     h = hash(h, tail, sizeof tail);
@@ -178,8 +188,10 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
     void *volume = NULL;
     char etag[ETAG_BYTES];
     still.format = choose_format(request, reply);
-    if (still.format == SP_IMAGE_FORMAT_COUNT || !read_quality(request, &still.quality, reply))
+    if (still.format == SP_IMAGE_FORMAT_COUNT || !read_quality(request, &still.quality, reply) ||
+        !read_chroma(request, &still.chroma, reply))
         return;
+    still.chroma = sp_chroma_at(still.chroma, still.quality);
     if (!srv_hub_resolve_view(request->app->hub, base, patch, &still.view, &volume, &err)) {
         /* The volume of a kept view is no fault of the request: it has to be loaded first. */
         if (base && strcmp(err.place, "/volume") == 0)
@@ -193,7 +205,7 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
     if (!srv_owner_allows_size(&owner, still.view.size, &err)) {
         srv_catalog_release(request->app->catalog, still.volume);
         srv_reply_error(reply, &err);
-    } else if (!make_etag(request, &still.view, still.volume, still.format, still.quality, etag)) {
+    } else if (!make_etag(request, &still, etag)) {
         srv_catalog_release(request->app->catalog, still.volume);
         srv_reply_problem(reply, 503, NULL, "no memory for a render request");
     } else if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {

@@ -44,6 +44,7 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
     struct srv_still_result result = { .stats = work->frame->stats };
     const struct srv_still *still = &work->still->still;
     double start_ms = srv_clock_ms();
+    sp_encoder_set_chroma(encoder, still->chroma);
     result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
                           &result.size, &result.err);
     result.encode_ms = srv_clock_ms() - start_ms;
@@ -60,7 +61,7 @@ static uint8_t codec_of(enum sp_image_format format) {
 }
 
 static bool is_like(const struct srv_target *a, const struct srv_target *b) {
-    return a->format == b->format && a->quality == b->quality;
+    return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
 }
 
 /* Encodes once for all targets of the set `stills` with the format and quality of the first. Takes
@@ -73,6 +74,7 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
     const uint8_t *bytes;
     size_t size;
     double start_ms = srv_clock_ms();
+    sp_encoder_set_chroma(encoder, like->chroma);
     if (!sp_encode(encoder, work->frame, like->format, like->quality, &bytes, &size, err))
         return false;
     double took_ms = srv_clock_ms() - start_ms;

@@ -52,7 +52,8 @@ struct srv_still {
     struct srv_volume *volume; /* a use, taken over by submit */
     enum sp_image_format format;
     int quality;
-    bool background; /* the lowest class */
+    enum sp_chroma chroma; /* of a JPEG */
+    bool background;       /* the lowest class */
     /* Called once, from another thread. */
     void (*done)(void *user, const struct srv_still_result *result);
     /* Has who asked for it left? Asked now and then from another thread until shortly before

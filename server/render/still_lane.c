@@ -201,6 +201,7 @@ static struct srv_still_item *find_equal(struct srv_scheduler *s, const struct s
         const struct srv_still *other = &i->still;
         bool same = other->volume == still->volume && other->format == still->format &&
                     (other->quality == still->quality || !is_lossy(still->format)) &&
+                    (other->chroma == still->chroma || still->format != SP_IMAGE_JPEG) &&
                     memcmp(&other->view, &still->view, sizeof still->view) == 0;
         if (same && (i->waits || !atomic_load(&i->cancel)))
             return i;

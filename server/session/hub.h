@@ -205,7 +205,8 @@ struct srv_target {
     enum sp_image_format format;
     enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = a still */
     int quality;
-    bool final; /* the full picture in the granted quality: nothing follows */
+    enum sp_chroma chroma; /* of a JPEG; never AUTO */
+    bool final;            /* the full picture in the granted quality: nothing follows */
 };
 /* What comes first. */
 enum srv_rank {

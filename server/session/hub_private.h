@@ -53,6 +53,7 @@ struct srv_participant {
     enum sp_video_codec video;  /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
     struct srv_video_mark mark; /* of the frame that it can take next; epoch 0 = a key frame */
     bool video_refused;         /* there is no encoder for it: stills */
+    enum sp_chroma chroma;      /* of its JPEGs */
     int quality, max_fps;
     bool progressive, lossless;
     uint32_t size[2]; /* 0 = the view's */

@@ -12,10 +12,12 @@ enum { QUALITY_MOVING = 60 };
 
 struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum srv_step step) {
     bool moving = step == SRV_STEP_MOVING, final = step == SRV_STEP_FINAL;
+    int quality = moving && p->quality > QUALITY_MOVING ? QUALITY_MOVING : p->quality;
     return (struct srv_encoding){
         .format = final && p->lossless ? SP_IMAGE_PNG : p->format,
         .video = final ? SP_VIDEO_CODEC_COUNT : p->video,
-        .quality = moving && p->quality > QUALITY_MOVING ? QUALITY_MOVING : p->quality,
+        .quality = quality,
+        .chroma = sp_chroma_at(p->chroma, quality),
     };
 }
 
@@ -27,6 +29,8 @@ static proto_json *encode(const struct srv_participant *p, enum srv_step step) {
                                     still ? sp_image_format_info(e.format)->name
                                           : sp_video_codec_name(e.video));
     ok = proto_json_set_integer(json, "quality", e.quality) && ok;
+    if (still && e.format == SP_IMAGE_JPEG)
+        ok = proto_json_set_string(json, "subsampling", sp_chroma_name(e.chroma)) && ok;
     if (!ok)
         proto_json_free(&json);
     return json;

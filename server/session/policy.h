@@ -13,6 +13,7 @@ struct srv_encoding {
     enum sp_image_format format; /* of stills */
     enum sp_video_codec video;   /* SP_VIDEO_CODEC_COUNT = a still */
     int quality;
+    enum sp_chroma chroma; /* of a JPEG; never AUTO */
 };
 
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,

@@ -86,6 +86,7 @@ enum { FORMATS_MAX = 16 }; /* in a client's list */
 struct stream_settings {
     enum sp_image_format format;
     enum sp_video_codec video;
+    enum sp_chroma chroma;
     int64_t quality, max_fps, size[2];
     bool progressive, lossless;
     const char *name;
@@ -170,6 +171,16 @@ static bool read_format(struct srv_call *call, const proto_json *format,
     return !is_list || granted || grant_format("jpeg", s);
 }
 
+static bool read_chroma(struct srv_call *call, struct stream_settings *s) {
+    const proto_json *value = proto_json_get(call->params, "subsampling");
+    const char *name = proto_json_string(value);
+    if (!value)
+        return true;
+    s->chroma = name ? sp_chroma_find(name) : SP_CHROMA_COUNT;
+    return s->chroma != SP_CHROMA_COUNT || srv_call_refuse(call, PROTO_RPC_PARAMS, "/subsampling",
+                                                           "must be auto, 4:4:4, 4:2:2 or 4:2:0");
+}
+
 static bool read_settings(struct srv_call *call, struct stream_settings *s) {
     const proto_json *format = proto_json_get(call->params, "format");
     const proto_json *progressive = proto_json_get(call->params, "progressive");
@@ -184,7 +195,7 @@ static bool read_settings(struct srv_call *call, struct stream_settings *s) {
                       &s->quality) &&
            read_range(call, "max_fps", "/max_fps", 120, "must be a whole number in [1, 120]",
                       &s->max_fps) &&
-           read_size(call, s) && read_name(call, s);
+           read_chroma(call, s) && read_size(call, s) && read_name(call, s);
 }
 
 static void set_name(struct srv_call *call, const char *name) {
@@ -204,6 +215,7 @@ static proto_json *encode_settings(const struct srv_participant *p) {
                                                           : sp_video_codec_name(p->video);
     bool ok = proto_json_set_string(result, "format", format);
     ok = proto_json_set_integer(result, "quality", p->quality) && ok;
+    ok = proto_json_set_string(result, "subsampling", sp_chroma_name(p->chroma)) && ok;
     ok = proto_json_set_integer(result, "max_fps", p->max_fps) && ok;
     ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]) && ok;
     ok = proto_json_set(result, "size", pair) && ok;
@@ -216,11 +228,13 @@ static proto_json *encode_settings(const struct srv_participant *p) {
 }
 
 static bool stream_configure(struct srv_call *call) {
-    static const char *const known[] = { "format",      "quality",  "max_fps", "size",
-                                         "progressive", "lossless", "name",    NULL };
+    static const char *const known[] = { "format",   "quality", "subsampling",
+                                         "max_fps",  "size",    "progressive",
+                                         "lossless", "name",    NULL };
     struct srv_participant *p = call->participant;
     struct stream_settings s = { .format = p->format,
                                  .video = p->video,
+                                 .chroma = p->chroma,
                                  .quality = p->quality,
                                  .max_fps = p->max_fps,
                                  .size = { p->size[0], p->size[1] },
@@ -229,10 +243,11 @@ static bool stream_configure(struct srv_call *call) {
     if (!srv_call_knows(call, known) || !read_settings(call, &s))
         return false;
     bool changed = s.format != p->format || s.video != p->video || s.quality != p->quality ||
-                   s.size[0] != p->size[0] || s.size[1] != p->size[1] ||
+                   s.chroma != p->chroma || s.size[0] != p->size[0] || s.size[1] != p->size[1] ||
                    s.progressive != p->progressive || s.lossless != p->lossless;
     p->format = s.format;
     p->video = s.video;
+    p->chroma = s.chroma;
     p->quality = (int)s.quality;
     p->max_fps = srv_owner_fps(&p->session->owner, (int)s.max_fps);
     p->size[0] = (uint32_t)s.size[0];

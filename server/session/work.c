@@ -74,6 +74,7 @@ static struct srv_target target_of(const struct srv_participant *p, const struct
                                 .format = e.format,
                                 .video = e.video,
                                 .quality = e.quality,
+                                .chroma = e.chroma,
                                 .final = final || (is_still && job->sharp &&
                                                    e.quality == p->quality && !p->lossless) };
 }

@@ -7,7 +7,8 @@
  *
  * key_bytes is the first frame's, the rest are means over the frames after it (stills are all like
  * the first); cpu_ms is of all threads. Qualities are those of a moving view (60) and of one at
- * rest (90); for video, 60 alone: it is for what moves.
+ * rest (90), of each subsampling of colours; for video, 60 alone: it is for what moves. EXR is of
+ * frames of floats.
  */
 #include <math.h>
 #include <stdio.h>
@@ -48,7 +49,8 @@ static void turn(struct sp_camera *camera, const struct sp_camera *from, double 
     camera->position[2] = from->target[2] - s * x + c * z;
 }
 
-static bool draw(struct run *run, const char *source, struct sp_error *err) {
+static bool draw(struct run *run, const char *source, enum sp_pixel_format format,
+                 struct sp_error *err) {
     const struct bench_overrides overrides = { .size = run->size };
     struct sp_renderer_options options = { .backend = "cpu" };
     struct bench_scene scene;
@@ -60,7 +62,7 @@ static bool draw(struct run *run, const char *source, struct sp_error *err) {
     }
     struct sp_frame_pool *pool = sp_frame_pool_create(POOL_BYTES, err);
     struct sp_renderer *renderer = pool ? sp_renderer_create(&options, err) : NULL;
-    struct sp_render_options render = { .format = SP_RGBA8 };
+    struct sp_render_options render = { .format = format };
     const struct sp_camera from = scene.view.camera;
     bool ok = renderer != NULL;
     for (unsigned i = 0; ok && i < run->count; i++) {
@@ -100,12 +102,15 @@ static void print(const struct run *run, const char *codec, int quality, const s
 }
 
 static bool run_still(const struct run *run, enum sp_image_format format, int quality,
-                      struct sp_error *err) {
+                      enum sp_chroma chroma, struct sp_error *err) {
     struct sp_encoder *encoder = sp_encoder_create(err);
+    char name[32];
     struct total total = { 0 };
     const uint8_t *bytes;
     size_t size;
     bool ok = encoder != NULL;
+    if (ok)
+        sp_encoder_set_chroma(encoder, chroma);
     for (unsigned i = 0; ok && i < run->count; i++) {
         struct moment start = now();
         ok = sp_encode(encoder, run->frames[i], format, quality, &bytes, &size, err);
@@ -113,8 +118,11 @@ static bool run_still(const struct run *run, enum sp_image_format format, int qu
             add(&total, i, size, &start);
     }
     sp_encoder_destroy(&encoder);
+    snprintf(name, sizeof name, "%s%s%s", sp_image_format_info(format)->name,
+             format == SP_IMAGE_JPEG ? " " : "",
+             format == SP_IMAGE_JPEG ? sp_chroma_name(chroma) : "");
     if (ok)
-        print(run, sp_image_format_info(format)->name, quality, &total);
+        print(run, name, quality, &total);
     return ok;
 }
 
@@ -136,17 +144,27 @@ static bool run_video(const struct run *run, enum sp_video_codec codec, struct s
     return ok;
 }
 
+static void drop(struct run *run) {
+    for (unsigned i = 0; i < run->count; i++)
+        sp_frame_unref(&run->frames[i]);
+}
+
 static bool run_volume(struct run *run, const char *source, struct sp_error *err) {
     const char *slash = strrchr(source, '/');
     run->scene = slash ? slash + 1 : source;
-    bool ok = draw(run, source, err) && run_still(run, SP_IMAGE_JPEG, 60, err) &&
-              run_still(run, SP_IMAGE_JPEG, 90, err) && run_still(run, SP_IMAGE_WEBP, 60, err) &&
-              run_still(run, SP_IMAGE_PNG, 100, err);
+    bool ok = draw(run, source, SP_RGBA8, err);
+    for (int c = SP_CHROMA_444; ok && c < SP_CHROMA_COUNT; c++)
+        ok = run_still(run, SP_IMAGE_JPEG, 60, (enum sp_chroma)c, err) &&
+             run_still(run, SP_IMAGE_JPEG, 90, (enum sp_chroma)c, err);
+    ok = ok && run_still(run, SP_IMAGE_WEBP, 60, SP_CHROMA_AUTO, err) &&
+         run_still(run, SP_IMAGE_PNG, 100, SP_CHROMA_AUTO, err);
     for (int codec = 0; ok && codec < SP_VIDEO_CODEC_COUNT; codec++)
         if (sp_video_is_available((enum sp_video_codec)codec))
             ok = run_video(run, (enum sp_video_codec)codec, err);
-    for (unsigned i = 0; i < run->count; i++)
-        sp_frame_unref(&run->frames[i]);
+    drop(run);
+    ok = ok && draw(run, source, SP_RGBAF32, err) &&
+         run_still(run, SP_IMAGE_EXR, 100, SP_CHROMA_AUTO, err);
+    drop(run);
     return ok;
 }
 

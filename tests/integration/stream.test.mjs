@@ -163,7 +163,7 @@ test('roles: the view token watches, is told of changes, and may not change', as
 test('stream.configure: format, quality, size and lossless are granted and kept', async () => {
   const stream = await daemon.stream();
   const granted = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
-  assert.deepEqual(granted, { format: 'jpeg', quality: 75, max_fps: 60, size: [96, 64], progressive: true, lossless: false, name: 'Guest 1' });
+  assert.deepEqual(granted, { format: 'jpeg', quality: 75, subsampling: 'auto', max_fps: 60, size: [96, 64], progressive: true, lossless: false, name: 'Guest 1' });
   await stream.frame((f) => (f.flags & FINAL) && f.width === 96 && f.height === 64, 'a final frame of 96 by 64');
   await stream.call('stream.configure', { lossless: true });
   const png = await stream.frame((f) => f.flags & LOSSLESS, 'a lossless frame');
@@ -179,6 +179,36 @@ test('stream.configure: format, quality, size and lossless are granted and kept'
     await assert.rejects(stream.call('stream.configure', params), { code: -32602, data: { pointer } });
   }
   await assert.rejects(stream.call('stream.configure', { fps: 3 }), { code: -32602 });
+  await stream.end();
+});
+
+/** The sampling factors of the first component of a JPEG, [across, down]. */
+function factors(jpeg) {
+  for (let i = 2; i + 12 < jpeg.length; i += 2 + jpeg.readUInt16BE(i + 2))
+    if (jpeg[i] === 0xff && (jpeg[i + 1] === 0xc0 || jpeg[i + 1] === 0xc2)) return [jpeg[i + 11] >> 4, jpeg[i + 11] & 15];
+  return null;
+}
+
+test('the colours of a JPEG are subsampled as the client asks, by a stream and by HTTP', async () => {
+  const stream = await daemon.stream();
+  const CASES = [['4:4:4', [1, 1]], ['4:2:2', [2, 1]], ['4:2:0', [2, 2]], ['auto', [1, 1]]];
+  for (const [subsampling, expected] of CASES) {
+    const from = stream.frames.length;
+    const granted = await stream.call('stream.configure', { quality: 90, subsampling });
+    assert.equal(granted.subsampling, subsampling);
+    const frame = await stream.frame((f) => f.flags & FINAL && `${factors(f.payload)}` === `${expected}`, subsampling, from);
+    assert.equal(frame.codec, 1);
+    const policy = await stream.note('stream.policy', ({ final }) => final.subsampling === `4:${expected[0] === 1 ? '4:4' : expected[1] === 1 ? '2:2' : '2:0'}`);
+    assert.ok(policy.params.moving.subsampling);
+    const still = await daemon.fetch(`/api/v1/render?quality=90&subsampling=${subsampling}`, { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } });
+    assert.deepEqual(factors(Buffer.from(await still.arrayBuffer())), expected);
+  }
+  const etag = async (query) => (await daemon.fetch(`/api/v1/render?${query}`, { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } })).headers.get('ETag');
+  assert.equal(await etag('subsampling=auto'), await etag('subsampling=4:4:4'));
+  assert.notEqual(await etag('subsampling=auto'), await etag('subsampling=4:2:0'));
+  assert.equal(await etag('format=png&subsampling=4:2:2'), await etag('format=png'));
+  await assert.rejects(stream.call('stream.configure', { subsampling: '4:1:1' }), (e) => e.data.pointer === '/subsampling');
+  assert.equal((await daemon.post('/api/v1/render?subsampling=none', {})).status, 400);
   await stream.end();
 });
 

@@ -38,6 +38,15 @@ struct sp_encoder;
 struct sp_encoder *sp_encoder_create(struct sp_error *err);
 void sp_encoder_destroy(struct sp_encoder **encoder);
 
+/* Of how many pixels a JPEG keeps one colour: each, every second in a row, or each of 2 × 2. */
+enum sp_chroma { SP_CHROMA_AUTO, SP_CHROMA_444, SP_CHROMA_422, SP_CHROMA_420, SP_CHROMA_COUNT };
+const char *sp_chroma_name(enum sp_chroma chroma); /* "auto", "4:4:4", "4:2:2", "4:2:0" */
+enum sp_chroma sp_chroma_find(const char *name);   /* SP_CHROMA_COUNT if unknown */
+/* What is taken: AUTO stands for 4:2:0 below quality 90, else 4:4:4. */
+enum sp_chroma sp_chroma_at(enum sp_chroma chroma, int quality);
+/* Of this encoder's next JPEGs; AUTO at first. */
+void sp_encoder_set_chroma(struct sp_encoder *encoder, enum sp_chroma chroma);
+
 /* quality in [1,100] (JPEG, WebP; ignored by the lossless ones). JPEG has no
  * alpha: it shows the frame over black.
  * *bytes stay owned by the encoder and valid until its next call. */

@@ -157,6 +157,55 @@ static void jpeg_subsamples_colour_below_90(void **state) {
     free(frame.pixels);
 }
 
+/* Columns of two colours in one half of the picture, rows of them in the other: 4:2:2 mixes the
+ * columns, 4:2:0 both. */
+static void jpeg_chroma_is_chosen(void **state) {
+    (void)state;
+    static const struct {
+        enum sp_chroma chroma;
+        const char *name;
+        int factors;
+    } cases[] = { { SP_CHROMA_444, "4:4:4", 0x11 },
+                  { SP_CHROMA_422, "4:2:2", 0x21 },
+                  { SP_CHROMA_420, "4:2:0", 0x22 } };
+    struct sp_frame frame = picture8(64, 64, true);
+    for (unsigned y = 0; y < 64; y++)
+        for (unsigned x = 0; x < 64; x++) {
+            bool red = (x < 32 ? x : y) % 2 == 0;
+            uint8_t *p = (uint8_t *)frame.pixels + y * frame.stride_bytes + 4 * x;
+            p[0] = red ? 200 : 60;
+            p[1] = 100;
+            p[2] = red ? 60 : 200;
+            p[3] = 255;
+        }
+    double differences[3];
+    for (int i = 0; i < 3; i++) {
+        struct sp_encoder *encoder = sp_encoder_create(NULL);
+        const uint8_t *bytes;
+        size_t size;
+        sp_encoder_set_chroma(encoder, cases[i].chroma);
+        assert_true(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 95, &bytes, &size, NULL));
+        assert_int_equal(jpeg_sampling(bytes, size), cases[i].factors);
+        struct decoded_image image;
+        assert_true(read_image(".jpg", bytes, size, &image));
+        differences[i] = mean_difference(&frame, &image, true);
+        assert_string_equal(sp_chroma_name(cases[i].chroma), cases[i].name);
+        assert_int_equal(sp_chroma_find(cases[i].name), cases[i].chroma);
+        free(image.pixels);
+        sp_encoder_destroy(&encoder);
+    }
+    /* All colours are kept, those of the columns are lost, those of the rows, too. */
+    if (!(differences[0] < 5 && differences[1] > 3 * differences[0] &&
+          differences[2] > 1.5 * differences[1]))
+        fail_msg("mean differences %.2f, %.2f, %.2f", differences[0], differences[1],
+                 differences[2]);
+    assert_int_equal(sp_chroma_find("4:1:1"), SP_CHROMA_COUNT);
+    assert_int_equal(sp_chroma_at(SP_CHROMA_AUTO, 89), SP_CHROMA_420);
+    assert_int_equal(sp_chroma_at(SP_CHROMA_AUTO, 90), SP_CHROMA_444);
+    assert_int_equal(sp_chroma_at(SP_CHROMA_422, 90), SP_CHROMA_422);
+    free(frame.pixels);
+}
+
 static void webp_is_close_and_keeps_alpha(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
@@ -361,6 +410,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(png_is_exact),
         cmocka_unit_test(jpeg_is_close_and_shows_alpha_over_black),
         cmocka_unit_test(jpeg_subsamples_colour_below_90),
+        cmocka_unit_test(jpeg_chroma_is_chosen),
         cmocka_unit_test(webp_is_close_and_keeps_alpha),
         cmocka_unit_test(webp_quality_matters),
         cmocka_unit_test(exr_keeps_floats_bit_for_bit),
