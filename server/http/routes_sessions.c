@@ -12,6 +12,7 @@
 #include "sp/log.h"
 
 enum { KEY_CHARACTERS = 24 };
+enum { FORK_BYTES = 256 }; /* {"from": id}, with blanks */
 static const char subprotocol[] = "splatd.v1";
 
 /* Refuses unknown members of a body that may hold "view" and, if `from`, "from". */
@@ -102,7 +103,9 @@ static void owner_of(const struct srv_request *request, const proto_json *body,
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     char id[SRV_SESSION_ID_BYTES];
-    if (!srv_request_token(request)) {
+    /* Who has no token of the daemon may name a session to fork, and is not read further. */
+    if (!srv_request_token(request) ||
+        (!request->grant.rights && request->body_size > FORK_BYTES)) {
         reply_unauthorized(reply, "give the daemon's token, or a session's to fork it");
         return;
     }
@@ -167,11 +170,7 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
         return true;
     } else if (!rights) {
         /* Who has no valid token does not learn which sessions exist. */
-        bool gone = err.code == SP_ERR_NOT_FOUND && token;
-        if (gone)
-            srv_reply_problem(reply, 404, NULL, "there is no such session; it may have ended");
-        else
-            reply_unauthorized(reply, "give the daemon's token or one of the session");
+        reply_unauthorized(reply, "give the daemon's token, or one of a session that is there");
     } else {
         srv_reply_error(reply, &err);
     }

@@ -321,6 +321,10 @@ test('sessions: create, look, fork, and what the tokens allow', async () => {
   assert.equal(own.json.tokens, undefined);
   isProblem(await daemon.json(target, { token: null }), 401);
   isProblem(await daemon.json(target, { token: 'wrong' }), 401);
+  // Who has no token learns neither which sessions exist nor what is wrong with a body.
+  const nowhere = await daemon.json('/api/v1/sessions/ffffffffffffffff', { token: 'wrong' });
+  assert.deepEqual(nowhere.json, (await daemon.json(target, { token: 'wrong' })).json);
+  for (const text of [`{"view": [${'1,'.repeat(10000)}`, ' '.repeat(300)]) isProblem(await daemon.post('/api/v1/sessions', text, { token: 'wrong' }), 401);
   const patch = (token) => daemon.json(target, { token, method: 'PATCH', body: '{"view":{"size":[10,10]}}', headers: { 'Content-Type': 'application/json' } });
   isProblem(await patch(tokens.view), 403);
   assert.deepEqual((await patch(tokens.control)).json.view.size, [10, 10]);

@@ -290,6 +290,7 @@ test('the stream is refused: wrong token, no token, no such session, other origi
   await refused(daemon.streamUrl(session, 'nonsense'), { status: 401 });
   await refused(daemon.streamUrl(session).split('?')[0], { status: 401 });
   await refused(daemon.streamUrl({ id: 'ffffffffffffffff' }, daemon.token), { status: 404 });
+  await refused(daemon.streamUrl({ id: 'ffffffffffffffff' }, 'nonsense'), { status: 401 });
   await refused(daemon.streamUrl(session), { status: 403, origin: 'http://evil.example' });
   await refused(daemon.streamUrl(session), { status: 400, protocols: ['splatd.v2'] });
   const own = await Stream.open(daemon.streamUrl(session), { origin: daemon.base });

@@ -144,9 +144,8 @@ export class Connection extends Emitter {
       } catch (error) {
         if (![401, 403, 404, 410].includes(error.status)) throw error;
         if (known.isJoined) {
-          throw new ApiError(error.status, error.status === 404 || error.status === 410
-            ? 'This shared session has ended. Ask for a new link, or open the daemon\'s own address.'
-            : 'The link to this shared session is not valid.');
+          throw new ApiError(error.status,
+            'This shared session has ended, or the link to it is not valid. Ask for a new link, or open the daemon\'s own address.');
         }
         this.#session = null;
       }
