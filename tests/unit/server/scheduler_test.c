@@ -220,7 +220,7 @@ static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
     struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
                                                 srv_catalog_release, srv_catalog_default_view,
                                                 srv_catalog_pick },
-                                   .sessions_max = 1,
+                                   .sessions_max = 2,
                                    .participants_max = 2,
                                    .session_idle_ms = 1e6,
                                    .rest_ms = rest_ms,
@@ -316,6 +316,30 @@ static void a_newer_view_gives_up_the_refinement_of_an_older_one(void **state) {
     wait_for(&gate.cancelled, 1);
     let_through(100);
     assert_int_equal(next_frame(f).seq, 7); /* of the old view nothing more is seen */
+}
+
+static void a_refinement_gives_way_to_what_moves_in_another_session(void **state) {
+    struct fixture *f = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    begin(f, 1);
+    let_through(1);
+    assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
+    wait_for(&gate.entered, 2); /* the sharp picture is on its way */
+    assert_int_equal(gate.size[0], FULL);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+    struct srv_participant *other =
+        srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
+    assert_non_null(other);
+    wait_for(&gate.cancelled, 1);
+    wait_for(&gate.entered, 3);
+    assert_true(gate.size[0] < FULL);
+    let_through(100);
+    next_frame_of(f, other);
+    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is taken again */
+    }
+    srv_hub_leave(f->hub, &other, srv_clock_ms());
 }
 
 static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(void **state) {
@@ -507,6 +531,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
         TEST(a_newer_view_gives_up_the_refinement_of_an_older_one),
+        TEST(a_refinement_gives_way_to_what_moves_in_another_session),
         TEST(a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row),
         TEST(the_tick_gives_up_what_nobody_interrupts_any_more),
         TEST(a_sharp_moving_picture_is_encoded_again_not_rendered),
