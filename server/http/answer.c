@@ -39,6 +39,11 @@ static bool compress(struct srv_request *request) {
     size_t size;
     if (!accepted || srv_accept_quality(accepted, "gzip") <= 0)
         return false;
+    if (reply->gzip) {
+        reply->body = reply->gzip;
+        reply->size = reply->gzip_size;
+        return true;
+    }
     void *gzip = srv_gzip(reply->body, reply->size, &size);
     if (!gzip)
         return false;

@@ -8,6 +8,8 @@
 
 #include <stddef.h>
 
+#include "sp/status.h"
+
 struct srv_asset {
     const char *path; /* below the root: "/app/main.js" */
     const char *mime;
@@ -16,5 +18,15 @@ struct srv_asset {
 
 extern const struct srv_asset srv_assets[];
 extern const size_t srv_asset_count;
+
+/* What answers need of each asset, made once: an array beside srv_assets. */
+struct srv_packed {
+    char etag[20]; /* of its bytes, in quotes */
+    void *gzip;    /* NULL = it is served as it is */
+    size_t gzip_size;
+};
+/* NULL with *err set. */
+struct srv_packed *srv_assets_pack(struct sp_error *err);
+void srv_assets_release(struct srv_packed **packed);
 
 #endif

@@ -11,6 +11,7 @@
 #include "http/listener.h"
 #include "http/refusals.h"
 
+struct srv_packed;
 struct srv_tls;
 
 struct srv_http {
@@ -18,6 +19,7 @@ struct srv_http {
     struct MHD_Daemon *daemon;
     struct srv_tls *tls; /* NULL = the daemon listens itself */
     struct srv_guard *guard;
+    struct srv_packed *packed; /* the page and the contract */
     struct srv_refusals refusals;
     char address[SRV_ADDRESS_TEXT];
     pthread_mutex_t mutex;

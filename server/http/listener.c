@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "clock.h"
+#include "http/assets.h"
 #include "http/http.h"
 #include "http/tls.h"
 #include "sp/log.h"
@@ -189,7 +190,8 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     pthread_cond_init(&http->idle, &monotonic);
     pthread_condattr_destroy(&monotonic);
     http->guard = srv_guard_create(err);
-    int fd = http->guard ? open_socket(&address, options->config->listen, err) : -1;
+    http->packed = http->guard ? srv_assets_pack(err) : NULL;
+    int fd = http->packed ? open_socket(&address, options->config->listen, err) : -1;
     bool ok = fd >= 0;
     if (ok) {
         getsockname(fd, (struct sockaddr *)&address.storage, &address.size);
@@ -250,6 +252,7 @@ void srv_http_destroy(struct srv_http **http_pointer) {
         MHD_stop_daemon(http->daemon);
     srv_tls_destroy(&http->tls);
     srv_guard_destroy(&http->guard);
+    srv_assets_release(&http->packed);
     pthread_cond_destroy(&http->idle);
     pthread_mutex_destroy(&http->mutex);
     free(http);

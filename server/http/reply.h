@@ -19,6 +19,9 @@ struct srv_reply {
     const void *body;
     size_t size;
     void *owned; /* freed with the reply; NULL = the body is constant */
+    const void
+        *gzip; /* the same, compressed, for a constant body; NULL = it is compressed if asked for */
+    size_t gzip_size;
     struct {
         const char *name;
         char value[SRV_REPLY_VALUE];

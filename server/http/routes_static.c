@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include <inttypes.h>
 #include <string.h>
 
 #include "http/assets.h"
 #include "http/headers.h"
-#include "http/listener.h"
+#include "http/http.h"
 
 /* The page loads nothing from elsewhere, is framed by nobody and talks to this daemon alone. */
 static const char policy[] =
@@ -19,22 +18,17 @@ static const struct srv_asset *find(const char *path) {
     return NULL;
 }
 
-static uint64_t hash(const struct srv_asset *asset) {
-    uint64_t h = UINT64_C(0xcbf29ce484222325); /* FNV-1a */
-    for (const unsigned char *c = asset->begin; c < asset->end; c++)
-        h = (h ^ *c) * UINT64_C(0x100000001b3);
-    return h;
-}
-
 static void serve(struct srv_request *request, const struct srv_asset *asset,
                   struct srv_reply *reply) {
-    char etag[24];
-    snprintf(etag, sizeof etag, "\"%016" PRIx64 "\"", hash(asset));
-    if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag))
+    const struct srv_packed *packed = &request->http->packed[asset - srv_assets];
+    if (srv_etag_matches(srv_request_header(request, "If-None-Match"), packed->etag)) {
         reply->status = 304;
-    else
+    } else {
         srv_reply_static(reply, asset->mime, asset->begin, (size_t)(asset->end - asset->begin));
-    srv_reply_header(reply, "ETag", "%s", etag);
+        reply->gzip = packed->gzip;
+        reply->gzip_size = packed->gzip_size;
+    }
+    srv_reply_header(reply, "ETag", "%s", packed->etag);
     srv_reply_header(reply, "Cache-Control", "no-cache");
 }
 
