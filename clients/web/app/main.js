@@ -9,6 +9,7 @@ import { showNumber } from './fields.js';
 import { attachInput } from './input.js';
 import { Panels } from './panels.js';
 import { People } from './people.js';
+import { Presets } from './presets.js';
 import { Screen, decodePicture } from './screen.js';
 import { StatusLine } from './status.js';
 import { Viewer } from './viewer.js';
@@ -285,6 +286,7 @@ connection.on('session', (session) => {
     if (address.kept) history.replaceState(null, '', location.pathname);
   }
   viewer.adopt(session);
+  presets.refresh();
 });
 connection.on('fault', report);
 
@@ -347,6 +349,10 @@ const people = new People(company, {
     remember('name', name);
     connection.call('stream.configure', { name }).catch(report);
   },
+});
+
+const presets = new Presets(viewer, {
+  api: () => (connection.session && !connection.session.isJoined ? connection.api : null), fail: report,
 });
 
 function showCompany() {

@@ -50,6 +50,26 @@ export class Api {
     return this.#request('POST', 'api/v1/views', { body: view });
   }
 
+  /** Names. */
+  async presets() {
+    const { presets } = await this.#request('GET', 'api/v1/presets');
+    if (!Array.isArray(presets)) throw new ApiError(200, 'the list of presets is not a list');
+    return presets;
+  }
+
+  /** A part of a view. */
+  preset(name) {
+    return this.#request('GET', `api/v1/presets/${encodeURIComponent(name)}`);
+  }
+
+  putPreset(name, patch) {
+    return this.#request('PUT', `api/v1/presets/${encodeURIComponent(name)}`, { body: patch });
+  }
+
+  deletePreset(name) {
+    return this.#request('DELETE', `api/v1/presets/${encodeURIComponent(name)}`);
+  }
+
   session(id, token) {
     return this.#request('GET', `api/v1/sessions/${encodeURIComponent(id)}`, { token });
   }
@@ -81,7 +101,7 @@ export class Api {
     }
     let json = null;
     try {
-      json = JSON.parse(text);
+      if (text || !answer.ok) json = JSON.parse(text);
     } catch {
       if (answer.ok) throw new ApiError(answer.status, `the answer to ${method} ${path} is not JSON`);
     }

@@ -272,7 +272,7 @@ static void requests(void **state) {
     each_allocation("GET", "volumes/engine", "", 200);
     each_allocation("GET", "sessions", "", 200);
     each_allocation("GET", "views", "", 200);
-    each_allocation("POST", "render?format=png", "{\"size\":[8,8],\"camera\":{\"fov_y\":20.%ld}}",
+    each_allocation("POST", "render?format=jpeg", "{\"size\":[8,8],\"camera\":{\"fov_y\":20.%ld}}",
                     200);
     snprintf(path, sizeof path, "render/%s?size=8,8", kept);
     each_allocation("GET", path, "", 200);

@@ -143,3 +143,36 @@ test('a link to a view: the same view in a session of its own, also where the pa
   const lost = await open(context, `${daemon.url}#view=${'0'.repeat(32)}`);
   await lost.page.locator('#notice', { hasText: 'could not be shown' }).waitFor();
 });
+
+test('a preset is kept, listed, applied to what others see, and deleted', async (context) => {
+  const host = await open(context, daemon.url);
+  const paint = (color) => host.page.click(`.swatches button[data-color="${color}"]`);
+  assert.equal(await host.page.isVisible('#preset-row'), false, 'there is none yet');
+  await paint('#ffffff');
+  await host.page.selectOption('#compositing', 'splat');
+  await rest(host.page);
+  await host.page.fill('#preset-name', 'no blanks');
+  await host.page.press('#preset-name', 'Enter');
+  assert.equal(await host.page.isVisible('#preset-row'), false, 'that is no name');
+  await host.page.fill('#preset-name', 'white.splats');
+  await host.page.press('#preset-name', 'Enter');
+  await host.page.locator('#preset-row').waitFor();
+  assert.equal(await host.page.inputValue('#preset'), 'white.splats');
+  await paint('#000000');
+  await host.page.selectOption('#compositing', 'sheet');
+  await rest(host.page);
+  assert.equal(await host.page.inputValue('#background'), '#000000');
+
+  const other = await open(context, daemon.url); // somebody else's session
+  await other.page.selectOption('#preset', 'white.splats');
+  await until(other.page, 'the preset', () => document.getElementById('background').value === '#ffffff');
+  await rest(other.page);
+  assert.equal(await other.page.inputValue('#compositing'), 'splat');
+  await shot(other.page, 'preset');
+  await other.page.click('#preset-delete');
+  await other.page.locator('#preset-row').waitFor({ state: 'hidden' });
+
+  const guest = await open(context, await link(host.page, 'control'));
+  assert.equal(await guest.page.isVisible('#preset-form'), false, 'presets need the daemon\'s token');
+  for (const { said } of [host, other, guest]) assert.deepEqual(said, []);
+});

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Presets: how a picture is made, kept by the daemon under a name, and made so again, of any volume.
+
+const PARTS = ['transfer_function', 'filter', 'compositing', 'shading', 'background'];
+const byId = (id) => document.getElementById(id);
+
+export class Presets {
+  #viewer; #api; #fail; #key = null;
+
+  /** api(): the daemon's, or null where this client may not use presets; fail(Error) tells it. */
+  constructor(viewer, { api, fail }) {
+    this.#viewer = viewer;
+    this.#api = api;
+    this.#fail = fail;
+    byId('preset').addEventListener('change', (event) => this.#apply(event.target.value, event.timeStamp));
+    byId('preset-delete').addEventListener('click', () => this.#do((api_) => api_.deletePreset(byId('preset').value)));
+    byId('preset-form').addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.#keep(byId('preset-name').value.trim());
+    });
+    byId('preset').addEventListener('pointerdown', () => this.#list()); // others may have kept some
+  }
+
+  /** For a session that has just begun. */
+  refresh() {
+    const isAllowed = Boolean(this.#api());
+    byId('preset-form').hidden = !isAllowed;
+    if (isAllowed) this.#list();
+    else byId('preset-row').hidden = true;
+  }
+
+  async #list(chosen = byId('preset').value) {
+    try {
+      const names = await this.#api().presets();
+      const key = JSON.stringify(names);
+      byId('preset-row').hidden = names.length === 0;
+      if (key !== this.#key) byId('preset').replaceChildren(new Option('—', ''), ...names.map((name) => new Option(name, name)));
+      this.#key = key;
+      byId('preset').value = names.includes(chosen) ? chosen : '';
+      byId('preset-delete').disabled = !byId('preset').value;
+    } catch (error) {
+      this.#fail(error);
+    }
+  }
+
+  async #do(what, chosen = '') {
+    try {
+      await what(this.#api());
+      await this.#list(chosen);
+    } catch (error) {
+      this.#fail(error);
+    }
+  }
+
+  async #apply(name, time) {
+    byId('preset-delete').disabled = !name;
+    if (name) await this.#do(async (api) => this.#viewer.change(await api.preset(name), time), name);
+  }
+
+  async #keep(name) {
+    const { view } = this.#viewer;
+    if (!name || !view) return;
+    await this.#do((api) => api.putPreset(name, Object.fromEntries(PARTS.map((part) => [part, view[part]]))), name);
+    byId('preset-name').value = '';
+  }
+}
