@@ -30,6 +30,15 @@ enum {
     SRV_HUB_BUCKETS = 256 /* of sessions that sleep */
 };
 
+/* What a moving picture was made with (policy.h). */
+struct srv_moving {
+    uint32_t full[2];         /* size at rest */
+    struct srv_detail detail; /* size 0: none was made yet */
+    double budget_ms;         /* that it had */
+    double sharp_ms;          /* that one of full detail was expected to take; 0 = not known */
+    bool is_shared;           /* other sessions moved, too, and had their part of the time */
+};
+
 struct srv_participant {
     struct srv_session *session; /* NULL = it was deleted */
     struct srv_participant *next, *next_ready;
@@ -66,14 +75,16 @@ struct srv_participant {
     uint64_t taken_version; /* newest view for which a job was made, with what came of it: */
     enum srv_step taken_step;
     struct srv_detail taken_detail;
-    uint64_t failed_version; /* rendering it failed: not tried again */
-    double next_frame_ms;    /* not before, by max_fps */
-    double behind_ms;        /* since when the view is newer than its last job */
-    double patient_ms;       /* since when a refinement gives way; 0 = none is wanted */
-    double spent_ms;         /* on it before it gave way, the longest time */
-    struct srv_share share;  /* of its session, by its clock */
-    uint64_t taken_order;    /* of its newest job */
-    double stats_ms;         /* when stats were told last */
+    uint64_t failed_version;               /* rendering it failed: not tried again */
+    struct srv_moving moving, moving_told; /* the last one, and what was told of one */
+    double policy_ms;                      /* when it was told */
+    double next_frame_ms;                  /* not before, by max_fps */
+    double behind_ms;                      /* since when the view is newer than its last job */
+    double patient_ms;      /* since when a refinement gives way; 0 = none is wanted */
+    double spent_ms;        /* on it before it gave way, the longest time */
+    struct srv_share share; /* of its session, by its clock */
+    uint64_t taken_order;   /* of its newest job */
+    double stats_ms;        /* when stats were told last */
     uint64_t frames_sent, bytes_sent;
 };
 

@@ -258,7 +258,7 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
     }
     if (p->notes & SRV_NOTE_POLICY) {
         p->notes &= ~(unsigned)SRV_NOTE_POLICY;
-        return srv_policy_text(p, size);
+        return srv_policy_text(p, now_ms, size);
     }
     if (p->notes & SRV_NOTE_STATS) {
         p->notes &= ~(unsigned)SRV_NOTE_STATS;

@@ -19,7 +19,13 @@ struct srv_encoding {
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
                                         enum srv_step step);
 
-/* The notification; malloc'ed, NULL when out of memory. With the hub's mutex held. */
-char *srv_policy_text(const struct srv_participant *participant, size_t *size);
+/* The rest is called with the hub's mutex held. */
+
+/* A job was made for the participant: it is told if its detail is another one than it was told, at
+ * most twice a second while the view moves, and once it rests. */
+void srv_policy_taken(struct srv_hub *hub, struct srv_participant *participant,
+                      const struct srv_job *job, double now_ms);
+/* The notification; malloc'ed, NULL when out of memory. */
+char *srv_policy_text(struct srv_participant *participant, double now_ms, size_t *size);
 
 #endif

@@ -79,8 +79,8 @@ static struct srv_target target_of(const struct srv_participant *p, const struct
                                                    e.quality == p->quality && !p->lossless) };
 }
 
-static void take_job(struct srv_session *s, struct srv_participant *p, struct srv_job *job,
-                     double now_ms) {
+static void take_job(struct srv_hub *hub, struct srv_session *s, struct srv_participant *p,
+                     struct srv_job *job, double now_ms) {
     struct srv_target target = target_of(p, job);
     job->targets[job->target_count++] = target;
     p->pipeline++;
@@ -88,6 +88,7 @@ static void take_job(struct srv_session *s, struct srv_participant *p, struct sr
     p->taken_step = target.final ? SRV_STEP_FINAL : job->step;
     p->taken_detail = detail_of(job);
     p->taken_order = job->order;
+    srv_policy_taken(hub, p, job, now_ms);
     if (job->step == SRV_STEP_MOVING)
         p->patient_ms = p->spent_ms = 0;
     /* Keep to the grid of the rate instead of adding our own delay to every frame. */
@@ -151,7 +152,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     choose_detail(hub, s, job, first, max_fps, now_ms);
     job->keep_until_ms = keep_until_ms(s, job, now_ms);
     for (uint32_t i = 0; i < count; i++)
-        take_job(s, takers[i], job, now_ms);
+        take_job(hub, s, takers[i], job, now_ms);
     s->taken_order = job->order;
     s->clock_ms = srv_share_start(&first->share, s->clock_ms);
     take_share(hub, s, job);

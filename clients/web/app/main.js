@@ -295,6 +295,9 @@ connection.on('notification', ({ method, params }) => {
     case 'stream.stats':
       status.setStats(params);
       break;
+    case 'stream.policy':
+      status.setPolicy(params);
+      break;
     case 'view.changed':
       if (params.view && params.by !== company.you) viewer.takeShared(params.view);
       break;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The status line: what the last second was like.
 import { detailPercent } from '../core/detail.js';
+import { policyText } from '../core/policy.js';
 
 const WINDOW_MS = 1000;
 const REFRESH_MS = 250;
@@ -27,6 +28,7 @@ export class StatusLine {
   #newest = null;
   #wanted;
   #isLive = false;
+  #about = null; // the field's own title
 
   /** wanted(): [width, height] of the picture that is asked for. */
   constructor(root, wanted) {
@@ -58,6 +60,13 @@ export class StatusLine {
 
   setStats(stats) {
     this.#stats = { ...this.#stats, ...stats };
+  }
+
+  /** Why a picture has the detail that it has: told by the field when it is pointed at. */
+  setPolicy(policy) {
+    const { parentElement: item } = this.#fields.get('detail');
+    this.#about ??= item.title;
+    item.title = `${this.#about}\n${policyText(policy)}`;
   }
 
   /** A frame was drawn; latency in ms, or null. */

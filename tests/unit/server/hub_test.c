@@ -412,9 +412,69 @@ static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
     srv_hub_leave(f->hub, &b, 30);
 }
 
+/* Takes all that there is for a participant; the last stream.policy among it, or "". */
+static void take_policy(struct fixture *f, struct srv_participant *p, double now_ms,
+                        char policy[512]) {
+    struct srv_message message;
+    enum srv_message_kind kind;
+    policy[0] = 0;
+    while ((kind = srv_hub_next_message(f->hub, p, true, now_ms, &message)) != SRV_MESSAGE_NONE) {
+        if (kind == SRV_MESSAGE_TEXT && strstr(message.text, "stream.policy"))
+            snprintf(policy, 512, "%.*s", (int)message.size, message.text);
+        if (kind == SRV_MESSAGE_FRAME)
+            ack(f, p, message.header.frame, now_ms);
+        srv_blob_unref(&message.blob);
+        free(message.text);
+    }
+}
+
+static void the_policy_is_told_with_its_reasons(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *p = join(f, 0);
+    struct srv_job job;
+    char policy[512];
+    take_policy(f, p, 0, policy);
+    assert_non_null(strstr(policy, "\"why\":[\"quality\"]"));
+    assert_non_null(strstr(policy, "\"moving\":{\"format\":\"jpeg\",\"quality\":60,"
+                                   "\"subsampling\":\"4:2:0\"}"));
+    assert_non_null(strstr(policy, "\"final\":{\"format\":\"jpeg\",\"quality\":90,"
+                                   "\"subsampling\":\"4:4:4\",\"size\":[512,512],\"coarse\":0}"));
+    /* The first picture is small, since nothing is known; that is told when the view rests. */
+    assert_true(next_job(f, 0, &job));
+    assert_int_equal(job.step, SRV_STEP_MOVING);
+    finish(f, &job, 200);
+    take_policy(f, p, 10, policy);
+    assert_string_equal(policy, "");
+    double now_ms = 200;
+    while (next_job(f, now_ms, &job))
+        finish(f, &job, 800);
+    take_policy(f, p, now_ms, policy);
+    assert_non_null(strstr(policy, "\"why\":[\"quality\",\"unknown_time\"]"));
+    assert_non_null(strstr(policy, "\"size\":[256,256]"));
+    /* A sharp one takes 800 ms and there are 66: told at most twice a second. */
+    unsigned told = 0;
+    for (unsigned i = 1; i <= 9; i++) {
+        now_ms += 200;
+        update(f, p, i, now_ms);
+        assert_true(next_job(f, now_ms, &job));
+        finish(f, &job, 800.0 * job.view.size[0] / 512 / (1 << job.coarse));
+        char fresh[512];
+        take_policy(f, p, now_ms, fresh);
+        told += fresh[0] != 0;
+        if (fresh[0])
+            memcpy(policy, fresh, sizeof policy);
+    }
+    assert_in_range(told, 1, 4);
+    assert_non_null(strstr(policy, "\"why\":[\"quality\",\"time\"]"));
+    assert_non_null(strstr(policy, "\"budget_ms\":66"));
+    assert_null(strstr(policy, "\"sharp_ms\":0,"));
+    srv_hub_leave(f->hub, &p, now_ms);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
+        TEST(the_policy_is_told_with_its_reasons),
         TEST(moving_then_final),
         TEST(updates_coalesce_behind_a_job),
         TEST(a_cancelled_refinement_comes_again),
