@@ -162,6 +162,14 @@ static bool take_work(struct srv_scheduler *s, bool stills, struct srv_work *wor
     return true;
 }
 
+/* With the scheduler's mutex held, and held again after. */
+static void give_back_videos(struct srv_scheduler *s) {
+    s->videos_due = false;
+    pthread_mutex_unlock(&s->mutex);
+    srv_videos_tick(s->videos, srv_clock_ms());
+    pthread_mutex_lock(&s->mutex);
+}
+
 static void *encode_main(void *user) {
     struct encode_start start = *(struct encode_start *)user;
     free(user);
@@ -172,7 +180,10 @@ static void *encode_main(void *user) {
         if (!take_work(s, start.stills, &work)) {
             if (s->encode_stop)
                 break;
-            pthread_cond_wait(&s->encode, &s->mutex);
+            if (s->videos_due)
+                give_back_videos(s);
+            else
+                pthread_cond_wait(&s->encode, &s->mutex);
             continue;
         }
         pthread_mutex_unlock(&s->mutex);

@@ -168,10 +168,13 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
 
 void srv_scheduler_tick(struct srv_scheduler *s) {
     srv_stills_tick(s);
+    bool idle = srv_videos_are_idle(s->videos, srv_clock_ms());
     pthread_mutex_lock(&s->mutex);
     srv_flights_tick(&s->flights, srv_clock_ms());
+    s->videos_due = idle;
+    if (idle)
+        pthread_cond_broadcast(&s->encode);
     pthread_mutex_unlock(&s->mutex);
-    srv_videos_tick(s->videos, srv_clock_ms());
 }
 
 void srv_scheduler_info(struct srv_scheduler *s, struct sp_renderer_info *streams,

@@ -80,6 +80,7 @@ struct srv_scheduler {
         struct sp_view view;
     } kept;
     bool stop, encode_stop;
+    bool videos_due; /* an encode thread with nothing else to do gives idle encoders back */
     pthread_t encode_threads[SRV_ENCODE_THREADS_MAX];
     unsigned encode_thread_count;
     struct sp_encoder *encoders[SRV_ENCODE_THREADS_MAX];

@@ -67,13 +67,17 @@ static void destroy(struct encoder *encoder) {
     free(encoder);
 }
 
+static bool is_idle(const struct encoder *encoder, double until_ms) {
+    return encoder->users == 0 && encoder->used_ms <= until_ms;
+}
+
 /* Takes those out of the list that were not used since `until_ms`. With the mutex held; the caller
  * destroys what it gets without it. */
 static struct encoder *take_idle(struct srv_videos *videos, double until_ms) {
     struct encoder *idle = NULL;
     for (struct encoder **link = &videos->list; *link;) {
         struct encoder *encoder = *link;
-        if (encoder->users > 0 || encoder->used_ms > until_ms) {
+        if (!is_idle(encoder, until_ms)) {
             link = &encoder->next;
             continue;
         }
@@ -91,6 +95,15 @@ static void destroy_all(struct encoder *list) {
         destroy(list);
         list = next;
     }
+}
+
+bool srv_videos_are_idle(struct srv_videos *videos, double now_ms) {
+    bool idle = false;
+    pthread_mutex_lock(&videos->mutex);
+    for (const struct encoder *e = videos->list; e && !idle; e = e->next)
+        idle = is_idle(e, now_ms - IDLE_MS);
+    pthread_mutex_unlock(&videos->mutex);
+    return idle;
 }
 
 void srv_videos_tick(struct srv_videos *videos, double now_ms) {

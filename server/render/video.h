@@ -51,7 +51,9 @@ uint64_t srv_videos_encode(struct srv_videos *videos, struct srv_hub *hub,
                            const struct srv_job *job, const struct sp_frame *frame,
                            double *encode_ms);
 
-/* Gives back encoders that were not used for a while. Any thread. */
+/* Are there encoders that were not used for a while? Any thread; never waits long. */
+bool srv_videos_are_idle(struct srv_videos *videos, double now_ms);
+/* Gives them back, which takes its time: their threads end. Encode threads. */
 void srv_videos_tick(struct srv_videos *videos, double now_ms);
 
 #endif

@@ -18,6 +18,7 @@
 #include <vpx/vp8dx.h>
 #include <vpx/vpx_decoder.h>
 
+#include "clock.h"
 #include "hub_fixture.h"
 #include "render/video.h"
 
@@ -351,6 +352,37 @@ static void left_out(void **state) {
     tear_down(&w);
 }
 
+static void one_frame(struct world *w) {
+    w->now_ms += 20;
+    change(w);
+    assert_true(start_job(w));
+    finish_job(w, 0);
+    for (int p = 0; p < PEOPLE; p++)
+        while (take(w, &w->people[p]))
+            ;
+}
+
+/* An encoder that nobody uses is given back, and the next picture begins anew. */
+static void idle(void **state) {
+    struct world w;
+    set_up(&w, *state, 1);
+    assert_false(srv_videos_are_idle(w.videos, srv_clock_ms() + 1e6));
+    one_frame(&w);
+    one_frame(&w);
+    one_frame(&w);
+    unsigned keys = w.people[0].keys;
+    assert_false(srv_videos_are_idle(w.videos, 0));
+    srv_videos_tick(w.videos, 0);
+    one_frame(&w);
+    assert_int_equal(w.people[0].keys, keys);
+    assert_true(srv_videos_are_idle(w.videos, srv_clock_ms() + 11000));
+    srv_videos_tick(w.videos, srv_clock_ms() + 11000);
+    assert_false(srv_videos_are_idle(w.videos, srv_clock_ms() + 1e6));
+    one_frame(&w);
+    assert_int_equal(w.people[0].keys, keys + 1);
+    tear_down(&w);
+}
+
 /* What happens to a participant between the question and the frame. */
 static void races(void **state) {
     struct world w;
@@ -476,6 +508,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(in_step, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(left_out, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(idle, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(races, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(no_room, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(greedy, hub_set_up, hub_tear_down),
