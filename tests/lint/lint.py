@@ -6,7 +6,7 @@
 
 Rules: rooms (who may include whom), third-party (a library's headers have one room), globals (no mutable
 global state), headers (public headers compile alone), style (SPDX, lengths), format (clang-format), words
-(nothing unfinished). Prints one line a finding, `FILE:LINE: what`; exit status 0 clean, 1 findings, 77 skipped.
+(nothing unfinished), clocks (nothing waits for a time of day, which may jump). Prints one line a finding, `FILE:LINE: what`; exit status 0 clean, 1 findings, 77 skipped.
 """
 import argparse
 import os
@@ -14,6 +14,9 @@ import re
 import shutil
 import subprocess
 import sys
+
+# What tells people the time, and judges the dates of certificates.
+TIME_OF_DAY = {'server/log.c', 'server/http/tls_keys.c'}
 
 # Rule 1: inside the renderer, a room includes itself and those named here ("sp" = the public headers).
 RENDERER = {
@@ -240,6 +243,22 @@ def style(o):
                 yield f'clients/web/core/{path}:{number}: core/ imports app/'
 
 
+def clocks(o):
+    for room in ('renderer', 'server', 'protocol', 'clients'):
+        for path in files(os.path.join(o.source, room), ('.c', '.h', '.cpp')):
+            path = f'{room}/{path}'
+            text = lines(o.source, path)
+            for number, line in enumerate(text, 1):
+                if path not in TIME_OF_DAY and re.search(r'\bCLOCK_REALTIME|\bgettimeofday *\(|\b(time|timespec_get) *\( *(NULL|0|&)', line):
+                    yield f'{path}:{number}: the time of day: it jumps'
+                if re.search(r'\b(pthread_cond_timedwait|sem_timedwait|pthread_mutex_timedlock) *\(', line):
+                    folder = os.path.dirname(os.path.join(o.source, path))
+                    beside = ''.join(open(os.path.join(folder, name), encoding='utf-8').read()
+                                     for name in os.listdir(folder) if name.endswith('.c'))
+                    if 'pthread_condattr_setclock' not in beside:
+                        yield f'{path}:{number}: waits until a time of day: no pthread_condattr_setclock() in its folder'
+
+
 def format_(o):
     tool = shutil.which('clang-format-14')
     if not tool:
@@ -267,7 +286,7 @@ def words(o):
 
 
 RULES = {'rooms': rooms, 'third-party': third_party, 'globals': globals_, 'headers': headers, 'style': style,
-         'format': format_, 'words': words}
+         'format': format_, 'words': words, 'clocks': clocks}
 
 
 def main():

@@ -54,6 +54,15 @@ class Tree(unittest.TestCase):
             with self.subTest(path):
                 self.assertEqual(self.findings('rooms', {path: f'#include "{name}"\n'}), [])
 
+    def test_clocks(self):
+        for line in ('clock_gettime(CLOCK_REALTIME, &t);', 'time(NULL);', 'gettimeofday(&t, 0);', 'pthread_cond_timedwait(&c, &m, &t);'):
+            with self.subTest(line):
+                self.assertEqual(len(self.findings('clocks', {'server/http/a.c': line})), 1)
+        self.assertEqual(self.findings('clocks', {'server/log.c': 'clock_gettime(CLOCK_REALTIME, &t);'}), [])
+        self.assertEqual(self.findings('clocks', {'server/http/a.c': 'clock_gettime(CLOCK_MONOTONIC, &t); run_time(0);'}), [])
+        self.assertEqual(self.findings('clocks', {'server/http/a.c': 'pthread_cond_timedwait(&c, &m, &t);',
+                                                  'server/http/b.c': 'pthread_condattr_setclock(&a, CLOCK_MONOTONIC);'}), [])
+
     def test_third_party(self):
         self.assertEqual(len(self.findings('third-party', {'server/session/a.c': '#include <microhttpd.h>'})), 1)
         self.assertEqual(len(self.findings('third-party', {'protocol/view.c': '#include <jansson.h>'})), 1)
