@@ -140,6 +140,7 @@ struct srv_hub {
     uint64_t volume_clock;
     char backend[32], device[SP_DEVICE_NAME]; /* that renders for sessions */
     double clock_ms;                          /* of the sessions' shares */
+    double now_ms;                            /* when something was told or asked last */
     unsigned giving_way;                      /* jobs under way that give way to what moves */
     bool draining;
 };
@@ -215,7 +216,7 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
  * be somebody's. */
 struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
                                       double *wait_ms);
-/* Does anybody get a frame of a moving view, now or as soon as its rate allows it? */
+/* Does anybody get a frame of a moving view, now or in a moment? */
 bool srv_turn_moves(const struct srv_hub *hub);
 
 /* Is it no larger than --frame-size allows? SP_ERR_INVALID at "/size". */

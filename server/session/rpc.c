@@ -323,6 +323,7 @@ static bool dispatch(struct srv_call *call, const char *method) {
         if (strcmp(methods[i].name, method) != 0)
             continue;
         pthread_mutex_lock(&call->hub->mutex);
+        call->hub->now_ms = call->now_ms;
         bool ok = call->participant->session
                       ? methods[i].call(call)
                       : srv_call_refuse(call, PROTO_RPC_NOT_FOUND, NULL, "the session was deleted");

@@ -96,7 +96,8 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
 
 static bool moves(const struct srv_hub *hub, const struct srv_session *s) {
     for (const struct srv_participant *p = s->participants; p; p = p->next)
-        if (p->progressive && p->taken_version < s->version && wants(hub, s, p))
+        if (p->progressive && p->taken_version < s->version && wants(hub, s, p) &&
+            p->next_frame_ms - hub->now_ms <= QUIET_MS)
             return true;
     return false;
 }
@@ -191,6 +192,7 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
                                       double *wait_ms) {
     struct claim best = { .p = NULL };
     enum srv_rank rank;
+    hub->now_ms = now_ms;
     double mean_ms = mean_start(hub, now_ms, &rank, wait_ms);
     for (struct srv_session *s = hub->sessions; s; s = s->next) {
         struct claim c = claim_of(hub, s, now_ms, wait_ms);

@@ -292,6 +292,20 @@ static void a_refinement_gives_way_to_what_moves_elsewhere(void **state) {
     assert_true(moving->frames > 30000 / 33 * 9 / 10);
 }
 
+static void a_view_that_moves_now_and_then_leaves_room_between(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *still = join(s, 0, s->f->id, 0, "{\"size\":[2048,2048]}");
+    play(s, 5000); /* what its pictures take is known: 212 ms */
+    join(s, 1, id, 33, "{\"max_fps\":1,\"size\":[256,256]}");
+    play(s, 3000);
+    turn(s, still);
+    reset(s);
+    play(s, 2000);
+    assert_int_equal(still->finals, 1);
+}
+
 static void who_wants_final_pictures_alone_does_not_stop_the_others(void **state) {
     struct stage *s = *state;
     struct client *driver = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
@@ -363,6 +377,7 @@ int main(void) {
         TEST(a_client_keeps_its_rate_beside_a_larger_one),
         TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
         TEST(a_refinement_gives_way_to_what_moves_elsewhere),
+        TEST(a_view_that_moves_now_and_then_leaves_room_between),
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
         TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
         TEST(participants_have_equal_shares_of_their_session),
