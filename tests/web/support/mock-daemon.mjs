@@ -150,6 +150,8 @@ export class MockDaemon {
       problem(401, 'the token is missing or wrong');
     } else if (url.pathname === '/api/v1/volumes') {
       reply(200, { volumes: this.volumes });
+    } else if (url.pathname === '/api/v1/presets') {
+      reply(200, { presets: [] });
     } else if (/^\/api\/v1\/volumes\/[^/]+\/view$/.test(url.pathname)) {
       reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
     } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
