@@ -17,9 +17,10 @@
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/render.h"
+#include "support/sanitized.h"
 #include "support/truth.h"
 
-enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64 };
+enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, ROWS_STEP = TEST_SANITIZED ? 3 : 1 };
 
 struct run {
     struct test_target targets[TARGETS_MAX];
@@ -230,6 +231,10 @@ static bool run_scene(struct run *run, const struct manifest_scene *entry) {
     for (size_t i = 0; i < entry->count; i++) {
         struct references references = { 0 };
         int k = 0;
+        for (unsigned t = 0; t < run->count; t++)
+            psnr[t][i] = NAN;
+        if (i % ROWS_STEP != 0)
+            continue;
         while (truth.lowpass[k] != entry->rows[i].lowpass)
             k++;
         choose(&scene.view, &entry->rows[i], &own);
@@ -253,6 +258,8 @@ int main(int argc, char **argv) {
     struct run run = { .count = 0 };
     sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
     open_all(&run);
+    if (ROWS_STEP > 1)
+        printf("thinned under a sanitizer: one row of %d of each scene\n", ROWS_STEP);
     if (!run.count) {
         printf("skipped: no backend but null starts here\n");
         return TEST_SKIPPED;
