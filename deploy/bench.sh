@@ -23,8 +23,7 @@ cores; each step prints what runs and how long it took.
                   part gl draws two views of a scene and leaves out, saying so, what takes longer than
                   --software-limit; serve and tls need node, serve also what deploy/test.sh installs in
                   tests/node_modules
-  --software-limit S  seconds of it (default 30); 400 are enough for every scene at 2048 px, and take
-                  half an hour more
+  --software-limit S  seconds (default 30): with more of them heavier scenes are drawn as well
   --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)
   --full          24 cameras for VTK at 1024 px as well, where 8 are taken (10 minutes more)
