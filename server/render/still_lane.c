@@ -50,9 +50,13 @@ static void fail_asks(struct srv_scheduler *s, struct srv_ask *asks, const struc
     answer(s, asks, &result);
 }
 
-static void free_item(struct srv_scheduler *s, struct srv_still_item *item) {
+/* It is no longer in the list, and its volume no longer in use: before anybody is answered, who may
+ * then unload it. Returns who asked. */
+static struct srv_ask *free_item(struct srv_scheduler *s, struct srv_still_item *item) {
+    struct srv_ask *asks = item->asks;
     srv_catalog_release(s->options.catalog, item->still.volume);
     free(item);
+    return asks;
 }
 
 void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
@@ -60,8 +64,7 @@ void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
     pthread_mutex_lock(&s->mutex);
     take_out(s, item);
     pthread_mutex_unlock(&s->mutex);
-    answer(s, item->asks, result);
-    free_item(s, item);
+    answer(s, free_item(s, item), result);
 }
 
 void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
@@ -69,8 +72,7 @@ void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
     pthread_mutex_lock(&s->mutex);
     take_out(s, item);
     pthread_mutex_unlock(&s->mutex);
-    fail_asks(s, item->asks, err);
-    free_item(s, item);
+    fail_asks(s, free_item(s, item), err);
 }
 
 /* What is in the background gives way to streams and to other stills. With the mutex held. */
