@@ -262,7 +262,7 @@ static char *take_note(struct srv_hub *hub, struct srv_participant *p, double no
     }
     if (p->notes & SRV_NOTE_STATS) {
         p->notes &= ~(unsigned)SRV_NOTE_STATS;
-        p->stats_ms = p->behind_ms = now_ms;
+        p->stats_ms = now_ms;
         return text_of_stats(hub, p, size);
     }
     return text_of_volume(hub, p, size);
