@@ -93,8 +93,8 @@ static const struct setting settings[] = {
       "pictures by HTTP that are made or on their way to their clients, together" },
     { "frame-size", PIXELS, AT(frame_px), "16M", 512 * 512, (int64_t)SP_SIZE_MAX *SP_SIZE_MAX,
       "PX|WxH", "largest picture that a client may ask for; 16M is 4096x4096" },
-    { "video-pixels", PIXELS, AT(video_px), "32M", 512 * 512, 1024 * MIB, "PX|WxH",
-      "pictures of all video encoders together, each of some 20 bytes a px; beyond, "
+    { "video-pixels", PIXELS, AT(video_px), "8M", 512 * 512, 1024 * MIB, "PX|WxH",
+      "pictures of all video encoders together, of 40 (VP8) to 100 (VP9) bytes a px; beyond, "
       "streams get JPEG" },
     { "header-time", SECONDS, AT(header_time_ms), "10", 50, 600000, "SECONDS",
       "a request's headers must arrive within this" },
