@@ -25,7 +25,7 @@ struct srv_config {
     int64_t threads, memory, video_memory;
     int64_t connections, connections_per_address, connection_requests, handshakes, sessions,
         participants, views;
-    int64_t presets, sleeping_sessions;
+    int64_t presets, sleeping_sessions, paths, path_frames, path_bytes;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue, render_bytes;
     int64_t frame_px, video_px;
     int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, sleep_time_ms,

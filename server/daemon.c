@@ -11,6 +11,7 @@
 #include "http/listener.h"
 #include "http/origins.h"
 #include "http/streams.h"
+#include "jobs/jobs.h"
 #include "keep.h"
 #include "render/catalog.h"
 #include "render/scheduler.h"
@@ -28,6 +29,7 @@ struct srv_daemon {
     struct srv_store *store;
     struct srv_metrics *metrics;
     struct srv_streams *streams;
+    _Atomic(struct srv_jobs *) jobs; /* the load and stream threads look at it, too */
     _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
     _Atomic double alive_ms;         /* when the stream thread ticked last */
     struct srv_http_options http_options;
@@ -40,6 +42,9 @@ static void on_progress(void *user, const char *id, const char *state, double pr
                         const char *reason) {
     struct srv_daemon *d = user;
     srv_hub_volume_progress(d->hub, id, state, progress, reason);
+    struct srv_jobs *jobs = atomic_load(&d->jobs);
+    if (jobs && strcmp(state, srv_volume_state_name(SRV_VOLUME_LOADING)) != 0)
+        srv_jobs_wake(jobs);
 }
 
 static void on_volume(void *user, const char *id, const struct srv_volume_request *request) {
@@ -97,6 +102,9 @@ static void on_tick(void *user, double now_ms) {
     struct srv_http *http = atomic_load(&d->http);
     if (http)
         srv_http_tick(http, now_ms);
+    struct srv_jobs *jobs = atomic_load(&d->jobs);
+    if (jobs)
+        srv_jobs_tick(jobs, now_ms);
     srv_scheduler_tick(d->scheduler);
     atomic_store(&d->alive_ms, now_ms);
 }
@@ -224,6 +232,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->stills = d->stills;
     o->tokens = d->tokens;
     o->store = d->store;
+    o->jobs = atomic_load(&d->jobs);
     o->metrics = d->metrics;
     if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
         return false;
@@ -253,6 +262,20 @@ static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
     return srv_store_start(d->store, on_collect, d, err);
 }
 
+static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    struct srv_jobs_options options = { .catalog = d->catalog,
+                                        .scheduler = d->scheduler,
+                                        .store = d->store,
+                                        .state = c->state,
+                                        .jobs_max = (unsigned)c->paths,
+                                        .frames_max = (uint32_t)c->path_frames,
+                                        .bytes_max = (uint64_t)c->path_bytes };
+    struct srv_jobs *jobs = srv_jobs_create(&options, err);
+    atomic_store(&d->jobs, jobs);
+    return jobs && srv_jobs_start(jobs, err);
+}
+
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
                                     struct sp_error *err) {
     struct srv_daemon *d = calloc(1, sizeof *d);
@@ -263,6 +286,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     }
     d->config = config;
     atomic_init(&d->http, NULL);
+    atomic_init(&d->jobs, NULL);
     atomic_init(&d->alive_ms, srv_clock_ms());
     struct srv_catalog_options catalog = {
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
@@ -275,7 +299,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     if ((d->stills = srv_stills_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
         start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
-        start_tokens(d, err) && start_http(d, err))
+        start_tokens(d, err) && start_jobs(d, err) && start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -320,6 +344,9 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     struct srv_http *http = atomic_load(&d->http);
     if (http)
         srv_http_close(http); /* before anybody is told */
+    struct srv_jobs *jobs = atomic_load(&d->jobs);
+    if (jobs)
+        srv_jobs_close(jobs); /* answers of events end now */
     if (d->hub)
         srv_hub_drain(d->hub);
     if (http)
@@ -339,6 +366,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_http_destroy(&http);
     srv_stills_destroy(&d->stills);
     srv_tokens_destroy(&d->tokens);
+    atomic_store(&d->jobs, NULL);
+    srv_jobs_destroy(&jobs);
     srv_hub_destroy(&d->hub);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);

@@ -9,7 +9,8 @@
 #include "http/headers.h"
 #include "http/origins.h"
 
-static const char headers_taken[] = "Authorization, Content-Type, If-None-Match";
+static const char headers_taken[] = "Authorization, Content-Type, If-None-Match, "
+                                    "Last-Event-ID";
 static const char headers_told[] = "ETag, Location, Retry-After, WWW-Authenticate, X-Render-Time, "
                                    "X-Encode-Time, X-Backend, X-Splats, X-Durable";
 
@@ -85,13 +86,15 @@ struct MHD_Response *srv_answer_create(struct srv_request *request) {
     bool may_gzip = srv_gzip_is_for(reply->mime, reply->size);
     bool is_gzip = may_gzip && compress(request);
     struct MHD_Response *response =
-        reply->owned
+        reply->flow ? reply->flow
+        : reply->owned
             ? MHD_create_response_from_buffer(reply->size, reply->owned, MHD_RESPMEM_MUST_FREE)
             : MHD_create_response_from_buffer(reply->size, (void *)(uintptr_t)reply->body,
                                               MHD_RESPMEM_PERSISTENT);
     if (!response)
         return NULL;
     reply->owned = NULL;
+    reply->flow = NULL;
     add_headers(response, request, is_gzip, may_gzip);
     return response;
 }

@@ -21,6 +21,7 @@
 #include "http/stills.h"
 #include "http/streams.h"
 #include "http/strict.h"
+#include "jobs/jobs.h"
 #include "render/scheduler.h"
 #include "store/store.h"
 #include "tokens.h"
@@ -34,6 +35,7 @@ struct srv_http_options {
     struct srv_tokens *tokens;
     struct srv_streams *streams;
     struct srv_store *store;
+    struct srv_jobs *jobs;
     struct srv_metrics *metrics;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
@@ -122,7 +124,9 @@ srv_handler srv_get_views, srv_post_view, srv_get_view, srv_delete_view; /* rout
 srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
     srv_delete_session, srv_get_stream; /* routes_sessions.c */
 srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
-    srv_delete_preset;                                                        /* routes_presets.c */
+    srv_delete_preset; /* routes_presets.c */
+srv_handler srv_get_paths, srv_post_path, srv_get_path, srv_delete_path, srv_get_path_events,
+    srv_get_path_frame, srv_get_path_archive, srv_get_path_movie;             /* routes_paths.c */
 srv_handler srv_get_metrics;                                                  /* routes_metrics.c */
 srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */
 /* The page's files; false = there is none of that path. */

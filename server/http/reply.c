@@ -2,6 +2,7 @@
 #include "http/reply.h"
 
 #include <assert.h>
+#include <microhttpd.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +12,8 @@
 
 void srv_reply_finish(struct srv_reply *reply) {
     free(reply->owned);
+    if (reply->flow)
+        MHD_destroy_response(reply->flow);
     memset(reply, 0, sizeof *reply);
 }
 

@@ -11,6 +11,8 @@
 #include "protocol/json.h"
 #include "sp/status.h"
 
+struct MHD_Response;
+
 enum { SRV_REPLY_HEADERS = 8, SRV_REPLY_VALUE = 512 };
 
 struct srv_reply {
@@ -22,6 +24,7 @@ struct srv_reply {
     const void
         *gzip; /* the same, compressed, for a constant body; NULL = it is compressed if asked for */
     size_t gzip_size;
+    struct MHD_Response *flow; /* instead of a body: gives one bit by bit (http/flow.h); owned */
     struct {
         const char *name;
         char value[SRV_REPLY_VALUE];

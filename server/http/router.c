@@ -4,19 +4,26 @@
 #include <string.h>
 
 bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]) {
-    const char *hole = strstr(pattern, "{}");
+    size_t used = 0;
     param[0] = 0;
-    if (!hole)
-        return strcmp(pattern, path) == 0;
-    size_t before = (size_t)(hole - pattern);
-    if (strncmp(pattern, path, before) != 0)
-        return false;
-    size_t length = strcspn(path + before, "/");
-    if (length == 0 || length >= SRV_PARAM_BYTES || strcmp(hole + 2, path + before + length) != 0)
-        return false;
-    memcpy(param, path + before, length);
-    param[length] = 0;
-    return true;
+    while (*pattern) {
+        if (strncmp(pattern, "{}", 2) != 0) {
+            if (*pattern++ != *path++)
+                return false;
+            continue;
+        }
+        size_t length = strcspn(path, "/"), start = used ? used + 1 : 0;
+        if (length == 0 || start + length >= SRV_PARAM_BYTES)
+            return false;
+        if (used)
+            param[used] = '/';
+        memcpy(param + start, path, length);
+        used = start + length;
+        param[used] = 0;
+        pattern += 2;
+        path += length;
+    }
+    return *path == 0;
 }
 
 static const struct {

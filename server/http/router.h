@@ -18,13 +18,14 @@ struct srv_reply;
 
 struct srv_route {
     enum srv_method method;
-    const char *pattern;  /* "{}" matches one segment that is not empty; at most one a pattern */
+    const char *pattern;  /* "{}" matches one segment that is not empty */
     enum srv_right needs; /* of the daemon's token; SRV_RIGHT_NONE: handles permission itself */
     /* Fills *reply, or takes care that it will be filled (listener.h). */
     void (*handle)(struct srv_request *request, struct srv_reply *reply);
 };
 
-/* Does the path match, and what stands for {}? False too if that is too long. */
+/* Does the path match, and what stands for {}? Of several what stands for each, with "/" between.
+ * False too if that is too long. */
 bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]);
 
 /* The method's bit; HEAD counts as GET; 0 = none of ours. */

@@ -94,7 +94,7 @@ static void print_memory(const struct srv_request *request, FILE *out) {
 }
 
 static void print_store(const struct srv_request *request, FILE *out) {
-    static const char *const kinds[SRV_KINDS] = { "volume", "session", "view", "preset" };
+    static const char *const kinds[SRV_KINDS] = { "volume", "session", "view", "preset", "path" };
     struct srv_store_status s;
     srv_store_status(request->app->store, &s);
     srv_metrics_family(out, "splatd_kept", "gauge", "What outlives its request, by kind");
@@ -106,6 +106,15 @@ static void print_store(const struct srv_request *request, FILE *out) {
     counter(out, "splatd_state_writes_total", "Transactions written", (double)s.writes);
     counter(out, "splatd_state_failures_total", "Transactions that failed", (double)s.failures);
     gauge(out, "splatd_state_write_seconds", "Duration of the last transaction", s.write_ms / 1000);
+}
+
+static void print_paths(const struct srv_request *request, FILE *out) {
+    struct srv_jobs_numbers n;
+    srv_jobs_numbers(request->app->jobs, &n);
+    gauge(out, "splatd_paths", "Camera paths, drawn or not", n.jobs);
+    gauge(out, "splatd_paths_unfinished", "Those that are drawn or wait for it", n.unfinished);
+    gauge(out, "splatd_path_bytes", "Their files", (double)n.bytes);
+    counter(out, "splatd_path_frames_total", "Frames drawn for camera paths", (double)n.frames);
 }
 
 /* The usual names of what every process has. */
@@ -151,6 +160,7 @@ void srv_get_metrics(struct srv_request *request, struct srv_reply *reply) {
         srv_metrics_print(request->app->metrics, out);
         print_memory(request, out);
         print_store(request, out);
+        print_paths(request, out);
         print_process(out);
     }
     bool ok = out && !ferror(out);

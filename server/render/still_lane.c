@@ -116,6 +116,14 @@ static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_m
     return item;
 }
 
+/* The frame to who encodes it himself. */
+static void hand_over(struct srv_scheduler *s, struct srv_still_item *item,
+                      struct sp_frame *frame) {
+    struct srv_still_result result = { .ok = true, .frame = frame, .stats = frame->stats };
+    srv_still_answer(s, item, &result);
+    sp_frame_unref(&frame);
+}
+
 static struct sp_frame *draw(struct srv_scheduler *s, struct srv_still_item *item,
                              struct sp_error *err) {
     struct srv_lane *lane = &s->lanes[SRV_LANE_STILLS];
@@ -157,7 +165,9 @@ static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     bool again = !frame && err.code == SP_ERR_CANCELLED && !s->stop && !all_gone(item);
     item->waits = again; /* it gave way */
     pthread_mutex_unlock(&s->mutex);
-    if (frame)
+    if (frame && item->still.wants_frame)
+        hand_over(s, item, frame);
+    else if (frame)
         srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .still = item });
     else if (!again)
         srv_still_fail(s, item, &err);
@@ -202,6 +212,7 @@ static struct srv_still_item *find_equal(struct srv_scheduler *s, const struct s
     for (struct srv_still_item *i = s->stills; i; i = i->next) {
         const struct srv_still *other = &i->still;
         bool same = other->volume == still->volume && other->format == still->format &&
+                    other->wants_frame == still->wants_frame &&
                     (other->quality == still->quality || !is_lossy(still->format)) &&
                     (other->chroma == still->chroma || still->format != SP_IMAGE_JPEG) &&
                     memcmp(&other->view, &still->view, sizeof still->view) == 0;

@@ -24,7 +24,7 @@ static const char *const layouts[] = {
 };
 enum { LAYOUT = sizeof layouts / sizeof *layouts };
 
-static const char *const kind_names[SRV_KINDS] = { "volume", "session", "view", "preset" };
+static const char *const kind_names[SRV_KINDS] = { "volume", "session", "view", "preset", "path" };
 
 struct srv_database {
     int lock;

@@ -3,7 +3,8 @@
  * The database of a store: one file in a folder that one daemon at a time uses. One thread at a
  * time.
  *
- *   record(kind, id, body)   kind: "volume", "session", "view", "preset"; rows in order of adding
+ *   record(kind, id, body)   kind: "volume", "session", "view", "preset", "path"
+ *                            rows in order of adding
  *
  * PRAGMA application_id says that it is ours, PRAGMA user_version how it is laid out. An older
  * layout is brought up to date when it is opened, a newer one is left alone.

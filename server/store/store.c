@@ -35,7 +35,8 @@ struct srv_store {
     struct srv_store_status status;
 };
 
-static const char *const kind_words[SRV_KINDS] = { "volumes", "sessions", "views", "presets" };
+static const char *const kind_words[SRV_KINDS] = { "volumes", "sessions", "views", "presets",
+                                                   "paths" };
 
 static bool open_database(struct srv_store *store, struct sp_error *err) {
     const char *folder = store->options.folder;
@@ -47,11 +48,12 @@ static bool open_database(struct srv_store *store, struct sp_error *err) {
     store->database = srv_database_open(folder, store->options.vfs, err);
     if (!store->database || !srv_database_read(store->database, store->table, err))
         return false;
-    sp_log(SP_LOG_INFO, "state %s: %u volumes, %u sessions, %u views, %u presets", folder,
+    sp_log(SP_LOG_INFO, "state %s: %u volumes, %u sessions, %u views, %u presets, %u paths", folder,
            srv_table_count(store->table, SRV_KIND_VOLUME),
            srv_table_count(store->table, SRV_KIND_SESSION),
            srv_table_count(store->table, SRV_KIND_VIEW),
-           srv_table_count(store->table, SRV_KIND_PRESET));
+           srv_table_count(store->table, SRV_KIND_PRESET),
+           srv_table_count(store->table, SRV_KIND_PATH));
     return true;
 }
 

@@ -183,3 +183,40 @@ test('sessions are begun, forked, listed and ended; their links join them', asyn
   assert.equal((await splatctl(['sessions', '--delete'])).status, 2);
   assert.equal((await splatctl(['share', 'nothing-there'])).status, 1);
 });
+
+const TURN = { view: { volume: 'engine' }, size: [24, 16], frames: 5, keyframes: [{ frame: 4, view: { camera: { fov_y: 60 } } }] };
+
+test('a camera path becomes a folder of frames, each the picture of its view', async () => {
+  const report = JSON.parse(await succeeds(['path', '-', '--out', inFolder('frames'), '--json'], { input: JSON.stringify(TURN) }));
+  assert.deepEqual(report, { out: inFolder('frames'), format: 'png', frames: 5 });
+  assert.deepEqual(readdirSync(inFolder('frames')).sort(), [0, 1, 2, 3, 4].map((n) => `00000${n}.png`));
+  const last = await succeeds(['render', '--volume', 'engine', '--view', '-', '--size', '24,16', '--out', '-'], { input: '{"camera": {"fov_y": 60}}' });
+  assert.ok(readFileSync(inFolder('frames/000004.png')).equals(last));
+  assert.ok(!readFileSync(inFolder('frames/000000.png')).equals(last));
+  assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, [], 'the daemon keeps nothing that was fetched');
+});
+
+test('a camera path becomes a movie', async () => {
+  writeFileSync(inFolder('movie.json'), JSON.stringify({ ...TURN, format: 'webm' }));
+  await succeeds(['path', inFolder('movie.json'), '--out', inFolder('movie.webm')]);
+  assert.equal(readFileSync(inFolder('movie.webm')).toString('latin1', 0, 4), '\x1a\x45\xdf\xa3'); // EBML
+});
+
+test('a camera path that is wrong is refused with its place', async () => {
+  for (const [args, input, status, err] of [
+    [['path', '-'], '{}', 2, /--out/], [['path', '--out', 'x'], '{}', 2, /needs a file/], [['path', '-', '--out', inFolder('x')], '{', 1, /splatctl: -: /],
+    [['path', '-', '--out', inFolder('x')], JSON.stringify({ ...TURN, frames: 0 }), 1, /splatctl: \/frames: /],
+    [['path', '-', '--out', inFolder('cube.nrrd')], JSON.stringify(TURN), 1, /cube.nrrd/],
+  ]) {
+    const result = await splatctl(args, { input });
+    assert.equal(result.status, status, result.err);
+    assert.match(result.err, err);
+  }
+});
+
+test('the example of a camera path is one', async () => {
+  const example = JSON.parse(readFileSync(new URL('../../clients/cli/examples/turn.json', import.meta.url)));
+  const { status, json } = await daemon.post('/api/v1/paths', example);
+  assert.equal(status, 202, JSON.stringify(json));
+  await daemon.fetch(`/api/v1/paths/${json.id}`, { method: 'DELETE' });
+});

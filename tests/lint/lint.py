@@ -36,8 +36,9 @@ SERVER = {
     'session': {'session', 'config'},
     'render': {'render', 'session', 'config'},
     'store': {'store', 'config'},
-    'http': {'http', 'session', 'render', 'store', 'config'},
-    '.': {'http', 'session', 'render', 'store', 'config'},
+    'jobs': {'jobs', 'render', 'store', 'config'},
+    'http': {'http', 'session', 'render', 'store', 'jobs', 'config'},
+    '.': {'http', 'session', 'render', 'store', 'jobs', 'config'},
 }
 # Rule 4: header pattern → the only places that may include it.
 THIRD_PARTY = [
@@ -54,6 +55,8 @@ THIRD_PARTY = [
     (r'vpx/|x264', ['renderer/encode/', 'tests/unit/encode/', 'tests/unit/server/']),
     (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/', 'server/http/gzip.c']),
     (r'sqlite3', ['server/store/']),
+    (r'archive(_entry)?\.h', ['server/jobs/archive.c']),
+    (r'(ebml|matroska)/', ['server/jobs/webm_bridge.cpp']),
     (r'systemd/', ['server/service.c']),
     (r'curl/', ['clients/cli/']),
 ]

@@ -177,6 +177,7 @@ def walk(daemon, contract):
     ask(401, 'GET', f'{api}/sessions', token=session['tokens']['control'])
     walk_kept(daemon, ask, api)
     walk_presets(ask, api)
+    walk_paths(daemon, contract, ask, api)
     names = {'id': session['id']}
     ask(200, 'GET', f'{api}/sessions/{{id}}', **names)
     patch = {'view': {'camera': {'fov_y': 50}}}
@@ -192,7 +193,7 @@ def walk(daemon, contract):
         for method in ('get', 'post', 'put', 'patch', 'delete'):
             operation = contract.document['paths'][template].get(method)
             if operation and operation.get('security') != []:
-                ask(401, method.upper(), template, token=False, id='engine', name='x')
+                ask(401, method.upper(), template, token=False, id='engine', name='x', frame='0')
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
 
 
@@ -239,6 +240,49 @@ def walk_kept(daemon, ask, api):
         ask(400, 'GET', template, query=f'?{wrong}', **kept)
     for wrong in ('size=8,0', 'size=8,9999', 'camera=5', f'camera={urllib.parse.quote(json.dumps(dict(x=1)))}'):
         ask(422, 'GET', template, query=f'?{wrong}', **kept)
+
+
+def walk_paths(daemon, contract, ask, api):
+    one, keys = f'{api}/paths/{{id}}', [{'frame': 1, 'view': {'camera': {'fov_y': 20}}}]
+    bodies = contract.document['paths'][f'{api}/paths']['post']['requestBody']['content']
+    ask(202, 'POST', f'{api}/paths', bodies['application/json']['examples']['turn']['value'])
+    pictures = ask(202, 'POST', f'{api}/paths', {'size': [16, 8], 'frames': 2, 'keyframes': keys, 'format': 'jpeg'})
+    movie = ask(202, 'POST', f'{api}/paths', {'size': [16, 8], 'frames': 2, 'keyframes': keys, 'format': 'webm'})
+    for path in (pictures, movie):
+        for name in ('done', 'state', 'bytes'):
+            path.pop(name)
+        events = ask(200, 'GET', f'{one}/events', id=path['id']).decode()
+        check(events.endswith('\n\n') and 'event: done\n' in events, f'the last event is done: {events[-300:]}')
+        last = events.rstrip().split('\n\n')[-1].split('\n')[0][len('id: '):]
+        ask(204, 'GET', f'{one}/events', headers={'Last-Event-ID': last}, id=path['id'])
+        told = ask(200, 'GET', one, id=path['id'])
+        check({**told, **path} == told and told['state'] == 'done', f'{told} is what was asked for')
+    check([p['id'] for p in ask(200, 'GET', f'{api}/paths')['paths']][-2:] == [pictures['id'], movie['id']], 'paths in their order')
+    frame = {'id': pictures['id'], 'frame': '1'}
+    ask(200, 'GET', f'{one}/frames/{{frame}}', **frame)
+    ask(304, 'GET', f'{one}/frames/{{frame}}', headers={'If-None-Match': f'"{pictures["id"]}-1"'}, **frame)
+    for wrong in ('2', '-1', 'x', '1x', '9999999999'):
+        ask(404, 'GET', f'{one}/frames/{{frame}}', id=pictures['id'], frame=wrong)
+    ask(404, 'GET', f'{one}/frames/{{frame}}', id=movie['id'], frame='0')
+    ask(200, 'GET', f'{one}/archive', id=pictures['id'])
+    ask(404, 'GET', f'{one}/archive', id=movie['id'])
+    ask(200, 'GET', f'{one}/movie', id=movie['id'])
+    ask(304, 'GET', f'{one}/movie', headers={'If-None-Match': f'"{movie["id"]}-movie"'}, id=movie['id'])
+    ask(404, 'GET', f'{one}/movie', id=pictures['id'])
+    slow = ask(202, 'POST', f'{api}/paths', {'size': [1024, 1024], 'frames': 999, 'keyframes': keys})
+    ask(409, 'GET', f'{one}/frames/{{frame}}', id=slow['id'], frame='998')
+    ask(409, 'GET', f'{one}/archive', id=slow['id'])
+    slow_movie = ask(202, 'POST', f'{api}/paths', {'frames': 9, 'keyframes': keys, 'format': 'webm'})
+    ask(409, 'GET', f'{one}/movie', id=slow_movie['id'])
+    for path in (slow, slow_movie, pictures, movie):
+        ask(204, 'DELETE', one, id=path['id'])
+        for rest in ('', '/events', '/archive', '/movie'):
+            ask(404, 'GET', one + rest, id=path['id'])
+        ask(404, 'DELETE', one, id=path['id'])
+    ask(422, 'POST', f'{api}/paths', {'frames': 2})
+    ask(400, 'POST', f'{api}/paths', '{')
+    ask(415, 'POST', f'{api}/paths', 'x', {'Content-Type': 'text/plain'})
+    ask(413, 'POST', f'{api}/paths', ' ' * (2 << 20))
 
 
 def walk_presets(ask, api):

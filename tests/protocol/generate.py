@@ -162,7 +162,7 @@ class Requests:
             value = self.rng.choice(ids if made['has_id'] else others)
             made['name'] = value
             made['is_sound'] &= value != '\0' and self.values.validator(schema).is_valid(value)
-            made['path'] = made['path'].replace('{%s}' % name, urllib.parse.quote(value, safe=''))
+            made['path'] = made['path'].replace('{%s}' % name, urllib.parse.quote(str(value), safe=''))
         elif where == 'query' and self.rng.random() < 0.5:
             content = parameter.get('content', {}).get('application/json')
             schema = content['schema'] if content else parameter['schema']

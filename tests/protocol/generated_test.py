@@ -24,14 +24,14 @@ from generate import Requests
 MALFORMED = {400, 406, 422}
 REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
 # What no request brings about by itself: failures (integration.life, unit.server_scheduler), and sessions of
-# an earlier run that wait for their volume (integration.state).
-ELSEWHERE = {'500', ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
+# an earlier run that wait for their volume (integration.state); a full disk (integration.paths).
+ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
 
 
 # Where views and requests are wrong in a way that a schema cannot say (its description lists them), or cannot be drawn.
 BEYOND = re.compile(
     r'(/view)?(/volume|/camera(/position|/target|/up)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
-    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/shading/lights/\d/direction|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name')
+    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/shading/lights/\d/direction|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/frames|/keyframes/\d+(/.*)?')
 
 
 class Caller:
@@ -117,7 +117,7 @@ def bring_about(daemon, contract):
             ask(415, method.upper(), template, 'x', {'Content-Type': 'text/plain'}, **names)
             ask(204, 'DELETE', f'{api}/sessions/{{id}}', id=session['id'])
         if '{' in template:
-            ask(400, method.upper(), template, id='%00', name='%00')
+            ask(400, method.upper(), template, id='%00', name='%00', frame='%00')
     # A volume that is too large for the memory is there, but cannot be looked at.
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=512', 'id': 'large'})
     while ask(200, 'GET', f'{api}/volumes/{{id}}', id='large')['state'] == 'loading':
@@ -126,6 +126,7 @@ def bring_about(daemon, contract):
     ask(409, 'GET', f'{api}/volumes/{{id}}/view', id='large')
     ask(409, 'POST', f'{api}/render', {'volume': 'large'})
     ask(409, 'POST', f'{api}/views', {'volume': 'large'})
+    ask(409, 'POST', f'{api}/paths', {'view': {'volume': 'large'}, 'frames': 1, 'keyframes': [{'frame': 0, 'view': {}}]})
     ask(409, 'POST', f'{api}/sessions', {'view': {'volume': 'large'}})
     ask(409, 'PATCH', f'{api}/sessions/{{id}}', {'view': {'volume': 'large'}}, id=session['id'])
     ask(409, 'DELETE', f'{api}/volumes/{{id}}', id='engine')
@@ -152,7 +153,7 @@ def all_operations(document):
 
 def refused(daemon, contract, status, template, method, headers=(), query='', token=None):
     """Asks with these headers, which may be there twice, and expects the status, as documented."""
-    path = template.format(id='engine', name='x') + query
+    path = template.format(id='engine', name='x', frame='0') + query
     connection = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
     connection.putrequest(method.upper(), path)
     for name, value in (('Authorization', f'Bearer {token or daemon.token}'), ('Content-Length', '0'), *headers):

@@ -32,6 +32,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/a/{}", SRV_RIGHT_NONE, nothing },
     { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, nothing },
     { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a/{}/b/{}", SRV_RIGHT_NONE, nothing },
 };
 
 static void routing(void **state) {
@@ -59,10 +60,15 @@ static void routing(void **state) {
         { "GET", "/a/x/y/view", -1, NULL, 0 },
         { "GET", "", -1, NULL, 0 },
         { "GET", "/b", -1, NULL, 0 },
+        { "GET", "/a/x/b/y", 5, "x/y", 0 },
+        { "POST", "/a/x/b/y", -1, NULL, SRV_GET },
+        { "GET", "/a/x/b/", -1, NULL, 0 },
+        { "GET", "/a/x/b/y/", -1, NULL, 0 },
+        { "GET", "/a//b/y", -1, NULL, 0 },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct srv_route *route =
-            srv_route_find(routes, 5, cases[i].method, cases[i].path, param, &allowed);
+            srv_route_find(routes, 6, cases[i].method, cases[i].path, param, &allowed);
         assert_ptr_equal(route, cases[i].route < 0 ? NULL : &routes[cases[i].route]);
         if (route)
             assert_string_equal(param, cases[i].param);
@@ -72,9 +78,13 @@ static void routing(void **state) {
     char path[SRV_PARAM_BYTES + 8] = "/a/";
     memset(path + 3, 'x', SRV_PARAM_BYTES);
     path[3 + SRV_PARAM_BYTES] = 0;
-    assert_null(srv_route_find(routes, 5, "GET", path, param, &allowed));
+    assert_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
     path[3 + SRV_PARAM_BYTES - 1] = 0;
-    assert_non_null(srv_route_find(routes, 5, "GET", path, param, &allowed));
+    assert_non_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
+    memcpy(path + SRV_PARAM_BYTES, "/b/yy", sizeof "/b/yy"); /* with the "/" one too long */
+    assert_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
+    path[SRV_PARAM_BYTES + 4] = 0;
+    assert_non_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
     char text[64];
     srv_methods_to_text(SRV_GET | SRV_DELETE, text);
     assert_string_equal(text, "GET, HEAD, DELETE");

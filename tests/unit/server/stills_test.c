@@ -106,7 +106,8 @@ struct fixture {
 };
 
 struct asker { /* of a still */
-    unsigned answers, pictures;
+    bool wants_frame;
+    unsigned answers, pictures, frames;
     size_t size;
     uint32_t sum; /* of the bytes */
     atomic_bool left;
@@ -116,6 +117,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
     struct asker *asker = user;
     pthread_mutex_lock(&gate.mutex);
     asker->pictures += result->ok;
+    asker->frames += result->ok && result->frame && result->frame->pixels;
     asker->size = result->ok ? result->size : 0;
     asker->sum = 0;
     for (size_t i = 0; i < asker->size; i++)
@@ -215,6 +217,7 @@ static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool bac
     struct srv_still still = { .format = SP_IMAGE_JPEG,
                                .quality = 90,
                                .background = background,
+                               .wants_frame = asker->wants_frame,
                                .done = on_done,
                                .is_gone = has_left,
                                .user = asker };
@@ -250,6 +253,24 @@ static void equal_stills_are_drawn_and_encoded_once(void **state) {
     let_through(1);
     wait_for(&first.answers, 2);
     assert_int_equal(look_at(&gate.entered), 3);
+}
+
+static void who_encodes_himself_gets_the_frame(void **state) {
+    struct fixture *f = *state;
+    struct asker bytes = { 0 }, frame = { .wants_frame = true }, same = { .wants_frame = true };
+    assert_true(ask(f, &bytes, 100, false));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &frame, 100, true)); /* the same picture, but not the same answer */
+    assert_true(ask(f, &same, 100, true));
+    let_through(2);
+    wait_for(&bytes.answers, 1);
+    wait_for(&frame.answers, 1);
+    wait_for(&same.answers, 1);
+    assert_int_equal(bytes.frames, 0);
+    assert_true(bytes.size > 0);
+    assert_int_equal(frame.frames + same.frames, 2);
+    assert_int_equal(frame.size + same.size, 0);
+    assert_int_equal(look_at(&gate.encoded), 1);
 }
 
 static void a_still_is_drawn_while_anybody_wants_it(void **state) {
@@ -378,6 +399,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
         TEST(equal_stills_are_drawn_and_encoded_once),
+        TEST(who_encodes_himself_gets_the_frame),
         TEST(a_still_is_drawn_while_anybody_wants_it),
         TEST(of_those_that_wait_who_left_goes_alone),
         TEST(the_background_is_drawn_after_all_others),

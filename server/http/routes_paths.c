@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Camera paths: jobs (jobs/jobs.h) and what they make.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "http/flow.h"
+#include "http/guard.h"
+#include "http/headers.h"
+#include "sp/log.h"
+
+/* Making one. */
+
+/* The path's view as a patch: "view", with "size" over its own. NULL: the reply is the problem. */
+static proto_json *view_patch(const proto_json *body, struct srv_reply *reply) {
+    const proto_json *view = proto_json_get(body, "view"), *value;
+    const proto_json *size = proto_json_get(body, "size");
+    const char *key;
+    void *at = NULL;
+    if (view && proto_json_type(view) != PROTO_JSON_OBJECT) {
+        srv_reply_problem(reply, 422, "/view", "must be an object");
+        return NULL;
+    }
+    proto_json *patch = proto_json_object();
+    bool ok = patch != NULL;
+    while (ok && proto_json_next(view, &at, &key, &value))
+        ok = proto_json_set(patch, key, proto_json_ref((proto_json *)(uintptr_t)value));
+    if (ok && size)
+        ok = proto_json_set(patch, "size", proto_json_ref((proto_json *)(uintptr_t)size));
+    if (!ok) {
+        proto_json_free(&patch);
+        srv_reply_problem(reply, 503, NULL, "no memory for a path");
+    }
+    return patch;
+}
+
+static bool resolve(struct srv_request *request, const proto_json *body, struct sp_view *view,
+                    struct sp_view *defaults, struct srv_reply *reply) {
+    struct sp_error err;
+    void *volume = NULL;
+    proto_json *patch = view_patch(body, reply);
+    if (!patch)
+        return false;
+    bool ok = srv_hub_resolve_view(request->app->hub, NULL, patch, view, &volume, &err);
+    proto_json_free(&patch);
+    if (ok) {
+        struct srv_owner owner;
+        srv_catalog_default_view(request->app->catalog, volume, defaults);
+        srv_catalog_release(request->app->catalog, volume);
+        srv_request_owner(request, &owner);
+        if (srv_owner_allows_size(&owner, view->size, &err))
+            return true;
+    }
+    bool is_own = proto_json_get(body, "size") && strncmp(err.place, "/size", 5) == 0;
+    srv_reply_view_error(reply, is_own ? "" : "/view", &err);
+    return false;
+}
+
+void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    struct sp_view view, defaults;
+    char id[SRV_JOB_ID_BYTES];
+    bool is_full;
+    proto_json *body = srv_request_json(request, reply);
+    if (body && resolve(request, body, &view, &defaults, reply)) {
+        proto_json *json =
+            srv_jobs_add(request->app->jobs, body, &view, &defaults, id, &is_full, &err);
+        if (json) {
+            srv_reply_json(reply, 202, json);
+            srv_reply_header(reply, "Location", "paths/%s", id);
+            sp_log(SP_LOG_INFO, "path %s created for %s", id, srv_guard_peer(request->guarded));
+            srv_request_keep(request);
+        } else if (is_full) {
+            srv_reply_problem(reply, 507, NULL, "%s", err.text);
+        } else {
+            srv_reply_error(reply, &err);
+        }
+    }
+    proto_json_free(&body);
+}
+
+void srv_get_paths(struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_json(reply, 200, srv_jobs_list(request->app->jobs));
+}
+
+void srv_get_path(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *json = srv_jobs_get(request->app->jobs, request->param, &err);
+    if (json)
+        srv_reply_json(reply, 200, json);
+    else
+        srv_reply_error(reply, &err);
+}
+
+void srv_delete_path(struct srv_request *request, struct srv_reply *reply) {
+    if (!srv_jobs_remove(request->app->jobs, request->param)) {
+        srv_reply_problem(reply, 404, NULL, "there is no path '%.64s'", request->param);
+        return;
+    }
+    reply->status = 204;
+    srv_request_keep(request);
+}
+
+/* Files. */
+
+struct file {
+    int fd;
+};
+
+static ssize_t read_file(void *user, char *bytes, size_t size) {
+    const struct file *file = user;
+    return read(file->fd, bytes, size); /* 0 and −1 mean the same there */
+}
+
+static void close_file(void *user) {
+    struct file *file = user;
+    close(file->fd);
+    free(file);
+}
+
+/* What a job made never changes. `name` tells it from the job's other results. */
+static void reply_file(struct srv_request *request, const struct srv_job_file *made,
+                       const char *name, struct srv_reply *reply) {
+    char etag[96];
+    struct file *file = malloc(sizeof *file);
+    snprintf(etag, sizeof etag, "\"%.32s-%.32s\"", request->param, name);
+    bool has_it = srv_etag_matches(srv_request_header(request, "If-None-Match"), etag);
+    if (!file || has_it || lseek(made->fd, 0, SEEK_SET) != 0) {
+        close(made->fd);
+        if (has_it)
+            reply->status = 304;
+        else
+            srv_reply_problem(reply, 503, NULL, "no memory for a file");
+        free(file);
+    } else {
+        file->fd = made->fd;
+        reply->status = 200;
+        reply->mime = made->mime;
+        srv_reply_flow(request, reply, made->size,
+                       &(struct srv_flow){ .user = file, .read = read_file, .finish = close_file });
+    }
+    if (reply->status < 400) {
+        srv_reply_header(reply, "ETag", "%s", etag);
+        srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
+    }
+}
+
+void srv_get_path_frame(struct srv_request *request, struct srv_reply *reply) {
+    enum { DIGITS_MAX = 9 };
+    struct srv_job_file file;
+    struct sp_error err;
+    char *number = strchr(request->param, '/');
+    *number++ = 0; /* the parameters are "ID/N" */
+    size_t digits = strspn(number, "0123456789");
+    if (number[digits] || digits > DIGITS_MAX)
+        srv_reply_problem(reply, 404, NULL, "'%.32s' is no number of a frame", number);
+    else if (srv_jobs_open_frame(request->app->jobs, request->param,
+                                 (uint32_t)strtoul(number, NULL, 10), &file, &err))
+        reply_file(request, &file, number, reply);
+    else
+        srv_reply_error(reply, &err);
+}
+
+void srv_get_path_movie(struct srv_request *request, struct srv_reply *reply) {
+    struct srv_job_file file;
+    struct sp_error err;
+    if (srv_jobs_open_movie(request->app->jobs, request->param, &file, &err))
+        reply_file(request, &file, "movie", reply);
+    else
+        srv_reply_error(reply, &err);
+}
+
+static ssize_t read_archive(void *user, char *bytes, size_t size) {
+    return srv_archive_read(user, bytes, size);
+}
+
+static void close_archive(void *user) {
+    struct srv_archive *archive = user;
+    srv_archive_destroy(&archive);
+}
+
+void srv_get_path_archive(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    struct srv_archive *archive = srv_jobs_open_archive(request->app->jobs, request->param, &err);
+    if (!archive) {
+        srv_reply_error(reply, &err);
+        return;
+    }
+    reply->status = 200;
+    reply->mime = "application/x-tar";
+    srv_reply_header(reply, "Content-Disposition", "attachment; filename=\"%.32s.tar\"",
+                     request->param);
+    srv_reply_flow(
+        request, reply, SRV_FLOW_UNKNOWN,
+        &(struct srv_flow){ .user = archive, .read = read_archive, .finish = close_archive });
+}
+
+/* Events. */
+
+struct watching { /* one answer of events */
+    struct srv_request *request;
+    struct srv_watch *watch;
+    char *text; /* what is being sent; NULL = nothing */
+    size_t size, at;
+};
+
+static void on_sleep(void *user) {
+    struct watching *w = user;
+    srv_flow_sleep(w->request);
+}
+
+static void on_wake(void *user) {
+    struct watching *w = user;
+    srv_flow_wake(w->request);
+}
+
+static bool has_left(void *user) {
+    struct watching *w = user;
+    return srv_guard_is_gone(w->request->guarded);
+}
+
+static ssize_t read_events(void *user, char *bytes, size_t size) {
+    struct watching *w = user;
+    if (w->at == w->size) {
+        free(w->text);
+        w->text = NULL;
+        w->at = w->size = 0;
+        switch (srv_watch_next(w->watch, &w->text, &w->size)) {
+        case SRV_WATCH_SLEEPS:
+            return SRV_FLOW_ASLEEP;
+        case SRV_WATCH_OVER:
+            return SRV_FLOW_END;
+        case SRV_WATCH_EVENT:
+            break;
+        }
+    }
+    size_t n = w->size - w->at < size ? w->size - w->at : size;
+    memcpy(bytes, w->text + w->at, n);
+    w->at += n;
+    return (ssize_t)n;
+}
+
+static void end_events(void *user) {
+    struct watching *w = user;
+    srv_watch_end(&w->watch);
+    free(w->text);
+    free(w);
+}
+
+void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err = { .code = SP_ERR_MEMORY, .text = "no memory to watch a path" };
+    struct watching *w = calloc(1, sizeof *w);
+    bool is_over = false;
+    if (w) {
+        const struct srv_watcher watcher = { w, on_sleep, on_wake, has_left };
+        w->request = request;
+        w->watch =
+            srv_jobs_watch(request->app->jobs, request->param,
+                           srv_request_header(request, "Last-Event-ID"), &watcher, &is_over, &err);
+    }
+    if (!w || !w->watch) {
+        free(w);
+        if (is_over)
+            reply->status = 204; /* a browser does not come again then */
+        else
+            srv_reply_error(reply, &err);
+        return;
+    }
+    reply->status = 200;
+    reply->mime = "text/event-stream";
+    srv_reply_header(reply, "Cache-Control", "no-store");
+    srv_reply_header(reply, "X-Accel-Buffering", "no"); /* nginx: each event at once */
+    srv_reply_flow(request, reply, SRV_FLOW_UNKNOWN,
+                   &(struct srv_flow){ .user = w, .read = read_events, .finish = end_events });
+}

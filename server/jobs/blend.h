@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What lies between two values of a member of a view: from a (u = 0) to b (u = 1). Both must be
+ * valid. At u = 0 the result is a, at u = 1 it is b, to the bit.
+ *
+ *   numbers, colours   linear
+ *   names              a until u = 1
+ *   camera             moves on an arc about its target: the target is linear, the orientation
+ *                      turns at constant speed about one axis, the shorter way (slerp), and the
+ *                      distance is linear in its logarithm, as are height and near plane
+ *   transfer function  a function of value: at each value the linear mean of both. Both are linear
+ *                      between points, so that the points of both together give it exactly; so does
+ *                      the gradient's, where no points mean 1 everywhere
+ *   directions         turn as the camera does; opposite ones, which have no way between them, and
+ *                      lists of different lengths, are a until u = 1
+ *   c_min, c_max       a until u = 1 if one of them is automatic
+ */
+#ifndef SRV_JOBS_BLEND_H
+#define SRV_JOBS_BLEND_H
+
+#include "sp/view.h"
+
+void srv_blend_camera(const struct sp_camera *a, const struct sp_camera *b, double u,
+                      struct sp_camera *out);
+/* Points of both together: more than there may be if one of them is larger than SP_TF_POINTS_MAX or
+ * SP_GRADIENT_POINTS_MAX; such a pair cannot be blended. */
+void srv_blend_count(const struct sp_transfer_function *a, const struct sp_transfer_function *b,
+                     unsigned *points, unsigned *gradient);
+void srv_blend_transfer_function(const struct sp_transfer_function *a,
+                                 const struct sp_transfer_function *b, double u,
+                                 struct sp_transfer_function *out);
+void srv_blend_filter(const struct sp_filter *a, const struct sp_filter *b, double u,
+                      struct sp_filter *out);
+void srv_blend_compositing(const struct sp_compositing_options *a,
+                           const struct sp_compositing_options *b, double u,
+                           struct sp_compositing_options *out);
+void srv_blend_shading(const struct sp_shading *a, const struct sp_shading *b, double u,
+                       struct sp_shading *out);
+void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
+                    struct sp_clip *out);
+void srv_blend_background(const float a[4], const float b[4], double u, float out[4]);
+
+#endif

@@ -1,0 +1,324 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The thread of the jobs: a frame after the other, from the view to the file.
+ */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "jobs/jobs_private.h"
+#include "jobs/movie.h"
+#include "sp/log.h"
+
+enum { DRAW_NICE = 10, VIDEO_THREADS = 1 };
+#define KEY_SECONDS 2.0 /* between key frames, to which players seek */
+
+struct drawing { /* what the thread has of the job that it is at */
+    struct srv_jobs *jobs;
+    struct srv_path_job *job; /* NULL = none */
+    struct srv_path *path;
+    struct sp_encoder *encoder;
+    struct sp_video *video;
+    uint64_t volume; /* identity; 0 = not seen yet */
+};
+
+static void leave_job(struct drawing *d) {
+    srv_path_free(&d->path);
+    sp_video_destroy(&d->video);
+    if (d->job)
+        srv_job_unref(d->job);
+    d->job = NULL;
+    d->volume = 0;
+}
+
+/* The mutex is held by the two, and by what is called in pairs of unlock and lock below. */
+
+static void set_state(struct srv_jobs *jobs, struct srv_path_job *job, enum srv_job_state state,
+                      const char *reason) {
+    bool same = job->state == state && strcmp(job->reason, reason) == 0;
+    job->state = state;
+    snprintf(job->reason, sizeof job->reason, "%s", reason);
+    if (!same)
+        srv_jobs_tell(jobs, job);
+}
+
+/* Keeps in the record that the job failed. Without the mutex. */
+static void record_failure(struct srv_jobs *jobs, const char *id, const char *reason) {
+    struct sp_error err;
+    size_t size = 0;
+    char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, &err);
+    proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
+    free(text);
+    text = proto_json_set_string(json, "failed", reason) ? proto_json_to_text(json, &size) : NULL;
+    if (!text || !srv_store_put(jobs->options.store, SRV_KIND_PATH, id, text, size, &err))
+        sp_log(SP_LOG_ERROR, "path %s failed, and that cannot be kept", id);
+    free(text);
+    proto_json_free(&json);
+}
+
+static void fail_job(struct drawing *d, const struct sp_error *err) {
+    struct srv_jobs *jobs = d->jobs;
+    char reason[SP_ERROR_TEXT];
+    snprintf(reason, sizeof reason, "frame %u: %.48s%s%.280s", d->job->done, err->place,
+             err->place[0] ? ": " : "", err->text);
+    sp_log(SP_LOG_ERROR, "path %s failed at %s", d->job->id, reason);
+    if (!atomic_load(&d->job->is_removed))
+        record_failure(jobs, d->job->id, reason);
+    pthread_mutex_lock(&jobs->mutex);
+    set_state(jobs, d->job, SRV_JOB_FAILED, reason);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+/* The frame, by the scheduler. */
+
+struct answer {
+    struct srv_jobs *jobs;
+    struct srv_path_job *job;
+    bool is_there, ok;
+    struct sp_frame *frame;
+    struct sp_error err;
+};
+
+static void on_done(void *user, const struct srv_still_result *result) {
+    struct answer *answer = user;
+    struct srv_jobs *jobs = answer->jobs;
+    pthread_mutex_lock(&jobs->mutex);
+    answer->ok = result->ok;
+    if (result->ok)
+        answer->frame = sp_frame_ref(result->frame);
+    else
+        answer->err = result->err;
+    answer->is_there = true; /* it may be gone once the mutex is */
+    pthread_cond_broadcast(&jobs->wake);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+static bool is_given_up(void *user) {
+    const struct answer *answer = user;
+    return atomic_load(&answer->job->is_removed) || atomic_load(&answer->jobs->stop);
+}
+
+/* Takes over the use of the volume. */
+static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
+                               struct srv_volume *volume, struct sp_error *err) {
+    struct answer answer = { .jobs = d->jobs, .job = d->job };
+    struct srv_still still = { .view = *view,
+                               .volume = volume,
+                               .format = d->job->output.format,
+                               .background = true,
+                               .wants_frame = true,
+                               .done = on_done,
+                               .is_gone = is_given_up,
+                               .user = &answer };
+    if (d->job->output.is_movie)
+        still.format = SP_IMAGE_PNG;
+    if (!srv_scheduler_submit(d->jobs->options.scheduler, &still, err))
+        return NULL;
+    pthread_mutex_lock(&d->jobs->mutex);
+    while (!answer.is_there)
+        pthread_cond_wait(&d->jobs->wake, &d->jobs->mutex);
+    pthread_mutex_unlock(&d->jobs->mutex);
+    if (!answer.ok && err)
+        *err = answer.err;
+    return answer.frame;
+}
+
+/* Writes the frame's file; *bytes is its size. */
+static bool write_frame(struct drawing *d, const struct sp_frame *frame, uint64_t *bytes,
+                        struct sp_error *err) {
+    const struct srv_path_output *output = &d->job->output;
+    struct sp_video_packet packet = { .size = 0 };
+    const uint8_t *image = NULL;
+    uint8_t head = SRV_PACKET_DELTA;
+    char name[32];
+    if (output->is_movie && !d->video &&
+        !(d->video = sp_video_create(SP_VIDEO_VP9, VIDEO_THREADS, err)))
+        return false;
+    bool is_key = d->job->done % (uint32_t)(KEY_SECONDS * output->fps) == 0;
+    bool ok = output->is_movie
+                  ? sp_video_encode(d->video, frame, output->quality, is_key, &packet, err)
+                  : sp_encode(d->encoder, frame, output->format, output->quality, &image,
+                              &packet.size, err);
+    if (!ok)
+        return false;
+    if (packet.is_key)
+        head = SRV_PACKET_KEY;
+    *bytes = packet.size + output->is_movie;
+    pthread_mutex_lock(&d->jobs->mutex);
+    uint64_t used = d->jobs->bytes, max = d->jobs->options.bytes_max;
+    pthread_mutex_unlock(&d->jobs->mutex);
+    if (used + *bytes > max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "the frames of all paths have %llu bytes, this one has %llu, and "
+                       "--path-bytes allows %llu",
+                       (unsigned long long)used, (unsigned long long)*bytes,
+                       (unsigned long long)max);
+    srv_job_file_name(output, d->job->done, name);
+    return srv_folder_write(&d->jobs->folder, d->job->id, name, &head, output->is_movie,
+                            output->is_movie ? packet.bytes : image, packet.size, err);
+}
+
+/* The volume may be loading, or have failed to: then it waits for news of volumes. */
+static void wait_for_volume(struct drawing *d, uint64_t generation, const struct sp_error *err) {
+    struct srv_jobs *jobs = d->jobs;
+    pthread_mutex_lock(&jobs->mutex);
+    d->job->is_blocked = jobs->generation == generation;
+    set_state(jobs, d->job, SRV_JOB_WAITING, err->text);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+static void count_frame(struct drawing *d, uint64_t bytes) {
+    struct srv_jobs *jobs = d->jobs;
+    pthread_mutex_lock(&jobs->mutex);
+    d->job->done++;
+    d->job->bytes += bytes;
+    jobs->bytes += bytes;
+    jobs->frames++;
+    srv_jobs_tell(jobs, d->job);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+/* A use of the job's volume: the same that its frames so far are of. */
+static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
+    struct srv_catalog *catalog = d->jobs->options.catalog;
+    struct srv_volume *volume = srv_catalog_acquire(catalog, d->job->volume, err);
+    if (!volume)
+        return NULL;
+    uint64_t identity = srv_volume_identity(volume);
+    if (!d->volume)
+        d->volume = identity;
+    if (d->volume == identity)
+        return volume;
+    srv_catalog_release(catalog, volume);
+    sp_fail(err, SP_ERR_NOT_FOUND, NULL, "the volume was unloaded, and another has its name now");
+    return NULL;
+}
+
+static void draw_frame(struct drawing *d, uint64_t generation) {
+    struct sp_error err = { .code = SP_OK };
+    struct sp_view view;
+    uint64_t bytes = 0;
+    struct srv_volume *volume = acquire(d, &err);
+    if (!volume && (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED)) {
+        wait_for_volume(d, generation, &err);
+        return;
+    }
+    pthread_mutex_lock(&d->jobs->mutex);
+    if (volume)
+        set_state(d->jobs, d->job, SRV_JOB_RUNNING, "");
+    pthread_mutex_unlock(&d->jobs->mutex);
+    struct sp_frame *frame = NULL;
+    if (volume && srv_path_view(d->path, d->job->done, &view, &err))
+        frame = render(d, &view, volume, &err);
+    else if (volume)
+        srv_catalog_release(d->jobs->options.catalog, volume);
+    bool ok = frame && write_frame(d, frame, &bytes, &err);
+    sp_frame_unref(&frame);
+    if (ok)
+        count_frame(d, bytes);
+    else if (err.code != SP_ERR_CANCELLED) /* else it was removed, or the daemon stops */
+        fail_job(d, &err);
+}
+
+/* All frames are there. */
+static void finish_job(struct drawing *d) {
+    struct srv_jobs *jobs = d->jobs;
+    struct srv_path_job *job = d->job;
+    struct sp_error err;
+    uint64_t bytes = job->bytes;
+    char name[32];
+    if (job->output.is_movie) {
+        if (!srv_movie_write(&jobs->folder, job->id, SRV_JOB_MOVIE, &job->output, job->size,
+                             &err) ||
+            !srv_folder_size(&jobs->folder, job->id, SRV_JOB_MOVIE, &bytes)) {
+            fail_job(d, &err);
+            return;
+        }
+        for (uint32_t i = 0; i < job->output.frames; i++) {
+            srv_job_file_name(&job->output, i, name);
+            srv_folder_remove_file(&jobs->folder, job->id, name);
+        }
+    }
+    pthread_mutex_lock(&jobs->mutex);
+    jobs->bytes += bytes - job->bytes;
+    job->bytes = bytes;
+    set_state(jobs, job, SRV_JOB_DONE, "");
+    pthread_mutex_unlock(&jobs->mutex);
+    sp_log(SP_LOG_INFO, "path %s is done: %u frames, %llu bytes", job->id, job->output.frames,
+           (unsigned long long)bytes);
+}
+
+/* The oldest that can go on; NULL = none. With the mutex held. */
+static struct srv_path_job *next_job(struct srv_jobs *jobs) {
+    struct srv_path_job *job = jobs->list;
+    while (job && (job->is_blocked || job->state == SRV_JOB_DONE || job->state == SRV_JOB_FAILED))
+        job = job->next;
+    return job;
+}
+
+/* Removes the files of removed jobs. With the mutex held, which is let go meanwhile. */
+static void clear_gone(struct srv_jobs *jobs) {
+    while (jobs->gone) {
+        struct srv_path_job *job = jobs->gone;
+        jobs->gone = job->next;
+        pthread_mutex_unlock(&jobs->mutex);
+        srv_folder_remove(&jobs->folder, job->id);
+        pthread_mutex_lock(&jobs->mutex);
+        jobs->bytes -= job->bytes;
+        srv_job_unref(job);
+    }
+}
+
+/* One step of a job. With the mutex held, which is let go meanwhile. */
+static void step(struct drawing *d, struct srv_path_job *job) {
+    struct srv_jobs *jobs = d->jobs;
+    struct sp_error err;
+    uint64_t generation = jobs->generation;
+    if (d->job != job) {
+        leave_job(d);
+        d->job = job;
+        job->refs++;
+    }
+    pthread_mutex_unlock(&jobs->mutex);
+    if (!d->path && !(d->path = srv_jobs_read_record(jobs, job->id, NULL, &err))) {
+        if (!atomic_load(&job->is_removed)) /* else its record has gone, too */
+            fail_job(d, &err);
+    } else if (job->done < job->output.frames) {
+        draw_frame(d, generation);
+    } else {
+        finish_job(d);
+    }
+    pthread_mutex_lock(&jobs->mutex);
+}
+
+static void be_nice(void) {
+    id_t thread = (id_t)gettid();
+    errno = 0;
+    int niceness = getpriority(PRIO_PROCESS, thread);
+    if (errno != 0 || setpriority(PRIO_PROCESS, thread, niceness + DRAW_NICE) != 0)
+        sp_log(SP_LOG_WARN, "the thread for paths cannot be nice: %s", strerror(errno));
+}
+
+void *srv_jobs_main(void *user) {
+    struct drawing d = { .jobs = user };
+    struct srv_jobs *jobs = user;
+    be_nice();
+    d.encoder = jobs->encoder;
+    pthread_mutex_lock(&jobs->mutex);
+    while (!atomic_load(&jobs->stop)) {
+        clear_gone(jobs);
+        struct srv_path_job *job = next_job(jobs);
+        if (job)
+            step(&d, job);
+        else if (!jobs->gone && !atomic_load(&jobs->stop))
+            pthread_cond_wait(&jobs->wake, &jobs->mutex);
+        if (!next_job(jobs) || next_job(jobs) != d.job)
+            leave_job(&d);
+    }
+    leave_job(&d);
+    pthread_mutex_unlock(&jobs->mutex);
+    return NULL;
+}

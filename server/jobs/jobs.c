@@ -1,0 +1,486 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "jobs/jobs.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "jobs/jobs_private.h"
+#include "protocol/view.h"
+#include "secret.h"
+#include "sp/log.h"
+
+/* Records: {"view", "defaults", "keyframes", "frames", "fps", "format", "quality", "failed"?}. */
+
+/* A whole view. It needs no volume: all fields are there. */
+static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_error *err) {
+    struct sp_volume_info cube = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
+    for (int i = 0; i < 3; i++) {
+        cube.grid.dims[i] = 2;
+        cube.grid.spacing[i] = 1;
+        cube.grid.direction[i][i] = 1;
+    }
+    sp_view_init(view, &cube, "");
+    struct sp_view defaults = *view;
+    return proto_view_apply(json, &defaults, view, err);
+}
+
+static struct srv_path *read_path(const proto_json *record, struct sp_error *err) {
+    struct sp_view view, defaults;
+    return read_whole(proto_json_get(record, "view"), &view, err) &&
+                   read_whole(proto_json_get(record, "defaults"), &defaults, err)
+               ? srv_path_read(record, &view, &defaults, UINT32_MAX, err)
+               : NULL;
+}
+
+struct srv_path *srv_jobs_read_record(struct srv_jobs *jobs, const char *id, proto_json **json,
+                                      struct sp_error *err) {
+    size_t size;
+    char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, err);
+    proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
+    struct srv_path *path = record ? read_path(record, err) : NULL;
+    free(text);
+    if (json && path)
+        *json = record;
+    else
+        proto_json_free(&record);
+    return path;
+}
+
+static bool put_record(struct srv_jobs *jobs, const char *id, const struct srv_path *path,
+                       const proto_json *body, const struct sp_view *defaults,
+                       struct sp_error *err) {
+    const struct srv_path_output *output = srv_path_output(path);
+    proto_json *record = proto_json_object();
+    proto_json *keys = (proto_json *)(uintptr_t)proto_json_get(body, "keyframes");
+    bool ok = proto_json_set(record, "view", proto_view_encode(srv_path_key(path, 0)));
+    ok = proto_json_set(record, "defaults", proto_view_encode(defaults)) && ok;
+    ok = proto_json_set(record, "keyframes", proto_json_ref(keys)) && ok;
+    ok = proto_json_set_integer(record, "frames", output->frames) && ok;
+    ok = proto_json_set_number(record, "fps", output->fps) && ok;
+    ok = proto_json_set_string(record, "format", srv_path_format(output)) && ok;
+    ok = proto_json_set_integer(record, "quality", output->quality) && ok;
+    size_t size = 0;
+    char *text = ok ? proto_json_to_text(record, &size) : NULL;
+    ok = text ? srv_store_put(jobs->options.store, SRV_KIND_PATH, id, text, size, err)
+              : sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    proto_json_free(&record);
+    free(text);
+    return ok;
+}
+
+void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, char name[32]) {
+    snprintf(name, 32, "%06u%s", frame,
+             output->is_movie ? ".vp9" : sp_image_format_info(output->format)->extension);
+}
+
+/* Jobs. */
+
+static struct srv_path_job *make_job(const char *id, const struct srv_path *path) {
+    struct srv_path_job *job = calloc(1, sizeof *job);
+    const struct sp_view *view = srv_path_key(path, 0);
+    if (!job)
+        return NULL;
+    atomic_init(&job->is_removed, false);
+    job->refs = 1;
+    job->output = *srv_path_output(path);
+    memcpy(job->size, view->size, sizeof job->size);
+    memcpy(job->volume, view->volume, sizeof job->volume);
+    snprintf(job->id, sizeof job->id, "%s", id);
+    return job;
+}
+
+void srv_job_unref(struct srv_path_job *job) {
+    if (--job->refs == 0)
+        free(job);
+}
+
+const char *srv_job_state_name(const struct srv_path_job *job) {
+    static const char *const names[] = { "waiting", "running", "done", "failed" };
+    return names[job->state];
+}
+
+proto_json *srv_job_json(const struct srv_path_job *job) {
+    proto_json *json = proto_json_object(), *size = proto_json_array();
+    bool ok = proto_json_set_string(json, "id", job->id);
+    ok = proto_json_set_string(json, "state", srv_job_state_name(job)) && ok;
+    if (job->reason[0])
+        ok = proto_json_set_string(json, "reason", job->reason) && ok;
+    ok = proto_json_set_string(json, "volume", job->volume) && ok;
+    ok = proto_json_append_integer(size, job->size[0]) &&
+         proto_json_append_integer(size, job->size[1]) && ok;
+    ok = proto_json_set(json, "size", size) && ok;
+    ok = proto_json_set_string(json, "format", srv_path_format(&job->output)) && ok;
+    ok = proto_json_set_number(json, "fps", job->output.fps) && ok;
+    ok = proto_json_set_integer(json, "frames", job->output.frames) && ok;
+    ok = proto_json_set_integer(json, "done", job->done) && ok;
+    ok = proto_json_set_integer(json, "bytes", (int64_t)job->bytes) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+static struct srv_path_job **find(struct srv_jobs *jobs, const char *id) {
+    struct srv_path_job **at = &jobs->list;
+    while (*at && strcmp((*at)->id, id) != 0)
+        at = &(*at)->next;
+    return at;
+}
+
+static void append(struct srv_jobs *jobs, struct srv_path_job *job) {
+    struct srv_path_job **at = &jobs->list;
+    while (*at)
+        at = &(*at)->next;
+    *at = job;
+    jobs->count++;
+    jobs->bytes += job->bytes;
+}
+
+/* What the disk has of a job: its frames up to the first that is not there, or its movie. */
+static void look_at_files(struct srv_jobs *jobs, struct srv_path_job *job) {
+    uint64_t size;
+    char name[32];
+    if (job->output.is_movie && srv_folder_size(&jobs->folder, job->id, SRV_JOB_MOVIE, &size)) {
+        job->done = job->output.frames;
+        job->bytes = size;
+        job->state = SRV_JOB_DONE;
+        return;
+    }
+    for (; job->done < job->output.frames; job->done++) {
+        srv_job_file_name(&job->output, job->done, name);
+        if (!srv_folder_size(&jobs->folder, job->id, name, &size))
+            break;
+        job->bytes += size;
+    }
+    if (!job->output.is_movie && job->done == job->output.frames)
+        job->state = SRV_JOB_DONE;
+}
+
+static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    proto_json *record = NULL;
+    struct srv_path *path = srv_jobs_read_record(jobs, id, &record, err);
+    struct srv_path_job *job = path ? make_job(id, path) : NULL;
+    const char *failed = proto_json_string(proto_json_get(record, "failed"));
+    if (job) {
+        look_at_files(jobs, job);
+        if (failed && job->state != SRV_JOB_DONE) {
+            job->state = SRV_JOB_FAILED;
+            snprintf(job->reason, sizeof job->reason, "%s", failed);
+        }
+        append(jobs, job);
+    } else if (path) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    }
+    proto_json_free(&record);
+    srv_path_free(&path);
+    return job != NULL;
+}
+
+static bool is_known(void *user, const char *id) {
+    struct srv_jobs *jobs = user;
+    return *find(jobs, id) != NULL;
+}
+
+static bool restore_all(struct srv_jobs *jobs, struct sp_error *err) {
+    char *ids = srv_store_ids(jobs->options.store, SRV_KIND_PATH);
+    bool is_whole = true;
+    if (!ids)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what was kept");
+    for (const char *id = ids; *id; id += strlen(id) + 1) {
+        struct sp_error why;
+        if (restore(jobs, id, &why))
+            continue;
+        is_whole = false;
+        sp_log(SP_LOG_ERROR, "the kept path %s cannot come back: %s%s%s", id, why.place,
+               why.place[0] ? ": " : "", why.text);
+    }
+    free(ids);
+    if (is_whole) /* else a folder that is not known may be that of a record which is not read */
+        srv_folder_sweep(&jobs->folder, is_known, jobs);
+    return true;
+}
+
+struct srv_jobs *srv_jobs_create(const struct srv_jobs_options *options, struct sp_error *err) {
+    struct srv_jobs *jobs = calloc(1, sizeof *jobs);
+    if (!jobs) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for paths");
+        return NULL;
+    }
+    jobs->options = *options;
+    atomic_init(&jobs->stop, false);
+    pthread_mutex_init(&jobs->mutex, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&jobs->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    if (!(jobs->encoder = sp_encoder_create(err)) ||
+        !srv_folder_open(&jobs->folder, options->state, err) || !restore_all(jobs, err))
+        srv_jobs_destroy(&jobs);
+    return jobs;
+}
+
+bool srv_jobs_start(struct srv_jobs *jobs, struct sp_error *err) {
+    int failed = pthread_create(&jobs->thread, NULL, srv_jobs_main, jobs);
+    jobs->is_running = failed == 0;
+    return !failed ||
+           sp_fail(err, SP_ERR_IO, NULL, "cannot start the thread for paths: %s", strerror(failed));
+}
+
+static void drop(struct srv_jobs *jobs, struct srv_path_job *list) {
+    while (list) {
+        struct srv_path_job *next = list->next;
+        if (jobs->folder.is_private)
+            srv_folder_remove(&jobs->folder, list->id);
+        srv_job_unref(list);
+        list = next;
+    }
+}
+
+void srv_jobs_destroy(struct srv_jobs **pointer) {
+    struct srv_jobs *jobs = *pointer;
+    *pointer = NULL;
+    if (!jobs)
+        return;
+    srv_jobs_close(jobs);
+    if (jobs->is_running)
+        pthread_join(jobs->thread, NULL);
+    drop(jobs, jobs->list);
+    drop(jobs, jobs->gone);
+    srv_folder_close(&jobs->folder);
+    sp_encoder_destroy(&jobs->encoder);
+    pthread_cond_destroy(&jobs->wake);
+    pthread_mutex_destroy(&jobs->mutex);
+    free(jobs);
+}
+
+void srv_jobs_wake(struct srv_jobs *jobs) {
+    pthread_mutex_lock(&jobs->mutex);
+    jobs->generation++;
+    for (struct srv_path_job *job = jobs->list; job; job = job->next)
+        job->is_blocked = false;
+    pthread_cond_broadcast(&jobs->wake);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+/* Requests. */
+
+static bool only_known(const proto_json *body, struct sp_error *err) {
+    static const char *const known[] = { "view",   "keyframes", "frames", "fps",
+                                         "format", "quality",   "size" };
+    void *at = NULL;
+    const char *name;
+    const proto_json *value;
+    while (proto_json_next(body, &at, &name, &value)) {
+        size_t i = 0;
+        while (i < sizeof known / sizeof *known && strcmp(name, known[i]) != 0)
+            i++;
+        char place[80];
+        snprintf(place, sizeof place, "/%.64s", name);
+        if (i == sizeof known / sizeof *known)
+            return sp_fail(err, SP_ERR_INVALID, place,
+                           "unknown member; known: view, keyframes, frames, fps, format, quality, "
+                           "size");
+    }
+    return true;
+}
+
+/* Can all that is between be drawn? Names, which decide that, are those of the keys. */
+static bool check_support(struct srv_jobs *jobs, const struct srv_path *path,
+                          struct sp_error *err) {
+    struct sp_error why;
+    const struct sp_view *view;
+    for (unsigned i = 0; (view = srv_path_key(path, i)); i++) {
+        if (srv_scheduler_supports(jobs->options.scheduler, view, &why))
+            continue;
+        *err = why;
+        if (i == 0)
+            snprintf(err->place, sizeof err->place, "/view%.200s", why.place);
+        else
+            snprintf(err->place, sizeof err->place, "/keyframes/%u/view%.200s", i - 1, why.place);
+        return false;
+    }
+    return true;
+}
+
+static bool check_room(struct srv_jobs *jobs, bool *is_full, struct sp_error *err) {
+    pthread_mutex_lock(&jobs->mutex);
+    unsigned count = jobs->count;
+    uint64_t bytes = jobs->bytes;
+    pthread_mutex_unlock(&jobs->mutex);
+    if (count >= jobs->options.jobs_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "there are %u paths and --paths allows %u; delete those that are done",
+                       count, jobs->options.jobs_max);
+    *is_full = bytes >= jobs->options.bytes_max;
+    return !*is_full ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "the frames of all paths have %llu bytes and --path-bytes allows "
+                   "%llu; delete those that are done",
+                   (unsigned long long)bytes, (unsigned long long)jobs->options.bytes_max);
+}
+
+proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
+                         const struct sp_view *defaults, char id[SRV_JOB_ID_BYTES], bool *is_full,
+                         struct sp_error *err) {
+    struct srv_path_job *job = NULL;
+    proto_json *json = NULL;
+    *is_full = false;
+    struct srv_path *path = only_known(body, err)
+                                ? srv_path_read(body, view, defaults, jobs->options.frames_max, err)
+                                : NULL;
+    bool ok = path && check_support(jobs, path, err) && check_room(jobs, is_full, err) &&
+              srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
+    if (ok && (!(job = make_job(id, path)) || !(json = srv_job_json(job))))
+        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    ok = ok && put_record(jobs, id, path, body, defaults, err);
+    srv_path_free(&path);
+    if (!ok) {
+        free(job);
+        proto_json_free(&json);
+        return NULL;
+    }
+    pthread_mutex_lock(&jobs->mutex);
+    append(jobs, job);
+    pthread_cond_broadcast(&jobs->wake);
+    pthread_mutex_unlock(&jobs->mutex);
+    return json;
+}
+
+static bool missing(const char *id, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no path '%.64s'", id);
+}
+
+proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    pthread_mutex_lock(&jobs->mutex);
+    struct srv_path_job *job = *find(jobs, id);
+    proto_json *json = job ? srv_job_json(job) : NULL;
+    pthread_mutex_unlock(&jobs->mutex);
+    if (!job)
+        missing(id, err);
+    else if (!json)
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    return json;
+}
+
+proto_json *srv_jobs_list(struct srv_jobs *jobs) {
+    proto_json *json = proto_json_object(), *list = proto_json_array();
+    bool ok = true;
+    pthread_mutex_lock(&jobs->mutex);
+    for (struct srv_path_job *job = jobs->list; ok && job; job = job->next)
+        ok = proto_json_append(list, srv_job_json(job));
+    pthread_mutex_unlock(&jobs->mutex);
+    ok = proto_json_set(json, "paths", list) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
+    pthread_mutex_lock(&jobs->mutex);
+    struct srv_path_job **at = find(jobs, id), *job = *at;
+    if (job) {
+        *at = job->next;
+        job->next = jobs->gone;
+        jobs->gone = job;
+        jobs->count--;
+        atomic_store(&job->is_removed, true);
+        srv_jobs_tell(jobs, job);
+        pthread_cond_broadcast(&jobs->wake);
+    }
+    pthread_mutex_unlock(&jobs->mutex);
+    if (job)
+        srv_store_remove(jobs->options.store, SRV_KIND_PATH, id);
+    return job != NULL;
+}
+
+/* Results. */
+
+/* What a request for results needs to know of a job. */
+static bool look_up(struct srv_jobs *jobs, const char *id, struct srv_path_job *copy,
+                    struct sp_error *err) {
+    pthread_mutex_lock(&jobs->mutex);
+    struct srv_path_job *job = *find(jobs, id);
+    if (job) {
+        copy->output = job->output;
+        copy->state = job->state;
+        copy->done = job->done;
+    }
+    pthread_mutex_unlock(&jobs->mutex);
+    if (!job)
+        missing(id, err);
+    return job != NULL;
+}
+
+static bool open_file(struct srv_jobs *jobs, const char *id, const char *name, const char *mime,
+                      struct srv_job_file *file, struct sp_error *err) {
+    char path[SRV_FILE_BYTES];
+    srv_folder_path(&jobs->folder, id, name, path);
+    file->mime = mime;
+    file->fd = open(path, O_RDONLY | O_CLOEXEC);
+    off_t size = file->fd >= 0 ? lseek(file->fd, 0, SEEK_END) : -1;
+    file->size = size < 0 ? 0 : (uint64_t)size;
+    if (size >= 0)
+        return true;
+    sp_fail(err, SP_ERR_IO, NULL, "the file cannot be read: %s", strerror(errno));
+    if (file->fd >= 0)
+        close(file->fd);
+    return false;
+}
+
+bool srv_jobs_open_frame(struct srv_jobs *jobs, const char *id, uint32_t frame,
+                         struct srv_job_file *file, struct sp_error *err) {
+    struct srv_path_job job;
+    char name[32];
+    if (!look_up(jobs, id, &job, err))
+        return false;
+    if (job.output.is_movie)
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has a movie, not frames");
+    if (frame >= job.output.frames)
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has frames 0 to %u",
+                       job.output.frames - 1);
+    if (frame >= job.done)
+        return sp_fail(err, SP_ERR_TIMEOUT, NULL, "frame %u is not drawn yet, %u are", frame,
+                       job.done);
+    srv_job_file_name(&job.output, frame, name);
+    return open_file(jobs, id, name, sp_image_format_info(job.output.format)->mime, file, err);
+}
+
+static bool check_done(const struct srv_path_job *job, bool is_movie, struct sp_error *err) {
+    if (job->output.is_movie != is_movie)
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has %s",
+                       is_movie ? "frames, not a movie: \"format\": \"webm\" makes one"
+                                : "a movie, not frames");
+    return job->state == SRV_JOB_DONE ||
+           sp_fail(err, SP_ERR_TIMEOUT, NULL, "this path is %s with %u of %u frames",
+                   srv_job_state_name(job), job->done, job->output.frames);
+}
+
+bool srv_jobs_open_movie(struct srv_jobs *jobs, const char *id, struct srv_job_file *file,
+                         struct sp_error *err) {
+    struct srv_path_job job;
+    return look_up(jobs, id, &job, err) && check_done(&job, true, err) &&
+           open_file(jobs, id, SRV_JOB_MOVIE, "video/webm", file, err);
+}
+
+struct srv_archive *srv_jobs_open_archive(struct srv_jobs *jobs, const char *id,
+                                          struct sp_error *err) {
+    struct srv_path_job job;
+    if (!look_up(jobs, id, &job, err) || !check_done(&job, false, err))
+        return NULL;
+    return srv_archive_create(&jobs->folder, id, sp_image_format_info(job.output.format)->extension,
+                              job.done, err);
+}
+
+void srv_jobs_numbers(struct srv_jobs *jobs, struct srv_jobs_numbers *numbers) {
+    pthread_mutex_lock(&jobs->mutex);
+    *numbers = (struct srv_jobs_numbers){ .jobs = jobs->count,
+                                          .bytes = jobs->bytes,
+                                          .frames = jobs->frames };
+    for (struct srv_path_job *job = jobs->list; job; job = job->next)
+        numbers->unfinished += job->state == SRV_JOB_WAITING || job->state == SRV_JOB_RUNNING;
+    pthread_mutex_unlock(&jobs->mutex);
+}

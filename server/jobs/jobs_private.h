@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the files of the jobs share: records and requests (jobs.c), the thread that draws (draw.c)
+ * and the watches (watch.c). Guarded by the mutex, besides what says otherwise.
+ */
+#ifndef SRV_JOBS_JOBS_PRIVATE_H
+#define SRV_JOBS_JOBS_PRIVATE_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "jobs/folder.h"
+#include "jobs/jobs.h"
+#include "jobs/path.h"
+#include "sp/video.h"
+
+enum srv_job_state { SRV_JOB_WAITING, SRV_JOB_RUNNING, SRV_JOB_DONE, SRV_JOB_FAILED };
+
+struct srv_path_job {
+    struct srv_path_job *next;
+    char id[SRV_JOB_ID_BYTES];     /* constant, as are the next three */
+    struct srv_path_output output; /* what it makes */
+    uint32_t size[2];              /* px */
+    char volume[SP_NAME_BYTES];
+    unsigned refs; /* the list, the thread, watches */
+    enum srv_job_state state;
+    char reason[SP_ERROR_TEXT]; /* why it failed, or what it waits for */
+    uint32_t done;              /* frames that are on the disk */
+    uint64_t bytes;             /* of its files */
+    bool is_blocked;            /* until some volume's state changes */
+    atomic_bool is_removed;
+};
+
+struct srv_watch {
+    struct srv_watch *next;
+    struct srv_jobs *jobs;
+    struct srv_path_job *job;
+    struct srv_watcher watcher;
+    char last[32];  /* id of the event that it has */
+    double told_ms; /* when it was told anything */
+    bool is_asleep;
+};
+
+struct srv_jobs {
+    struct srv_jobs_options options;
+    struct srv_folder folder;
+    pthread_mutex_t mutex;
+    pthread_cond_t wake;       /* the thread: something to do, an answer, stop */
+    struct srv_path_job *list; /* oldest first */
+    struct srv_path_job *gone; /* to be removed from the disk */
+    unsigned count;
+    uint64_t bytes, frames; /* bytes: of all files; frames: drawn by this run */
+    uint64_t generation;    /* of the volumes' states */
+    struct srv_watch *watches;
+    atomic_bool stop;
+    bool is_running;
+    pthread_t thread;
+    struct sp_encoder *encoder; /* the thread's */
+};
+
+/* With the mutex held: an event for all who watch the job, and one reference less. */
+void srv_jobs_tell(struct srv_jobs *jobs, const struct srv_path_job *job);
+void srv_job_unref(struct srv_path_job *job);
+const char *srv_job_state_name(const struct srv_path_job *job);
+/* As of GET; NULL when out of memory. */
+proto_json *srv_job_json(const struct srv_path_job *job);
+
+/* The path of a record; *json, if not NULL, gets the record, the caller's. No lock. */
+struct srv_path *srv_jobs_read_record(struct srv_jobs *jobs, const char *id, proto_json **json,
+                                      struct sp_error *err);
+/* "000012.png". */
+void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, char name[32]);
+#define SRV_JOB_MOVIE "movie.webm"
+
+/* The thread; `user` is the jobs. */
+void *srv_jobs_main(void *user);
+
+#endif

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+// Camera paths: jobs that draw frames, their progress, results and limits, and what a restart leaves of them.
+import assert from 'node:assert/strict';
+import { spawnSync } from 'node:child_process';
+import fs from 'node:fs';
+import os from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { Daemon, Raw, within } from './harness.mjs';
+
+const VOLUME = ['--volume', 'demo:engine?size=16'];
+const API = '/api/v1/paths';
+const TURN = [{ frame: 4, view: { camera: { position: [60, 0, 0] } } }, { frame: 8, view: { camera: { fov_y: 60 } } }];
+const pathOf = (more = {}) => ({ view: { volume: 'engine' }, size: [24, 16], frames: 9, keyframes: TURN, ...more });
+const folders = [];
+const newFolder = () => {
+  folders.push(fs.mkdtempSync(path.join(os.tmpdir(), 'splatd-paths-')));
+  return folders.at(-1);
+};
+let daemon;
+
+before(async () => {
+  daemon = await Daemon.start(VOLUME, { backend: 'cpu' });
+  await daemon.loaded('engine');
+});
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  for (const folder of folders) fs.rmSync(folder, { recursive: true });
+});
+
+async function make(body, of = daemon) {
+  const answer = await of.post(API, body);
+  assert.equal(answer.status, 202, JSON.stringify(answer.json));
+  assert.equal(answer.headers.get('location'), `paths/${answer.json.id}`);
+  return answer.json.id;
+}
+
+/** Events of a path one by one, until the daemon ends them: {id, event, data}. */
+async function* events(id, { of = daemon, after: last } = {}) {
+  const answer = await of.fetch(`${API}/${id}/events`, { headers: last ? { 'Last-Event-ID': last } : {} });
+  if (answer.status === 204) return;
+  assert.equal(answer.status, 200);
+  assert.equal(answer.headers.get('content-type'), 'text/event-stream');
+  let text = '';
+  for await (const chunk of answer.body.pipeThrough(new TextDecoderStream())) {
+    text += chunk;
+    for (let end; (end = text.indexOf('\n\n')) >= 0; text = text.slice(end + 2)) {
+      const fields = Object.fromEntries(text.slice(0, end).split('\n').map((line) => line.split(/: (.*)/s)));
+      if (fields.data) yield { ...fields, data: JSON.parse(fields.data) };
+    }
+  }
+}
+
+/** The last event. */
+async function end(id, options) {
+  let last;
+  for await (const event of events(id, options)) last = event;
+  return last;
+}
+
+/** The first event that fits. */
+async function event(id, fits, options) {
+  for await (const one of events(id, options)) if (fits(one)) return one;
+  throw new Error('the events ended');
+}
+
+const bytes = async (answer) => Buffer.from(await answer.arrayBuffer());
+const frame = async (id, n, of = daemon) => bytes(await of.fetch(`${API}/${id}/frames/${n}`));
+const tar = (data, ...args) => {
+  const run = spawnSync('tar', ['-xf', '-', ...args], { input: data });
+  assert.equal(run.status, 0, String(run.stderr));
+};
+
+test('a path is drawn frame by frame; each is the still of its view, and the archive has them all', async () => {
+  const id = await make(pathOf());
+  const seen = [];
+  let last;
+  for await (const one of events(id)) {
+    seen.push(one.data.done);
+    last = one;
+  }
+  assert.deepEqual([last.event, last.data.state, last.data.done], ['done', 'done', 9]);
+  assert.deepEqual(seen, [...seen].sort((a, b) => a - b), 'progress only rises');
+  const view = (await daemon.json('/api/v1/volumes/engine/view')).json;
+  const still = async (camera) => bytes(await daemon.fetch('/api/v1/render?format=png', {
+    method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ volume: 'engine', size: [24, 16], camera }) }));
+  assert.ok((await frame(id, 0)).equals(await still(view.camera)));
+  assert.ok((await frame(id, 4)).equals(await still({ ...view.camera, position: [60, 0, 0] })));
+  assert.ok((await frame(id, 8)).equals(await still({ ...view.camera, position: [60, 0, 0], fov_y: 60 })));
+  assert.ok(!(await frame(id, 2)).equals(await frame(id, 4)));
+
+  const folder = newFolder();
+  tar(await bytes(await daemon.fetch(`${API}/${id}/archive`)), '-C', folder);
+  assert.deepEqual(fs.readdirSync(folder).sort(), Array.from({ length: 9 }, (_, i) => `00000${i}.png`));
+  for (let n = 0; n < 9; n++) assert.ok(fs.readFileSync(path.join(folder, `00000${n}.png`)).equals(await frame(id, n)));
+});
+
+test('a frame never changes: ETag, immutable, 304', async () => {
+  const id = await make(pathOf({ frames: 1, keyframes: [{ time: 0, view: {} }], format: 'jpeg' }));
+  await end(id);
+  const first = await daemon.fetch(`${API}/${id}/frames/0`);
+  assert.match(first.headers.get('cache-control'), /immutable/);
+  assert.equal(first.headers.get('content-type'), 'image/jpeg');
+  assert.equal(Number(first.headers.get('content-length')), (await bytes(first)).length);
+  const again = await daemon.fetch(`${API}/${id}/frames/0`, { headers: { 'If-None-Match': first.headers.get('etag') } });
+  assert.deepEqual([again.status, (await bytes(again)).length], [304, 0]);
+});
+
+test('who watches again with the last id is told what is newer, or that there is nothing', async () => {
+  const id = await make(pathOf());
+  const last = await end(id);
+  assert.equal((await end(id, { after: 'running-3' })).id, last.id);
+  const over = await daemon.fetch(`${API}/${id}/events`, { headers: { 'Last-Event-ID': last.id } });
+  assert.equal(over.status, 204);
+});
+
+test('everything needs the token', async () => {
+  const id = await make(pathOf());
+  for (const [method, target] of [['GET', ''], ['POST', ''], ['GET', `/${id}`], ['DELETE', `/${id}`], ['GET', `/${id}/events`],
+    ['GET', `/${id}/frames/0`], ['GET', `/${id}/archive`], ['GET', `/${id}/movie`]])
+    assert.equal((await daemon.fetch(API + target, { method, token: null })).status, 401, `${method} ${target}`);
+});
+
+test('what is wrong is told with its place', async () => {
+  for (const [more, pointer] of [
+    [{ frames: 0 }, '/frames'], [{ frames: 1e6 }, '/frames'], [{ fps: 0 }, '/fps'], [{ format: 'mp4' }, '/format'], [{ size: [0, 1] }, '/size/0'],
+    [{ view: { camera: { fov: 1 } } }, '/view/camera/fov'], [{ view: { volume: 'none' } }, '/view/volume'], [{ view: 3 }, '/view'], [{ x: 1 }, '/x'],
+    [{ keyframes: [{ frame: 1, view: { primitive: { type: 'vector' } } }] }, '/keyframes/0/view/primitive'],
+    [{ keyframes: [{ frame: 99, view: {} }] }, '/keyframes/0/frame'],
+  ]) {
+    const { status, json } = await daemon.post(API, pathOf(more));
+    assert.equal(status, 422, JSON.stringify(json));
+    assert.ok(json.pointer.startsWith(pointer), `${json.pointer} for ${pointer}`);
+  }
+});
+
+/** A path that takes long. */
+const LONG = { size: [1500, 1500], frames: 900 };
+
+test('deleting one that is drawn gives it up and removes its files; its watchers are told', async () => {
+  const folder = newFolder();
+  const own = await Daemon.start([...VOLUME, '--state', folder], { backend: 'cpu' });
+  await own.loaded('engine');
+  const id = await make(pathOf(LONG), own);
+  const next = await make(pathOf(), own);
+  await event(id, (e) => e.data.done >= 2, { of: own });
+  assert.ok(fs.existsSync(path.join(folder, 'paths', id, '000001.png')));
+  const told = end(id, { of: own });
+  assert.equal((await own.fetch(`${API}/${id}`, { method: 'DELETE' })).status, 204);
+  assert.equal((await told).event, 'removed');
+  assert.equal((await own.fetch(`${API}/${id}`)).status, 404);
+  assert.equal((await end(next, { of: own })).event, 'done', 'the one behind it is drawn');
+  assert.ok(!fs.existsSync(path.join(folder, 'paths', id)));
+  assert.equal(await own.stop(), 0);
+});
+
+test('a watcher that leaves is let go, and shutting down ends the events of one that stays', async () => {
+  const own = await Daemon.start([...VOLUME, '--drain-time', '60'], { backend: 'cpu' });
+  await own.loaded('engine');
+  const id = await make(pathOf(LONG), own);
+  const raw = await Raw.connect(own.port);
+  raw.write(`GET ${API}/${id}/events HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer ${own.token}\r\n\r\n`);
+  await raw.until(() => raw.text().includes('event: progress'), 'an event');
+  raw.destroy();
+  const stays = event(id, () => false, { of: own });
+  await event(id, (e) => e.data.done >= 1, { of: own });
+  own.kill('SIGTERM');
+  await assert.rejects(stays, /the events ended/);
+  assert.equal(await within(own.ended, 'the end'), 0);
+});
+
+test('after kill -9 it goes on behind the frames that are there', async () => {
+  const folder = newFolder();
+  const args = [...VOLUME, '--state', folder];
+  let own = await Daemon.start(args, { backend: 'cpu' });
+  await own.loaded('engine');
+  const whole = await make(pathOf({ frames: 40 }), own);
+  await end(whole, { of: own });
+  const id = await make(pathOf({ frames: 40, view: { volume: 'engine', shading: { mode: 'none' } }, size: [300, 200] }), own);
+  const movie = await make(pathOf({ format: 'webm' }), own);
+  const { data } = await event(id, (e) => e.data.done >= 3, { of: own });
+  own.kill('SIGKILL');
+  await own.ended;
+  const drawn = fs.readdirSync(path.join(folder, 'paths', id)).filter((name) => name.endsWith('.png'));
+  assert.ok(drawn.length >= data.done && drawn.length < 40, `${drawn.length} frames`);
+  const before = fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs;
+  fs.mkdirSync(path.join(folder, 'paths', 'f'.repeat(32))); // of a path whose removal was interrupted
+  own = await Daemon.start(args, { backend: 'cpu' });
+  const first = await event(id, () => true, { of: own });
+  assert.ok(first.data.done >= drawn.length, 'what is there is not drawn again');
+  assert.equal((await end(id, { of: own })).data.done, 40);
+  assert.equal(fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs, before);
+  assert.equal((await own.json(`${API}/${whole}`)).json.state, 'done');
+  assert.equal((await end(movie, { of: own })).event, 'done');
+  assert.equal((await own.fetch(`${API}/${movie}/movie`)).status, 200);
+  assert.ok(!fs.existsSync(path.join(folder, 'paths', 'f'.repeat(32))));
+  assert.equal(await own.stop(), 0);
+});
+
+test('limits: paths, frames and bytes are refused with both numbers', async () => {
+  const own = await Daemon.start([...VOLUME, '--paths', '2', '--path-frames', '50', '--path-bytes', '3K'], { backend: 'cpu' });
+  await own.loaded('engine');
+  assert.equal((await own.post(API, pathOf({ frames: 51 }))).json.pointer, '/frames');
+  const id = await make(pathOf({ frames: 50 }), own);
+  const failed = await end(id, { of: own });
+  assert.equal(failed.event, 'failed');
+  assert.match(failed.data.reason, /frame \d+: .*have \d+ bytes.*--path-bytes allows 3072/);
+  assert.ok(failed.data.bytes <= 3072 && failed.data.done > 0);
+  assert.equal((await own.fetch(`${API}/${id}/frames/0`)).status, 200, 'what was drawn stays');
+  assert.equal((await own.fetch(`${API}/${id}/archive`)).status, 409);
+  const other = await make(pathOf({ frames: 1, keyframes: [{ frame: 0, view: {} }] }), own);
+  const third = await own.post(API, pathOf());
+  assert.equal(third.status, 503);
+  assert.match(third.json.detail, /there are 2 paths and --paths allows 2/);
+  await own.fetch(`${API}/${other}`, { method: 'DELETE' });
+  await own.fetch(`${API}/${id}`, { method: 'DELETE' });
+  assert.equal(await own.stop(), 0);
+});
+
+test('a full store of frames takes no further path until one is deleted', async () => {
+  const args = [...VOLUME, '--state', newFolder()];
+  let own = await Daemon.start(args, { backend: 'cpu' });
+  await own.loaded('engine');
+  const id = await make(pathOf(), own);
+  const { data } = await end(id, { of: own });
+  assert.equal(await own.stop(), 0);
+  assert.ok(data.bytes > 1024);
+  own = await Daemon.start([...args, '--path-bytes', '1K'], { backend: 'cpu' });
+  await own.loaded('engine');
+  const full = await own.post(API, pathOf());
+  assert.equal(full.status, 507);
+  assert.match(full.json.detail, new RegExp(`have ${data.bytes} bytes and --path-bytes allows 1024`));
+  await own.fetch(`${API}/${id}`, { method: 'DELETE' });
+  for (let status = 507; status !== 202;) status = (await own.post(API, pathOf())).status; // once its files are gone
+  assert.equal(await own.stop(), 0);
+});
+
+test('a volume that is unloaded ends its path with a reason', async () => {
+  const own = await Daemon.start(VOLUME, { backend: 'cpu' });
+  await own.loaded('engine');
+  await own.post('/api/v1/volumes', { uri: 'demo:phantom?size=16', id: 'passing' });
+  await own.loaded('passing');
+  const id = await make(pathOf({ ...LONG, view: { volume: 'passing' } }), own);
+  await event(id, (e) => e.data.done >= 1, { of: own });
+  for (;;) { // between two frames nobody uses it
+    const { status } = await own.fetch('/api/v1/volumes/passing', { method: 'DELETE' });
+    if (status === 204) break;
+    assert.equal(status, 409);
+  }
+  const last = await end(id, { of: own });
+  assert.equal(last.event, 'failed');
+  assert.match(last.data.reason, /passing/);
+  assert.equal(await own.stop(), 0);
+});
+
+test('stills do not wait for a path, and it does not end for them', async () => {
+  const id = await make(pathOf(LONG));
+  await event(id, (e) => e.data.done >= 1);
+  for (let n = 0; n < 5; n++) {
+    const answer = await daemon.fetch(`/api/v1/render?format=png`, {
+      method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ volume: 'engine', size: [16, 16 + n] }) });
+    assert.equal(answer.status, 200);
+    await bytes(answer);
+  }
+  const { json } = await daemon.json(`${API}/${id}`);
+  assert.equal(json.state, 'running', 'five stills were drawn before the path was');
+  await daemon.fetch(`${API}/${id}`, { method: 'DELETE' });
+});
+
+test('without --state frames lie in a folder of their own that ends with the daemon', async () => {
+  const folder = newFolder();
+  const own = await Daemon.start(VOLUME, { backend: 'cpu', prefix: ['env', `TMPDIR=${folder}`] });
+  await own.loaded('engine');
+  const id = await make(pathOf(), own);
+  await end(id, { of: own });
+  const [name] = fs.readdirSync(folder);
+  assert.equal(fs.statSync(path.join(folder, name)).mode & 0o777, 0o700);
+  assert.ok(fs.existsSync(path.join(folder, name, id, '000008.png')));
+  assert.equal(await own.stop(), 0);
+  assert.deepEqual(fs.readdirSync(folder), []);
+});
