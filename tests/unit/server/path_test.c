@@ -143,10 +143,12 @@ static double turn_between(const struct srv_path *path, uint32_t f, uint32_t g) 
 /* From any orientation to any: equal steps of the path are equal angles. */
 static void it_turns_at_constant_speed(void **state) {
     (void)state;
-    static const double to[][6] = { { 50, 80, -30, 0, 0, 1 }, { 0, 0, -100, 0, -1, 0 },
-                                    { -90, 1, 2, 1, 1, 0 },   { 1, 99, 1, 0, 0, -1 },
-                                    { 0, 0, 100, 1, 0, 0 },   { 0, 1, 100, -1, -1, 0 },
-                                    { -100, 0, 0.1, 0, 1, 0 } };
+    static const double to[][6] = { { 50, 80, -30, 0, 0, 1 },  { 0, 0, -100, 0, -1, 0 },
+                                    { -90, 1, 2, 1, 1, 0 },    { 1, 99, 1, 0, 0, -1 },
+                                    { 0, 0, 100, 1, 0, 0 },    { 0, 1, 100, -1, -1, 0 },
+                                    { -100, 0, 0.1, 0, 1, 0 }, { 17, 0, -98, 0, 1, 0 },
+                                    { -17, 0, -98, 0, 1, 0 },  { 0, 17, -98, 0, -1, 0 },
+                                    { 0, -17, -98, 0, -1, 0 } };
     for (size_t i = 0; i < sizeof to / sizeof *to; i++) {
         char keys[256];
         snprintf(keys, sizeof keys,
