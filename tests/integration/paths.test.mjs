@@ -145,9 +145,12 @@ test('deleting one that is drawn gives it up and removes its files; its watchers
   const next = await make(pathOf(), own);
   await event(id, (e) => e.data.done >= 2, { of: own });
   assert.ok(fs.existsSync(path.join(folder, 'paths', id, '000001.png')));
-  const told = end(id, { of: own });
+  const watching = events(id, { of: own });
+  await watching.next();
   assert.equal((await own.fetch(`${API}/${id}`, { method: 'DELETE' })).status, 204);
-  assert.equal((await told).event, 'removed');
+  let told;
+  for await (const one of watching) told = one;
+  assert.equal(told.event, 'removed');
   assert.equal((await own.fetch(`${API}/${id}`)).status, 404);
   assert.equal((await end(next, { of: own })).event, 'done', 'the one behind it is drawn');
   assert.ok(!fs.existsSync(path.join(folder, 'paths', id)));
@@ -162,10 +165,11 @@ test('a watcher that leaves is let go, and shutting down ends the events of one 
   raw.write(`GET ${API}/${id}/events HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer ${own.token}\r\n\r\n`);
   await raw.until(() => raw.text().includes('event: progress'), 'an event');
   raw.destroy();
-  const stays = event(id, () => false, { of: own });
+  const stays = events(id, { of: own });
+  await stays.next();
   await event(id, (e) => e.data.done >= 1, { of: own });
   own.kill('SIGTERM');
-  await assert.rejects(stays, /the events ended/);
+  for await (const one of stays) assert.equal(one.event, 'progress'); // and it ends as it should
   assert.equal(await within(own.ended, 'the end'), 0);
 });
 
@@ -176,7 +180,7 @@ test('after kill -9 it goes on behind the frames that are there', async () => {
   await own.loaded('engine');
   const whole = await make(pathOf({ frames: 40 }), own);
   await end(whole, { of: own });
-  const id = await make(pathOf({ frames: 40, view: { volume: 'engine', shading: { mode: 'none' } }, size: [300, 200] }), own);
+  const id = await make(pathOf({ frames: 40, view: { volume: 'engine', shading: { mode: 'none' } }, size: [500, 350] }), own);
   const movie = await make(pathOf({ format: 'webm' }), own);
   const { data } = await event(id, (e) => e.data.done >= 3, { of: own });
   own.kill('SIGKILL');
