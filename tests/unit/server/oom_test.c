@@ -426,7 +426,14 @@ static void streams(void **state) {
             assert_true(join());
         }
         update(++seq, 2 * n + 1);
-        assert_true(see(seq, &failed) && !failed);
+        is_open = see(seq, &failed);
+        if (!is_open && refused) { /* what could not be read was the acknowledgement after it */
+            hang_up(&stream);
+            assert_true(join());
+            update(++seq, 500000 + n);
+            is_open = see(seq, &failed);
+        }
+        assert_true(is_open && !failed);
     }
     print_message("an update: %ld allocations\n", n - 1);
     hang_up(&stream);

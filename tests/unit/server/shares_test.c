@@ -251,6 +251,28 @@ static void a_client_keeps_its_rate_beside_a_larger_one(void **state) {
     assert_in_range(small->frames, alone * 3 / 4, alone);
 }
 
+static void of_those_entitled_the_one_that_is_due_first_goes_first(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *slow = join(s, 0, s->f->id, 0, "{\"max_fps\":10,\"size\":[64,64]}");
+    struct client *fast = join(s, 1, id, 0, "{\"max_fps\":60,\"size\":[64,64]}");
+    s->fixed_ms = s->mpx_ms = 0; /* nobody owes anything */
+    play(s, 5000);
+    turn(s, fast);
+    play(s, 5000); /* both rest; the slow one was served longer ago */
+    turn(s, slow);
+    s->now_ms += 1;
+    turn(s, fast);
+    double wait_ms;
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    assert_true(is_for(&s->job, fast));
+    s->begun_ms = s->now_ms;
+    s->end_ms = s->now_ms + 3;
+    play(s, 200);
+    assert_int_equal(slow->seq, 1);
+}
+
 static void a_refinement_gives_way_to_what_moves_elsewhere(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
@@ -353,6 +375,7 @@ int main(void) {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
         TEST(sessions_have_equal_shares_of_time_not_of_turns),
         TEST(a_client_keeps_its_rate_beside_a_larger_one),
+        TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
         TEST(a_refinement_gives_way_to_what_moves_elsewhere),
         TEST(a_view_that_moves_now_and_then_leaves_room_between),
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),

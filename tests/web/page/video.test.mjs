@@ -74,6 +74,7 @@ for (const format of ['vp9', 'vp8']) {
     await turnsAsVideo(page, moving, [400, 420], [700, 180]);
     await shot(page, `video-${format}`);
     await page.setViewportSize({ width: 801, height: 569 });
+    await until(page, 'the page has seen its new size', (s) => s.wanted[0] === 801 && s.wanted[1] === 569);
     await turnsAsVideo(page, moving, [700, 180], [400, 300]);
     assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
     assert.deepEqual(said, []);
