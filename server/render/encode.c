@@ -43,15 +43,25 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
                          struct srv_work *work) {
     struct srv_still_result result = { .stats = work->frame->stats };
     const struct srv_still *still = &work->still->still;
+    const struct srv_form form = { still->format, still->quality,
+                                   sp_chroma_at(still->chroma, still->quality) };
     double start_ms = srv_clock_ms();
-    sp_encoder_set_chroma(encoder, still->chroma);
-    result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
-                          &result.size, &result.err);
+    struct srv_blob *known = srv_kept_bytes(s, work->frame, &form);
+    if (known) {
+        result.ok = true;
+        result.bytes = known->bytes;
+        result.size = known->size;
+    } else {
+        sp_encoder_set_chroma(encoder, still->chroma);
+        result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
+                              &result.size, &result.err);
+    }
     result.encode_ms = srv_clock_ms() - start_ms;
     count_render(s, &work->frame->stats);
     srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
     srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
     srv_still_answer(s, work->still, &result);
+    srv_blob_unref(&known);
 }
 
 static uint8_t codec_of(enum sp_image_format format) {
@@ -64,26 +74,38 @@ static bool is_like(const struct srv_target *a, const struct srv_target *b) {
     return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
 }
 
-/* Encodes once for all targets of the set `stills` with the format and quality of the first. Takes
- * them out of the set. */
+static struct srv_blob *make_blob(struct sp_encoder *encoder, const struct sp_frame *frame,
+                                  const struct srv_form *form, struct sp_error *err) {
+    const uint8_t *bytes;
+    size_t size;
+    sp_encoder_set_chroma(encoder, form->chroma);
+    if (!sp_encode(encoder, frame, form->format, form->quality, &bytes, &size, err))
+        return NULL;
+    struct srv_blob *blob = srv_blob_create(bytes, size);
+    if (!blob)
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoded frame of %zu bytes", size);
+    return blob;
+}
+
+/* Encodes once for all targets of the set `stills` with the format and quality of the first, if
+ * that has not been done for another session. Takes them out of the set. */
 static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, struct srv_work *work,
                          uint64_t *stills, double *encode_ms, struct sp_error *err) {
     uint32_t first = (uint32_t)__builtin_ctzll(*stills);
     struct srv_job *job = work->job;
     const struct srv_target *like = &job->targets[first];
-    const uint8_t *bytes;
-    size_t size;
+    const struct srv_form form = { like->format, like->quality, like->chroma };
     double start_ms = srv_clock_ms();
-    sp_encoder_set_chroma(encoder, like->chroma);
-    if (!sp_encode(encoder, work->frame, like->format, like->quality, &bytes, &size, err))
-        return false;
+    struct srv_blob *blob = srv_kept_bytes(s, work->frame, &form);
+    if (!blob) {
+        blob = make_blob(encoder, work->frame, &form, err);
+        if (!blob)
+            return false;
+        srv_kept_set_bytes(s, work->frame, &form, blob);
+    }
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
     srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, took_ms);
-    struct srv_blob *blob = srv_blob_create(bytes, size);
-    if (!blob)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoded frame of %zu bytes",
-                       size);
     struct proto_frame_header header = {
         .codec = codec_of(like->format),
         .flags = like->format == SP_IMAGE_PNG ? PROTO_FRAME_LOSSLESS : 0,

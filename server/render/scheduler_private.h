@@ -17,7 +17,8 @@ enum {
     SRV_LANE_ENCODES = 2, /* no further job is begun while so many frames wait */
     SRV_ENCODE_QUEUE =
         2 * SRV_LANE_ENCODES + SP_IN_FLIGHT_MAX /* those that were begun by then come, too */,
-    SRV_ENCODE_THREADS_MAX = 8
+    SRV_ENCODE_THREADS_MAX = 8,
+    SRV_KEPT_FORMS = 4
 };
 
 struct srv_ask { /* for a still */
@@ -39,6 +40,11 @@ struct srv_still_item { /* in the list until it is answered or dropped */
 struct srv_forget_item {
     struct srv_forget_item *next;
     struct sp_volume *volume;
+};
+struct srv_form { /* of a picture's bytes */
+    enum sp_image_format format;
+    int quality;
+    enum sp_chroma chroma;
 };
 struct srv_work { /* a rendered frame on its way to an encoder: of a job or of a still */
     struct sp_frame *frame;
@@ -78,6 +84,11 @@ struct srv_scheduler {
         struct sp_frame *frame;
         uint64_t volume; /* identity */
         struct sp_view view;
+        struct { /* its bytes, in the forms that streams had of it last */
+            struct srv_form form;
+            struct srv_blob *blob; /* NULL = none */
+        } encoded[SRV_KEPT_FORMS];
+        unsigned next; /* of `encoded`, to be replaced */
     } kept;
     bool stop, encode_stop;
     bool videos_due; /* an encode thread with nothing else to do gives idle encoders back */
@@ -122,6 +133,17 @@ void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_
 /* The kept picture, if it is that of the view; the caller's reference. Without the mutex. */
 struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
                                const struct sp_view *view);
+
+/* Keeps it in the place of what was kept; NULL = nothing is any more. Without the mutex. */
+void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, uint64_t volume,
+                  const struct sp_view *view);
+/* Bytes of the frame, if it is the kept one and was encoded in that form; the caller's reference.
+ */
+struct srv_blob *srv_kept_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
+                                const struct srv_form *form);
+/* Keeps them, if the frame is the kept one. */
+void srv_kept_set_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
+                        const struct srv_form *form, struct srv_blob *blob);
 
 /* Stills, without the mutex. The first two take over the item. */
 void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,

@@ -12,31 +12,9 @@
 
 #define KEPT_BYTES_MAX ((size_t)64 << 20)
 
-struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
-                               const struct sp_view *view) {
-    pthread_mutex_lock(&s->mutex);
-    bool same = s->kept.frame && s->kept.volume == srv_volume_identity(volume) &&
-                memcmp(&s->kept.view, view, sizeof *view) == 0;
-    struct sp_frame *frame = same ? sp_frame_ref(s->kept.frame) : NULL;
-    pthread_mutex_unlock(&s->mutex);
-    return frame;
-}
-
 static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_frame *frame) {
-    if (!job->sharp || frame->stride_bytes * frame->height > KEPT_BYTES_MAX)
-        return;
-    pthread_mutex_lock(&s->mutex);
-    sp_frame_unref(&s->kept.frame);
-    s->kept.frame = sp_frame_ref(frame);
-    s->kept.volume = srv_volume_identity(job->volume);
-    s->kept.view = job->view;
-    pthread_mutex_unlock(&s->mutex);
-}
-
-static void drop_kept(struct srv_scheduler *s) {
-    pthread_mutex_lock(&s->mutex);
-    sp_frame_unref(&s->kept.frame);
-    pthread_mutex_unlock(&s->mutex);
+    if (job->sharp && frame->stride_bytes * frame->height <= KEPT_BYTES_MAX)
+        srv_kept_set(s, frame, srv_volume_identity(job->volume), &job->view);
 }
 
 /* Hands the job to the renderer. From now on srv_scheduler_interrupt() reaches it. */
@@ -116,7 +94,7 @@ void *srv_stream_lane_main(void *user) {
     for (;;) {
         struct srv_turn turn = srv_lane_look(s, SRV_LANE_STREAMS);
         if (turn.forget)
-            drop_kept(s);
+            srv_kept_set(s, NULL, 0, NULL);
         srv_lane_forget(lane, turn.forget);
         if (turn.stop)
             break;

@@ -19,11 +19,12 @@
 #include "clock.h"
 #include "render/scheduler.h"
 
-enum { QUEUE = 3 };
+enum { QUEUE = 3, SHARP = 90 };
 
 struct gate {
     pthread_mutex_t mutex;
     unsigned entered, cancelled, encoded, passes;
+    unsigned sharp;     /* of the encoded, in the quality of sharp pictures */
     unsigned width[16]; /* of those that entered, in order */
 };
 static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
@@ -75,6 +76,7 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                       struct sp_error *err) {
     pthread_mutex_lock(&gate.mutex);
     gate.encoded++;
+    gate.sharp += quality == SHARP;
     pthread_mutex_unlock(&gate.mutex);
     return __real_sp_encode(encoder, frame, format, quality, bytes, size, err);
 }
@@ -105,7 +107,8 @@ struct fixture {
     char id[SRV_SESSION_ID_BYTES];
 };
 
-struct asker { /* of a still */
+struct asker {   /* of a still */
+    int quality; /* 0 = that of a stream's sharp picture */
     bool wants_frame;
     unsigned answers, pictures, frames;
     size_t size;
@@ -172,7 +175,7 @@ static int set_up(void **state) {
     struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
                                            .progress = on_progress,
                                            .unloaded = on_unloaded };
-    gate.entered = gate.cancelled = gate.encoded = gate.passes = 0;
+    gate.entered = gate.cancelled = gate.encoded = gate.sharp = gate.passes = 0;
     f->catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(f->catalog);
     load(f, "demo:phantom?size=8");
@@ -186,7 +189,7 @@ static int set_up(void **state) {
     struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
                                                 srv_catalog_release, srv_catalog_default_view,
                                                 srv_catalog_pick },
-                                   .sessions_max = 1,
+                                   .sessions_max = 2,
                                    .participants_max = 1,
                                    .session_idle_ms = 1e6,
                                    .stream_bytes = 1 << 20,
@@ -215,7 +218,7 @@ static int tear_down(void **state) {
 
 static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool background) {
     struct srv_still still = { .format = SP_IMAGE_JPEG,
-                               .quality = 90,
+                               .quality = asker->quality ? asker->quality : SHARP,
                                .background = background,
                                .wants_frame = asker->wants_frame,
                                .done = on_done,
@@ -366,17 +369,14 @@ static void somebody_who_waits_for_it_takes_it_out_of_the_background(void **stat
     assert_int_equal(look_at(&gate.entered), 2);
 }
 
-static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
-    struct fixture *f = *state;
-    struct asker asker = { 0 };
+/* Takes the participant's frames up to the sharp one. */
+static void see_the_sharp_one(struct fixture *f, struct srv_participant *participant) {
     struct srv_message message = { .text = NULL };
-    f->participant = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
-    assert_non_null(f->participant);
     for (bool is_final = false; !is_final; sched_yield()) {
         char text[120], *answer;
         size_t size;
         enum srv_message_kind kind =
-            srv_hub_next_message(f->hub, f->participant, true, srv_clock_ms(), &message);
+            srv_hub_next_message(f->hub, participant, true, srv_clock_ms(), &message);
         free(message.text);
         srv_blob_unref(&message.blob);
         if (kind != SRV_MESSAGE_FRAME)
@@ -385,14 +385,50 @@ static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
         snprintf(text, sizeof text,
                  "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
                  message.header.frame);
-        assert_true(srv_hub_message(f->hub, f->participant, text, strlen(text), srv_clock_ms(),
+        assert_true(srv_hub_message(f->hub, participant, text, strlen(text), srv_clock_ms(),
                                     &answer, &size));
         free(answer);
     }
+}
+
+static struct srv_participant *join(struct fixture *f, const char *id) {
+    struct srv_participant *p = srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
+    assert_non_null(p);
+    return p;
+}
+
+static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
+    struct fixture *f = *state;
+    struct asker asker = { 0 };
+    f->participant = join(f, f->id);
+    see_the_sharp_one(f, f->participant);
     assert_true(ask(f, &asker, 512, false));
     wait_for(&asker.answers, 1);
     assert_int_equal(asker.pictures, 1);
     assert_int_equal(look_at(&gate.entered), 0);
+}
+
+static void nor_encoded_again_in_the_same_form(void **state) {
+    struct fixture *f = *state;
+    struct asker same = { 0 }, other = { .quality = 17 };
+    char id[SRV_SESSION_ID_BYTES];
+    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+    f->participant = join(f, f->id);
+    see_the_sharp_one(f, f->participant);
+    assert_int_equal(look_at(&gate.sharp), 1);
+    struct srv_participant *elsewhere = join(f, id);
+    see_the_sharp_one(f, elsewhere);
+    srv_hub_leave(f->hub, &elsewhere, srv_clock_ms());
+    assert_true(ask(f, &same, 512, false));
+    wait_for(&same.answers, 1);
+    assert_int_equal(look_at(&gate.sharp), 1);
+    unsigned encoded = look_at(&gate.encoded);
+    assert_true(ask(f, &other, 512, false));
+    wait_for(&other.answers, 1);
+    assert_int_equal(look_at(&gate.encoded), encoded + 1);
+    assert_true(same.size > other.size && other.size > 0);
 }
 
 int main(void) {
@@ -407,6 +443,7 @@ int main(void) {
         TEST(the_background_gives_way_to_streams),
         TEST(somebody_who_waits_for_it_takes_it_out_of_the_background),
         TEST(a_sessions_sharp_picture_is_not_drawn_again),
+        TEST(nor_encoded_again_in_the_same_form),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

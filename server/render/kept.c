@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The last sharp picture of a stream, for whoever wants the same: another session with this view,
+ * or a still.
+ */
+#include <string.h>
+
+#include "render/scheduler_private.h"
+
+enum { BLOB_BYTES_MAX = 4 << 20 };
+
+void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, uint64_t volume,
+                  const struct sp_view *view) {
+    pthread_mutex_lock(&s->mutex);
+    sp_frame_unref(&s->kept.frame);
+    for (unsigned i = 0; i < SRV_KEPT_FORMS; i++)
+        srv_blob_unref(&s->kept.encoded[i].blob);
+    s->kept.volume = volume;
+    if (frame) {
+        s->kept.frame = sp_frame_ref(frame);
+        s->kept.view = *view;
+    }
+    pthread_mutex_unlock(&s->mutex);
+}
+
+struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
+                               const struct sp_view *view) {
+    pthread_mutex_lock(&s->mutex);
+    bool same = s->kept.frame && s->kept.volume == srv_volume_identity(volume) &&
+                memcmp(&s->kept.view, view, sizeof *view) == 0;
+    struct sp_frame *frame = same ? sp_frame_ref(s->kept.frame) : NULL;
+    pthread_mutex_unlock(&s->mutex);
+    return frame;
+}
+
+static bool is_same(const struct srv_form *a, const struct srv_form *b) {
+    return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
+}
+
+struct srv_blob *srv_kept_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
+                                const struct srv_form *form) {
+    struct srv_blob *found = NULL;
+    pthread_mutex_lock(&s->mutex);
+    for (unsigned i = 0; !found && frame == s->kept.frame && i < SRV_KEPT_FORMS; i++)
+        if (s->kept.encoded[i].blob && is_same(&s->kept.encoded[i].form, form))
+            found = srv_blob_ref(s->kept.encoded[i].blob);
+    pthread_mutex_unlock(&s->mutex);
+    return found;
+}
+
+void srv_kept_set_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
+                        const struct srv_form *form, struct srv_blob *blob) {
+    pthread_mutex_lock(&s->mutex);
+    if (frame == s->kept.frame && blob->size <= BLOB_BYTES_MAX) {
+        unsigned i = s->kept.next++ % SRV_KEPT_FORMS;
+        srv_blob_unref(&s->kept.encoded[i].blob);
+        s->kept.encoded[i].blob = srv_blob_ref(blob);
+        s->kept.encoded[i].form = *form;
+    }
+    pthread_mutex_unlock(&s->mutex);
+}
