@@ -4,7 +4,8 @@
  *
  *   clock   what each of those who always want something has got, ms
  *   start   who wants something starts from the clock, or from where its last one ended, whichever
- *           is later: nobody saves up a share by wanting nothing, and a debt stays
+ *           is later: nobody saves up a share by wanting nothing, and a debt stays until all
+ *           rest: then the clock moves on to the last end
  *   next    who starts no later than the mean of those who want something is entitled; of them the
  *           one whose frame is due first (earliest eligible deadline first)
  *

@@ -121,14 +121,17 @@ struct claim { /* of a participant within its session, or of that for its sessio
     double start_ms;
 };
 
-/* The participant of the lowest rank that has had least. */
+/* The participant of the lowest rank that has had least. Where all rest the clock moves on to the
+ * last end: what was had while nobody else wanted anything is no debt. */
 static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double now_ms,
                              double *wait_ms) {
     struct claim best = { .p = NULL };
+    double in_ms = INFINITY, last_ms = s->clock_ms;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
         struct claim c = { p, srv_turn_wish(hub, s, p, now_ms),
                            srv_share_start(&p->share, s->clock_ms) };
-        *wait_ms = fmin(*wait_ms, c.wish.in_ms);
+        in_ms = fmin(in_ms, c.wish.in_ms);
+        last_ms = fmax(last_ms, c.start_ms);
         if (!c.wish.wanted)
             continue;
         if (c.wish.yield_ms < INFINITY && !p->patient_ms)
@@ -140,6 +143,9 @@ static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double 
         if (better)
             best = c;
     }
+    if (!best.p && in_ms == INFINITY)
+        s->clock_ms = last_ms;
+    *wait_ms = fmin(*wait_ms, in_ms);
     return best;
 }
 
@@ -152,14 +158,15 @@ static bool is_due_before(const struct claim *a, const struct claim *b) {
     return a->p->session->taken_order < b->p->session->taken_order;
 }
 
-/* The first rank of those who want something; the clock moves on to the least start of it. Returns
- * the mean start. */
+/* The first rank of those who want something; the clock moves on to the least start of it, or where
+ * all rest, to the last end. Returns the mean start. */
 static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank, double *wait_ms) {
-    double sum = 0, least = INFINITY;
+    double sum = 0, least = INFINITY, in_ms = INFINITY, last_ms = hub->clock_ms;
     unsigned count = 0;
     *rank = SRV_RANKS;
     for (struct srv_session *s = hub->sessions; s; s = s->next) {
-        struct claim c = claim_of(hub, s, now_ms, wait_ms);
+        struct claim c = claim_of(hub, s, now_ms, &in_ms);
+        last_ms = fmax(last_ms, s->share.end_ms);
         if (!c.p || c.wish.rank > *rank)
             continue;
         if (c.wish.rank < *rank) {
@@ -172,8 +179,11 @@ static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank
         least = fmin(least, c.start_ms);
         count++;
     }
+    *wait_ms = fmin(*wait_ms, in_ms);
     if (count > 0)
         hub->clock_ms = fmax(hub->clock_ms, least);
+    else if (in_ms == INFINITY)
+        hub->clock_ms = last_ms;
     return count > 0 ? sum / count : 0;
 }
 

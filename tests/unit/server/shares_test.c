@@ -235,6 +235,28 @@ static void sessions_have_equal_shares_of_time_not_of_turns(void **state) {
     assert_true(fabs(small->took_ms - large->took_ms) < 0.1 * large->took_ms);
 }
 
+static void what_was_had_while_all_rested_is_no_debt(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *slow = join(s, 0, s->f->id, 30, "{\"max_fps\":30,\"size\":[512,512]}");
+    struct client *other = join(s, 1, id, 30, "{\"max_fps\":30,\"size\":[512,512]}");
+    s->mpx_ms = 400; /* two of them are more than the machine has time for */
+    slow->period_ms = other->period_ms = 0;
+    play(s, 1000);
+    turn(s, slow);
+    s->fixed_ms = 20000; /* once, and nobody else wants anything */
+    play(s, 60000);
+    s->fixed_ms = 2;
+    slow->period_ms = other->period_ms = 1000.0 / 30;
+    slow->next_ms = other->next_ms = s->now_ms;
+    turn(s, other);
+    turn(s, slow);
+    reset(s);
+    play(s, 3000);
+    assert_true(slow->took_ms > 0.8 * other->took_ms);
+}
+
 static void a_client_keeps_its_rate_beside_a_larger_one(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
@@ -374,6 +396,7 @@ int main(void) {
         cmocka_unit_test(a_share_is_not_saved_up_and_a_debt_stays),
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
         TEST(sessions_have_equal_shares_of_time_not_of_turns),
+        TEST(what_was_had_while_all_rested_is_no_debt),
         TEST(a_client_keeps_its_rate_beside_a_larger_one),
         TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
         TEST(a_refinement_gives_way_to_what_moves_elsewhere),
