@@ -5,6 +5,8 @@
 #include <string.h>
 #include <time.h>
 
+enum { VALUE_BYTES = 256, FIELDS_BYTES = 1024 };
+
 static const char *const levels[] = { "error", "warn", "info", "debug" };
 static const char *const formats[SRV_LOG_FORMATS] = { "text", "logfmt", "json" };
 
@@ -60,19 +62,35 @@ static unsigned quote(const char *line, char *out, unsigned capacity) {
     return used;
 }
 
+/* All fields, each behind a separator. */
+static void write_fields(const struct sp_log_field *fields, bool json, char *out,
+                         unsigned capacity) {
+    unsigned used = 0;
+    out[0] = 0;
+    for (; fields->key; fields++) {
+        char value[VALUE_BYTES];
+        quote(fields->value, value, sizeof value);
+        if (used + strlen(fields->key) + strlen(value) + 8 > capacity)
+            break;
+        used += (unsigned)snprintf(out + used, capacity - used, json ? "\"%s\":%s," : "%s=%s ",
+                                   fields->key, value);
+    }
+}
+
 unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log_level level,
-                      const char *line, char out[SRV_LOG_LINE]) {
-    char quoted[SRV_LOG_LINE - 128];
+                      const struct sp_log_field *fields, const char *line, char out[SRV_LOG_LINE]) {
+    char quoted[SRV_LOG_LINE - FIELDS_BYTES - 128], about[FIELDS_BYTES];
     quote(line, quoted, sizeof quoted);
+    write_fields(fields, format == SRV_LOG_JSON, about, sizeof about);
     int size = 0;
     switch (format) {
     case SRV_LOG_JSON:
-        size = snprintf(out, SRV_LOG_LINE, "{\"time\":\"%s\",\"level\":\"%s\",\"msg\":%s}\n", stamp,
-                        levels[level], quoted);
+        size = snprintf(out, SRV_LOG_LINE, "{\"time\":\"%s\",\"level\":\"%s\",%s\"msg\":%s}\n",
+                        stamp, levels[level], about, quoted);
         break;
     case SRV_LOG_LOGFMT:
-        size =
-            snprintf(out, SRV_LOG_LINE, "time=%s level=%s msg=%s\n", stamp, levels[level], quoted);
+        size = snprintf(out, SRV_LOG_LINE, "time=%s level=%s %smsg=%s\n", stamp, levels[level],
+                        about, quoted);
         break;
     case SRV_LOG_TEXT:
     case SRV_LOG_FORMATS:
@@ -82,7 +100,8 @@ unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log
     return (unsigned)size;
 }
 
-static void sink(void *user, enum sp_log_level level, const char *line) {
+static void sink(void *user, enum sp_log_level level, const struct sp_log_field *fields,
+                 const char *line) {
     struct srv_log *log = user;
     char out[SRV_LOG_LINE], seconds[24], stamp[48];
     struct timespec now;
@@ -92,7 +111,7 @@ static void sink(void *user, enum sp_log_level level, const char *line) {
     strftime(seconds, sizeof seconds, "%Y-%m-%dT%H:%M:%S", &utc);
     snprintf(stamp, sizeof stamp, "%s.%03ldZ", seconds, now.tv_nsec / 1000000);
     /* One call, one line: lines of several threads do not mix. */
-    fwrite(out, 1, srv_log_line(log->format, stamp, level, line, out), stderr);
+    fwrite(out, 1, srv_log_line(log->format, stamp, level, fields, line, out), stderr);
     if (log->capture && level == SP_LOG_WARN && strncmp(line, "backend ", 8) == 0 &&
         log->refusal_count < SRV_LOG_REFUSALS)
         snprintf(log->refusals[log->refusal_count++], SRV_LOG_REFUSAL_BYTES, "%s", line);

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Log lines on standard error, in one of three forms (--log-format):
- *   logfmt  time=2026-01-31T12:00:00.123Z level=info msg="volume engine loaded"
- *   json    {"time":"2026-01-31T12:00:00.123Z","level":"info","msg":"volume engine loaded"}
- *   text    2026-01-31T12:00:00.123Z info volume engine loaded
- * While `capture` is on, lines that tell of a refused backend are kept, for /readyz.
+ *   logfmt  time=2026-01-31T12:00:00.123Z level=info volume="engine" msg="volume engine loaded"
+ *   json    {"time":"2026-01-31T12:00:00.123Z","level":"info","volume":"engine","msg":"volume
+ * engine loaded"} text    2026-01-31T12:00:00.123Z info volume engine loaded Between level and msg
+ * stands what the line speaks of, as far as it does: volume, session, path, peer. msg says it as
+ * well. While `capture` is on, lines that tell of a refused backend are kept, for /readyz.
  */
 #ifndef SRV_LOG_H
 #define SRV_LOG_H
@@ -31,10 +32,10 @@ bool srv_log_level_from(const char *name, enum sp_log_level *level);
 /* Makes it the log's sink; it must live as long as the program. */
 void srv_log_init(struct srv_log *log, enum sp_log_level level, enum srv_log_format format);
 
-/* One line, with its newline, as it is written; `line` may hold any bytes. Cut to fit. Returns the
- * number of bytes. */
+/* One line, with its newline, as it is written; `line` and values of fields may hold any bytes. Cut
+ * to fit. Returns the number of bytes. */
 enum { SRV_LOG_LINE = 4096 };
 unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log_level level,
-                      const char *line, char out[SRV_LOG_LINE]);
+                      const struct sp_log_field *fields, const char *line, char out[SRV_LOG_LINE]);
 
 #endif

@@ -3,11 +3,14 @@
 
 #include <stdarg.h>
 #include <stdatomic.h>
+#include <stdbool.h>
 #include <stdio.h>
 
 static const char *const level_names[] = { "ERROR", "WARN", "INFO", "DEBUG" };
 
-static void to_stderr(void *user, enum sp_log_level level, const char *line) {
+static void to_stderr(void *user, enum sp_log_level level, const struct sp_log_field *fields,
+                      const char *line) {
+    (void)fields;
     (void)user;
     fprintf(stderr, "%s %s\n", level_names[level], line);
 }
@@ -28,17 +31,36 @@ void sp_log_set_level(enum sp_log_level level) {
     atomic_store_explicit(&log_state.level, (int)level, memory_order_relaxed);
 }
 
-void sp_log(enum sp_log_level level, const char *format, ...) {
-    if ((int)level > atomic_load_explicit(&log_state.level, memory_order_relaxed))
-        return;
+static bool is_kept(enum sp_log_level level) {
+    return (int)level <= atomic_load_explicit(&log_state.level, memory_order_relaxed);
+}
+
+static void write_line(enum sp_log_level level, const struct sp_log_field *fields,
+                       const char *format, va_list args) {
     char line[1024];
-    va_list args;
-    va_start(args, format);
     vsnprintf(line, sizeof line, format, args);
-    va_end(args);
     /* A line is a line, whatever a peer or a file put into it. */
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';
-    log_state.sink(log_state.user, level, line);
+    log_state.sink(log_state.user, level, fields, line);
+}
+
+void sp_log(enum sp_log_level level, const char *format, ...) {
+    va_list args;
+    if (!is_kept(level))
+        return;
+    va_start(args, format);
+    write_line(level, &(struct sp_log_field){ NULL, NULL }, format, args);
+    va_end(args);
+}
+
+void sp_log_with(enum sp_log_level level, const struct sp_log_field *fields, const char *format,
+                 ...) {
+    va_list args;
+    if (!is_kept(level))
+        return;
+    va_start(args, format);
+    write_line(level, fields, format, args);
+    va_end(args);
 }

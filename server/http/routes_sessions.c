@@ -121,7 +121,10 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
         if (json) {
             srv_reply_json(reply, 201, json);
             srv_reply_header(reply, "Location", "sessions/%s", id);
-            sp_log(SP_LOG_INFO, "session %s created for %s", id, srv_guard_peer(request->guarded));
+            sp_log_with(
+                SP_LOG_INFO,
+                SP_LOG_FIELDS({ "session", id }, { "peer", srv_guard_peer(request->guarded) }),
+                "session %s created for %s", id, srv_guard_peer(request->guarded));
             srv_request_keep(request);
         } else {
             srv_reply_view_error(reply, "/view", &err);

@@ -96,7 +96,8 @@ static void linger(struct stream *stream, double now_ms) {
     srv_ws_destroy(&stream->ws, now_ms);
     stream->linger_ms = now_ms;
     if (lost)
-        sp_log(SP_LOG_INFO, "stream of session %s ended without a close", stream->start.session);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }),
+                    "stream of session %s ended without a close", stream->start.session);
     if (lost || shutdown(stream->start.socket, SHUT_WR) != 0)
         stream->dead = true;
 }
@@ -128,8 +129,9 @@ static void on_event(struct srv_streams *s, struct stream *stream, uint32_t even
         discard(stream);
     else if (events & (EPOLLERR | EPOLLHUP) ||
              ((events & EPOLLRDHUP) && !srv_ws_wants_read(stream->ws))) {
-        sp_log(SP_LOG_INFO, "stream of session %s cut off by its client (events %x)",
-               stream->start.session, events);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }),
+                    "stream of session %s cut off by its client (events %x)", stream->start.session,
+                    events);
         stream->dead = true; /* nobody is there to read an answer */
     } else if (events & EPOLLIN)
         srv_ws_read(stream->ws, now_ms);
@@ -163,12 +165,15 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
                                       .transport = { stream, stream_recv, stream_send } };
     stream->ws = srv_ws_create(&options, now_ms, &err);
     if (!stream->ws) {
-        sp_log(SP_LOG_WARN, "stream of %s refused: %s", peer, err.text);
+        sp_log_with(SP_LOG_WARN,
+                    SP_LOG_FIELDS({ "session", stream->start.session }, { "peer", peer }),
+                    "stream of %s refused: %s", peer, err.text);
         stream->dead = true;
         return;
     }
-    sp_log(SP_LOG_INFO, "stream of %s joined session %s for %s", peer, stream->start.session,
-           stream->start.role == SRV_ROLE_CONTROL ? "control" : "view");
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }, { "peer", peer }),
+                "stream of %s joined session %s for %s", peer, stream->start.session,
+                stream->start.role == SRV_ROLE_CONTROL ? "control" : "view");
     read_extra(stream, now_ms);
     settle(s, stream, now_ms);
 }

@@ -115,8 +115,9 @@ void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double n
     ws->closing = true;
     ws->close_ms = now_ms;
     count_end(ws, reason_of(code));
-    sp_log(code == 1000 || code == 1001 ? SP_LOG_DEBUG : SP_LOG_WARN,
-           "stream of %s closed with %u: %s", ws->peer, code, reason);
+    sp_log_with(code == 1000 || code == 1001 ? SP_LOG_DEBUG : SP_LOG_WARN,
+                SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
+                "stream of %s closed with %u: %s", ws->peer, code, reason);
     if (wslay_event_queue_close(ws->context, code, (const uint8_t *)reason, strlen(reason)) != 0)
         ws->broken = true;
     wslay_event_shutdown_read(ws->context);
@@ -210,7 +211,9 @@ static void refuse_frame(struct srv_ws *ws) {
     ws->closing = true;
     ws->close_ms = ws->now_ms;
     count_end(ws, SRV_COUNT_END_PROTOCOL);
-    sp_log(SP_LOG_WARN, "stream of %s closed: a frame against RFC 6455", ws->peer);
+    sp_log_with(SP_LOG_WARN,
+                SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
+                "stream of %s closed: a frame against RFC 6455", ws->peer);
     if (wslay_event_get_queued_msg_count(ws->context) > 1)
         return;
     wslay_event_shutdown_write(ws->context);
@@ -235,8 +238,10 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
         count_end(ws, wslay_event_get_close_received(ws->context) ? SRV_COUNT_END_CLOSED
                       : ws->end_of_file                           ? SRV_COUNT_END_LOST
                                                                   : SRV_COUNT_END_PROTOCOL);
-        sp_log(SP_LOG_DEBUG, "stream of %s ends with %u", ws->peer,
-               wslay_event_get_status_code_received(ws->context));
+        sp_log_with(SP_LOG_DEBUG,
+                    SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
+                    "stream of %s ends with %u", ws->peer,
+                    wslay_event_get_status_code_received(ws->context));
     }
 }
 
@@ -297,7 +302,9 @@ void srv_ws_write(struct srv_ws *ws, double now_ms) {
         if (!wslay_event_want_write(ws->context))
             return;
         if (wslay_event_send(ws->context) != 0) {
-            sp_log(SP_LOG_INFO, "stream of %s lost: %s", ws->peer, strerror(errno));
+            sp_log_with(SP_LOG_INFO,
+                        SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
+                        "stream of %s lost: %s", ws->peer, strerror(errno));
             ws->broken = true;
         }
         if (wslay_event_want_write(ws->context))
@@ -319,16 +326,20 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
     if (wslay_event_get_queued_msg_count(ws->context) > 0 &&
         now_ms - ws->progress_ms > ws->options.stall_ms) {
-        sp_log(SP_LOG_WARN, "stream of %s dropped: it took no data for %.1f s (--stall-time)",
-               ws->peer, ws->options.stall_ms / 1000);
+        sp_log_with(SP_LOG_WARN,
+                    SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
+                    "stream of %s dropped: it took no data for %.1f s (--stall-time)", ws->peer,
+                    ws->options.stall_ms / 1000);
         count_end(ws, SRV_COUNT_END_STALLED);
         ws->broken = true;
     } else if (oldest_ms > 0 && now_ms - oldest_ms > ws->options.stall_ms) {
         srv_ws_close(ws, WSLAY_CODE_POLICY_VIOLATION,
                      "slow reader: a frame was not acknowledged in time (--stall-time)", now_ms);
     } else if (now_ms - ws->heard_ms > 3 * ws->options.ping_ms) {
-        sp_log(SP_LOG_WARN, "stream of %s dropped: silent for %.1f s (3 times --ping-time)",
-               ws->peer, 3 * ws->options.ping_ms / 1000);
+        sp_log_with(SP_LOG_WARN,
+                    SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
+                    "stream of %s dropped: silent for %.1f s (3 times --ping-time)", ws->peer,
+                    3 * ws->options.ping_ms / 1000);
         count_end(ws, SRV_COUNT_END_SILENT);
         ws->broken = true;
     } else if (now_ms - fmax(ws->heard_ms, ws->pinged_ms) > ws->options.ping_ms) {

@@ -111,12 +111,14 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     if (volume) {
         const struct sp_volume_info *info = sp_volume_info(volume);
         sp_view_init(&v->view, info, v->id);
-        sp_log(SP_LOG_INFO, "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
-               info->grid.dims[0], info->grid.dims[1], info->grid.dims[2], sp_type_name(info->type),
-               info->voxel_bytes, took_ms);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
+                    "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
+                    info->grid.dims[0], info->grid.dims[1], info->grid.dims[2],
+                    sp_type_name(info->type), info->voxel_bytes, took_ms);
     } else {
-        sp_log(SP_LOG_ERROR, "volume %s failed to load: %s%s%s", v->id, err.place,
-               err.place[0] ? ": " : "", err.text);
+        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "volume", v->id }),
+                    "volume %s failed to load: %s%s%s", v->id, err.place, err.place[0] ? ": " : "",
+                    err.text);
     }
     pthread_mutex_lock(&catalog->telling);
     pthread_mutex_lock(&catalog->mutex);
@@ -437,7 +439,7 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
         tell(catalog, v->id, "unloaded", 0, "");
     pthread_mutex_unlock(&catalog->telling);
     if (ok) {
-        sp_log(SP_LOG_INFO, "volume %s unloaded", v->id);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }), "volume %s unloaded", v->id);
         if (v->volume)
             catalog->options.unloaded(catalog->options.user, sp_volume_ref(v->volume));
         entry_free(v);

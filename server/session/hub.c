@@ -379,14 +379,16 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
 static void retire(struct srv_hub *hub, struct srv_session *session) {
     double idle_s = hub->options.session_idle_ms / 1000;
     if (!hub->options.recall) {
-        sp_log(SP_LOG_INFO, "session %s ended: nobody joined for %.0f s (--session-time)",
-               session->id, idle_s);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }),
+                    "session %s ended: nobody joined for %.0f s (--session-time)", session->id,
+                    idle_s);
         session_remove(hub, session);
     } else if (session->saved_version != session->version) {
         srv_hub_unsaved(hub);
     } else if (srv_hub_add_sleeper(hub, session)) {
-        sp_log(SP_LOG_INFO, "session %s sleeps: nobody joined for %.0f s (--session-time)",
-               session->id, idle_s);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }),
+                    "session %s sleeps: nobody joined for %.0f s (--session-time)", session->id,
+                    idle_s);
         session_unlink(hub, session);
         session_free(hub, session);
     }

@@ -227,7 +227,8 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
     unlink_sleeper(hub, link);
     srv_hub_link_session(hub, session, now_ms);
     session->saved_version = session->version;
-    sp_log(SP_LOG_INFO, "session %s is awake", session->id);
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s is awake",
+                session->id);
     return session;
 }
 
@@ -255,9 +256,9 @@ double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms) {
                     link = &(*link)->next;
                     continue;
                 }
-                sp_log(SP_LOG_INFO,
-                       "session %s ended: nobody asked for it for %.0f s (--sleep-time)",
-                       (*link)->id, hub->options.sleep_ms / 1000);
+                sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", (*link)->id }),
+                            "session %s ended: nobody asked for it for %.0f s (--sleep-time)",
+                            (*link)->id, hub->options.sleep_ms / 1000);
                 srv_hub_ended(hub, (*link)->id);
                 unlink_sleeper(hub, link);
             }

@@ -155,24 +155,27 @@ class Service(unittest.TestCase):
 
     def test_forms_of_the_log(self):
         stamp = r'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z'
-        for form, pattern in (('text', rf'{stamp} info .+'), ('logfmt', rf'time={stamp} level=info msg=".+"')):
+        for form, pattern in (('text', rf'{stamp} info .+'), ('logfmt', rf'time={stamp} level=info (volume="[^"]+" )?msg=".+"')):
             manager = Manager(tempfile.mkdtemp(dir=self.folder.name), ['--log-format', form])
             manager.until_told('READY=1')
             self.assertEqual(manager.end()[0], 0)
             for line in manager.lines:
                 self.assertRegex(line, f'^{pattern}$')
             self.assertTrue(manager.lines)
-        manager = Manager(tempfile.mkdtemp(dir=self.folder.name), ['--log-format', 'json', '--log-level', 'debug'])
+        manager = Manager(tempfile.mkdtemp(dir=self.folder.name), ['--log-format', 'json', '--log-level', 'debug', '--volume', 'demo:phantom?size=8'])
         manager.until_told('READY=1')
+        manager.until_logged('volume phantom loaded')
         with self.assertRaises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(manager.address() + 'a%22%5C%FF%C3%A9', timeout=DEADLINE_S)
         refused.exception.close()
         self.assertEqual(manager.end()[0], 0)
         lines = [json.loads(line) for line in manager.lines]
         for line in lines:
-            self.assertEqual(set(line), {'time', 'level', 'msg'})
+            self.assertLessEqual({'time', 'level', 'msg'}, set(line))
+            self.assertLessEqual(set(line), {'time', 'level', 'volume', 'session', 'path', 'peer', 'msg'})
             self.assertRegex(line['time'], f'^{stamp}$')
         self.assertTrue(any('/a"\\?é' in line['msg'] for line in lines), lines)
+        self.assertTrue(any(line.get('volume') == 'phantom' and ' loaded: ' in line['msg'] for line in lines), lines)
 
 
 if __name__ == '__main__':

@@ -18,7 +18,9 @@
 #include "sp/log.h"
 #include "sp/renderer.h"
 
-static void drop_line(void *user, enum sp_log_level level, const char *line) {
+static void drop_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
+                      const char *line) {
+    (void)fields;
     (void)level;
     (void)line;
     ++*(int *)user;

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include <stdatomic.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/arena.h"
@@ -97,9 +98,13 @@ static void error_texts_are_cut_not_overrun(void **state) {
     assert_string_equal(sp_code_name(SP_ERR_FORMAT), "format");
 }
 
-static void keep_line(void *user, enum sp_log_level level, const char *line) {
+static void keep_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
+                      const char *line) {
     (void)level;
-    strncpy(user, line, 63);
+    snprintf(user, 64, "%s", line);
+    for (; fields->key; fields++)
+        snprintf((char *)user + strlen(user), 64 - strlen(user), "|%s=%s", fields->key,
+                 fields->value);
 }
 
 static void log_lines_cannot_be_forged(void **state) {
@@ -110,6 +115,10 @@ static void log_lines_cannot_be_forged(void **state) {
     assert_string_equal(kept, "");
     sp_log(SP_LOG_INFO, "peer %s", "a\nERROR b");
     assert_string_equal(kept, "peer a?ERROR b");
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", "v" }, { "peer", "p" }), "%d", 7);
+    assert_string_equal(kept, "7|volume=v|peer=p");
+    sp_log_with(SP_LOG_DEBUG, SP_LOG_FIELDS({ "volume", "v" }), "too detailed");
+    assert_string_equal(kept, "7|volume=v|peer=p");
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
 

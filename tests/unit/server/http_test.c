@@ -295,7 +295,9 @@ static void connections_from_one_host(void **state) {
 static char last_line[512];
 static unsigned lines;
 
-static void keep_line(void *user, enum sp_log_level level, const char *line) {
+static void keep_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
+                      const char *line) {
+    (void)fields;
     (void)user;
     (void)level;
     snprintf(last_line, sizeof last_line, "%s", line);

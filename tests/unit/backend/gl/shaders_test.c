@@ -40,7 +40,9 @@ static void shader_source(GLuint shader, GLsizei count, const GLchar *const *tex
     driver.real(shader, count + is_broken, given, NULL);
 }
 
-static void take_line(void *user, enum sp_log_level level, const char *line) {
+static void take_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
+                      const char *line) {
+    (void)fields;
     (void)user;
     driver.lines += level == SP_LOG_ERROR;
     driver.has_first = driver.has_first || strstr(line, "no_such_thing");
