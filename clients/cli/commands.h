@@ -12,8 +12,8 @@ typedef int command_fn(const struct options *options, struct sp_error *err);
 
 command_fn command_volumes, command_load, command_view, command_render; /* commands.c, render.c */
 command_fn command_presets, command_preset, command_views, command_kept, command_keep,
-    command_sessions, command_session, command_share; /* kept.c */
-command_fn command_path;                              /* path.c */
+    command_sessions, command_session, command_share, command_paths; /* kept.c */
+command_fn command_path;                                             /* path.c */
 
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
 /* The text of a member; "" if it is none. */

@@ -18,7 +18,9 @@ struct http {
     char *base;  /* scheme, host, port and prefix, without a slash at the end */
     char *token; /* NULL = none */
     unsigned timeout_s;
-    bool is_loopback; /* no proxy can reach it */
+    bool is_loopback;         /* no proxy can reach it */
+    bool (*stop)(void *user); /* NULL = never */
+    void *user;
 };
 
 /* The value of `token` in a query; NULL if there is none. Allocated. */
@@ -114,8 +116,21 @@ void http_destroy(struct http **http) {
     *http = NULL;
 }
 
+void http_set_stop(struct http *http, bool (*stop)(void *user), void *user) {
+    http->stop = stop;
+    http->user = user;
+}
+
 const char *http_base(const struct http *http) {
     return http->base;
+}
+
+/* libcurl asks about once a second, and while bytes come. Nonzero: no further. */
+static int should_stop(void *user, curl_off_t all, curl_off_t now, curl_off_t up_all,
+                       curl_off_t up_now) {
+    const struct http *http = user;
+    (void)all, (void)now, (void)up_all, (void)up_now;
+    return http->stop(http->user);
 }
 
 static size_t receive_body(char *bytes, size_t one, size_t size, void *user) {
@@ -218,7 +233,14 @@ bool http_request(struct http *http, const char *method, const char *path, const
     curl_easy_setopt(curl, CURLOPT_USERAGENT, "splatctl/" SPLATD_VERSION);
     curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_TIMEOUT_S);
-    curl_easy_setopt(curl, CURLOPT_TIMEOUT, (long)http->timeout_s);
+    /* So long without a byte; an answer itself may take as long as it is large. */
+    curl_easy_setopt(curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
+    curl_easy_setopt(curl, CURLOPT_LOW_SPEED_TIME, (long)http->timeout_s);
+    if (http->stop) {
+        curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
+        curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, should_stop);
+        curl_easy_setopt(curl, CURLOPT_XFERINFODATA, http);
+    }
     curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, why);
     curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, receive_body);
     curl_easy_setopt(curl, CURLOPT_WRITEDATA, response);
@@ -234,6 +256,10 @@ bool http_request(struct http *http, const char *method, const char *path, const
     curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &response->status);
     curl_slist_free_all(headers);
     free(url);
+    if (code == CURLE_ABORTED_BY_CALLBACK)
+        return sp_fail(err, SP_ERR_CANCELLED, http->base, "interrupted");
+    if (code == CURLE_WRITE_ERROR)
+        return sp_fail(err, SP_ERR_MEMORY, http->base, "no memory for the answer, or over 2 GiB");
     if (code != CURLE_OK)
         return sp_fail(err, SP_ERR_IO, http->base, "%s", why[0] ? why : curl_easy_strerror(code));
     return response->status < 400 || refuse_status(response, method, path, err);

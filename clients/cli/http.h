@@ -19,6 +19,8 @@ struct http;
 struct http *http_create(const char *url, const char *token, unsigned timeout_s,
                          struct sp_error *err);
 void http_destroy(struct http **http);
+/* From now on a request ends with SP_ERR_CANCELLED soon after stop(user) is true. */
+void http_set_stop(struct http *http, bool (*stop)(void *user), void *user);
 /* The daemon's address without a token and a slash at its end; lives as long. */
 const char *http_base(const struct http *http);
 
@@ -33,7 +35,8 @@ struct http_response {
 
 /* One request below /api/v1; `path` begins with "/". `body` (may be NULL) is JSON. True for any
  * status below 400; otherwise *err tells what the daemon said: the pointer of its problem, else
- * "METHOD path", as place. The caller frees the response either way, with http_response_finish().
+ * "METHOD path", as place; SP_ERR_IO: there was no
+ * answer, or not all of it. The caller frees the response either way, with http_response_finish().
  */
 bool http_request(struct http *http, const char *method, const char *path, const char *accept,
                   const char *body, struct http_response *response, struct sp_error *err);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the daemon keeps: presets, views and sessions.
+ * What the daemon keeps: presets, views, sessions, and the list of its camera paths.
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -75,6 +75,14 @@ static void print_view(const proto_json *view) {
            size[0], size[1]);
 }
 
+static void print_path(const proto_json *path) {
+    int64_t frames = 0, done = 0;
+    proto_json_integer(proto_json_get(path, "frames"), &frames);
+    proto_json_integer(proto_json_get(path, "done"), &done);
+    printf("%-34s %-8s %-6s %6" PRId64 " %6" PRId64 "\n", text_of(path, "id"),
+           text_of(path, "state"), text_of(path, "format"), done, frames);
+}
+
 static void print_name(const proto_json *name) {
     puts(proto_json_string(name) ? proto_json_string(name) : "");
 }
@@ -115,6 +123,12 @@ int command_sessions(const struct options *options, struct sp_error *err) {
     return list(options, "sessions",
                 "ID                 VOLUME                   STATE   PEOPLE   IDLE, s\n",
                 print_session, err);
+}
+
+int command_paths(const struct options *options, struct sp_error *err) {
+    return list(options, "paths",
+                "ID                                 STATE    FORMAT   DONE FRAMES\n", print_path,
+                err);
 }
 
 /* Asks for one thing, or deletes it; the answer, of a deletion an empty object, or NULL. */

@@ -17,7 +17,7 @@ static const struct {
     { "views", command_views, false },     { "preset", command_preset, true },
     { "presets", command_presets, false }, { "share", command_share, false },
     { "session", command_session, true },  { "sessions", command_sessions, false },
-    { "path", command_path, false },
+    { "path", command_path, true },        { "paths", command_paths, false },
 };
 
 /* The renderer's log: what went wrong is told by the error, the rest is for daemons. */

@@ -25,6 +25,7 @@ enum option_id {
     OPT_JSON,
     OPT_NO_WAIT,
     OPT_DELETE,
+    OPT_ID,
     OPT_HELP,
     OPT_VERSION
 };
@@ -47,6 +48,7 @@ static const struct option known[] = {
     { "json", no_argument, NULL, OPT_JSON },
     { "no-wait", no_argument, NULL, OPT_NO_WAIT },
     { "delete", no_argument, NULL, OPT_DELETE },
+    { "id", required_argument, NULL, OPT_ID },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
     { NULL, 0, NULL, 0 },
@@ -61,7 +63,10 @@ static const char help_text[] =
     "                          its id and wait until it is ready\n"
     "  view ID                 print the default view of a volume\n"
     "  render                  render one image\n"
-    "  path FILE|-             draw a camera path: frames into the folder --out, or a movie\n"
+    "  path FILE|-             draw a camera path: frames into the folder --out, or a movie; what\n"
+    "                          was not fetched whole stays with the daemon:\n"
+    "  path --id ID            go on with a path into --out; without --out print its state\n"
+    "  paths                   list the camera paths\n"
     "  keep                    keep a view (--view, --volume) for links; print its id\n"
     "  kept ID                 print a kept view\n"
     "  views                   list the kept views\n"
@@ -71,13 +76,14 @@ static const char help_text[] =
     "                          session or kept view; print its links\n"
     "  session ID              print the links of a session\n"
     "  sessions                list the sessions, awake or asleep\n"
-    "  --delete                of kept, preset and session: delete it\n"
+    "  --delete                of kept, preset, session and path --id: delete it\n"
     "\n"
     "The daemon:\n"
     "  --url URL               its address, with or without ?token= (default: $SPLATD_URL, else\n"
     "                          http://127.0.0.1:8080)\n"
     "  --token TOKEN           default: that of the URL, else $SPLATD_TOKEN\n"
-    "  --timeout SECONDS       longest wait for an answer, and for a volume (default 300)\n"
+    "  --timeout SECONDS       longest wait for the next bytes of an answer, for a volume, and\n"
+    "                          for a daemon that is away while it draws a path (default 300)\n"
     "\n"
     "load:\n"
     "  --no-wait               return as soon as loading began\n"
@@ -213,6 +219,9 @@ static bool apply_option(struct options *o, int id, const char *value) {
         return o->no_wait = true;
     case OPT_DELETE:
         return o->delete = true;
+    case OPT_ID:
+        o->id = value;
+        return true;
     case OPT_HELP:
         return o->help = true;
     case OPT_VERSION:

@@ -14,6 +14,7 @@ struct options {
     const char *url, *token; /* NULL = of the environment, or the default */
     const char *command;     /* NULL = none given */
     const char *argument;    /* of the command: a path or an id; NULL = none */
+    const char *id;          /* of a path that the daemon has */
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
     uint32_t size[2]; /* {0,0} = the view's */
     int quality;      /* 0 = the default */

@@ -4,6 +4,7 @@
  */
 #include <errno.h>
 #include <inttypes.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,15 +17,19 @@
 #include "protocol/limits.h"
 #include "sp/encode.h"
 
-enum { POLL_MS = 200 };
+enum { POLL_MS = 200, PAUSE_MAX_MS = 10000 };
 
 struct fetching {
     const struct options *options;
     struct http *http;
-    char id[64], format[8];
+    char *id, *path; /* of the daemon's: "/paths/ID"; NULL = there is none yet */
+    char format[8];
     int64_t frames, done;
     int64_t fetched; /* frames that lie in the folder */
-    bool is_movie;
+    bool is_movie, is_done;
+    bool has_said;    /* that something is tried again */
+    bool is_gone;     /* the daemon has no such path any more */
+    sigset_t signals; /* that end this program; blocked while the daemon is asked */
 };
 
 /* On one line of a terminal; nothing elsewhere. */
@@ -34,12 +39,79 @@ static void show_progress(const struct fetching *f, bool is_last) {
                 is_last ? "\n" : "");
 }
 
+/* Signals that end this program, but for those that it is to ignore, are waited for rather than
+ * obeyed: whoever sends one is told first what the daemon keeps. */
+static void hold_signals(struct fetching *f) {
+    static const int signals[] = { SIGINT, SIGTERM, SIGHUP };
+    sigemptyset(&f->signals);
+    for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
+        struct sigaction action;
+        if (sigaction(signals[i], NULL, &action) == 0 && action.sa_handler != SIG_IGN)
+            sigaddset(&f->signals, signals[i]);
+    }
+    sigprocmask(SIG_BLOCK, &f->signals, NULL);
+}
+
+static bool is_interrupted(void *user) {
+    const struct fetching *f = user;
+    sigset_t pending, held;
+    return sigpending(&pending) == 0 && sigandset(&held, &pending, &f->signals) == 0 &&
+           !sigisemptyset(&held);
+}
+
+static bool pause_for(struct fetching *f, long ms, struct sp_error *err) {
+    const struct timespec time = { .tv_sec = ms / 1000, .tv_nsec = ms % 1000 * 1000000 };
+    int number = sigtimedwait(&f->signals, NULL, &time);
+    if (number <= 0)
+        return true;
+    raise(number); /* stays, until it is let through */
+    return sp_fail(err, SP_ERR_CANCELLED, f->id, "interrupted");
+}
+
+/* Is it of a daemon that is busy, starts anew, or cannot be reached for a moment? */
+static bool passes(const struct http_response *response, const struct sp_error *err) {
+    long status = response->status;
+    return err->code == SP_ERR_IO || status == 429 || (status >= 502 && status <= 504);
+}
+
+static double now_s(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* A request about the path; what passes is tried again, for --timeout, with growing pauses. The
+ * caller finishes the response. */
+static bool ask(struct fetching *f, const char *method, const char *what,
+                struct http_response *response, struct sp_error *err) {
+    const double give_up_s = now_s() + f->options->timeout_s;
+    char *path = NULL;
+    if (asprintf(&path, "%s%s", f->path, what) < 0)
+        return sp_fail(err, SP_ERR_MEMORY, f->id, "out of memory");
+    bool ok;
+    for (long pause_ms = POLL_MS;; pause_ms *= 2) {
+        ok = http_request(f->http, method, path, "*/*", NULL, response, err);
+        if (ok || !passes(response, err) || now_s() >= give_up_s)
+            break;
+        http_response_finish(response);
+        if (!f->has_said)
+            fprintf(stderr, "%ssplatctl: %s: %s; trying again\n", isatty(STDERR_FILENO) ? "\n" : "",
+                    err->place, err->text);
+        f->has_said = true;
+        if (!pause_for(f, pause_ms < PAUSE_MAX_MS ? pause_ms : PAUSE_MAX_MS, err))
+            break;
+        if (pause_ms > PAUSE_MAX_MS)
+            pause_ms = PAUSE_MAX_MS;
+    }
+    f->is_gone = f->is_gone || response->status == 404;
+    free(path);
+    return ok;
+}
+
 /* GET of what a path made, into a file. */
 static bool fetch(struct fetching *f, const char *what, const char *file, struct sp_error *err) {
-    struct http_response response;
-    char path[160];
-    snprintf(path, sizeof path, "/paths/%s/%s", f->id, what);
-    bool ok = http_request(f->http, "GET", path, "*/*", NULL, &response, err) &&
+    struct http_response response = { 0 };
+    bool ok = ask(f, "GET", what, &response, err) &&
               output_write(file, response.body ? response.body : "", response.size, err);
     http_response_finish(&response);
     return ok;
@@ -50,7 +122,7 @@ static bool fetch_frames(struct fetching *f, struct sp_error *err) {
     const struct sp_image_format_info *info = sp_image_format_info(sp_image_format_find(f->format));
     for (; f->fetched < f->done; f->fetched++) {
         char what[32], *file = NULL;
-        snprintf(what, sizeof what, "frames/%" PRId64, f->fetched);
+        snprintf(what, sizeof what, "/frames/%" PRId64, f->fetched);
         if (asprintf(&file, "%s/%06" PRId64 "%s", f->options->out, f->fetched, info->extension) < 0)
             return sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         bool ok = fetch(f, what, file, err);
@@ -61,41 +133,48 @@ static bool fetch_frames(struct fetching *f, struct sp_error *err) {
     return true;
 }
 
-/* Reads a state; *is_over when nothing more will come. */
-static bool look(struct fetching *f, const proto_json *state, bool *is_over, struct sp_error *err) {
-    const char *name = text_of(state, "state");
+/* Asks for the path's state: what is done of it, and why nothing more will be. NULL with *err set.
+ */
+static proto_json *read_state(struct fetching *f, struct sp_error *err) {
+    struct http_response response = { 0 };
+    proto_json *state = NULL;
+    if (ask(f, "GET", "", &response, err))
+        state = proto_json_parse(response.body ? response.body : "", response.size, err);
+    http_response_finish(&response);
+    snprintf(f->format, sizeof f->format, "%s", text_of(state, "format"));
+    f->is_movie = strcmp(f->format, "webm") == 0;
     proto_json_integer(proto_json_get(state, "frames"), &f->frames);
     proto_json_integer(proto_json_get(state, "done"), &f->done);
-    *is_over = strcmp(name, "done") == 0;
-    show_progress(f, *is_over);
-    if (strcmp(name, "failed") == 0)
-        return sp_fail(err, SP_ERR_INVALID, f->id, "%s", text_of(state, "reason"));
-    return true;
+    f->is_done = strcmp(text_of(state, "state"), "done") == 0;
+    return state;
 }
 
-/* Until it is drawn. Steals `state`. */
-static bool follow(struct fetching *f, proto_json *state, struct sp_error *err) {
-    char path[96];
-    bool is_over = false, ok = true;
-    snprintf(path, sizeof path, "/paths/%s", f->id);
-    while (ok && state) {
-        ok = look(f, state, &is_over, err) && (f->is_movie || fetch_frames(f, err));
+/* Until all that it makes is here. */
+static bool follow(struct fetching *f, struct sp_error *err) {
+    for (bool ok = true; ok && !f->is_done; ok = ok && (f->is_done || pause_for(f, POLL_MS, err))) {
+        proto_json *state = read_state(f, err);
+        if (!state)
+            return false;
+        show_progress(f, f->is_done);
+        ok = f->is_movie || fetch_frames(f, err);
+        if (ok && strcmp(text_of(state, "state"), "failed") == 0)
+            ok = sp_fail(err, SP_ERR_INVALID, f->id, "%s", text_of(state, "reason"));
         proto_json_free(&state);
-        if (!ok || is_over)
-            break;
-        nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000L }, NULL);
-        state = http_json(f->http, "GET", path, NULL, err);
-        ok = state != NULL;
+        if (!ok)
+            return false;
     }
-    return ok && (!f->is_movie || fetch(f, "movie", f->options->out, err));
+    return f->is_done && (!f->is_movie || fetch(f, "/movie", f->options->out, err));
 }
 
 /* Frames need a folder. */
 static bool prepare_out(const struct fetching *f, struct sp_error *err) {
     const char *out = f->options->out;
-    if (f->is_movie || mkdir(out, 0777) == 0 || errno == EEXIST)
+    struct stat there;
+    if (!out || f->is_movie || mkdir(out, 0777) == 0)
         return true;
-    return sp_fail(err, SP_ERR_IO, out, "cannot make this folder: %s", strerror(errno));
+    int why = errno;
+    return (why == EEXIST && stat(out, &there) == 0 && S_ISDIR(there.st_mode)) ||
+           sp_fail(err, SP_ERR_IO, out, "cannot make this folder: %s", strerror(why));
 }
 
 /* The document of the command line as text; NULL with *err set. */
@@ -114,20 +193,60 @@ static char *read_path(const struct options *options, bool *is_movie, struct sp_
     return text;
 }
 
-static bool draw_path(struct fetching *f, const char *body, struct sp_error *err) {
-    proto_json *state = http_json(f->http, "POST", "/paths", body, err);
-    if (!state)
-        return false;
-    snprintf(f->id, sizeof f->id, "%s", text_of(state, "id"));
-    snprintf(f->format, sizeof f->format, "%s", text_of(state, "format"));
-    bool ok = follow(f, state, err);
-    char path[96];
-    struct http_response response;
-    snprintf(path, sizeof path, "/paths/%s", f->id);
-    /* Whatever came of it: the daemon need not keep what is here, or failed. */
-    http_request(f->http, "DELETE", path, "*/*", NULL, &response, NULL);
-    http_response_finish(&response);
+static bool set_id(struct fetching *f, const char *id, struct sp_error *err) {
+    char *escaped = http_escape(f->http, id);
+    f->id = strdup(id);
+    bool ok = escaped && f->id && asprintf(&f->path, "/paths/%s", escaped) >= 0;
+    if (!ok)
+        f->path = NULL;
+    free(escaped);
+    return ok || sp_fail(err, SP_ERR_MEMORY, id, "out of memory");
+}
+
+/* A new path, of the file on the command line. */
+static bool create(struct fetching *f, struct sp_error *err) {
+    char *body = read_path(f->options, &f->is_movie, err);
+    bool ok = body && (f->http = connect_to_daemon(f->options, err)) && prepare_out(f, err);
+    proto_json *state = ok ? http_json(f->http, "POST", "/paths", body, err) : NULL;
+    ok = state && set_id(f, text_of(state, "id"), err);
+    proto_json_free(&state);
+    free(body);
     return ok;
+}
+
+/* That of --id. */
+static bool find(struct fetching *f, struct sp_error *err) {
+    f->http = connect_to_daemon(f->options, err);
+    if (!f->http || !set_id(f, f->options->id, err))
+        return false;
+    proto_json *state = http_json(f->http, "GET", f->path, NULL, err);
+    f->is_gone = !state; /* or not to be asked for */
+    f->is_movie = strcmp(text_of(state, "format"), "webm") == 0;
+    bool ok = state && prepare_out(f, err);
+    if (ok && !f->options->out)
+        ok = print_json(state, err);
+    proto_json_free(&state);
+    return ok;
+}
+
+/* All of it is here: the daemon need not keep it. */
+static void let_go(struct fetching *f) {
+    struct http_response response = { 0 };
+    struct sp_error err;
+    if (!ask(f, "DELETE", "", &response, &err) && !f->is_gone)
+        fprintf(stderr, "splatctl: %s: all is fetched, but it cannot be removed: %s\n", f->id,
+                err.text);
+    http_response_finish(&response);
+}
+
+/* What was not fetched stays with the daemon. */
+static void say_how_to_go_on(const struct fetching *f) {
+    if (f->id && !f->is_gone)
+        fprintf(
+            stderr,
+            "%ssplatctl: %s: the daemon keeps this path: \"splatctl path --id %s --out %s\" goes "
+            "on with it, \"splatctl path --id %s --delete\" removes it\n",
+            isatty(STDERR_FILENO) ? "\n" : "", f->id, f->id, f->options->out, f->id);
 }
 
 /* For programs. */
@@ -143,18 +262,44 @@ static bool report(const struct fetching *f, struct sp_error *err) {
     return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
 }
 
-int command_path(const struct options *options, struct sp_error *err) {
-    if (!options->argument)
-        return usage_error("path", "needs a file with a camera path as JSON, or -");
-    if (!options->out)
-        return usage_error("path", "needs --out: a folder for frames, or a file for a movie");
-    struct fetching f = { .options = options };
-    char *body = read_path(options, &f.is_movie, err);
-    if (body)
-        f.http = connect_to_daemon(options, err);
-    bool ok = f.http && prepare_out(&f, err) && draw_path(&f, body, err);
-    ok = ok && (!options->json || report(&f, err));
+static int delete_path(const struct options *options, struct sp_error *err) {
+    struct fetching f = { .options = options, .http = connect_to_daemon(options, err) };
+    struct http_response response = { 0 };
+    bool ok = f.http && set_id(&f, options->id, err) &&
+              http_request(f.http, "DELETE", f.path, "application/json", NULL, &response, err);
+    http_response_finish(&response);
     http_destroy(&f.http);
-    free(body);
+    free(f.id);
+    free(f.path);
     return ok ? 0 : 1;
+}
+
+static int draw_path(const struct options *options, struct sp_error *err) {
+    struct fetching f = { .options = options };
+    bool ok = options->id ? find(&f, err) : create(&f, err);
+    if (ok && options->out) {
+        hold_signals(&f);
+        http_set_stop(f.http, is_interrupted, &f);
+        ok = follow(&f, err);
+        if (ok)
+            let_go(&f);
+        else
+            say_how_to_go_on(&f);
+        sigprocmask(SIG_UNBLOCK, &f.signals, NULL); /* may end here */
+        ok = ok && (!options->json || report(&f, err));
+    }
+    http_destroy(&f.http);
+    free(f.id);
+    free(f.path);
+    return ok ? 0 : 1;
+}
+
+int command_path(const struct options *options, struct sp_error *err) {
+    if (!options->argument == !options->id)
+        return usage_error("path", "needs a file with a camera path as JSON, or -; or --id");
+    if (options->delete &&(!options->id || options->out))
+        return usage_error("path", "--delete needs --id, and no --out");
+    if (options->argument && !options->out)
+        return usage_error("path", "needs --out: a folder for frames, or a file for a movie");
+    return options->delete ? delete_path(options, err) : draw_path(options, err);
 }

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
-import { copyFileSync, existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
+import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -212,6 +212,23 @@ test('a camera path that is wrong is refused with its place', async () => {
     assert.equal(result.status, status, result.err);
     assert.match(result.err, err);
   }
+});
+
+test('a camera path that could not be fetched stays, and is gone on with', async () => {
+  writeFileSync(inFolder('kept.json'), JSON.stringify(TURN));
+  const failed = await splatctl(['path', inFolder('kept.json'), '--out', inFolder('missing/frames')]);
+  assert.equal(failed.status, 1); // refused before there was a path
+  assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, []);
+  mkdirSync(inFolder('kept/000002.png'), { recursive: true });
+  const stopped = await splatctl(['path', inFolder('kept.json'), '--out', inFolder('kept')]);
+  assert.equal(stopped.status, 1);
+  const [, id] = /path --id ([0-9a-f]+) --out/.exec(stopped.err);
+  assert.match((await succeeds(['paths'])).toString(), new RegExp(`^${id} +\\w+ +png +\\d +5$`, 'm'));
+  rmSync(inFolder('kept/000002.png'), { recursive: true });
+  assert.equal(JSON.parse(await succeeds(['path', '--id', id, '--out', inFolder('kept'), '--json'])).frames, 5);
+  assert.equal(readdirSync(inFolder('kept')).length, 5);
+  assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, []);
+  assert.match((await splatctl(['path', '--id', id])).err, /HTTP 404/);
 });
 
 test('the example of a camera path is one', async () => {

@@ -4,6 +4,8 @@
 import http.server
 import json
 import os
+import signal
+import socketserver
 import struct
 import subprocess
 import sys
@@ -166,25 +168,29 @@ class Local(unittest.TestCase):
 
 class Daemon(http.server.BaseHTTPRequestHandler):
     """Answers as a daemon does; `answers` maps (method, path) to a list of answers, the last of which stays."""
-    answers, seen = {}, []
+    answers, seen, change = {}, [], threading.Condition()
 
     def do_any(self):
         length = int(self.headers.get('Content-Length', 0))
         body = self.rfile.read(length)
         Daemon.seen.append((self.command, self.path, self.headers, body))
+        with Daemon.change:
+            Daemon.change.notify_all()
         queue = Daemon.answers.get((self.command, self.path.split('?')[0]))
         if not queue:
             queue = [problem(404, 'there is nothing')]
         status, kind, content, headers = queue.pop(0) if len(queue) > 1 else queue[0]
+        if status is None:
+            return  # the connection ends without an answer
         self.send_response(status)
         self.send_header('Content-Type', kind)
-        self.send_header('Content-Length', str(len(content) + headers.pop('cut', 0)))
-        for name, value in headers.items():
+        self.send_header('Content-Length', str(len(content) + headers.get('cut', 0)))
+        for name, value in ((n, v) for n, v in headers.items() if n != 'cut'):
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(content)
 
-    do_GET = do_POST = do_any
+    do_GET = do_POST = do_DELETE = do_any
 
     def log_message(self, *_):
         pass
@@ -203,6 +209,11 @@ def problem(status, detail, pointer=None):
 
 def volume(state, **more):
     return {'id': 'head 1', 'name': 'head', 'source': 'head.nrrd', 'state': state, 'progress': 0.5, **more}
+
+
+def path(state, done, frames):
+    more = {'reason': f'frame {done}: no memory'} if state == 'failed' else {}
+    return {'id': 'p1', 'state': state, 'format': 'png', 'frames': frames, 'done': done, **more}
 
 
 PIXELS = b'\x89PNG\r\n\x1a\n' + b'picture' * 100000
@@ -351,6 +362,117 @@ class Remote(unittest.TestCase):
         for value in ([], 7, {'volumes': 7}, {'volumes': [7, None, {'id': 5, 'dims': 'x'}]}):
             Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, value)]
             self.assertEqual(self.run_at('volumes').returncode, 0)
+
+    def paths(self, *states, frames=3):
+        """A daemon with one path whose state is asked for; an answer, or (state, frames done)."""
+        def as_answer(s):
+            return s if len(s) == 4 else answer(200, path(s[0], s[1], frames))
+        Daemon.answers['POST', '/api/v1/paths'] = [answer(202, path('waiting', 0, frames))]
+        Daemon.answers['GET', '/api/v1/paths/p1'] = [as_answer(s) for s in states]
+        Daemon.answers['DELETE', '/api/v1/paths/p1'] = [(204, '', b'', {})]
+        for n in range(frames):
+            Daemon.answers['GET', f'/api/v1/paths/p1/frames/{n}'] = [(200, 'image/png', PIXELS + b'%d' % n, {})]
+        self.out = os.path.join(self.folder.name, 'frames')
+
+    def deleted(self):
+        return [s[1] for s in Daemon.seen if s[0] == 'DELETE']
+
+    def frames(self):
+        for name in os.listdir(self.out):
+            with open(os.path.join(self.out, name), 'rb') as f:
+                self.assertEqual(f.read(), PIXELS + b'%d' % int(name.split('.')[0]))
+        return sorted(os.listdir(self.out))
+
+    def test_path(self):
+        self.paths(('running', 1), ('done', 3))
+        result = self.run_at('path', '-', '--out', self.out, stdin=b'{"frames": 3}')
+        self.assertEqual((result.returncode, result.stderr), (0, b''))
+        self.assertEqual(self.frames(), ['000000.png', '000001.png', '000002.png'])
+        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
+
+    def test_path_tries_again(self):
+        busy, cut = problem(503, 'starting'), (200, 'image/png', PIXELS, {'cut': 9})
+        gone = None, '', b'', {}
+        self.paths(problem(429, 'too many'), busy, gone, ('running', 1), problem(502, 'a proxy'), ('done', 3))
+        Daemon.answers['GET', '/api/v1/paths/p1/frames/1'][:0] = [cut, busy]
+        Daemon.answers['DELETE', '/api/v1/paths/p1'][:0] = [busy]
+        result = self.run_at('path', '-', '--out', self.out, stdin=b'{}')
+        self.assertEqual((result.returncode, result.stderr),
+                         (0, b'splatctl: GET /paths/p1: too many (HTTP 429); trying again\n'))
+        self.assertEqual(self.frames(), ['000000.png', '000001.png', '000002.png'])
+        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'] * 2)
+
+    def stays(self, result, reason):
+        text = result.stderr.decode()
+        self.assertEqual((result.returncode, self.deleted()), (1, []), text)
+        self.assertIn(f'"splatctl path --id p1 --out {self.out}"', text)
+        self.assertIn('"splatctl path --id p1 --delete"', text)
+        self.assertIn(reason, text.splitlines()[-1])
+
+    def test_path_stays_until_it_is_fetched(self):
+        self.paths(('running', 1), ('failed', 2))
+        self.stays(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'splatctl: p1: frame 2: no memory')
+        self.assertEqual(self.frames(), ['000000.png', '000001.png'])
+        self.paths(('done', 3))
+        os.mkdir(os.path.join(self.out, '000002.png'))
+        self.stays(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), '000002.png')
+        os.rmdir(os.path.join(self.out, '000002.png'))
+        for state in (problem(503, 'never'), (None, '', b'', {}), problem(401, 'who?')):
+            self.paths(state)
+            self.stays(self.run_at('path', '-', '--out', self.out, '--timeout', '1', stdin=b'{}'), 'splatctl: ')
+        self.paths(('done', 3))
+        result = self.run_at('path', '--id', 'p1', '--out', self.out)
+        self.assertEqual((result.returncode, result.stderr, len(self.frames())), (0, b'', 3))
+        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
+
+    def test_path_that_is_gone(self):
+        self.paths(('running', 1), problem(404, 'no path'))
+        result = self.run_at('path', '-', '--out', self.out, stdin=b'{}')
+        self.assertEqual((result.returncode, result.stderr),
+                         (1, b'splatctl: GET /paths/p1: no path (HTTP 404)\n'))
+        for more in (['--out', self.out], ['--delete'], []):
+            result = self.run_at('path', '--id', 'none', *more)
+            self.assertEqual((result.returncode, len(result.stderr.splitlines())), (1, 1), result.stderr)
+
+    def test_path_interrupted(self):
+        self.paths(('running', 1))
+        process = subprocess.Popen([SPLATCTL, '--url', self.url, 'path', '-', '--out', self.out], stdin=subprocess.PIPE,
+                                   stderr=subprocess.PIPE)
+        process.stdin.write(b'{}')
+        process.stdin.close()
+        with Daemon.change:
+            Daemon.change.wait_for(lambda: len(Daemon.seen) > 3, 60)
+        process.send_signal(signal.SIGTERM)
+        self.assertEqual(process.wait(60), -signal.SIGTERM)
+        self.assertIn(b'"splatctl path --id p1 --delete"', process.stderr.read())
+        process.stderr.close()
+        self.assertEqual((self.deleted(), self.frames()), ([], ['000000.png']))
+
+    def test_path_by_id(self):
+        self.paths(('running', 1))
+        result = self.run_at('path', '--id', 'p1')
+        self.assertEqual((result.returncode, json.loads(result.stdout)), (0, path('running', 1, 3)))
+        self.assertEqual(self.run_at('path', '--id', 'p1', '--delete').returncode, 0)
+        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
+        Daemon.answers['GET', '/api/v1/paths'] = [answer(200, {'paths': [path('running', 1, 3)]})]
+        result = self.run_at('paths')
+        self.assertEqual((result.returncode, result.stdout.split()[-5:]), (0, b'p1 running png 1 3'.split()))
+        for wrong in (['path'], ['path', '-', '--id', 'p1'], ['path', '-', '--delete'],
+                      ['path', '--id', 'p1', '--delete', '--out', 'x'], ['paths', 'p1'], ['paths', '--delete']):
+            self.assertEqual(self.run_at(*wrong).returncode, 2, wrong)
+
+    def test_no_answer(self):
+        release = threading.Event()
+        held = socketserver.ThreadingTCPServer(('127.0.0.1', 0), type('Held', (socketserver.BaseRequestHandler,),
+                                                                      {'handle': lambda _: release.wait(60)}))
+        held.daemon_threads = True
+        threading.Thread(target=held.serve_forever, daemon=True).start()
+        result = run('--url', f'http://127.0.0.1:{held.server_address[1]}/', '--timeout', '1', 'volumes')
+        self.assertEqual(result.returncode, 1)
+        self.assertFalse(release.is_set())
+        release.set()
+        held.shutdown()
+        held.server_close()
 
 
 if __name__ == '__main__':
