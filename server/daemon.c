@@ -270,7 +270,8 @@ static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
                                         .state = c->state,
                                         .jobs_max = (unsigned)c->paths,
                                         .frames_max = (uint32_t)c->path_frames,
-                                        .bytes_max = (uint64_t)c->path_bytes };
+                                        .bytes_max = (uint64_t)c->path_bytes,
+                                        .video_px = (uint64_t)c->video_px };
     struct srv_jobs *jobs = srv_jobs_create(&options, err);
     atomic_store(&d->jobs, jobs);
     return jobs && srv_jobs_start(jobs, err);

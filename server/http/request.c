@@ -35,7 +35,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/presets/{}", SRV_RIGHT_VIEW, srv_get_preset },
     { SRV_PUT, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_put_preset },
     { SRV_DELETE, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_delete_preset },
-    { SRV_GET, "/api/v1/paths", SRV_RIGHT_ADMIN, srv_get_paths },
+    { SRV_GET, "/api/v1/paths", SRV_RIGHT_RENDER, srv_get_paths },
     { SRV_POST, "/api/v1/paths", SRV_RIGHT_RENDER, srv_post_path },
     { SRV_GET, "/api/v1/paths/{}", SRV_RIGHT_RENDER, srv_get_path },
     { SRV_DELETE, "/api/v1/paths/{}", SRV_RIGHT_RENDER, srv_delete_path },

@@ -10,6 +10,7 @@
 #include "http/flow.h"
 #include "http/guard.h"
 #include "http/headers.h"
+#include "http/listing.h"
 #include "sp/log.h"
 
 /* Making one. */
@@ -37,8 +38,9 @@ static proto_json *view_patch(const proto_json *body, struct srv_reply *reply) {
     return patch;
 }
 
-static bool resolve(struct srv_request *request, const proto_json *body, struct sp_view *view,
-                    struct sp_view *defaults, struct srv_reply *reply) {
+static bool resolve(struct srv_request *request, const proto_json *body,
+                    const struct srv_owner *owner, struct sp_view *view, struct sp_view *defaults,
+                    struct srv_reply *reply) {
     struct sp_error err;
     void *volume = NULL;
     proto_json *patch = view_patch(body, reply);
@@ -47,11 +49,9 @@ static bool resolve(struct srv_request *request, const proto_json *body, struct 
     bool ok = srv_hub_resolve_view(request->app->hub, NULL, patch, view, &volume, &err);
     proto_json_free(&patch);
     if (ok) {
-        struct srv_owner owner;
         srv_catalog_default_view(request->app->catalog, volume, defaults);
         srv_catalog_release(request->app->catalog, volume);
-        srv_request_owner(request, &owner);
-        if (srv_owner_allows_size(&owner, view->size, &err))
+        if (srv_owner_allows_size(owner, view->size, &err))
             return true;
     }
     bool is_own = proto_json_get(body, "size") && strncmp(err.place, "/size", 5) == 0;
@@ -62,12 +62,14 @@ static bool resolve(struct srv_request *request, const proto_json *body, struct 
 void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     struct sp_view view, defaults;
+    struct srv_owner owner;
     char id[SRV_JOB_ID_BYTES];
     bool is_full;
     proto_json *body = srv_request_json(request, reply);
-    if (body && resolve(request, body, &view, &defaults, reply)) {
-        proto_json *json =
-            srv_jobs_add(request->app->jobs, body, &view, &defaults, id, &is_full, &err);
+    srv_request_owner(request, &owner);
+    if (body && resolve(request, body, &owner, &view, &defaults, reply)) {
+        proto_json *json = srv_jobs_add(request->app->jobs, body, &view, &defaults, owner.name,
+                                        owner.quota.paths, id, &is_full, &err);
         if (json) {
             srv_reply_json(reply, 202, json);
             srv_reply_header(reply, "Location", "paths/%s", id);
@@ -82,8 +84,19 @@ void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&body);
 }
 
+static proto_json *encode_item(void *user, const void *item) {
+    (void)user;
+    return srv_job_note_encode(item);
+}
+
+/* Who may everything sees all paths, others their own. */
 void srv_get_paths(struct srv_request *request, struct srv_reply *reply) {
-    srv_reply_json(reply, 200, srv_jobs_list(request->app->jobs));
+    bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
+    struct srv_page page;
+    if (!srv_listing_begin(request, sizeof(struct srv_job_note), &page, reply))
+        return;
+    srv_jobs_list(request->app->jobs, sees_all ? NULL : request->grant.name, &page);
+    srv_listing_reply(&page, "paths", encode_item, NULL, reply);
 }
 
 void srv_get_path(struct srv_request *request, struct srv_reply *reply) {

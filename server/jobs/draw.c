@@ -11,27 +11,89 @@
 
 #include "jobs/jobs_private.h"
 #include "jobs/movie.h"
+#include "render/video.h"
 #include "sp/log.h"
 
 enum { DRAW_NICE = 10, VIDEO_THREADS = 1 };
 #define KEY_SECONDS 2.0 /* between key frames, to which players seek */
 
-struct drawing { /* what the thread has of the job that it is at */
-    struct srv_jobs *jobs;
-    struct srv_path_job *job; /* NULL = none */
-    struct srv_path *path;
-    struct sp_encoder *encoder;
+struct encoder { /* of a movie, between its frames, too */
+    struct encoder *next;
+    char id[SRV_JOB_ID_BYTES];
     struct sp_video *video;
-    uint64_t volume; /* identity; 0 = not seen yet */
+    uint64_t px;
+};
+
+struct drawing { /* what the thread has */
+    struct srv_jobs *jobs;
+    struct sp_encoder *encoder;
+    struct encoder *videos;   /* the last used one first */
+    struct srv_path_job *job; /* that it is at; NULL = none */
+    struct srv_path *path;    /* of the job; NULL = not read */
 };
 
 static void leave_job(struct drawing *d) {
     srv_path_free(&d->path);
-    sp_video_destroy(&d->video);
     if (d->job)
         srv_job_unref(d->job);
     d->job = NULL;
-    d->volume = 0;
+}
+
+static void drop_video(struct encoder **at) {
+    struct encoder *encoder = *at;
+    *at = encoder->next;
+    sp_video_destroy(&encoder->video);
+    free(encoder);
+}
+
+static struct encoder **find_video(struct drawing *d, const char *id) {
+    struct encoder **at = &d->videos;
+    while (*at && strcmp((*at)->id, id) != 0)
+        at = &(*at)->next;
+    return at;
+}
+
+/* The job needs it no more, or not for a while. */
+static void forget_video(struct drawing *d, const char *id) {
+    struct encoder **at = find_video(d, id);
+    if (*at)
+        drop_video(at);
+}
+
+/* Drops those that were not used for longest until there is room for so many px. The next frame of
+ * their movies is a key frame, which any movie may have anywhere. */
+static void make_room(struct drawing *d, uint64_t px) {
+    struct encoder **at = &d->videos;
+    while (*at && px + (*at)->px <= d->jobs->options.video_px) {
+        px += (*at)->px;
+        at = &(*at)->next;
+    }
+    while (*at)
+        drop_video(at);
+}
+
+/* The encoder of the job's movie. */
+static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
+    struct encoder **at = find_video(d, d->job->id), *encoder = *at;
+    if (encoder) {
+        *at = encoder->next;
+    } else {
+        uint64_t px = (uint64_t)d->job->size[0] * d->job->size[1];
+        px = px < SRV_VIDEO_PX_MIN ? SRV_VIDEO_PX_MIN : px;
+        make_room(d, px);
+        encoder = calloc(1, sizeof *encoder);
+        if (!encoder || !(encoder->video = sp_video_create(SP_VIDEO_VP9, VIDEO_THREADS, err))) {
+            if (!encoder)
+                sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoder");
+            free(encoder);
+            return NULL;
+        }
+        encoder->px = px;
+        memcpy(encoder->id, d->job->id, sizeof encoder->id);
+    }
+    encoder->next = d->videos;
+    d->videos = encoder;
+    return encoder->video;
 }
 
 /* The mutex is held by the two, and by what is called in pairs of unlock and lock below. */
@@ -134,12 +196,12 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, uint64_
     const uint8_t *image = NULL;
     uint8_t head = SRV_PACKET_DELTA;
     char name[32];
-    if (output->is_movie && !d->video &&
-        !(d->video = sp_video_create(SP_VIDEO_VP9, VIDEO_THREADS, err)))
+    struct sp_video *video = output->is_movie ? take_video(d, err) : NULL;
+    if (output->is_movie && !video)
         return false;
     bool is_key = d->job->done % (uint32_t)(KEY_SECONDS * output->fps) == 0;
     bool ok = output->is_movie
-                  ? sp_video_encode(d->video, frame, output->quality, is_key, &packet, err)
+                  ? sp_video_encode(video, frame, output->quality, is_key, &packet, err)
                   : sp_encode(d->encoder, frame, output->format, output->quality, &image,
                               &packet.size, err);
     if (!ok)
@@ -188,9 +250,9 @@ static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
     if (!volume)
         return NULL;
     uint64_t identity = srv_volume_identity(volume);
-    if (!d->volume)
-        d->volume = identity;
-    if (d->volume == identity)
+    if (!d->job->identity)
+        d->job->identity = identity;
+    if (d->job->identity == identity)
         return volume;
     srv_catalog_release(catalog, volume);
     sp_fail(err, SP_ERR_NOT_FOUND, NULL, "the volume was unloaded, and another has its name now");
@@ -251,20 +313,34 @@ static void finish_job(struct drawing *d) {
            (unsigned long long)bytes);
 }
 
-/* The oldest that can go on; NULL = none. With the mutex held. */
+static bool is_over(const struct srv_path_job *job) {
+    return job->state == SRV_JOB_DONE || job->state == SRV_JOB_FAILED;
+}
+
+/* Of those that can go on the oldest of the owner whose turn it is; NULL = none. With the mutex
+ * held. */
 static struct srv_path_job *next_job(struct srv_jobs *jobs) {
-    struct srv_path_job *job = jobs->list;
-    while (job && (job->is_blocked || job->state == SRV_JOB_DONE || job->state == SRV_JOB_FAILED))
-        job = job->next;
-    return job;
+    struct srv_path_job *next = NULL;
+    uint64_t first = UINT64_MAX;
+    for (struct srv_path_job *job = jobs->list; job; job = job->next) {
+        if (job->is_blocked || is_over(job))
+            continue;
+        if (job->by->turn < first) {
+            first = job->by->turn;
+            next = job;
+        }
+    }
+    return next;
 }
 
 /* Removes the files of removed jobs. With the mutex held, which is let go meanwhile. */
-static void clear_gone(struct srv_jobs *jobs) {
+static void clear_gone(struct drawing *d) {
+    struct srv_jobs *jobs = d->jobs;
     while (jobs->gone) {
         struct srv_path_job *job = jobs->gone;
         jobs->gone = job->next;
         pthread_mutex_unlock(&jobs->mutex);
+        forget_video(d, job->id);
         srv_folder_remove(&jobs->folder, job->id);
         pthread_mutex_lock(&jobs->mutex);
         jobs->bytes -= job->bytes;
@@ -282,6 +358,7 @@ static void step(struct drawing *d, struct srv_path_job *job) {
         d->job = job;
         job->refs++;
     }
+    job->by->turn = ++jobs->turn;
     pthread_mutex_unlock(&jobs->mutex);
     if (!d->path && !(d->path = srv_jobs_read_record(jobs, job->id, NULL, &err))) {
         if (!atomic_load(&job->is_removed)) /* else its record has gone, too */
@@ -292,6 +369,8 @@ static void step(struct drawing *d, struct srv_path_job *job) {
         finish_job(d);
     }
     pthread_mutex_lock(&jobs->mutex);
+    if (job->is_blocked || is_over(job))
+        forget_video(d, job->id);
 }
 
 static void be_nice(void) {
@@ -309,16 +388,18 @@ void *srv_jobs_main(void *user) {
     d.encoder = jobs->encoder;
     pthread_mutex_lock(&jobs->mutex);
     while (!atomic_load(&jobs->stop)) {
-        clear_gone(jobs);
+        clear_gone(&d);
         struct srv_path_job *job = next_job(jobs);
         if (job)
             step(&d, job);
         else if (!jobs->gone && !atomic_load(&jobs->stop))
             pthread_cond_wait(&jobs->wake, &jobs->mutex);
-        if (!next_job(jobs) || next_job(jobs) != d.job)
+        if (d.job && next_job(jobs) != d.job)
             leave_job(&d);
     }
     leave_job(&d);
     pthread_mutex_unlock(&jobs->mutex);
+    while (d.videos)
+        drop_video(&d.videos);
     return NULL;
 }

@@ -12,8 +12,10 @@
 #include "protocol/view.h"
 #include "secret.h"
 #include "sp/log.h"
+#include "tokens.h"
 
-/* Records: {"view", "defaults", "keyframes", "frames", "fps", "format", "quality", "failed"?}. */
+/* Records: {"owner", "view", "defaults", "keyframes", "frames", "fps", "format", "quality",
+ * "failed"?}. */
 
 /* A whole view. It needs no volume: all fields are there. */
 static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_error *err) {
@@ -51,12 +53,13 @@ struct srv_path *srv_jobs_read_record(struct srv_jobs *jobs, const char *id, pro
 }
 
 static bool put_record(struct srv_jobs *jobs, const char *id, const struct srv_path *path,
-                       const proto_json *body, const struct sp_view *defaults,
+                       const proto_json *body, const struct sp_view *defaults, const char *owner,
                        struct sp_error *err) {
     const struct srv_path_output *output = srv_path_output(path);
     proto_json *record = proto_json_object();
     proto_json *keys = (proto_json *)(uintptr_t)proto_json_get(body, "keyframes");
-    bool ok = proto_json_set(record, "view", proto_view_encode(srv_path_key(path, 0)));
+    bool ok = proto_json_set_string(record, "owner", owner);
+    ok = proto_json_set(record, "view", proto_view_encode(srv_path_key(path, 0))) && ok;
     ok = proto_json_set(record, "defaults", proto_view_encode(defaults)) && ok;
     ok = proto_json_set(record, "keyframes", proto_json_ref(keys)) && ok;
     ok = proto_json_set_integer(record, "frames", output->frames) && ok;
@@ -79,7 +82,8 @@ void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, cha
 
 /* Jobs. */
 
-static struct srv_path_job *make_job(const char *id, const struct srv_path *path) {
+static struct srv_path_job *make_job(const char *id, const char *owner,
+                                     const struct srv_path *path) {
     struct srv_path_job *job = calloc(1, sizeof *job);
     const struct sp_view *view = srv_path_key(path, 0);
     if (!job)
@@ -90,6 +94,7 @@ static struct srv_path_job *make_job(const char *id, const struct srv_path *path
     memcpy(job->size, view->size, sizeof job->size);
     memcpy(job->volume, view->volume, sizeof job->volume);
     snprintf(job->id, sizeof job->id, "%s", id);
+    snprintf(job->owner, sizeof job->owner, "%s", owner);
     return job;
 }
 
@@ -103,21 +108,35 @@ const char *srv_job_state_name(const struct srv_path_job *job) {
     return names[job->state];
 }
 
-proto_json *srv_job_json(const struct srv_path_job *job) {
+void srv_job_note(const struct srv_path_job *job, struct srv_job_note *note) {
+    *note = (struct srv_job_note){ .state = srv_job_state_name(job),
+                                   .size = { job->size[0], job->size[1] },
+                                   .output = job->output,
+                                   .done = job->done,
+                                   .bytes = job->bytes };
+    memcpy(note->id, job->id, sizeof note->id);
+    memcpy(note->owner, job->owner, sizeof note->owner);
+    memcpy(note->reason, job->reason, sizeof note->reason);
+    memcpy(note->volume, job->volume, sizeof note->volume);
+}
+
+proto_json *srv_job_note_encode(const struct srv_job_note *note) {
     proto_json *json = proto_json_object(), *size = proto_json_array();
-    bool ok = proto_json_set_string(json, "id", job->id);
-    ok = proto_json_set_string(json, "state", srv_job_state_name(job)) && ok;
-    if (job->reason[0])
-        ok = proto_json_set_string(json, "reason", job->reason) && ok;
-    ok = proto_json_set_string(json, "volume", job->volume) && ok;
-    ok = proto_json_append_integer(size, job->size[0]) &&
-         proto_json_append_integer(size, job->size[1]) && ok;
+    bool ok = proto_json_set_string(json, "id", note->id);
+    if (note->owner[0])
+        ok = proto_json_set_string(json, "owner", note->owner) && ok;
+    ok = proto_json_set_string(json, "state", note->state) && ok;
+    if (note->reason[0])
+        ok = proto_json_set_string(json, "reason", note->reason) && ok;
+    ok = proto_json_set_string(json, "volume", note->volume) && ok;
+    ok = proto_json_append_integer(size, note->size[0]) &&
+         proto_json_append_integer(size, note->size[1]) && ok;
     ok = proto_json_set(json, "size", size) && ok;
-    ok = proto_json_set_string(json, "format", srv_path_format(&job->output)) && ok;
-    ok = proto_json_set_number(json, "fps", job->output.fps) && ok;
-    ok = proto_json_set_integer(json, "frames", job->output.frames) && ok;
-    ok = proto_json_set_integer(json, "done", job->done) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)job->bytes) && ok;
+    ok = proto_json_set_string(json, "format", srv_path_format(&note->output)) && ok;
+    ok = proto_json_set_number(json, "fps", note->output.fps) && ok;
+    ok = proto_json_set_integer(json, "frames", note->output.frames) && ok;
+    ok = proto_json_set_integer(json, "done", note->done) && ok;
+    ok = proto_json_set_integer(json, "bytes", (int64_t)note->bytes) && ok;
     if (!ok)
         proto_json_free(&json);
     return json;
@@ -130,12 +149,42 @@ static struct srv_path_job **find(struct srv_jobs *jobs, const char *id) {
     return at;
 }
 
+static struct srv_path_owner **find_owner(struct srv_jobs *jobs, const char *name) {
+    struct srv_path_owner **at = &jobs->owners;
+    while (*at && strcmp((*at)->name, name) != 0)
+        at = &(*at)->next;
+    return at;
+}
+
+/* Counts one more path of this owner, who may be new: behind all others, so that nobody is first
+ * again by coming again. */
+static bool count_in(struct srv_jobs *jobs, const char *name, struct sp_error *err) {
+    struct srv_path_owner **at = find_owner(jobs, name);
+    if (!*at && !(*at = calloc(1, sizeof **at)))
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    if ((*at)->count++ == 0) {
+        snprintf((*at)->name, sizeof(*at)->name, "%s", name);
+        (*at)->turn = ++jobs->turn;
+    }
+    jobs->count++;
+    return true;
+}
+
+static void count_out(struct srv_jobs *jobs, const char *name) {
+    struct srv_path_owner **at = find_owner(jobs, name), *owner = *at;
+    jobs->count--;
+    if (--owner->count == 0) {
+        *at = owner->next;
+        free(owner);
+    }
+}
+
 static void append(struct srv_jobs *jobs, struct srv_path_job *job) {
     struct srv_path_job **at = &jobs->list;
     while (*at)
         at = &(*at)->next;
     *at = job;
-    jobs->count++;
+    job->by = *find_owner(jobs, job->owner);
     jobs->bytes += job->bytes;
 }
 
@@ -162,9 +211,13 @@ static void look_at_files(struct srv_jobs *jobs, struct srv_path_job *job) {
 static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
     proto_json *record = NULL;
     struct srv_path *path = srv_jobs_read_record(jobs, id, &record, err);
-    struct srv_path_job *job = path ? make_job(id, path) : NULL;
+    const char *owner = proto_json_string(proto_json_get(record, "owner"));
+    struct srv_path_job *job = path ? make_job(id, owner ? owner : "", path) : NULL;
     const char *failed = proto_json_string(proto_json_get(record, "failed"));
-    if (job) {
+    if (job && !count_in(jobs, job->owner, err)) {
+        srv_job_unref(job);
+        job = NULL;
+    } else if (job) {
         look_at_files(jobs, job);
         if (failed && job->state != SRV_JOB_DONE) {
             job->state = SRV_JOB_FAILED;
@@ -250,6 +303,11 @@ void srv_jobs_destroy(struct srv_jobs **pointer) {
         pthread_join(jobs->thread, NULL);
     drop(jobs, jobs->list);
     drop(jobs, jobs->gone);
+    while (jobs->owners) {
+        struct srv_path_owner *owner = jobs->owners;
+        jobs->owners = owner->next;
+        free(owner);
+    }
     srv_folder_close(&jobs->folder);
     sp_encoder_destroy(&jobs->encoder);
     pthread_cond_destroy(&jobs->wake);
@@ -306,47 +364,72 @@ static bool check_support(struct srv_jobs *jobs, const struct srv_path *path,
     return true;
 }
 
-static bool check_room(struct srv_jobs *jobs, bool *is_full, struct sp_error *err) {
-    pthread_mutex_lock(&jobs->mutex);
-    unsigned count = jobs->count;
-    uint64_t bytes = jobs->bytes;
-    pthread_mutex_unlock(&jobs->mutex);
-    if (count >= jobs->options.jobs_max)
+/* With the mutex held. */
+static bool has_room(struct srv_jobs *jobs, const char *name, unsigned quota, bool *is_full,
+                     struct sp_error *err) {
+    const struct srv_path_owner *owner = *find_owner(jobs, name);
+    if (quota && owner && owner->count >= quota)
+        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+                       "%s has %u paths, and its token allows %u; delete those that are done", name,
+                       owner->count, quota);
+    if (jobs->count >= jobs->options.jobs_max)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "there are %u paths and --paths allows %u; delete those that are done",
-                       count, jobs->options.jobs_max);
-    *is_full = bytes >= jobs->options.bytes_max;
+                       jobs->count, jobs->options.jobs_max);
+    *is_full = jobs->bytes >= jobs->options.bytes_max;
     return !*is_full ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
                    "the frames of all paths have %llu bytes and --path-bytes allows "
                    "%llu; delete those that are done",
-                   (unsigned long long)bytes, (unsigned long long)jobs->options.bytes_max);
+                   (unsigned long long)jobs->bytes, (unsigned long long)jobs->options.bytes_max);
+}
+
+/* Keeps the job and its record. Room for it was taken. */
+static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
+                            const struct srv_path *path, const proto_json *body,
+                            const struct sp_view *defaults, struct sp_error *err) {
+    struct srv_job_note note;
+    srv_job_note(job, &note);
+    proto_json *json = srv_job_note_encode(&note);
+    bool ok = json || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    ok = ok && put_record(jobs, job->id, path, body, defaults, job->owner, err);
+    pthread_mutex_lock(&jobs->mutex);
+    if (ok)
+        append(jobs, job);
+    else
+        count_out(jobs, job->owner);
+    pthread_cond_broadcast(&jobs->wake);
+    pthread_mutex_unlock(&jobs->mutex);
+    if (!ok) {
+        free(job);
+        proto_json_free(&json);
+    }
+    return json;
 }
 
 proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
-                         const struct sp_view *defaults, char id[SRV_JOB_ID_BYTES], bool *is_full,
-                         struct sp_error *err) {
+                         const struct sp_view *defaults, const char *owner, unsigned quota,
+                         char id[SRV_JOB_ID_BYTES], bool *is_full, struct sp_error *err) {
     struct srv_path_job *job = NULL;
     proto_json *json = NULL;
     *is_full = false;
     struct srv_path *path = only_known(body, err)
                                 ? srv_path_read(body, view, defaults, jobs->options.frames_max, err)
                                 : NULL;
-    bool ok = path && check_support(jobs, path, err) && check_room(jobs, is_full, err) &&
-              srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
-    if (ok && (!(job = make_job(id, path)) || !(json = srv_job_json(job))))
+    bool ok =
+        path && check_support(jobs, path, err) && srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
+    if (ok && !(job = make_job(id, owner, path)))
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
-    ok = ok && put_record(jobs, id, path, body, defaults, err);
-    srv_path_free(&path);
-    if (!ok) {
-        free(job);
-        proto_json_free(&json);
-        return NULL;
+    if (ok) {
+        pthread_mutex_lock(&jobs->mutex);
+        ok = has_room(jobs, owner, quota, is_full, err) && count_in(jobs, owner, err);
+        pthread_mutex_unlock(&jobs->mutex);
     }
-    pthread_mutex_lock(&jobs->mutex);
-    append(jobs, job);
-    pthread_cond_broadcast(&jobs->wake);
-    pthread_mutex_unlock(&jobs->mutex);
+    if (ok)
+        json = keep_job(jobs, job, path, body, defaults, err);
+    else
+        free(job);
+    srv_path_free(&path);
     return json;
 }
 
@@ -355,10 +438,13 @@ static bool missing(const char *id, struct sp_error *err) {
 }
 
 proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    struct srv_job_note note;
     pthread_mutex_lock(&jobs->mutex);
     struct srv_path_job *job = *find(jobs, id);
-    proto_json *json = job ? srv_job_json(job) : NULL;
+    if (job)
+        srv_job_note(job, &note);
     pthread_mutex_unlock(&jobs->mutex);
+    proto_json *json = job ? srv_job_note_encode(&note) : NULL;
     if (!job)
         missing(id, err);
     else if (!json)
@@ -366,17 +452,15 @@ proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error 
     return json;
 }
 
-proto_json *srv_jobs_list(struct srv_jobs *jobs) {
-    proto_json *json = proto_json_object(), *list = proto_json_array();
-    bool ok = true;
+void srv_jobs_list(struct srv_jobs *jobs, const char *owner, struct srv_page *page) {
     pthread_mutex_lock(&jobs->mutex);
-    for (struct srv_path_job *job = jobs->list; ok && job; job = job->next)
-        ok = proto_json_append(list, srv_job_json(job));
+    for (struct srv_path_job *job = jobs->list; job; job = job->next) {
+        bool is_shown = !owner || strcmp(job->owner, owner) == 0;
+        struct srv_job_note *note = is_shown ? srv_page_slot(page, job->id) : NULL;
+        if (note)
+            srv_job_note(job, note);
+    }
     pthread_mutex_unlock(&jobs->mutex);
-    ok = proto_json_set(json, "paths", list) && ok;
-    if (!ok)
-        proto_json_free(&json);
-    return json;
 }
 
 bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
@@ -386,7 +470,7 @@ bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
         *at = job->next;
         job->next = jobs->gone;
         jobs->gone = job;
-        jobs->count--;
+        count_out(jobs, job->owner);
         atomic_store(&job->is_removed, true);
         srv_jobs_tell(jobs, job);
         pthread_cond_broadcast(&jobs->wake);

@@ -2,10 +2,12 @@
  *
  * Camera paths that are drawn: jobs.
  *
- *   POST ─► record in the store ─► waiting ─► running ─► done      a frame after the other, oldest
- *                                     ▲          │                 job first, in the scheduler's
- *                                     └──────────┴──► failed       lowest class: one thread, which
- *                                  its volume loads                encodes and writes, too
+ *   POST ─► record in the store ─► waiting ─► running ─► done      a frame after the other, in the
+ *                                     ▲          │                 scheduler's lowest class: one
+ *                                     └──────────┴──► failed       thread, which encodes and
+ *                                  its volume loads                writes, too
+ *
+ * Those who made jobs have a frame each in turn, of the oldest of their jobs that can go on.
  *
  * What is known of a job's progress are its files (folder.h): after a restart of the daemon it goes
  * on behind the last frame that is there. Its record, kept by the store, holds what to draw, and
@@ -18,10 +20,13 @@
 #define SRV_JOBS_JOBS_H
 
 #include "jobs/archive.h"
+#include "jobs/path.h"
+#include "page.h"
 #include "protocol/json.h"
 #include "render/catalog.h"
 #include "render/scheduler.h"
 #include "store/store.h"
+#include "token_file.h"
 
 struct srv_jobs;
 
@@ -35,6 +40,7 @@ struct srv_jobs_options {
     unsigned jobs_max;   /* that are not removed */
     uint32_t frames_max; /* of a job */
     uint64_t bytes_max;  /* of all files of all jobs */
+    uint64_t video_px;   /* of the encoders of all movies, of one movie */
 };
 
 /* Takes up the jobs of an earlier run. SP_ERR_IO (folder), SP_ERR_MEMORY. */
@@ -49,14 +55,29 @@ void srv_jobs_destroy(struct srv_jobs **jobs);
 void srv_jobs_wake(struct srv_jobs *jobs);
 
 /* Keeps a job for `body`, the document of POST /paths, whose "view" was resolved to *view with
- * *defaults behind it. NULL with *err set: SP_ERR_INVALID with a pointer into the body,
- * SP_ERR_UNSUPPORTED, SP_ERR_MEMORY, SP_ERR_BUDGET (too many jobs), or, with *is_full, the bytes of
+ * *defaults behind it. `owner` is a token's name, `quota` the paths that it may have, 0 = any. NULL
+ * with *err set: SP_ERR_INVALID with a pointer into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY,
+ * SP_ERR_BUDGET (too many jobs; at SRV_PLACE_QUOTA, of this owner), or, with *is_full, the bytes of
  * all frames. Answers are JSON as of GET /paths/{id}. */
 proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
-                         const struct sp_view *defaults, char id[SRV_JOB_ID_BYTES], bool *is_full,
-                         struct sp_error *err);
+                         const struct sp_view *defaults, const char *owner, unsigned quota,
+                         char id[SRV_JOB_ID_BYTES], bool *is_full, struct sp_error *err);
 proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error *err);
-proto_json *srv_jobs_list(struct srv_jobs *jobs); /* {"paths": […]}, oldest first */
+
+struct srv_job_note { /* what is told of a job */
+    char id[SRV_JOB_ID_BYTES];
+    char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that made it; empty = not known */
+    const char *state;                /* constant */
+    char reason[SP_ERROR_TEXT];       /* empty = none */
+    char volume[SP_NAME_BYTES];
+    uint32_t size[2];
+    struct srv_path_output output;
+    uint32_t done;
+    uint64_t bytes;
+};
+/* Notes of all jobs, or of one owner's, into the page. */
+void srv_jobs_list(struct srv_jobs *jobs, const char *owner, struct srv_page *page);
+proto_json *srv_job_note_encode(const struct srv_job_note *note); /* NULL when out of memory */
 /* Gives up what is drawn of it and removes all of it. False: there is none. */
 bool srv_jobs_remove(struct srv_jobs *jobs, const char *id);
 

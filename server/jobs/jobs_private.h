@@ -16,18 +16,28 @@
 
 enum srv_job_state { SRV_JOB_WAITING, SRV_JOB_RUNNING, SRV_JOB_DONE, SRV_JOB_FAILED };
 
+struct srv_path_owner { /* a token's name, while there are paths of it */
+    struct srv_path_owner *next;
+    char name[SRV_TOKEN_NAME_BYTES]; /* empty = nobody's */
+    unsigned count;                  /* of paths, and of those that are being made */
+    uint64_t turn;                   /* of its last frame; the least goes first */
+};
+
 struct srv_path_job {
     struct srv_path_job *next;
-    char id[SRV_JOB_ID_BYTES];     /* constant, as are the next three */
+    char id[SRV_JOB_ID_BYTES]; /* constant, as are the next four */
+    char owner[SRV_TOKEN_NAME_BYTES];
     struct srv_path_output output; /* what it makes */
     uint32_t size[2];              /* px */
     char volume[SP_NAME_BYTES];
-    unsigned refs; /* the list, the thread, watches */
+    struct srv_path_owner *by; /* while it is in the list */
+    unsigned refs;             /* the list, the thread, watches */
     enum srv_job_state state;
     char reason[SP_ERROR_TEXT]; /* why it failed, or what it waits for */
     uint32_t done;              /* frames that are on the disk */
     uint64_t bytes;             /* of its files */
     bool is_blocked;            /* until some volume's state changes */
+    uint64_t identity;          /* the thread's: of the volume that its frames show; 0 = not seen */
     atomic_bool is_removed;
 };
 
@@ -48,7 +58,9 @@ struct srv_jobs {
     pthread_cond_t wake;       /* the thread: something to do, an answer, stop */
     struct srv_path_job *list; /* oldest first */
     struct srv_path_job *gone; /* to be removed from the disk */
-    unsigned count;
+    struct srv_path_owner *owners;
+    uint64_t turn;          /* rises with each that is given */
+    unsigned count;         /* of paths, and of those that are being made */
     uint64_t bytes, frames; /* bytes: of all files; frames: drawn by this run */
     uint64_t generation;    /* of the volumes' states */
     struct srv_watch *watches;
@@ -62,8 +74,7 @@ struct srv_jobs {
 void srv_jobs_tell(struct srv_jobs *jobs, const struct srv_path_job *job);
 void srv_job_unref(struct srv_path_job *job);
 const char *srv_job_state_name(const struct srv_path_job *job);
-/* As of GET; NULL when out of memory. */
-proto_json *srv_job_json(const struct srv_path_job *job);
+void srv_job_note(const struct srv_path_job *job, struct srv_job_note *note);
 
 /* The path of a record; *json, if not NULL, gets the record, the caller's. No lock. */
 struct srv_path *srv_jobs_read_record(struct srv_jobs *jobs, const char *id, proto_json **json,

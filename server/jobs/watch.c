@@ -108,7 +108,9 @@ void srv_watch_end(struct srv_watch **pointer) {
 
 /* With the mutex held. */
 static char *event_text(const struct srv_path_job *job, const char *id, size_t *size) {
-    proto_json *json = srv_job_json(job);
+    struct srv_job_note note;
+    srv_job_note(job, &note);
+    proto_json *json = srv_job_note_encode(&note);
     char *data = proto_json_to_text(json, NULL), *text = NULL;
     const char *name = atomic_load(&job->is_removed) ? "removed"
                        : is_over(job)                ? srv_job_state_name(job)

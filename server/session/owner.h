@@ -15,7 +15,7 @@
 
 struct srv_owner {
     char name[SRV_TOKEN_NAME_BYTES]; /* of the token; empty = nobody's */
-    struct srv_quota quota;          /* stills is of no use here */
+    struct srv_quota quota;          /* stills and paths are of no use here */
 };
 
 /* No picture is larger than it allows? SP_ERR_INVALID at "/size". */

@@ -121,6 +121,79 @@ test('everything needs the token', async () => {
     assert.equal((await daemon.fetch(API + target, { method, token: null })).status, 401, `${method} ${target}`);
 });
 
+const TOKENS = { admin: 'token-of-admin-0123456789', bob: 'token-of-bob-0123456789', eve: 'token-of-eve-0123456789' };
+
+/** A daemon for several: {own, as(name) = the daemon with that one's token}. */
+async function shared(args = []) {
+  const file = path.join(newFolder(), 'tokens');
+  fs.writeFileSync(file, `${TOKENS.admin} name=root\n${TOKENS.bob} role=render name=bob paths=2\n${TOKENS.eve} role=render name=eve\n`);
+  const own = await Daemon.start([...VOLUME, '--token-file', file, ...args], { backend: 'cpu' });
+  const as = (name) => Object.assign(Object.create(own), { token: TOKENS[name] });
+  own.token = TOKENS.admin;
+  await own.loaded('engine');
+  return { own, as };
+}
+const ENDLESS = { size: [400, 400], frames: 9999 };
+
+test('each token has its frames in turn, its quota, and sees its own paths', async () => {
+  const { own, as } = await shared();
+  const [bob, eve] = [as('bob'), as('eve')];
+  const first = await make(pathOf(ENDLESS), bob);
+  const second = await make(pathOf(ENDLESS), bob);
+  await event(first, ({ data }) => data.done >= 1, { of: bob });
+  const third = await bob.post(API, pathOf());
+  assert.equal(third.status, 429);
+  assert.ok(third.headers.get('retry-after'));
+  assert.match(third.json.detail, /bob has 2 paths, and its token allows 2/);
+  const quick = await make(pathOf(), eve);
+  assert.equal((await end(quick, { of: eve })).event, 'done', 'it does not wait for all of bob\'s frames');
+  const state = async (id) => (await own.json(`${API}/${id}`)).json;
+  assert.equal((await state(first)).state, 'running');
+  assert.deepEqual([(await state(second)).state, (await state(second)).done], ['waiting', 0], 'bob\'s oldest goes first');
+  assert.equal((await state(first)).owner, 'bob');
+  const list = async (of, query = '') => (await of.json(API + query)).json;
+  const ids = async (of) => (await list(of)).paths.map(({ id, owner }) => `${owner} ${id}`);
+  assert.deepEqual(await ids(bob), [first, second].sort().map((id) => `bob ${id}`));
+  assert.deepEqual(await ids(eve), [`eve ${quick}`]);
+  assert.deepEqual((await ids(own)).sort(), [`bob ${first}`, `bob ${second}`, `eve ${quick}`].sort());
+  const page = await list(own, '?limit=2');
+  assert.equal(page.paths.length, 2);
+  const rest = await list(own, `?limit=2&after=${page.next}`);
+  assert.deepEqual([...page.paths, ...rest.paths].map(({ id }) => id), [first, second, quick].sort());
+  assert.equal(rest.next, undefined);
+  assert.equal((await bob.fetch(`${API}/${second}`, { method: 'DELETE' })).status, 204);
+  assert.equal((await bob.post(API, pathOf())).status, 202, 'there is room again');
+  assert.equal(await own.stop(), 0);
+});
+
+test('a movie that is drawn in turns is the one that is drawn at a stretch', async () => {
+  const { own, as } = await shared();
+  const other = await make(pathOf(ENDLESS), as('bob'));
+  const body = pathOf({ format: 'webm', frames: 20, size: [64, 48] });
+  const movie = async (id) => bytes(await own.fetch(`${API}/${id}/movie`));
+  const inTurns = await make(body, as('eve'));
+  assert.equal((await end(inTurns, { of: own })).event, 'done');
+  assert.ok((await own.json(`${API}/${other}`)).json.done >= 19, 'a frame of the other between two of it');
+  await own.fetch(`${API}/${other}`, { method: 'DELETE' });
+  const alone = await make(body, as('eve'));
+  assert.equal((await end(alone, { of: own })).event, 'done');
+  assert.equal((await movie(inTurns)).length, (await movie(alone)).length);
+  assert.equal(await own.stop(), 0);
+});
+
+test('who made a path is known after a restart', async () => {
+  const folder = newFolder();
+  const one = await shared(['--state', folder]);
+  const id = await make(pathOf(ENDLESS), one.as('bob'));
+  assert.equal(await one.own.stop(), 0);
+  const two = await shared(['--state', folder]);
+  assert.deepEqual((await two.as('bob').json(API)).json.paths.map((p) => [p.id, p.owner]), [[id, 'bob']]);
+  assert.deepEqual((await two.as('eve').json(API)).json.paths, []);
+  await make(pathOf(), two.as('bob'));
+  assert.equal((await two.as('bob').post(API, pathOf())).status, 429);
+  assert.equal(await two.own.stop(), 0);
+});
+
 test('what is wrong is told with its place', async () => {
   for (const [more, pointer] of [
     [{ frames: 0 }, '/frames'], [{ frames: 1e6 }, '/frames'], [{ fps: 0 }, '/fps'], [{ format: 'mp4' }, '/format'], [{ size: [0, 1] }, '/size/0'],

@@ -49,7 +49,8 @@ static void lines_have_roles_and_quotas(void **state) {
     struct srv_token *list;
     struct sp_error err;
     size_t count;
-    assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 fps=24 frame-size=1024x512\n"
+    assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 paths=5 "
+                        "fps=24 frame-size=1024x512\n"
                         "# the next has no name\n" B " role=metrics\n"
                         "0123456789abcdef-view role=view\n0123456789abcdef-render role=render",
                       &list, &count, &err));
@@ -58,6 +59,7 @@ static void lines_have_roles_and_quotas(void **state) {
     assert_int_equal(list[0].rights, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL);
     assert_int_equal(list[0].quota.sessions, 3);
     assert_int_equal(list[0].quota.stills, 2);
+    assert_int_equal(list[0].quota.paths, 5);
     assert_int_equal(list[0].quota.fps, 24);
     assert_int_equal(list[0].quota.frame_px, 1024 * 512);
     assert_string_equal(list[1].name, "token-3");
@@ -84,6 +86,8 @@ static void wrong_lines_are_named(void **state) {
         A " name=a,b\n",
         A " name=123456789012345678901234567890123\n",
         A " sessions=0\n",
+        A " paths=10001\n",
+        A " paths=1 paths=1\n",
         A " sessions=-1\n",
         A " sessions=100001\n",
         A " sessions=1 sessions=2\n",
