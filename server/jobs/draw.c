@@ -3,18 +3,22 @@
  * The thread of the jobs: a frame after the other, from the view to the file.
  */
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "clock.h"
 #include "jobs/jobs_private.h"
 #include "jobs/movie.h"
 #include "render/video.h"
 #include "sp/log.h"
 
 enum { DRAW_NICE = 10, VIDEO_THREADS = 1 };
+#define PAUSE_MS 1000.0 /* before what failed is tried again: twice as long each time */
+#define PAUSE_MAX_MS 60000.0
 #define KEY_SECONDS 2.0 /* between key frames, to which players seek */
 
 struct encoder { /* of a movie, between its frames, too */
@@ -107,7 +111,7 @@ static void set_state(struct srv_jobs *jobs, struct srv_path_job *job, enum srv_
         srv_jobs_tell(jobs, job);
 }
 
-/* Keeps in the record that the job failed. Without the mutex. */
+/* Keeps in the record that the job failed. Without the mutex, with that of records. */
 static void record_failure(struct srv_jobs *jobs, const char *id, const char *reason) {
     struct sp_error err;
     size_t size = 0;
@@ -127,11 +131,63 @@ static void fail_job(struct drawing *d, const struct sp_error *err) {
     snprintf(reason, sizeof reason, "frame %u: %.48s%s%.280s", d->job->done, err->place,
              err->place[0] ? ": " : "", err->text);
     sp_log(SP_LOG_ERROR, "path %s failed at %s", d->job->id, reason);
-    if (!atomic_load(&d->job->is_removed))
+    pthread_mutex_lock(&jobs->records);
+    if (!atomic_load(&d->job->is_removed)) /* else its record goes, or went */
         record_failure(jobs, d->job->id, reason);
+    pthread_mutex_unlock(&jobs->records);
     pthread_mutex_lock(&jobs->mutex);
     set_state(jobs, d->job, SRV_JOB_FAILED, reason);
     pthread_mutex_unlock(&jobs->mutex);
+}
+
+/* Can it be otherwise another time: a full disk, memory, what others take up? */
+static bool passes(enum sp_code code) {
+    switch (code) {
+    case SP_ERR_IO:
+    case SP_ERR_MEMORY:
+    case SP_ERR_BUDGET:
+    case SP_ERR_TIMEOUT:
+    case SP_ERR_BACKEND:
+    case SP_ERR_CRASHED:
+        return true;
+    case SP_OK:
+    case SP_ERR_INVALID:
+    case SP_ERR_UNSUPPORTED:
+    case SP_ERR_NOT_FOUND:
+    case SP_ERR_FORMAT:
+    case SP_ERR_DENIED:
+    case SP_ERR_CANCELLED:
+        break;
+    }
+    return false;
+}
+
+/* Waits until what it waits for has changed since `generation`, or until_ms. */
+static void block(struct drawing *d, uint64_t generation, double until_ms, const char *reason) {
+    struct srv_jobs *jobs = d->jobs;
+    forget_video(d, d->job->id); /* it may have seen a frame that is not on the disk */
+    pthread_mutex_lock(&jobs->mutex);
+    d->job->blocked_ms = jobs->generation == generation ? until_ms : 0;
+    set_state(jobs, d->job, SRV_JOB_WAITING, reason);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+/* The job cannot go on: what passes is waited for, longer and longer. */
+static void stop_job(struct drawing *d, uint64_t generation, const struct sp_error *err) {
+    struct srv_path_job *job = d->job;
+    char reason[SP_ERROR_TEXT];
+    if (err->code == SP_ERR_CANCELLED) /* it was removed, or the daemon stops */
+        return;
+    if (!passes(err->code)) {
+        fail_job(d, err);
+        return;
+    }
+    snprintf(reason, sizeof reason, "%.100s%s%.280s", err->place, err->place[0] ? ": " : "",
+             err->text);
+    if (job->pause_ms == 0)
+        sp_log(SP_LOG_WARN, "path %s waits at frame %u: %s", job->id, job->done, reason);
+    job->pause_ms = fmin(fmax(2 * job->pause_ms, PAUSE_MS), PAUSE_MAX_MS);
+    block(d, generation, srv_clock_ms() + job->pause_ms, reason);
 }
 
 /* The frame, by the scheduler. */
@@ -188,6 +244,20 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
     return answer.frame;
 }
 
+/* For the frame that there was no room for, or any. */
+static bool has_room(struct drawing *d, struct sp_error *err) {
+    uint64_t max = d->jobs->options.bytes_max, wants = d->job->wants;
+    pthread_mutex_lock(&d->jobs->mutex);
+    uint64_t used = d->jobs->bytes;
+    pthread_mutex_unlock(&d->jobs->mutex);
+    return used + wants <= max ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "the frames of all paths have %llu bytes, frame %u has %llu, and --path-bytes "
+                   "allows %llu",
+                   (unsigned long long)used, d->job->done, (unsigned long long)wants,
+                   (unsigned long long)max);
+}
+
 /* Writes the frame's file; *bytes is its size. */
 static bool write_frame(struct drawing *d, const struct sp_frame *frame, uint64_t *bytes,
                         struct sp_error *err) {
@@ -209,27 +279,12 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, uint64_
     if (packet.is_key)
         head = SRV_PACKET_KEY;
     *bytes = packet.size + output->is_movie;
-    pthread_mutex_lock(&d->jobs->mutex);
-    uint64_t used = d->jobs->bytes, max = d->jobs->options.bytes_max;
-    pthread_mutex_unlock(&d->jobs->mutex);
-    if (used + *bytes > max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "the frames of all paths have %llu bytes, this one has %llu, and "
-                       "--path-bytes allows %llu",
-                       (unsigned long long)used, (unsigned long long)*bytes,
-                       (unsigned long long)max);
+    d->job->wants = *bytes;
+    if (!has_room(d, err))
+        return false;
     srv_job_file_name(output, d->job->done, name);
     return srv_folder_write(&d->jobs->folder, d->job->id, name, &head, output->is_movie,
                             output->is_movie ? packet.bytes : image, packet.size, err);
-}
-
-/* The volume may be loading, or have failed to: then it waits for news of volumes. */
-static void wait_for_volume(struct drawing *d, uint64_t generation, const struct sp_error *err) {
-    struct srv_jobs *jobs = d->jobs;
-    pthread_mutex_lock(&jobs->mutex);
-    d->job->is_blocked = jobs->generation == generation;
-    set_state(jobs, d->job, SRV_JOB_WAITING, err->text);
-    pthread_mutex_unlock(&jobs->mutex);
 }
 
 static void count_frame(struct drawing *d, uint64_t bytes) {
@@ -239,6 +294,10 @@ static void count_frame(struct drawing *d, uint64_t bytes) {
     d->job->bytes += bytes;
     jobs->bytes += bytes;
     jobs->frames++;
+    d->job->wants = 0;
+    d->job->pause_ms = 0;
+    d->job->state = SRV_JOB_RUNNING;
+    d->job->reason[0] = 0;
     srv_jobs_tell(jobs, d->job);
     pthread_mutex_unlock(&jobs->mutex);
 }
@@ -263,40 +322,43 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
     struct sp_error err = { .code = SP_OK };
     struct sp_view view;
     uint64_t bytes = 0;
-    struct srv_volume *volume = acquire(d, &err);
-    if (!volume && (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED)) {
-        wait_for_volume(d, generation, &err);
+    struct srv_volume *volume = has_room(d, &err) ? acquire(d, &err) : NULL;
+    if (!volume) {
+        /* A volume that loads, or could not, is waited for until there is news of volumes. */
+        if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED)
+            block(d, generation, INFINITY, err.text);
+        else
+            stop_job(d, generation, &err);
         return;
     }
     pthread_mutex_lock(&d->jobs->mutex);
-    if (volume)
+    if (d->job->pause_ms == 0) /* else it waits until this frame is there */
         set_state(d->jobs, d->job, SRV_JOB_RUNNING, "");
     pthread_mutex_unlock(&d->jobs->mutex);
     struct sp_frame *frame = NULL;
-    if (volume && srv_path_view(d->path, d->job->done, &view, &err))
+    if (srv_path_view(d->path, d->job->done, &view, &err))
         frame = render(d, &view, volume, &err);
-    else if (volume)
+    else
         srv_catalog_release(d->jobs->options.catalog, volume);
     bool ok = frame && write_frame(d, frame, &bytes, &err);
     sp_frame_unref(&frame);
     if (ok)
         count_frame(d, bytes);
-    else if (err.code != SP_ERR_CANCELLED) /* else it was removed, or the daemon stops */
-        fail_job(d, &err);
+    else
+        stop_job(d, generation, &err);
 }
 
 /* All frames are there. */
-static void finish_job(struct drawing *d) {
+static void finish_job(struct drawing *d, uint64_t generation) {
     struct srv_jobs *jobs = d->jobs;
     struct srv_path_job *job = d->job;
     struct sp_error err;
     uint64_t bytes = job->bytes;
     char name[32];
     if (job->output.is_movie) {
-        if (!srv_movie_write(&jobs->folder, job->id, SRV_JOB_MOVIE, &job->output, job->size,
-                             &err) ||
-            !srv_folder_size(&jobs->folder, job->id, SRV_JOB_MOVIE, &bytes)) {
-            fail_job(d, &err);
+        if (!srv_movie_write(&jobs->folder, job->id, SRV_JOB_MOVIE, &job->output, job->size, &bytes,
+                             &err)) {
+            stop_job(d, generation, &err);
             return;
         }
         for (uint32_t i = 0; i < job->output.frames; i++) {
@@ -322,8 +384,9 @@ static bool is_over(const struct srv_path_job *job) {
 static struct srv_path_job *next_job(struct srv_jobs *jobs) {
     struct srv_path_job *next = NULL;
     uint64_t first = UINT64_MAX;
+    double now_ms = srv_clock_ms();
     for (struct srv_path_job *job = jobs->list; job; job = job->next) {
-        if (job->is_blocked || is_over(job))
+        if (job->blocked_ms > now_ms || is_over(job))
             continue;
         if (job->by->turn < first) {
             first = job->by->turn;
@@ -345,7 +408,23 @@ static void clear_gone(struct drawing *d) {
         pthread_mutex_lock(&jobs->mutex);
         jobs->bytes -= job->bytes;
         srv_job_unref(job);
+        srv_jobs_unblock(jobs);
     }
+}
+
+/* Until there is something to do, or a job to be tried again. With the mutex held. */
+static void wait(struct srv_jobs *jobs) {
+    double until_ms = INFINITY;
+    for (const struct srv_path_job *job = jobs->list; job; job = job->next)
+        if (!is_over(job))
+            until_ms = fmin(until_ms, job->blocked_ms);
+    if (isinf(until_ms)) {
+        pthread_cond_wait(&jobs->wake, &jobs->mutex);
+        return;
+    }
+    struct timespec until = { .tv_sec = (time_t)(until_ms / 1e3) };
+    until.tv_nsec = (long)((until_ms - (double)until.tv_sec * 1e3) * 1e6);
+    pthread_cond_timedwait(&jobs->wake, &jobs->mutex, &until);
 }
 
 /* One step of a job. With the mutex held, which is let go meanwhile. */
@@ -362,14 +441,14 @@ static void step(struct drawing *d, struct srv_path_job *job) {
     pthread_mutex_unlock(&jobs->mutex);
     if (!d->path && !(d->path = srv_jobs_read_record(jobs, job->id, NULL, &err))) {
         if (!atomic_load(&job->is_removed)) /* else its record has gone, too */
-            fail_job(d, &err);
+            stop_job(d, generation, &err);
     } else if (job->done < job->output.frames) {
         draw_frame(d, generation);
     } else {
-        finish_job(d);
+        finish_job(d, generation);
     }
     pthread_mutex_lock(&jobs->mutex);
-    if (job->is_blocked || is_over(job))
+    if (is_over(job))
         forget_video(d, job->id);
 }
 
@@ -393,7 +472,7 @@ void *srv_jobs_main(void *user) {
         if (job)
             step(&d, job);
         else if (!jobs->gone && !atomic_load(&jobs->stop))
-            pthread_cond_wait(&jobs->wake, &jobs->mutex);
+            wait(jobs);
         if (d.job && next_job(jobs) != d.job)
             leave_job(&d);
     }

@@ -264,6 +264,7 @@ struct srv_jobs *srv_jobs_create(const struct srv_jobs_options *options, struct 
     }
     jobs->options = *options;
     atomic_init(&jobs->stop, false);
+    pthread_mutex_init(&jobs->records, NULL);
     pthread_mutex_init(&jobs->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
@@ -312,15 +313,20 @@ void srv_jobs_destroy(struct srv_jobs **pointer) {
     sp_encoder_destroy(&jobs->encoder);
     pthread_cond_destroy(&jobs->wake);
     pthread_mutex_destroy(&jobs->mutex);
+    pthread_mutex_destroy(&jobs->records);
     free(jobs);
+}
+
+void srv_jobs_unblock(struct srv_jobs *jobs) {
+    jobs->generation++;
+    for (struct srv_path_job *job = jobs->list; job; job = job->next)
+        job->blocked_ms = 0;
+    pthread_cond_broadcast(&jobs->wake);
 }
 
 void srv_jobs_wake(struct srv_jobs *jobs) {
     pthread_mutex_lock(&jobs->mutex);
-    jobs->generation++;
-    for (struct srv_path_job *job = jobs->list; job; job = job->next)
-        job->is_blocked = false;
-    pthread_cond_broadcast(&jobs->wake);
+    srv_jobs_unblock(jobs);
     pthread_mutex_unlock(&jobs->mutex);
 }
 
@@ -476,8 +482,11 @@ bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
         pthread_cond_broadcast(&jobs->wake);
     }
     pthread_mutex_unlock(&jobs->mutex);
-    if (job)
+    if (job) {
+        pthread_mutex_lock(&jobs->records);
         srv_store_remove(jobs->options.store, SRV_KIND_PATH, id);
+        pthread_mutex_unlock(&jobs->records);
+    }
     return job != NULL;
 }
 

@@ -36,7 +36,9 @@ struct srv_path_job {
     char reason[SP_ERROR_TEXT]; /* why it failed, or what it waits for */
     uint32_t done;              /* frames that are on the disk */
     uint64_t bytes;             /* of its files */
-    bool is_blocked;            /* until some volume's state changes */
+    double blocked_ms;          /* until then, or what it waits for may have changed; 0 = not */
+    double pause_ms;            /* before it is tried again, the last time; 0 = all goes well */
+    uint64_t wants;             /* bytes that its next frame has, if they were too many */
     uint64_t identity;          /* the thread's: of the volume that its frames show; 0 = not seen */
     atomic_bool is_removed;
 };
@@ -54,6 +56,7 @@ struct srv_watch {
 struct srv_jobs {
     struct srv_jobs_options options;
     struct srv_folder folder;
+    pthread_mutex_t records; /* of changes to records; held before the mutex, and with the store */
     pthread_mutex_t mutex;
     pthread_cond_t wake;       /* the thread: something to do, an answer, stop */
     struct srv_path_job *list; /* oldest first */
@@ -62,7 +65,7 @@ struct srv_jobs {
     uint64_t turn;          /* rises with each that is given */
     unsigned count;         /* of paths, and of those that are being made */
     uint64_t bytes, frames; /* bytes: of all files; frames: drawn by this run */
-    uint64_t generation;    /* of the volumes' states */
+    uint64_t generation;    /* of what jobs wait for: the volumes' states, bytes */
     struct srv_watch *watches;
     atomic_bool stop;
     bool is_running;
@@ -70,6 +73,8 @@ struct srv_jobs {
     struct sp_encoder *encoder; /* the thread's */
 };
 
+/* With the mutex held: what jobs wait for may have changed. */
+void srv_jobs_unblock(struct srv_jobs *jobs);
 /* With the mutex held: an event for all who watch the job, and one reference less. */
 void srv_jobs_tell(struct srv_jobs *jobs, const struct srv_path_job *job);
 void srv_job_unref(struct srv_path_job *job);

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "jobs/movie.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -17,6 +19,10 @@ static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err
     uint8_t *bytes = NULL;
     int fd = open(path, O_RDONLY | O_CLOEXEC);
     bool ok = fd >= 0 && fstat(fd, &st) == 0 && st.st_size > 1;
+    if (fd < 0) {
+        sp_fail(err, SP_ERR_IO, path, "cannot be read: %s", strerror(errno));
+        return NULL;
+    }
     if (ok && !(bytes = malloc((size_t)st.st_size))) {
         sp_fail(err, SP_ERR_MEMORY, path, "no memory for a packet");
     } else {
@@ -31,8 +37,7 @@ static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err
             bytes = NULL;
         }
     }
-    if (fd >= 0)
-        close(fd);
+    close(fd);
     return bytes;
 }
 
@@ -57,7 +62,7 @@ static bool add_packets(struct srv_webm *webm, const struct srv_folder *folder, 
 }
 
 bool srv_movie_write(const struct srv_folder *folder, const char *id, const char *name,
-                     const struct srv_path_output *output, const uint32_t size[2],
+                     const struct srv_path_output *output, const uint32_t size[2], uint64_t *bytes,
                      struct sp_error *err) {
     char path[SRV_FILE_BYTES], reason[SRV_WEBM_REASON];
     srv_folder_path(folder, id, PART, path);
@@ -69,5 +74,8 @@ bool srv_movie_write(const struct srv_folder *folder, const char *id, const char
     srv_webm_destroy(&webm);
     if (!ok)
         unlink(path);
-    return ok && srv_folder_take(folder, id, PART, name, err);
+    if (!ok || !srv_folder_take(folder, id, PART, name, err))
+        return false;
+    return srv_folder_size(folder, id, name, bytes) ||
+           sp_fail(err, SP_ERR_IO, NULL, "the movie is not where it was written");
 }

@@ -11,10 +11,10 @@
 /* What a packet's file begins with: one byte. */
 enum { SRV_PACKET_DELTA = 0, SRV_PACKET_KEY = 1 };
 
-/* Writes `name` of all packets, 000000.vp9 and so on. SP_ERR_IO, SP_ERR_MEMORY, SP_ERR_FORMAT (a
- * packet that is none). */
+/* Writes `name` of all packets, 000000.vp9 and so on; *bytes is its size. SP_ERR_IO, SP_ERR_MEMORY,
+ * SP_ERR_FORMAT (a packet that is none). */
 bool srv_movie_write(const struct srv_folder *folder, const char *id, const char *name,
-                     const struct srv_path_output *output, const uint32_t size[2],
+                     const struct srv_path_output *output, const uint32_t size[2], uint64_t *bytes,
                      struct sp_error *err);
 
 #endif

@@ -279,10 +279,10 @@ test('limits: paths, frames and bytes are refused with both numbers', async () =
   await own.loaded('engine');
   assert.equal((await own.post(API, pathOf({ frames: 51 }))).json.pointer, '/frames');
   const id = await make(pathOf({ frames: 50 }), own);
-  const failed = await end(id, { of: own });
-  assert.equal(failed.event, 'failed');
-  assert.match(failed.data.reason, /frame \d+: .*have \d+ bytes.*--path-bytes allows 3072/);
-  assert.ok(failed.data.bytes <= 3072 && failed.data.done > 0);
+  const { data } = await event(id, (e) => e.data.reason, { of: own });
+  assert.equal(data.state, 'waiting');
+  assert.match(data.reason, /have \d+ bytes, frame \d+ has \d+, and --path-bytes allows 3072/);
+  assert.ok(data.bytes <= 3072 && data.done > 0);
   assert.equal((await own.fetch(`${API}/${id}/frames/0`)).status, 200, 'what was drawn stays');
   assert.equal((await own.fetch(`${API}/${id}/archive`)).status, 409);
   const other = await make(pathOf({ frames: 1, keyframes: [{ frame: 0, view: {} }] }), own);
@@ -291,6 +291,40 @@ test('limits: paths, frames and bytes are refused with both numbers', async () =
   assert.match(third.json.detail, /there are 2 paths and --paths allows 2/);
   await own.fetch(`${API}/${other}`, { method: 'DELETE' });
   await own.fetch(`${API}/${id}`, { method: 'DELETE' });
+  assert.equal(await own.stop(), 0);
+});
+
+test('a path that lacks room goes on when others are deleted', async () => {
+  const own = await Daemon.start([...VOLUME, '--path-bytes', '3K'], { backend: 'cpu' });
+  await own.loaded('engine');
+  const small = pathOf({ format: 'webm', size: [64, 48], frames: 9 });
+  const id = await make(pathOf({ frames: 50 }), own);
+  await event(id, (e) => e.data.reason, { of: own });
+  const movies = [await own.post(API, small)].filter(({ status }) => status === 202); // or there is not a byte left
+  for (const { json } of movies) await event(json.id, (e) => e.data.reason || e.data.state === 'done', { of: own });
+  assert.equal((await own.fetch(`${API}/${id}`, { method: 'DELETE' })).status, 204);
+  for (const { json } of movies) assert.equal((await end(json.id, { of: own })).event, 'done');
+  assert.equal(await own.stop(), 0);
+});
+
+test('a disk that takes no frame is waited for', async () => {
+  const folder = newFolder();
+  const own = await Daemon.start([...VOLUME, '--state', folder], { backend: 'cpu' });
+  await own.loaded('engine');
+  const [at, away] = [path.join(folder, 'paths'), path.join(folder, 'away')];
+  fs.renameSync(at, away);
+  fs.writeFileSync(at, '');
+  const id = await make(pathOf(), own);
+  const movie = await make(pathOf({ format: 'webm' }), own);
+  for (const one of [id, movie]) {
+    const { data } = await event(one, (e) => e.data.reason, { of: own });
+    assert.deepEqual([data.state, data.done], ['waiting', 0]);
+    assert.match(data.reason, /Not a directory/);
+  }
+  fs.rmSync(at);
+  fs.renameSync(away, at);
+  for (const one of [id, movie]) assert.equal((await end(one, { of: own })).event, 'done');
+  assert.equal((await own.json(`${API}/${id}`)).json.reason, undefined);
   assert.equal(await own.stop(), 0);
 });
 

@@ -130,10 +130,11 @@ static const struct srv_path_output output = { .frames = FRAMES, .fps = FPS, .is
 static uint8_t *make_movie(size_t *bytes) {
     struct sp_error err = { .code = SP_OK };
     char path[SRV_FILE_BYTES];
-    uint64_t length;
-    if (!srv_movie_write(&folder, "a", "m.webm", &output, size, &err))
+    uint64_t length, told;
+    if (!srv_movie_write(&folder, "a", "m.webm", &output, size, &told, &err))
         fail_msg("%s: %s", err.place, err.text);
     assert_true(srv_folder_size(&folder, "a", "m.webm", &length));
+    assert_int_equal(told, length);
     srv_folder_path(&folder, "a", "m.webm", path);
     FILE *file = fopen(path, "rb");
     uint8_t *movie = malloc(length);
@@ -245,11 +246,11 @@ static void a_packet_that_is_none_is_told(void **state) {
     uint64_t bytes;
     const uint8_t head = 7;
     assert_true(srv_folder_write(&folder, "a", "000003.vp9", &head, 1, "x", 1, &err));
-    assert_false(srv_movie_write(&folder, "a", "n.webm", &output, size, &err));
+    assert_false(srv_movie_write(&folder, "a", "n.webm", &output, size, &bytes, &err));
     assert_int_equal(err.code, SP_ERR_FORMAT);
     assert_non_null(strstr(err.place, "000003.vp9"));
     srv_folder_remove_file(&folder, "a", "000003.vp9");
-    assert_false(srv_movie_write(&folder, "a", "n.webm", &output, size, &err));
+    assert_false(srv_movie_write(&folder, "a", "n.webm", &output, size, &bytes, &err));
     assert_false(srv_folder_size(&folder, "a", "n.webm", &bytes));
     assert_false(srv_folder_size(&folder, "a", "movie.part", &bytes)); /* nothing is left */
 }
