@@ -43,7 +43,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/paths/{}/frames/{}", SRV_RIGHT_RENDER, srv_get_path_frame },
     { SRV_GET, "/api/v1/paths/{}/archive", SRV_RIGHT_RENDER, srv_get_path_archive },
     { SRV_GET, "/api/v1/paths/{}/movie", SRV_RIGHT_RENDER, srv_get_path_movie },
-    { SRV_GET, "/api/v1/sessions", SRV_RIGHT_ADMIN, srv_get_sessions },
+    { SRV_GET, "/api/v1/sessions", SRV_RIGHT_CONTROL, srv_get_sessions },
     { SRV_POST, "/api/v1/sessions", SRV_RIGHT_NONE, srv_post_session },
     { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_NONE, srv_get_session },
     { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, srv_patch_session },

@@ -116,8 +116,8 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     if (view) {
         struct srv_owner of;
         owner_of(request, body, &of);
-        proto_json *json =
-            srv_hub_session_create_owned(request->app->hub, view, &of, srv_clock_ms(), id, &err);
+        proto_json *json = srv_hub_session_create_owned(
+            request->app->hub, view, &of, !request->grant.rights, srv_clock_ms(), id, &err);
         if (json) {
             srv_reply_json(reply, 201, json);
             srv_reply_header(reply, "Location", "sessions/%s", id);
@@ -152,7 +152,8 @@ void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     struct srv_page page;
     if (!srv_listing_begin(request, sizeof(struct srv_session_note), &page, reply))
         return;
-    srv_hub_list(request->app->hub, srv_clock_ms(), &page);
+    bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
+    srv_hub_list(request->app->hub, sees_all ? NULL : request->grant.name, srv_clock_ms(), &page);
     srv_listing_reply(&page, "sessions", encode_item, NULL, reply);
 }
 

@@ -219,26 +219,38 @@ void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, doub
 
 bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                        struct sp_error *err) {
-    unsigned count = 0, most = owner->quota.sessions;
+    unsigned most = owner->quota.sessions, awake = 0;
+    if (!most)
+        return true;
     for (const struct srv_session *s = hub->sessions; s; s = s->next)
-        count += strcmp(s->owner.name, owner->name) == 0;
-    return !most || count < most ||
+        awake += strcmp(s->owner.name, owner->name) == 0;
+    unsigned asleep = srv_hub_count_sleepers(hub, owner->name);
+    return awake + asleep < most ||
            sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                   "%s has %u open sessions, and its token allows %u", owner->name, count, most);
+                   "%s has %u sessions, of which %u sleep, and its token allows %u; delete some",
+                   owner->name, awake + asleep, asleep, most);
 }
 
-static bool session_add(struct srv_hub *hub, struct srv_session *session, double now_ms,
-                        struct sp_error *err) {
+/* How many of `most` there may be before a guest, or who is none, makes one more. */
+static unsigned limit_for(bool is_guest, unsigned most) {
+    return is_guest ? most - most / 4 : most;
+}
+
+static bool session_add(struct srv_hub *hub, struct srv_session *session, bool is_guest,
+                        double now_ms, struct sp_error *err) {
+    const unsigned awake_max = limit_for(is_guest, hub->options.sessions_max);
+    const unsigned asleep_max = limit_for(is_guest, hub->options.sleepers_max);
     if (hub->draining)
         return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
-    if (hub->session_count >= hub->options.sessions_max)
+    const char *whom = is_guest ? " guests" : "";
+    if (hub->session_count >= awake_max)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are open and --sessions allows %u; try again later",
-                       hub->session_count, hub->options.sessions_max);
-    if (hub->options.recall && hub->sleeper_count >= hub->options.sleepers_max)
+                       "%u sessions are open and --sessions allows%s %u; try again later",
+                       hub->session_count, whom, awake_max);
+    if (hub->options.recall && hub->sleeper_count >= asleep_max)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions sleep and --sleeping-sessions allows %u; delete some",
-                       hub->sleeper_count, hub->options.sleepers_max);
+                       "%u sessions sleep and --sleeping-sessions allows%s %u; delete some",
+                       hub->sleeper_count, whom, asleep_max);
     if (!srv_hub_has_quota(hub, &session->owner, err))
         return false;
     srv_hub_link_session(hub, session, now_ms);
@@ -249,7 +261,7 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, double
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
     const struct srv_owner nobody = { .name = "" };
-    return srv_hub_session_create_owned(hub, patch, &nobody, now_ms, id, err);
+    return srv_hub_session_create_owned(hub, patch, &nobody, false, now_ms, id, err);
 }
 
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner) {
@@ -262,8 +274,9 @@ void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner
 }
 
 proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
-                                         const struct srv_owner *owner, double now_ms,
-                                         char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
+                                         const struct srv_owner *owner, bool is_guest,
+                                         double now_ms, char id[SRV_SESSION_ID_BYTES],
+                                         struct sp_error *err) {
     struct srv_session *session = calloc(1, sizeof *session);
     if (!session) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
@@ -280,7 +293,8 @@ proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *
               srv_secret_hex(session->id, sizeof session->id - 1, err) &&
               srv_secret_hex(session->tokens[0], SRV_TOKEN_DIGITS, err) &&
               srv_secret_hex(session->tokens[1], SRV_TOKEN_DIGITS, err) &&
-              (json = encode_session(session, true, err)) && session_add(hub, session, now_ms, err);
+              (json = encode_session(session, true, err)) &&
+              session_add(hub, session, is_guest, now_ms, err);
     if (ok)
         memcpy(id, session->id, sizeof session->id);
     pthread_mutex_unlock(&hub->mutex);
@@ -412,9 +426,11 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     return wait;
 }
 
-void srv_hub_list(struct srv_hub *hub, double now_ms, struct srv_page *page) {
+void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct srv_page *page) {
     pthread_mutex_lock(&hub->mutex);
     for (const struct srv_session *s = hub->sessions; s; s = s->next) {
+        if (owner && strcmp(s->owner.name, owner) != 0)
+            continue;
         struct srv_session_note *note = srv_page_slot(page, s->id);
         if (!note)
             continue;
@@ -423,7 +439,7 @@ void srv_hub_list(struct srv_hub *hub, double now_ms, struct srv_page *page) {
         memcpy(note->id, s->id, sizeof note->id);
         memcpy(note->volume, s->view.volume, sizeof note->volume);
     }
-    srv_hub_list_sleepers(hub, now_ms, page);
+    srv_hub_list_sleepers(hub, owner, now_ms, page);
     pthread_mutex_unlock(&hub->mutex);
 }
 

@@ -102,10 +102,13 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
 /* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
-/* The same of an owner: SP_ERR_BUDGET at SRV_PLACE_QUOTA over its own limit. */
+/* The same of an owner: SP_ERR_BUDGET at SRV_PLACE_QUOTA over its own limit, for which sessions
+ * that sleep count, too. A guest, who has but a join token, is refused sooner: a quarter of all
+ * sessions is for those who have a token of the daemon. */
 proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
-                                         const struct srv_owner *owner, double now_ms,
-                                         char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
+                                         const struct srv_owner *owner, bool is_guest,
+                                         double now_ms, char id[SRV_SESSION_ID_BYTES],
+                                         struct sp_error *err);
 /* Whose session it is, for its forks; nobody's if there is none awake. */
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
 /* {"id", "view", "participants"}; `with_tokens` adds "tokens". Like all that asks for a session by
@@ -132,8 +135,9 @@ struct srv_session_note {
     double idle_ms; /* since it was used last: 0 with participants */
 };
 struct srv_page;
-/* Shows all sessions, awake or asleep, to a page of struct srv_session_note. */
-void srv_hub_list(struct srv_hub *hub, double now_ms, struct srv_page *page);
+/* Shows all sessions of an owner (NULL: of all), awake or asleep, to a page of struct
+ * srv_session_note. */
+void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct srv_page *page);
 
 /* Puts idle sessions to sleep or ends them, and passes control on; returns when to call again, in
  * ms from now (at most 1000). */

@@ -174,13 +174,17 @@ const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv
 /* NULL: there is none, or it cannot wake yet. */
 struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
                                  struct sp_error *err);
-/* May one more session of this owner be open? SP_ERR_BUDGET at SRV_PLACE_QUOTA. */
+/* May this owner have one more session, awake or asleep? SP_ERR_BUDGET at SRV_PLACE_QUOTA. */
 bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                        struct sp_error *err);
 bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
 /* Ends those that have slept for too long; ms until the next one does, INFINITY = never. */
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms);
-void srv_hub_list_sleepers(struct srv_hub *hub, double now_ms, struct srv_page *page);
+/* Of this owner (its name). */
+unsigned srv_hub_count_sleepers(const struct srv_hub *hub, const char *owner);
+/* `owner` NULL: of all. */
+void srv_hub_list_sleepers(struct srv_hub *hub, const char *owner, double now_ms,
+                           struct srv_page *page);
 void srv_hub_free_sleepers(struct srv_hub *hub);
 /* There is nothing of this session any more. */
 void srv_hub_ended(struct srv_hub *hub, const char *id);

@@ -26,6 +26,7 @@ struct srv_sleeper {
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
+    char owner[SRV_TOKEN_NAME_BYTES];
     double used_ms;
 };
 
@@ -135,6 +136,7 @@ bool srv_hub_add_sleeper(struct srv_hub *hub, const struct srv_session *session)
     memcpy(sleeper->id, session->id, sizeof sleeper->id);
     memcpy(sleeper->tokens, session->tokens, sizeof sleeper->tokens);
     memcpy(sleeper->volume, session->view.volume, sizeof sleeper->volume);
+    memcpy(sleeper->owner, session->owner.name, sizeof sleeper->owner);
     sleeper->used_ms = srv_hub_used_ms(session);
     link_sleeper(hub, sleeper);
     return true;
@@ -164,6 +166,9 @@ bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size
     if (ok) {
         strcpy(sleeper->id, id);
         strcpy(sleeper->volume, volume);
+        struct srv_owner owner;
+        srv_owner_decode(proto_json_get(record, "owner"), &owner);
+        memcpy(sleeper->owner, owner.name, sizeof sleeper->owner);
         sleeper->used_ms = now_ms;
         pthread_mutex_lock(&hub->mutex);
         link_sleeper(hub, sleeper);
@@ -266,9 +271,20 @@ double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms) {
     return hub->sleeper_count > 0 ? hub->sleeper_end_ms - now_ms : INFINITY;
 }
 
-void srv_hub_list_sleepers(struct srv_hub *hub, double now_ms, struct srv_page *page) {
+unsigned srv_hub_count_sleepers(const struct srv_hub *hub, const char *owner) {
+    unsigned count = 0;
+    for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
+        for (const struct srv_sleeper *s = hub->sleepers[i]; s; s = s->next)
+            count += strcmp(s->owner, owner) == 0;
+    return count;
+}
+
+void srv_hub_list_sleepers(struct srv_hub *hub, const char *owner, double now_ms,
+                           struct srv_page *page) {
     for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
         for (const struct srv_sleeper *s = hub->sleepers[i]; s; s = s->next) {
+            if (owner && strcmp(s->owner, owner) != 0)
+                continue;
             struct srv_session_note *note = srv_page_slot(page, s->id);
             if (!note)
                 continue;

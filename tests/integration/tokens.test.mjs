@@ -97,9 +97,11 @@ test('quotas: sessions, frames a second and sizes are those of who made the sess
   const fork = await make({ from: one.json.id }, one.json.tokens.control);
   assert.equal(fork.status, 429);
   assert.equal(fork.headers.get('Retry-After'), '1');
-  assert.match(fork.json.detail, /ann has 2 open sessions, and its token allows 2/);
+  assert.match(fork.json.detail, /ann has 2 sessions, of which 0 sleep, and its token allows 2/);
   assert.equal((await make({})).status, 429);
   assert.equal((await make({}, of('admin'))).status, 201, 'another token has its own');
+  const listed = async (role) => (await daemon.json('/api/v1/sessions', { token: of(role) })).json.sessions?.length;
+  assert.deepEqual([await listed('control'), await listed('admin') > 2, await listed('render')], [2, true, undefined], 'one\'s own; all');
   const large = await post(`/api/v1/sessions/${one.json.id}`, { view: { size: [513, 512] } }, of('admin'), 'PATCH');
   assert.deepEqual([large.status, large.json.pointer], [422, '/view/size']);
   assert.match(large.json.detail, /the token of ann allows 262144/);

@@ -17,6 +17,7 @@
 #include "page.h"
 #include "session/hub.h"
 #include "support/played_volumes.h"
+#include "tokens.h"
 
 /* The JSON library's own hook; its header belongs to protocol/json.c. */
 void json_set_alloc_funcs(void *(*allocate)(size_t), void (*release)(void *));
@@ -29,6 +30,7 @@ static struct fixture {
     char ended[32], id[SRV_SESSION_ID_BYTES];
     char text[8192]; /* of the session that was saved last */
     size_t size;
+    unsigned sessions_max; /* 0 = 2 */
 } f;
 
 static long left = -1; /* allocations of JSON that still succeed; < 0 = all */
@@ -89,7 +91,7 @@ static char *recall(void *user, const char *id, size_t *size, struct sp_error *e
 
 static void create_hub(void) {
     struct srv_hub_options options = { .volumes = played_source(&f.volumes),
-                                       .sessions_max = 2,
+                                       .sessions_max = f.sessions_max ? f.sessions_max : 2,
                                        .sleep_ms = 50000,
                                        .sleepers_max = 2,
                                        .participants_max = 3,
@@ -265,7 +267,7 @@ static void all_are_listed(void **state) {
     proto_json_free(&json);
     struct srv_participant *p = srv_hub_join(f.hub, other, SRV_ROLE_VIEW, NULL, 2500, NULL);
     assert_non_null(p);
-    srv_hub_list(f.hub, 3000, &page);
+    srv_hub_list(f.hub, NULL, 3000, &page);
     assert_int_equal(page.count, 2);
     int first = strcmp(f.id, other) < 0 ? 0 : 1;
     const struct srv_session_note *asleep = &notes[first], *awake = &notes[!first];
@@ -276,7 +278,7 @@ static void all_are_listed(void **state) {
     assert_true(!awake->is_asleep && awake->participants == 1 && awake->idle_ms == 0);
     srv_hub_leave(f.hub, &p, 2800);
     page.count = 0;
-    srv_hub_list(f.hub, 3000, &page);
+    srv_hub_list(f.hub, NULL, 3000, &page);
     assert_true(awake->participants == 0 && awake->idle_ms == 200);
 }
 
@@ -313,6 +315,71 @@ static void sleepers_have_a_limit_and_can_be_deleted(void **state) {
     assert_false(srv_hub_session_delete(f.hub, f.id, NULL));
     assert_null(srv_hub_session_get(f.hub, f.id, true, 0, &err));
     assert_int_equal(err.code, SP_ERR_NOT_FOUND);
+}
+
+static bool create(const struct srv_owner *owner, bool is_guest, double now_ms,
+                   struct sp_error *err) {
+    char id[SRV_SESSION_ID_BYTES];
+    proto_json *json = srv_hub_session_create_owned(f.hub, NULL, owner, is_guest, now_ms, id, err);
+    bool made = json != NULL;
+    proto_json_free(&json);
+    if (made)
+        strcpy(f.id, id);
+    return made;
+}
+
+static unsigned count_of(const char *owner) {
+    struct srv_session_note notes[4];
+    struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 4, .after = "" };
+    srv_hub_list(f.hub, owner, 5000, &page);
+    return page.count;
+}
+
+static void sleepers_count_for_their_owner(void **state) {
+    (void)state;
+    const struct srv_owner ann = { .name = "ann", .quota = { .sessions = 1 } };
+    const struct srv_owner bob = { .name = "bob", .quota = { .sessions = 1 } };
+    struct sp_error err;
+    assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
+    assert_true(create(&ann, false, 0, &err));
+    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_false(create(&ann, false, 0, &err));
+    srv_hub_tick(f.hub, 5000);
+    assert_int_equal(numbers().asleep, 1);
+    for (int run = 0; run < 2; run++) { /* in this run of the daemon, and in the next */
+        assert_false(create(&ann, run, 5000, &err));
+        assert_int_equal(err.code, SP_ERR_BUDGET);
+        assert_string_equal(err.place, SRV_PLACE_QUOTA);
+        assert_non_null(strstr(err.text, "1 sessions, of which 1 sleep"));
+        assert_int_equal(count_of("ann") + 10 * count_of("bob") + 100 * count_of(NULL), 101);
+        if (run == 0)
+            restart();
+        f.volumes.is_loading = false;
+    }
+    char sleeper[SRV_SESSION_ID_BYTES];
+    strcpy(sleeper, f.id);
+    assert_true(create(&bob, false, 5000, &err));
+    assert_int_equal(count_of("ann") + 10 * count_of("bob") + 100 * count_of(NULL), 211);
+    assert_true(srv_hub_session_delete(f.hub, sleeper, NULL));
+    assert_true(create(&ann, false, 5000, &err));
+}
+
+static void guests_leave_a_quarter_to_others(void **state) {
+    (void)state;
+    const struct srv_owner nobody = { .name = "" };
+    struct sp_error err;
+    srv_hub_destroy(&f.hub);
+    f.sessions_max = 8;
+    create_hub();
+    for (int i = 0; i < 6; i++)
+        assert_true(create(&nobody, true, 0, &err));
+    assert_false(create(&nobody, true, 0, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_non_null(strstr(err.text, "--sessions allows guests 6"));
+    assert_true(create(&nobody, false, 0, &err));
+    assert_true(create(&nobody, false, 0, &err));
+    assert_false(create(&nobody, false, 0, &err));
+    assert_non_null(strstr(err.text, "--sessions allows 8"));
 }
 
 static void what_cannot_be_shown_sleeps_on(void **state) {
@@ -389,6 +456,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(an_idle_one_sleeps, set_up, tear_down),
         cmocka_unit_test_setup_teardown(one_whose_volume_is_gone_ends_as_well, set_up, tear_down),
         cmocka_unit_test_setup_teardown(all_are_listed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(sleepers_count_for_their_owner, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(guests_leave_a_quarter_to_others, set_up, tear_down),
         cmocka_unit_test_setup_teardown(sleepers_have_a_limit_and_can_be_deleted, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(what_cannot_be_shown_sleeps_on, set_up, tear_down),
