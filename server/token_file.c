@@ -80,6 +80,9 @@ static bool read_word(char *word, struct srv_token *token, const char *place,
     if (strcmp(word, "stills") == 0)
         return (!quota->stills && read_number(value, 10000, &quota->stills)) ||
                fail(err, place, "stills is a whole number in [1, 10000]");
+    if (strcmp(word, "views") == 0)
+        return (!quota->views && read_number(value, 100000, &quota->views)) ||
+               fail(err, place, "views is a whole number in [1, 100000]");
     if (strcmp(word, "paths") == 0)
         return (!quota->paths && read_number(value, 10000, &quota->paths)) ||
                fail(err, place, "paths is a whole number in [1, 10000]");
@@ -89,7 +92,8 @@ static bool read_word(char *word, struct srv_token *token, const char *place,
     if (strcmp(word, "frame-size") == 0)
         return (!quota->frame_px && read_frame_size(value, token)) ||
                fail(err, place, "frame-size is as --frame-size: px, or WIDTHxHEIGHT");
-    return fail(err, place, "known are role, name, sessions, stills, fps, paths and frame-size");
+    return fail(err, place,
+                "known are role, name, sessions, stills, fps, views, paths and frame-size");
 }
 
 /* A line that has a token. */

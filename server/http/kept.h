@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Kept views: the canonical text of a whole view, named by its SHA-256.
+ * Kept views: the canonical text of a whole view, named by its SHA-256, and who kept it first:
+ * {"owner": NAME, "view": {…}}. Earlier versions kept the view alone, which was nobody's.
  */
 #ifndef SRV_HTTP_KEPT_H
 #define SRV_HTTP_KEPT_H

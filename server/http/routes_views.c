@@ -23,7 +23,14 @@ bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]) {
     return true;
 }
 
-proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err) {
+enum { BEGINNING_BYTES = SRV_TOKEN_NAME_BYTES + 32 };
+
+/* What records of the token's begin with. Names have no characters that JSON would escape. */
+static void beginning_of(const struct srv_request *request, char text[BEGINNING_BYTES]) {
+    snprintf(text, BEGINNING_BYTES, "{\"owner\":\"%s\",", request->grant.name);
+}
+
+static proto_json *read_record(struct srv_store *store, const char *id, struct sp_error *err) {
     size_t size;
     struct sp_error why;
     char *text = srv_store_get(store, SRV_KIND_VIEW, id, &size, &why);
@@ -34,6 +41,34 @@ proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_err
     proto_json *json = text ? proto_json_parse(text, size, err) : NULL;
     free(text);
     return json;
+}
+
+proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err) {
+    proto_json *record = read_record(store, id, err);
+    proto_json *view = (proto_json *)(uintptr_t)proto_json_get(record, "view");
+    if (!view)
+        return record;
+    proto_json_ref(view);
+    proto_json_free(&record);
+    return view;
+}
+
+/* Keeps a text under its id, unless the token keeps too many. */
+static bool add_record(struct srv_request *request, const char *id, const char *text,
+                       struct sp_error *err) {
+    char beginning[BEGINNING_BYTES], *record = NULL;
+    const struct srv_store_share share = { .beginning = beginning,
+                                           .most = request->grant.quota.views,
+                                           .name = request->grant.name,
+                                           .place = SRV_PLACE_QUOTA };
+    beginning_of(request, beginning);
+    int size = asprintf(&record, "%s\"view\":%s}", beginning, text);
+    if (size < 0)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a view");
+    bool ok =
+        srv_store_add(request->app->store, SRV_KIND_VIEW, id, record, (size_t)size, &share, err);
+    free(record);
+    return ok;
 }
 
 /* Answers with the view's id once it is kept. */
@@ -47,7 +82,7 @@ static void keep_view(struct srv_request *request, const struct sp_view *view,
     proto_json_free(&json);
     if (!text || !srv_kept_id(text, size, id) || !proto_json_set_string(answer, "id", id)) {
         srv_reply_problem(reply, 503, NULL, "no memory for a view");
-    } else if (!srv_store_put(request->app->store, SRV_KIND_VIEW, id, text, size, &err)) {
+    } else if (!add_record(request, id, text, &err)) {
         srv_reply_error(reply, &err);
     } else {
         srv_reply_json(reply, 201, proto_json_ref(answer));
@@ -94,16 +129,20 @@ void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
 }
 
-/* {"id", "volume", "size"}; the id alone of one that went meanwhile. */
+/* {"id", "owner", "volume", "size"}; the id alone of one that went meanwhile. */
 static proto_json *encode_item(void *user, const void *item) {
     struct srv_request *request = user;
     struct sp_error err = { .code = SP_OK };
     proto_json *json = proto_json_object();
-    proto_json *view = srv_kept_view(request->app->store, item, &err);
+    proto_json *record = read_record(request->app->store, item, &err);
+    const proto_json *inner = proto_json_get(record, "view"), *view = inner ? inner : record;
+    const char *owner = proto_json_string(proto_json_get(record, "owner"));
     const char *volume = proto_view_volume(view);
     const proto_json *size = proto_json_get(view, "size");
     int64_t width, height;
     bool ok = proto_json_set_string(json, "id", item) && err.code != SP_ERR_MEMORY;
+    if (owner)
+        ok = proto_json_set_string(json, "owner", owner) && ok;
     if (volume)
         ok = proto_json_set_string(json, "volume", volume) && ok;
     if (proto_json_integer(proto_json_at(size, 0), &width) &&
@@ -115,20 +154,40 @@ static proto_json *encode_item(void *user, const void *item) {
     }
     if (!ok)
         proto_json_free(&json);
-    proto_json_free(&view);
+    proto_json_free(&record);
     return json;
+}
+
+/* An admin's are all. */
+static bool sees_all(const struct srv_request *request) {
+    return request->grant.rights & SRV_RIGHT_ADMIN;
 }
 
 void srv_get_views(struct srv_request *request, struct srv_reply *reply) {
     struct srv_page page;
     if (!srv_listing_begin(request, SRV_STORE_ID_MAX + 1, &page, reply))
         return;
-    srv_store_page(request->app->store, SRV_KIND_VIEW, &page);
+    char beginning[BEGINNING_BYTES] = "";
+    if (!sees_all(request))
+        beginning_of(request, beginning);
+    srv_store_page(request->app->store, SRV_KIND_VIEW, beginning, &page);
     srv_listing_reply(&page, "views", encode_item, request, reply);
 }
 
 void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
-    if (!srv_store_remove(request->app->store, SRV_KIND_VIEW, request->param)) {
+    struct srv_store *store = request->app->store;
+    char beginning[BEGINNING_BYTES];
+    struct sp_error err;
+    char *record = srv_store_get(store, SRV_KIND_VIEW, request->param, NULL, &err);
+    beginning_of(request, beginning);
+    bool may = sees_all(request) || (record && strncmp(record, beginning, strlen(beginning)) == 0);
+    bool is_there = record != NULL || err.code != SP_ERR_NOT_FOUND;
+    free(record);
+    if (is_there && !may) {
+        srv_reply_problem(reply, 403, NULL, "another token keeps this view");
+        return;
+    }
+    if (!is_there || !srv_store_remove(store, SRV_KIND_VIEW, request->param)) {
         srv_reply_problem(reply, 404, NULL, "there is no kept view '%.64s'", request->param);
         return;
     }

@@ -211,11 +211,11 @@ void srv_store_destroy(struct srv_store **store_pointer) {
 
 /* What other threads call. */
 
-bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
-                   size_t size, struct sp_error *err) {
+/* With the mutex held. */
+static bool put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
+                size_t size, struct sp_error *err) {
     bool ok = true;
     size_t old;
-    pthread_mutex_lock(&store->mutex);
     unsigned max = store->options.max[kind], count = srv_table_count(store->table, kind);
     if (max > 0 && count >= max && !srv_table_get(store->table, kind, id, &old))
         ok = sp_fail(err, SP_ERR_BUDGET, NULL, "%u %s are kept and --%s allows %u", count,
@@ -224,6 +224,41 @@ bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, 
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to keep %zu bytes", size);
     else
         pthread_cond_signal(&store->wake);
+    return ok;
+}
+
+bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
+                   size_t size, struct sp_error *err) {
+    pthread_mutex_lock(&store->mutex);
+    bool ok = put(store, kind, id, text, size, err);
+    pthread_mutex_unlock(&store->mutex);
+    return ok;
+}
+
+/* How many texts of a kind begin so. With the mutex held. */
+static unsigned count_beginning(const struct srv_store *store, enum srv_kind kind,
+                                const char *beginning) {
+    const void *at = NULL;
+    const char *text;
+    size_t size, length = strlen(beginning);
+    unsigned count = 0;
+    while (srv_table_next(store->table, kind, &at, &text, &size))
+        count += strncmp(text, beginning, length) == 0;
+    return count;
+}
+
+bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
+                   size_t size, const struct srv_store_share *share, struct sp_error *err) {
+    size_t old;
+    pthread_mutex_lock(&store->mutex);
+    bool ok = srv_table_get(store->table, kind, id, &old) != NULL;
+    unsigned count = ok || !share->most ? 0 : count_beginning(store, kind, share->beginning);
+    if (!ok && share->most && count >= share->most)
+        sp_fail(err, SP_ERR_BUDGET, share->place,
+                "%s keeps %u %s, and its token allows %u; delete some", share->name, count,
+                kind_words[kind], share->most);
+    else if (!ok)
+        ok = put(store, kind, id, text, size, err);
     pthread_mutex_unlock(&store->mutex);
     return ok;
 }
@@ -272,13 +307,14 @@ char *srv_store_ids(struct srv_store *store, enum srv_kind kind) {
     return ids;
 }
 
-void srv_store_page(struct srv_store *store, enum srv_kind kind, struct srv_page *page) {
+void srv_store_page(struct srv_store *store, enum srv_kind kind, const char *beginning,
+                    struct srv_page *page) {
     const void *at = NULL;
     const char *id, *text;
-    size_t size;
+    size_t size, length = strlen(beginning);
     pthread_mutex_lock(&store->mutex);
     while ((id = srv_table_next(store->table, kind, &at, &text, &size))) {
-        char *slot = srv_page_slot(page, id);
+        char *slot = strncmp(text, beginning, length) == 0 ? srv_page_slot(page, id) : NULL;
         if (slot)
             strcpy(slot, id);
     }

@@ -64,6 +64,14 @@ void srv_store_destroy(struct srv_store **store); /* stops first; accepts NULL; 
  * SP_ERR_MEMORY: nothing has changed. */
 bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
                    size_t size, struct sp_error *err);
+struct srv_store_share {      /* of a kind's records, those of one owner */
+    const char *beginning;    /* of their texts, and of nobody else's */
+    unsigned most;            /* of them; 0 = no limit */
+    const char *name, *place; /* whose, and err->place of what is over it */
+};
+/* The same for what is of one owner. What is there of that id stays as it is. */
+bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
+                   size_t size, const struct srv_store_share *share, struct sp_error *err);
 /* False: it was not there. */
 bool srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
 /* malloc'ed with a NUL behind it, the caller's. NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. `size` may
@@ -75,8 +83,10 @@ char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id,
 char *srv_store_ids(struct srv_store *store, enum srv_kind kind);
 
 struct srv_page;
-/* Shows all ids of a kind to a page of char[SRV_STORE_ID_MAX + 1]. */
-void srv_store_page(struct srv_store *store, enum srv_kind kind, struct srv_page *page);
+/* Shows all ids of a kind, of texts with this beginning, to a page of char[SRV_STORE_ID_MAX + 1].
+ */
+void srv_store_page(struct srv_store *store, enum srv_kind kind, const char *beginning,
+                    struct srv_page *page);
 
 /* There is something to collect. Cheap: may be called for every change. */
 void srv_store_nudge(struct srv_store *store);

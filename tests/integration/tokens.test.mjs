@@ -14,7 +14,7 @@ const LINES = [
   `# who may do what`,
   of('admin'),
   `${of('control')} role=control name=ann sessions=2 fps=12 frame-size=512x512`,
-  `${of('render')} role=render name=bob stills=1`,
+  `${of('render')} role=render name=bob stills=1 views=2`,
   `${of('view')} role=view`,
   `${of('metrics')} role=metrics name=prometheus`,
 ];
@@ -115,6 +115,26 @@ test('quotas: sessions, frames a second and sizes are those of who made the sess
   assert.deepEqual([still.status, still.json.pointer], [422, '/size']);
   for (const { id } of made) await daemon.fetch(`/api/v1/sessions/${id}`, { method: 'DELETE' });
   assert.equal((await make({})).status, 201, 'there is room again');
+});
+
+test('kept views are of who kept them first, and have a quota', async () => {
+  const views = async (role) => (await daemon.json('/api/v1/views', { token: of(role) })).json.views ?? [];
+  const drop = async (id, role) => (await daemon.fetch(`/api/v1/views/${id}`, { method: 'DELETE', token: of(role) })).status;
+  const keep = (width, role) => post('/api/v1/views', { size: [width, 9] }, of(role));
+  for (const { id } of await views('render')) assert.equal(await drop(id, 'render'), 204);
+  const [one, two] = [await keep(40, 'render'), await keep(41, 'render')];
+  assert.deepEqual([one.status, two.status, (await keep(40, 'render')).status], [201, 201, 201], 'what is kept already is no further one');
+  const third = await keep(42, 'render');
+  assert.deepEqual([third.status, third.headers.get('Retry-After')], [429, '1']);
+  assert.match(third.json.detail, /bob keeps 2 views, and its token allows 2/);
+  const other = await keep(42, 'admin');
+  assert.equal((await keep(42, 'render')).json.id, other.json.id, 'it is there');
+  assert.deepEqual((await views('render')).map(({ id, owner }) => [id, owner]).sort(), [one, two].map(({ json }) => [json.id, 'bob']).sort());
+  assert.ok((await views('admin')).some(({ id, owner }) => id === other.json.id && owner !== 'bob'));
+  assert.deepEqual((await daemon.json(`/api/v1/views/${one.json.id}`)).json.size, [40, 9]);
+  assert.deepEqual([await drop(other.json.id, 'render'), await drop('0'.repeat(32), 'render')], [403, 404]);
+  assert.deepEqual([await drop(one.json.id, 'render'), await drop(two.json.id, 'admin')], [204, 204]);
+  assert.equal((await keep(43, 'render')).status, 201, 'there is room again');
 });
 
 test('pictures under way', async () => {

@@ -49,7 +49,7 @@ static void lines_have_roles_and_quotas(void **state) {
     struct srv_token *list;
     struct sp_error err;
     size_t count;
-    assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 paths=5 "
+    assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 views=7 paths=5 "
                         "fps=24 frame-size=1024x512\n"
                         "# the next has no name\n" B " role=metrics\n"
                         "0123456789abcdef-view role=view\n0123456789abcdef-render role=render",
@@ -59,6 +59,7 @@ static void lines_have_roles_and_quotas(void **state) {
     assert_int_equal(list[0].rights, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL);
     assert_int_equal(list[0].quota.sessions, 3);
     assert_int_equal(list[0].quota.stills, 2);
+    assert_int_equal(list[0].quota.views, 7);
     assert_int_equal(list[0].quota.paths, 5);
     assert_int_equal(list[0].quota.fps, 24);
     assert_int_equal(list[0].quota.frame_px, 1024 * 512);
