@@ -197,6 +197,7 @@ struct answer {
     struct srv_path_job *job;
     bool is_there, ok;
     struct sp_frame *frame;
+    double drawn_ms;
     struct sp_error err;
 };
 
@@ -205,6 +206,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
     struct srv_jobs *jobs = answer->jobs;
     pthread_mutex_lock(&jobs->mutex);
     answer->ok = result->ok;
+    answer->drawn_ms = result->drawn_ms;
     if (result->ok)
         answer->frame = sp_frame_ref(result->frame);
     else
@@ -227,6 +229,7 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
                                .volume = volume,
                                .format = d->job->output.format,
                                .background = true,
+                               .expected_ms = d->job->frame_ms,
                                .wants_frame = true,
                                .done = on_done,
                                .is_gone = is_given_up,
@@ -241,6 +244,8 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
     pthread_mutex_unlock(&d->jobs->mutex);
     if (!answer.ok && err)
         *err = answer.err;
+    if (answer.drawn_ms > 0)
+        d->job->frame_ms = answer.drawn_ms;
     return answer.frame;
 }
 

@@ -39,6 +39,7 @@ struct srv_path_job {
     double blocked_ms;          /* until then, or what it waits for may have changed; 0 = not */
     double pause_ms;            /* before it is tried again, the last time; 0 = all goes well */
     uint64_t wants;             /* bytes that its next frame has, if they were too many */
+    double frame_ms;            /* the thread's: what drawing its last frame took; 0 = not known */
     uint64_t identity;          /* the thread's: of the volume that its frames show; 0 = not seen */
     atomic_bool is_removed;
 };

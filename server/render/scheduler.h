@@ -45,6 +45,7 @@ struct srv_still_result {
     const uint8_t *bytes; /* valid during the call */
     size_t size;
     struct sp_frame *frame; /* instead of bytes, if that was wanted; during the call */
+    double drawn_ms;        /* drawing that frame took; 0 = it was there */
     struct sp_frame_stats stats;
     double encode_ms;
 };
@@ -55,7 +56,8 @@ struct srv_still {
     int quality;
     enum sp_chroma chroma; /* of a JPEG */
     bool background;       /* the lowest class */
-    bool wants_frame;      /* encodes it itself; `format` says whether of bytes or floats */
+    double expected_ms; /* what drawing it is expected to take, in the background; 0 = not known */
+    bool wants_frame;   /* encodes it itself; `format` says whether of bytes or floats */
     /* Called once, from another thread. */
     void (*done)(void *user, const struct srv_still_result *result);
     /* Has who asked for it left? Asked now and then from another thread until shortly before

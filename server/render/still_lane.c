@@ -81,7 +81,8 @@ static bool gives_way(struct srv_still_item *item, double now_ms) {
         return false;
     if (item->patient_ms == 0)
         item->patient_ms = now_ms;
-    return srv_share_patience(now_ms - item->patient_ms, 2 * item->spent_ms) == 0;
+    return srv_share_patience(now_ms - item->patient_ms,
+                              fmax(item->still.expected_ms, 2 * item->spent_ms)) == 0;
 }
 
 void srv_stills_give_way(struct srv_scheduler *s) {
@@ -117,19 +118,23 @@ static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_m
 }
 
 /* The frame to who encodes it himself. */
-static void hand_over(struct srv_scheduler *s, struct srv_still_item *item,
-                      struct sp_frame *frame) {
-    struct srv_still_result result = { .ok = true, .frame = frame, .stats = frame->stats };
+static void hand_over(struct srv_scheduler *s, struct srv_still_item *item, struct sp_frame *frame,
+                      double drawn_ms) {
+    struct srv_still_result result = {
+        .ok = true, .frame = frame, .stats = frame->stats, .drawn_ms = drawn_ms
+    };
     srv_still_answer(s, item, &result);
     sp_frame_unref(&frame);
 }
 
-static struct sp_frame *draw(struct srv_scheduler *s, struct srv_still_item *item,
+/* *is_kept: it was there. */
+static struct sp_frame *draw(struct srv_scheduler *s, struct srv_still_item *item, bool *is_kept,
                              struct sp_error *err) {
     struct srv_lane *lane = &s->lanes[SRV_LANE_STILLS];
     bool wants_float = sp_image_format_info(item->still.format)->wants_float;
     struct sp_frame *frame =
         wants_float ? NULL : srv_kept_find(s, item->still.volume, &item->still.view);
+    *is_kept = frame != NULL;
     if (frame)
         return frame;
     if (!lane->renderer && !(lane->renderer = sp_renderer_create(&s->options.stills, err)))
@@ -158,15 +163,17 @@ static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     double start_ms = srv_clock_ms();
     if (item->spent_ms == 0)
         srv_metrics_time(s->options.metrics, SRV_TIME_QUEUE, start_ms - item->queued_ms);
-    struct sp_frame *frame = draw(s, item, &err);
+    bool is_kept = false;
+    struct sp_frame *frame = draw(s, item, &is_kept, &err);
+    double drawn_ms = is_kept ? 0 : srv_clock_ms() - start_ms;
     pthread_mutex_lock(&s->mutex);
     s->still_now = NULL;
-    item->spent_ms = fmax(item->spent_ms, srv_clock_ms() - start_ms);
+    item->spent_ms = fmax(item->spent_ms, drawn_ms);
     bool again = !frame && err.code == SP_ERR_CANCELLED && !s->stop && !all_gone(item);
     item->waits = again; /* it gave way */
     pthread_mutex_unlock(&s->mutex);
     if (frame && item->still.wants_frame)
-        hand_over(s, item, frame);
+        hand_over(s, item, frame, drawn_ms);
     else if (frame)
         srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .still = item });
     else if (!again)

@@ -81,6 +81,16 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
     return __real_sp_encode(encoder, frame, format, quality, bytes, size, err);
 }
 
+static _Atomic int64_t ahead_s; /* of the world, the clock */
+
+int __real_clock_gettime(clockid_t clock, struct timespec *t);
+int __wrap_clock_gettime(clockid_t clock, struct timespec *t);
+int __wrap_clock_gettime(clockid_t clock, struct timespec *t) {
+    int result = __real_clock_gettime(clock, t);
+    t->tv_sec += atomic_load(&ahead_s);
+    return result;
+}
+
 static unsigned look_at(const unsigned *counter) {
     pthread_mutex_lock(&gate.mutex);
     unsigned value = *counter;
@@ -109,6 +119,7 @@ struct fixture {
 
 struct asker {   /* of a still */
     int quality; /* 0 = that of a stream's sharp picture */
+    double expected_ms;
     bool wants_frame;
     unsigned answers, pictures, frames;
     size_t size;
@@ -176,6 +187,7 @@ static int set_up(void **state) {
                                            .progress = on_progress,
                                            .unloaded = on_unloaded };
     gate.entered = gate.cancelled = gate.encoded = gate.sharp = gate.passes = 0;
+    atomic_store(&ahead_s, 0);
     f->catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(f->catalog);
     load(f, "demo:phantom?size=8");
@@ -220,6 +232,7 @@ static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool bac
     struct srv_still still = { .format = SP_IMAGE_JPEG,
                                .quality = asker->quality ? asker->quality : SHARP,
                                .background = background,
+                               .expected_ms = asker->expected_ms,
                                .wants_frame = asker->wants_frame,
                                .done = on_done,
                                .is_gone = has_left,
@@ -355,6 +368,31 @@ static void the_background_gives_way_to_streams(void **state) {
     assert_int_equal(background.pictures, 1);
 }
 
+/* It gave way once, and so many seconds later somebody else comes: does it give way again? */
+static bool gives_way_again(struct fixture *f, double expected_ms, int64_t later_s) {
+    struct asker background = { .expected_ms = expected_ms }, one = { 0 }, other = { 0 };
+    assert_true(ask(f, &background, 200, true));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &one, 300, false));
+    let_through(1); /* which the background does not take: it was cancelled before */
+    wait_for(&gate.entered, 3);
+    atomic_store(&ahead_s, later_s);
+    assert_true(ask(f, &other, 400, false));
+    let_through(2);
+    wait_for(&background.answers, 1);
+    wait_for(&other.answers, 1);
+    assert_int_equal(background.pictures + one.pictures + other.pictures, 3);
+    return look_at(&gate.cancelled) == 2;
+}
+
+static void the_background_gives_way_for_twenty_times_its_time(void **state) {
+    assert_true(gives_way_again(*state, 3600e3, 71900)); /* an hour, 19.97 times */
+}
+
+static void and_then_no_more(void **state) {
+    assert_false(gives_way_again(*state, 3600e3, 72100));
+}
+
 static void somebody_who_waits_for_it_takes_it_out_of_the_background(void **state) {
     struct fixture *f = *state;
     struct asker background = { 0 }, somebody = { 0 }, other = { 0 };
@@ -441,6 +479,8 @@ int main(void) {
         TEST(the_background_is_drawn_after_all_others),
         TEST(the_background_gives_way_and_is_taken_again),
         TEST(the_background_gives_way_to_streams),
+        TEST(the_background_gives_way_for_twenty_times_its_time),
+        TEST(and_then_no_more),
         TEST(somebody_who_waits_for_it_takes_it_out_of_the_background),
         TEST(a_sessions_sharp_picture_is_not_drawn_again),
         TEST(nor_encoded_again_in_the_same_form),
