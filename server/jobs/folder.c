@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -18,22 +19,87 @@ static bool make_folder(const char *path, struct sp_error *err) {
     return mkdir(path, 0700) == 0 || errno == EEXIST || fail(path, "make this folder", err);
 }
 
+/* Private folders. Whoever holds the lock on one lives, or is removing it. */
+
+#define PRIVATE "splatd-frames-"
+enum { ID_CHARACTERS = 32, TRIES = 100 };
+
+static const char *temporary(void) {
+    const char *folder = getenv("TMPDIR");
+    return folder && *folder ? folder : "/tmp";
+}
+
+static bool is_id(const char *name) {
+    return strlen(name) == ID_CHARACTERS && strspn(name, "0123456789abcdef") == ID_CHARACTERS;
+}
+
+static bool is_unknown(void *user, const char *id) {
+    (void)user;
+    return !is_id(id); /* what is no job's is not ours to remove */
+}
+
+/* Removes what a process has left that was killed: it is ours, and nobody holds the lock. */
+static void remove_left(int parent, const char *name, const char *parent_path) {
+    struct srv_folder left = { .lock = -1 };
+    struct stat st;
+    int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    int n = snprintf(left.root, sizeof left.root, "%s/%s", parent_path, name);
+    if (fd >= 0 && n > 0 && (size_t)n < sizeof left.root && fstat(fd, &st) == 0 &&
+        st.st_uid == geteuid() && flock(fd, LOCK_EX | LOCK_NB) == 0) {
+        srv_folder_sweep(&left, is_unknown, NULL);
+        rmdir(left.root);
+    }
+    if (fd >= 0)
+        close(fd);
+}
+
+static void remove_all_left(const char *parent) {
+    DIR *folders = opendir(parent);
+    for (struct dirent *folder; folders && (folder = readdir(folders));)
+        if (strncmp(folder->d_name, PRIVATE, strlen(PRIVATE)) == 0)
+            remove_left(dirfd(folders), folder->d_name, parent);
+    if (folders)
+        closedir(folders);
+}
+
+/* A new folder with the lock on it; again if another process took it for one that was left. */
+static bool open_private(struct srv_folder *folder, struct sp_error *err) {
+    struct stat st;
+    remove_all_left(temporary());
+    for (int i = 0; i < TRIES; i++) {
+        int n = snprintf(folder->root, sizeof folder->root, "%s/" PRIVATE "XXXXXX", temporary());
+        if (n < 0 || (size_t)n >= sizeof folder->root)
+            return sp_fail(err, SP_ERR_INVALID, NULL, "the name of $TMPDIR is too long");
+        if (!mkdtemp(folder->root))
+            return fail(folder->root, "make a folder for frames", err);
+        folder->lock = open(folder->root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        if (folder->lock < 0)
+            continue;
+        flock(folder->lock, LOCK_EX); /* a disk that has no locks has none to remove it by */
+        if (fstat(folder->lock, &st) == 0 && st.st_nlink > 0)
+            return true;
+        close(folder->lock);
+    }
+    folder->lock = -1;
+    return fail(folder->root, "make a folder for frames", err);
+}
+
 bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_error *err) {
-    const char *temporary = getenv("TMPDIR");
     folder->is_private = state == NULL;
-    int n = state ? snprintf(folder->root, sizeof folder->root, "%s/paths", state)
-                  : snprintf(folder->root, sizeof folder->root, "%s/splatd-XXXXXX",
-                             temporary && *temporary ? temporary : "/tmp");
+    folder->lock = -1;
+    if (!state)
+        return open_private(folder, err);
+    int n = snprintf(folder->root, sizeof folder->root, "%s/paths", state);
     if (n < 0 || (size_t)n >= sizeof folder->root)
         return sp_fail(err, SP_ERR_INVALID, state, "the folder's name is too long");
-    if (state)
-        return make_folder(folder->root, err);
-    return mkdtemp(folder->root) || fail(folder->root, "make a folder for frames", err);
+    return make_folder(folder->root, err);
 }
 
 void srv_folder_close(struct srv_folder *folder) {
     if (folder->is_private && folder->root[0])
         rmdir(folder->root); /* the jobs' folders are gone by now */
+    if (folder->is_private && folder->lock >= 0)
+        close(folder->lock);
     folder->root[0] = 0;
 }
 

@@ -18,9 +18,11 @@ enum { SRV_FOLDER_BYTES = 512, SRV_FILE_BYTES = 640 };
 struct srv_folder {
     char root[SRV_FOLDER_BYTES];
     bool is_private; /* a new one in $TMPDIR, which goes with the daemon */
+    int lock;        /* on a private one, while there is the process; −1 = none */
 };
 
-/* `state`/paths, made with mode 0700 if it is not there; state NULL = a private one. SP_ERR_IO. */
+/* `state`/paths, made with mode 0700 if it is not there; state NULL = a private one, before which
+ * those of processes that were killed are removed. SP_ERR_IO. */
 bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_error *err);
 /* Removes it, if it is private. */
 void srv_folder_close(struct srv_folder *folder);

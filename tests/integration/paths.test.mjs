@@ -390,3 +390,32 @@ test('without --state frames lie in a folder of their own that ends with the dae
   assert.equal(await own.stop(), 0);
   assert.deepEqual(fs.readdirSync(folder), []);
 });
+
+test('what a daemon without --state leaves when it is killed is removed by the next one, and nothing else', async () => {
+  const folder = newFolder();
+  const start = async () => {
+    const own = await Daemon.start(VOLUME, { backend: 'cpu', prefix: ['env', `TMPDIR=${folder}`] });
+    await own.loaded('engine');
+    return own;
+  };
+  const lives = await start();
+  const there = await make(pathOf(), lives);
+  await end(there, { of: lives });
+  const [living] = fs.readdirSync(folder);
+  const killed = await start();
+  await end(await make(pathOf(), killed), { of: killed });
+  killed.kill('SIGKILL');
+  await killed.ended;
+  const [left] = fs.readdirSync(folder).filter((name) => name !== living);
+  const others = ['splatd-frames-notours', 'splatd-else'];
+  for (const other of others) fs.mkdirSync(path.join(folder, other, 'keep'), { recursive: true });
+  const next = await start();
+  const names = fs.readdirSync(folder);
+  assert.ok(!names.includes(left), `${left} of ${names}`);
+  assert.equal(names.length, 4);
+  for (const other of others) assert.ok(fs.existsSync(path.join(folder, other, 'keep')));
+  assert.equal((await lives.fetch(`${API}/${there}/frames/8`)).status, 200);
+  assert.equal(await next.stop(), 0);
+  assert.equal(await lives.stop(), 0);
+  assert.deepEqual(fs.readdirSync(folder).sort(), others.sort());
+});
