@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
@@ -198,9 +199,8 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
             value *= 1024;
         end++;
     }
-    if (ok && (*end || (setting->kind != SECONDS && value != (double)(int64_t)value) ||
-               value < (double)setting->min || value > (double)setting->max))
-        ok = false;
+    ok = ok && !*end && value >= (double)setting->min && value <= (double)setting->max &&
+         (setting->kind == SECONDS || value == floor(value));
     if (ok) {
         *out = (int64_t)(value + 0.5);
         return true;

@@ -66,6 +66,7 @@ static void values(void **state) {
         { "--frame-size", "16M", 1 << 24, AT(frame_px) },
         { "--frame-size", "300000", 300000, AT(frame_px) },
         { "--frame-size", "8192x8192", 1 << 26, AT(frame_px) },
+        { "--frame-size", "107777777777777777777777", -1, AT(frame_px) },
         { "--frame-size", "8192x8193", -1, AT(frame_px) },
         { "--frame-size", "511x512", -1, AT(frame_px) },
         { "--frame-size", "4096x", -1, AT(frame_px) },
