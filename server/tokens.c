@@ -141,6 +141,14 @@ bool srv_tokens_begin_still(struct srv_tokens *tokens, const struct srv_grant *g
     return ok;
 }
 
+void srv_tokens_cancel_still(struct srv_tokens *tokens, const struct srv_grant *grant) {
+    pthread_mutex_lock(&tokens->mutex);
+    grant->use->stills--;
+    if (grant->quota.fps)
+        grant->use->used_ms -= 1000.0 / grant->quota.fps;
+    pthread_mutex_unlock(&tokens->mutex);
+}
+
 void srv_tokens_end_still(struct srv_tokens *tokens, const struct srv_grant *grant) {
     pthread_mutex_lock(&tokens->mutex);
     grant->use->stills--;

@@ -38,6 +38,8 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant);
  * are, or were within the last second. */
 bool srv_tokens_begin_still(struct srv_tokens *tokens, const struct srv_grant *grant, double now_ms,
                             struct sp_error *err);
+/* It ends before it was begun in earnest: it does not count for the last second either. */
+void srv_tokens_cancel_still(struct srv_tokens *tokens, const struct srv_grant *grant);
 void srv_tokens_end_still(struct srv_tokens *tokens, const struct srv_grant *grant);
 
 #endif

@@ -112,6 +112,8 @@ void srv_request_keep(struct srv_request *request);
  * False: *err is over a bound or a quota. */
 bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct sp_error *err);
 void srv_request_end_still(struct srv_request *request);
+/* The same for one that is refused after all: it uses up nothing. */
+void srv_request_cancel_still(struct srv_request *request);
 /* The handler queued an upgrade itself: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);
 

@@ -91,7 +91,7 @@ bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct
     if (!srv_tokens_begin_still(app->tokens, &request->grant, srv_clock_ms(), err))
         return false;
     if (!srv_stills_take(app->stills, bytes, err)) {
-        srv_tokens_end_still(app->tokens, &request->grant);
+        srv_tokens_cancel_still(app->tokens, &request->grant);
         return false;
     }
     request->has_still = true;
@@ -99,12 +99,21 @@ bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct
     return true;
 }
 
-void srv_request_end_still(struct srv_request *request) {
+static void end_still(struct srv_request *request,
+                      void (*end)(struct srv_tokens *tokens, const struct srv_grant *grant)) {
     if (!request->has_still)
         return;
     request->has_still = false;
-    srv_tokens_end_still(request->app->tokens, &request->grant);
+    end(request->app->tokens, &request->grant);
     srv_stills_change(request->app->stills, &request->still_bytes, 0);
+}
+
+void srv_request_end_still(struct srv_request *request) {
+    end_still(request, srv_tokens_end_still);
+}
+
+void srv_request_cancel_still(struct srv_request *request) {
+    end_still(request, srv_tokens_cancel_still);
 }
 
 void srv_request_suspend(struct srv_request *request) {

@@ -175,6 +175,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     if (srv_scheduler_submit(request->app->scheduler, still, &err))
         return;
     free(render);
+    srv_request_cancel_still(request);
     srv_reply_error(reply, &err);
     srv_request_complete(request);
 }

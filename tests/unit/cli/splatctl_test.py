@@ -293,9 +293,9 @@ class Remote(unittest.TestCase):
         Daemon.answers['GET', '/api/v1/volumes/head%201'] = [answer(200, volume('loading'))]
         result = self.run_at('load', 'head.nrrd', '--timeout', '1')
         self.assertIn('still loading after 1 s', result.stderr.decode())
-        Daemon.answers['POST', '/api/v1/volumes'] = [problem(403, 'outside the data folder', '/path')]
+        Daemon.answers['POST', '/api/v1/volumes'] = [problem(403, 'no data folder', '/path')]
         result = self.run_at('load', '../x.nrrd')
-        self.assertEqual(result.stderr, b'splatctl: ../x.nrrd: outside the data folder (HTTP 403)\n')
+        self.assertEqual(result.stderr, b'splatctl: ../x.nrrd: no data folder (HTTP 403)\n')
 
     def test_view(self):
         Daemon.answers['GET', '/api/v1/volumes/a%2Fb/view'] = [answer(200, {'size': [1, 2]})]

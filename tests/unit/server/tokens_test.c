@@ -205,6 +205,27 @@ static bool begin(struct srv_tokens *tokens, const struct srv_grant *grant, doub
     return ok;
 }
 
+static void what_was_not_drawn_is_not_counted(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_grant grant;
+    set(tokens, A " name=ann stills=1 fps=2\n");
+    srv_tokens_find(tokens, A, &grant);
+    for (int i = 0; i < 5; i++) {
+        assert_true(begin(tokens, &grant, 5000));
+        assert_false(begin(tokens, &grant, 5000));
+        srv_tokens_cancel_still(tokens, &grant);
+    }
+    for (int i = 0; i < 2; i++) {
+        assert_true(begin(tokens, &grant, 5000));
+        srv_tokens_end_still(tokens, &grant);
+    }
+    assert_false(begin(tokens, &grant, 5000));
+    srv_tokens_give_back(tokens, &grant);
+    srv_tokens_destroy(&tokens);
+}
+
 static void quotas_outlive_a_reload(void **state) {
     (void)state;
     struct sp_error err;
@@ -260,6 +281,7 @@ int main(void) {
         cmocka_unit_test(there_is_a_bound),
         cmocka_unit_test(files),
         cmocka_unit_test(found_wherever_it_stands),
+        cmocka_unit_test(what_was_not_drawn_is_not_counted),
         cmocka_unit_test(quotas_outlive_a_reload),
         cmocka_unit_test(pictures_a_second),
     };
