@@ -100,7 +100,7 @@ static const struct setting settings[] = {
       "PX|WxH", "largest picture that a client may ask for; 16M is 4096x4096" },
     { "video-pixels", PIXELS, AT(video_px), "8M", 512 * 512, 1024 * MIB, "PX|WxH",
       "pictures of all video encoders together, of 40 (VP8) to 100 (VP9) bytes a px; beyond, "
-      "streams get JPEG" },
+      "streams get JPEG; as many again for movies of camera paths" },
     { "header-time", SECONDS, AT(header_time_ms), "10", 50, 600000, "SECONDS",
       "a request's headers must arrive within this" },
     { "request-time", SECONDS, AT(request_time_ms), "30", 50, 600000, "SECONDS",

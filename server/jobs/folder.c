@@ -189,15 +189,28 @@ void srv_folder_remove_file(const struct srv_folder *folder, const char *id, con
     unlink(path);
 }
 
-void srv_folder_remove(const struct srv_folder *folder, const char *id) {
+void srv_folder_clean(const struct srv_folder *folder, const char *id,
+                      bool (*known)(void *user, const char *name), void *user) {
     char path[SRV_FILE_BYTES];
     srv_folder_path(folder, id, "", path);
     DIR *files = opendir(path);
     for (struct dirent *file; files && (file = readdir(files));)
-        if (strcmp(file->d_name, ".") != 0 && strcmp(file->d_name, "..") != 0)
+        if (strcmp(file->d_name, ".") != 0 && strcmp(file->d_name, "..") != 0 &&
+            !known(user, file->d_name))
             unlinkat(dirfd(files), file->d_name, 0);
     if (files)
         closedir(files);
+}
+
+static bool is_none(void *user, const char *name) {
+    (void)user, (void)name;
+    return false;
+}
+
+void srv_folder_remove(const struct srv_folder *folder, const char *id) {
+    char path[SRV_FILE_BYTES];
+    srv_folder_clean(folder, id, is_none, NULL);
+    srv_folder_path(folder, id, "", path);
     rmdir(path);
 }
 

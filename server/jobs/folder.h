@@ -40,6 +40,9 @@ bool srv_folder_take(const struct srv_folder *folder, const char *id, const char
 bool srv_folder_size(const struct srv_folder *folder, const char *id, const char *name,
                      uint64_t *size);
 void srv_folder_remove_file(const struct srv_folder *folder, const char *id, const char *name);
+/* Removes the files of a job that are not known. */
+void srv_folder_clean(const struct srv_folder *folder, const char *id,
+                      bool (*known)(void *user, const char *name), void *user);
 /* Removes a job's folder with all that is in it. */
 void srv_folder_remove(const struct srv_folder *folder, const char *id);
 /* Removes the folders of all ids that are not known. */

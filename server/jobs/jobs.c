@@ -1,12 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "jobs/jobs.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "jobs/jobs_private.h"
 #include "protocol/view.h"
@@ -142,7 +139,7 @@ proto_json *srv_job_note_encode(const struct srv_job_note *note) {
     return json;
 }
 
-static struct srv_path_job **find(struct srv_jobs *jobs, const char *id) {
+struct srv_path_job **srv_job_find(struct srv_jobs *jobs, const char *id) {
     struct srv_path_job **at = &jobs->list;
     while (*at && strcmp((*at)->id, id) != 0)
         at = &(*at)->next;
@@ -188,11 +185,30 @@ static void append(struct srv_jobs *jobs, struct srv_path_job *job) {
     jobs->bytes += job->bytes;
 }
 
+struct looking {
+    struct srv_path_job *job;
+    bool has_movie;
+};
+
+/* Is a file the job's? What was being written when the daemon was killed is not, nor are the
+ * packets of a movie that is there. */
+static bool is_of_job(void *user, const char *name) {
+    const struct looking *l = user;
+    char expected[32];
+    if (l->has_movie)
+        return strcmp(name, SRV_JOB_MOVIE) == 0;
+    srv_job_file_name(&l->job->output, (uint32_t)strtoul(name, NULL, 10), expected);
+    return strcmp(name, expected) == 0;
+}
+
 /* What the disk has of a job: its frames up to the first that is not there, or its movie. */
 static void look_at_files(struct srv_jobs *jobs, struct srv_path_job *job) {
     uint64_t size;
     char name[32];
-    if (job->output.is_movie && srv_folder_size(&jobs->folder, job->id, SRV_JOB_MOVIE, &size)) {
+    struct looking looking = { job, job->output.is_movie && srv_folder_size(&jobs->folder, job->id,
+                                                                            SRV_JOB_MOVIE, &size) };
+    srv_folder_clean(&jobs->folder, job->id, is_of_job, &looking);
+    if (looking.has_movie) {
         job->done = job->output.frames;
         job->bytes = size;
         job->state = SRV_JOB_DONE;
@@ -234,7 +250,7 @@ static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err)
 
 static bool is_known(void *user, const char *id) {
     struct srv_jobs *jobs = user;
-    return *find(jobs, id) != NULL;
+    return *srv_job_find(jobs, id) != NULL;
 }
 
 static bool restore_all(struct srv_jobs *jobs, struct sp_error *err) {
@@ -352,6 +368,16 @@ static bool only_known(const proto_json *body, struct sp_error *err) {
     return true;
 }
 
+/* Is there ever room for its encoder? */
+static bool check_movie(struct srv_jobs *jobs, const struct srv_path *path, struct sp_error *err) {
+    const uint32_t *size = srv_path_key(path, 0)->size;
+    uint64_t px = (uint64_t)size[0] * size[1], max = jobs->options.video_px;
+    return !srv_path_output(path)->is_movie || px <= max ||
+           sp_fail(err, SP_ERR_INVALID, "/size",
+                   "a movie of %u x %u has %llu px and --video-pixels allows %llu", size[0],
+                   size[1], (unsigned long long)px, (unsigned long long)max);
+}
+
 /* Can all that is between be drawn? Names, which decide that, are those of the keys. */
 static bool check_support(struct srv_jobs *jobs, const struct srv_path *path,
                           struct sp_error *err) {
@@ -422,8 +448,8 @@ proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const st
     struct srv_path *path = only_known(body, err)
                                 ? srv_path_read(body, view, defaults, jobs->options.frames_max, err)
                                 : NULL;
-    bool ok =
-        path && check_support(jobs, path, err) && srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
+    bool ok = path && check_movie(jobs, path, err) && check_support(jobs, path, err) &&
+              srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
     if (ok && !(job = make_job(id, owner, path)))
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     if (ok) {
@@ -439,20 +465,20 @@ proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const st
     return json;
 }
 
-static bool missing(const char *id, struct sp_error *err) {
+bool srv_job_missing(const char *id, struct sp_error *err) {
     return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no path '%.64s'", id);
 }
 
 proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
     struct srv_job_note note;
     pthread_mutex_lock(&jobs->mutex);
-    struct srv_path_job *job = *find(jobs, id);
+    struct srv_path_job *job = *srv_job_find(jobs, id);
     if (job)
         srv_job_note(job, &note);
     pthread_mutex_unlock(&jobs->mutex);
     proto_json *json = job ? srv_job_note_encode(&note) : NULL;
     if (!job)
-        missing(id, err);
+        srv_job_missing(id, err);
     else if (!json)
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     return json;
@@ -471,7 +497,7 @@ void srv_jobs_list(struct srv_jobs *jobs, const char *owner, struct srv_page *pa
 
 bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
     pthread_mutex_lock(&jobs->mutex);
-    struct srv_path_job **at = find(jobs, id), *job = *at;
+    struct srv_path_job **at = srv_job_find(jobs, id), *job = *at;
     if (job) {
         *at = job->next;
         job->next = jobs->gone;
@@ -488,84 +514,6 @@ bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
         pthread_mutex_unlock(&jobs->records);
     }
     return job != NULL;
-}
-
-/* Results. */
-
-/* What a request for results needs to know of a job. */
-static bool look_up(struct srv_jobs *jobs, const char *id, struct srv_path_job *copy,
-                    struct sp_error *err) {
-    pthread_mutex_lock(&jobs->mutex);
-    struct srv_path_job *job = *find(jobs, id);
-    if (job) {
-        copy->output = job->output;
-        copy->state = job->state;
-        copy->done = job->done;
-    }
-    pthread_mutex_unlock(&jobs->mutex);
-    if (!job)
-        missing(id, err);
-    return job != NULL;
-}
-
-static bool open_file(struct srv_jobs *jobs, const char *id, const char *name, const char *mime,
-                      struct srv_job_file *file, struct sp_error *err) {
-    char path[SRV_FILE_BYTES];
-    srv_folder_path(&jobs->folder, id, name, path);
-    file->mime = mime;
-    file->fd = open(path, O_RDONLY | O_CLOEXEC);
-    off_t size = file->fd >= 0 ? lseek(file->fd, 0, SEEK_END) : -1;
-    file->size = size < 0 ? 0 : (uint64_t)size;
-    if (size >= 0)
-        return true;
-    sp_fail(err, SP_ERR_IO, NULL, "the file cannot be read: %s", strerror(errno));
-    if (file->fd >= 0)
-        close(file->fd);
-    return false;
-}
-
-bool srv_jobs_open_frame(struct srv_jobs *jobs, const char *id, uint32_t frame,
-                         struct srv_job_file *file, struct sp_error *err) {
-    struct srv_path_job job;
-    char name[32];
-    if (!look_up(jobs, id, &job, err))
-        return false;
-    if (job.output.is_movie)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has a movie, not frames");
-    if (frame >= job.output.frames)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has frames 0 to %u",
-                       job.output.frames - 1);
-    if (frame >= job.done)
-        return sp_fail(err, SP_ERR_TIMEOUT, NULL, "frame %u is not drawn yet, %u are", frame,
-                       job.done);
-    srv_job_file_name(&job.output, frame, name);
-    return open_file(jobs, id, name, sp_image_format_info(job.output.format)->mime, file, err);
-}
-
-static bool check_done(const struct srv_path_job *job, bool is_movie, struct sp_error *err) {
-    if (job->output.is_movie != is_movie)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has %s",
-                       is_movie ? "frames, not a movie: \"format\": \"webm\" makes one"
-                                : "a movie, not frames");
-    return job->state == SRV_JOB_DONE ||
-           sp_fail(err, SP_ERR_TIMEOUT, NULL, "this path is %s with %u of %u frames",
-                   srv_job_state_name(job), job->done, job->output.frames);
-}
-
-bool srv_jobs_open_movie(struct srv_jobs *jobs, const char *id, struct srv_job_file *file,
-                         struct sp_error *err) {
-    struct srv_path_job job;
-    return look_up(jobs, id, &job, err) && check_done(&job, true, err) &&
-           open_file(jobs, id, SRV_JOB_MOVIE, "video/webm", file, err);
-}
-
-struct srv_archive *srv_jobs_open_archive(struct srv_jobs *jobs, const char *id,
-                                          struct sp_error *err) {
-    struct srv_path_job job;
-    if (!look_up(jobs, id, &job, err) || !check_done(&job, false, err))
-        return NULL;
-    return srv_archive_create(&jobs->folder, id, sp_image_format_info(job.output.format)->extension,
-                              job.done, err);
 }
 
 void srv_jobs_numbers(struct srv_jobs *jobs, struct srv_jobs_numbers *numbers) {

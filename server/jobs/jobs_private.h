@@ -79,6 +79,9 @@ void srv_jobs_unblock(struct srv_jobs *jobs);
 /* With the mutex held: an event for all who watch the job, and one reference less. */
 void srv_jobs_tell(struct srv_jobs *jobs, const struct srv_path_job *job);
 void srv_job_unref(struct srv_path_job *job);
+/* Where it hangs in the list; on NULL if it is not there. */
+struct srv_path_job **srv_job_find(struct srv_jobs *jobs, const char *id);
+bool srv_job_missing(const char *id, struct sp_error *err); /* false */
 const char *srv_job_state_name(const struct srv_path_job *job);
 void srv_job_note(const struct srv_path_job *job, struct srv_job_note *note);
 

@@ -27,6 +27,7 @@ using namespace libmatroska;
 namespace {
 const uint64_t SCALE_NS = 1000000;      /* times are in ms */
 const uint64_t CLUSTER_NS = 5000000000; /* a cluster is no longer */
+const size_t CLUSTER_BYTES = 4 << 20;   /* and, unless one packet is, no larger: it is in memory */
 const uint64_t SEEK_BYTES = 96;         /* kept for the seek head */
 } // namespace
 
@@ -38,6 +39,7 @@ struct srv_webm {
     std::unique_ptr<KaxCluster> cluster;
     KaxTrackEntry *track = nullptr;
     uint64_t start_ns = 0; /* of the cluster */
+    size_t cluster_bytes = 0;
     bool cluster_has_key = false;
     double fps = 30;
 };
@@ -137,7 +139,7 @@ extern "C" bool srv_webm_add(struct srv_webm *webm, uint32_t i, const void *byte
     return guarded(reason, [&] {
         srv_webm &w = *webm;
         uint64_t ns = static_cast<uint64_t>(std::llround(i * 1e3 / w.fps)) * SCALE_NS;
-        if (is_key || ns - w.start_ns > CLUSTER_NS)
+        if (is_key || ns - w.start_ns > CLUSTER_NS || w.cluster_bytes + size > CLUSTER_BYTES)
             write_cluster(w);
         if (!w.cluster) {
             w.cluster = std::make_unique<KaxCluster>();
@@ -145,6 +147,7 @@ extern "C" bool srv_webm_add(struct srv_webm *webm, uint32_t i, const void *byte
             w.cluster->InitTimecode(ns / SCALE_NS, SCALE_NS);
             w.start_ns = ns;
             w.cluster_has_key = is_key;
+            w.cluster_bytes = 0;
         }
         auto *data = static_cast<binary *>(const_cast<void *>(bytes));
         auto &block = AddNewChild<KaxSimpleBlock>(*w.cluster);
@@ -153,6 +156,7 @@ extern "C" bool srv_webm_add(struct srv_webm *webm, uint32_t i, const void *byte
         block.AddFrame(*w.track, ns, *new DataBuffer(data, size, nullptr, true), LACING_NONE);
         block.SetKeyframe(is_key);
         block.SetDiscardable(false);
+        w.cluster_bytes += size;
     });
 }
 

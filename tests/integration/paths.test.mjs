@@ -194,6 +194,27 @@ test('who made a path is known after a restart', async () => {
   assert.equal(await two.own.stop(), 0);
 });
 
+test('a movie whose encoder would be over --video-pixels is refused; what a crash left half made goes', async () => {
+  const folder = newFolder();
+  const args = [...VOLUME, '--state', folder, '--video-pixels', '512x512'];
+  let own = await Daemon.start(args, { backend: 'cpu' });
+  await own.loaded('engine');
+  const { status, json } = await own.post(API, pathOf({ format: 'webm', size: [513, 512] }));
+  assert.deepEqual([status, json.pointer], [422, '/size']);
+  assert.match(json.detail, /513 x 512 has 262656 px and --video-pixels allows 262144/);
+  const [movie, pictures] = [await make(pathOf({ format: 'webm', size: [512, 512] }), own), await make(pathOf(), own)];
+  for (const id of [movie, pictures]) assert.equal((await end(id, { of: own })).event, 'done');
+  assert.equal(await own.stop(), 0);
+  for (const file of [`${movie}/000003.vp9`, `${movie}/000004.vp9.part`, `${pictures}/000003.png.part`, `${pictures}/movie.part`])
+    fs.writeFileSync(path.join(folder, 'paths', file), 'x');
+  own = await Daemon.start(args, { backend: 'cpu' });
+  assert.deepEqual(fs.readdirSync(path.join(folder, 'paths', movie)), ['movie.webm']);
+  assert.deepEqual(fs.readdirSync(path.join(folder, 'paths', pictures)).sort(), Array.from({ length: 9 }, (_, i) => `00000${i}.png`));
+  fs.rmSync(path.join(folder, 'paths', pictures, '000008.png'));
+  assert.equal((await own.fetch(`${API}/${pictures}/frames/8`)).status, 404);
+  assert.equal(await own.stop(), 0);
+});
+
 test('what is wrong is told with its place', async () => {
   for (const [more, pointer] of [
     [{ frames: 0 }, '/frames'], [{ frames: 1e6 }, '/frames'], [{ fps: 0 }, '/fps'], [{ format: 'mp4' }, '/format'], [{ size: [0, 1] }, '/size/0'],

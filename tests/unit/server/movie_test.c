@@ -127,21 +127,25 @@ static const uint32_t size[2] = { WIDTH, HEIGHT };
 static const struct srv_path_output output = { .frames = FRAMES, .fps = FPS, .is_movie = true };
 
 /* The movie, malloc'ed. */
-static uint8_t *make_movie(size_t *bytes) {
+static uint8_t *make_movie_of(const char *id, const struct srv_path_output *made, size_t *bytes) {
     struct sp_error err = { .code = SP_OK };
     char path[SRV_FILE_BYTES];
     uint64_t length, told;
-    if (!srv_movie_write(&folder, "a", "m.webm", &output, size, &told, &err))
+    if (!srv_movie_write(&folder, id, "m.webm", made, size, &told, &err))
         fail_msg("%s: %s", err.place, err.text);
-    assert_true(srv_folder_size(&folder, "a", "m.webm", &length));
+    assert_true(srv_folder_size(&folder, id, "m.webm", &length));
     assert_int_equal(told, length);
-    srv_folder_path(&folder, "a", "m.webm", path);
+    srv_folder_path(&folder, id, "m.webm", path);
     FILE *file = fopen(path, "rb");
     uint8_t *movie = malloc(length);
     assert_true(file && movie && fread(movie, 1, length, file) == length);
     fclose(file);
     *bytes = length;
     return movie;
+}
+
+static uint8_t *make_movie(size_t *bytes) {
+    return make_movie_of("a", &output, bytes);
 }
 
 static void a_player_finds_what_it_needs(void **state) {
@@ -255,6 +259,31 @@ static void a_packet_that_is_none_is_told(void **state) {
     assert_false(srv_folder_size(&folder, "a", "movie.part", &bytes)); /* nothing is left */
 }
 
+static void a_cluster_is_bounded(void **state) {
+    (void)state;
+    enum { COUNT = 4, BYTES = 3 << 20 }; /* more than one does not fit */
+    const struct srv_path_output large = { .frames = COUNT, .fps = FPS, .is_movie = true };
+    uint8_t *packet = calloc(1, BYTES);
+    struct sp_error err;
+    assert_non_null(packet);
+    for (unsigned i = 0; i < COUNT; i++) {
+        const uint8_t head = i == 0 ? SRV_PACKET_KEY : SRV_PACKET_DELTA;
+        char name[32];
+        snprintf(name, sizeof name, "%06u.vp9", i);
+        assert_true(srv_folder_write(&folder, "b", name, &head, 1, packet, BYTES, &err));
+    }
+    free(packet);
+    size_t bytes;
+    uint8_t *movie = make_movie_of("b", &large, &bytes);
+    struct element head = element_at(movie, movie + bytes), cluster;
+    struct element segment = element_at(head.end, movie + bytes);
+    for (unsigned i = 0; i < COUNT; i++)
+        assert_true(find_child(&segment, 0x1F43B675, i, &cluster));
+    assert_false(find_child(&segment, 0x1F43B675, COUNT, &cluster));
+    free(movie);
+    srv_folder_remove(&folder, "b");
+}
+
 static void a_folder_that_cannot_be_made_is_told(void **state) {
     (void)state;
     struct sp_error err;
@@ -269,6 +298,7 @@ int main(void) {
         cmocka_unit_test(cues_lead_to_key_frames),
         cmocka_unit_test(every_frame_is_there_in_its_time),
         cmocka_unit_test(a_packet_that_is_none_is_told),
+        cmocka_unit_test(a_cluster_is_bounded),
         cmocka_unit_test(a_folder_that_cannot_be_made_is_told),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
