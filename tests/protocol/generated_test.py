@@ -55,8 +55,9 @@ class Caller:
         return self.rng.choice(['wrong', self.daemon.token[:-1], self.daemon.token + 'x', "'", '🦊'.encode().hex()]), False
 
     def remember(self, ids, made, method, status, answer):
-        """What there is now: sessions and views are named by the daemon, presets by who puts them."""
-        new = {('post', 201): answer.get('id') if isinstance(answer, dict) else None, ('put', 201): made.get('name')}.get((method, status))
+        """What there is now: sessions, views and paths are named by the daemon, presets by who puts them."""
+        given = answer.get('id') if isinstance(answer, dict) else None
+        new = {('post', 201): given, ('post', 202): given, ('put', 201): made.get('name')}.get((method, status))
         if new and len(ids) < 20:
             ids.append(new)
         if (method, status) == ('delete', 204):
@@ -88,6 +89,7 @@ class Caller:
             pass
         elif not made['is_sound']:
             check(status in MALFORMED | {404, 409, 503}, f'accepted against the contract: {what}')
+            check(status != 503 or 'memory' not in answer['detail'], f'malformed, but called out of memory: {what}')
         else:
             check(status != 400, f'sound, but called malformed: {what}')
             pointer = answer.get('pointer', '') if status == 422 else ''
