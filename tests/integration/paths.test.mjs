@@ -106,6 +106,32 @@ test('a frame never changes: ETag, immutable, 304', async () => {
   assert.deepEqual([again.status, (await bytes(again)).length], [304, 0]);
 });
 
+test('a part of a movie is sent alone, for players that seek', async () => {
+  const id = await make(pathOf({ format: 'webm' }));
+  await end(id);
+  const ask = async (range, more = {}) => {
+    const answer = await daemon.fetch(`${API}/${id}/movie`, { headers: { Range: range, ...more } });
+    return { status: answer.status, is: answer.headers.get('content-range'), etag: answer.headers.get('etag'), data: await bytes(answer) };
+  };
+  const all = await ask('none');
+  const size = all.data.length;
+  assert.equal(all.status, 200);
+  for (const [range, from, to] of [['bytes=0-0', 0, 1], ['bytes=5-99', 5, 100], ['bytes=7-', 7, size], ['bytes=-9', size - 9, size],
+    [`bytes=3-${size + 9}`, 3, size], [`bytes=-${size + 1}`, 0, size]]) {
+    const part = await ask(range);
+    assert.deepEqual([part.status, part.is], [206, `bytes ${from}-${to - 1}/${size}`], range);
+    assert.ok(part.data.equals(all.data.subarray(from, to)), range);
+  }
+  for (const range of [`bytes=${size}-`, 'bytes=-0']) {
+    const none = await ask(range);
+    assert.deepEqual([none.status, none.is], [416, `bytes */${size}`], range);
+  }
+  for (const range of ['bytes=', 'bytes=-', 'bytes=5-4', 'bytes=1-2,4-5', 'bytes=x-', 'lines=1-2', `bytes=${'9'.repeat(30)}-`])
+    assert.deepEqual([(await ask(range)).status, (await ask(range)).data.length], [200, size], range);
+  assert.equal((await ask('bytes=1-2', { 'If-Range': all.etag })).status, 206);
+  assert.equal((await ask('bytes=1-2', { 'If-Range': '"another"' })).status, 200);
+});
+
 test('who watches again with the last id is told what is newer, or that there is nothing', async () => {
   const id = await make(pathOf());
   const last = await end(id);

@@ -270,6 +270,9 @@ def walk_paths(daemon, contract, ask, api):
     ask(200, 'GET', f'{one}/movie', id=movie['id'])
     ask(304, 'GET', f'{one}/movie', headers={'If-None-Match': f'"{movie["id"]}-movie"'}, id=movie['id'])
     ask(404, 'GET', f'{one}/movie', id=pictures['id'])
+    for target, at in ((f'{one}/frames/{{frame}}', frame), (f'{one}/movie', {'id': movie['id']})):
+        ask(206, 'GET', target, headers={'Range': 'bytes=1-'}, **at)
+        ask(416, 'GET', target, headers={'Range': 'bytes=99999999-'}, **at)
     slow = ask(202, 'POST', f'{api}/paths', {'size': [1024, 1024], 'frames': 999, 'keyframes': keys})
     ask(409, 'GET', f'{one}/frames/{{frame}}', id=slow['id'], frame='998')
     ask(409, 'GET', f'{one}/archive', id=slow['id'])
