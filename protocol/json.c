@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "protocol/limits.h"
+#include "protocol/pointer.h"
 #include "protocol/scan.h"
 
 /* parsing */
@@ -125,6 +126,30 @@ bool proto_json_next(const proto_json *object, void **at, const char **key,
         return false;
     *key = json_object_iter_key(*at);
     *value = json_object_iter_value(*at);
+    return true;
+}
+
+static bool is_among(const char *key, const char *const *known) {
+    while (*known && strcmp(*known, key) != 0)
+        known++;
+    return *known;
+}
+
+bool proto_json_only(const proto_json *object, const char *const *known, struct sp_error *err) {
+    void *at = NULL;
+    const char *key;
+    const proto_json *value;
+    while (proto_json_next(object, &at, &key, &value)) {
+        if (is_among(key, known))
+            continue;
+        struct proto_pointer pointer = { .length = 0 };
+        char list[256] = "";
+        proto_pointer_push(&pointer, key, strlen(key));
+        for (const char *const *k = known; *k; k++)
+            snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", list[0] ? ", " : "",
+                     *k);
+        return sp_fail(err, SP_ERR_INVALID, pointer.text, "unknown member; known: %s", list);
+    }
     return true;
 }
 

@@ -51,6 +51,9 @@ const proto_json *proto_json_at(const proto_json *array, size_t i);
 /* Walks the members of an object in the order of the text: start with *at = NULL, stop at false. */
 bool proto_json_next(const proto_json *object, void **at, const char **key,
                      const proto_json **value);
+/* Are all members of an object among the known (NULL at the end)? Else SP_ERR_INVALID, with the
+ * pointer of the first that is not, and the known in the text. */
+bool proto_json_only(const proto_json *object, const char *const *known, struct sp_error *err);
 
 /* The value; NULL or false, with *out untouched, if the node is of another type. A number is an
  * integer if its value is whole and within ±2^53, however it is written. */

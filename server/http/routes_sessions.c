@@ -14,28 +14,20 @@
 enum { KEY_CHARACTERS = 24 };
 enum { FORK_BYTES = 256 }; /* {"from": id}, with blanks */
 static const char subprotocol[] = "splatd.v1";
+static const char *const for_new[] = { "view", "from", NULL }, *const for_change[] = { "view",
+                                                                                       NULL };
 
-/* Refuses unknown members of a body that may hold "view" and, if `from`, "from". */
-static bool only_known(const proto_json *body, bool from, struct srv_reply *reply) {
-    void *at = NULL;
-    const char *key;
-    const proto_json *value;
-    while (proto_json_next(body, &at, &key, &value)) {
-        char pointer[80];
-        snprintf(pointer, sizeof pointer, "/%.64s", key);
-        if (strcmp(key, "view") == 0 && proto_json_type(value) == PROTO_JSON_OBJECT)
-            continue;
-        if (strcmp(key, "view") == 0) {
-            srv_reply_problem(reply, 422, "/view", "must be an object");
-            return false;
-        }
-        if (from && strcmp(key, "from") == 0)
-            continue;
-        srv_reply_problem(reply, 422, pointer, "unknown member; known: view%s",
-                          from ? ", from" : "");
-        return false;
-    }
-    return true;
+/* Refuses a body with others than these members, or a "view" that is no object. */
+static bool only_known(const proto_json *body, const char *const *known, struct srv_reply *reply) {
+    const proto_json *view = proto_json_get(body, "view");
+    struct sp_error err;
+    if (!proto_json_only(body, known, &err))
+        srv_reply_error(reply, &err);
+    else if (view && proto_json_type(view) != PROTO_JSON_OBJECT)
+        srv_reply_problem(reply, 422, "/view", "must be an object");
+    else
+        return true;
+    return false;
 }
 
 /* The view that a new session begins with; *owner keeps it alive. */
@@ -111,7 +103,7 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
     /* Who may not ask learns nothing about the question. */
-    bool ok = may_fork(request, body, reply) && body && only_known(body, true, reply);
+    bool ok = may_fork(request, body, reply) && body && only_known(body, for_new, reply);
     const proto_json *view = ok ? first_view(request, body, &owner, reply) : NULL;
     if (view) {
         struct srv_owner of;
@@ -199,7 +191,7 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
     if (!may(request, SRV_ROLE_CONTROL, reply))
         return;
     proto_json *body = srv_request_json(request, reply);
-    if (body && only_known(body, false, reply)) {
+    if (body && only_known(body, for_change, reply)) {
         const proto_json *view = proto_json_get(body, "view");
         proto_json *changed = srv_hub_session_patch(request->app->hub, request->param,
                                                     view ? view : body, srv_clock_ms(), &err);

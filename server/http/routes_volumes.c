@@ -108,17 +108,13 @@ static bool read_string(const proto_json *body, const char *key, const char *poi
 
 static bool read_request(const proto_json *body, struct srv_volume_request *load,
                          struct srv_reply *reply) {
-    const char *path, *uri, *key;
-    void *at = NULL;
-    const proto_json *value;
-    while (proto_json_next(body, &at, &key, &value))
-        if (strcmp(key, "path") != 0 && strcmp(key, "uri") != 0 && strcmp(key, "id") != 0 &&
-            strcmp(key, "name") != 0) {
-            char pointer[80];
-            snprintf(pointer, sizeof pointer, "/%.64s", key);
-            srv_reply_problem(reply, 422, pointer, "unknown member; known: path, uri, id, name");
-            return false;
-        }
+    static const char *const known[] = { "path", "uri", "id", "name", NULL };
+    const char *path, *uri;
+    struct sp_error err;
+    if (!proto_json_only(body, known, &err)) {
+        srv_reply_error(reply, &err);
+        return false;
+    }
     if (!read_string(body, "path", "/path", &path, reply) ||
         !read_string(body, "uri", "/uri", &uri, reply) ||
         !read_string(body, "id", "/id", &load->id, reply) ||

@@ -348,25 +348,8 @@ void srv_jobs_wake(struct srv_jobs *jobs) {
 
 /* Requests. */
 
-static bool only_known(const proto_json *body, struct sp_error *err) {
-    static const char *const known[] = { "view",   "keyframes", "frames", "fps",
-                                         "format", "quality",   "size" };
-    void *at = NULL;
-    const char *name;
-    const proto_json *value;
-    while (proto_json_next(body, &at, &name, &value)) {
-        size_t i = 0;
-        while (i < sizeof known / sizeof *known && strcmp(name, known[i]) != 0)
-            i++;
-        char place[80];
-        snprintf(place, sizeof place, "/%.64s", name);
-        if (i == sizeof known / sizeof *known)
-            return sp_fail(err, SP_ERR_INVALID, place,
-                           "unknown member; known: view, keyframes, frames, fps, format, quality, "
-                           "size");
-    }
-    return true;
-}
+static const char *const members[] = { "view",   "keyframes", "frames", "fps",
+                                       "format", "quality",   "size",   NULL };
 
 /* Is there ever room for its encoder? */
 static bool check_movie(struct srv_jobs *jobs, const struct srv_path *path, struct sp_error *err) {
@@ -445,7 +428,7 @@ proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const st
     struct srv_path_job *job = NULL;
     proto_json *json = NULL;
     *is_full = false;
-    struct srv_path *path = only_known(body, err)
+    struct srv_path *path = proto_json_only(body, members, err)
                                 ? srv_path_read(body, view, defaults, jobs->options.frames_max, err)
                                 : NULL;
     bool ok = path && check_movie(jobs, path, err) && check_support(jobs, path, err) &&

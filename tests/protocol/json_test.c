@@ -201,6 +201,22 @@ static void building_survives_missing_parts(void **state) {
     assert_null(proto_json_to_text(NULL, NULL));
 }
 
+static void unknown_members_are_told_by_their_pointers(void **state) {
+    (void)state;
+    static const char *const known[] = { "view", "from", NULL };
+    struct sp_error err;
+    proto_json *json = proto_json_parse("{\"from\":1,\"a/b~\":2}", 19, &err);
+    assert_non_null(json);
+    assert_false(proto_json_only(json, known, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_string_equal(err.place, "/a~1b~0");
+    assert_string_equal(err.text, "unknown member; known: view, from");
+    proto_json_free(&json);
+    json = proto_json_parse("{\"from\":1}", 10, &err);
+    assert_true(proto_json_only(json, known, &err));
+    proto_json_free(&json);
+}
+
 static void pointers_are_escaped_and_cut(void **state) {
     (void)state;
     struct proto_pointer pointer = { .length = 0 };
@@ -229,6 +245,7 @@ int main(void) {
         cmocka_unit_test(size_and_depth_are_limited),
         cmocka_unit_test(values_are_read_by_type),
         cmocka_unit_test(building_survives_missing_parts),
+        cmocka_unit_test(unknown_members_are_told_by_their_pointers),
         cmocka_unit_test(pointers_are_escaped_and_cut),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
