@@ -73,7 +73,8 @@ void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
         if (json) {
             srv_reply_json(reply, 202, json);
             srv_reply_header(reply, "Location", "paths/%s", id);
-            sp_log(SP_LOG_INFO, "path %s created for %s", id, srv_guard_peer(request->guarded));
+            sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", id }), "path %s created for %s", id,
+                        srv_guard_peer(request->guarded));
             srv_request_keep(request);
         } else if (is_full) {
             srv_reply_problem(reply, 507, NULL, "%s", err.text);

@@ -120,7 +120,8 @@ static void record_failure(struct srv_jobs *jobs, const char *id, const char *re
     free(text);
     text = proto_json_set_string(json, "failed", reason) ? proto_json_to_text(json, &size) : NULL;
     if (!text || !srv_store_put(jobs->options.store, SRV_KIND_PATH, id, text, size, &err))
-        sp_log(SP_LOG_ERROR, "path %s failed, and that cannot be kept", id);
+        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
+                    "path %s failed, and that cannot be kept", id);
     free(text);
     proto_json_free(&json);
 }
@@ -130,7 +131,8 @@ static void fail_job(struct drawing *d, const struct sp_error *err) {
     char reason[SP_ERROR_TEXT];
     snprintf(reason, sizeof reason, "frame %u: %.48s%s%.280s", d->job->done, err->place,
              err->place[0] ? ": " : "", err->text);
-    sp_log(SP_LOG_ERROR, "path %s failed at %s", d->job->id, reason);
+    sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", d->job->id }), "path %s failed at %s",
+                d->job->id, reason);
     pthread_mutex_lock(&jobs->records);
     if (!atomic_load(&d->job->is_removed)) /* else its record goes, or went */
         record_failure(jobs, d->job->id, reason);
@@ -185,7 +187,8 @@ static void stop_job(struct drawing *d, uint64_t generation, const struct sp_err
     snprintf(reason, sizeof reason, "%.100s%s%.280s", err->place, err->place[0] ? ": " : "",
              err->text);
     if (job->pause_ms == 0)
-        sp_log(SP_LOG_WARN, "path %s waits at frame %u: %s", job->id, job->done, reason);
+        sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "path", job->id }),
+                    "path %s waits at frame %u: %s", job->id, job->done, reason);
     job->pause_ms = fmin(fmax(2 * job->pause_ms, PAUSE_MS), PAUSE_MAX_MS);
     block(d, generation, srv_clock_ms() + job->pause_ms, reason);
 }
@@ -376,8 +379,9 @@ static void finish_job(struct drawing *d, uint64_t generation) {
     job->bytes = bytes;
     set_state(jobs, job, SRV_JOB_DONE, "");
     pthread_mutex_unlock(&jobs->mutex);
-    sp_log(SP_LOG_INFO, "path %s is done: %u frames, %llu bytes", job->id, job->output.frames,
-           (unsigned long long)bytes);
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", job->id }),
+                "path %s is done: %u frames, %llu bytes", job->id, job->output.frames,
+                (unsigned long long)bytes);
 }
 
 static bool is_over(const struct srv_path_job *job) {

@@ -263,8 +263,9 @@ static bool restore_all(struct srv_jobs *jobs, struct sp_error *err) {
         if (restore(jobs, id, &why))
             continue;
         is_whole = false;
-        sp_log(SP_LOG_ERROR, "the kept path %s cannot come back: %s%s%s", id, why.place,
-               why.place[0] ? ": " : "", why.text);
+        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
+                    "the kept path %s cannot come back: %s%s%s", id, why.place,
+                    why.place[0] ? ": " : "", why.text);
     }
     free(ids);
     if (is_whole) /* else a folder that is not known may be that of a record which is not read */
