@@ -2,13 +2,10 @@
  *
  * The thread of the jobs: a frame after the other, from the view to the file.
  */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include "clock.h"
 #include "jobs/jobs_private.h"
@@ -16,7 +13,7 @@
 #include "render/video.h"
 #include "sp/log.h"
 
-enum { DRAW_NICE = 10, VIDEO_THREADS = 1 };
+enum { VIDEO_THREADS = 1 };
 #define PAUSE_MS 1000.0 /* before what failed is tried again: twice as long each time */
 #define PAUSE_MAX_MS 60000.0
 #define KEY_SECONDS 2.0 /* between key frames, to which players seek */
@@ -461,18 +458,10 @@ static void step(struct drawing *d, struct srv_path_job *job) {
         forget_video(d, job->id);
 }
 
-static void be_nice(void) {
-    id_t thread = (id_t)gettid();
-    errno = 0;
-    int niceness = getpriority(PRIO_PROCESS, thread);
-    if (errno != 0 || setpriority(PRIO_PROCESS, thread, niceness + DRAW_NICE) != 0)
-        sp_log(SP_LOG_WARN, "the thread for paths cannot be nice: %s", strerror(errno));
-}
-
 void *srv_jobs_main(void *user) {
     struct drawing d = { .jobs = user };
     struct srv_jobs *jobs = user;
-    be_nice();
+    srv_be_nice("the thread for paths");
     d.encoder = jobs->encoder;
     pthread_mutex_lock(&jobs->mutex);
     while (!atomic_load(&jobs->stop)) {

@@ -4,19 +4,15 @@
  * background last. A picture is asked for by one or several: who wants one that is in flight joins
  * it.
  */
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include "clock.h"
 #include "render/scheduler_private.h"
 #include "session/share.h"
 #include "sp/log.h"
 
-enum { STILL_NICE = 10 };
 #define QUIET_MS 100.0 /* the stream lane has nothing to do: so long after its last frame */
 
 /* Takes it out of the list: nobody joins it from now on. With the mutex held. */
@@ -180,21 +176,10 @@ static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
         srv_still_fail(s, item, &err);
 }
 
-/* Nicer than the daemon by STILL_NICE: this thread, and the renderer's threads, which it will
- * start.
- */
-static void be_nice(void) {
-    id_t thread = (id_t)gettid();
-    errno = 0;
-    int niceness = getpriority(PRIO_PROCESS, thread);
-    if (errno != 0 || setpriority(PRIO_PROCESS, thread, niceness + STILL_NICE) != 0)
-        sp_log(SP_LOG_WARN, "the still lane cannot be nice: %s", strerror(errno));
-}
-
 void *srv_still_lane_main(void *user) {
     struct srv_scheduler *s = user;
     struct srv_lane *lane = &s->lanes[SRV_LANE_STILLS];
-    be_nice();
+    srv_be_nice("the still lane"); /* and so are the renderer's threads, which it will start */
     for (;;) {
         struct srv_turn turn = srv_lane_look(s, SRV_LANE_STILLS);
         srv_lane_forget(lane, turn.forget);
