@@ -80,7 +80,8 @@ struct srv_participant {
     double policy_ms;                      /* when it was told */
     double next_frame_ms;                  /* not before, by max_fps */
     double behind_ms;                      /* since when the view is newer than its last job */
-    double patient_ms;      /* since when a refinement gives way; 0 = none is wanted */
+    double ready_ms;        /* when a refinement for it could be drawn last; 0 = it cannot be */
+    double waited_ms;       /* before that, while it could */
     double spent_ms;        /* on it before it gave way, the longest time */
     struct srv_share share; /* of its session, by its clock */
     uint64_t taken_order;   /* of its newest job */

@@ -61,11 +61,24 @@ static bool wants(const struct srv_hub *hub, const struct srv_session *s,
     return !has_all && p->failed_version != s->version && is_open(hub, p);
 }
 
+/* How long a refinement that can be drawn now has waited. */
+static double waited_ms(const struct srv_participant *p, double now_ms) {
+    return p->waited_ms + (p->ready_ms > 0 ? now_ms - p->ready_ms : 0);
+}
+
 /* Of a refinement. What was begun and gave way takes twice as long at least. */
 static double yield_ms(const struct srv_session *s, const struct srv_participant *p,
                        double now_ms) {
-    double waited_ms = p->patient_ms ? now_ms - p->patient_ms : 0;
-    return srv_share_patience(waited_ms, fmax(sharp_ms(s, p), 2 * p->spent_ms));
+    return srv_share_patience(waited_ms(p, now_ms), fmax(sharp_ms(s, p), 2 * p->spent_ms));
+}
+
+/* Patience is for who could have been drawn: while the window is closed, or the rate used up, or a
+ * picture under way, nothing is waited for. */
+static void note_waiting(struct srv_participant *p, const struct srv_wish *wish, double now_ms) {
+    bool waits = wish->wanted && wish->yield_ms < INFINITY;
+    if (waits)
+        p->waited_ms = waited_ms(p, now_ms);
+    p->ready_ms = waits ? now_ms : 0;
 }
 
 struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
@@ -132,10 +145,9 @@ static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double 
                            srv_share_start(&p->share, s->clock_ms) };
         in_ms = fmin(in_ms, c.wish.in_ms);
         last_ms = fmax(last_ms, c.start_ms);
+        note_waiting(p, &c.wish, now_ms);
         if (!c.wish.wanted)
             continue;
-        if (c.wish.yield_ms < INFINITY && !p->patient_ms)
-            p->patient_ms = now_ms;
         bool better = !best.p || c.wish.rank < best.wish.rank ||
                       (c.wish.rank == best.wish.rank &&
                        (c.start_ms < best.start_ms ||

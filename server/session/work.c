@@ -89,8 +89,9 @@ static void take_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     p->taken_detail = detail_of(job);
     p->taken_order = job->order;
     srv_policy_taken(hub, p, job, now_ms);
+    p->ready_ms = 0;
     if (job->step == SRV_STEP_MOVING)
-        p->patient_ms = p->spent_ms = 0;
+        p->waited_ms = p->spent_ms = 0;
     /* Keep to the grid of the rate instead of adding our own delay to every frame. */
     double period = 1000.0 / p->max_fps;
     p->next_frame_ms = fmax(p->next_frame_ms + period, now_ms + period / 2);
@@ -316,7 +317,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
         for (uint32_t i = 0; !moving && i < job->target_count; i++) {
             struct srv_participant *p = participant_of(s, job->targets[i].participant);
             if (p && job->step == SRV_STEP_FINAL)
-                p->patient_ms = p->spent_ms = 0;
+                p->waited_ms = p->spent_ms = 0;
             if (p)
                 srv_hub_note(hub, p, SRV_NOTE_STATS);
         }
@@ -333,7 +334,7 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
         if (p) {
             p->failed_version = job->version;
-            p->patient_ms = p->spent_ms = 0;
+            p->waited_ms = p->spent_ms = 0;
             p->error = *err;
             srv_hub_note(hub, p, SRV_NOTE_ERROR);
         }

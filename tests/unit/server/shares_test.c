@@ -23,6 +23,8 @@ struct client {
     struct srv_participant *participant;
     double period_ms, next_ms; /* of its updates; 0 = it never moves */
     unsigned seq;
+    bool is_stalled;         /* its socket takes nothing */
+    uint32_t owed;           /* a frame that it took and does not acknowledge; 0 = none */
     unsigned frames, finals; /* that it got */
     double took_ms;          /* rendering those and what was given up */
     double last_ms, gap_ms;  /* between frames, the longest */
@@ -35,6 +37,7 @@ struct stage {
     bool yields;                     /* something moves since it was begun */
     double now_ms, begun_ms, end_ms; /* end_ms: INFINITY = nothing is under way */
     double fixed_ms, mpx_ms;         /* of a picture, and of its megapixels with all voxels */
+    size_t bytes;                    /* of each */
 };
 
 static void tell(struct stage *s, struct client *c, const char *method, const char *params) {
@@ -78,19 +81,26 @@ static void note_time(struct stage *s) {
     s->end_ms = INFINITY;
 }
 
-/* Takes all that there is for the client, and acknowledges it. */
-static void drain(struct stage *s, struct client *c) {
+static void acknowledge(struct stage *s, struct client *c, uint32_t frame) {
+    char text[64];
+    snprintf(text, sizeof text, "{\"frame\":%u}", frame);
+    tell(s, c, "stream.ack", text);
+}
+
+/* Takes all that there is for the client, and acknowledges it if that is what it does. */
+static void take(struct stage *s, struct client *c, bool acks) {
     struct srv_message message;
     while (srv_hub_next_message(s->f->hub, c->participant, true, s->now_ms, &message) !=
            SRV_MESSAGE_NONE) {
-        char text[64];
         if (message.blob) {
             c->frames++;
             c->finals += message.header.flags & PROTO_FRAME_FINAL ? 1 : 0;
             c->gap_ms = fmax(c->gap_ms, s->now_ms - c->last_ms);
             c->last_ms = s->now_ms;
-            snprintf(text, sizeof text, "{\"frame\":%u}", message.header.frame);
-            tell(s, c, "stream.ack", text);
+            if (acks)
+                acknowledge(s, c, message.header.frame);
+            else
+                c->owed = message.header.frame;
         }
         free(message.text);
         srv_blob_unref(&message.blob);
@@ -104,15 +114,18 @@ static void finish(struct stage *s) {
     struct srv_job_result result = { .width = s->job.view.size[0],
                                      .height = s->job.view.size[1],
                                      .render_ms = s->now_ms - s->begun_ms };
-    struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
+    uint8_t *image = calloc(1, s->bytes);
+    assert_non_null(image);
+    struct srv_blob *blob = srv_blob_create(image, s->bytes);
+    free(image);
     note_time(s);
     for (uint32_t i = 0; i < s->job.target_count; i++)
         srv_hub_deliver(s->f->hub, &s->job, i, &header, blob);
     srv_blob_unref(&blob);
     srv_hub_job_done(s->f->hub, &s->job, &result);
     for (int i = 0; i < CLIENTS; i++)
-        if (s->clients[i].participant)
-            drain(s, &s->clients[i]);
+        if (s->clients[i].participant && !s->clients[i].is_stalled)
+            take(s, &s->clients[i], true);
 }
 
 static double duration(const struct stage *s, const struct srv_job *job) {
@@ -188,6 +201,7 @@ static int set_up(void **state) {
     s->end_ms = INFINITY;
     s->fixed_ms = 2;
     s->mpx_ms = 50;
+    s->bytes = 5;
     *state = s;
     return 0;
 }
@@ -314,6 +328,53 @@ static void a_refinement_gives_way_to_what_moves_elsewhere(void **state) {
     assert_true(moving->frames > 30000 / 33 * 9 / 10);
 }
 
+/* It could not have been drawn, so it gave way to nobody. */
+static void patience_is_not_had_while_the_window_is_closed(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    s->bytes = 1 << 20; /* one frame on its way closes a window */
+    struct client *slow = join(s, 0, s->f->id, 0, "{\"size\":[4096,4096]}");
+    play(s, 5000); /* what its pictures take is known: 840 ms */
+    assert_int_equal(slow->finals, 1);
+    struct client *moving = join(s, 1, id, 33, "{\"size\":[256,256]}");
+    play(s, 1000);
+    slow->is_stalled = true;
+    turn(s, slow);
+    play(s, 1000); /* the moving frame waits for the socket, the refinement for its turn */
+    take(s, slow, false);
+    assert_int_not_equal(slow->owed, 0);
+    reset(s);
+    play(s, 30000);
+    slow->is_stalled = false;
+    acknowledge(s, slow, slow->owed);
+    play(s, 10000);
+    assert_int_equal(slow->finals, 0);
+    assert_true(moving->gap_ms < 100);
+    play(s, 10000);
+    assert_int_equal(slow->finals, 1);
+}
+
+/* Nor while its own rate keeps it from being drawn. */
+static void patience_is_not_had_while_the_rate_is_used_up(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *slow =
+        join(s, 0, s->f->id, 0, "{\"max_fps\":1,\"progressive\":false,\"size\":[4096,4096]}");
+    play(s, 5000);
+    assert_int_equal(slow->finals, 1);
+    join(s, 1, id, 133, "{\"size\":[256,256]}"); /* leaves 33 ms between */
+    play(s, 1000);
+    turn(s, slow);
+    reset(s);
+    play(s, 30000);
+    assert_int_equal(slow->finals, 0);
+    assert_true(slow->took_ms > 0); /* begun now and then, and given up */
+    play(s, 900000);
+    assert_true(slow->finals > 0);
+}
+
 static void a_view_that_moves_now_and_then_leaves_room_between(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
@@ -400,6 +461,8 @@ int main(void) {
         TEST(a_client_keeps_its_rate_beside_a_larger_one),
         TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
         TEST(a_refinement_gives_way_to_what_moves_elsewhere),
+        TEST(patience_is_not_had_while_the_window_is_closed),
+        TEST(patience_is_not_had_while_the_rate_is_used_up),
         TEST(a_view_that_moves_now_and_then_leaves_room_between),
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
         TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
