@@ -20,6 +20,7 @@
 
 struct srv_daemon {
     const struct srv_config *config;
+    struct srv_log *log;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_stills *stills;
@@ -106,6 +107,7 @@ static void on_tick(void *user, double now_ms) {
     if (jobs)
         srv_jobs_tick(jobs, now_ms);
     srv_scheduler_tick(d->scheduler);
+    srv_log_tick(d->log, now_ms);
     atomic_store(&d->alive_ms, now_ms);
 }
 
@@ -286,6 +288,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         return NULL;
     }
     d->config = config;
+    d->log = log;
     atomic_init(&d->http, NULL);
     atomic_init(&d->jobs, NULL);
     atomic_init(&d->alive_ms, srv_clock_ms());

@@ -5,6 +5,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "clock.h"
+
 enum { VALUE_BYTES = 256, FIELDS_BYTES = 1024 };
 
 static const char *const levels[] = { "error", "warn", "info", "debug" };
@@ -100,9 +102,8 @@ unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log
     return (unsigned)size;
 }
 
-static void sink(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                 const char *line) {
-    struct srv_log *log = user;
+static void write_line(const struct srv_log *log, enum sp_log_level level,
+                       const struct sp_log_field *fields, const char *line) {
     char out[SRV_LOG_LINE], seconds[24], stamp[48];
     struct timespec now;
     struct tm utc;
@@ -112,13 +113,36 @@ static void sink(void *user, enum sp_log_level level, const struct sp_log_field 
     snprintf(stamp, sizeof stamp, "%s.%03ldZ", seconds, now.tv_nsec / 1000000);
     /* One call, one line: lines of several threads do not mix. */
     fwrite(out, 1, srv_log_line(log->format, stamp, level, fields, line, out), stderr);
+}
+
+static void sink(void *user, enum sp_log_level level, const char *kind,
+                 const struct sp_log_field *fields, const char *line) {
+    struct srv_log *log = user;
+    char more[1200];
+    unsigned left_out = 0;
+    if (level != SP_LOG_DEBUG && !srv_log_bound_take(&log->bound, kind, srv_clock_ms(), &left_out))
+        return;
+    if (left_out > 0)
+        snprintf(more, sizeof more, "%s; %u more like it since the last such line", line, left_out);
+    write_line(log, level, fields, left_out > 0 ? more : line);
     if (log->capture && level == SP_LOG_WARN && strncmp(line, "backend ", 8) == 0 &&
         log->refusal_count < SRV_LOG_REFUSALS)
         snprintf(log->refusals[log->refusal_count++], SRV_LOG_REFUSAL_BYTES, "%s", line);
 }
 
+void srv_log_tick(struct srv_log *log, double now_ms) {
+    const char *kind;
+    unsigned left_out;
+    while ((kind = srv_log_bound_next(&log->bound, now_ms, &left_out))) {
+        char line[1024];
+        snprintf(line, sizeof line, "%u lines like this were left out: %.900s", left_out, kind);
+        write_line(log, SP_LOG_WARN, &(struct sp_log_field){ NULL, NULL }, line);
+    }
+}
+
 void srv_log_init(struct srv_log *log, enum sp_log_level level, enum srv_log_format format) {
     memset(log, 0, sizeof *log);
     log->format = format;
+    srv_log_bound_init(&log->bound);
     sp_log_init(sink, log, level);
 }

@@ -1,17 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Log lines on standard error, in one of three forms (--log-format):
+ *
  *   logfmt  time=2026-01-31T12:00:00.123Z level=info volume="engine" msg="volume engine loaded"
- *   json    {"time":"2026-01-31T12:00:00.123Z","level":"info","volume":"engine","msg":"volume
- * engine loaded"} text    2026-01-31T12:00:00.123Z info volume engine loaded Between level and msg
- * stands what the line speaks of, as far as it does: volume, session, path, peer. msg says it as
- * well. While `capture` is on, lines that tell of a refused backend are kept, for /readyz.
+ *   json    {"time":"2026-01-31T12:00:00.123Z","level":"info","volume":"engine","msg":"…"}
+ *   text    2026-01-31T12:00:00.123Z info volume engine loaded
+ *
+ * Between level and msg stands what the line speaks of, as far as it does: volume, session, path,
+ * peer. msg says it as well. Lines of one kind have a bound (log_bound.h) but for those of the
+ * level debug, which are for who asks for each. While `capture` is on, lines that tell of a refused
+ * backend are kept, for /readyz.
  */
 #ifndef SRV_LOG_H
 #define SRV_LOG_H
 
 #include <stdbool.h>
 
+#include "log_bound.h"
 #include "sp/log.h"
 
 enum { SRV_LOG_REFUSALS = 8, SRV_LOG_REFUSAL_BYTES = 512 };
@@ -19,6 +24,7 @@ enum srv_log_format { SRV_LOG_TEXT, SRV_LOG_LOGFMT, SRV_LOG_JSON, SRV_LOG_FORMAT
 
 struct srv_log {
     enum srv_log_format format;
+    struct srv_log_bound bound;
     bool capture; /* only while there is one thread */
     unsigned refusal_count;
     char refusals[SRV_LOG_REFUSALS][SRV_LOG_REFUSAL_BYTES];
@@ -31,6 +37,9 @@ bool srv_log_level_from(const char *name, enum sp_log_level *level);
 
 /* Makes it the log's sink; it must live as long as the program. */
 void srv_log_init(struct srv_log *log, enum sp_log_level level, enum srv_log_format format);
+/* Tells how many lines of a kind were left out, if none came after them that could say so. Any
+ * thread, now and then; INFINITY: the last time. */
+void srv_log_tick(struct srv_log *log, double now_ms);
 
 /* One line, with its newline, as it is written; `line` and values of fields may hold any bytes. Cut
  * to fit. Returns the number of bytes. */

@@ -2,6 +2,7 @@
  *
  * splatd: settings → daemon → signal (SIGHUP: reload) → drain.
  */
+#include <math.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
@@ -106,6 +107,7 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     sp_log(SP_LOG_INFO, "signal %d: shutting down; once more ends at once", number);
     let_second_signal_end(&signals);
     srv_daemon_stop(&daemon);
+    srv_log_tick(&log, INFINITY);
     sp_log(SP_LOG_INFO, "stopped");
     return EXIT_OK;
 }

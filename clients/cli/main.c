@@ -21,8 +21,9 @@ static const struct {
 };
 
 /* The renderer's log: what went wrong is told by the error, the rest is for daemons. */
-static void drop_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
+static void drop_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     (void)level;

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sp/log.h"
 
-#include <stdarg.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdio.h>
 
 static const char *const level_names[] = { "ERROR", "WARN", "INFO", "DEBUG" };
 
-static void to_stderr(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
+static void to_stderr(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     fprintf(stderr, "%s %s\n", level_names[level], line);
@@ -43,15 +43,18 @@ static void write_line(enum sp_log_level level, const struct sp_log_field *field
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';
-    log_state.sink(log_state.user, level, fields, line);
+    log_state.sink(log_state.user, level, format, fields, line);
+}
+
+void sp_log_args(enum sp_log_level level, const char *format, va_list args) {
+    if (is_kept(level))
+        write_line(level, &(struct sp_log_field){ NULL, NULL }, format, args);
 }
 
 void sp_log(enum sp_log_level level, const char *format, ...) {
     va_list args;
-    if (!is_kept(level))
-        return;
     va_start(args, format);
-    write_line(level, &(struct sp_log_field){ NULL, NULL }, format, args);
+    sp_log_args(level, format, args);
     va_end(args);
 }
 

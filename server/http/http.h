@@ -20,7 +20,6 @@ struct srv_http {
     struct srv_tls *tls; /* NULL = the daemon listens itself */
     struct srv_guard *guard;
     struct srv_packed *packed; /* the page and the contract */
-    struct srv_refusals refusals;
     char address[SRV_ADDRESS_TEXT];
     pthread_mutex_t mutex;
     pthread_cond_t idle;

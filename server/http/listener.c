@@ -44,7 +44,7 @@ static enum MHD_Result on_accept(void *user, const struct sockaddr *peer, sockle
     if (same_host < accepted_from(http, peer))
         return MHD_YES;
     srv_address_to_text(peer, text);
-    srv_refused(&http->refusals, SRV_REFUSED_ADDRESS, srv_clock_ms(),
+    srv_refused(http->options.metrics, SRV_REFUSED_ADDRESS,
                 "%s refused: it has %zu connections (--connections-per-address)", text, same_host);
     return MHD_NO;
 }
@@ -138,7 +138,7 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
         .linger_ms = (double)config->request_time_ms,
         .handshakes_max = (unsigned)config->handshakes,
         .connections_max = connections_max(config) + (unsigned)config->handshakes,
-        .refusals = &http->refusals,
+        .metrics = http->options.metrics,
         .user = http,
         .accepted_from = accepted_from,
         .give = on_tls_connection,
@@ -182,7 +182,6 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
         return NULL;
     }
     http->options = *options;
-    http->refusals.metrics = options->metrics;
     pthread_mutex_init(&http->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);

@@ -185,14 +185,14 @@ static bool check_limits(struct srv_request *request) {
     size_t all, same_host;
     srv_guard_count(request->http->guard, host, &all, &same_host);
     if (all > (size_t)config->connections) {
-        srv_refused(&request->http->refusals, SRV_REFUSED_FULL, srv_clock_ms(),
+        srv_refused(request->app->metrics, SRV_REFUSED_FULL,
                     "%s refused: %zu connections, --connections %lld",
                     srv_guard_peer(request->guarded), all, (long long)config->connections);
         srv_reply_problem(&request->reply, 503, NULL,
                           "%zu connections are open and --connections allows %lld; try again later",
                           all, (long long)config->connections);
     } else if (same_host > from_host) {
-        srv_refused(&request->http->refusals, SRV_REFUSED_ADDRESS, srv_clock_ms(),
+        srv_refused(request->app->metrics, SRV_REFUSED_ADDRESS,
                     "%s refused: %zu connections, --connections-per-address %u",
                     srv_guard_peer(request->guarded), same_host, from_host);
         srv_reply_problem(&request->reply, 429, NULL,

@@ -16,6 +16,7 @@
 
 #include "clock.h"
 #include "http/address.h"
+#include "http/refusals.h"
 #include "sp/log.h"
 
 enum {
@@ -234,7 +235,7 @@ static void pump(struct srv_tls *tls, struct connection *c, double now_ms) {
 static void open_pair(struct srv_tls *tls, struct connection *c, double now_ms) {
     int pair[2], bytes = PAIR_BYTES;
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) != 0) {
-        srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
                     "TLS connection of %s refused: no socket pair: %s", c->peer, strerror(errno));
         c->state = DEAD;
         return;
@@ -243,7 +244,7 @@ static void open_pair(struct srv_tls *tls, struct connection *c, double now_ms) 
     c->sides[SERVER].fd = pair[0];
     if (!tls->options.give(tls->options.user, pair[1], (const struct sockaddr *)&c->address,
                            c->address_size)) {
-        srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
                     "TLS connection of %s refused: there is no room", c->peer);
         c->state = DEAD;
         return;
@@ -263,7 +264,7 @@ static void shake(struct srv_tls *tls, struct connection *c, double now_ms) {
         bool writes = gnutls_record_get_direction(c->session) == 1;
         watch(tls, c, CLIENT, writes ? EPOLLOUT : EPOLLIN);
     } else {
-        srv_refused(tls->options.refusals, SRV_REFUSED_TLS, now_ms, "no TLS with %s: %s", c->peer,
+        srv_refused(tls->options.metrics, SRV_REFUSED_TLS, "no TLS with %s: %s", c->peer,
                     gnutls_strerror(code));
         gnutls_alert_send_appropriate(c->session, code);
         linger(tls, c, now_ms);
@@ -285,8 +286,8 @@ static void tell_plain(struct srv_tls *tls, struct connection *c, double now_ms)
                         "Connection: close\r\nContent-Length: %zu\r\n\r\n%s",
                         sizeof body - 1, body);
     ssize_t sent = send(c->sides[CLIENT].fd, answer, (size_t)size, MSG_NOSIGNAL);
-    srv_refused(tls->options.refusals, SRV_REFUSED_TLS, now_ms,
-                "no TLS with %s: it speaks plain HTTP", c->peer);
+    srv_refused(tls->options.metrics, SRV_REFUSED_TLS, "no TLS with %s: it speaks plain HTTP",
+                c->peer);
     if (sent == size)
         linger(tls, c, now_ms);
     else
@@ -333,7 +334,7 @@ static void reap(struct srv_tls *tls) {
 }
 
 /* If there are too many; not the one that just arrived. */
-static void end_oldest_handshake(struct srv_tls *tls, double now_ms) {
+static void end_oldest_handshake(struct srv_tls *tls) {
     struct connection *oldest = NULL;
     unsigned handshakes = 0;
     for (struct connection *c = tls->list; c; c = c->next) {
@@ -342,16 +343,15 @@ static void end_oldest_handshake(struct srv_tls *tls, double now_ms) {
     }
     if (handshakes <= tls->options.handshakes_max)
         return;
-    srv_refused(tls->options.refusals, SRV_REFUSED_HANDSHAKE, now_ms,
+    srv_refused(tls->options.metrics, SRV_REFUSED_HANDSHAKE,
                 "no TLS with %s: more than %u handshakes at a time (--handshakes)", oldest->peer,
                 tls->options.handshakes_max);
     oldest->state = DEAD;
 }
 
-static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const char *peer,
-                     double now_ms) {
+static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const char *peer) {
     if (tls->count >= tls->options.connections_max) {
-        srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
                     "TLS connection of %s refused: --connections (%u are open)", peer, tls->count);
         return false;
     }
@@ -362,7 +362,7 @@ static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const cha
         same_host += srv_address_same_host((const struct sockaddr *)&c->address, host);
     if (same_host < tls->options.accepted_from(tls->options.user, host))
         return true;
-    srv_refused(tls->options.refusals, SRV_REFUSED_ADDRESS, now_ms,
+    srv_refused(tls->options.metrics, SRV_REFUSED_ADDRESS,
                 "TLS connection of %s refused: it has %u (--connections-per-address)", peer,
                 same_host);
     return false;
@@ -373,11 +373,11 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
     srv_address_to_text((const struct sockaddr *)address, peer);
-    bool has = has_room(tls, (const struct sockaddr *)address, peer, now_ms);
+    bool has = has_room(tls, (const struct sockaddr *)address, peer);
     struct connection *c = has ? calloc(1, sizeof *c) : NULL;
     if (!c) {
         if (has)
-            srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+            srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
                         "TLS connection of %s refused: no memory", peer);
         close(fd);
         return;
@@ -398,7 +398,7 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     tls->list = c;
     tls->count++;
     watch(tls, c, CLIENT, EPOLLIN);
-    end_oldest_handshake(tls, now_ms);
+    end_oldest_handshake(tls);
 }
 
 static void accept_all(struct srv_tls *tls, double now_ms) {
@@ -410,7 +410,7 @@ static void accept_all(struct srv_tls *tls, double now_ms) {
         if (fd >= 0) {
             take(tls, fd, &address, size, now_ms);
         } else if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) {
-            srv_refused(tls->options.refusals, SRV_REFUSED_FULL, now_ms,
+            srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
                         "no connection can be accepted for now: %s", strerror(errno));
             listen_again(tls, false); /* until the next tick */
             return;
@@ -434,7 +434,7 @@ static void tick(struct srv_tls *tls, double now_ms) {
         if (c->deadline_ms == 0 || now_ms < c->deadline_ms)
             continue;
         if (c->state == HANDSHAKE)
-            srv_refused(tls->options.refusals, SRV_REFUSED_TLS, now_ms,
+            srv_refused(tls->options.metrics, SRV_REFUSED_TLS,
                         "no TLS with %s: no handshake within --header-time", c->peer);
         else if (c->state == OPEN)
             sp_log(SP_LOG_INFO,

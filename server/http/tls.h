@@ -23,8 +23,8 @@
 #include <stdbool.h>
 #include <sys/socket.h>
 
-#include "http/refusals.h"
 #include "http/tls_keys.h"
+#include "metrics.h"
 #include "sp/status.h"
 
 struct srv_tls;
@@ -36,7 +36,7 @@ struct srv_tls_options {
     double linger_ms;          /* longest for a client to read the rest, once give()'s end closed */
     unsigned handshakes_max;   /* at a time */
     unsigned connections_max;  /* at a time, handshakes and those that linger too */
-    struct srv_refusals *refusals; /* not owned; NULL = they are not counted */
+    struct srv_metrics *metrics; /* not owned; NULL = what is refused is not counted */
     void *user;
     /* Connections that one host may have at a time, as connections_max; NULL = any number. On the
      * TLS thread. */

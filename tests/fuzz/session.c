@@ -32,8 +32,9 @@ static char *recall(void *user, const char *id, size_t *size, struct sp_error *e
     return text;
 }
 
-static void ignore_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                        const char *line) {
+static void ignore_line(void *user, enum sp_log_level level, const char *kind,
+                        const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     (void)level;

@@ -80,8 +80,9 @@ static ssize_t output_send(void *user, const uint8_t *bytes, size_t size) {
     return (ssize_t)size;
 }
 
-static void no_log(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                   const char *line) {
+static void no_log(void *user, enum sp_log_level level, const char *kind,
+                   const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     (void)level;

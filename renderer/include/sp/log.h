@@ -11,6 +11,7 @@
 #ifndef SP_LOG_H
 #define SP_LOG_H
 
+#include <stdarg.h>
 #include <stddef.h>
 
 enum sp_log_level { SP_LOG_ERROR, SP_LOG_WARN, SP_LOG_INFO, SP_LOG_DEBUG };
@@ -22,9 +23,10 @@ struct sp_log_field {
 };
 
 /* Called from any thread, one complete line without newline, which says all that the fields say;
- * must not block for long. fields is never NULL; values may hold any bytes. */
-typedef void sp_log_sink(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                         const char *line);
+ * must not block for long. kind: the format that it was made with, a constant. fields is never
+ * NULL; values may hold any bytes. */
+typedef void sp_log_sink(void *user, enum sp_log_level level, const char *kind,
+                         const struct sp_log_field *fields, const char *line);
 
 /* Sets the sink (NULL = standard error) and the most detailed level kept. Not thread-safe: call it
  * once, first. `user` must outlive every other call. Default: standard error, SP_LOG_INFO. */
@@ -35,6 +37,9 @@ void sp_log_set_level(enum sp_log_level level);
 
 /* Thread-safe. Lines are cut at 1,023 bytes. */
 __attribute__((format(printf, 2, 3))) void sp_log(enum sp_log_level level, const char *format, ...);
+
+__attribute__((format(printf, 2, 0))) void sp_log_args(enum sp_log_level level, const char *format,
+                                                       va_list args);
 
 /* The same with fields: sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s …",
  * id). They need live no longer than the call. */

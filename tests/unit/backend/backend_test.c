@@ -18,8 +18,9 @@
 #include "sp/log.h"
 #include "sp/renderer.h"
 
-static void drop_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
+static void drop_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)level;
     (void)line;

@@ -130,8 +130,9 @@ const struct sp_backend *__wrap_sp_registry_at(unsigned i) {
     return i < FAKES ? table[i] : NULL;
 }
 
-static void keep_warning(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                         const char *line) {
+static void keep_warning(void *user, enum sp_log_level level, const char *kind,
+                         const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     size_t used = strlen(fakes_warnings);

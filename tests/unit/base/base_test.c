@@ -98,10 +98,10 @@ static void error_texts_are_cut_not_overrun(void **state) {
     assert_string_equal(sp_code_name(SP_ERR_FORMAT), "format");
 }
 
-static void keep_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
+static void keep_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
     (void)level;
-    snprintf(user, 64, "%s", line);
+    snprintf(user, 64, "%s|%s", kind, line);
     for (; fields->key; fields++)
         snprintf((char *)user + strlen(user), 64 - strlen(user), "|%s=%s", fields->key,
                  fields->value);
@@ -114,11 +114,11 @@ static void log_lines_cannot_be_forged(void **state) {
     sp_log(SP_LOG_DEBUG, "too detailed");
     assert_string_equal(kept, "");
     sp_log(SP_LOG_INFO, "peer %s", "a\nERROR b");
-    assert_string_equal(kept, "peer a?ERROR b");
+    assert_string_equal(kept, "peer %s|peer a?ERROR b");
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", "v" }, { "peer", "p" }), "%d", 7);
-    assert_string_equal(kept, "7|volume=v|peer=p");
+    assert_string_equal(kept, "%d|7|volume=v|peer=p");
     sp_log_with(SP_LOG_DEBUG, SP_LOG_FIELDS({ "volume", "v" }), "too detailed");
-    assert_string_equal(kept, "7|volume=v|peer=p");
+    assert_string_equal(kept, "%d|7|volume=v|peer=p");
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
 

@@ -19,7 +19,6 @@
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/strict.h"
-#include "sp/log.h"
 
 static void nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
@@ -292,37 +291,6 @@ static void connections_from_one_host(void **state) {
     }
 }
 
-static char last_line[512];
-static unsigned lines;
-
-static void keep_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
-    (void)fields;
-    (void)user;
-    (void)level;
-    snprintf(last_line, sizeof last_line, "%s", line);
-    lines++;
-}
-
-static void refusals(void **state) {
-    (void)state;
-    struct srv_refusals r = { .metrics = NULL };
-    sp_log_init(keep_line, NULL, SP_LOG_INFO);
-    for (int i = 0; i < 1000; i++)
-        srv_refused(&r, SRV_REFUSED_FULL, 5000 + i * 0.5, "%d refused", i);
-    assert_int_equal(lines, 1);
-    assert_string_equal(last_line, "0 refused");
-    srv_refused(&r, SRV_REFUSED_TLS, 5500, "another reason");
-    assert_int_equal(lines, 2);
-    srv_refused(&r, SRV_REFUSED_FULL, 6000, "the next second");
-    assert_string_equal(last_line, "the next second; 999 more like it since the last such line");
-    srv_refused(&r, SRV_REFUSED_FULL, 7000, "later");
-    assert_string_equal(last_line, "later");
-    assert_int_equal(lines, 4);
-    srv_refused(NULL, SRV_REFUSED_FULL, 9000, "nothing");
-    assert_int_equal(lines, 4);
-}
-
 /* RFC 6455, 1.3; another one from `printf KEY258EAFA5-… | openssl sha1 -binary | base64`. */
 static void handshake(void **state) {
     (void)state;
@@ -419,7 +387,6 @@ int main(void) {
         cmocka_unit_test(addresses),       cmocka_unit_test(handshake),
         cmocka_unit_test(problems),        cmocka_unit_test(targets),
         cmocka_unit_test(framing),         cmocka_unit_test(connections_from_one_host),
-        cmocka_unit_test(refusals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

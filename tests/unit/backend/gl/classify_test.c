@@ -217,8 +217,9 @@ static void values_of_any_size_are_told_apart(void **state) {
     }
 }
 
-static void count_warnings(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                           const char *line) {
+static void count_warnings(void *user, enum sp_log_level level, const char *kind,
+                           const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     struct rig *rig = user;
     rig->warnings +=

@@ -92,8 +92,9 @@ static void play_the_driver(void) {
     epoxy_eglQueryDevicesEXT = query_devices;
 }
 
-static void count_warning(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                          const char *line) {
+static void count_warning(void *user, enum sp_log_level level, const char *kind,
+                          const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     if (level == SP_LOG_WARN) {

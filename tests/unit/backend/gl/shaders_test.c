@@ -40,8 +40,9 @@ static void shader_source(GLuint shader, GLsizei count, const GLchar *const *tex
     driver.real(shader, count + is_broken, given, NULL);
 }
 
-static void take_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
+static void take_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)user;
     driver.lines += level == SP_LOG_ERROR;

@@ -231,8 +231,9 @@ struct lines {
     bool has_line, has_name;
 };
 
-static void take_line(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                      const char *line) {
+static void take_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     struct lines *lines = user;
     (void)level;

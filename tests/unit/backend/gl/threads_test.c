@@ -24,8 +24,9 @@ static const struct sp_renderer_options gl = { .backend = "gl-software", .thread
 
 /* A frame that fails is drawn again with another context: the picture does not tell of it, the log
  * does. */
-static void count_warning(void *user, enum sp_log_level level, const struct sp_log_field *fields,
-                          const char *line) {
+static void count_warning(void *user, enum sp_log_level level, const char *kind,
+                          const struct sp_log_field *fields, const char *line) {
+    (void)kind;
     (void)fields;
     (void)level;
     atomic_fetch_add((atomic_uint *)user, 1);
