@@ -88,6 +88,11 @@ static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     srv_scheduler_interrupt(d->scheduler, of, why);
 }
 
+static bool on_quota(void *user, const char *name, struct srv_quota *quota) {
+    struct srv_daemon *d = user;
+    return srv_tokens_quota(d->tokens, name, quota);
+}
+
 static bool on_supports(void *user, const struct sp_view *view, struct sp_error *err) {
     struct srv_daemon *d = user;
     return srv_scheduler_supports(d->scheduler, view, err);
@@ -188,6 +193,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .work = on_work,
         .ready = on_ready,
         .interrupt = on_interrupt,
+        .quota = on_quota,
         .supports = on_supports,
         .changed = on_changed,
         .ended = on_ended,
@@ -327,7 +333,9 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
     srv_config_compare(d->config, fresh, on_difference, NULL);
     if (srv_log_level_from(fresh->log_level, &level))
         sp_log_set_level(level);
-    if (srv_http_reload(atomic_load(&d->http), &err))
+    bool is_whole = srv_http_reload(atomic_load(&d->http), &err);
+    srv_hub_renew_quotas(d->hub);
+    if (is_whole)
         sp_log(SP_LOG_INFO, "reloaded");
     else
         sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s%s%s", err.place,

@@ -114,6 +114,18 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant) {
     grant->use = NULL;
 }
 
+bool srv_tokens_quota(struct srv_tokens *tokens, const char *name, struct srv_quota *quota) {
+    pthread_mutex_lock(&tokens->mutex);
+    const struct srv_token *found = NULL;
+    for (size_t i = 0; i < tokens->count && !found; i++)
+        if (strcmp(tokens->list[i].token.name, name) == 0)
+            found = &tokens->list[i].token;
+    if (found)
+        *quota = found->quota;
+    pthread_mutex_unlock(&tokens->mutex);
+    return found != NULL;
+}
+
 static bool is_within(struct srv_token_use *use, const struct srv_quota *quota, const char *name,
                       double now_ms, struct sp_error *err) {
     if (quota->stills && use->stills >= quota->stills)

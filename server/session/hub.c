@@ -217,8 +217,9 @@ void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, doub
     hub->session_count++;
 }
 
-bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
-                       struct sp_error *err) {
+/* May this owner have one more session, awake or asleep? */
+static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
+                      struct sp_error *err) {
     unsigned most = owner->quota.sessions, awake = 0;
     if (!most)
         return true;
@@ -229,6 +230,21 @@ bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
            sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
                    "%s has %u sessions, of which %u sleep, and its token allows %u; delete some",
                    owner->name, awake + asleep, asleep, most);
+}
+
+void srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner) {
+    if (hub->options.quota && owner->name[0])
+        hub->options.quota(hub->options.user, owner->name, &owner->quota);
+}
+
+void srv_hub_renew_quotas(struct srv_hub *hub) {
+    pthread_mutex_lock(&hub->mutex);
+    for (struct srv_session *s = hub->sessions; s; s = s->next) {
+        srv_hub_renew_quota(hub, &s->owner);
+        for (struct srv_participant *p = s->participants; p; p = p->next)
+            p->max_fps = srv_owner_fps(&s->owner, p->wanted_fps);
+    }
+    pthread_mutex_unlock(&hub->mutex);
 }
 
 /* How many of `most` there may be before a guest, or who is none, makes one more. */
@@ -251,7 +267,7 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "%u sessions sleep and --sleeping-sessions allows%s %u; delete some",
                        hub->sleeper_count, whom, asleep_max);
-    if (!srv_hub_has_quota(hub, &session->owner, err))
+    if (!has_quota(hub, &session->owner, err))
         return false;
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub);

@@ -83,6 +83,9 @@ struct srv_hub_options {
     /* What was saved last of a session: malloc'ed, with a NUL behind it. NULL = nothing can be had
      * back, and sessions end instead of falling asleep. */
     char *(*recall)(void *user, const char *id, size_t *size, struct sp_error *err);
+    /* What the token of this name allows today; false: there is none of it any more, and what was
+     * known of it holds on. NULL = quotas do not change. */
+    bool (*quota)(void *user, const char *name, struct srv_quota *quota);
     /* Can it be drawn? NULL = everything can. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -109,6 +112,8 @@ proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *
                                          const struct srv_owner *owner, bool is_guest,
                                          double now_ms, char id[SRV_SESSION_ID_BYTES],
                                          struct sp_error *err);
+/* The tokens have changed: what sessions that are awake were allowed is asked again. */
+void srv_hub_renew_quotas(struct srv_hub *hub);
 /* Whose session it is, for its forks; nobody's if there is none awake. */
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
 /* {"id", "view", "participants"}; `with_tokens` adds "tokens". Like all that asks for a session by

@@ -63,7 +63,8 @@ struct srv_participant {
     struct srv_video_mark mark; /* of the frame that it can take next; epoch 0 = a key frame */
     bool video_refused;         /* there is no encoder for it: stills */
     enum sp_chroma chroma;      /* of its JPEGs */
-    int quality, max_fps;
+    int quality;
+    int wanted_fps, max_fps; /* what it asked for, and what the session's owner may have of that */
     bool progressive, lossless;
     uint32_t size[2]; /* 0 = the view's */
 
@@ -94,7 +95,7 @@ struct srv_session {
     uint64_t number; /* unique */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
-    struct srv_owner owner;               /* constant */
+    struct srv_owner owner;               /* its name is constant */
     struct sp_view view;
     void *volume;
     uint64_t version;       /* of the view, from 1 */
@@ -175,9 +176,8 @@ const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv
 /* NULL: there is none, or it cannot wake yet. */
 struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
                                  struct sp_error *err);
-/* May this owner have one more session, awake or asleep? SP_ERR_BUDGET at SRV_PLACE_QUOTA. */
-bool srv_hub_has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
-                       struct sp_error *err);
+/* What the owner's token allows today. */
+void srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
 bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
 /* Ends those that have slept for too long; ms until the next one does, INFINITY = never. */
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms);

@@ -189,14 +189,14 @@ static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_
     char *text = hub->options.recall(hub->options.user, session->id, &size, err);
     proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
     srv_owner_decode(proto_json_get(record, "owner"), &session->owner);
-    bool may = record && srv_hub_has_quota(hub, &session->owner, err);
-    bool ok = may && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL, &session->view,
-                                          &session->volume, &why);
-    if (may && !ok && why.code == SP_ERR_MEMORY)
+    srv_hub_renew_quota(hub, &session->owner); /* its number of sessions stays what it is */
+    bool ok = record && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL,
+                                             &session->view, &session->volume, &why);
+    if (record && !ok && why.code == SP_ERR_MEMORY)
         *err = why;
-    else if (may && !ok && strcmp(why.place, "/volume") == 0)
+    else if (record && !ok && strcmp(why.place, "/volume") == 0)
         sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session waits for its volume: %s", why.text);
-    else if (may && !ok)
+    else if (record && !ok)
         sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session's view cannot be shown here: %s: %s",
                 why.place, why.text);
     proto_json_free(&record);

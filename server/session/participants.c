@@ -66,7 +66,8 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     if (session && !has_room(hub, session, err))
         session = NULL;
     if (session) {
-        p->max_fps = srv_owner_fps(&session->owner, FPS_DEFAULT);
+        p->wanted_fps = FPS_DEFAULT;
+        p->max_fps = srv_owner_fps(&session->owner, p->wanted_fps);
         p->id = ++hub->next_participant;
         p->session = session;
         p->volume_start = hub->volume_clock;

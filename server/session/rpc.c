@@ -236,7 +236,7 @@ static bool stream_configure(struct srv_call *call) {
                                  .video = p->video,
                                  .chroma = p->chroma,
                                  .quality = p->quality,
-                                 .max_fps = p->max_fps,
+                                 .max_fps = p->wanted_fps,
                                  .size = { p->size[0], p->size[1] },
                                  .progressive = p->progressive,
                                  .lossless = p->lossless };
@@ -249,7 +249,8 @@ static bool stream_configure(struct srv_call *call) {
     p->video = s.video;
     p->chroma = s.chroma;
     p->quality = (int)s.quality;
-    p->max_fps = srv_owner_fps(&p->session->owner, (int)s.max_fps);
+    p->wanted_fps = (int)s.max_fps;
+    p->max_fps = srv_owner_fps(&p->session->owner, p->wanted_fps);
     p->size[0] = (uint32_t)s.size[0];
     p->size[1] = (uint32_t)s.size[1];
     p->progressive = s.progressive;

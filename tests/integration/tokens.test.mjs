@@ -160,10 +160,16 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   daemon.kill('SIGHUP');
   await daemon.untilLogged(/not reloaded, what was there stays.*line 7/);
   assert.deepEqual([await status('metrics'), await status('more')], [200, 401]);
-  fs.writeFileSync(file, `${of('admin')}\n${of('more')} role=metrics\n`);
+  const { sessions } = (await daemon.json('/api/v1/sessions', { token: of('control') })).json;
+  const { json: session } = await daemon.json(`/api/v1/sessions/${sessions[0].id}`);
+  const stream = await daemon.stream({ session });
+  assert.equal((await stream.call('stream.configure', { max_fps: 60 })).max_fps, 12);
+  fs.writeFileSync(file, `${of('admin')}\n${of('more')} role=metrics\n${of('fresh')} role=control name=ann fps=40\n`);
   daemon.kill('SIGHUP');
   await daemon.untilLogged(/reloaded(?!,)/);
   assert.deepEqual([await status('metrics'), await status('more'), await status('admin')], [401, 200, 200]);
+  assert.equal((await stream.call('stream.configure', {})).max_fps, 40, 'a session of ann has the quota of her token');
+  await stream.end();
 });
 
 test('a file that is wrong is no start', async () => {

@@ -30,7 +30,8 @@ static struct fixture {
     char ended[32], id[SRV_SESSION_ID_BYTES];
     char text[8192]; /* of the session that was saved last */
     size_t size;
-    unsigned sessions_max; /* 0 = 2 */
+    unsigned sessions_max;   /* 0 = 2 */
+    struct srv_quota *quota; /* of every owner; NULL = there is none of that name */
 } f;
 
 static long left = -1; /* allocations of JSON that still succeed; < 0 = all */
@@ -89,6 +90,14 @@ static char *recall(void *user, const char *id, size_t *size, struct sp_error *e
     return copy;
 }
 
+static bool quota(void *user, const char *name, struct srv_quota *quota) {
+    (void)user;
+    assert_string_equal(name, "ann");
+    if (f.quota)
+        *quota = *f.quota;
+    return f.quota != NULL;
+}
+
 static void create_hub(void) {
     struct srv_hub_options options = { .volumes = played_source(&f.volumes),
                                        .sessions_max = f.sessions_max ? f.sessions_max : 2,
@@ -102,6 +111,7 @@ static void create_hub(void) {
                                        .ready = played_ignore,
                                        .interrupt = played_ignore_interrupt,
                                        .recall = recall,
+                                       .quota = quota,
                                        .supports = supports,
                                        .changed = on_changed,
                                        .ended = on_ended };
@@ -364,6 +374,49 @@ static void sleepers_count_for_their_owner(void **state) {
     assert_true(create(&ann, false, 5000, &err));
 }
 
+static int granted_fps(struct srv_participant *p) {
+    static const char request[] =
+        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{}}";
+    char *answer = NULL;
+    size_t size;
+    int64_t fps = -1;
+    assert_true(srv_hub_message(f.hub, p, request, sizeof request - 1, 0, &answer, &size));
+    proto_json *json = proto_json_parse(answer, size, NULL);
+    proto_json_integer(proto_json_get(proto_json_get(json, "result"), "max_fps"), &fps);
+    proto_json_free(&json);
+    free(answer);
+    return (int)fps;
+}
+
+/* A session wakes for an owner who may not make one more, and is allowed what the token of that
+ * name allows then; of a name that has no token any more what was known holds on. */
+static void quotas_are_those_of_today(void **state) {
+    (void)state;
+    const struct srv_owner ann = { .name = "ann", .quota = { .sessions = 1, .fps = 9 } };
+    struct srv_quota today = { .sessions = 1 };
+    struct sp_error err;
+    assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
+    assert_true(create(&ann, false, 0, &err));
+    assert_true(srv_hub_save(f.hub, save, NULL));
+    for (int known = 0; known < 2; known++) {
+        restart();
+        f.volumes.is_loading = false;
+        today.fps = 20;
+        f.quota = known ? &today : NULL;
+        struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, NULL, 0, &err);
+        if (!p)
+            fail_msg("%s", err.text);
+        assert_int_equal(granted_fps(p), known ? 20 : 9);
+        today.fps = 25;
+        srv_hub_renew_quotas(f.hub);
+        assert_int_equal(granted_fps(p), known ? 25 : 9);
+        today.fps = 0;
+        srv_hub_renew_quotas(f.hub);
+        assert_int_equal(granted_fps(p), known ? 30 : 9);
+        srv_hub_leave(f.hub, &p, 0);
+    }
+}
+
 static void guests_leave_a_quarter_to_others(void **state) {
     (void)state;
     const struct srv_owner nobody = { .name = "" };
@@ -457,6 +510,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(one_whose_volume_is_gone_ends_as_well, set_up, tear_down),
         cmocka_unit_test_setup_teardown(all_are_listed, set_up, tear_down),
         cmocka_unit_test_setup_teardown(sleepers_count_for_their_owner, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(quotas_are_those_of_today, set_up, tear_down),
         cmocka_unit_test_setup_teardown(guests_leave_a_quarter_to_others, set_up, tear_down),
         cmocka_unit_test_setup_teardown(sleepers_have_a_limit_and_can_be_deleted, set_up,
                                         tear_down),
