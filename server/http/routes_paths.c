@@ -110,8 +110,9 @@ void srv_get_path(struct srv_request *request, struct srv_reply *reply) {
 }
 
 void srv_delete_path(struct srv_request *request, struct srv_reply *reply) {
-    if (!srv_jobs_remove(request->app->jobs, request->param)) {
-        srv_reply_problem(reply, 404, NULL, "there is no path '%.64s'", request->param);
+    struct sp_error err;
+    if (!srv_jobs_remove(request->app->jobs, request->param, &err)) {
+        srv_reply_error(reply, &err);
         return;
     }
     reply->status = 204;

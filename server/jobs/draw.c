@@ -385,6 +385,11 @@ static bool is_over(const struct srv_path_job *job) {
     return job->state == SRV_JOB_DONE || job->state == SRV_JOB_FAILED;
 }
 
+/* When it can go on; INFINITY = not before something happens. */
+static double ready_ms(const struct srv_path_job *job) {
+    return is_over(job) || job->unwritten > 0 ? INFINITY : job->blocked_ms;
+}
+
 /* Of those that can go on the oldest of the owner whose turn it is; NULL = none. With the mutex
  * held. */
 static struct srv_path_job *next_job(struct srv_jobs *jobs) {
@@ -392,7 +397,7 @@ static struct srv_path_job *next_job(struct srv_jobs *jobs) {
     uint64_t first = UINT64_MAX;
     double now_ms = srv_clock_ms();
     for (struct srv_path_job *job = jobs->list; job; job = job->next) {
-        if (job->blocked_ms > now_ms || is_over(job))
+        if (ready_ms(job) > now_ms)
             continue;
         if (job->by->turn < first) {
             first = job->by->turn;
@@ -402,19 +407,37 @@ static struct srv_path_job *next_job(struct srv_jobs *jobs) {
     return next;
 }
 
-/* Removes the files of removed jobs. With the mutex held, which is let go meanwhile. */
+/* Removes the files of a removed job, then its record. Without the mutex. */
+static bool clear(struct drawing *d, const char *id) {
+    struct srv_jobs *jobs = d->jobs;
+    struct sp_error err;
+    forget_video(d, id);
+    if (srv_folder_remove(&jobs->folder, id, &err)) {
+        srv_store_remove(jobs->options.store, SRV_KIND_PATH, id);
+        return true;
+    }
+    sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
+                "files of path %s stay until the next start: %s: %s", id, err.place, err.text);
+    return false;
+}
+
+/* All whose records say that they are removed. With the mutex held, which is let go meanwhile. */
 static void clear_gone(struct drawing *d) {
     struct srv_jobs *jobs = d->jobs;
-    while (jobs->gone) {
-        struct srv_path_job *job = jobs->gone;
-        jobs->gone = job->next;
+    for (struct srv_path_job **at = &jobs->gone, *job = *at; job; job = *at) {
+        if (job->unwritten > 0) {
+            at = &job->next;
+            continue;
+        }
+        *at = job->next;
         pthread_mutex_unlock(&jobs->mutex);
-        forget_video(d, job->id);
-        srv_folder_remove(&jobs->folder, job->id);
+        bool is_clear = clear(d, job->id);
         pthread_mutex_lock(&jobs->mutex);
-        jobs->bytes -= job->bytes;
+        if (is_clear)
+            jobs->bytes -= job->bytes;
         srv_job_unref(job);
         srv_jobs_unblock(jobs);
+        at = &jobs->gone; /* there may be others */
     }
 }
 
@@ -422,8 +445,7 @@ static void clear_gone(struct drawing *d) {
 static void wait(struct srv_jobs *jobs) {
     double until_ms = INFINITY;
     for (const struct srv_path_job *job = jobs->list; job; job = job->next)
-        if (!is_over(job))
-            until_ms = fmin(until_ms, job->blocked_ms);
+        until_ms = fmin(until_ms, ready_ms(job));
     if (isinf(until_ms)) {
         pthread_cond_wait(&jobs->wake, &jobs->mutex);
         return;
@@ -445,7 +467,7 @@ static void step(struct drawing *d, struct srv_path_job *job) {
     }
     job->by->turn = ++jobs->turn;
     pthread_mutex_unlock(&jobs->mutex);
-    if (!d->path && !(d->path = srv_jobs_read_record(jobs, job->id, NULL, &err))) {
+    if (!d->path && !(d->path = srv_jobs_read_path(jobs, job->id, &err))) {
         if (!atomic_load(&job->is_removed)) /* else its record has gone, too */
             stop_job(d, generation, &err);
     } else if (job->done < job->output.frames) {
@@ -469,7 +491,7 @@ void *srv_jobs_main(void *user) {
         struct srv_path_job *job = next_job(jobs);
         if (job)
             step(&d, job);
-        else if (!jobs->gone && !atomic_load(&jobs->stop))
+        else if (!atomic_load(&jobs->stop))
             wait(jobs);
         if (d.job && next_job(jobs) != d.job)
             leave_job(&d);

@@ -33,9 +33,14 @@ static bool is_id(const char *name) {
     return strlen(name) == ID_CHARACTERS && strspn(name, "0123456789abcdef") == ID_CHARACTERS;
 }
 
-static bool is_unknown(void *user, const char *id) {
-    (void)user;
-    return !is_id(id); /* what is no job's is not ours to remove */
+/* What is no job's is not ours to remove. */
+static void remove_jobs(const struct srv_folder *left) {
+    DIR *jobs = opendir(left->root);
+    for (struct dirent *job; jobs && (job = readdir(jobs));)
+        if (is_id(job->d_name))
+            srv_folder_remove(left, job->d_name, NULL);
+    if (jobs)
+        closedir(jobs);
 }
 
 /* Removes what a process has left that was killed: it is ours, and nobody holds the lock. */
@@ -46,7 +51,7 @@ static void remove_left(int parent, const char *name, const char *parent_path) {
     int n = snprintf(left.root, sizeof left.root, "%s/%s", parent_path, name);
     if (fd >= 0 && n > 0 && (size_t)n < sizeof left.root && fstat(fd, &st) == 0 &&
         st.st_uid == geteuid() && flock(fd, LOCK_EX | LOCK_NB) == 0) {
-        srv_folder_sweep(&left, is_unknown, NULL);
+        remove_jobs(&left);
         rmdir(left.root);
     }
     if (fd >= 0)
@@ -207,19 +212,39 @@ static bool is_none(void *user, const char *name) {
     return false;
 }
 
-void srv_folder_remove(const struct srv_folder *folder, const char *id) {
+bool srv_folder_remove(const struct srv_folder *folder, const char *id, struct sp_error *err) {
     char path[SRV_FILE_BYTES];
     srv_folder_clean(folder, id, is_none, NULL);
     srv_folder_path(folder, id, "", path);
-    rmdir(path);
+    if (rmdir(path) != 0)
+        return errno == ENOENT || fail(path, "remove", err);
+    return sync_folder(folder->root) || fail(folder->root, "write", err);
 }
 
-void srv_folder_sweep(const struct srv_folder *folder, bool (*known)(void *user, const char *id),
-                      void *user) {
+/* Of the regular files in a folder; false: it is none. */
+static bool add_bytes(int parent, const char *name, uint64_t *bytes) {
+    struct stat st;
+    int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    DIR *files = fd >= 0 ? fdopendir(fd) : NULL;
+    if (!files && fd >= 0)
+        close(fd);
+    for (struct dirent *file; files && (file = readdir(files));)
+        if (fstatat(fd, file->d_name, &st, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(st.st_mode))
+            *bytes += (uint64_t)st.st_size;
+    if (files)
+        closedir(files);
+    return fd >= 0;
+}
+
+unsigned srv_folder_strays(const struct srv_folder *folder,
+                           bool (*known)(void *user, const char *id), void *user, uint64_t *bytes) {
+    unsigned count = 0;
     DIR *jobs = opendir(folder->root);
+    *bytes = 0;
     for (struct dirent *job; jobs && (job = readdir(jobs));)
-        if (job->d_name[0] != '.' && !known(user, job->d_name))
-            srv_folder_remove(folder, job->d_name);
+        if (is_id(job->d_name) && !known(user, job->d_name))
+            count += add_bytes(dirfd(jobs), job->d_name, bytes);
     if (jobs)
         closedir(jobs);
+    return count;
 }

@@ -43,10 +43,10 @@ void srv_folder_remove_file(const struct srv_folder *folder, const char *id, con
 /* Removes the files of a job that are not known. */
 void srv_folder_clean(const struct srv_folder *folder, const char *id,
                       bool (*known)(void *user, const char *name), void *user);
-/* Removes a job's folder with all that is in it. */
-void srv_folder_remove(const struct srv_folder *folder, const char *id);
-/* Removes the folders of all ids that are not known. */
-void srv_folder_sweep(const struct srv_folder *folder, bool (*known)(void *user, const char *id),
-                      void *user);
+/* Removes a job's folder with all that is in it, for good; there may be none. SP_ERR_IO. */
+bool srv_folder_remove(const struct srv_folder *folder, const char *id, struct sp_error *err);
+/* The folders of ids that are not known: how many, and the bytes of their files. */
+unsigned srv_folder_strays(const struct srv_folder *folder,
+                           bool (*known)(void *user, const char *id), void *user, uint64_t *bytes);
 
 #endif

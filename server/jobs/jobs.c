@@ -12,7 +12,8 @@
 #include "tokens.h"
 
 /* Records: {"owner", "view", "defaults", "keyframes", "frames", "fps", "format", "quality",
- * "failed"?}. */
+ * "failed"?}, or of one whose files are to be removed this. */
+static const char removed_record[] = "{\"removed\":true}";
 
 /* A whole view. It needs no volume: all fields are there. */
 static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_error *err) {
@@ -35,17 +36,20 @@ static struct srv_path *read_path(const proto_json *record, struct sp_error *err
                : NULL;
 }
 
-struct srv_path *srv_jobs_read_record(struct srv_jobs *jobs, const char *id, proto_json **json,
-                                      struct sp_error *err) {
+static proto_json *read_record(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
     size_t size;
+    pthread_mutex_lock(&jobs->records);
     char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, err);
+    pthread_mutex_unlock(&jobs->records);
     proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
-    struct srv_path *path = record ? read_path(record, err) : NULL;
     free(text);
-    if (json && path)
-        *json = record;
-    else
-        proto_json_free(&record);
+    return record;
+}
+
+struct srv_path *srv_jobs_read_path(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    proto_json *record = read_record(jobs, id, err);
+    struct srv_path *path = record ? read_path(record, err) : NULL;
+    proto_json_free(&record);
     return path;
 }
 
@@ -79,18 +83,26 @@ void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, cha
 
 /* Jobs. */
 
-static struct srv_path_job *make_job(const char *id, const char *owner,
-                                     const struct srv_path *path) {
+static struct srv_path_job *make_job(struct srv_jobs *jobs, const char *id) {
     struct srv_path_job *job = calloc(1, sizeof *job);
-    const struct sp_view *view = srv_path_key(path, 0);
     if (!job)
         return NULL;
     atomic_init(&job->is_removed, false);
+    job->jobs = jobs;
     job->refs = 1;
+    snprintf(job->id, sizeof job->id, "%s", id);
+    return job;
+}
+
+static struct srv_path_job *make_path_job(struct srv_jobs *jobs, const char *id, const char *owner,
+                                          const struct srv_path *path) {
+    struct srv_path_job *job = make_job(jobs, id);
+    const struct sp_view *view = srv_path_key(path, 0);
+    if (!job)
+        return NULL;
     job->output = *srv_path_output(path);
     memcpy(job->size, view->size, sizeof job->size);
     memcpy(job->volume, view->volume, sizeof job->volume);
-    snprintf(job->id, sizeof job->id, "%s", id);
     snprintf(job->owner, sizeof job->owner, "%s", owner);
     return job;
 }
@@ -224,11 +236,22 @@ static void look_at_files(struct srv_jobs *jobs, struct srv_path_job *job) {
         job->state = SRV_JOB_DONE;
 }
 
-static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
-    proto_json *record = NULL;
-    struct srv_path *path = srv_jobs_read_record(jobs, id, &record, err);
+/* A path whose removal was not finished: the thread does that. */
+static bool restore_gone(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    struct srv_path_job *job = make_job(jobs, id);
+    if (!job)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    atomic_store(&job->is_removed, true);
+    job->next = jobs->gone;
+    jobs->gone = job;
+    return true;
+}
+
+static bool restore_path(struct srv_jobs *jobs, const char *id, const proto_json *record,
+                         struct sp_error *err) {
+    struct srv_path *path = read_path(record, err);
     const char *owner = proto_json_string(proto_json_get(record, "owner"));
-    struct srv_path_job *job = path ? make_job(id, owner ? owner : "", path) : NULL;
+    struct srv_path_job *job = path ? make_path_job(jobs, id, owner ? owner : "", path) : NULL;
     const char *failed = proto_json_string(proto_json_get(record, "failed"));
     if (job && !count_in(jobs, job->owner, err)) {
         srv_job_unref(job);
@@ -243,33 +266,55 @@ static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err)
     } else if (path) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     }
-    proto_json_free(&record);
     srv_path_free(&path);
     return job != NULL;
 }
 
-static bool is_known(void *user, const char *id) {
-    struct srv_jobs *jobs = user;
-    return *srv_job_find(jobs, id) != NULL;
+static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    proto_json *record = read_record(jobs, id, err);
+    bool is_removed = false;
+    proto_json_bool(proto_json_get(record, "removed"), &is_removed);
+    bool ok =
+        record && (is_removed ? restore_gone(jobs, id, err) : restore_path(jobs, id, record, err));
+    proto_json_free(&record);
+    return ok;
+}
+
+/* `user`: ids one behind the other. */
+static bool is_among(void *user, const char *id) {
+    const char *at = user;
+    while (*at && strcmp(at, id) != 0)
+        at += strlen(at) + 1;
+    return *at != 0;
+}
+
+/* Files that no record knows, because the database is another one. */
+static void look_at_strays(struct srv_jobs *jobs, char *ids) {
+    uint64_t bytes;
+    unsigned count = srv_folder_strays(&jobs->folder, is_among, ids, &bytes);
+    jobs->bytes += bytes;
+    if (count > 0)
+        sp_log(SP_LOG_WARN,
+               "%u folders in %s, of %llu bytes, belong to no camera path that is known; they "
+               "stay, and count for --path-bytes: remove them, or bring back the database that had "
+               "them",
+               count, jobs->folder.root, (unsigned long long)bytes);
 }
 
 static bool restore_all(struct srv_jobs *jobs, struct sp_error *err) {
     char *ids = srv_store_ids(jobs->options.store, SRV_KIND_PATH);
-    bool is_whole = true;
     if (!ids)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what was kept");
     for (const char *id = ids; *id; id += strlen(id) + 1) {
         struct sp_error why;
         if (restore(jobs, id, &why))
             continue;
-        is_whole = false;
         sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
                     "the kept path %s cannot come back: %s%s%s", id, why.place,
                     why.place[0] ? ": " : "", why.text);
     }
+    look_at_strays(jobs, ids);
     free(ids);
-    if (is_whole) /* else a folder that is not known may be that of a record which is not read */
-        srv_folder_sweep(&jobs->folder, is_known, jobs);
     return true;
 }
 
@@ -305,7 +350,7 @@ static void drop(struct srv_jobs *jobs, struct srv_path_job *list) {
     while (list) {
         struct srv_path_job *next = list->next;
         if (jobs->folder.is_private)
-            srv_folder_remove(&jobs->folder, list->id);
+            srv_folder_remove(&jobs->folder, list->id, NULL);
         srv_job_unref(list);
         list = next;
     }
@@ -401,6 +446,28 @@ static bool has_room(struct srv_jobs *jobs, const char *name, unsigned quota, bo
 }
 
 /* Keeps the job and its record. Room for it was taken. */
+/* With the mutex held: the record has changed, and flush() follows without it. */
+static void begin_write(struct srv_path_job *job) {
+    job->unwritten++;
+    job->refs++;
+}
+
+/* Written or not: what the disk does not take holds in memory. */
+static void on_written(void *user, bool durable) {
+    struct srv_path_job *job = user;
+    struct srv_jobs *jobs = job->jobs;
+    (void)durable;
+    pthread_mutex_lock(&jobs->mutex);
+    job->unwritten--;
+    srv_job_unref(job);
+    pthread_cond_broadcast(&jobs->wake);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
+static void flush(struct srv_path_job *job) {
+    srv_store_flush(job->jobs->options.store, on_written, job);
+}
+
 static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
                             const struct srv_path *path, const proto_json *body,
                             const struct sp_view *defaults, struct sp_error *err) {
@@ -410,13 +477,16 @@ static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
     bool ok = json || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     ok = ok && put_record(jobs, job->id, path, body, defaults, job->owner, err);
     pthread_mutex_lock(&jobs->mutex);
-    if (ok)
+    if (ok) {
         append(jobs, job);
-    else
+        begin_write(job);
+    } else {
         count_out(jobs, job->owner);
-    pthread_cond_broadcast(&jobs->wake);
+    }
     pthread_mutex_unlock(&jobs->mutex);
-    if (!ok) {
+    if (ok) {
+        flush(job);
+    } else {
         free(job);
         proto_json_free(&json);
     }
@@ -434,7 +504,7 @@ proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const st
                                 : NULL;
     bool ok = path && check_movie(jobs, path, err) && check_support(jobs, path, err) &&
               srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
-    if (ok && !(job = make_job(id, owner, path)))
+    if (ok && !(job = make_path_job(jobs, id, owner, path)))
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     if (ok) {
         pthread_mutex_lock(&jobs->mutex);
@@ -479,25 +549,34 @@ void srv_jobs_list(struct srv_jobs *jobs, const char *owner, struct srv_page *pa
     pthread_mutex_unlock(&jobs->mutex);
 }
 
-bool srv_jobs_remove(struct srv_jobs *jobs, const char *id) {
+/* Nobody finds it from here on. */
+static void give_up(struct srv_jobs *jobs, struct srv_path_job *job) {
     pthread_mutex_lock(&jobs->mutex);
-    struct srv_path_job **at = srv_job_find(jobs, id), *job = *at;
-    if (job) {
-        *at = job->next;
-        job->next = jobs->gone;
-        jobs->gone = job;
-        count_out(jobs, job->owner);
-        atomic_store(&job->is_removed, true);
-        srv_jobs_tell(jobs, job);
-        pthread_cond_broadcast(&jobs->wake);
-    }
+    *srv_job_find(jobs, job->id) = job->next;
+    job->next = jobs->gone;
+    jobs->gone = job;
+    count_out(jobs, job->owner);
+    atomic_store(&job->is_removed, true);
+    begin_write(job);
+    srv_jobs_tell(jobs, job);
+    pthread_cond_broadcast(&jobs->wake);
     pthread_mutex_unlock(&jobs->mutex);
-    if (job) {
-        pthread_mutex_lock(&jobs->records);
-        srv_store_remove(jobs->options.store, SRV_KIND_PATH, id);
-        pthread_mutex_unlock(&jobs->records);
-    }
-    return job != NULL;
+}
+
+bool srv_jobs_remove(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    pthread_mutex_lock(&jobs->records); /* who holds it alone takes jobs out */
+    pthread_mutex_lock(&jobs->mutex);
+    struct srv_path_job *job = *srv_job_find(jobs, id);
+    pthread_mutex_unlock(&jobs->mutex);
+    bool ok = job ? srv_store_put(jobs->options.store, SRV_KIND_PATH, id, removed_record,
+                                  sizeof removed_record - 1, err)
+                  : srv_job_missing(id, err);
+    if (ok)
+        give_up(jobs, job);
+    pthread_mutex_unlock(&jobs->records);
+    if (ok)
+        flush(job);
+    return ok;
 }
 
 void srv_jobs_numbers(struct srv_jobs *jobs, struct srv_jobs_numbers *numbers) {

@@ -13,6 +13,11 @@
  * on behind the last frame that is there. Its record, kept by the store, holds what to draw, and
  * how it ended.
  *
+ *   record ─► on the disk ─► first file ─► … ─► "removed" ─► on the disk ─► no file ─► no record
+ *
+ * So wherever a crash comes, files have a record, and one that says so if they are to go. Files
+ * without a record are those of a database that is not there: they stay.
+ *
  * All functions are thread-safe. The mutex is never held while the catalog, the scheduler or the
  * store is called.
  */
@@ -78,8 +83,8 @@ struct srv_job_note { /* what is told of a job */
 /* Notes of all jobs, or of one owner's, into the page. */
 void srv_jobs_list(struct srv_jobs *jobs, const char *owner, struct srv_page *page);
 proto_json *srv_job_note_encode(const struct srv_job_note *note); /* NULL when out of memory */
-/* Gives up what is drawn of it and removes all of it. False: there is none. */
-bool srv_jobs_remove(struct srv_jobs *jobs, const char *id);
+/* Gives up what is drawn of it and removes all of it. SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
+bool srv_jobs_remove(struct srv_jobs *jobs, const char *id, struct sp_error *err);
 
 /* Results. SP_ERR_NOT_FOUND; SP_ERR_TIMEOUT: there is none yet. */
 struct srv_job_file {

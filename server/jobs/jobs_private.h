@@ -25,13 +25,15 @@ struct srv_path_owner { /* a token's name, while there are paths of it */
 
 struct srv_path_job {
     struct srv_path_job *next;
+    struct srv_jobs *jobs;
     char id[SRV_JOB_ID_BYTES]; /* constant, as are the next four */
     char owner[SRV_TOKEN_NAME_BYTES];
     struct srv_path_output output; /* what it makes */
     uint32_t size[2];              /* px */
     char volume[SP_NAME_BYTES];
     struct srv_path_owner *by; /* while it is in the list */
-    unsigned refs;             /* the list, the thread, watches */
+    unsigned refs;             /* the list, the thread, watches, `unwritten` */
+    unsigned unwritten; /* changes of its record on their way to the disk: no file before that */
     enum srv_job_state state;
     char reason[SP_ERROR_TEXT]; /* why it failed, or what it waits for */
     uint32_t done;              /* frames that are on the disk */
@@ -61,7 +63,7 @@ struct srv_jobs {
     pthread_mutex_t mutex;
     pthread_cond_t wake;       /* the thread: something to do, an answer, stop */
     struct srv_path_job *list; /* oldest first */
-    struct srv_path_job *gone; /* to be removed from the disk */
+    struct srv_path_job *gone; /* their records say so: to be removed from the disk */
     struct srv_path_owner *owners;
     uint64_t turn;          /* rises with each that is given */
     unsigned count;         /* of paths, and of those that are being made */
@@ -85,9 +87,8 @@ bool srv_job_missing(const char *id, struct sp_error *err); /* false */
 const char *srv_job_state_name(const struct srv_path_job *job);
 void srv_job_note(const struct srv_path_job *job, struct srv_job_note *note);
 
-/* The path of a record; *json, if not NULL, gets the record, the caller's. No lock. */
-struct srv_path *srv_jobs_read_record(struct srv_jobs *jobs, const char *id, proto_json **json,
-                                      struct sp_error *err);
+/* The path of a record, which is not there if the job is removed by then. No lock. */
+struct srv_path *srv_jobs_read_path(struct srv_jobs *jobs, const char *id, struct sp_error *err);
 /* "000012.png". */
 void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, char name[32]);
 #define SRV_JOB_MOVIE "movie.webm"

@@ -6,6 +6,7 @@ import fs from 'node:fs';
 import os from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
+import { setImmediate } from 'node:timers/promises';
 import { Daemon, Raw, within } from './harness.mjs';
 
 const VOLUME = ['--volume', 'demo:engine?size=16'];
@@ -62,6 +63,15 @@ async function end(id, options) {
 async function event(id, fits, options) {
   for await (const one of events(id, options)) if (fits(one)) return one;
   throw new Error('the events ended');
+}
+
+/** Until the daemon has removed it. */
+async function gone(file) {
+  const limit = AbortSignal.timeout(60000);
+  while (fs.existsSync(file)) {
+    limit.throwIfAborted();
+    await setImmediate();
+  }
 }
 
 const bytes = async (answer) => Buffer.from(await answer.arrayBuffer());
@@ -273,7 +283,7 @@ test('deleting one that is drawn gives it up and removes its files; its watchers
   assert.equal(told.event, 'removed');
   assert.equal((await own.fetch(`${API}/${id}`)).status, 404);
   assert.equal((await end(next, { of: own })).event, 'done', 'the one behind it is drawn');
-  assert.ok(!fs.existsSync(path.join(folder, 'paths', id)));
+  await gone(path.join(folder, 'paths', id));
   assert.equal(await own.stop(), 0);
 });
 
@@ -308,7 +318,6 @@ test('after kill -9 it goes on behind the frames that are there', async () => {
   const drawn = fs.readdirSync(path.join(folder, 'paths', id)).filter((name) => name.endsWith('.png'));
   assert.ok(drawn.length >= data.done && drawn.length < 40, `${drawn.length} frames`);
   const before = fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs;
-  fs.mkdirSync(path.join(folder, 'paths', 'f'.repeat(32))); // of a path whose removal was interrupted
   own = await Daemon.start(args, { backend: 'cpu' });
   const first = await event(id, () => true, { of: own });
   assert.ok(first.data.done >= drawn.length, 'what is there is not drawn again');
@@ -317,7 +326,53 @@ test('after kill -9 it goes on behind the frames that are there', async () => {
   assert.equal((await own.json(`${API}/${whole}`)).json.state, 'done');
   assert.equal((await end(movie, { of: own })).event, 'done');
   assert.equal((await own.fetch(`${API}/${movie}/movie`)).status, 200);
-  assert.ok(!fs.existsSync(path.join(folder, 'paths', 'f'.repeat(32))));
+  assert.equal(await own.stop(), 0);
+});
+
+test('a database that is not there costs no frame', async () => {
+  const folder = newFolder();
+  const [frames, away] = [path.join(folder, 'paths'), newFolder()];
+  const args = [...VOLUME, '--state', folder];
+  const list = async (of) => (await of.json(API)).json.paths.map(({ id }) => id);
+  let own = await Daemon.start(args, { backend: 'cpu' });
+  await own.loaded('engine');
+  const [whole, deleted] = [await make(pathOf(), own), await make(pathOf(), own)];
+  for (const one of [whole, deleted]) await end(one, { of: own });
+  const half = await make(pathOf(LONG), own);
+  await event(half, ({ data }) => data.done >= 2, { of: own });
+  assert.equal((await own.fetch(`${API}/${deleted}`, { method: 'DELETE' })).status, 204);
+  await gone(path.join(frames, deleted));
+  assert.equal(await own.stop(), 0);
+  const found = () => Object.fromEntries([whole, half].flatMap((id) => fs.readdirSync(path.join(frames, id)).map((name) => {
+    const file = path.join(frames, id, name);
+    return [`${id}/${name}`, `${fs.statSync(file).mtimeMs} ${fs.readFileSync(file, 'base64')}`];
+  })));
+  const before = found();
+  const size = Object.keys(before).reduce((sum, name) => sum + fs.statSync(path.join(frames, name)).size, 0);
+
+  const moved = fs.readdirSync(folder).filter((name) => name.startsWith('splatd.db'));
+  for (const name of moved) fs.renameSync(path.join(folder, name), path.join(away, name));
+  for (let run = 0; run < 2; run++) {
+    own = await Daemon.start([...args, '--path-bytes', '1K'], { backend: 'cpu' });
+    assert.deepEqual(own.log.match(/\d+ folders in[^"]*/g), [`2 folders in ${frames}, of ${size} bytes, belong to no camera path that is known; `
+      + 'they stay, and count for --path-bytes: remove them, or bring back the database that had them']);
+    assert.deepEqual(await list(own), []);
+    await own.loaded('engine');
+    assert.equal((await own.post(API, pathOf())).status, 507);
+    assert.equal(await own.stop(), 0);
+    assert.deepEqual(found(), before);
+  }
+  for (const name of fs.readdirSync(folder)) if (name.startsWith('splatd.db')) fs.rmSync(path.join(folder, name));
+  for (const name of moved) fs.renameSync(path.join(away, name), path.join(folder, name));
+
+  own = await Daemon.start(args, { backend: 'cpu' });
+  assert.doesNotMatch(own.log, /folders in/);
+  assert.deepEqual(await list(own), [whole, half].sort());
+  assert.equal((await own.json(`${API}/${whole}`)).json.state, 'done');
+  const drawn = Object.keys(before).length - 9;
+  await event(half, ({ data }) => data.done > drawn, { of: own });
+  const now = found();
+  for (const name of Object.keys(before)) assert.equal(now[name], before[name], name);
   assert.equal(await own.stop(), 0);
 });
 

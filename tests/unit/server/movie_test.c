@@ -118,7 +118,7 @@ static int set_up(void **state) {
 
 static int tear_down(void **state) {
     (void)state;
-    srv_folder_remove(&folder, "a");
+    srv_folder_remove(&folder, "a", NULL);
     srv_folder_close(&folder);
     return access(folder.root, F_OK) == 0;
 }
@@ -281,7 +281,7 @@ static void a_cluster_is_bounded(void **state) {
         assert_true(find_child(&segment, 0x1F43B675, i, &cluster));
     assert_false(find_child(&segment, 0x1F43B675, COUNT, &cluster));
     free(movie);
-    srv_folder_remove(&folder, "b");
+    srv_folder_remove(&folder, "b", NULL);
 }
 
 static void a_folder_that_cannot_be_made_is_told(void **state) {

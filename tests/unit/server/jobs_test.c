@@ -1,0 +1,423 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Camera paths over the ends of the daemon: what is on the disk at each moment, and what the next
+ * one makes of it.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "jobs/jobs.h"
+
+enum { FRAMES = 3 };
+
+/* The store's answers that come when the test says so, and what is removed from it. */
+
+static struct {
+    atomic_bool hold;
+    unsigned count;
+    struct {
+        void (*done)(void *user, bool durable);
+        void *user;
+    } held[8];
+    char folder[128]; /* that must not be there when its record goes */
+    atomic_int removed, too_early;
+} gate;
+
+void __real_srv_store_flush(struct srv_store *store, void (*done)(void *user, bool durable),
+                            void *user);
+void __wrap_srv_store_flush(struct srv_store *store, void (*done)(void *user, bool durable),
+                            void *user);
+void __wrap_srv_store_flush(struct srv_store *store, void (*done)(void *user, bool durable),
+                            void *user) {
+    if (!atomic_load(&gate.hold)) {
+        __real_srv_store_flush(store, done, user);
+        return;
+    }
+    assert_true(gate.count < sizeof gate.held / sizeof *gate.held);
+    gate.held[gate.count].done = done;
+    gate.held[gate.count++].user = user;
+}
+
+static void release(struct srv_store *store) {
+    atomic_store(&gate.hold, false);
+    for (unsigned i = 0; i < gate.count; i++)
+        __real_srv_store_flush(store, gate.held[i].done, gate.held[i].user);
+    gate.count = 0;
+}
+
+bool __real_srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
+bool __wrap_srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
+bool __wrap_srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id) {
+    atomic_fetch_add(&gate.too_early, access(gate.folder, F_OK) == 0);
+    bool was_there = __real_srv_store_remove(store, kind, id);
+    atomic_fetch_add(&gate.removed, 1);
+    return was_there;
+}
+
+/* The daemon's parts that draw paths, one run after the other over the same folder. */
+
+static struct fixture {
+    char state[32];
+    struct srv_store *store;
+    struct srv_catalog *catalog;
+    struct srv_scheduler *scheduler;
+    struct srv_hub *hub;
+    struct srv_jobs *jobs;
+} f;
+
+static void on_progress(void *user, const char *id, const char *state, double progress,
+                        const char *reason) {
+    (void)user, (void)id, (void)state, (void)progress, (void)reason;
+}
+
+static void on_unloaded(void *user, struct sp_volume *volume) {
+    (void)user;
+    srv_scheduler_forget(f.scheduler, volume);
+}
+
+static void on_event(void *user) {
+    (void)user;
+}
+
+static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
+    (void)user, (void)of, (void)why;
+}
+
+static void load(const char *source) {
+    struct srv_volume_request request = { .source = source };
+    struct srv_volume_status status;
+    char id[SP_NAME_BYTES];
+    bool existed, conflict;
+    assert_true(srv_catalog_add(f.catalog, &request, id, &existed, &conflict, NULL));
+    for (;; sched_yield()) {
+        assert_true(srv_catalog_find(f.catalog, id, &status));
+        sp_volume_unref(&status.volume);
+        if (status.state != SRV_VOLUME_LOADING)
+            break;
+    }
+    assert_int_equal(status.state, SRV_VOLUME_READY);
+}
+
+static struct srv_store *open_store(void) {
+    struct srv_store_options options = { .folder = f.state, .pause_ms = 1, .retry_ms = 1 };
+    struct srv_store *store = srv_store_create(&options, NULL);
+    assert_non_null(store);
+    assert_true(srv_store_start(store, NULL, NULL, NULL));
+    return store;
+}
+
+static void begin(void) {
+    struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
+                                           .progress = on_progress,
+                                           .unloaded = on_unloaded };
+    struct sp_renderer_options null = { .backend = "null" };
+    struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
+    f.store = open_store();
+    f.catalog = srv_catalog_create(&catalog, NULL);
+    assert_non_null(f.catalog);
+    load("demo:phantom?size=8");
+    struct srv_scheduler_options scheduler = {
+        .catalog = f.catalog, .queue_max = 4, .encode_threads = 1, .stills = null
+    };
+    f.scheduler = srv_scheduler_create(&scheduler, &renderer, NULL);
+    assert_non_null(f.scheduler);
+    struct srv_hub_options hub = { .volumes = { f.catalog, srv_catalog_acquire, srv_catalog_ref,
+                                                srv_catalog_release, srv_catalog_default_view,
+                                                srv_catalog_pick },
+                                   .sessions_max = 1,
+                                   .participants_max = 1,
+                                   .work = on_event,
+                                   .ready = on_event,
+                                   .interrupt = on_interrupt };
+    f.hub = srv_hub_create(&hub, NULL);
+    assert_true(srv_scheduler_start(f.scheduler, f.hub, NULL));
+    struct srv_jobs_options jobs = { .catalog = f.catalog,
+                                     .scheduler = f.scheduler,
+                                     .store = f.store,
+                                     .state = f.state,
+                                     .jobs_max = 8,
+                                     .frames_max = FRAMES,
+                                     .bytes_max = 1 << 20,
+                                     .video_px = 1 << 20 };
+    f.jobs = srv_jobs_create(&jobs, NULL);
+    assert_non_null(f.jobs);
+    assert_true(srv_jobs_start(f.jobs, NULL));
+}
+
+static void end(void) {
+    srv_jobs_close(f.jobs);
+    srv_catalog_stop(f.catalog);
+    srv_scheduler_stop(f.scheduler);
+    srv_store_stop(f.store);
+    srv_jobs_destroy(&f.jobs);
+    srv_hub_destroy(&f.hub);
+    srv_scheduler_destroy(&f.scheduler);
+    srv_catalog_destroy(&f.catalog);
+    srv_store_destroy(&f.store);
+}
+
+static int set_up(void **state) {
+    (void)state;
+    memset(&gate, 0, sizeof gate);
+    strcpy(f.state, "/tmp/splatd-jobs-XXXXXX");
+    if (!mkdtemp(f.state))
+        return -1;
+    begin();
+    return 0;
+}
+
+static int tear_down(void **state) {
+    (void)state;
+    char command[64];
+    if (f.jobs)
+        end();
+    snprintf(command, sizeof command, "rm -rf '%s'", f.state);
+    return system(command);
+}
+
+/* Paths. */
+
+static void add(char id[SRV_JOB_ID_BYTES]) {
+    static const char text[] = "{\"frames\": 3, \"format\": \"jpeg\","
+                               " \"keyframes\": [{\"frame\": 2, \"view\": {}}]}";
+    struct sp_error err;
+    struct sp_view view;
+    bool is_full;
+    proto_json *body = proto_json_parse(text, sizeof text - 1, &err);
+    void *volume = srv_catalog_acquire(f.catalog, "phantom", &err);
+    assert_true(body && volume);
+    srv_catalog_default_view(f.catalog, volume, &view);
+    srv_catalog_release(f.catalog, volume);
+    view.size[0] = view.size[1] = 16;
+    proto_json *json = srv_jobs_add(f.jobs, body, &view, &view, "ann", 0, id, &is_full, &err);
+    if (!json)
+        fail_msg("%s: %s", err.place, err.text);
+    proto_json_free(&json);
+    proto_json_free(&body);
+}
+
+/* False: there is none. */
+static bool look_at(const char *id, struct srv_job_note *note) {
+    struct srv_job_note notes[8];
+    struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 8, .after = "" };
+    srv_jobs_list(f.jobs, NULL, &page);
+    for (unsigned i = 0; i < page.count; i++)
+        if (strcmp(notes[i].id, id) == 0) {
+            *note = notes[i];
+            return true;
+        }
+    return false;
+}
+
+static struct srv_job_note wait_until(const char *id, const char *state) {
+    struct srv_job_note note;
+    do {
+        sched_yield();
+        assert_true(look_at(id, &note));
+    } while (strcmp(note.state, state) != 0);
+    return note;
+}
+
+static void add_and_draw(char id[SRV_JOB_ID_BYTES]) {
+    add(id);
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+}
+
+static const char *folder_of(const char *id) {
+    static char path[128];
+    snprintf(path, sizeof path, "%s/paths/%s", f.state, id);
+    return path;
+}
+
+static bool has_folder(const char *id) {
+    return access(folder_of(id), F_OK) == 0;
+}
+
+static void write_file(const char *id, const char *name, const char *bytes) {
+    char path[192];
+    snprintf(path, sizeof path, "%s/%s", folder_of(id), name);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(bytes, file);
+    fclose(file);
+}
+
+/* What the store has of a path, malloc'ed; NULL = nothing. */
+static char *record_of(const char *id) {
+    return srv_store_get(f.store, SRV_KIND_PATH, id, NULL, NULL);
+}
+
+/* Between two runs. */
+static void put_record(const char *id, const char *text) {
+    struct srv_store *store = open_store();
+    if (text)
+        assert_true(srv_store_put(store, SRV_KIND_PATH, id, text, strlen(text), NULL));
+    else
+        assert_true(__real_srv_store_remove(store, SRV_KIND_PATH, id));
+    srv_store_stop(store);
+    srv_store_destroy(&store);
+}
+
+static void no_file_comes_before_its_record(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES];
+    struct srv_job_note note;
+    atomic_store(&gate.hold, true);
+    add(id);
+    assert_int_equal(gate.count, 1);
+    atomic_store(&gate.hold, false);
+    add_and_draw(next); /* it was the first one's turn */
+    assert_true(look_at(id, &note) && note.done == 0);
+    assert_string_equal(note.state, "waiting");
+    assert_false(has_folder(id));
+    release(f.store);
+    wait_until(id, "done");
+}
+
+static void no_file_goes_before_its_record_says_so(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES];
+    struct srv_job_note note;
+    add_and_draw(id);
+    strcpy(gate.folder, folder_of(id));
+    atomic_store(&gate.hold, true);
+    assert_true(srv_jobs_remove(f.jobs, id, NULL));
+    atomic_store(&gate.hold, false);
+    assert_false(look_at(id, &note));
+    char *record = record_of(id);
+    assert_string_equal(record, "{\"removed\":true}");
+    free(record);
+    add_and_draw(next); /* the thread was there meanwhile */
+    assert_true(has_folder(id));
+    release(f.store);
+    while (atomic_load(&gate.removed) == 0)
+        sched_yield();
+    assert_false(has_folder(id));
+    assert_int_equal(atomic_load(&gate.too_early), 0);
+    assert_null(record_of(id));
+    assert_true(has_folder(next));
+    struct sp_error err;
+    assert_false(srv_jobs_remove(f.jobs, id, &err));
+    assert_int_equal(err.code, SP_ERR_NOT_FOUND);
+}
+
+/* The daemon is killed while it removes a path: before, in, and behind the removal of the files. */
+static void a_removal_that_was_begun_is_finished(void **state) {
+    (void)state;
+    char command[160];
+    for (int moment = 0; moment < 3; moment++) {
+        char id[SRV_JOB_ID_BYTES];
+        struct srv_job_note note;
+        add_and_draw(id);
+        end();
+        put_record(id, "{\"removed\":true}");
+        snprintf(command, sizeof command, "rm -r %s%s", folder_of(id),
+                 moment == 1 ? "/000000.jpg" : "");
+        assert_int_equal(moment > 0 ? system(command) : 0, 0);
+        atomic_store(&gate.removed, 0);
+        begin();
+        assert_false(look_at(id, &note));
+        while (atomic_load(&gate.removed) == 0)
+            sched_yield();
+        assert_false(has_folder(id));
+        assert_null(record_of(id));
+    }
+}
+
+static void what_cannot_be_removed_is_tried_again_by_the_next_run(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES], inner[160];
+    add_and_draw(id);
+    snprintf(inner, sizeof inner, "%s/folder", folder_of(id));
+    assert_int_equal(mkdir(inner, 0700), 0);
+    assert_true(srv_jobs_remove(f.jobs, id, NULL));
+    add_and_draw(next);
+    end();
+    assert_true(has_folder(id));
+    assert_int_equal(rmdir(inner), 0);
+    atomic_store(&gate.removed, 0);
+    begin();
+    while (atomic_load(&gate.removed) == 0)
+        sched_yield();
+    assert_false(has_folder(id));
+}
+
+static void files_without_a_record_stay_and_count(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    struct srv_jobs_numbers numbers;
+    struct srv_job_note note;
+    add_and_draw(id);
+    srv_jobs_numbers(f.jobs, &numbers);
+    uint64_t bytes = numbers.bytes;
+    assert_true(bytes > 0);
+    for (int run = 0; run < 2; run++) {
+        end();
+        if (run == 0) {
+            put_record(id, NULL);
+            write_file(id, "000007.jpg.part", "12345");
+        }
+        begin();
+        assert_false(look_at(id, &note));
+        srv_jobs_numbers(f.jobs, &numbers);
+        assert_true(numbers.jobs == 0 && numbers.bytes == bytes + 5);
+        assert_true(has_folder(id));
+    }
+}
+
+static void files_of_a_record_that_cannot_be_read_stay(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    struct srv_jobs_numbers numbers;
+    add_and_draw(id);
+    char *record = record_of(id);
+    end();
+    put_record(id, "{}");
+    begin();
+    srv_jobs_numbers(f.jobs, &numbers);
+    assert_true(numbers.jobs == 0 && has_folder(id));
+    end();
+    put_record(id, record);
+    free(record);
+    begin();
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+}
+
+static void a_record_without_files_is_drawn(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES], command[160];
+    add_and_draw(id);
+    end();
+    snprintf(command, sizeof command, "rm -r %s", folder_of(id));
+    assert_int_equal(system(command), 0);
+    begin();
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+    assert_true(has_folder(id));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(no_file_comes_before_its_record, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(no_file_goes_before_its_record_says_so, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_removal_that_was_begun_is_finished, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(what_cannot_be_removed_is_tried_again_by_the_next_run,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(files_without_a_record_stay_and_count, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(files_of_a_record_that_cannot_be_read_stay, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_record_without_files_is_drawn, set_up, tear_down),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
