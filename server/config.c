@@ -211,8 +211,8 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
                    number_name(setting->kind), low, high);
 }
 
-bool srv_config_pixels(const char *text, int64_t *px, struct sp_error *err) {
-    return parse_number(find("frame-size", strlen("frame-size")), text, px, NULL, err);
+bool srv_config_number(const char *name, const char *text, int64_t *number, struct sp_error *err) {
+    return parse_number(find(name, strlen(name)), text, number, NULL, err);
 }
 
 static bool set_text(char **slot, const char *text, const char *place, struct sp_error *err) {

@@ -54,8 +54,9 @@ void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
 void srv_config_print_help(FILE *out);
 void srv_config_print(const struct srv_config *config, FILE *out); /* a file that --config reads */
 
-/* "16M" or "4096x4096" as a number of px: as --frame-size. err->place is empty. */
-bool srv_config_pixels(const char *text, int64_t *px, struct sp_error *err);
+/* The number that `text` is for the setting of that name, which has numbers: "4096x4096" for
+ * frame-size. err->place is empty. */
+bool srv_config_number(const char *name, const char *text, int64_t *number, struct sp_error *err);
 
 /* Opens a file for reading; a FIFO or a device, which could keep us waiting, is EINVAL. NULL with
  * errno set. */

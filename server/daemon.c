@@ -275,6 +275,7 @@ static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
     struct srv_jobs_options options = { .catalog = d->catalog,
                                         .scheduler = d->scheduler,
                                         .store = d->store,
+                                        .tokens = d->tokens,
                                         .state = c->state,
                                         .jobs_max = (unsigned)c->paths,
                                         .frames_max = (uint32_t)c->path_frames,
@@ -335,6 +336,7 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
         sp_log_set_level(level);
     bool is_whole = srv_http_reload(atomic_load(&d->http), &err);
     srv_hub_renew_quotas(d->hub);
+    srv_jobs_wake(atomic_load(&d->jobs)); /* which may have room */
     if (is_whole)
         sp_log(SP_LOG_INFO, "reloaded");
     else
@@ -377,10 +379,10 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
     srv_stills_destroy(&d->stills);
-    srv_tokens_destroy(&d->tokens);
     atomic_store(&d->jobs, NULL);
     srv_jobs_destroy(&jobs);
     srv_hub_destroy(&d->hub);
+    srv_tokens_destroy(&d->tokens);
     srv_scheduler_destroy(&d->scheduler);
     srv_catalog_destroy(&d->catalog);
     srv_store_destroy(&d->store);

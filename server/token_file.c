@@ -47,17 +47,61 @@ static bool read_number(const char *value, unsigned max, unsigned *number) {
     return *number >= 1 && *number <= max;
 }
 
-static bool read_frame_size(const char *value, struct srv_token *token) {
+static bool read_setting(const char *name, const char *value, uint64_t *number) {
     struct sp_error ignored;
-    int64_t px;
-    if (!srv_config_pixels(value, &px, &ignored))
+    int64_t read;
+    if (!srv_config_number(name, value, &read, &ignored))
         return false;
-    token->quota.frame_px = (uint64_t)px;
+    *number = (uint64_t)read;
     return true;
 }
 
 static bool fail(struct sp_error *err, const char *place, const char *what) {
     return sp_fail(err, SP_ERR_INVALID, place, "%s", what);
+}
+
+#define AT(field) offsetof(struct srv_quota, field)
+
+static const struct {
+    const char *name;
+    size_t offset; /* in struct srv_quota: an unsigned */
+    unsigned max;
+} numbers[] = {
+    { "sessions", AT(sessions), 100000 },
+    { "stills", AT(stills), 10000 },
+    { "views", AT(views), 100000 },
+    { "paths", AT(paths), 10000 },
+    { "fps", AT(fps), 120 },
+};
+
+static const struct {
+    const char *name; /* as the setting's */
+    size_t offset;    /* in struct srv_quota: a uint64_t */
+    const char *as;
+} sizes[] = {
+    { "path-bytes", AT(path_bytes), "bytes, or with K, M, G or T" },
+    { "frame-size", AT(frame_px), "px, or WIDTHxHEIGHT" },
+};
+
+static bool read_quota(const char *word, const char *value, struct srv_quota *quota,
+                       const char *place, struct sp_error *err) {
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        unsigned *number = (unsigned *)((char *)quota + numbers[i].offset);
+        if (strcmp(word, numbers[i].name) == 0)
+            return (!*number && read_number(value, numbers[i].max, number)) ||
+                   sp_fail(err, SP_ERR_INVALID, place, "%s is a whole number in [1, %u]", word,
+                           numbers[i].max);
+    }
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        uint64_t *number = (uint64_t *)((char *)quota + sizes[i].offset);
+        if (strcmp(word, sizes[i].name) == 0)
+            return (!*number && read_setting(word, value, number)) ||
+                   sp_fail(err, SP_ERR_INVALID, place, "%s is as --%s: %s", word, word,
+                           sizes[i].as);
+    }
+    return fail(err, place,
+                "known are role, name, sessions, stills, fps, views, paths, path-bytes and "
+                "frame-size");
 }
 
 /* One word "key=value" behind the token. */
@@ -73,27 +117,7 @@ static bool read_word(char *word, struct srv_token *token, const char *place,
     if (strcmp(word, "name") == 0)
         return (!token->name[0] && read_name(value, token)) ||
                fail(err, place, "name has 1 to 32 characters of [A-Za-z0-9._-]");
-    struct srv_quota *quota = &token->quota;
-    if (strcmp(word, "sessions") == 0)
-        return (!quota->sessions && read_number(value, 100000, &quota->sessions)) ||
-               fail(err, place, "sessions is a whole number in [1, 100000]");
-    if (strcmp(word, "stills") == 0)
-        return (!quota->stills && read_number(value, 10000, &quota->stills)) ||
-               fail(err, place, "stills is a whole number in [1, 10000]");
-    if (strcmp(word, "views") == 0)
-        return (!quota->views && read_number(value, 100000, &quota->views)) ||
-               fail(err, place, "views is a whole number in [1, 100000]");
-    if (strcmp(word, "paths") == 0)
-        return (!quota->paths && read_number(value, 10000, &quota->paths)) ||
-               fail(err, place, "paths is a whole number in [1, 10000]");
-    if (strcmp(word, "fps") == 0)
-        return (!quota->fps && read_number(value, 120, &quota->fps)) ||
-               fail(err, place, "fps is a whole number in [1, 120]");
-    if (strcmp(word, "frame-size") == 0)
-        return (!quota->frame_px && read_frame_size(value, token)) ||
-               fail(err, place, "frame-size is as --frame-size: px, or WIDTHxHEIGHT");
-    return fail(err, place,
-                "known are role, name, sessions, stills, fps, views, paths and frame-size");
+    return read_quota(word, value, &token->quota, place, err);
 }
 
 /* A line that has a token. */

@@ -3,7 +3,7 @@
  * The text of --token-file: a token a line, with what it is for.
  *
  *   TOKEN [role=admin|control|render|view|metrics] [name=NAME] [sessions=N] [stills=N] [fps=N]
- *         [views=N] [paths=N] [frame-size=PX|WxH]
+ *         [views=N] [paths=N] [path-bytes=SIZE] [frame-size=PX|WxH]
  *
  * Empty lines and those that begin with # are skipped. TOKEN is 16 to 128 characters of
  * [A-Za-z0-9._~-]; without a role it may do everything, without a name it is called token-LINE.
@@ -31,12 +31,13 @@ enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 
 
 /* 0 = no limit but the daemon's. */
 struct srv_quota {
-    unsigned sessions; /* that it made, awake or asleep */
-    unsigned stills;   /* pictures by HTTP under way */
-    unsigned views;    /* that it keeps */
-    unsigned paths;    /* camera paths, drawn or not */
-    unsigned fps;      /* pictures by HTTP, and frames to each participant of its sessions */
-    uint64_t frame_px; /* of a picture, also in its sessions */
+    unsigned sessions;   /* that it made, awake or asleep */
+    unsigned stills;     /* pictures by HTTP under way */
+    unsigned views;      /* that it keeps */
+    unsigned paths;      /* camera paths, drawn or not */
+    unsigned fps;        /* pictures by HTTP, and frames to each participant of its sessions */
+    uint64_t path_bytes; /* files of its camera paths */
+    uint64_t frame_px;   /* of a picture, also in its sessions */
 };
 
 struct srv_token {

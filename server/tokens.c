@@ -54,16 +54,20 @@ void srv_tokens_destroy(struct srv_tokens **pointer) {
     free(tokens);
 }
 
+/* NULL = there is none. With the mutex held. */
+static const struct entry *find_name(const struct srv_tokens *tokens, const char *name) {
+    for (size_t i = 0; i < tokens->count; i++)
+        if (strcmp(tokens->list[i].token.name, name) == 0)
+            return &tokens->list[i];
+    return NULL;
+}
+
 /* Of the token with this name in the list that there is, else a new one. With the mutex held. */
 static struct srv_token_use *use_of(struct srv_tokens *tokens, const char *name) {
-    for (size_t i = 0; i < tokens->count; i++)
-        if (strcmp(tokens->list[i].token.name, name) == 0) {
-            tokens->list[i].use->holders++;
-            return tokens->list[i].use;
-        }
-    struct srv_token_use *use = calloc(1, sizeof *use);
+    const struct entry *found = find_name(tokens, name);
+    struct srv_token_use *use = found ? found->use : calloc(1, sizeof *use);
     if (use)
-        use->holders = 1;
+        use->holders++;
     return use;
 }
 
@@ -116,12 +120,9 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant) {
 
 bool srv_tokens_quota(struct srv_tokens *tokens, const char *name, struct srv_quota *quota) {
     pthread_mutex_lock(&tokens->mutex);
-    const struct srv_token *found = NULL;
-    for (size_t i = 0; i < tokens->count && !found; i++)
-        if (strcmp(tokens->list[i].token.name, name) == 0)
-            found = &tokens->list[i].token;
+    const struct entry *found = find_name(tokens, name);
     if (found)
-        *quota = found->quota;
+        *quota = found->token.quota;
     pthread_mutex_unlock(&tokens->mutex);
     return found != NULL;
 }

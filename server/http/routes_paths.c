@@ -68,8 +68,8 @@ void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
     proto_json *body = srv_request_json(request, reply);
     srv_request_owner(request, &owner);
     if (body && resolve(request, body, &owner, &view, &defaults, reply)) {
-        proto_json *json = srv_jobs_add(request->app->jobs, body, &view, &defaults, owner.name,
-                                        owner.quota.paths, id, &is_full, &err);
+        proto_json *json = srv_jobs_add(request->app->jobs, body, &view, &defaults, owner.name, id,
+                                        &is_full, &err);
         if (json) {
             srv_reply_json(reply, 202, json);
             srv_reply_header(reply, "Location", "paths/%s", id);

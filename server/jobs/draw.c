@@ -249,28 +249,24 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
     return answer.frame;
 }
 
-/* For the frame that there was no room for, or any. */
-static bool has_room(struct drawing *d, struct sp_error *err) {
-    uint64_t max = d->jobs->options.bytes_max, wants = d->job->wants;
-    pthread_mutex_lock(&d->jobs->mutex);
-    uint64_t used = d->jobs->bytes;
-    pthread_mutex_unlock(&d->jobs->mutex);
-    return used + wants <= max ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the frames of all paths have %llu bytes, frame %u has %llu, and --path-bytes "
-                   "allows %llu",
-                   (unsigned long long)used, d->job->done, (unsigned long long)wants,
-                   (unsigned long long)max);
+/* The job's frame as messages of room have it. */
+static const char *frame_has(const struct srv_path_job *job, char text[32]) {
+    snprintf(text, 32, "frame %u has", job->done);
+    return text;
 }
 
-/* Writes the frame's file; *bytes is its size. */
-static bool write_frame(struct drawing *d, const struct sp_frame *frame, uint64_t *bytes,
-                        struct sp_error *err) {
+static void give_room(struct drawing *d, uint64_t bytes) {
+    pthread_mutex_lock(&d->jobs->mutex);
+    srv_room_give(d->jobs, d->job, bytes);
+    pthread_mutex_unlock(&d->jobs->mutex);
+}
+
+/* Writes the frame's file. */
+static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct sp_error *err) {
     const struct srv_path_output *output = &d->job->output;
     struct sp_video_packet packet = { .size = 0 };
     const uint8_t *image = NULL;
     uint8_t head = SRV_PACKET_DELTA;
-    char name[32];
     struct sp_video *video = output->is_movie ? take_video(d, err) : NULL;
     if (output->is_movie && !video)
         return false;
@@ -283,21 +279,23 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, uint64_
         return false;
     if (packet.is_key)
         head = SRV_PACKET_KEY;
-    *bytes = packet.size + output->is_movie;
-    d->job->wants = *bytes;
-    if (!has_room(d, err))
+    uint64_t bytes = packet.size + output->is_movie;
+    char name[32], what[32];
+    d->job->wants = bytes;
+    if (!srv_room_take(d->jobs, d->job, bytes, frame_has(d->job, what), err))
         return false;
     srv_job_file_name(output, d->job->done, name);
-    return srv_folder_write(&d->jobs->folder, d->job->id, name, &head, output->is_movie,
-                            output->is_movie ? packet.bytes : image, packet.size, err);
+    ok = srv_folder_write(&d->jobs->folder, d->job->id, name, &head, output->is_movie,
+                          output->is_movie ? packet.bytes : image, packet.size, err);
+    if (!ok)
+        give_room(d, bytes);
+    return ok;
 }
 
-static void count_frame(struct drawing *d, uint64_t bytes) {
+static void count_frame(struct drawing *d) {
     struct srv_jobs *jobs = d->jobs;
     pthread_mutex_lock(&jobs->mutex);
     d->job->done++;
-    d->job->bytes += bytes;
-    jobs->bytes += bytes;
     jobs->frames++;
     d->job->wants = 0;
     d->job->pause_ms = 0;
@@ -326,8 +324,9 @@ static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
 static void draw_frame(struct drawing *d, uint64_t generation) {
     struct sp_error err = { .code = SP_OK };
     struct sp_view view;
-    uint64_t bytes = 0;
-    struct srv_volume *volume = has_room(d, &err) ? acquire(d, &err) : NULL;
+    char what[32];
+    bool has_room = srv_room_has(d->jobs, d->job, d->job->wants, frame_has(d->job, what), &err);
+    struct srv_volume *volume = has_room ? acquire(d, &err) : NULL;
     if (!volume) {
         /* A volume that loads, or could not, is waited for until there is news of volumes. */
         if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED)
@@ -345,12 +344,33 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
         frame = render(d, &view, volume, &err);
     else
         srv_catalog_release(d->jobs->options.catalog, volume);
-    bool ok = frame && write_frame(d, frame, &bytes, &err);
+    bool ok = frame && write_frame(d, frame, &err);
     sp_frame_unref(&frame);
     if (ok)
-        count_frame(d, bytes);
+        count_frame(d);
     else
         stop_job(d, generation, &err);
+}
+
+/* The packets become a movie: until it is whole both take room. */
+static bool make_movie(struct drawing *d, struct sp_error *err) {
+    struct srv_jobs *jobs = d->jobs;
+    struct srv_path_job *job = d->job;
+    uint64_t bytes, room = srv_movie_room(job->bytes, job->output.frames);
+    char name[32];
+    if (!srv_room_take(jobs, job, room, "the movie up to", err))
+        return false;
+    if (!srv_movie_write(&jobs->folder, job->id, SRV_JOB_MOVIE, &job->output, job->size, &bytes,
+                         err)) {
+        give_room(d, room);
+        return false;
+    }
+    for (uint32_t i = 0; i < job->output.frames; i++) {
+        srv_job_file_name(&job->output, i, name);
+        srv_folder_remove_file(&jobs->folder, job->id, name);
+    }
+    give_room(d, job->bytes - bytes);
+    return true;
 }
 
 /* All frames are there. */
@@ -358,27 +378,18 @@ static void finish_job(struct drawing *d, uint64_t generation) {
     struct srv_jobs *jobs = d->jobs;
     struct srv_path_job *job = d->job;
     struct sp_error err;
-    uint64_t bytes = job->bytes;
-    char name[32];
-    if (job->output.is_movie) {
-        if (!srv_movie_write(&jobs->folder, job->id, SRV_JOB_MOVIE, &job->output, job->size, &bytes,
-                             &err)) {
-            stop_job(d, generation, &err);
-            return;
-        }
-        for (uint32_t i = 0; i < job->output.frames; i++) {
-            srv_job_file_name(&job->output, i, name);
-            srv_folder_remove_file(&jobs->folder, job->id, name);
-        }
+    if (job->output.is_movie && !make_movie(d, &err)) {
+        stop_job(d, generation, &err);
+        return;
     }
     pthread_mutex_lock(&jobs->mutex);
-    jobs->bytes += bytes - job->bytes;
-    job->bytes = bytes;
     set_state(jobs, job, SRV_JOB_DONE, "");
+    if (job->output.is_movie) /* another file has taken its frames' place */
+        srv_jobs_unblock(jobs);
     pthread_mutex_unlock(&jobs->mutex);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", job->id }),
                 "path %s is done: %u frames, %llu bytes", job->id, job->output.frames,
-                (unsigned long long)bytes);
+                (unsigned long long)job->bytes);
 }
 
 static bool is_over(const struct srv_path_job *job) {
@@ -433,8 +444,10 @@ static void clear_gone(struct drawing *d) {
         pthread_mutex_unlock(&jobs->mutex);
         bool is_clear = clear(d, job->id);
         pthread_mutex_lock(&jobs->mutex);
-        if (is_clear)
-            jobs->bytes -= job->bytes;
+        if (is_clear && job->by) {
+            srv_room_give(jobs, job, job->bytes);
+            srv_room_release(jobs, job->by);
+        }
         srv_job_unref(job);
         srv_jobs_unblock(jobs);
         at = &jobs->gone; /* there may be others */

@@ -158,43 +158,11 @@ struct srv_path_job **srv_job_find(struct srv_jobs *jobs, const char *id) {
     return at;
 }
 
-static struct srv_path_owner **find_owner(struct srv_jobs *jobs, const char *name) {
-    struct srv_path_owner **at = &jobs->owners;
-    while (*at && strcmp((*at)->name, name) != 0)
-        at = &(*at)->next;
-    return at;
-}
-
-/* Counts one more path of this owner, who may be new: behind all others, so that nobody is first
- * again by coming again. */
-static bool count_in(struct srv_jobs *jobs, const char *name, struct sp_error *err) {
-    struct srv_path_owner **at = find_owner(jobs, name);
-    if (!*at && !(*at = calloc(1, sizeof **at)))
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
-    if ((*at)->count++ == 0) {
-        snprintf((*at)->name, sizeof(*at)->name, "%s", name);
-        (*at)->turn = ++jobs->turn;
-    }
-    jobs->count++;
-    return true;
-}
-
-static void count_out(struct srv_jobs *jobs, const char *name) {
-    struct srv_path_owner **at = find_owner(jobs, name), *owner = *at;
-    jobs->count--;
-    if (--owner->count == 0) {
-        *at = owner->next;
-        free(owner);
-    }
-}
-
 static void append(struct srv_jobs *jobs, struct srv_path_job *job) {
     struct srv_path_job **at = &jobs->list;
     while (*at)
         at = &(*at)->next;
     *at = job;
-    job->by = *find_owner(jobs, job->owner);
-    jobs->bytes += job->bytes;
 }
 
 struct looking {
@@ -222,7 +190,7 @@ static void look_at_files(struct srv_jobs *jobs, struct srv_path_job *job) {
     srv_folder_clean(&jobs->folder, job->id, is_of_job, &looking);
     if (looking.has_movie) {
         job->done = job->output.frames;
-        job->bytes = size;
+        srv_room_add(jobs, job, size);
         job->state = SRV_JOB_DONE;
         return;
     }
@@ -230,7 +198,7 @@ static void look_at_files(struct srv_jobs *jobs, struct srv_path_job *job) {
         srv_job_file_name(&job->output, job->done, name);
         if (!srv_folder_size(&jobs->folder, job->id, name, &size))
             break;
-        job->bytes += size;
+        srv_room_add(jobs, job, size);
     }
     if (!job->output.is_movie && job->done == job->output.frames)
         job->state = SRV_JOB_DONE;
@@ -253,7 +221,7 @@ static bool restore_path(struct srv_jobs *jobs, const char *id, const proto_json
     const char *owner = proto_json_string(proto_json_get(record, "owner"));
     struct srv_path_job *job = path ? make_path_job(jobs, id, owner ? owner : "", path) : NULL;
     const char *failed = proto_json_string(proto_json_get(record, "failed"));
-    if (job && !count_in(jobs, job->owner, err)) {
+    if (job && !(job->by = srv_room_enter(jobs, job->owner, err))) {
         srv_job_unref(job);
         job = NULL;
     } else if (job) {
@@ -425,27 +393,6 @@ static bool check_support(struct srv_jobs *jobs, const struct srv_path *path,
     return true;
 }
 
-/* With the mutex held. */
-static bool has_room(struct srv_jobs *jobs, const char *name, unsigned quota, bool *is_full,
-                     struct sp_error *err) {
-    const struct srv_path_owner *owner = *find_owner(jobs, name);
-    if (quota && owner && owner->count >= quota)
-        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                       "%s has %u paths, and its token allows %u; delete those that are done", name,
-                       owner->count, quota);
-    if (jobs->count >= jobs->options.jobs_max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "there are %u paths and --paths allows %u; delete those that are done",
-                       jobs->count, jobs->options.jobs_max);
-    *is_full = jobs->bytes >= jobs->options.bytes_max;
-    return !*is_full ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the frames of all paths have %llu bytes and --path-bytes allows "
-                   "%llu; delete those that are done",
-                   (unsigned long long)jobs->bytes, (unsigned long long)jobs->options.bytes_max);
-}
-
-/* Keeps the job and its record. Room for it was taken. */
 /* With the mutex held: the record has changed, and flush() follows without it. */
 static void begin_write(struct srv_path_job *job) {
     job->unwritten++;
@@ -468,6 +415,7 @@ static void flush(struct srv_path_job *job) {
     srv_store_flush(job->jobs->options.store, on_written, job);
 }
 
+/* Keeps the job and its record. Room for it was taken. */
 static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
                             const struct srv_path *path, const proto_json *body,
                             const struct sp_view *defaults, struct sp_error *err) {
@@ -481,7 +429,8 @@ static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
         append(jobs, job);
         begin_write(job);
     } else {
-        count_out(jobs, job->owner);
+        srv_room_leave(jobs, job->by);
+        srv_room_release(jobs, job->by);
     }
     pthread_mutex_unlock(&jobs->mutex);
     if (ok) {
@@ -494,7 +443,7 @@ static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
 }
 
 proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
-                         const struct sp_view *defaults, const char *owner, unsigned quota,
+                         const struct sp_view *defaults, const char *owner,
                          char id[SRV_JOB_ID_BYTES], bool *is_full, struct sp_error *err) {
     struct srv_path_job *job = NULL;
     proto_json *json = NULL;
@@ -506,12 +455,7 @@ proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const st
               srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
     if (ok && !(job = make_path_job(jobs, id, owner, path)))
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
-    if (ok) {
-        pthread_mutex_lock(&jobs->mutex);
-        ok = has_room(jobs, owner, quota, is_full, err) && count_in(jobs, owner, err);
-        pthread_mutex_unlock(&jobs->mutex);
-    }
-    if (ok)
+    if (ok && (job->by = srv_room_request(jobs, owner, is_full, err)))
         json = keep_job(jobs, job, path, body, defaults, err);
     else
         free(job);
@@ -555,7 +499,7 @@ static void give_up(struct srv_jobs *jobs, struct srv_path_job *job) {
     *srv_job_find(jobs, job->id) = job->next;
     job->next = jobs->gone;
     jobs->gone = job;
-    count_out(jobs, job->owner);
+    srv_room_leave(jobs, job->by);
     atomic_store(&job->is_removed, true);
     begin_write(job);
     srv_jobs_tell(jobs, job);

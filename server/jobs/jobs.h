@@ -31,7 +31,7 @@
 #include "render/catalog.h"
 #include "render/scheduler.h"
 #include "store/store.h"
-#include "token_file.h"
+#include "tokens.h"
 
 struct srv_jobs;
 
@@ -41,11 +41,12 @@ struct srv_jobs_options {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_store *store;
-    const char *state;   /* folder; NULL = a private one, and nothing outlives the daemon */
-    unsigned jobs_max;   /* that are not removed */
-    uint32_t frames_max; /* of a job */
-    uint64_t bytes_max;  /* of all files of all jobs */
-    uint64_t video_px;   /* of the encoders of all movies, of one movie */
+    struct srv_tokens *tokens; /* whose quotas hold; asked whenever room is taken */
+    const char *state;         /* folder; NULL = a private one, and nothing outlives the daemon */
+    unsigned jobs_max;         /* that are not removed */
+    uint32_t frames_max;       /* of a job */
+    uint64_t bytes_max;        /* of all files of all jobs */
+    uint64_t video_px;         /* of the encoders of all movies, of one movie */
 };
 
 /* Takes up the jobs of an earlier run. SP_ERR_IO (folder), SP_ERR_MEMORY. */
@@ -56,16 +57,16 @@ void srv_jobs_close(struct srv_jobs *jobs);
 /* After the scheduler was stopped and the last watch ended. Accepts NULL. */
 void srv_jobs_destroy(struct srv_jobs **jobs);
 
-/* Some volume's state has changed. */
+/* Some volume's state has changed, or the tokens' quotas. */
 void srv_jobs_wake(struct srv_jobs *jobs);
 
 /* Keeps a job for `body`, the document of POST /paths, whose "view" was resolved to *view with
- * *defaults behind it. `owner` is a token's name, `quota` the paths that it may have, 0 = any. NULL
- * with *err set: SP_ERR_INVALID with a pointer into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY,
- * SP_ERR_BUDGET (too many jobs; at SRV_PLACE_QUOTA, of this owner), or, with *is_full, the bytes of
- * all frames. Answers are JSON as of GET /paths/{id}. */
+ * *defaults behind it. `owner` is a token's name. NULL with *err set: SP_ERR_INVALID with a pointer
+ * into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY, SP_ERR_BUDGET (too many jobs; at
+ * SRV_PLACE_QUOTA, too many or too many bytes of this owner), or, with *is_full, the bytes of all
+ * files. Answers are JSON as of GET /paths/{id}. */
 proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
-                         const struct sp_view *defaults, const char *owner, unsigned quota,
+                         const struct sp_view *defaults, const char *owner,
                          char id[SRV_JOB_ID_BYTES], bool *is_full, struct sp_error *err);
 proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error *err);
 

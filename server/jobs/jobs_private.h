@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the files of the jobs share: records and requests (jobs.c), the thread that draws (draw.c)
- * and the watches (watch.c). Guarded by the mutex, besides what says otherwise.
+ * What the files of the jobs share: records and requests (jobs.c), the thread that draws (draw.c),
+ * what they may take (room.c) and the watches (watch.c). Guarded by the mutex, besides what says
+ * otherwise.
  */
 #ifndef SRV_JOBS_JOBS_PRIVATE_H
 #define SRV_JOBS_JOBS_PRIVATE_H
@@ -16,10 +17,12 @@
 
 enum srv_job_state { SRV_JOB_WAITING, SRV_JOB_RUNNING, SRV_JOB_DONE, SRV_JOB_FAILED };
 
-struct srv_path_owner { /* a token's name, while there are paths of it */
+struct srv_path_owner { /* a token's name, while there are paths of it, or files of some */
     struct srv_path_owner *next;
     char name[SRV_TOKEN_NAME_BYTES]; /* empty = nobody's */
     unsigned count;                  /* of paths, and of those that are being made */
+    unsigned holders;                /* these, and the removed ones whose files are there */
+    uint64_t bytes;                  /* of all their files */
     uint64_t turn;                   /* of its last frame; the least goes first */
 };
 
@@ -31,13 +34,13 @@ struct srv_path_job {
     struct srv_path_output output; /* what it makes */
     uint32_t size[2];              /* px */
     char volume[SP_NAME_BYTES];
-    struct srv_path_owner *by; /* while it is in the list */
+    struct srv_path_owner *by; /* until its files are removed; NULL = of an earlier run, removed */
     unsigned refs;             /* the list, the thread, watches, `unwritten` */
     unsigned unwritten; /* changes of its record on their way to the disk: no file before that */
     enum srv_job_state state;
     char reason[SP_ERROR_TEXT]; /* why it failed, or what it waits for */
     uint32_t done;              /* frames that are on the disk */
-    uint64_t bytes;             /* of its files */
+    uint64_t bytes;             /* of its files, and of what is being written */
     double blocked_ms;          /* until then, or what it waits for may have changed; 0 = not */
     double pause_ms;            /* before it is tried again, the last time; 0 = all goes well */
     uint64_t wants;             /* bytes that its next frame has, if they were too many */
@@ -86,6 +89,27 @@ struct srv_path_job **srv_job_find(struct srv_jobs *jobs, const char *id);
 bool srv_job_missing(const char *id, struct sp_error *err); /* false */
 const char *srv_job_state_name(const struct srv_path_job *job);
 void srv_job_note(const struct srv_path_job *job, struct srv_job_note *note);
+
+/* Room (room.c). With the mutex held, besides request, has and take. */
+
+/* One more path of this owner, who may be new. NULL: SP_ERR_MEMORY. */
+struct srv_path_owner *srv_room_enter(struct srv_jobs *jobs, const char *name,
+                                      struct sp_error *err);
+/* The same if there may be one more: SP_ERR_BUDGET, as srv_jobs_add() tells it. */
+struct srv_path_owner *srv_room_request(struct srv_jobs *jobs, const char *name, bool *is_full,
+                                        struct sp_error *err);
+/* A path of this owner less; the owner stays until its files are gone, too. */
+void srv_room_leave(struct srv_jobs *jobs, struct srv_path_owner *owner);
+void srv_room_release(struct srv_jobs *jobs, struct srv_path_owner *owner);
+/* Is there room for so many bytes more of a job in the list? SP_ERR_BUDGET, with `what`, say
+ * "frame 7 has", in front of the bytes. take() takes it, until give(). */
+bool srv_room_has(struct srv_jobs *jobs, struct srv_path_job *job, uint64_t bytes, const char *what,
+                  struct sp_error *err);
+bool srv_room_take(struct srv_jobs *jobs, struct srv_path_job *job, uint64_t bytes,
+                   const char *what, struct sp_error *err);
+void srv_room_give(struct srv_jobs *jobs, struct srv_path_job *job, uint64_t bytes);
+/* For files that are there already. */
+void srv_room_add(struct srv_jobs *jobs, struct srv_path_job *job, uint64_t bytes);
 
 /* The path of a record, which is not there if the job is removed by then. No lock. */
 struct srv_path *srv_jobs_read_path(struct srv_jobs *jobs, const char *id, struct sp_error *err);

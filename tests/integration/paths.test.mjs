@@ -159,15 +159,23 @@ test('everything needs the token', async () => {
 
 const TOKENS = { admin: 'token-of-admin-0123456789', bob: 'token-of-bob-0123456789', eve: 'token-of-eve-0123456789' };
 
-/** A daemon for several: {own, as(name) = the daemon with that one's token}. */
-async function shared(args = []) {
+/** A daemon for several: {own, as(name) = the daemon with that one's token, allow(quota) = another one for bob}. */
+async function shared(args = [], quota = 'paths=2') {
   const file = path.join(newFolder(), 'tokens');
-  fs.writeFileSync(file, `${TOKENS.admin} name=root\n${TOKENS.bob} role=render name=bob paths=2\n${TOKENS.eve} role=render name=eve\n`);
+  const write = (what) => fs.writeFileSync(file,
+    `${TOKENS.admin} name=root\n${TOKENS.bob} role=render name=bob ${what}\n${TOKENS.eve} role=render name=eve\n`);
+  write(quota);
   const own = await Daemon.start([...VOLUME, '--token-file', file, ...args], { backend: 'cpu' });
   const as = (name) => Object.assign(Object.create(own), { token: TOKENS[name] });
   own.token = TOKENS.admin;
   await own.loaded('engine');
-  return { own, as };
+  const allow = (what) => {
+    const before = own.log.length;
+    write(what);
+    own.kill('SIGHUP');
+    return own.until(() => own.log.slice(before).includes('reloaded'), 'the file to be read');
+  };
+  return { own, as, allow };
 }
 const ENDLESS = { size: [400, 400], frames: 9999 };
 
@@ -199,6 +207,54 @@ test('each token has its frames in turn, its quota, and sees its own paths', asy
   assert.equal(rest.next, undefined);
   assert.equal((await bob.fetch(`${API}/${second}`, { method: 'DELETE' })).status, 204);
   assert.equal((await bob.post(API, pathOf())).status, 202, 'there is room again');
+  assert.equal(await own.stop(), 0);
+});
+
+test('the files of a token\'s paths have a quota: its own paths wait, and go on when there is room again', async () => {
+  const { own, as, allow } = await shared([], 'path-bytes=3K');
+  const [bob, eve] = [as('bob'), as('eve')];
+  const waits = async (id) => (await event(id, ({ data }) => data.reason, { of: own })).data;
+  const first = await make(pathOf({ frames: 50 }), bob);
+  const { state, reason, done } = await waits(first);
+  assert.equal(state, 'waiting');
+  assert.match(reason, /the files of the paths of bob have \d+ bytes, frame \d+ has \d+, and its token allows 3072/);
+  const second = await make(pathOf({ frames: 50 }), bob);
+  await waits(second);
+  const bytes = (await bob.json(API)).json.paths.reduce((sum, one) => sum + one.bytes, 0);
+  assert.ok(bytes > 2048 && bytes <= 3072, `${bytes}`);
+  const { data } = await end(await make(pathOf({ frames: 50 }), eve), { of: eve });
+  assert.equal(data.state, 'done', 'others do not wait');
+  assert.ok(data.bytes > 3072);
+  await bob.fetch(`${API}/${first}`, { method: 'DELETE' });
+  await event(second, (e) => e.data.done >= done, { of: bob });
+  await allow('path-bytes=1K');
+  const over = await bob.post(API, pathOf());
+  assert.equal(over.status, 429);
+  assert.ok(over.headers.get('retry-after'));
+  assert.match(over.json.detail, /the files of the paths of bob have \d+ bytes, and its token allows 1024; delete those that are done/);
+  assert.equal((await eve.post(API, pathOf())).status, 202);
+  await allow('path-bytes=1M');
+  assert.equal((await end(second, { of: bob })).event, 'done', 'a quota that grows is room');
+  assert.equal(await own.stop(), 0);
+});
+
+test('a movie\'s bytes count beside its packets\' while it is put together', async () => {
+  const body = pathOf({ format: 'webm', size: [64, 48], frames: 9 });
+  const whole = (await end(await make(body))).data.bytes;
+  const { own, as, allow } = await shared([], `path-bytes=${Math.floor(1.5 * whole)}`);
+  const bob = as('bob');
+  const id = await make(body, bob);
+  const { data } = await event(id, (e) => e.data.reason, { of: bob });
+  assert.deepEqual([data.state, data.done], ['waiting', 9], 'all its packets are there');
+  assert.match(data.reason, /the files of the paths of bob have \d+ bytes, the movie up to \d+, and its token allows \d+/);
+  const [has, needs] = /have (\d+) bytes, the movie up to (\d+)/.exec(data.reason).slice(1).map(Number);
+  assert.equal(has, data.bytes);
+  assert.ok(needs >= whole);
+  assert.equal((await bob.fetch(`${API}/${id}/movie`)).status, 409);
+  await allow(`path-bytes=${has + needs}`);
+  const last = await end(id, { of: bob });
+  assert.deepEqual([last.event, last.data.bytes], ['done', whole], 'the packets are gone');
+  assert.equal((await make(pathOf({ frames: 1, keyframes: [{ time: 0, view: {} }] }), bob)).length, 32, 'what was kept free is given back');
   assert.equal(await own.stop(), 0);
 });
 
@@ -399,7 +455,7 @@ test('limits: paths, frames and bytes are refused with both numbers', async () =
 test('a path that lacks room goes on when others are deleted', async () => {
   const own = await Daemon.start([...VOLUME, '--path-bytes', '3K'], { backend: 'cpu' });
   await own.loaded('engine');
-  const small = pathOf({ format: 'webm', size: [64, 48], frames: 9 });
+  const small = pathOf({ format: 'webm' });
   const id = await make(pathOf({ frames: 50 }), own);
   await event(id, (e) => e.data.reason, { of: own });
   const movies = [await own.post(API, small)].filter(({ status }) => status === 202); // or there is not a byte left

@@ -71,6 +71,7 @@ bool __wrap_srv_store_remove(struct srv_store *store, enum srv_kind kind, const 
 static struct fixture {
     char state[32];
     struct srv_store *store;
+    struct srv_tokens *tokens;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_hub *hub;
@@ -125,6 +126,8 @@ static void begin(void) {
     struct sp_renderer_options null = { .backend = "null" };
     struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
     f.store = open_store();
+    f.tokens = srv_tokens_create(NULL);
+    assert_non_null(f.tokens);
     f.catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(f.catalog);
     load("demo:phantom?size=8");
@@ -146,6 +149,7 @@ static void begin(void) {
     struct srv_jobs_options jobs = { .catalog = f.catalog,
                                      .scheduler = f.scheduler,
                                      .store = f.store,
+                                     .tokens = f.tokens,
                                      .state = f.state,
                                      .jobs_max = 8,
                                      .frames_max = FRAMES,
@@ -162,6 +166,7 @@ static void end(void) {
     srv_scheduler_stop(f.scheduler);
     srv_store_stop(f.store);
     srv_jobs_destroy(&f.jobs);
+    srv_tokens_destroy(&f.tokens);
     srv_hub_destroy(&f.hub);
     srv_scheduler_destroy(&f.scheduler);
     srv_catalog_destroy(&f.catalog);
@@ -201,7 +206,7 @@ static void add(char id[SRV_JOB_ID_BYTES]) {
     srv_catalog_default_view(f.catalog, volume, &view);
     srv_catalog_release(f.catalog, volume);
     view.size[0] = view.size[1] = 16;
-    proto_json *json = srv_jobs_add(f.jobs, body, &view, &view, "ann", 0, id, &is_full, &err);
+    proto_json *json = srv_jobs_add(f.jobs, body, &view, &view, "ann", id, &is_full, &err);
     if (!json)
         fail_msg("%s: %s", err.place, err.text);
     proto_json_free(&json);

@@ -126,6 +126,17 @@ static int tear_down(void **state) {
 static const uint32_t size[2] = { WIDTH, HEIGHT };
 static const struct srv_path_output output = { .frames = FRAMES, .fps = FPS, .is_movie = true };
 
+/* What the movie of these packets may take. */
+static uint64_t room_of(const char *id, uint32_t packets) {
+    uint64_t bytes = 0, length;
+    char name[32];
+    for (uint32_t i = 0; i < packets; i++, bytes += length) {
+        snprintf(name, sizeof name, "%06u.vp9", i);
+        assert_true(srv_folder_size(&folder, id, name, &length));
+    }
+    return srv_movie_room(bytes, packets);
+}
+
 /* The movie, malloc'ed. */
 static uint8_t *make_movie_of(const char *id, const struct srv_path_output *made, size_t *bytes) {
     struct sp_error err = { .code = SP_OK };
@@ -141,6 +152,7 @@ static uint8_t *make_movie_of(const char *id, const struct srv_path_output *made
     assert_true(file && movie && fread(movie, 1, length, file) == length);
     fclose(file);
     *bytes = length;
+    assert_in_range(length, 1, room_of(id, made->frames));
     return movie;
 }
 
@@ -284,6 +296,22 @@ static void a_cluster_is_bounded(void **state) {
     srv_folder_remove(&folder, "b", NULL);
 }
 
+static void the_smallest_packets_have_room(void **state) {
+    (void)state;
+    enum { COUNT = 200 }; /* each of them with a cluster, and a cue of many digits */
+    const struct srv_path_output many = { .frames = COUNT, .fps = 1e-4, .is_movie = true };
+    const uint8_t head = SRV_PACKET_KEY;
+    struct sp_error err;
+    for (unsigned i = 0; i < COUNT; i++) {
+        char name[32];
+        snprintf(name, sizeof name, "%06u.vp9", i);
+        assert_true(srv_folder_write(&folder, "c", name, &head, 1, "x", 1, &err));
+    }
+    size_t bytes;
+    free(make_movie_of("c", &many, &bytes)); /* which measures it */
+    srv_folder_remove(&folder, "c", NULL);
+}
+
 static void a_folder_that_cannot_be_made_is_told(void **state) {
     (void)state;
     struct sp_error err;
@@ -299,6 +327,7 @@ int main(void) {
         cmocka_unit_test(every_frame_is_there_in_its_time),
         cmocka_unit_test(a_packet_that_is_none_is_told),
         cmocka_unit_test(a_cluster_is_bounded),
+        cmocka_unit_test(the_smallest_packets_have_room),
         cmocka_unit_test(a_folder_that_cannot_be_made_is_told),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -50,7 +50,7 @@ static void lines_have_roles_and_quotas(void **state) {
     struct sp_error err;
     size_t count;
     assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 views=7 paths=5 "
-                        "fps=24 frame-size=1024x512\n"
+                        "fps=24 path-bytes=500M frame-size=1024x512\n"
                         "# the next has no name\n" B " role=metrics\n"
                         "0123456789abcdef-view role=view\n0123456789abcdef-render role=render",
                       &list, &count, &err));
@@ -62,6 +62,7 @@ static void lines_have_roles_and_quotas(void **state) {
     assert_int_equal(list[0].quota.views, 7);
     assert_int_equal(list[0].quota.paths, 5);
     assert_int_equal(list[0].quota.fps, 24);
+    assert_int_equal(list[0].quota.path_bytes, 500 << 20);
     assert_int_equal(list[0].quota.frame_px, 1024 * 512);
     assert_string_equal(list[1].name, "token-3");
     assert_string_equal(list[1].text, B);
@@ -95,6 +96,10 @@ static void wrong_lines_are_named(void **state) {
         A " stills=1.5\n",
         A " fps=121\n",
         A " fps=9999999999999999\n",
+        A " path-bytes=1023\n",
+        A " path-bytes=65T\n",
+        A " path-bytes=2x2\n",
+        A " path-bytes=1M path-bytes=1M\n",
         A " frame-size=8193x8192\n",
         A " frame-size=some\n",
         A " color=red\n",
@@ -255,6 +260,25 @@ static void quotas_outlive_a_reload(void **state) {
     srv_tokens_destroy(&tokens);
 }
 
+static void a_name_has_its_quota(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_quota quota = { .path_bytes = 5 };
+    set(tokens, A " name=ann path-bytes=2K\n" B " name=bob\n");
+    assert_false(srv_tokens_quota(tokens, "eve", &quota));
+    assert_int_equal(quota.path_bytes, 5);
+    assert_true(srv_tokens_quota(tokens, "bob", &quota));
+    assert_int_equal(quota.path_bytes, 0);
+    assert_true(srv_tokens_quota(tokens, "ann", &quota));
+    assert_int_equal(quota.path_bytes, 2048);
+    set(tokens, A " name=eve path-bytes=3K\n");
+    assert_false(srv_tokens_quota(tokens, "ann", &quota));
+    assert_true(srv_tokens_quota(tokens, "eve", &quota));
+    assert_int_equal(quota.path_bytes, 3072);
+    srv_tokens_destroy(&tokens);
+}
+
 static void pictures_a_second(void **state) {
     (void)state;
     struct sp_error err;
@@ -283,6 +307,7 @@ int main(void) {
         cmocka_unit_test(found_wherever_it_stands),
         cmocka_unit_test(what_was_not_drawn_is_not_counted),
         cmocka_unit_test(quotas_outlive_a_reload),
+        cmocka_unit_test(a_name_has_its_quota),
         cmocka_unit_test(pictures_a_second),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
