@@ -10,9 +10,11 @@
 #include "http/origins.h"
 
 static const char headers_taken[] = "Authorization, Content-Type, If-None-Match, "
-                                    "Last-Event-ID";
-static const char headers_told[] = "ETag, Location, Retry-After, WWW-Authenticate, X-Render-Time, "
-                                   "X-Encode-Time, X-Backend, X-Splats, X-Durable";
+                                    "If-Range, Last-Event-ID, Range";
+static const char headers_told[] =
+    "Accept-Ranges, Content-Disposition, Content-Range, ETag, Location, "
+    "Retry-After, WWW-Authenticate, X-Render-Time, "
+    "X-Encode-Time, X-Backend, X-Splats, X-Durable";
 
 static bool is_foreign(const struct srv_request *request) {
     return srv_origins_have(request->app->config->allow_origin,
@@ -68,7 +70,7 @@ static void add_headers(struct MHD_Response *response, const struct srv_request 
             value = strcat(weak, value);
         MHD_add_response_header(response, name, value);
     }
-    if (is_gzip)
+    if (is_gzip && reply->status != 304)
         MHD_add_response_header(response, "Content-Encoding", "gzip");
     if (may_gzip)
         MHD_add_response_header(response, "Vary", "Accept-Encoding");
@@ -81,10 +83,30 @@ static void add_headers(struct MHD_Response *response, const struct srv_request 
     }
 }
 
+/* Who has it already is told so, with the headers of the whole answer (RFC 9110, 15.4.5). */
+static bool is_known(const struct srv_request *request) {
+    const struct srv_reply *reply = &request->reply;
+    const char *known = srv_request_header(request, "If-None-Match");
+    for (unsigned i = 0; known && reply->status == 200 && i < reply->header_count; i++)
+        if (strcmp(reply->headers[i].name, "ETag") == 0)
+            return srv_etag_matches(known, reply->headers[i].value);
+    return false;
+}
+
+static void drop_body(struct srv_reply *reply) {
+    free(reply->owned);
+    reply->status = 304;
+    reply->mime = NULL;
+    reply->body = reply->owned = NULL;
+    reply->size = 0;
+}
+
 struct MHD_Response *srv_answer_create(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     bool may_gzip = srv_gzip_is_for(reply->mime, reply->size);
     bool is_gzip = may_gzip && compress(request);
+    if (!reply->flow && is_known(request))
+        drop_body(reply);
     struct MHD_Response *response =
         reply->flow ? reply->flow
         : reply->owned

@@ -83,12 +83,14 @@ struct srv_request {
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
     size_t body_seen, body_capacity;
+    struct srv_joined *joined; /* of headers that came in several lines */
     struct srv_refusal target; /* what is wrong with the address */
     bool is_last;              /* of its connection */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 
-/* NULL if it was not given. Lives as long as the request. */
+/* NULL if it was not given; several lines are one list (RFC 9110, 5.3). Lives as long as the
+ * request. */
 const char *srv_request_header(const struct srv_request *request, const char *name);
 const char *srv_request_query(const struct srv_request *request, const char *key);
 /* Bearer token, or ?token=. */
@@ -128,9 +130,10 @@ srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_sessi
 srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
     srv_delete_preset; /* routes_presets.c */
 srv_handler srv_get_paths, srv_post_path, srv_get_path, srv_delete_path, srv_get_path_events,
-    srv_get_path_frame, srv_get_path_archive, srv_get_path_movie;             /* routes_paths.c */
-srv_handler srv_get_metrics;                                                  /* routes_metrics.c */
-srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema; /* routes_static.c */
+    srv_get_path_frame, srv_get_path_archive, srv_get_path_movie; /* routes_paths.c */
+srv_handler srv_get_metrics;                                      /* routes_metrics.c */
+srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema,
+    srv_get_stream_text; /* routes_static.c */
 /* The page's files; false = there is none of that path. */
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "clock.h"
 #include "http/answer.h"
@@ -19,6 +20,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/readyz", SRV_RIGHT_NONE, srv_get_readyz },
     { SRV_GET, "/api/v1/openapi.yaml", SRV_RIGHT_VIEW, srv_get_openapi },
     { SRV_GET, "/api/v1/view.schema.json", SRV_RIGHT_VIEW, srv_get_schema },
+    { SRV_GET, "/api/v1/stream.md", SRV_RIGHT_VIEW, srv_get_stream_text },
     { SRV_GET, "/api/v1/stream.schema.json", SRV_RIGHT_VIEW, srv_get_schema },
     { SRV_GET, "/api/v1/volumes", SRV_RIGHT_VIEW, srv_get_volumes },
     { SRV_POST, "/api/v1/volumes", SRV_RIGHT_ADMIN, srv_post_volume },
@@ -52,9 +54,21 @@ static const struct srv_route routes[] = {
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
+/* The lines of a header that came more than once, as one list. */
+struct srv_joined {
+    struct srv_joined *next;
+    const char *name; /* the library's */
+    char text[];
+};
+
 /* What handlers ask. */
 
 const char *srv_request_header(const struct srv_request *request, const char *name) {
+    const struct srv_joined *joined = request->joined;
+    while (joined && strcasecmp(joined->name, name) != 0)
+        joined = joined->next;
+    if (joined)
+        return joined->text;
     return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
 }
 
@@ -206,10 +220,39 @@ static bool check_limits(struct srv_request *request) {
     return false;
 }
 
+struct reading {
+    struct srv_request *request;
+    struct srv_framing framing;
+    bool has_memory;
+};
+
+/* One more line behind those of the same name. */
+static bool join_header(struct srv_request *request, const char *name, const char *value) {
+    struct srv_joined **at = &request->joined;
+    while (*at && strcasecmp((*at)->name, name) != 0)
+        at = &(*at)->next;
+    const char *before = srv_request_header(request, name);
+    size_t had = before ? strlen(before) : 0, size = had + 2 + strlen(value) + 1;
+    struct srv_joined *joined = realloc(*at, sizeof *joined + size);
+    if (!joined)
+        return false;
+    if (!*at) {
+        *joined = (struct srv_joined){ .name = name };
+        memcpy(joined->text, before ? before : "", had);
+    }
+    snprintf(joined->text + had, size - had, ", %s", value);
+    *at = joined;
+    return true;
+}
+
 static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char *name,
                                  const char *value) {
-    (void)kind;
-    srv_framing_add(user, name, value);
+    struct reading *reading = user;
+    struct srv_request *request = reading->request;
+    srv_framing_add(&reading->framing, name, value);
+    bool is_first = MHD_lookup_connection_value(request->connection, kind, name) == value;
+    if (!is_first && value && reading->framing.all <= SRV_HEADERS_MAX)
+        reading->has_memory = join_header(request, name, value) && reading->has_memory;
     return MHD_YES;
 }
 
@@ -217,9 +260,11 @@ static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char
 static bool is_turned_away(struct srv_request *request, const char *version) {
     struct srv_refusal refusal = request->target;
     if (!refusal.status) {
-        struct srv_framing framing = { .hosts = 0 };
-        MHD_get_connection_values(request->connection, MHD_HEADER_KIND, on_header, &framing);
-        refusal = srv_framing_check(&framing, version);
+        struct reading reading = { .request = request, .has_memory = true };
+        MHD_get_connection_values(request->connection, MHD_HEADER_KIND, on_header, &reading);
+        refusal = srv_framing_check(&reading.framing, version);
+        if (!refusal.status && !reading.has_memory)
+            refusal = (struct srv_refusal){ 503, "no memory for the headers" };
     }
     if (!refusal.status && !request->is_counted)
         refusal = (struct srv_refusal){ 503, "the daemon is shutting down" };
@@ -361,6 +406,15 @@ static enum MHD_Result on_body(struct srv_request *request, const char *bytes, s
     return MHD_YES;
 }
 
+/* Of a target in absolute form, "http://host/path" (RFC 9112, section 3.2.2). */
+static const char *path_of(const char *target) {
+    const char *authority = strncasecmp(target, "http://", 7) == 0    ? target + 7
+                            : strncasecmp(target, "https://", 8) == 0 ? target + 8
+                                                                      : NULL;
+    const char *path = authority ? authority + strcspn(authority, "/") : target;
+    return *path ? path : "/";
+}
+
 enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, const char *path,
                                const char *method, const char *version, const char *bytes,
                                size_t *size, void **state) {
@@ -369,7 +423,7 @@ enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, co
     struct srv_request *request = *state;
     if (!request)
         return MHD_NO;
-    request->path = path;
+    request->path = path_of(path);
     request->method = method;
     if (!request->is_begun)
         return on_headers(request, version);
@@ -419,6 +473,11 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
     srv_reply_finish(&request->reply);
     srv_request_end_still(request);
     srv_tokens_give_back(request->app->tokens, &request->grant);
+    while (request->joined) {
+        struct srv_joined *joined = request->joined;
+        request->joined = joined->next;
+        free(joined);
+    }
     free(request->upgrade);
     free(request->body);
     free(request);

@@ -21,13 +21,9 @@ static const struct srv_asset *find(const char *path) {
 static void serve(struct srv_request *request, const struct srv_asset *asset,
                   struct srv_reply *reply) {
     const struct srv_packed *packed = &request->http->packed[asset - srv_assets];
-    if (srv_etag_matches(srv_request_header(request, "If-None-Match"), packed->etag)) {
-        reply->status = 304;
-    } else {
-        srv_reply_static(reply, asset->mime, asset->begin, (size_t)(asset->end - asset->begin));
-        reply->gzip = packed->gzip;
-        reply->gzip_size = packed->gzip_size;
-    }
+    srv_reply_static(reply, asset->mime, asset->begin, (size_t)(asset->end - asset->begin));
+    reply->gzip = packed->gzip;
+    reply->gzip_size = packed->gzip_size;
     srv_reply_header(reply, "ETag", "%s", packed->etag);
     srv_reply_header(reply, "Cache-Control", "no-cache");
 }
@@ -53,6 +49,10 @@ static void serve_contract(struct srv_request *request, struct srv_reply *reply)
 }
 
 void srv_get_openapi(struct srv_request *request, struct srv_reply *reply) {
+    serve_contract(request, reply);
+}
+
+void srv_get_stream_text(struct srv_request *request, struct srv_reply *reply) {
     serve_contract(request, reply);
 }
 

@@ -119,12 +119,7 @@ void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
     }
     char etag[SRV_KEPT_ID_BYTES + 2];
     snprintf(etag, sizeof etag, "\"%.32s\"", request->param);
-    if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {
-        proto_json_free(&json);
-        reply->status = 304;
-    } else {
-        srv_reply_json(reply, 200, json);
-    }
+    srv_reply_json(reply, 200, json);
     srv_reply_header(reply, "ETag", "%s", etag);
     srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
 }

@@ -27,10 +27,21 @@ static bool is_name(const char *name) {
     return length > 0 && !name[length];
 }
 
+/* RFC 9110, section 5.5. */
+static bool is_text(const char *value) {
+    for (const char *c = value; *c; c++)
+        if (((unsigned char)*c < ' ' && *c != '\t') || *c == 127)
+            return false;
+    return true;
+}
+
 void srv_framing_add(struct srv_framing *framing, const char *name, const char *value) {
     const char *text = value ? value : "";
+    framing->all++;
     if (!is_name(name))
         framing->is_not_name = true;
+    if (!is_text(text))
+        framing->is_not_text = true;
     if (strcasecmp(name, "Host") == 0)
         framing->hosts++;
     if (strcasecmp(name, "Content-Length") == 0) {
@@ -47,8 +58,12 @@ void srv_framing_add(struct srv_framing *framing, const char *name, const char *
 struct srv_refusal srv_framing_check(const struct srv_framing *framing, const char *version) {
     bool is_old = strcmp(version, "HTTP/1.0") == 0;
     const char *detail = NULL;
+    if (framing->all > SRV_HEADERS_MAX)
+        return (struct srv_refusal){ 431, "a request has at most 128 headers" };
     if (framing->is_not_name)
         detail = "a header's name has characters that none may have";
+    else if (framing->is_not_text)
+        detail = "a header's value has a control character";
     else if (framing->hosts > 1 || (framing->hosts == 0 && !is_old))
         detail = "a request has one Host header";
     else if (framing->lengths > 1)

@@ -9,7 +9,10 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { SRV_ARGUMENTS_MAX = 16 }; /* '&' in a query */
+enum {
+    SRV_ARGUMENTS_MAX = 16, /* '&' in a query */
+    SRV_HEADERS_MAX = 128   /* of a request */
+};
 
 struct srv_refusal {
     unsigned status;    /* 0 = none */
@@ -23,9 +26,10 @@ struct srv_refusal srv_strict_target(char *target, size_t limit);
 
 /* What the headers say about where the request ends. */
 struct srv_framing {
-    unsigned hosts, lengths, encodings;
-    bool is_not_number, is_not_chunked, is_not_name;
+    unsigned all, hosts, lengths, encodings;
+    bool is_not_number, is_not_chunked, is_not_name, is_not_text;
 };
+/* value NULL = empty. */
 void srv_framing_add(struct srv_framing *framing, const char *name, const char *value);
 /* version: "HTTP/1.1" … */
 struct srv_refusal srv_framing_check(const struct srv_framing *framing, const char *version);

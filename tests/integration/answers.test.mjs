@@ -59,12 +59,36 @@ test('who does not accept gzip, short texts and pictures are left as they are', 
 });
 
 test('the ETag of compressed bytes is weak, and still good for a 304', async () => {
-  const plain = await ask('/');
-  const packed = await ask('/', { headers: GZIP });
-  assert.equal(packed.headers.etag, `W/${plain.headers.etag}`);
-  for (const etag of [plain.headers.etag, packed.headers.etag]) {
-    assert.equal((await ask('/', { headers: { ...GZIP, 'If-None-Match': etag } })).status, 304);
+  const kept = await ask('/api/v1/views', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: '{}' });
+  for (const target of ['/', `/api/v1/views/${JSON.parse(kept.body).id}`]) {
+    const plain = await ask(target);
+    const packed = await ask(target, { headers: GZIP });
+    assert.equal(packed.headers.etag, `W/${plain.headers.etag}`);
+    for (const etag of [plain.headers.etag, packed.headers.etag]) {
+      const known = await ask(target, { headers: { ...GZIP, 'If-None-Match': etag } });
+      assert.deepEqual([known.status, known.headers.etag, known.headers.vary, known.headers['cache-control'], known.body.length],
+        [304, packed.headers.etag, packed.headers.vary, packed.headers['cache-control'], 0]);
+    }
   }
+});
+
+test('several lines of a header are one list, and a target may be absolute', async () => {
+  const lines = async (target, headers) => {
+    const raw = await Raw.connect(daemon.port);
+    const all = ['Host: x', `Authorization: Bearer ${daemon.token}`, 'Connection: close', ...headers];
+    raw.write(`GET ${target} HTTP/1.1\r\n${all.join('\r\n')}\r\n\r\n`);
+    await raw.until(() => raw.ended, 'the end');
+    return raw.text();
+  };
+  const { etag } = (await ask('/')).headers;
+  assert.match(await lines('/', ['If-None-Match: "x"', `if-none-match: ${etag}`]), /^HTTP\/1.1 304/);
+  assert.match(await lines('/', ['If-None-Match: "x"', 'If-None-Match: "y"', 'Accept-Encoding: br', 'Accept-Encoding: gzip']),
+    /^HTTP\/1.1 200[^]*content-encoding: gzip/i);
+  assert.match(await lines('/healthz', [`Authorization: Bearer x`]), /^HTTP\/1.1 200/);
+  assert.match(await lines('/api/v1/volumes', [`Authorization: Bearer x`]), /^HTTP\/1.1 401/, 'two tokens are none');
+  assert.match(await lines(`${daemon.base}/healthz`, []), /^HTTP\/1.1 200/);
+  assert.match(await lines('http://x', []), /^HTTP\/1.1 200[^]*text\/html/i);
+  assert.match(await lines(`http://x/api/v1/volumes/none?token=${daemon.token}`, []), /^HTTP\/1.1 404[^]*none/);
 });
 
 test('a page of a listed origin may ask and read; it still needs a token', async () => {

@@ -251,6 +251,8 @@ test('requests that a proxy could read in another way are refused and end their 
     ['GET /healthz HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n', 400, /one Host/],
     ['GET /healthz HTTP/1.1\r\n\r\n', 400, /one Host/],
     [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /header's name/],
+    [`${post}Host: x\r\nX: a\x01b\r\nContent-Length: 2\r\n\r\n{}`, 400, /control character/],
+    [`GET /healthz HTTP/1.1\r\nHost: x\r\n${'A: b\r\n'.repeat(128)}\r\n`, 431, /at most 128 headers/],
     ['GET /%00 HTTP/1.1\r\nHost: x\r\n\r\n', 400, /%00/],
     [`GET /api/v1/volumes?token=${daemon.token}%00x HTTP/1.1\r\nHost: x\r\n\r\n`, 400, /%00/],
     [`GET /healthz?${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /16/],

@@ -102,6 +102,8 @@ test('the contract is served', async () => {
   const api = await daemon.fetch('/api/v1/openapi.yaml');
   assert.equal(api.status, 200);
   assert.match(await api.text(), /^openapi: "?3\.1/m);
+  const stream = await daemon.fetch('/api/v1/stream.md');
+  assert.deepEqual([stream.status, stream.headers.get('content-type')], [200, 'text/markdown; charset=utf-8']);
 });
 
 test('the paths and methods of the contract are those that the daemon has', async () => {

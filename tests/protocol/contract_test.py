@@ -140,6 +140,7 @@ def walk(daemon, contract):
     ask(200, 'GET', f'{api}/openapi.yaml')
     ask(200, 'GET', f'{api}/view.schema.json')
     ask(200, 'GET', f'{api}/stream.schema.json')
+    ask(200, 'GET', f'{api}/stream.md')
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
     ask(201, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p'})
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:galaxy?size=16', 'id': 'graded'})

@@ -367,6 +367,9 @@ static void framing(void **state) {
           { "Host", "x", "Transfer-Encoding", "chunked", "Transfer-Encoding", "chunked" } },
         { 400, "HTTP/1.0", { "Host", "x", "Transfer-Encoding", "chunked" } },
         { 400, "HTTP/1.1", { "Host", "x", "Content-Length ", "5" } },
+        { 0, "HTTP/1.1", { "Host", "x", "Accept", "a\tb \xc3\xa9" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Accept", "a\x01" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Accept", "a\x7f" } },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct srv_framing seen = { .hosts = 0 };
@@ -379,14 +382,32 @@ static void framing(void **state) {
     }
 }
 
+static void headers_have_a_number(void **state) {
+    (void)state;
+    struct srv_framing seen = { .hosts = 0 };
+    srv_framing_add(&seen, "Host", "x");
+    for (int i = 1; i < SRV_HEADERS_MAX; i++)
+        srv_framing_add(&seen, "A", NULL);
+    assert_int_equal(srv_framing_check(&seen, "HTTP/1.1").status, 0);
+    srv_framing_add(&seen, "A", "");
+    assert_int_equal(srv_framing_check(&seen, "HTTP/1.1").status, 431);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(routing),         cmocka_unit_test(origins),
-        cmocka_unit_test(allowed_origins), cmocka_unit_test(compression),
-        cmocka_unit_test(accepting),       cmocka_unit_test(tokens_and_types),
-        cmocka_unit_test(addresses),       cmocka_unit_test(handshake),
-        cmocka_unit_test(problems),        cmocka_unit_test(targets),
-        cmocka_unit_test(framing),         cmocka_unit_test(connections_from_one_host),
+        cmocka_unit_test(routing),
+        cmocka_unit_test(origins),
+        cmocka_unit_test(allowed_origins),
+        cmocka_unit_test(compression),
+        cmocka_unit_test(accepting),
+        cmocka_unit_test(tokens_and_types),
+        cmocka_unit_test(addresses),
+        cmocka_unit_test(handshake),
+        cmocka_unit_test(problems),
+        cmocka_unit_test(targets),
+        cmocka_unit_test(framing),
+        cmocka_unit_test(connections_from_one_host),
+        cmocka_unit_test(headers_have_a_number),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
