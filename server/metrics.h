@@ -27,12 +27,12 @@ enum srv_timing {
 enum srv_counter {
     SRV_COUNT_FRAMES,   /* to streams */
     SRV_COUNT_PICTURES, /* to requests */
-    /* Frames that were made, or begun, and not sent: */
+    /* Frames that were begun and not sent, but for what the end of the daemon takes away: */
     SRV_COUNT_DROP_REPLACED, /* a newer one came before the socket was free */
     SRV_COUNT_DROP_LATE,     /* a newer one was there already */
     SRV_COUNT_DROP_OUTDATED, /* given up while rendering or before encoding, for a newer view */
     SRV_COUNT_DROP_FAILED,
-    SRV_COUNT_DROP_LEFT, /* who asked for the picture has left */
+    SRV_COUNT_DROP_LEFT, /* who asked for it has left */
     /* Streams: */
     SRV_COUNT_JOINED,
     SRV_COUNT_END_CLOSED,   /* by either side, with 1000 or 1001 */

@@ -39,10 +39,13 @@ static void answer(struct srv_scheduler *s, struct srv_ask *asks,
 
 static void fail_asks(struct srv_scheduler *s, struct srv_ask *asks, const struct sp_error *err) {
     struct srv_still_result result = { .ok = false, .err = *err };
-    for (const struct srv_ask *ask = asks; ask; ask = ask->next)
+    bool is_cancelled = err->code == SP_ERR_CANCELLED;
+    pthread_mutex_lock(&s->mutex);
+    bool counts = !s->stop; /* what the end of the daemon takes away is not counted */
+    pthread_mutex_unlock(&s->mutex);
+    for (const struct srv_ask *ask = asks; ask && counts; ask = ask->next)
         srv_metrics_add(s->options.metrics,
-                        err->code == SP_ERR_CANCELLED ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED,
-                        1);
+                        is_cancelled ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED, 1);
     answer(s, asks, &result);
 }
 

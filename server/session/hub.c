@@ -165,6 +165,11 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     return true;
 }
 
+void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason) {
+    if (!hub->draining)
+        srv_metrics_add(hub->options.metrics, reason, 1);
+}
+
 void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session) {
     hub->options.interrupt(hub->options.user, session->number, SRV_UNWANTED);
 }

@@ -160,6 +160,8 @@ void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint6
 /* Merges a patch into the session's view; `by` changed it. */
 bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
                    uint64_t by, double now_ms, struct sp_error *err);
+/* A frame is dropped. What the end of the daemon takes away is not counted. */
+void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason);
 /* Nobody looks at the session any more: what is rendered for it is given up. */
 void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session);
 /* A session that is complete but for the numbers that every new one has. */

@@ -111,6 +111,8 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
     pthread_mutex_lock(&hub->mutex);
     if (p->is_ready)
         unlink_ready(hub, p);
+    if (p->outbox.blob)
+        srv_hub_count_drop(hub, SRV_COUNT_DROP_LEFT);
     struct srv_session *session = p->session;
     if (session) {
         struct srv_participant **link = &session->participants;

@@ -213,8 +213,7 @@ static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv
     if (is_put)
         srv_hub_note(hub, p, 0);
     if (!is_put || replaces)
-        srv_metrics_add(hub->options.metrics,
-                        is_put ? SRV_COUNT_DROP_REPLACED : SRV_COUNT_DROP_LATE, 1);
+        srv_hub_count_drop(hub, is_put ? SRV_COUNT_DROP_REPLACED : SRV_COUNT_DROP_LATE);
     return is_put;
 }
 
@@ -228,6 +227,8 @@ void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
         bool holds_video = p->outbox.blob && proto_codec_is_video(p->outbox.header.codec);
         if (put(hub, p, job, &job->targets[i], &still, blob) && holds_video)
             p->mark.epoch = 0; /* that one never arrives */
+    } else {
+        srv_hub_count_drop(hub, SRV_COUNT_DROP_LEFT);
     }
     pthread_mutex_unlock(&hub->mutex);
 }
@@ -255,6 +256,8 @@ enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_j
     enum srv_video_claim claim = SRV_VIDEO_NONE;
     pthread_mutex_lock(&hub->mutex);
     struct srv_participant *p = participant_of(session_of(hub, job), job->targets[i].participant);
+    if (!p)
+        srv_hub_count_drop(hub, SRV_COUNT_DROP_LEFT);
     if (p && p->video == job->targets[i].video)
         set_refused(hub, p, false);
     if (p && p->outbox.blob && job->order > p->outbox.order) {
@@ -279,6 +282,8 @@ void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint3
         (mark->number == 0 || (p->mark.epoch == mark->epoch && p->mark.number == mark->number));
     if (fits && put(hub, p, job, &job->targets[i], header, blob))
         p->mark = (struct srv_video_mark){ mark->epoch, mark->number + 1 };
+    else if (!p)
+        srv_hub_count_drop(hub, SRV_COUNT_DROP_LEFT);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -327,9 +332,9 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
 }
 
 void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct sp_error *err) {
-    srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_FAILED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
+    srv_hub_count_drop(hub, SRV_COUNT_DROP_FAILED);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
         if (p) {
@@ -343,10 +348,18 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
     pthread_mutex_unlock(&hub->mutex);
 }
 
+/* Have all left for whom it was made? */
+static bool is_for_nobody(struct srv_session *s, const struct srv_job *job) {
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (participant_of(s, job->targets[i].participant))
+            return false;
+    return true;
+}
+
 void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms) {
-    srv_metrics_add(hub->options.metrics, SRV_COUNT_DROP_OUTDATED, 1);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *s = end_job(hub, job);
+    srv_hub_count_drop(hub, is_for_nobody(s, job) ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_OUTDATED);
     if (s && elapsed_ms > 0)
         correct_share(s, job, elapsed_ms);
     if (s && job->step == SRV_STEP_MOVING) {

@@ -72,6 +72,7 @@ int hub_set_up(void **state) {
         f->info.grid.direction[i][i] = 1;
     }
     f->info.histogram[3] = 512;
+    f->metrics = srv_metrics_create();
     struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view,
                                                     pick },
                                        .sessions_max = 2,
@@ -80,6 +81,7 @@ int hub_set_up(void **state) {
                                        .control_ms = 500,
                                        .rest_ms = 100,
                                        .stream_bytes = 1 << 20,
+                                       .metrics = f->metrics,
                                        .user = f,
                                        .work = ignore,
                                        .ready = ignore,
@@ -94,6 +96,7 @@ int hub_set_up(void **state) {
 int hub_tear_down(void **state) {
     struct fixture *f = *state;
     srv_hub_destroy(&f->hub);
+    srv_metrics_destroy(&f->metrics);
     int uses = f->uses;
     free(f);
     return uses; /* every use was given back */

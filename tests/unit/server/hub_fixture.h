@@ -10,6 +10,7 @@
 
 struct fixture {
     struct srv_hub *hub;
+    struct srv_metrics *metrics;
     struct sp_volume_info info;
     int uses;
     unsigned interrupts, yields; /* yields: because something moves; not among the interrupts */

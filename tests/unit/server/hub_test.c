@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "counted.h"
 #include "hub_fixture.h"
 
 static struct srv_participant *join(struct fixture *f, double now_ms) {
@@ -352,6 +353,56 @@ static void one_picture_for_all_who_see_the_same(void **state) {
     srv_hub_leave(f->hub, &c, 71);
 }
 
+static void frames_for_who_left_are_counted(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *a = join(f, 1000), *b = join(f, 1000);
+    assert_true(next_job(f, 1000, &job));
+    assert_int_equal(job.target_count, 2);
+    srv_hub_leave(f->hub, &b, 1001);
+    finish(f, &job, 5); /* that of b finds nobody, that of a waits for its socket */
+    assert_int_equal(counted_drops(f->metrics, "left"), 1);
+    srv_hub_leave(f->hub, &a, 1002);
+    assert_int_equal(counted_drops(f->metrics, "left"), 2);
+    a = join(f, 2000);
+    assert_true(next_job(f, 2000, &job));
+    srv_hub_leave(f->hub, &a, 2001);
+    srv_hub_job_cancelled(f->hub, &job, 1); /* for nobody, not for a newer view */
+    assert_int_equal(counted_drops(f->metrics, "left"), 3);
+    a = join(f, 3000);
+    assert_true(next_job(f, 3000, &job));
+    update(f, a, 1, 3001);
+    srv_hub_job_cancelled(f->hub, &job, 1);
+    assert_int_equal(counted_drops(f->metrics, "outdated"), 1);
+    assert_int_equal(counted_drops(f->metrics, "left"), 3);
+    srv_hub_leave(f->hub, &a, 3002);
+}
+
+static void what_the_end_takes_away_is_not_counted(void **state) {
+    static const char *const reasons[] = { "replaced", "late", "outdated", "failed", "left" };
+    struct fixture *f = *state;
+    struct srv_job job, other;
+    struct sp_error err;
+    sp_fail(&err, SP_ERR_IO, NULL, "no");
+    struct srv_participant *a = join(f, 1000), *b = join(f, 1000);
+    assert_true(next_job(f, 1000, &job));
+    srv_hub_drain(f->hub);
+    srv_hub_leave(f->hub, &b, 1001);
+    update(f, a, 1, 1002);
+    assert_true(next_job(f, 1100, &other));
+    finish(f, &other, 5);
+    finish(f, &job, 5); /* late */
+    update(f, a, 2, 1200);
+    assert_true(next_job(f, 1300, &other));
+    srv_hub_job_failed(f->hub, &other, &err);
+    update(f, a, 3, 1400);
+    assert_true(next_job(f, 1500, &other));
+    srv_hub_job_cancelled(f->hub, &other, 1);
+    srv_hub_leave(f->hub, &a, 1600);
+    for (size_t i = 0; i < sizeof reasons / sizeof *reasons; i++)
+        assert_int_equal(counted_drops(f->metrics, reasons[i]), 0);
+}
+
 static void idle_sessions_end(void **state) {
     struct fixture *f = *state;
     struct srv_participant *p = join(f, 0);
@@ -484,6 +535,8 @@ int main(void) {
         TEST(a_moving_picture_that_cannot_get_better_is_the_final_one),
         TEST(a_failed_view_is_told_and_not_tried_again),
         TEST(one_picture_for_all_who_see_the_same),
+        TEST(frames_for_who_left_are_counted),
+        TEST(what_the_end_takes_away_is_not_counted),
         TEST(idle_sessions_end),
         TEST(notifications_tell_the_state_not_its_history),
         TEST(an_unloaded_volume_is_told_once_and_forgotten),

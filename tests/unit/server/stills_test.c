@@ -17,6 +17,7 @@
 #include <cmocka.h>
 
 #include "clock.h"
+#include "counted.h"
 #include "render/scheduler.h"
 
 enum { QUEUE = 3, SHARP = 90 };
@@ -113,6 +114,7 @@ struct fixture {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_hub *hub;
+    struct srv_metrics *metrics;
     struct srv_participant *participant; /* NULL until somebody joins */
     char id[SRV_SESSION_ID_BYTES];
 };
@@ -193,9 +195,12 @@ static int set_up(void **state) {
     load(f, "demo:phantom?size=8");
     struct sp_renderer_options null = { .backend = "null" };
     struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
-    struct srv_scheduler_options options = {
-        .catalog = f->catalog, .queue_max = QUEUE, .encode_threads = 1, .stills = null
-    };
+    f->metrics = srv_metrics_create();
+    struct srv_scheduler_options options = { .catalog = f->catalog,
+                                             .metrics = f->metrics,
+                                             .queue_max = QUEUE,
+                                             .encode_threads = 1,
+                                             .stills = null };
     f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
     assert_non_null(f->scheduler);
     struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
@@ -224,6 +229,7 @@ static int tear_down(void **state) {
     srv_hub_destroy(&f->hub);
     srv_scheduler_destroy(&f->scheduler);
     srv_catalog_destroy(&f->catalog);
+    srv_metrics_destroy(&f->metrics);
     free(f);
     return 0;
 }
@@ -305,6 +311,7 @@ static void a_still_is_drawn_while_anybody_wants_it(void **state) {
     wait_for(&a.answers, 1);
     wait_for(&b.answers, 1);
     assert_int_equal(a.pictures + b.pictures, 0);
+    assert_int_equal(counted_drops(f->metrics, "left"), 2);
 }
 
 static void of_those_that_wait_who_left_goes_alone(void **state) {
@@ -321,6 +328,20 @@ static void of_those_that_wait_who_left_goes_alone(void **state) {
     let_through(2);
     wait_for(&b.answers, 1);
     assert_int_equal(b.pictures, 1);
+    assert_int_equal(counted_drops(f->metrics, "left"), 1);
+}
+
+static void the_end_answers_all_and_counts_none_as_left(void **state) {
+    struct fixture *f = *state;
+    struct asker now = { 0 }, waits = { 0 };
+    assert_true(ask(f, &now, 100, false));
+    wait_for(&gate.entered, 1);
+    assert_true(ask(f, &waits, 200, false));
+    srv_scheduler_stop(f->scheduler);
+    assert_int_equal(now.answers + waits.answers, 2);
+    assert_int_equal(now.pictures + waits.pictures, 0);
+    assert_int_equal(counted_drops(f->metrics, "left"), 0);
+    assert_int_equal(counted_drops(f->metrics, "failed"), 0);
 }
 
 static void the_background_is_drawn_after_all_others(void **state) {
@@ -476,6 +497,7 @@ int main(void) {
         TEST(who_encodes_himself_gets_the_frame),
         TEST(a_still_is_drawn_while_anybody_wants_it),
         TEST(of_those_that_wait_who_left_goes_alone),
+        TEST(the_end_answers_all_and_counts_none_as_left),
         TEST(the_background_is_drawn_after_all_others),
         TEST(the_background_gives_way_and_is_taken_again),
         TEST(the_background_gives_way_to_streams),
