@@ -114,7 +114,7 @@ static const struct setting settings[] = {
     { "session-time", SECONDS, AT(session_time_ms), "600", 50, 604800000, "SECONDS",
       "a session without participants falls asleep after this, and ends without --state" },
     { "sleep-time", SECONDS, AT(sleep_time_ms), "2592000", 50, 315360000000, "SECONDS",
-      "a session that sleeps ends after this, counted anew at each start of the daemon" },
+      "a session that sleeps ends after this, in time that the daemon runs" },
     { "control-time", SECONDS, AT(control_time_ms), "10", 50, 3600000, "SECONDS",
       "who asks for control of a session and gets no answer has it after this" },
     { "drain-time", SECONDS, AT(drain_time_ms), "10", 50, 600000, "SECONDS",

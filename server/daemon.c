@@ -33,6 +33,7 @@ struct srv_daemon {
     _Atomic(struct srv_jobs *) jobs; /* the load and stream threads look at it, too */
     _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
     _Atomic double alive_ms;         /* when the stream thread ticked last */
+    double ran_ms; /* with the clock: for how long daemons ran with this store; constant */
     struct srv_http_options http_options;
     const char *refusals[SRV_LOG_REFUSALS];
 };
@@ -65,7 +66,7 @@ static void on_ended(void *user, const char *id) {
 
 static bool on_collect(void *user) {
     struct srv_daemon *d = user;
-    return srv_keep_sessions(d->store, d->hub);
+    return srv_keep_sessions(d->store, d->hub, d->ran_ms + srv_clock_ms());
 }
 
 static char *on_recall(void *user, const char *id, size_t *size, struct sp_error *err) {
@@ -138,7 +139,10 @@ static bool open_store(struct srv_daemon *d, struct sp_error *err) {
         .retry_ms = WRITE_RETRY_MS,
         .max = { [SRV_KIND_VIEW] = (unsigned)c->views, [SRV_KIND_PRESET] = (unsigned)c->presets }
     };
-    return (d->store = srv_store_create(&store, err)) != NULL;
+    if (!(d->store = srv_store_create(&store, err)))
+        return false;
+    d->ran_ms = srv_keep_ran_ms(d->store) - srv_clock_ms();
+    return true;
 }
 
 static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
@@ -183,6 +187,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
         .sleep_ms = (double)c->sleep_time_ms,
+        .ran_ms = d->ran_ms,
         .sleepers_max = (unsigned)c->sleeping_sessions,
         .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,

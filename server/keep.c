@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "keep.h"
 
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -61,8 +63,35 @@ static bool put_session(void *user, const char *id, const char *text, size_t siz
     return false;
 }
 
-bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub) {
-    return srv_hub_save(hub, put_session, store);
+/* {"ran": seconds} */
+static const char clock_id[] = "daemon";
+
+double srv_keep_ran_ms(struct srv_store *store) {
+    struct sp_error err;
+    size_t size;
+    double ran_s = 0;
+    char *text = srv_store_get(store, SRV_KIND_CLOCK, clock_id, &size, &err);
+    proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
+    bool ok = proto_json_number(proto_json_get(json, "ran"), &ran_s) && ran_s > 0;
+    proto_json_free(&json);
+    free(text);
+    return ok ? ran_s * 1000 : 0;
+}
+
+/* What cannot be put now is put with the next write. */
+static void put_clock(struct srv_store *store, double ran_ms) {
+    struct sp_error err;
+    char text[64];
+    int size = snprintf(text, sizeof text, "{\"ran\":%.0f}", floor(ran_ms / 1000));
+    char *old = srv_store_get(store, SRV_KIND_CLOCK, clock_id, NULL, &err);
+    if (!old || strcmp(old, text) != 0)
+        srv_store_put(store, SRV_KIND_CLOCK, clock_id, text, (size_t)size, &err);
+    free(old);
+}
+
+bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms) {
+    put_clock(store, ran_ms);
+    return srv_hub_save(hub, srv_clock_ms(), put_session, store);
 }
 
 void srv_keep_volume(struct srv_store *store, const char *id,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What is kept of volumes and sessions: between the store, which knows neither, and those who do
- * not know the store.
+ * What is kept of volumes, sessions and the time: between the store, which knows neither, and those
+ * who do not know the store.
  */
 #ifndef SRV_KEEP_H
 #define SRV_KEEP_H
@@ -15,8 +15,11 @@
 bool srv_keep_restore(struct srv_store *store, struct srv_hub *hub, struct srv_catalog *catalog,
                       struct sp_error *err);
 
-/* Puts the sessions that changed. False: not all of them. */
-bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub);
+/* For how long daemons ran that kept what is in the store: 0 = it is new, or of one that did not
+ * count. */
+double srv_keep_ran_ms(struct srv_store *store);
+/* Puts that, to the second, and the sessions that changed. False: not all of them. */
+bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms);
 
 /* Puts a volume's source; request NULL removes it. What cannot be put is logged, and is not in the
  * store. */

@@ -94,7 +94,8 @@ static void print_memory(const struct srv_request *request, FILE *out) {
 }
 
 static void print_store(const struct srv_request *request, FILE *out) {
-    static const char *const kinds[SRV_KINDS] = { "volume", "session", "view", "preset", "path" };
+    static const char *const kinds[SRV_KINDS] = { "volume", "session", "view",
+                                                  "preset", "path",    "clock" };
     struct srv_store_status s;
     srv_store_status(request->app->store, &s);
     srv_metrics_family(out, "splatd_kept", "gauge", "What outlives its request, by kind");

@@ -443,6 +443,7 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms) {
             retire(hub, s);
     }
     wait = fmin(wait, srv_hub_end_sleepers(hub, now_ms));
+    srv_hub_note_time(hub, now_ms);
     pthread_mutex_unlock(&hub->mutex);
     return wait;
 }

@@ -65,11 +65,12 @@ struct srv_hub_options {
     unsigned sessions_max, participants_max; /* the latter a session, [1, SRV_PARTICIPANTS_MAX] */
     double session_idle_ms; /* a session that nobody uses falls asleep, or ends, after this */
     double sleep_ms;        /* one that sleeps ends after this */
-    unsigned sleepers_max;  /* when so many sleep no new session is made */
-    double control_ms;      /* a request for control that nobody answers is granted after this */
-    double rest_ms;         /* a view that did not change for this long is refined, step by step */
-    size_t stream_bytes;    /* byte cap on the frames on their way to one client */
-    uint64_t frame_px;      /* largest picture; 0 = what sp/view.h allows */
+    double ran_ms; /* added to now_ms: for how long all daemons ran that kept the sessions */
+    unsigned sleepers_max; /* when so many sleep no new session is made */
+    double control_ms;     /* a request for control that nobody answers is granted after this */
+    double rest_ms;        /* a view that did not change for this long is refined, step by step */
+    size_t stream_bytes;   /* byte cap on the frames on their way to one client */
+    uint64_t frame_px;     /* largest picture; 0 = what sp/view.h allows */
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*work)(void *user);  /* there may be something to render */
@@ -155,12 +156,12 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
 
 /* Keeping (any thread). */
 
-/* Calls save() with what is to be kept of each session that changed since; it must not call the
- * hub. False: save() failed, or memory was out; call again later. */
-bool srv_hub_save(struct srv_hub *hub,
+/* Calls save() with what is to be kept of each session that changed since, or was used long after;
+ * it must not call the hub. False: save() failed, or memory was out; call again later. */
+bool srv_hub_save(struct srv_hub *hub, double now_ms,
                   bool (*save)(void *user, const char *id, const char *text, size_t size),
                   void *user);
-/* A session as it was saved, which sleeps from now on: recall() must give the same text.
+/* A session as it was saved, which sleeps since it was used then: recall() must give the same text.
  * SP_ERR_FORMAT if it is none. */
 bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
                      double now_ms, struct sp_error *err);

@@ -99,8 +99,9 @@ struct srv_session {
     struct sp_view view;
     void *volume;
     uint64_t version;       /* of the view, from 1 */
-    uint64_t saved_version; /* that was saved last */
-    uint64_t changed_by;    /* participant; 0 = HTTP */
+    uint64_t saved_version; /* that was saved last, with when it had been used */
+    double saved_used_ms;
+    uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
     double moved_ms;        /* when it got a moving frame last; 0 = never */
     struct srv_share share; /* of the stream lane, by the hub's clock */
@@ -135,6 +136,7 @@ struct srv_hub {
     struct srv_sleeper *sleepers[SRV_HUB_BUCKETS]; /* keep.c */
     unsigned sleeper_count;
     double sleeper_end_ms; /* none ends before this */
+    double noted_ms;       /* when the time of use was last to be saved */
     uint64_t next_number, next_participant, next_order, next_request;
     struct srv_participant *ready_head, *ready_tail;
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];
@@ -168,6 +170,8 @@ void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session);
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
 /* There is something that srv_hub_save() would save. */
 void srv_hub_unsaved(struct srv_hub *hub);
+/* So it is, now and then, with the time. */
+void srv_hub_note_time(struct srv_hub *hub, double now_ms);
 
 /* Sessions that sleep (keep.c). */
 

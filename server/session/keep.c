@@ -2,7 +2,11 @@
  *
  * What is kept of a session, and how it comes back:
  *
- *   {"tokens": {"control", "view"}, "view": {…}, "owner": {…}}
+ *   {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "used"}
+ *
+ * used: when it was used last, in seconds that daemons ran which kept it (ran_ms of
+ * srv_hub_options), to a thousandth of --sleep-time, so that sleep goes on where the last daemon
+ * ended. Without it, it is now.
  *
  *     created ──► awake ──(nobody uses it)──► asleep ──(for too long, or deleted)──► gone
  *                   └──◄──(somebody asks for it)──┘ └──◄── saved in an earlier run
@@ -32,8 +36,29 @@ struct srv_sleeper {
 
 /* Saving. */
 
+static double grain_ms(const struct srv_hub *hub) {
+    return fmax(hub->options.sleep_ms / 1000, 1000);
+}
+
+void srv_hub_note_time(struct srv_hub *hub, double now_ms) {
+    if (!hub->options.recall || hub->session_count + hub->sleeper_count == 0 ||
+        now_ms - hub->noted_ms < grain_ms(hub))
+        return;
+    hub->noted_ms = now_ms;
+    srv_hub_unsaved(hub);
+}
+
+static double used_ms(const struct srv_session *s, double now_ms) {
+    return s->participants ? now_ms : srv_hub_used_ms(s);
+}
+
+static bool is_saved(const struct srv_hub *hub, const struct srv_session *s, double now_ms) {
+    return s->saved_version == s->version && used_ms(s, now_ms) - s->saved_used_ms < grain_ms(hub);
+}
+
 struct snapshot {
     uint64_t number, version;
+    double used_ms, ran_ms;
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     struct srv_owner owner;
@@ -41,16 +66,18 @@ struct snapshot {
 };
 
 /* Of the unsaved session with the lowest number above `after`. */
-static bool take_snapshot(struct srv_hub *hub, uint64_t after, struct snapshot *snapshot) {
+static bool take_snapshot(struct srv_hub *hub, uint64_t after, double now_ms,
+                          struct snapshot *snapshot) {
     const struct srv_session *next = NULL;
     pthread_mutex_lock(&hub->mutex);
     for (const struct srv_session *s = hub->sessions; s; s = s->next)
-        if (s->number > after && s->saved_version != s->version &&
-            (!next || s->number < next->number))
+        if (s->number > after && !is_saved(hub, s, now_ms) && (!next || s->number < next->number))
             next = s;
     if (next) {
         snapshot->number = next->number;
         snapshot->version = next->version;
+        snapshot->used_ms = used_ms(next, now_ms);
+        snapshot->ran_ms = hub->options.ran_ms;
         snapshot->view = next->view;
         snapshot->owner = next->owner;
         memcpy(snapshot->id, next->id, sizeof snapshot->id);
@@ -66,6 +93,7 @@ static char *text_of(const struct snapshot *snapshot, size_t *size) {
     ok = proto_json_set_string(tokens, "view", snapshot->tokens[SRV_ROLE_VIEW]) && ok;
     ok = proto_json_set(json, "tokens", tokens) && ok;
     ok = proto_json_set(json, "view", proto_view_encode(&snapshot->view)) && ok;
+    ok = proto_json_set_number(json, "used", (snapshot->used_ms + snapshot->ran_ms) / 1000) && ok;
     if (snapshot->owner.name[0])
         ok = proto_json_set(json, "owner", srv_owner_encode(&snapshot->owner)) && ok;
     char *text = ok ? proto_json_to_text(json, size) : NULL;
@@ -73,12 +101,12 @@ static char *text_of(const struct snapshot *snapshot, size_t *size) {
     return text;
 }
 
-bool srv_hub_save(struct srv_hub *hub,
+bool srv_hub_save(struct srv_hub *hub, double now_ms,
                   bool (*save)(void *user, const char *id, const char *text, size_t size),
                   void *user) {
     struct snapshot *snapshot = malloc(sizeof *snapshot);
     bool ok = snapshot != NULL;
-    for (uint64_t number = 0; ok && take_snapshot(hub, number, snapshot);) {
+    for (uint64_t number = 0; ok && take_snapshot(hub, number, now_ms, snapshot);) {
         size_t size;
         char *text = text_of(snapshot, &size);
         number = snapshot->number;
@@ -88,8 +116,10 @@ bool srv_hub_save(struct srv_hub *hub,
             s = s->next;
         /* One that ended meanwhile must not come back. */
         ok = !s || (text && save(user, s->id, text, size));
-        if (s && ok)
+        if (s && ok) {
             s->saved_version = snapshot->version;
+            s->saved_used_ms = snapshot->used_ms;
+        }
         pthread_mutex_unlock(&hub->mutex);
         free(text);
     }
@@ -169,7 +199,10 @@ bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size
         struct srv_owner owner;
         srv_owner_decode(proto_json_get(record, "owner"), &owner);
         memcpy(sleeper->owner, owner.name, sizeof sleeper->owner);
+        double used_s = 0;
         sleeper->used_ms = now_ms;
+        if (proto_json_number(proto_json_get(record, "used"), &used_s))
+            sleeper->used_ms = fmin(now_ms, used_s * 1000 - hub->options.ran_ms);
         pthread_mutex_lock(&hub->mutex);
         link_sleeper(hub, sleeper);
         pthread_mutex_unlock(&hub->mutex);
@@ -229,9 +262,11 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
         free(session);
         return NULL;
     }
+    session->saved_used_ms = (*link)->used_ms;
     unlink_sleeper(hub, link);
     srv_hub_link_session(hub, session, now_ms);
     session->saved_version = session->version;
+    srv_hub_unsaved(hub);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s is awake",
                 session->id);
     return session;

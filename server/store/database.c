@@ -24,7 +24,8 @@ static const char *const layouts[] = {
 };
 enum { LAYOUT = sizeof layouts / sizeof *layouts };
 
-static const char *const kind_names[SRV_KINDS] = { "volume", "session", "view", "preset", "path" };
+static const char *const kind_names[SRV_KINDS] = { "volume", "session", "view",
+                                                   "preset", "path",    "clock" };
 
 struct srv_database {
     int lock;

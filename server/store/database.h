@@ -3,7 +3,8 @@
  * The database of a store: one file in a folder that one daemon at a time uses. One thread at a
  * time.
  *
- *   record(kind, id, body)   kind: "volume", "session", "view", "preset", "path"
+ *   record(kind, id, body)   kind: "volume", "session", "view", "preset", "path",
+ *                                  "clock"
  *                            rows in order of adding
  *
  * PRAGMA application_id says that it is ours, PRAGMA user_version how it is laid out. An older

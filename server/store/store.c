@@ -35,8 +35,8 @@ struct srv_store {
     struct srv_store_status status;
 };
 
-static const char *const kind_words[SRV_KINDS] = { "volumes", "sessions", "views", "presets",
-                                                   "paths" };
+static const char *const kind_words[SRV_KINDS] = { "volumes", "sessions", "views",
+                                                   "presets", "paths",    "clocks" };
 
 static bool open_database(struct srv_store *store, struct sp_error *err) {
     const char *folder = store->options.folder;

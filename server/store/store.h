@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What outlives the request that made it, and with a folder also the daemon: volumes, sessions,
- * kept views, presets and camera paths, each a text (JSON) of some kind under an id.
+ * kept views, presets, camera paths and a clock, each a text (JSON) of some kind under an id.
  *
  *   any thread                                    writer thread
  *   put, remove ──► table in memory ──(changed)──► one transaction ──► folder/splatd.db
@@ -34,6 +34,7 @@ enum srv_kind {
     SRV_KIND_VIEW,
     SRV_KIND_PRESET,
     SRV_KIND_PATH,
+    SRV_KIND_CLOCK,
     SRV_KINDS
 };
 enum { SRV_STORE_ID_MAX = 127 }; /* bytes of an id */

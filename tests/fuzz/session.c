@@ -66,7 +66,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         abort();
     if (srv_hub_restore(hub, id, input.text, input.size, 0, &err)) {
         proto_json *json = srv_hub_session_get(hub, id, true, 0, &err);
-        if (json && !srv_hub_save(hub, drop, NULL))
+        if (json && !srv_hub_save(hub, 0, drop, NULL))
             abort();
         proto_json_free(&json);
     }

@@ -251,6 +251,37 @@ test('an idle session sleeps, uses no volume, and its link shows the same view a
   assert.equal(await next.stop(), 0);
 });
 
+test('sleep goes on over restarts, by a clock that stands still while no daemon runs', async () => {
+  const state = fresh();
+  const database = (code) => execFileSync('python3', ['-c', `
+import json, sqlite3, sys
+db = sqlite3.connect(sys.argv[1])
+def body(kind, id): return json.loads(db.execute('SELECT body FROM record WHERE kind = ? AND id = ?', (kind, id)).fetchone()[0])
+def put(kind, id, of): db.execute('UPDATE record SET body = ? WHERE kind = ? AND id = ?', (json.dumps(of), kind, id))
+${code}
+db.commit()`, path.join(state, 'splatd.db')], { encoding: 'utf8' });
+  const daemon = await start(state, ['--volume', 'demo:engine?size=8']);
+  await daemon.loaded('engine');
+  const [session, old] = [await daemon.session(), await daemon.session()];
+  assert.equal(await daemon.stop(), 0);
+  const ran = () => Number(database("print(body('clock', 'daemon')['ran'])"));
+  assert.ok(ran() >= 0 && ran() < 600, `${ran()} s`);
+  // As if daemons had run for 30 days more, and as one wrote it that did not say when it was used.
+  database(`clock, old = body('clock', 'daemon'), body('session', '${old.id}')
+assert body('session', '${session.id}')['used'] <= clock['ran'] + 1
+clock['ran'] += 2592001
+del old['used']
+put('clock', 'daemon', clock)
+put('session', '${old.id}', old)`);
+  const next = await start(state);
+  await next.untilLogged(`session ${session.id} ended: nobody asked for it for 2592000 s`);
+  await next.loaded('engine');
+  assert.equal((await sessionOf(next, old.id)).status, 200);
+  assert.deepEqual((await next.json('/api/v1/sessions')).json.sessions.map((s) => s.id), [old.id]);
+  assert.equal(await next.stop(), 0);
+  assert.ok(ran() >= 2592001, `${ran()} s`);
+});
+
 test('a folder that cannot be used: why and what to do', async () => {
   const state = fresh();
   const daemon = await start(state);

@@ -32,6 +32,7 @@ static struct fixture {
     size_t size;
     unsigned sessions_max;   /* 0 = 2 */
     struct srv_quota *quota; /* of every owner; NULL = there is none of that name */
+    double ran_ms;           /* before this start */
 } f;
 
 static long left = -1; /* allocations of JSON that still succeed; < 0 = all */
@@ -102,6 +103,7 @@ static void create_hub(void) {
     struct srv_hub_options options = { .volumes = played_source(&f.volumes),
                                        .sessions_max = f.sessions_max ? f.sessions_max : 2,
                                        .sleep_ms = 50000,
+                                       .ran_ms = f.ran_ms,
                                        .sleepers_max = 2,
                                        .participants_max = 3,
                                        .session_idle_ms = 1000,
@@ -189,22 +191,22 @@ static void asleep_because(const char *why) {
 
 static void what_changed_is_saved_once(void **state) {
     (void)state;
-    assert_true(f.changes == 1 && srv_hub_save(f.hub, save, NULL) && f.saves == 1);
-    assert_true(srv_hub_save(f.hub, save, NULL) && f.saves == 1);
+    assert_true(f.changes == 1 && srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
+    assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
     patch("{\"size\":[40,20]}");
     patch("{\"size\":[41,20]}");
     assert_int_equal(f.changes, 3);
     f.refuses_save = true;
-    assert_false(srv_hub_save(f.hub, save, NULL));
+    assert_false(srv_hub_save(f.hub, 0, save, NULL));
     f.refuses_save = false;
-    assert_true(srv_hub_save(f.hub, save, NULL) && f.saves == 2);
+    assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 2);
     assert_non_null(strstr(f.text, "[41,20]"));
 }
 
 static void one_that_ended_is_not_saved(void **state) {
     (void)state;
     delete_meanwhile = true; /* while its record is written, with no lock held */
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     assert_false(delete_meanwhile);
     assert_true(f.saves == 0 && f.ends == 1);
     assert_string_equal(f.ended, f.id);
@@ -213,7 +215,7 @@ static void one_that_ended_is_not_saved(void **state) {
 static void comes_back_as_it_was(void **state) {
     (void)state;
     patch("{\"camera\":{\"position\":[0.1,7.3,3e5]},\"background\":[0.1,0.2,0.3,1]}");
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     char *before = session_text();
     restart();
     asleep_because("no v now");
@@ -222,7 +224,8 @@ static void comes_back_as_it_was(void **state) {
     assert_string_equal(before, after);
     free(before);
     free(after);
-    assert_true(srv_hub_save(f.hub, save, NULL) && f.saves == 1); /* nothing has changed */
+    assert_true(srv_hub_save(f.hub, 5000, save, NULL) && f.saves == 2); /* that it was used */
+    assert_true(srv_hub_save(f.hub, 5000, save, NULL) && f.saves == 2); /* nothing has changed */
     assert_true(numbers().sessions == 1 && numbers().asleep == 0);
 }
 
@@ -237,7 +240,7 @@ static void an_idle_one_sleeps(void **state) {
     f.changes = 0;
     srv_hub_tick(f.hub, 1011);
     assert_true(numbers().sessions == 1 && f.changes == 1); /* not before it is saved */
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     srv_hub_tick(f.hub, 1012);
     assert_true(numbers().sessions == 0 && numbers().asleep == 1);
     assert_int_equal(f.volumes.uses, 0);
@@ -245,8 +248,9 @@ static void an_idle_one_sleeps(void **state) {
     assert_string_equal(before, after);
     free(before);
     free(after);
-    assert_true(srv_hub_save(f.hub, save, NULL) && f.saves == 1); /* nothing has changed */
-    srv_hub_tick(f.hub, 3999);                                    /* idle since it woke */
+    assert_true(srv_hub_save(f.hub, 3000, save, NULL) && f.saves == 2); /* that it was used */
+    assert_true(srv_hub_save(f.hub, 3900, save, NULL) && f.saves == 2); /* nothing has changed */
+    srv_hub_tick(f.hub, 3999);                                          /* idle since it woke */
     assert_int_equal(numbers().sessions, 1);
     assert_true(srv_hub_tick(f.hub, 4000) > 0 && numbers().asleep == 1);
     srv_hub_tick(f.hub, 52999); /* used last at 3000 */
@@ -258,7 +262,7 @@ static void an_idle_one_sleeps(void **state) {
 
 static void one_whose_volume_is_gone_ends_as_well(void **state) {
     (void)state;
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     restart();
     srv_hub_tick(f.hub, 49999);
     asleep_because("waits for its volume"); /* which is no use of it */
@@ -266,12 +270,71 @@ static void one_whose_volume_is_gone_ends_as_well(void **state) {
     assert_true(numbers().asleep == 0 && f.ends == 1);
 }
 
+static void sleep_goes_on_where_the_last_daemon_ended(void **state) {
+    (void)state;
+    patch("{\"size\":[44,20]}"); /* at 10 ms */
+    assert_true(srv_hub_save(f.hub, 10, save, NULL));
+    f.ran_ms = 30000;
+    restart();
+    srv_hub_tick(f.hub, 20009);
+    assert_true(numbers().asleep == 1 && f.ends == 0);
+    srv_hub_tick(f.hub, 20010);
+    assert_true(numbers().asleep == 0 && f.ends == 1);
+}
+
+static void what_does_not_say_when_it_was_used_sleeps_from_now_on(void **state) {
+    (void)state;
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
+    char *used = strstr(f.text, ",\"used\":");
+    assert_non_null(used);
+    strcpy(used, "}"); /* it is the last one */
+    f.size = strlen(f.text);
+    f.ran_ms = 1e9;
+    restart();
+    srv_hub_tick(f.hub, 49999);
+    assert_int_equal(numbers().asleep, 1);
+    srv_hub_tick(f.hub, 50000);
+    assert_int_equal(numbers().asleep, 0);
+}
+
+/* The daemon was killed before it wrote for how long it ran. */
+static void so_does_what_was_used_later_than_now(void **state) {
+    (void)state;
+    patch("{\"size\":[44,20]}");
+    f.ran_ms = 0;
+    assert_true(srv_hub_save(f.hub, 10, save, NULL));
+    f.ran_ms = -1e6;
+    restart();
+    srv_hub_tick(f.hub, 49999);
+    assert_int_equal(numbers().asleep, 1);
+    srv_hub_tick(f.hub, 50000);
+    assert_int_equal(numbers().asleep, 0);
+}
+
+/* Who watches uses a session, without a change that would be saved. */
+static void that_it_is_used_is_saved_now_and_then(void **state) {
+    (void)state;
+    assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
+    struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, NULL, 100, NULL);
+    f.changes = 0;
+    srv_hub_tick(f.hub, 999);
+    assert_int_equal(f.changes, 0);
+    assert_true(srv_hub_save(f.hub, 999, save, NULL) && f.saves == 1);
+    srv_hub_tick(f.hub, 1000);
+    srv_hub_tick(f.hub, 1001);
+    assert_int_equal(f.changes, 1);
+    assert_true(srv_hub_save(f.hub, 1001, save, NULL) && f.saves == 2);
+    assert_non_null(strstr(f.text, "\"used\":1.001"));
+    srv_hub_leave(f.hub, &p, 1500);
+    assert_true(srv_hub_save(f.hub, 9000, save, NULL) && f.saves == 2); /* not used since */
+}
+
 static void all_are_listed(void **state) {
     (void)state;
     struct srv_session_note notes[4];
     struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 4, .after = "" };
     char other[SRV_SESSION_ID_BYTES];
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     srv_hub_tick(f.hub, 1000);
     proto_json *json = srv_hub_session_create(f.hub, NULL, 2000, other, NULL);
     proto_json_free(&json);
@@ -297,7 +360,7 @@ static void sleepers_have_a_limit_and_can_be_deleted(void **state) {
     char other[SRV_SESSION_ID_BYTES];
     struct sp_error err;
     enum srv_role role;
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     proto_json *record = proto_json_parse(f.text, f.size, NULL);
     const char *token =
         proto_json_string(proto_json_get(proto_json_get(record, "tokens"), "control"));
@@ -352,7 +415,7 @@ static void sleepers_count_for_their_owner(void **state) {
     struct sp_error err;
     assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
     assert_true(create(&ann, false, 0, &err));
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     assert_false(create(&ann, false, 0, &err));
     srv_hub_tick(f.hub, 5000);
     assert_int_equal(numbers().asleep, 1);
@@ -397,7 +460,7 @@ static void quotas_are_those_of_today(void **state) {
     struct sp_error err;
     assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
     assert_true(create(&ann, false, 0, &err));
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     for (int known = 0; known < 2; known++) {
         restart();
         f.volumes.is_loading = false;
@@ -437,7 +500,7 @@ static void guests_leave_a_quarter_to_others(void **state) {
 
 static void what_cannot_be_shown_sleeps_on(void **state) {
     (void)state;
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     restart();
     f.is_refused = true;
     f.volumes.is_loading = false;
@@ -464,7 +527,7 @@ static void what_is_no_session(void **state) {
             srv_hub_restore(f.hub, "0123456789abcdef", records[i], strlen(records[i]), 0, &err));
         assert_int_equal(err.code, SP_ERR_FORMAT);
     }
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     assert_false(srv_hub_restore(f.hub, "short", f.text, f.size, 0, &err));
 }
 
@@ -475,7 +538,8 @@ static void no_memory(void **state) {
     struct sp_error err;
     int unsaved = 0, unrestored = 0, unshown = 0;
     proto_json *json;
-    assert_true(srv_hub_save(f.hub, save, NULL));
+    patch("{}"); /* when it was used is saved, too */
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
     strcpy(whole, f.text);
     for (left = 0;; left = ++unsaved) {
         bool ok;
@@ -483,7 +547,7 @@ static void no_memory(void **state) {
         left = -1;
         patch("{}"); /* another version of the same view */
         left = allowed;
-        ok = srv_hub_save(f.hub, save, NULL);
+        ok = srv_hub_save(f.hub, 0, save, NULL);
         left = -1;
         assert_string_equal(f.text, whole);
         if (ok)
@@ -508,6 +572,12 @@ int main(void) {
         cmocka_unit_test_setup_teardown(comes_back_as_it_was, set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_idle_one_sleeps, set_up, tear_down),
         cmocka_unit_test_setup_teardown(one_whose_volume_is_gone_ends_as_well, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(sleep_goes_on_where_the_last_daemon_ended, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(what_does_not_say_when_it_was_used_sleeps_from_now_on,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(so_does_what_was_used_later_than_now, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(that_it_is_used_is_saved_now_and_then, set_up, tear_down),
         cmocka_unit_test_setup_teardown(all_are_listed, set_up, tear_down),
         cmocka_unit_test_setup_teardown(sleepers_count_for_their_owner, set_up, tear_down),
         cmocka_unit_test_setup_teardown(quotas_are_those_of_today, set_up, tear_down),
