@@ -10,6 +10,11 @@ const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
 /** Three digits: 0.7, 12.5, 1790. */
 export const showNumber = (value) => String(Number(value.toPrecision(3)));
 
+/** Sets a text that is read aloud when it changes, and only then. */
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
 /** The text beside a slider, which is also what it says to those who do not see it. */
 export function showValue(slider, text) {
   slider.setAttribute('aria-valuetext', text);
@@ -61,7 +66,7 @@ export class Fields {
 export class Complaints {
   #root;
 
-  /** Below `root`, elements with data-pointer stand for the field there and all below it. */
+  /** Below `root`, elements with data-pointer stand for the field there and all below it that none of their own stands for. */
   constructor(root) {
     this.#root = root;
     root.addEventListener('input', () => this.clear(), { capture: true });
@@ -71,7 +76,8 @@ export class Complaints {
   /** Shows `text` beside the field; false if no control on the screen is about it. */
   show(pointer, text) {
     const isAbout = (place) => pointer === place || pointer.startsWith(`${place}/`);
-    const place = [...this.#root.querySelectorAll('[data-pointer]')].find((element) => isAbout(element.dataset.pointer));
+    const [place] = [...this.#root.querySelectorAll('[data-pointer]')].filter((element) => isAbout(element.dataset.pointer))
+      .sort((a, b) => b.dataset.pointer.length - a.dataset.pointer.length);
     if (!place || place.closest('[hidden], details:not([open])')) return false;
     this.clear();
     const complaint = document.createElement('p');

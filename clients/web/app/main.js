@@ -7,7 +7,9 @@ import { VideoStream, videoFormats } from '../core/video.js';
 import { Banner, Notice } from './banner.js';
 import { showNumber } from './fields.js';
 import { attachInput } from './input.js';
+import { Keyframes } from './keyframes.js';
 import { Panels } from './panels.js';
+import { Paths } from './paths.js';
 import { People } from './people.js';
 import { Presets } from './presets.js';
 import { Screen, decodePicture } from './screen.js';
@@ -152,6 +154,7 @@ connection.on('frame', (frame) => order.put(frame));
 let configured = '';
 let resizeTimer = null;
 configure = () => {
+  keyframes.show();
   if (resizeTimer || !connection.isLive) return;
   resizeTimer = setTimeout(() => {
     resizeTimer = null;
@@ -287,6 +290,7 @@ connection.on('session', (session) => {
   }
   viewer.adopt(session);
   presets.refresh();
+  paths.refresh();
 });
 connection.on('fault', report);
 
@@ -358,6 +362,22 @@ const presets = new Presets(viewer, {
   api: () => (connection.session && !connection.session.isJoined ? connection.api : null), fail: report,
 });
 
+// Camera paths: those who joined by a link alone have no token of the daemon.
+
+const pathApi = () => (connection.api.token ? connection.api : null);
+const paths = new Paths({
+  api: pathApi, fail: report, say: (text) => notice.show(text),
+  explain: (text) => {
+    element('path-note').textContent = text;
+    element('path-note').hidden = !text;
+    element('path-making').hidden = Boolean(text);
+  },
+});
+const keyframes = new Keyframes(viewer, {
+  screen, api: pathApi, kept: { recall, remember }, made: (path) => paths.add(path),
+  complain: (pointer, text) => panels.complain(pointer, text) || notice.show(text),
+});
+
 function showCompany() {
   viewer.allow(company.mayChange);
   status.setCompany(company);
@@ -369,6 +389,7 @@ function showCompany() {
 viewer.on('view', (view) => {
   panels.showView(view);
   panels.showVolumes(connection.volumes, view.volume);
+  keyframes.show();
 });
 viewer.on('refused', ({ message, pointer }) => {
   if (pointer && panels.complain(pointer, message)) return;

@@ -5,6 +5,8 @@
 const SIDE_MAX = 2048;
 /** Pictures whose shape differs less than this from the canvas's are stretched to fill it exactly. */
 const SHAPE_TOLERANCE = 0.02;
+/** Of a thumbnail, px: twice what it has on the page, for screens that are that fine. */
+export const THUMBNAIL = [120, 80];
 
 export class Screen {
   #canvas; #context; #resized;
@@ -56,6 +58,19 @@ export class Screen {
 
   draw(picture) {
     this.#paint(picture);
+  }
+
+  /** Address of a small picture of the middle of what is shown. */
+  thumbnail() {
+    const [width, height] = THUMBNAIL;
+    const factor = Math.max(width / this.#canvas.width, height / this.#canvas.height);
+    const small = document.createElement('canvas');
+    [small.width, small.height] = THUMBNAIL;
+    const context = small.getContext('2d', { alpha: false });
+    const [wide, high] = [this.#canvas.width * factor, this.#canvas.height * factor];
+    context.imageSmoothingQuality = 'high';
+    context.drawImage(this.#canvas, (width - wide) / 2, (height - high) / 2, wide, high);
+    return small.toDataURL('image/jpeg', 0.8);
   }
 
   #paint(picture) {

@@ -20,6 +20,12 @@ export function shortNumber(n) {
 
 const kilobytes = (n) => `${(n / 1000).toFixed(n < 1e5 ? 1 : 0)} kB`;
 
+/** 1234567 → "1.2 MB" */
+export function shortBytes(n) {
+  if (n >= 1e9) return `${(n / 1e9).toFixed(2)} GB`;
+  return n >= 1e6 ? `${(n / 1e6).toFixed(1)} MB` : kilobytes(n);
+}
+
 export class StatusLine {
   #root; #fields = new Map();
   #frames = [];

@@ -5,7 +5,7 @@ import {
   cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
-import { applyPatch } from '../core/merge.js';
+import { applyPatch, patchBetween } from '../core/merge.js';
 import { Pace } from '../core/pace.js';
 import { drag } from '../core/trackball.js';
 
@@ -46,8 +46,10 @@ export class Viewer extends Emitter {
 
   get view() { return this.#view; }
   get camera() { return this.#view?.camera ?? null; }
+  /** Is the view that of its volume, with a camera? While the volume is being changed it is not. */
+  get isSettled() { return Boolean(this.#rig) && !this.#isSwitching; }
   /** May the camera be moved? */
-  get isReady() { return Boolean(this.#rig) && !this.#isSwitching && this.#canControl; }
+  get isReady() { return this.isSettled && this.#canControl; }
   /** What a new session begins with after a loss: all of the view, unless its volume was just being changed. */
   get lastView() {
     if (!this.#view || !this.#isSwitching) return this.#view;
@@ -147,6 +149,16 @@ export class Viewer extends Emitter {
     if (!this.#view || !this.#canControl) return;
     this.#view = applyPatch(this.#view, patch);
     this.pace.put(patch, { time });
+    this.emit('view', this.#view);
+  }
+
+  /** Goes to a whole view of the same volume, all of it but its size. */
+  show(view, time) {
+    if (!this.isReady || view.volume !== this.#view.volume) return;
+    const wanted = { ...view, size: this.#view.size };
+    this.pace.put(patchBetween(this.#view, wanted), { time });
+    this.#view = wanted;
+    this.#rig = rigFromCamera(view.camera);
     this.emit('view', this.#view);
   }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The daemon's HTTP interface, as far as the page needs it. All addresses are relative to `base`.
+import { eventReader } from './events.js';
 
 /** Why a request failed: `status` 0 = no answer at all; else HTTP's, with what the problem document says. */
 export class ApiError extends Error {
@@ -82,32 +83,95 @@ export class Api {
     return url.href;
   }
 
-  async #request(method, path, { body, token = this.token } = {}) {
-    const headers = { Accept: 'application/json' };
+  /** A picture of a view: a Blob. */
+  async still(view, size) {
+    const what = 'api/v1/render?format=jpeg';
+    const answer = await this.#send('POST', what, { body: { ...view, size }, accept: 'image/jpeg', signal: AbortSignal.timeout(TIMEOUT_MS) });
+    if (!answer.ok) throw this.#refusal(answer, `POST ${what}`, await answer.text());
+    return answer.blob();
+  }
+
+  /** All camera paths that this token sees. */
+  async paths() {
+    const all = [];
+    let after = '';
+    do {
+      const page = await this.#request('GET', `api/v1/paths?limit=1000${after && `&after=${encodeURIComponent(after)}`}`);
+      if (!Array.isArray(page.paths)) throw new ApiError(200, 'the list of camera paths is not a list');
+      all.push(...page.paths);
+      after = page.next;
+    } while (after);
+    return all;
+  }
+
+  path(id) {
+    return this.#request('GET', `api/v1/paths/${encodeURIComponent(id)}`);
+  }
+
+  createPath(body) {
+    return this.#request('POST', 'api/v1/paths', { body });
+  }
+
+  deletePath(id) {
+    return this.#request('DELETE', `api/v1/paths/${encodeURIComponent(id)}`);
+  }
+
+  /** Calls told(event, path) for all that becomes of a path, until the stream ends; the last event is done, failed or removed. */
+  async watchPath(id, told, signal) {
+    const address = `api/v1/paths/${encodeURIComponent(id)}/events`;
+    const answer = await this.#send('GET', address, { accept: 'text/event-stream', signal });
+    if (answer.status !== 200) throw this.#refusal(answer, `GET ${address}`, await answer.text());
+    const take = eventReader((event, data) => told(event, JSON.parse(data)));
+    const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+    for (let part = await reader.read(); !part.done; part = await reader.read()) take(part.value);
+  }
+
+  /**
+   * Address of the file that a path has become, for the browser's own download: it has no limit of size and goes on where it
+   * broke off. It holds the token, since a download sends no header.
+   */
+  pathFile({ id, format }) {
+    const url = new URL(`api/v1/paths/${encodeURIComponent(id)}/${format === 'webm' ? 'movie' : 'archive'}`, this.#base);
+    if (this.token) url.searchParams.set('token', this.token);
+    return url.href;
+  }
+
+  /** The answer, whatever its status; its body may still be on its way. */
+  async #send(method, path, { body, token = this.token, accept = 'application/json', signal }) {
+    const headers = { Accept: accept };
     if (token) headers.Authorization = `Bearer ${token}`;
     if (body) headers['Content-Type'] = 'application/json';
     const fetch = this.#fetch;
+    return fetch(new URL(path, this.#base), {
+      method, headers, body: body && JSON.stringify(body), cache: 'no-store', credentials: 'same-origin', signal,
+    });
+  }
+
+  #refusal(answer, what, text) {
+    let json = null;
+    try {
+      json = JSON.parse(text);
+    } catch { /* not of the daemon: its status has to do */ }
+    return new ApiError(answer.status, json?.detail || json?.title || `${what}: status ${answer.status}`, {
+      pointer: json?.pointer ?? '', retryAfter: Number(answer.headers.get('Retry-After')) || 0,
+    });
+  }
+
+  async #request(method, path, { body, token } = {}) {
     let answer;
     let text;
     try {
-      answer = await fetch(new URL(path, this.#base), {
-        method, headers, body: body && JSON.stringify(body), cache: 'no-store', credentials: 'same-origin',
-        signal: AbortSignal.timeout(TIMEOUT_MS),
-      });
+      answer = await this.#send(method, path, { body, token, signal: AbortSignal.timeout(TIMEOUT_MS) });
       text = await answer.text();
     } catch (error) {
       throw new ApiError(0, error.name === 'TimeoutError'
         ? `no answer within ${TIMEOUT_MS / 1000} s` : 'the daemon does not answer');
     }
-    let json = null;
+    if (!answer.ok) throw this.#refusal(answer, `${method} ${path}`, text);
     try {
-      if (text || !answer.ok) json = JSON.parse(text);
+      return text ? JSON.parse(text) : null;
     } catch {
-      if (answer.ok) throw new ApiError(answer.status, `the answer to ${method} ${path} is not JSON`);
+      throw new ApiError(answer.status, `the answer to ${method} ${path} is not JSON`);
     }
-    if (answer.ok) return json;
-    throw new ApiError(answer.status, json?.detail || json?.title || `${method} ${path}: status ${answer.status}`, {
-      pointer: json?.pointer ?? '', retryAfter: Number(answer.headers.get('Retry-After')) || 0,
-    });
   }
 }

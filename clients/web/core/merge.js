@@ -23,3 +23,14 @@ export function joinPatches(first, second) {
   }
   return result;
 }
+
+/** The patch that makes `to` of `from`: what is missing in `to` is null, which means "default" in a view. */
+export function patchBetween(from, to) {
+  const patch = {};
+  for (const key of Object.keys(from)) if (!(key in to)) patch[key] = null;
+  for (const [key, value] of Object.entries(to)) {
+    if (JSON.stringify(value) === JSON.stringify(from[key])) continue;
+    patch[key] = isObject(value) && isObject(from[key]) ? patchBetween(from[key], value) : value;
+  }
+  return patch;
+}

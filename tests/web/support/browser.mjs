@@ -48,6 +48,14 @@ export async function until(page, what, condition) {
   throw new Error(`${what}: not reached; the page: ${JSON.stringify(now)}`);
 }
 
+/** Waits until `condition`, a function that runs here, holds. */
+export async function eventually(what, condition) {
+  for (const end = performance.now() + DEADLINE_MS; !condition();) {
+    if (performance.now() > end) throw new Error(`${what}: not reached`);
+    await setTimeout(POLL_MS);
+  }
+}
+
 /** The last view is on the screen, at rest and sharp. */
 export const rest = (page) => until(page, 'the last view at rest',
   (s) => s.isIdle && s.count > 0 && s.seq === s.sent && s.isFinal && String(s.size) === String(s.wanted));

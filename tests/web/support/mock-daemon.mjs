@@ -52,6 +52,7 @@ export class MockDaemon {
   volumes = [volume('phantom')];
   sessions = new Map();
   streams = new Set();
+  watches = new Set();
   requests = [];
   /** Messages of all clients, in order: {method, params}. */
   heard = [];
@@ -63,6 +64,10 @@ export class MockDaemon {
   failWith = 0;
   /** Draws a frame after every change. */
   draws = true;
+  /** Camera paths, as the daemon tells them; follow() changes one. */
+  paths = [];
+  /** What POST /paths is refused with: {status, detail, pointer}, or null. */
+  refusal = null;
   /** Path below which everything lies, as behind a reverse proxy. */
   prefix = '';
   /** Draws, if not null, instead: (stream) → array of messages to send. */
@@ -102,6 +107,30 @@ export class MockDaemon {
 
   notifyAll(method, params = {}) {
     for (const stream of this.streams) stream.send({ method, params });
+  }
+
+  /** Changes a camera path and tells those who watch it. */
+  follow(id, change, event = 'progress') {
+    const path = Object.assign(this.paths.find((one) => one.id === id), change);
+    for (const watch of this.watches) if (watch.id === id) this.#tell(watch, event, path);
+  }
+
+  /** Breaks the streams of events. */
+  dropWatches() {
+    for (const { response } of this.watches) response.destroy();
+  }
+
+  #tell({ response }, event, path) {
+    response.write(`event: ${event}\ndata: ${JSON.stringify(path)}\n\n`);
+    if (event !== 'progress') response.end();
+  }
+
+  #watch(path, response) {
+    const watch = { id: path.id, response };
+    this.watches.add(watch);
+    response.on('close', () => this.watches.delete(watch));
+    response.writeHead(200, { 'Content-Type': 'text/event-stream' });
+    this.#tell(watch, 'progress', path);
   }
 
   #locate(request) {
@@ -152,6 +181,14 @@ export class MockDaemon {
       reply(200, { volumes: this.volumes });
     } else if (url.pathname === '/api/v1/presets') {
       reply(200, { presets: [] });
+    } else if (url.pathname === '/api/v1/paths') {
+      if (request.method === 'GET') reply(200, { paths: this.paths });
+      else if (this.refusal) reply(this.refusal.status, { title: 'refused', ...this.refusal });
+      else reply(202, this.#makePath(JSON.parse(text)));
+    } else if (/^\/api\/v1\/paths\/[^/]+\/events$/.test(url.pathname)) {
+      const path = this.paths.find((one) => one.id === url.pathname.split('/')[4]);
+      if (path) this.#watch(path, response);
+      else problem(404, 'there is no such path');
     } else if (/^\/api\/v1\/volumes\/[^/]+\/view$/.test(url.pathname)) {
       reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
     } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
@@ -171,6 +208,12 @@ export class MockDaemon {
     };
     this.sessions.set(id, session);
     return { id, tokens: session.tokens, view: session.view };
+  }
+
+  #makePath({ view: { volume: id }, size, format, fps, frames }) {
+    const path = { id: `p${this.paths.length + 1}`, state: 'waiting', volume: id, size, format, fps, frames, done: 0, bytes: 0 };
+    this.paths.push(path);
+    return path;
   }
 
   #role(id, token) {

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panel "Path": the keyframes of a camera path, playing it in the view, and sending it to the daemon to be drawn.
+import {
+  EMPTY, KEYS_MAX, SECONDS, append, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf,
+  secondsAt, stretch, turnOf, uprightAxis, viewAt,
+} from '../core/keyframes.js';
+import { ask } from './ask.js';
+import { setText, showNumber, showValue } from './fields.js';
+import { THUMBNAIL } from './screen.js';
+
+const EASES = { linear: 'steadily', smooth: 'smoothly', step: 'at once' };
+const LOSSLESS = ['png', 'exr'];
+const byId = (id) => document.getElementById(id);
+const seconds = (value) => `${Number(value.toFixed(2))} s`;
+
+/** An element; attributes that are false are left out. */
+function make(tag, { text, press, ...attributes } = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) if (value !== false) made.setAttribute(name, value);
+  if (tag === 'button') made.type = 'button';
+  if (text !== undefined) made.textContent = text;
+  if (press) made.addEventListener('click', press);
+  made.append(...children);
+  return made;
+}
+
+export class Keyframes {
+  #viewer; #screen; #api; #kept; #complain; #made;
+  #path = EMPTY;
+  #volume = null;
+  #player = null; // while it plays
+
+  /**
+   * api(): the daemon's, or null where this client may make no paths; kept: {recall(key), remember(key, text)};
+   * complain(pointer, text) tells it beside the control that is to blame; made(path) is told of what the daemon took.
+   */
+  constructor(viewer, { screen, api, kept, complain, made }) {
+    this.#viewer = viewer;
+    this.#screen = screen;
+    this.#api = api;
+    this.#kept = kept;
+    this.#complain = complain;
+    this.#made = made;
+    const press = (id, act) => byId(id).addEventListener('click', act);
+    press('key-add', () => this.#set(append(this.#path, keyOf(this.#seen))));
+    press('turn-add', () => this.#addTurn());
+    press('keys-clear', () => this.#clear());
+    press('path-play', () => (this.#player ? this.#stop() : this.#play()));
+    byId('path-loop').addEventListener('change', ({ target }) => this.#set({ ...this.#path, isLoop: target.checked }));
+    byId('path-length').addEventListener('change', ({ target }) => this.#set(stretch(this.#path, target.valueAsNumber)));
+    byId('path-at').addEventListener('input', ({ target, timeStamp }) => {
+      this.#stop();
+      this.#seek(target.valueAsNumber, timeStamp);
+    });
+    for (const id of ['path-width', 'path-height', 'path-fps', 'path-format', 'path-quality']) byId(id).addEventListener('input', () => this.#measure());
+    byId('path-form').addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.#draw();
+    });
+  }
+
+  /** Shows what goes with the view: each volume has a path of its own, kept for the tab. */
+  show() {
+    const { view, canControl } = this.#viewer;
+    for (const button of byId('keys').querySelectorAll('.picture')) button.disabled = !canControl;
+    if (view && view.volume !== this.#volume) {
+      this.#stop();
+      this.#volume = view.volume;
+      this.#path = this.#restore();
+      this.#list();
+    }
+    this.#measure();
+  }
+
+  #restore() {
+    try {
+      const path = JSON.parse(this.#kept.recall(`path:${this.#volume}`));
+      return path?.keys ? path : EMPTY;
+    } catch {
+      return EMPTY; // what cannot be read is not there
+    }
+  }
+
+  // What the path is.
+
+  /** The view as it is. */
+  get #seen() {
+    return { view: this.#viewer.view, picture: this.#screen.thumbnail() };
+  }
+
+  /** A turn that is all of the path goes round; else it comes back to where it began. */
+  async #addTurn() {
+    const { camera, box, view } = this.#viewer;
+    const { value } = byId('turn-axis');
+    const axis = value === 'screen' ? camera.up : value === 'upright' ? uprightAxis(camera, box.half) : box.half[Number(value)];
+    const seen = keyOf(this.#seen);
+    const turned = turnOf(view, axis).slice(1).map((other) => keyOf({ view: other }));
+    const isAll = this.#path.keys.length === 0;
+    this.#set({ ...append(this.#path, seen, ...turned, ...(isAll ? [] : [seen])), isLoop: isAll || this.#path.isLoop });
+    for (const { view: other } of turned) await this.#illustrate(other); // one picture at a time
+  }
+
+  /** Gets a picture for the key of a view that nobody has seen; without one it is but a number. */
+  async #illustrate(view) {
+    try {
+      const reader = new FileReader();
+      reader.readAsDataURL(await this.#api().still(view, THUMBNAIL));
+      await new Promise((resolve) => { reader.onload = resolve; });
+      const i = this.#path.keys.findIndex((key) => key.view === view);
+      if (i < 0) return;
+      this.#path = replace(this.#path, i, { picture: reader.result });
+      this.#keep();
+      byId('keys').children[i].querySelector('.picture').prepend(make('img', { src: reader.result, alt: '' }));
+    } catch { /* the daemon is busy, or its quota of pictures used up */ }
+  }
+
+  #keep() {
+    this.#kept.remember(`path:${this.#volume}`, JSON.stringify(this.#path));
+  }
+
+  async #clear() {
+    const { keys } = this.#path;
+    if (keys.length > 1 && !await ask(`Remove all ${keys.length} keyframes?`, 'Remove')) return;
+    this.#set(EMPTY);
+    byId('key-add').focus();
+  }
+
+  #set(path) {
+    this.#stop();
+    const isList = path.keys.length !== this.#path.keys.length || path.isLoop !== this.#path.isLoop
+      || path.keys.some(({ view, picture }, i) => view !== this.#path.keys[i].view || picture !== this.#path.keys[i].picture);
+    this.#path = path;
+    this.#keep();
+    if (isList) this.#list();
+    this.#measure();
+  }
+
+  // Showing it.
+
+  /** The list is made anew where keys come, go or move. */
+  #list() {
+    byId('keys').replaceChildren(...this.#path.keys.map((key, i) => this.#entry(key, i)));
+  }
+
+  /** Changes the path by the button `name` of a key; the focus goes on to that of key i, the same one where it is now. */
+  #act(path, i, name) {
+    this.#set(path);
+    const entry = byId('keys').children[Math.min(i, this.#path.keys.length - 1)];
+    const wanted = entry?.querySelector(`[data-act="${name}"]`);
+    ((wanted?.disabled ? entry.querySelector('.picture') : wanted) ?? byId('key-add')).focus();
+  }
+
+  #entry({ view, picture, seconds: time, ease }, i) {
+    const { isLoop, keys } = this.#path;
+    const name = `keyframe ${i + 1}`;
+    const act = (id, sign, label, press, disabled = false) => make('button', {
+      'data-act': id, 'aria-label': label, title: label, text: sign, press, disabled: disabled ? '' : false,
+    });
+    const go = make('button', {
+      class: 'picture', 'aria-label': `Go to ${name}`, title: `Go to ${name}`,
+      press: ({ timeStamp }) => {
+        this.#stop();
+        this.#viewer.show(view, timeStamp);
+      },
+    }, ...(picture ? [make('img', { src: picture, alt: '' })] : []), make('span', { text: i + 1 }));
+    go.disabled = !this.#viewer.canControl;
+    const acts = make('span', { class: 'acts' },
+      act('replace', '⟳', `Replace ${name} by the view as it is`, () => this.#act(replace(this.#path, i, this.#seen), i, 'replace')),
+      act('up', '↑', `Move ${name} up`, () => this.#act(move(this.#path, i, -1), i - 1, 'up'), i === 0),
+      act('down', '↓', `Move ${name} down`, () => this.#act(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
+      act('remove', '×', `Remove ${name}`, () => this.#act(remove(this.#path, i), i, 'remove')));
+    const item = make('li', { 'data-pointer': `/path/keyframes/${i}` }, go, acts);
+    if (i > 0 || isLoop) item.append(this.#way(i, time, ease));
+    else item.append(make('span', { class: 'way', text: 'the beginning' }));
+    return item;
+  }
+
+  /** How key i is come to. */
+  #way(i, time, ease) {
+    const from = i === 0 ? `back to keyframe 1` : `to keyframe ${i + 1}`;
+    const field = make('input', {
+      type: 'number', min: SECONDS.least, max: SECONDS.most, step: 'any', value: showNumber(time), required: '',
+      'aria-label': `Seconds ${from}`, title: `Seconds ${from}`,
+    });
+    const choice = make('select', { 'aria-label': `How it goes ${from}`, title: `How it goes ${from}` },
+      ...Object.entries(EASES).map(([value, text]) => new Option(text, value, false, value === ease)));
+    field.addEventListener('change', () => {
+      if (field.reportValidity()) this.#set(replace(this.#path, i, { seconds: field.valueAsNumber }));
+    });
+    choice.addEventListener('change', () => this.#set(replace(this.#path, i, { ease: choice.value })));
+    return make('span', { class: 'way' }, field, make('span', { text: 's' }), choice);
+  }
+
+  get #fps() {
+    const field = byId('path-fps');
+    return field.validity.valid ? field.valueAsNumber : Number(field.defaultValue);
+  }
+
+  /** [width, height]: what is not given is as in the window, or has its shape. */
+  get #size() {
+    const [wide, high] = this.#screen.size;
+    const [width, height] = ['path-width', 'path-height'].map((id) => byId(id).valueAsNumber);
+    const like = (side, whole) => Math.max(1, Math.round(side * whole));
+    return [width || like(height, wide / high) || wide, height || like(width, high / wide) || high];
+  }
+
+  /** What follows from the keys and the form. */
+  #measure() {
+    const path = this.#path;
+    const { keys, isLoop } = path;
+    const { isReady, isSettled } = this.#viewer;
+    const isPath = isWhole(path);
+    const frames = isPath ? framesOf(path, this.#fps) : 0;
+    byId('key-add').disabled = !isSettled || keys.length >= KEYS_MAX;
+    byId('turn-add').disabled = !isSettled || keys.length > KEYS_MAX - 5;
+    byId('keys-clear').hidden = keys.length === 0;
+    byId('path-way').hidden = !isPath;
+    byId('path-loop').checked = isLoop;
+    const count = keys.length === 1 ? '1 keyframe; a path needs two' : `${keys.length} keyframes`;
+    setText(byId('keys-about'), !keys.length ? 'Keyframes say what is seen when; what lies between, the daemon makes.'
+      : isPath ? `${count}, ${seconds(lengthOf(path))}, ${frames} frames` : count);
+    const length = byId('path-length');
+    if (document.activeElement !== length) length.value = isPath ? Number(lengthOf(path).toFixed(2)) : '';
+    byId('keys').querySelectorAll('.way input').forEach((field, n) => {
+      const key = keys[isLoop ? n : n + 1];
+      if (document.activeElement !== field) field.value = Number(key.seconds.toFixed(2));
+    });
+    const at = byId('path-at');
+    at.max = Math.max(1, frames - 1);
+    at.disabled = byId('path-play').disabled = !isPath || !isReady;
+    this.#showPlace();
+    [byId('path-width').placeholder, byId('path-height').placeholder] = this.#size;
+    const quality = byId('path-quality');
+    quality.disabled = LOSSLESS.includes(byId('path-format').value);
+    quality.closest('.row').toggleAttribute('data-idle', quality.disabled);
+    showValue(quality, quality.disabled ? 'lossless' : quality.value);
+    byId('path-draw').disabled = !isPath || !this.#api();
+    setText(byId('path-draw'), isPath ? `Draw ${frames} frames` : 'Draw');
+  }
+
+  // Playing it: the view goes where the frames will be, for all who see this session.
+
+  #showPlace() {
+    const at = byId('path-at');
+    showValue(at, isWhole(this.#path) ? seconds(secondsAt(this.#path, this.#fps, at.valueAsNumber)) : '');
+  }
+
+  #seek(frame, time) {
+    this.#viewer.show(viewAt(this.#path, this.#fps, frame), time);
+    byId('path-at').value = frame;
+    this.#showPlace();
+  }
+
+  /** From where the slider is, or from the beginning if that is the end. */
+  #play() {
+    if (!this.#viewer.isReady) return;
+    const fps = this.#fps;
+    const last = framesOf(this.#path, fps) - 1;
+    const at = byId('path-at').valueAsNumber;
+    const first = at >= last ? 0 : at;
+    const player = { start: null, frame: null, view: null }; // what was shown last
+    const step = (now) => {
+      if (this.#player !== player) return;
+      player.start ??= now;
+      const frame = Math.min(last, first + Math.floor((now - player.start) / 1000 * fps));
+      const isTheirs = player.view && this.#viewer.view !== player.view; // somebody moved the view
+      if (!isTheirs && frame !== player.frame) {
+        this.#seek(frame, now);
+        Object.assign(player, { frame, view: this.#viewer.view });
+      }
+      if (isTheirs || frame === last) this.#stop();
+      else requestAnimationFrame(step);
+    };
+    this.#player = player;
+    this.#showPlaying();
+    requestAnimationFrame(step);
+  }
+
+  #stop() {
+    this.#player = null;
+    this.#showPlaying();
+  }
+
+  #showPlaying() {
+    setText(byId('path-play'), this.#player ? 'Stop' : 'Play');
+  }
+
+  // Sending it.
+
+  get #output() {
+    const format = byId('path-format').value;
+    return {
+      size: this.#size, fps: byId('path-fps').valueAsNumber, format,
+      ...(LOSSLESS.includes(format) ? {} : { quality: byId('path-quality').valueAsNumber }),
+    };
+  }
+
+  async #draw() {
+    const path = this.#path;
+    const api = this.#api();
+    if (!isWhole(path) || !api) return;
+    this.#stop();
+    byId('path-draw').disabled = true; // one at a time
+    try {
+      this.#made(await api.createPath(requestOf(path, this.#output)));
+    } catch (error) {
+      this.#complain(`/path${pointerInto(path, error.pointer ?? '')}`, error.message);
+    }
+    this.#measure();
+  }
+}

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+// The camera paths that the daemon has: how far each is, what it has become, and an end to it.
+import { ask } from './ask.js';
+import { setText } from './fields.js';
+import { shortBytes } from './status.js';
+
+/** Each stream of events takes one of the few connections that a browser opens to a daemon. */
+const WATCHES_MAX = 2;
+/** The list is read again this often while there are paths under way that are not watched. */
+const LIST_MS = 3000;
+const NAMES = { webm: 'WebM', png: 'PNG', jpeg: 'JPEG', webp: 'WebP', exr: 'EXR' };
+const RANK = ['running', 'waiting'];
+
+const byId = (id) => document.getElementById(id);
+const isUnderWay = ({ state }) => RANK.includes(state);
+
+function stateText({ state, reason, done, frames, bytes }) {
+  const size = bytes > 0 ? `, ${shortBytes(bytes)}` : '';
+  switch (state) {
+    case 'waiting': return `waiting${done ? `, ${done} of ${frames}` : ''}${reason ? `: ${reason}` : ''}`;
+    case 'running': return `${done} of ${frames}${size}`;
+    case 'failed': return `failed after ${done} of ${frames}${reason ? `: ${reason}` : ''}`;
+    case 'done': return `done${size}`;
+    default: return state;
+  }
+}
+
+export class Paths {
+  #api; #fail; #say; #explain;
+  #paths = new Map(); // by id, in the order of the list
+  #entries = new Map();
+  #watches = new Map(); // id → AbortController
+  #timer = null;
+  #epoch = 0;
+  #ended = ''; // what became of the last one
+
+  /**
+   * api(): the daemon's, or null where this client has no token of it; fail(Error) and say(text) tell it; explain(text): why
+   * there are none, or ''.
+   */
+  constructor({ api, fail, say, explain }) {
+    this.#api = api;
+    this.#fail = fail;
+    this.#say = say;
+    this.#explain = explain;
+    byId('path').addEventListener('toggle', ({ target }) => {
+      if (!target.open) return;
+      target.scrollIntoView({ block: 'start' }); // it is the last of the panel
+      this.refresh(); // others may have made some
+    });
+  }
+
+  /** Reads the list, and watches what is under way. */
+  async refresh() {
+    const api = this.#api();
+    const epoch = ++this.#epoch;
+    if (!api) {
+      this.#take([]);
+      this.#explain('Camera paths are for those who have a token of the daemon; this page joined by a link.');
+      return;
+    }
+    try {
+      const paths = await api.paths();
+      if (epoch !== this.#epoch) return;
+      this.#explain('');
+      this.#take(paths);
+    } catch (error) {
+      if (epoch !== this.#epoch) return;
+      if ([401, 403].includes(error.status)) {
+        this.#take([]);
+        this.#explain(`Camera paths are not for this token: ${error.message}.`);
+      }
+      this.#plan(); // else it is tried again
+    }
+  }
+
+  /** The daemon has taken one of this page's. */
+  add(path) {
+    this.#epoch += 1; // a list that is on its way does not have it
+    this.#paths = new Map([[path.id, path], ...this.#paths]);
+    this.#show();
+    byId('paths').firstElementChild.scrollIntoView({ block: 'nearest' });
+    this.#plan();
+  }
+
+  /** What is known keeps its place; what is new is above it, first what is under way. */
+  #take(paths) {
+    const found = new Map(paths.map((path) => [path.id, path]));
+    const rank = ({ state }) => (RANK.includes(state) ? RANK.indexOf(state) : RANK.length);
+    const fresh = paths.filter(({ id }) => !this.#paths.has(id)).sort((a, b) => rank(a) - rank(b));
+    const known = [...this.#paths.keys()].filter((id) => found.has(id)).map((id) => found.get(id));
+    this.#paths = new Map([...fresh, ...known].map((path) => [path.id, path]));
+    this.#show();
+    this.#plan();
+  }
+
+  /** Watches as many as may be; for the others the list is read now and then. */
+  #plan() {
+    for (const [id, watch] of this.#watches) if (!this.#paths.has(id)) watch.abort();
+    const waiting = [...this.#paths.values()].filter((path) => isUnderWay(path) && !this.#watches.has(path.id))
+      .sort((a, b) => RANK.indexOf(a.state) - RANK.indexOf(b.state));
+    for (const { id } of waiting.splice(0, WATCHES_MAX - this.#watches.size)) this.#watch(id);
+    clearTimeout(this.#timer);
+    this.#timer = waiting.length ? setTimeout(() => this.refresh(), LIST_MS) : null;
+  }
+
+  async #watch(id) {
+    const abort = new AbortController();
+    this.#watches.set(id, abort);
+    let isOver = false;
+    const told = (event, path) => {
+      if (!this.#paths.has(id)) return;
+      if (event === 'removed') this.#forget(id);
+      else this.#paths.set(id, path);
+      isOver = event !== 'progress';
+      this.#ended = { done: 'drawn', failed: 'failed' }[event] ?? this.#ended;
+      this.#show();
+      if (event === 'done') this.#tell(`A path of ${path.volume} is drawn: ${path.frames} frames.`);
+      if (event === 'failed') this.#tell(`A path of ${path.volume} failed: ${path.reason}`);
+    };
+    try {
+      await this.#api().watchPath(id, told, abort.signal);
+    } catch (error) {
+      if (error.status === 404) this.#forget(id);
+    }
+    this.#watches.delete(id);
+    if (isOver || abort.signal.aborted || !this.#paths.has(id)) {
+      this.#show();
+      this.#plan();
+      return;
+    }
+    // It broke off: what holds is read anew, but not at once.
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.refresh(), LIST_MS);
+  }
+
+  /** Who does not see the list is told by a notice; the others by the summary, which is read aloud. */
+  #tell(text) {
+    if (!byId('paths').checkVisibility()) this.#say(text);
+  }
+
+  #forget(id) {
+    this.#paths.delete(id);
+  }
+
+  // Showing them.
+
+  #show() {
+    const paths = [...this.#paths.values()];
+    const owners = new Set(paths.map(({ owner }) => owner));
+    const busy = paths.filter(isUnderWay).length;
+    setText(byId('path-busy'), busy ? `${busy} under way` : this.#ended);
+    byId('paths-title').hidden = paths.length === 0;
+    for (const id of this.#entries.keys()) if (!this.#paths.has(id)) this.#remove(id);
+    paths.forEach((path, i) => {
+      if (!this.#entries.has(path.id)) this.#entries.set(path.id, this.#entry(path));
+      const { item, update } = this.#entries.get(path.id);
+      update(path, owners.size > 1 ? path.owner : '');
+      if (byId('paths').children[i] !== item) byId('paths').insertBefore(item, byId('paths').children[i] ?? null);
+    });
+  }
+
+  #remove(id) {
+    const { item } = this.#entries.get(id);
+    const hadFocus = item.contains(document.activeElement);
+    const next = item.nextElementSibling ?? item.previousElementSibling;
+    item.remove();
+    this.#entries.delete(id);
+    if (hadFocus) (next?.querySelector('.delete') ?? byId('path').querySelector('summary')).focus();
+  }
+
+  #entry({ id }) {
+    const item = byId('path-entry').content.firstElementChild.cloneNode(true);
+    const find = (name) => item.querySelector(`.${name}`);
+    item.dataset.id = id;
+    find('save').addEventListener('click', () => this.#save(id));
+    find('delete').addEventListener('click', () => this.#delete(id));
+    return {
+      item,
+      update: (path, owner) => {
+        const { volume, size, format, frames, done, fps, state } = path;
+        item.dataset.state = state;
+        setText(find('name'), volume);
+        setText(find('about'), [`${size.join(' × ')} ${NAMES[format] ?? format}`, `${frames} frames, ${fps}/s`, owner].filter(Boolean).join(' · '));
+        setText(find('state'), stateText(path));
+        const bar = find('progress');
+        bar.hidden = !isUnderWay(path);
+        bar.max = frames;
+        bar.value = done;
+        bar.setAttribute('aria-label', `Drawing ${volume}`);
+        setText(find('save'), format === 'webm' ? 'Save movie' : 'Save frames');
+        find('save').hidden = state !== 'done';
+        setText(find('delete'), isUnderWay(path) ? 'Cancel' : 'Delete');
+      },
+    };
+  }
+
+  // What may be done with one.
+
+  /** By the browser's own download. The path is asked for first, so that an error is told here. */
+  async #save(id) {
+    try {
+      const api = this.#api();
+      const path = await api.path(id);
+      const link = document.createElement('a');
+      link.href = api.pathFile(path);
+      link.download = `${path.volume}-${id.slice(0, 8)}.${path.format === 'webm' ? 'webm' : 'tar'}`;
+      link.click();
+    } catch (error) {
+      this.#lost(id, error);
+    }
+  }
+
+  async #delete(id) {
+    const path = this.#paths.get(id);
+    const what = isUnderWay(path) ? `Stop drawing this path of ${path.volume} and remove what there is of it?`
+      : `Remove this path of ${path.volume} and its ${path.done} frames from the daemon?`;
+    if (!await ask(what, isUnderWay(path) ? 'Stop and remove' : 'Remove')) return;
+    try {
+      await this.#api().deletePath(id);
+      this.#gone(id);
+    } catch (error) {
+      this.#lost(id, error);
+    }
+  }
+
+  #gone(id) {
+    this.#epoch += 1; // a list that is on its way may still have it
+    this.#forget(id);
+    this.#show();
+    this.#plan();
+  }
+
+  /** Something did not work: one that somebody else has removed is gone. */
+  #lost(id, error) {
+    if (error.status === 404) this.#gone(id);
+    this.#fail(error);
+  }
+}

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lies between two views a and b, as the daemon blends the keyframes of a camera path (server/jobs/blend.h): at u = 0
+// it is a, at u = 1 it is b. Numbers are linear; the camera moves on an arc about its target; a transfer function is at every
+// value the mean of both; directions turn; what has no way between, like names and lists of different lengths, is a until u = 1.
+import { cameraFromRig, rigFromCamera } from './camera.js';
+import { dot, length, normalize, scale } from './vector.js';
+
+/** Never outside [a, b], whatever rounding does. */
+const within = (x, a, b) => Math.min(Math.max(x, Math.min(a, b)), Math.max(a, b));
+const mix = (a, b, u) => within(a * (1 - u) + b * u, a, b);
+/** Equal steps of u are equal ratios; both above 0. */
+const mixLog = (a, b, u) => within(Math.exp(mix(Math.log(a), Math.log(b), u)), a, b);
+
+const isObject = (value) => typeof value === 'object' && value !== null;
+
+/** Whatever has no rule of its own. */
+function blendAny(a, b, u) {
+  if (typeof a === 'number' && typeof b === 'number') return mix(a, b, u);
+  if (!isObject(a) || !isObject(b) || Array.isArray(a) !== Array.isArray(b)) return a;
+  if (Array.isArray(a)) return a.length === b.length ? a.map((part, i) => blendAny(part, b[i], u)) : a;
+  return Object.fromEntries(Object.entries(a).map(([key, part]) => [key, blendAny(part, b[key], u)]));
+}
+
+/** Between two vectors of length 1, in 3 or 4 dimensions, at constant speed. */
+function slerp(a, b, u) {
+  const cosine = a.reduce((sum, part, i) => sum + part * b[i], 0);
+  const angle = Math.acos(within(cosine, -1, 1));
+  const sine = Math.sin(angle);
+  const [from, to] = sine < 1e-9 ? [1 - u, u] : [Math.sin((1 - u) * angle) / sine, Math.sin(u * angle) / sine];
+  const sum = a.map((part, i) => part * from + b[i] * to);
+  const norm = Math.hypot(...sum);
+  return sum.map((part) => part / norm);
+}
+
+/** Null if there is no way between them: opposite directions. */
+function blendDirection(a, b, u) {
+  const [from, to] = [normalize(a), normalize(b)];
+  return dot(from, to) < -1 + 1e-9 ? null : scale(slerp(from, to, u), mix(length(a), length(b), u));
+}
+
+function blendCamera(a, b, u) {
+  const [from, to] = [rigFromCamera(a), rigFromCamera(b)];
+  const cosine = from.orientation.reduce((sum, part, i) => sum + part * to.orientation[i], 0);
+  const nearer = cosine < 0 ? to.orientation.map((part) => -part) : to.orientation; // the same turn, the shorter way
+  const moved = cameraFromRig({
+    target: blendAny(a.target, b.target, u), distance: mixLog(from.distance, to.distance, u),
+    orientation: slerp(from.orientation, nearer, u),
+  });
+  return { ...a, ...moved, fov_y: mix(a.fov_y, b.fov_y, u), height: mixLog(a.height, b.height, u), near: mixLog(a.near, b.near, u) };
+}
+
+/** A list of points that rise in `key`, linear between, at x; the ends hold outside. */
+function sample(points, key, x) {
+  const next = points.findIndex((point) => point[key] >= x);
+  if (next < 0) return points.at(-1);
+  if (next === 0 || points[next][key] === x) return points[next];
+  const [left, right] = [points[next - 1], points[next]];
+  return blendAny(left, right, (x - left[key]) / (right[key] - left[key]));
+}
+
+/** The mean of two such lists; `none` stands for one without points. */
+function blendCurves(a, b, key, u, none) {
+  const at = (points, x) => (points.length ? sample(points, key, x) : none);
+  const places = [...new Set([...a, ...b].map((point) => point[key]))].sort((x, y) => x - y);
+  return places.map((x) => ({ ...blendAny(at(a, x), at(b, x), u), [key]: x }));
+}
+
+const RULES = {
+  camera: blendCamera,
+  transfer_function: (a, b, u) => ({
+    ...blendAny(a, b, u), points: blendCurves(a.points, b.points, 'value', u),
+    gradient: blendCurves(a.gradient ?? [], b.gradient ?? [], 'magnitude', u, { scale: 1 }),
+  }),
+  filter: (a, b, u) => {
+    const isAutomatic = ({ c_max: limit }) => typeof limit !== 'number';
+    const blended = blendAny(a, b, u);
+    return isAutomatic(a) === isAutomatic(b) ? blended : { ...blended, c_min: a.c_min };
+  },
+  shading: (a, b, u) => {
+    const blended = blendAny(a, b, u);
+    if (a.lights?.length !== b.lights?.length) return blended;
+    return { ...blended, lights: a.lights?.map((light, i) => ({
+      ...blended.lights[i],
+      direction: (light.space === b.lights[i].space && blendDirection(light.direction, b.lights[i].direction, u)) || light.direction,
+    })) };
+  },
+  clip: (a, b, u) => {
+    const blended = blendAny(a, b, u);
+    if (a.planes.length !== b.planes.length) return blended;
+    return { ...blended, planes: a.planes.map((plane, i) => {
+      const normal = blendDirection(plane.normal, b.planes[i].normal, u);
+      return normal ? { normal, offset: mix(plane.offset, b.planes[i].offset, u) } : plane;
+    }) };
+  },
+  primitive: (a) => a,
+  quality: (a) => a,
+};
+
+/** Two views of one volume; of the size of the first. */
+export function blendViews(a, b, u) {
+  if (u <= 0) return a;
+  if (u >= 1) return { ...b, size: a.size };
+  return Object.fromEntries(Object.entries(a).map(([name, part]) => {
+    const isConstant = name === 'size' || JSON.stringify(part) === JSON.stringify(b[name]);
+    return [name, isConstant ? part : (RULES[name] ?? blendAny)(part, b[name], u)];
+  }));
+}

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// What pictures do not show: frames.test.mjs holds the rest to the daemon.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { blendViews } from '../../../clients/web/core/blend.js';
+import { defaultView } from '../support/mock-daemon.mjs';
+import { close } from '../support/numbers.mjs';
+
+const A = defaultView('phantom');
+const B = {
+  ...A, camera: { ...A.camera, position: [331.5, 31.5, 31], near: 10 }, filter: { ...A.filter, c_min: 0.5, c_max: 0.9, mode: 'ewa' },
+  background: [1, 1, 1, 1],
+};
+
+test('at the ends it is a and b, in a\'s size', () => {
+  assert.deepEqual(blendViews(A, B, 0), A);
+  assert.deepEqual(blendViews(A, { ...B, size: [9, 9] }, 1), B);
+});
+
+test('a threshold beside one that is automatic, and a name, change at b', () => {
+  const { filter, background, size } = blendViews(A, B, 0.75);
+  assert.deepEqual(filter, A.filter);
+  assert.deepEqual([background, size], [[0.75, 0.75, 0.75, 1], A.size]);
+  const both = blendViews({ ...A, filter: { ...A.filter, c_max: 0.7 } }, B, 0.5).filter;
+  close([both.c_min, both.c_max], [(A.filter.c_min + 0.5) / 2, 0.8], 1e-12);
+});
+
+test('the camera moves on an arc; near plane and distance are even in their ratio', () => {
+  const { camera } = blendViews(A, B, 0.5);
+  const [from, to] = [300 - 31, 300];
+  const distance = Math.sqrt(from * to);
+  close([camera.near], [1], 1e-12);
+  close(camera.position, [31.5 + distance * Math.SQRT1_2, 31.5, 31 + distance * Math.SQRT1_2], 1e-9);
+  close(camera.up, [0, 1, 0], 1e-12);
+});

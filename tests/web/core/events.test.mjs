@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { Api } from '../../../clients/web/core/api.js';
+import { eventReader } from '../../../clients/web/core/events.js';
+
+const STREAM = ':\n\nid: running-1\nevent: progress\ndata: {"done":1}\n\n'
+  + 'event: two\r\ndata: first: a\r\ndata:second\r\n\r\ndata\n\nevent: nothing\n\nid: 3\rdata: \u00e9\r\r';
+const EVENTS = [['progress', '{"done":1}'], ['two', 'first: a\nsecond'], ['message', ''], ['message', '\u00e9']];
+
+test('events are read from pieces of any size', () => {
+  for (let size = 1; size <= STREAM.length; size += 1) {
+    const told = [];
+    const take = eventReader((event, data) => told.push([event, data]));
+    for (let at = 0; at < STREAM.length; at += size) take(STREAM.slice(at, at + size));
+    take('\n'); // what ends with \r may go on with it
+    assert.deepEqual(told, EVENTS, `in pieces of ${size}`);
+  }
+});
+
+test('a path is watched with the token in the header, and a refusal is an error', async () => {
+  const heard = [];
+  let answer = () => new Response('event: progress\ndata: {"done":3}\n\nevent: done\ndata: {"done":4}\n\n');
+  const api = new Api({ base: 'http://daemon/below/', token: 'secret', fetch: async (url, { headers }) => {
+    heard.push([url.href, headers.Authorization, headers.Accept]);
+    return answer();
+  } });
+  const told = [];
+  await api.watchPath('a/b', (event, path) => told.push([event, path.done]));
+  assert.deepEqual(told, [['progress', 3], ['done', 4]]);
+  assert.deepEqual(heard, [['http://daemon/below/api/v1/paths/a%2Fb/events', 'Bearer secret', 'text/event-stream']]);
+  answer = () => new Response(JSON.stringify({ detail: 'no such path' }), { status: 404 });
+  await assert.rejects(api.watchPath('x', () => {}), { name: 'ApiError', status: 404, message: 'no such path' });
+});
+
+test('the list of paths is read page by page', async () => {
+  const pages = { '': { paths: [{ id: 'a' }], next: 'a&' }, 'a&': { paths: [{ id: 'b' }] } };
+  const api = new Api({ base: 'http://daemon/', token: 't', fetch: async (url) => Response.json(pages[url.searchParams.get('after') ?? '']) });
+  assert.deepEqual(await api.paths(), [{ id: 'a' }, { id: 'b' }]);
+  assert.equal(api.pathFile({ id: 'a', format: 'png' }), 'http://daemon/api/v1/paths/a/archive?token=t');
+  assert.equal(api.pathFile({ id: 'a', format: 'webm' }), 'http://daemon/api/v1/paths/a/movie?token=t');
+});

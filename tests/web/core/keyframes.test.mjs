@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import {
+  EMPTY, KEYS_MAX, append, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf, secondsAt, stretch,
+  turnOf, uprightAxis, viewAt,
+} from '../../../clients/web/core/keyframes.js';
+import { applyPatch, patchBetween } from '../../../clients/web/core/merge.js';
+import { dot, subtract } from '../../../clients/web/core/vector.js';
+import { defaultView } from '../support/mock-daemon.mjs';
+import { close } from '../support/numbers.mjs';
+
+const OUTPUT = { size: [64, 48], fps: 10, format: 'webm', quality: 80 };
+const lit = (background, more = {}) => ({ ...keyOf({ view: { ...defaultView('phantom'), background: [background, 0, 0, 1] } }), ...more });
+const path = (keys, isLoop = false) => ({ keys, isLoop });
+const reds = ({ keys }) => keys.map(({ view }) => view.background[0]);
+
+test('keys come, go and change places; the times between places stay', () => {
+  const one = append(EMPTY, lit(0));
+  const three = append(one, lit(0.5, { seconds: 1 }), lit(1, { seconds: 3, ease: 'smooth' }));
+  assert.deepEqual([EMPTY.keys.length, one.keys.length, three.keys.length], [0, 1, 3]);
+  assert.deepEqual([isWhole(one), isWhole(three)], [false, true]);
+  const moved = move(three, 2, -1);
+  assert.deepEqual(reds(moved), [0, 1, 0.5]);
+  assert.deepEqual(moved.keys.map(({ seconds, ease }) => [seconds, ease]), three.keys.map(({ seconds, ease }) => [seconds, ease]));
+  assert.equal(move(three, 0, -1), three);
+  assert.equal(move(three, 2, 1), three);
+  assert.deepEqual(reds(remove(three, 1)), [0, 1]);
+  assert.deepEqual(replace(three, 1, { seconds: 9 }).keys.map(({ seconds }) => seconds), [2, 9, 3]);
+  assert.deepEqual(reds(three), [0, 0.5, 1], 'nothing is changed in place');
+  assert.equal(append(EMPTY, ...Array(300).fill(lit(0))).keys.length, KEYS_MAX);
+});
+
+test('the last key is the last frame; of a loop it is the first again, behind the last frame', () => {
+  const open = path([lit(0), lit(0.5, { seconds: 1 }), lit(1, { seconds: 3 })]);
+  assert.deepEqual([lengthOf(open), framesOf(open, 10)], [4, 41]);
+  const { frames, keyframes } = requestOf(open, OUTPUT);
+  assert.deepEqual([frames, keyframes.map(({ frame }) => frame)], [41, [10, 40]]);
+  const round = { ...open, isLoop: true };
+  assert.deepEqual([lengthOf(round), framesOf(round, 10)], [6, 60]);
+  const back = requestOf(round, OUTPUT).keyframes;
+  assert.deepEqual(back.map(({ frame, view }) => [frame, view.background[0]]), [[10, 0.5], [40, 1], [60, 0]]);
+  // A length that is no whole number of frames is made one, and the last key is met none the less.
+  const odd = requestOf(path([lit(0), lit(1, { seconds: 0.97 })]), OUTPUT);
+  assert.deepEqual([odd.frames, odd.keyframes[0].frame], [11, 10]);
+  assert.equal(framesOf(path([lit(0), lit(1, { seconds: 0.1 })]), 1), 2);
+  assert.equal(secondsAt(open, 10, 20), 2);
+});
+
+test('a frame is the view between its keys, with their ease', () => {
+  const open = path([lit(0), lit(1, { seconds: 1, ease: 'smooth' }), lit(0, { seconds: 1, ease: 'step' })]);
+  const red = (frame) => viewAt(open, 10, frame).background[0];
+  close([0, 2.5, 5, 10, 19, 20].map(red), [0, 0.15625, 0.5, 1, 1, 0], 1e-12);
+  const round = path([lit(0, { seconds: 2 }), lit(1, { seconds: 1 })], true);
+  close([5, 10, 20, 30].map((frame) => viewAt(round, 10, frame).background[0]), [0.5, 1, 0.5, 0], 1e-12);
+});
+
+test('a request holds what moves alone, as patches that lead from key to key', () => {
+  const plain = defaultView('phantom');
+  const { c_max: _, ...automatic } = plain.filter;
+  const keys = [
+    { ...plain, filter: { ...plain.filter, c_max: 0.5 } }, { ...plain, filter: automatic },
+    { ...plain, filter: automatic, camera: { ...plain.camera, fov_y: 40 }, background: [1, 1, 1, 1] },
+  ].map((view) => keyOf({ view }));
+  const { view, keyframes, ...rest } = requestOf(path(keys), OUTPUT);
+  assert.deepEqual(rest, { ...OUTPUT, frames: 41 });
+  assert.equal('size' in view, false);
+  assert.equal(view.volume, 'phantom');
+  assert.deepEqual(keyframes.map((key) => key.view), [
+    { background: plain.background, camera: {}, filter: { c_max: null } },
+    { background: [1, 1, 1, 1], camera: { fov_y: 40 }, filter: {} },
+  ], 'each key names all that moves, so that nothing moves between two that are the same');
+});
+
+test('a patch between two values makes the one of the other', () => {
+  const from = { a: 1, b: { c: [1, 2], d: { e: 1 } }, f: 'x' };
+  const to = { a: 1, b: { c: [1], d: { e: 2 } }, g: null };
+  const patch = patchBetween(from, to);
+  assert.deepEqual(patch, { b: { c: [1], d: { e: 2 } }, f: null, g: null });
+  assert.deepEqual(applyPatch(from, patch), { a: 1, b: { c: [1], d: { e: 2 } } });
+  assert.deepEqual(patchBetween(from, structuredClone(from)), {});
+});
+
+test('pointers of the daemon lead to keys: the view is the first, and a loop\'s way back, too', () => {
+  const open = path([lit(0), lit(1), lit(0)]);
+  assert.equal(pointerInto(open, '/keyframes/1/view/camera'), '/keyframes/2/view/camera');
+  assert.equal(pointerInto(open, '/view/clip/box'), '/keyframes/0/view/clip/box');
+  assert.equal(pointerInto({ ...open, isLoop: true }, '/keyframes/2'), '/keyframes/0');
+  assert.deepEqual(['/size/0', '/frames', '', '/keyframes'].map((pointer) => pointerInto(open, pointer)), ['/size/0', '/frames', '', '/keyframes']);
+});
+
+test('another length stretches all times', () => {
+  const open = path([lit(0, { seconds: 4 }), lit(0.5, { seconds: 1 }), lit(1, { seconds: 3 })]);
+  assert.deepEqual(stretch(open, 8).keys.map(({ seconds }) => seconds), [8, 2, 6]);
+  assert.deepEqual(stretch(open, 0.04).keys.map(({ seconds }) => seconds), [0.1, 0.1, 0.1], 'none is nothing');
+  for (const wrong of [0, -1, NaN, Infinity]) assert.equal(stretch(open, wrong), open);
+});
+
+test('a turn: quarters about the target, each by the same right angle', () => {
+  const view = defaultView('phantom');
+  const turn = turnOf(view, [0, 2, 0]);
+  assert.equal(turn[0], view);
+  const arms = turn.map(({ camera }) => subtract(camera.position, camera.target));
+  close(arms.map((arm) => Math.hypot(...arm)), [269, 269, 269, 269]);
+  arms.forEach((arm, i) => close([dot(arm, arms[(i + 1) % 4])], [0], 1e-9));
+  close(arms[1], [269, 0, 0], 1e-9);
+  turn.forEach(({ camera }) => close(camera.up, [0, 1, 0]));
+});
+
+test('the upright axis is the most upright of the volume, upwards', () => {
+  const half = [[10, 0, 0], [0, 5, 0], [0, 0, 20]];
+  close(uprightAxis({ up: [0.1, -0.9, 0.5] }, half), [0, -1, 0]);
+  close(uprightAxis({ up: [0.2, 0.1, 3] }, half), [0, 0, 1]);
+});

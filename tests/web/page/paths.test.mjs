@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panel "Path": keyframes by mouse and keyboard, turns, playing, what the daemon draws of them and what becomes of it.
+import assert from 'node:assert/strict';
+import { readFileSync, writeFileSync } from 'node:fs';
+import { after, before, test } from 'node:test';
+import { camera, eventually, launch, openPage, picture, rest, shot, until } from '../support/browser.mjs';
+import { countFrames, untar } from '../support/containers.mjs';
+import { startDaemon, tokenFile } from '../support/daemon.mjs';
+import { MockDaemon, volume } from '../support/mock-daemon.mjs';
+import { decodePng } from '../support/png.mjs';
+
+const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
+let browser;
+let daemon;
+before(async () => {
+  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu',
+    '--path-frames', '500', '--frame-size', '1M']);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function open(context, address, options) {
+  const opened = await openPage(browser, options);
+  context.after(() => opened.context.close());
+  const { page } = opened;
+  await page.goto(address);
+  await picture(page);
+  if (options?.hasTouch) await page.tap('#panel-toggle');
+  await page.locator('#path > summary').click();
+  return {
+    ...opened,
+    about: (text) => page.locator('#keys-about', { hasText: text }).waitFor(),
+    entry: (state) => page.locator(`#paths li[data-state="${state}"]`),
+    /** Turns the view by some presses of a key, and waits until that is on the screen. */
+    async press(key, times = 5) {
+      await page.focus('#screen');
+      for (let i = 0; i < times; i += 1) await page.keyboard.press(key);
+      await until(page, 'all pictures', (s) => s.isIdle && s.seq === s.sent);
+    },
+    /** Presses what saves the path of the entry and returns the file. */
+    async save() {
+      const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#paths .save').first().click()]);
+      return { name: download.suggestedFilename(), bytes: readFileSync(await download.path()) };
+    },
+    async remove() {
+      const count = await page.locator('#paths li').count();
+      await page.locator('#paths .delete').first().click();
+      await page.click('#ask-act');
+      await page.locator('#paths li').nth(count - 1).waitFor({ state: 'detached' });
+    },
+  };
+}
+
+async function fill(page, values) {
+  for (const [id, value] of Object.entries(values)) {
+    await page.fill(`#${id}`, String(value));
+    await page.locator(`#${id}`).blur();
+  }
+}
+
+test('two views are keyframes; the daemon draws pictures between them, which are saved', async (context) => {
+  const it = await open(context, daemon.url);
+  const { page } = it;
+  await rest(page);
+  await shot(page, 'path-empty');
+  assert.ok(await page.locator('#path-way').isHidden());
+  await page.click('#key-add');
+  await it.about('1 keyframe; a path needs two');
+  await it.press('ArrowLeft');
+  await page.click('#key-add');
+  await it.about('2 keyframes, 2 s, 61 frames');
+  assert.equal(await page.locator('#keys img').count(), 2);
+  const offered = () => page.evaluate(() => ['width', 'height'].map((side) => document.getElementById(`path-${side}`).placeholder));
+  assert.deepEqual(await offered(), ['900', '600'], 'as the window');
+  await fill(page, { 'path-length': 0.5, 'path-fps': 10, 'path-width': 90 });
+  assert.equal((await offered())[1], '60', 'of the shape of the window');
+  await it.about('2 keyframes, 0.5 s, 6 frames');
+  await page.selectOption('#path-format', 'png');
+  assert.ok(await page.locator('#path-quality').isDisabled());
+  await shot(page, 'path-keys');
+  await page.locator('#path-draw', { hasText: 'Draw 6 frames' }).click();
+  await it.entry('done').waitFor();
+  await page.locator('#path-busy', { hasText: 'drawn' }).waitFor();
+  await shot(page, 'path-done');
+  const { name, bytes } = await it.save();
+  assert.match(name, /^[0-9a-f]{32}\.tar$/);
+  const files = untar(bytes);
+  assert.deepEqual(files.map((file) => file.name), [0, 1, 2, 3, 4, 5].map((n) => `00000${n}.png`));
+  const pictures = files.map((file) => decodePng(file.bytes));
+  for (const { width, height } of pictures) assert.deepEqual([width, height], [90, 60]);
+  for (let i = 1; i < 6; i += 1) assert.notDeepEqual(files[i].bytes, files[i - 1].bytes);
+  await it.remove();
+  assert.ok(await page.locator('#paths-title').isHidden());
+  assert.deepEqual(it.said, []);
+});
+
+test('a turntable is one press, and becomes a movie', async (context) => {
+  const it = await open(context, daemon.url);
+  const { page } = it;
+  const first = await camera(page);
+  await page.click('#turn-add');
+  await it.about('4 keyframes, 8 s, 240 frames');
+  assert.ok(await page.isChecked('#path-loop'));
+  await until(page, 'pictures of the keyframes', () => document.querySelectorAll('#keys .picture img').length === 4);
+  await page.locator('#keys .picture').nth(2).click();
+  await until(page, 'the far side', (s) => s.camera.position[0] < 0 && s.isIdle);
+  const far = await camera(page);
+  far.position.forEach((x, i) => assert.ok(Math.abs(x - (i < 2 ? 2 * first.target[i] - first.position[i] : first.position[i])) < 1e-9));
+  await fill(page, { 'path-length': 1, 'path-fps': 6, 'path-width': 64, 'path-height': 48 });
+  await shot(page, 'path-turn');
+  await page.locator('#path-draw', { hasText: 'Draw 6 frames' }).click();
+  await it.entry('done').waitFor();
+  const { name, bytes } = await it.save();
+  assert.match(name, /^phantom-[0-9a-f]{8}\.webm$/);
+  assert.equal(countFrames(bytes), 6);
+  await it.remove();
+  // Behind other keyframes a turn comes back to where it began.
+  await page.click('#turn-add');
+  await page.locator('#keys li').nth(8).waitFor();
+  assert.equal(await page.locator('#keys li').count(), 9);
+  assert.deepEqual(it.said, []);
+});
+
+test('keyframes are replaced, moved, removed and gone to by keyboard; each volume has its own; a reload keeps them', async (context) => {
+  const it = await open(context, daemon.url);
+  const { page } = it;
+  const focused = () => page.evaluate(() => document.activeElement.getAttribute('aria-label') ?? document.activeElement.id);
+  const act = async (label) => {
+    await page.getByLabel(label, { exact: true }).focus();
+    await page.keyboard.press('Enter');
+  };
+  const cameras = [];
+  for (let i = 0; i < 3; i += 1) {
+    cameras.push((await camera(page)).position);
+    await page.focus('#key-add');
+    await page.keyboard.press('Enter');
+    await it.press('ArrowLeft');
+  }
+  const at = async (i, position) => {
+    await act(`Go to keyframe ${i}`);
+    await until(page, `keyframe ${i}`, `(s) => s.isIdle && String(s.camera.position) === '${position}'`);
+  };
+  await at(1, cameras[0]);
+  await act('Move keyframe 2 down');
+  assert.equal(await focused(), 'Go to keyframe 3', 'it is the last: there is no way further down');
+  await at(3, cameras[1]);
+  await at(2, cameras[2]);
+  await act('Move keyframe 3 up');
+  assert.equal(await focused(), 'Move keyframe 2 up', 'the focus goes with it');
+  await it.press('ArrowUp');
+  const { position } = await camera(page);
+  await act('Replace keyframe 1 by the view as it is');
+  assert.equal(await focused(), 'Replace keyframe 1 by the view as it is');
+  await it.press('ArrowDown');
+  await at(1, position);
+  await page.selectOption('#keys li:nth-child(2) select', 'smooth');
+  await page.locator('#volumes button', { hasText: 'engine' }).click();
+  await it.about('Keyframes say');
+  assert.equal(await page.locator('#keys li').count(), 0);
+  await page.locator('#volumes button', { hasText: 'phantom' }).click();
+  await it.about('3 keyframes');
+  await page.reload();
+  await picture(page);
+  await page.locator('#path > summary').click();
+  await it.about('3 keyframes, 4 s, 121 frames');
+  await at(1, position);
+  assert.equal(await page.inputValue('#keys li:nth-child(2) select'), 'smooth');
+  await act('Remove keyframe 3');
+  assert.equal(await focused(), 'Remove keyframe 2');
+  await it.about('2 keyframes');
+  await page.click('#keys-clear');
+  await page.keyboard.press('Escape');
+  await it.about('2 keyframes');
+  await page.click('#keys-clear');
+  await page.click('#ask-act');
+  await it.about('Keyframes say');
+  assert.deepEqual(it.said, []);
+});
+
+test('playing goes along the path to its end; whoever moves the view stops it', async (context) => {
+  const it = await open(context, daemon.url);
+  const { page } = it;
+  const first = await camera(page);
+  await page.click('#key-add');
+  await it.press('ArrowLeft', 15); // 60 degrees
+  const last = await camera(page);
+  await page.click('#key-add');
+  const near = (position) => `(s) => s.isIdle && s.camera.position.every((x, i) => Math.abs(x - ${JSON.stringify(position)}[i]) < 1e-6)`;
+  // The middle of the way lies on the arc, and so at the same distance.
+  await page.focus('#path-at');
+  await page.locator('#path-at').fill('30');
+  assert.equal(await page.getAttribute('#path-at', 'aria-valuetext'), '1 s');
+  await until(page, 'the middle', (s) => s.isIdle);
+  const { position } = await camera(page);
+  const away = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+  const distance = away(first.position, first.target);
+  assert.ok(Math.abs(away(position, first.target) - distance) < 1e-6 * distance);
+  assert.ok(Math.abs(away(position, first.position) - away(position, last.position)) < 1e-6 * distance);
+  await fill(page, { 'path-length': 0.5 });
+  await page.click('#path-play');
+  await until(page, 'the end', () => document.getElementById('path-play').textContent === 'Play'
+    && document.getElementById('path-at').value === document.getElementById('path-at').max);
+  await until(page, 'the last key', near(last.position));
+  await fill(page, { 'path-length': 600 });
+  await page.click('#path-play');
+  await until(page, 'the beginning', (s) => Number(document.getElementById('path-at').value) > 0 && s.sent > 0);
+  await page.focus('#screen');
+  await page.keyboard.press('f');
+  await page.locator('#path-play', { hasText: 'Play' }).waitFor();
+  assert.ok(Number(await page.inputValue('#path-at')) < 17000, 'it was on its way');
+  assert.deepEqual(it.said, []);
+});
+
+test('what the daemon refuses is told beside the control that is to blame', async (context) => {
+  const it = await open(context, daemon.url);
+  const { page } = it;
+  await page.click('#turn-add');
+  const complaint = (pointer, text) => page.locator(`[data-pointer="${pointer}"] + .complaint`, { hasText: text }).waitFor();
+  await fill(page, { 'path-width': 2000, 'path-height': 2000 });
+  await page.click('#path-draw');
+  await complaint('/path/size', '1048576');
+  assert.equal(await page.getAttribute('#path-width', 'aria-invalid'), 'true');
+  await shot(page, 'path-refused');
+  await fill(page, { 'path-width': 64, 'path-height': 64, 'path-fps': 240 });
+  assert.equal(await page.locator('.complaint').count(), 0);
+  await page.click('#path-draw');
+  await complaint('/path/frames', '1920 is outside [1, 500]');
+  // What the page knows to be wrong is not sent at all.
+  await fill(page, { 'path-fps': 0.5 });
+  await page.click('#path-draw');
+  assert.equal(await page.evaluate(() => document.getElementById('path-form').checkValidity()), false);
+  assert.equal(await page.locator('#paths li').count(), 0);
+  assert.deepEqual(it.said.filter((line) => !line.includes('422')), []);
+});
+
+test('a reload finds what is under way again, with what it waits for; it is cancelled when that is confirmed', async (context) => {
+  const small = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--path-bytes', '1K']);
+  context.after(() => small.stop());
+  const it = await open(context, small.url);
+  const { page } = it;
+  await page.click('#turn-add');
+  await page.selectOption('#path-format', 'png');
+  await fill(page, { 'path-width': 300, 'path-height': 200 });
+  await page.click('#path-draw');
+  await it.entry('waiting').locator('.state', { hasText: '--path-bytes' }).waitFor();
+  await page.locator('#path-busy', { hasText: '1 under way' }).waitFor();
+  await page.reload();
+  await picture(page);
+  await page.locator('#path-busy', { hasText: '1 under way' }).waitFor();
+  await page.locator('#path > summary').click();
+  await it.entry('waiting').locator('.state', { hasText: '--path-bytes' }).waitFor();
+  await shot(page, 'path-waiting');
+  const other = await open(context, small.url);
+  await other.entry('waiting').waitFor();
+  await page.locator('#paths .delete', { hasText: 'Cancel' }).click();
+  await shot(page, 'path-ask');
+  await page.locator('#ask button', { hasText: 'Leave it' }).click();
+  assert.equal(await page.locator('#paths li').count(), 1);
+  await it.remove();
+  await other.page.locator('#paths li').waitFor({ state: 'detached' });
+  assert.equal(await page.evaluate(() => document.activeElement.tagName), 'SUMMARY');
+  assert.deepEqual([...it.said, ...other.said], []);
+});
+
+test('who may make no paths is told why', async (context) => {
+  const token = tokenFile();
+  context.after(token.remove);
+  writeFileSync(token.file, `${token.text}\nwatch-${token.text} role=view\n`, { mode: 0o600 });
+  const own = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'cpu'], { token });
+  context.after(() => own.stop());
+  const host = await open(context, own.url);
+  const { id, token: join } = await host.page.evaluate(() => JSON.parse(Object.entries(sessionStorage).find(([k]) => k.endsWith('session'))[1]));
+  const guest = await open(context, `${new URL(own.url).origin}/#${new URLSearchParams({ session: id, token: join })}`);
+  await guest.page.locator('#path-note', { hasText: 'this page joined by a link' }).waitFor();
+  assert.ok(await guest.page.locator('#path-making').isHidden());
+  // A token of the daemon's whose role is too small.
+  const watcher = await openPage(browser);
+  context.after(() => watcher.context.close());
+  await watcher.page.goto(`${new URL(own.url).origin}/?token=watch-${token.text}`);
+  await watcher.page.locator('#banner', { hasText: 'refused' }).waitFor();
+  await watcher.page.goto(`${new URL(own.url).origin}/?session=${id}`);
+  await picture(watcher.page);
+  await watcher.page.locator('#path > summary').click();
+  await watcher.page.locator('#path-note', { hasText: 'the role of this token does not include this' }).waitFor();
+  await shot(watcher.page, 'path-role');
+  assert.ok(await watcher.page.locator('#path-making').isHidden());
+});
+
+const made = (id, more = {}) => ({
+  id, state: 'waiting', volume: 'phantom', size: [640, 480], format: 'webm', fps: 30, frames: 10, done: 0, bytes: 0, ...more,
+});
+
+test('few streams of events, whatever there is to watch; one that breaks off is taken up again', async (context) => {
+  const mock = await MockDaemon.start({
+    paths: [made('a'), made('c'), made('b', { state: 'running' }), made('d', { state: 'done', done: 10, bytes: 2345678 })],
+  });
+  context.after(() => mock.kill().catch(() => {}));
+  const it = await open(context, mock.url);
+  const { page } = it;
+  const state = (id, text) => page.locator(`#paths li[data-id="${id}"] .state`, { hasText: text }).waitFor();
+  await state('d', 'done, 2.3 MB');
+  await until(page, 'the list', () => document.querySelectorAll('#paths li').length === 4);
+  const watched = () => [...mock.watches].map(({ id }) => id).sort().join();
+  await eventually('two streams, first of what is drawn', () => watched() === 'a,b');
+  mock.follow('b', { done: 4, bytes: 5000 });
+  await state('b', '4 of 10, 5.0 kB');
+  mock.follow('a', { reason: 'the volume loads' });
+  await state('a', 'waiting: the volume loads');
+  mock.follow('c', { state: 'running', done: 2 }); // nobody watches it
+  await state('c', '2 of 10');
+  mock.follow('b', { state: 'failed', reason: 'a view that is none' }, 'failed');
+  await state('b', 'failed after 4 of 10: a view that is none');
+  await page.locator('#path-busy', { hasText: '2 under way' }).waitFor();
+  mock.follow('c', { done: 3 });
+  await state('c', '3 of 10');
+  assert.equal(watched(), 'a,c');
+  mock.dropWatches();
+  mock.follow('a', { state: 'running', reason: '', done: 9 });
+  await state('a', '9 of 10');
+  await page.locator('#path > summary').click();
+  await eventually('both streams', () => watched() === 'a,c');
+  mock.follow('a', { state: 'done', done: 10 }, 'done');
+  await page.locator('#notice', { hasText: 'A path of phantom is drawn: 10 frames.' }).waitFor();
+  assert.deepEqual(it.said.filter((line) => !line.includes('ERR_INCOMPLETE_CHUNKED_ENCODING')), []);
+});
+
+test('a keyframe that is to blame says so; anything else is told where it was asked for', async (context) => {
+  const mock = await MockDaemon.start({ volumes: [volume('phantom')] });
+  context.after(() => mock.kill().catch(() => {}));
+  const it = await open(context, mock.url);
+  const { page } = it;
+  await page.click('#turn-add');
+  mock.refusal = { status: 422, detail: 'too many points', pointer: '/keyframes/1/view/transfer_function/points' };
+  await page.click('#path-draw');
+  await page.locator('#keys li:nth-child(3) .complaint', { hasText: 'too many points' }).waitFor();
+  await shot(page, 'path-keyframe');
+  mock.refusal = { status: 507, detail: 'the files are full' };
+  await page.click('#path-draw');
+  await page.locator('[data-pointer="/path"] + .complaint', { hasText: 'the files are full' }).waitFor();
+  assert.equal(await page.locator('.complaint').count(), 1);
+  mock.refusal = null;
+  await page.click('#path-draw');
+  await it.entry('waiting').waitFor();
+  assert.equal(await page.locator('.complaint').count(), 0);
+});
+
+test('on a phone all of it is within the panel', async (context) => {
+  const it = await open(context, daemon.url, PHONE);
+  const { page } = it;
+  await page.tap('#turn-add');
+  await it.about('4 keyframes');
+  await fill(page, { 'path-length': 0.4, 'path-width': 64, 'path-height': 48 });
+  await page.tap('#path-draw');
+  await it.entry('done').waitFor();
+  const outside = await page.evaluate(() => {
+    const panel = document.getElementById('panel').getBoundingClientRect();
+    return [...document.querySelectorAll('#path select, #path input, #path button, #path output, #path .about')]
+      .filter((control) => control.checkVisibility())
+      .filter((control) => {
+        const box = control.getBoundingClientRect();
+        return box.width === 0 || box.left < panel.left || box.right > panel.right;
+      }).map((control) => control.id || control.outerHTML);
+  });
+  assert.deepEqual(outside, []);
+  await shot(page, 'phone-path');
+  await it.remove();
+  assert.deepEqual(it.said, []);
+});
