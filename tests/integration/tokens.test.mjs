@@ -38,6 +38,10 @@ test('each role may do what it is for, and is told 403 for the rest', async () =
   const { json: { id: kept } } = await post('/api/v1/views', {}, of('admin'));
   const ROLES = ['metrics', 'view', 'render', 'control', 'admin'];
   const preset = { view: { filter: { sigma: 1 } } };
+  const still = { size: [16, 16], frames: 1, keyframes: [{ frame: 0, view: {} }] };
+  const { json: { id: made } } = await post('/api/v1/paths', still, of('admin'));
+  for (let state; state !== 'done';) ({ json: { state } } = await daemon.json(`/api/v1/paths/${made}`));
+  const getPath = (what) => ['render control admin', (t) => daemon.fetch(`/api/v1/paths/${made}${what}`, { token: t })];
   const calls = [
     ['metrics admin', (t) => daemon.fetch('/metrics', { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/volumes', { token: t })],
@@ -48,6 +52,10 @@ test('each role may do what it is for, and is told 403 for the rest', async () =
     ['render control admin', (t) => post('/api/v1/render', { size: [16, 16] }, t), 'picture'],
     ['render control admin', (t) => daemon.fetch(`/api/v1/render/${kept}?size=16,16`, { token: t })],
     ['render control admin', (t) => post('/api/v1/views', { size: [17, 17] }, t)],
+    ['render control admin', (t) => daemon.json('/api/v1/paths', { token: t })],
+    ['render control admin', (t) => post('/api/v1/paths', still, t)],
+    ...['', '/events', '/frames/0', '/archive', '/movie'].map(getPath),
+    ['render control admin', (t) => daemon.fetch('/api/v1/paths/none', { method: 'DELETE', token: t })],
     ['control admin', (t) => post(`/api/v1/sessions/${session.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
     ['control admin', (t) => post('/api/v1/presets/one', preset, t, 'PUT'), 'put'],
     ['control admin', (t) => post('/api/v1/sessions', { from: kept }, t), 'session'],
