@@ -11,56 +11,22 @@
 
 #include <cmocka.h>
 
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "sp/encode.h"
 #include "sp/renderer.h"
-
-static atomic_long countdown = -1; /* allocations that still succeed; < 0 = all */
-
-static bool may_allocate(void) {
-    long left = atomic_load(&countdown);
-    if (left < 0)
-        return true;
-    return atomic_fetch_sub(&countdown, left > 0) > 0;
-}
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *memory, size_t size);
-void *__real_aligned_alloc(size_t alignment, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *memory, size_t size);
-void *__wrap_aligned_alloc(size_t alignment, size_t size);
-
-void *__wrap_malloc(size_t size) {
-    return may_allocate() ? __real_malloc(size) : NULL;
-}
-
-void *__wrap_calloc(size_t count, size_t size) {
-    return may_allocate() ? __real_calloc(count, size) : NULL;
-}
-
-void *__wrap_realloc(void *memory, size_t size) {
-    return may_allocate() ? __real_realloc(memory, size) : NULL;
-}
-
-void *__wrap_aligned_alloc(size_t alignment, size_t size) {
-    return may_allocate() ? __real_aligned_alloc(alignment, size) : NULL;
-}
+#include "support/played_memory.h"
 
 /* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds; returns how often it failed.
  */
 static int fail_each(bool (*attempt)(void *user, struct sp_error *err), void *user) {
     for (int n = 0; n < 1000; n++) {
         struct sp_error err = { .code = SP_OK };
-        atomic_store(&countdown, n);
+        memory_run_out(n, MEMORY_STAYS_OUT);
         bool ok = attempt(user, &err);
-        atomic_store(&countdown, -1);
+        memory_come_back();
         if (ok)
             return n;
         assert_int_equal(err.code, SP_ERR_MEMORY);

@@ -16,8 +16,6 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <signal.h>
-#include <sqlite3.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,56 +23,10 @@
 #include <unistd.h>
 
 #include "daemon.h"
+#include "support/played_memory.h"
 
-/* The allocator. */
-
-static _Thread_local bool is_exempt; /* the client's thread */
-static atomic_long countdown = -1;   /* allocations before the one that is refused; < 0 = none is */
-
-static bool is_refused(void) {
-    return !is_exempt && atomic_load(&countdown) >= 0 && atomic_fetch_sub(&countdown, 1) == 0;
-}
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *old, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *old, size_t size);
 /* The JSON library's own hook; its header belongs to protocol/json.c. */
 void json_set_alloc_funcs(void *(*allocate)(size_t), void (*release)(void *));
-
-void *__wrap_malloc(size_t size) {
-    return is_refused() ? NULL : __real_malloc(size);
-}
-
-void *__wrap_calloc(size_t count, size_t size) {
-    return is_refused() ? NULL : __real_calloc(count, size);
-}
-
-void *__wrap_realloc(void *old, size_t size) {
-    return is_refused() ? NULL : __real_realloc(old, size);
-}
-
-static sqlite3_mem_methods real_memory;
-
-static void *sqlite_malloc(int size) {
-    return is_refused() ? NULL : real_memory.xMalloc(size);
-}
-
-static void *sqlite_realloc(void *old, int size) {
-    return is_refused() ? NULL : real_memory.xRealloc(old, size);
-}
-
-/* From here on the n-th allocation is refused. */
-static void refuse(long n) {
-    atomic_store(&countdown, n);
-}
-
-/* Nothing is from here on; was anything? */
-static bool end_refusing(void) {
-    return atomic_exchange(&countdown, -1) < 0;
-}
 
 /* The daemon. */
 
@@ -245,9 +197,9 @@ static void each_allocation(const char *method, const char *path, const char *bo
     long n = 0;
     for (bool refused = true; refused; n++) {
         snprintf(text, sizeof text, body, n);
-        refuse(n);
+        memory_run_out(n, MEMORY_FAILS_ONCE);
         int status = ask(method, path, text);
-        refused = end_refusing();
+        refused = memory_come_back();
         bool is_told = status == 0 || status == 500 || status == 503 ||
                        (status == 400 && strstr(http.bytes, "not valid JSON")); /* see see() */
         if (status != expected && !(refused && is_told))
@@ -399,9 +351,9 @@ static void streams(void **state) {
     long n = 0;
     bool failed;
     for (bool refused = true; refused; n++) { /* to join and see the first picture */
-        refuse(n);
+        memory_run_out(n, MEMORY_FAILS_ONCE);
         bool ok = join() && see(0, &failed) && !failed;
-        refused = end_refusing();
+        refused = memory_come_back();
         assert_true(ok || refused);
         hang_up(&stream);
         if (!ok) { /* a view that failed is drawn again when it changes */
@@ -416,10 +368,10 @@ static void streams(void **state) {
     uint32_t seq = 0;
     n = 0;
     for (bool refused = true; refused; n++) {
-        refuse(n);
+        memory_run_out(n, MEMORY_FAILS_ONCE);
         update(++seq, 2 * n);
         bool is_open = see(seq, &failed);
-        refused = end_refusing();
+        refused = memory_come_back();
         assert_true((is_open && !failed) || refused);
         if (!is_open) {
             hang_up(&stream);
@@ -441,13 +393,9 @@ static void streams(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(requests), cmocka_unit_test(streams) };
-    is_exempt = true;
+    memory_spare_thread();
     signal(SIGPIPE, SIG_IGN);
-    sqlite3_config(SQLITE_CONFIG_GETMALLOC, &real_memory);
-    sqlite3_mem_methods failing = real_memory;
-    failing.xMalloc = sqlite_malloc;
-    failing.xRealloc = sqlite_realloc;
-    sqlite3_config(SQLITE_CONFIG_MALLOC, &failing);
-    json_set_alloc_funcs(__wrap_malloc, free);
+    memory_play_sqlite();
+    json_set_alloc_funcs(malloc, free); /* this program's, which runs out */
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

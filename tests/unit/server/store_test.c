@@ -24,31 +24,9 @@
 #include "bad_disk.h"
 #include "store/database.h"
 #include "store/store.h"
+#include "support/played_memory.h"
 
 static struct bad_disk *disk;
-
-/* Allocations of this program's own code; SQLite has its own hook. */
-static atomic_long memory_left = -1; /* allocations that still succeed; < 0 = all */
-
-static bool spend(void) {
-    long left = atomic_load(&memory_left);
-    while (left > 0 && !atomic_compare_exchange_weak(&memory_left, &left, left - 1)) {
-    }
-    return left != 0;
-}
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-
-void *__wrap_malloc(size_t size) {
-    return spend() ? __real_malloc(size) : NULL;
-}
-
-void *__wrap_calloc(size_t count, size_t size) {
-    return spend() ? __real_calloc(count, size) : NULL;
-}
 
 /* Folders that this program's own code brought to the disk; SQLite does that for its files. */
 static ino_t synced[8];
@@ -67,16 +45,6 @@ int __wrap_fsync(int fd) {
     if (fstat(fd, &found) == 0 && S_ISDIR(found.st_mode))
         synced[sync_count++ % 8] = found.st_ino;
     return __real_fsync(fd);
-}
-
-static sqlite3_mem_methods real_memory;
-
-static void *sqlite_malloc(int size) {
-    return spend() ? real_memory.xMalloc(size) : NULL;
-}
-
-static void *sqlite_realloc(void *old, int size) {
-    return spend() ? real_memory.xRealloc(old, size) : NULL;
 }
 
 /* Fixtures. */
@@ -554,10 +522,10 @@ static void no_memory(void **state) {
         struct srv_store_options o = options(*state);
         char text[32];
         snprintf(text, sizeof text, "%ld", n);
-        atomic_store(&memory_left, n);
+        memory_run_out(n, MEMORY_STAYS_OUT);
         struct srv_store *store = srv_store_create(&o, &err);
         if (!store) {
-            atomic_store(&memory_left, -1);
+            memory_come_back();
             assert_true(err.code != SP_OK && err.text[0]);
             failed_to_open++;
             continue;
@@ -565,9 +533,9 @@ static void no_memory(void **state) {
         assert_true(srv_store_start(store, NULL, NULL, &err));
         bool has_put = put(store, SRV_KIND_SESSION, "s", text);
         bool durable = has_put && flush(store);
-        whole = durable && atomic_load(&memory_left) > 0;
+        whole = !memory_come_back();
+        assert_true(durable || !whole);
         failed_to_write += !durable;
-        atomic_store(&memory_left, -1);
         if (has_put)
             holds(store, SRV_KIND_SESSION, "s", text);
         assert_true(flush(store));
@@ -641,11 +609,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(no_memory, set_up, tear_down),
         cmocka_unit_test_setup_teardown(from_many_threads, set_up, tear_down),
     };
-    sqlite3_config(SQLITE_CONFIG_GETMALLOC, &real_memory);
-    sqlite3_mem_methods failing = real_memory;
-    failing.xMalloc = sqlite_malloc;
-    failing.xRealloc = sqlite_realloc;
-    sqlite3_config(SQLITE_CONFIG_MALLOC, &failing);
+    memory_play_sqlite();
     disk = bad_disk_register();
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -16,38 +16,9 @@
 
 #include "http/ws_conn.h"
 #include "hub_fixture.h"
+#include "support/played_memory.h"
 
 enum { ROOM = 1 << 20 };
-
-/* The fail_in-th allocation from now on fails, and all after it; 0 = none. */
-static unsigned fail_in;
-
-static bool fails(void) {
-    if (fail_in > 1)
-        fail_in--;
-    else if (fail_in == 1)
-        return true;
-    return false;
-}
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *old, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *old, size_t size);
-
-void *__wrap_malloc(size_t size) {
-    return fails() ? NULL : __real_malloc(size);
-}
-
-void *__wrap_calloc(size_t count, size_t size) {
-    return fails() ? NULL : __real_calloc(count, size);
-}
-
-void *__wrap_realloc(void *old, size_t size) {
-    return fails() ? NULL : __real_realloc(old, size);
-}
 
 struct wire { /* what the client sent, and what it was sent */
     uint8_t *in, *out;
@@ -241,17 +212,16 @@ static void out_of_memory(void **state) {
     unsigned closed = 0;
     bool answered = false;
     (void)state;
-    for (unsigned n = 1; !answered; n++) {
+    for (unsigned n = 0; !answered; n++) {
         void *one = NULL;
         assert_int_equal(set_up(&one), 0);
         struct stream *s = one;
         run(s, 1); /* who is there, and the like */
         s->wire.out_size = 0;
         say(&s->wire, update, sizeof update - 1);
-        fail_in = n;
+        memory_run_out(n, MEMORY_STAYS_OUT);
         srv_ws_read(s->ws, 2);
-        answered = fail_in > 1;
-        fail_in = 0;
+        answered = !memory_come_back();
         run(s, 3);
         unsigned code = close_code(&s->wire);
         assert_true(code == 0 || code == 1011);

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "support/played_memory.h"
+
+#include <stdatomic.h>
+#include <stdlib.h>
+
+static _Thread_local bool is_spared;
+static atomic_long left = -1; /* allocations that succeed before one does not; < 0 = all */
+static atomic_bool stays_out, has_failed;
+
+void memory_run_out(long n, enum memory_end end) {
+    atomic_store(&stays_out, end == MEMORY_STAYS_OUT);
+    atomic_store(&has_failed, false);
+    atomic_store(&left, n);
+}
+
+bool memory_come_back(void) {
+    atomic_store(&left, -1);
+    return atomic_load(&has_failed);
+}
+
+void memory_spare_thread(void) {
+    is_spared = true;
+}
+
+bool memory_is_left(void) {
+    long n = atomic_load(&left);
+    if (is_spared)
+        return true;
+    while (n > 0 || (n == 0 && !atomic_load(&stays_out)))
+        if (atomic_compare_exchange_weak(&left, &n, n - 1))
+            break;
+    if (n != 0)
+        return true;
+    atomic_store(&has_failed, true);
+    return false;
+}
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *old, size_t size);
+void *__real_aligned_alloc(size_t alignment, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *old, size_t size);
+void *__wrap_aligned_alloc(size_t alignment, size_t size);
+
+void *__wrap_malloc(size_t size) {
+    return memory_is_left() ? __real_malloc(size) : NULL;
+}
+
+void *__wrap_calloc(size_t count, size_t size) {
+    return memory_is_left() ? __real_calloc(count, size) : NULL;
+}
+
+void *__wrap_realloc(void *old, size_t size) {
+    return memory_is_left() ? __real_realloc(old, size) : NULL;
+}
+
+void *__wrap_aligned_alloc(size_t alignment, size_t size) {
+    return memory_is_left() ? __real_aligned_alloc(alignment, size) : NULL;
+}
