@@ -10,6 +10,7 @@
 #include "clock.h"
 #include "jobs/jobs_private.h"
 #include "jobs/movie.h"
+#include "nice.h"
 #include "render/video.h"
 #include "sp/log.h"
 

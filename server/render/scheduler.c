@@ -3,14 +3,11 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include "clock.h"
 #include "render/scheduler_private.h"
 #include "sp/log.h"
 
-enum { BACKGROUND_NICE = 10 };
 #define POOL_IDLE_BYTES ((size_t)128 << 20)
 
 struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *options,
@@ -146,14 +143,6 @@ void srv_scheduler_stop(struct srv_scheduler *s) {
     }
     srv_stills_drop(s);
     srv_encode_stop(s);
-}
-
-void srv_be_nice(const char *who) {
-    id_t thread = (id_t)gettid();
-    errno = 0;
-    int niceness = getpriority(PRIO_PROCESS, thread);
-    if (errno != 0 || setpriority(PRIO_PROCESS, thread, niceness + BACKGROUND_NICE) != 0)
-        sp_log(SP_LOG_WARN, "%s cannot be nice: %s", who, strerror(errno));
 }
 
 void srv_scheduler_destroy(struct srv_scheduler **scheduler) {

@@ -104,8 +104,4 @@ void srv_scheduler_interrupt(void *scheduler, uint64_t of, enum srv_interrupt wh
 void srv_scheduler_forget(void *scheduler, struct sp_volume *volume);
 bool srv_scheduler_supports(void *scheduler, const struct sp_view *view, struct sp_error *err);
 
-/* The calling thread, and those that it starts, go behind the daemon's others from now on. `who`:
- * for the log, where that is not allowed. */
-void srv_be_nice(const char *who);
-
 #endif

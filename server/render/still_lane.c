@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "clock.h"
+#include "nice.h"
 #include "render/scheduler_private.h"
 #include "session/share.h"
 #include "sp/log.h"
