@@ -1,18 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * TLS in front of the HTTP library, whose own breaks upgraded connections. One thread accepts,
- * shakes hands and carries bytes; behind it everything is as it is without TLS:
+ * TLS in front of the HTTP library, whose own breaks upgraded connections. Behind it everything is
+ * as it is without TLS:
  *
  *   client ◄──TCP──► GnuTLS ◄── 16 KiB up, 16 KiB down ──► one end │ other end ──► give()
- *                    └───────── the TLS thread ──────────────┘      socket pair
+ *                                                            └──────┘ socket pair
  *
- *   accepted ──► handshake ──► open ──► lingers ──► closed
- *                    │                     ▲
- *                    └─ plain HTTP: told so ┘
+ *   the gate      accepted ──► handshake ──► failed, plain HTTP ──► lingers ──► closed
+ *                                │
+ *   the carrier                  └──► open ──► lingers ──► closed
+ *
+ * Two threads, since a handshake costs a hundred times what it costs to carry a picture's buffer,
+ * and whoever likes may begin one: the gate is nice, one for all handshakes, which take turns. So
+ * who floods it takes a share of the processor that a nice thread gets, and from open connections
+ * nothing else: none of their bytes waits for a handshake.
  *
  * Bounded: a connection costs two buffers and GnuTLS's session; a handshake has a deadline; of too
  * many handshakes the oldest ends, so that clients which dawdle keep nobody out; beyond
- * connections_max, and for one host beyond accepted_from(), the newest is closed at once.
+ * connections_max, for one host beyond accepted_from(), and without descriptors the newest is
+ * closed at once.
  * Back-pressure goes through: a side is read only while the other takes it. An end of either side
  * is passed on after the bytes before it; the time limits of an open connection are those of
  * whoever has the other end, and once that end is closed, linger_ms.
@@ -39,9 +45,9 @@ struct srv_tls_options {
     struct srv_metrics *metrics; /* not owned; NULL = what is refused is not counted */
     void *user;
     /* Connections that one host may have at a time, as connections_max; NULL = any number. On the
-     * TLS thread. */
+     * gate. */
     unsigned (*accepted_from)(void *user, const struct sockaddr *host);
-    /* Takes the other end over, also when false: then the connection ends. On the TLS thread. */
+    /* Takes the other end over, also when false: then the connection ends. On the carrier. */
     bool (*give)(void *user, int socket, const struct sockaddr *peer, socklen_t size);
 };
 
