@@ -7,11 +7,13 @@
 //
 // The clients share the machine with the daemon, and their work is in every figure. One line a measurement:
 //   part, clients, size, fps_min, fps_mean, p50_ms, p95_ms, p99_ms, kbytes_frame, rss_mib, cpu_share, note
-import { spawn } from 'node:child_process';
+import { execFileSync, spawn } from 'node:child_process';
 import { once } from 'node:events';
 import fs from 'node:fs';
 import net from 'node:net';
+import os from 'node:os';
 import path from 'node:path';
+import tls from 'node:tls';
 import { parseArgs } from 'node:util';
 import WebSocket from 'ws';
 
@@ -30,12 +32,14 @@ const { values: options } = parseArgs({
     disturb: { type: 'string' }, // this process is a client of that temper
     port: { type: 'string' },
     token: { type: 'string' },
+    secure: { type: 'boolean' },
     help: { type: 'boolean' },
   },
 });
 const seconds = Number(options.seconds);
 const pause = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
 const rows = [];
+process.env.NODE_TLS_REJECT_UNAUTHORIZED = '0'; // the daemon's certificate is made for the run
 
 function note(row) {
   rows.push(row);
@@ -65,6 +69,7 @@ class Daemon {
     const url = new URL(address[1]);
     daemon.port = Number(url.port);
     daemon.token = url.searchParams.get('token');
+    daemon.secure = url.protocol === 'https:';
     await daemon.look();
     return daemon;
   }
@@ -78,7 +83,7 @@ class Daemon {
   }
 
   async ask(method, target, body) {
-    const answer = await fetch(`http://127.0.0.1:${this.port}/api/v1/${target}`, {
+    const answer = await fetch(`http${this.secure ? 's' : ''}://127.0.0.1:${this.port}/api/v1/${target}`, {
       method, body: body && JSON.stringify(body), headers: { Authorization: `Bearer ${this.token}`, 'Content-Type': 'application/json' },
     });
     const text = await answer.text();
@@ -120,7 +125,7 @@ class Client {
   static async open(daemon, session, { role = 'control', delay = 0 } = {}) {
     const client = new Client();
     client.view = session.view ?? daemon.view;
-    client.socket = new WebSocket(`ws://127.0.0.1:${daemon.port}/api/v1/sessions/${session.id}/stream?token=${session.tokens[role]}`,
+    client.socket = new WebSocket(`ws${daemon.secure ? 's' : ''}://127.0.0.1:${daemon.port}/api/v1/sessions/${session.id}/stream?token=${session.tokens[role]}`,
       ['splatd.v1'], { perMessageDeflate: false });
     client.socket.on('message', (data, isBinary) => isBinary && client.#take(data, delay));
     client.socket.on('error', () => {});
@@ -287,23 +292,57 @@ const disturbers = {
   },
 };
 
+/** The first message of a TLS client. */
+async function greeting() {
+  const server = net.createServer().listen(0, '127.0.0.1');
+  await once(server, 'listening');
+  const client = tls.connect({ port: server.address().port, host: '127.0.0.1', ecdhCurve: 'P-256' }).on('error', () => {});
+  const [socket] = await once(server, 'connection');
+  const [hello] = await once(socket, 'data');
+  [client, socket, server].forEach((one) => (one.destroy ?? one.close).call(one));
+  return hello;
+}
+
+/** Costs whoever does it next to nothing, and the daemon a signature each time. */
+const secureDisturbers = {
+  'beginning TLS handshakes': async (daemon) => {
+    const hello = await greeting();
+    const begin = () => {
+      const socket = net.connect(daemon.port, '127.0.0.1', () => socket.write(hello));
+      socket.on('error', () => {}).on('close', begin).once('data', () => socket.resetAndDestroy());
+    };
+    for (let i = 0; i < 64; i++) begin();
+  },
+};
+
 async function disturb(kind) {
-  const daemon = Object.assign(new Daemon(), { port: Number(options.port), token: options.token });
+  const daemon = Object.assign(new Daemon(), { port: Number(options.port), token: options.token, secure: options.secure });
   await daemon.look();
-  await disturbers[kind](daemon);
+  await { ...disturbers, ...secureDisturbers }[kind](daemon);
   process.stdout.write('at work\n');
 }
 
 /** One client at work, alone and beside others that are slow, stalled, greedy or flooding. The machine has moods: each is compared with
  * the time alone just before and just after. */
 async function fairness() {
-  const daemon = await Daemon.start('auto', ['--stall-time', '3600']);
+  await fairBeside(disturbers, []);
+  const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'splat-serve-'));
+  const [cert, key] = ['cert.pem', 'key.pem'].map((name) => path.join(folder, name));
+  execFileSync('openssl', ['req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-days', '2', '-subj', '/CN=bench', '-keyout', key, '-out', cert],
+    { stdio: 'ignore' });
+  await fairBeside(secureDisturbers, ['--tls-cert', cert, '--tls-key', key]);
+  fs.rmSync(folder, { recursive: true });
+}
+
+async function fairBeside(kinds, args) {
+  const daemon = await Daemon.start('auto', ['--stall-time', '3600', ...args]);
   const fast = await Client.open(daemon, await daemon.session(512));
   fast.drive();
   let before = await watch(daemon, [fast]);
-  note({ part: 'fairness', clients: 1, size: 512, ...before, note: 'alone' });
-  for (const kind of Object.keys(disturbers)) {
-    const other = spawn(process.execPath, [process.argv[1], '--disturb', kind, '--port', String(daemon.port), '--token', daemon.token],
+  note({ part: 'fairness', clients: 1, size: 512, ...before, note: `alone${daemon.secure ? ', by TLS' : ''}` });
+  for (const kind of Object.keys(kinds)) {
+    const other = spawn(process.execPath, [process.argv[1], '--disturb', kind, '--port', String(daemon.port), '--token', daemon.token,
+      ...(daemon.secure ? ['--secure'] : [])],
       { stdio: ['ignore', 'pipe', 'inherit'] });
     await once(other.stdout, 'data');
     const beside = await watch(daemon, [fast]);
