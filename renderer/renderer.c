@@ -387,6 +387,7 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame)
         return false;
+    frame->is_opaque = view->background[3] == 1; /* whatever lies over it (frame/resolve.h) */
     struct flight *f = flight_at(renderer, renderer->begun);
     f->view = *view;
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),

@@ -37,10 +37,10 @@ static bool is_row_opaque(const struct sp_frame *frame, uint32_t y) {
 }
 
 bool sp_frame_is_opaque(const struct sp_frame *frame) {
-    for (uint32_t y = 0; y < frame->height; y++)
-        if (!is_row_opaque(frame, y))
-            return false;
-    return true;
+    uint32_t y = frame->is_opaque ? frame->height : 0;
+    while (y < frame->height && is_row_opaque(frame, y))
+        y++;
+    return y == frame->height;
 }
 
 /* One row as RGBA of 8 bit, alpha not associated or (over_black) multiplied in. */

@@ -99,21 +99,27 @@ static void draw_gradient(const struct sp_view *view, const struct sp_frame *fra
     }
 }
 
-/* The bars lie in the lowest three tenths, one below the other. */
+/* The bars lie in the lowest three tenths, one below the other. The first row of each is drawn, the
+   others are copies of it. */
 static void draw_bars(const struct sp_view *view, const struct sp_frame *frame,
                       const float bars[3]) {
     static const float colors[3][3] = { { 0.9f, 0.3f, 0.2f },
                                         { 0.3f, 0.8f, 0.3f },
                                         { 0.3f, 0.5f, 1.0f } };
+    const size_t pixel = frame->format == SP_RGBAF32 ? 16 : 4;
+    int drawn = -1;
     for (uint32_t y = 0; y < frame->height; y++) {
         float v = ((float)y + 0.5f) / (float)view->size[1];
         int bar = (int)((v - 0.7f) * 10);
         if (v < 0.7f || bar >= 3)
             continue;
         unsigned char *row = (unsigned char *)frame->pixels + y * frame->stride_bytes;
-        for (uint32_t x = 0;
-             x < frame->width && ((float)x + 0.5f) / (float)view->size[0] < bars[bar]; x++)
+        uint32_t end = (uint32_t)ceilf(bars[bar] * (float)view->size[0] - 0.5f);
+        if (bar == drawn)
+            memcpy(row, row - frame->stride_bytes, end * pixel);
+        for (uint32_t x = 0; x < end && bar != drawn; x++)
             write_pixel(frame, row, x, colors[bar]);
+        drawn = bar;
     }
 }
 

@@ -6,6 +6,7 @@
 #ifndef SP_FRAME_H
 #define SP_FRAME_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -44,6 +45,7 @@ struct sp_frame {
     enum sp_pixel_format format;
     size_t stride_bytes; /* multiple of 64 */
     void *pixels;        /* 64-byte aligned, height · stride_bytes, owned by the frame */
+    bool is_opaque;      /* every alpha is 1, to 8 bits; false = that is not known */
     struct sp_frame_stats stats;
 };
 

@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "encode/convert.h"
 #include "sp/log.h"
 #include "sp/renderer.h"
 #include "support/render.h"
@@ -55,6 +56,7 @@ static void make_view(struct sp_view *view, const struct sp_volume *volume) {
         .point_count = 2,
         .points = { { 100, { 1, 0.5f, 0.2f }, 0 }, { 900, { 0.2f, 0.6f, 1 }, 0.3f } },
     };
+    view->background[3] = 0; /* alpha is what was drawn */
     view->camera.target[0] = view->camera.target[1] = view->camera.target[2] = 0;
     view->camera.position[0] = 20;
     view->camera.position[1] = -45;
@@ -223,6 +225,61 @@ static void extreme_views_stay_finite(void **state) {
     finish_rig(&rig);
 }
 
+/* Draws in both formats. */
+static void check_opaque(struct test_renderer *r, struct sp_volume *volume, struct sp_view *view,
+                         unsigned coarse) {
+    struct sp_error err;
+    for (int opaque = 0; opaque < 2; opaque++)
+        for (int format = SP_RGBA8; format <= SP_RGBAF32; format++) {
+            struct sp_render_options o = { .format = (enum sp_pixel_format)format,
+                                           .coarse = coarse };
+            view->background[3] = opaque ? 1 : 0.9f;
+            struct sp_frame *frame =
+                sp_renderer_render(r->renderer, volume, view, r->pool, &o, &err);
+            if (!frame)
+                fail_msg("%s: %s", err.place, err.text);
+            assert_int_equal(frame->is_opaque, opaque);
+            frame->is_opaque = false; /* look at every pixel */
+            assert_true(!opaque || sp_frame_is_opaque(frame));
+            sp_frame_unref(&frame);
+        }
+}
+
+static void over_an_opaque_background_every_pixel_is(void **state) {
+    (void)state;
+    struct sp_volume *volumes[2] = { make_ball(false), make_ball(true) };
+    struct test_target target = { "null", "auto" };
+    srand(18);
+    for (unsigned t = 0; t == 0 || test_target_at(t - 1, &target); t++) {
+        struct test_renderer r;
+        struct sp_error err;
+        unsigned coarse, drawn = 0;
+        /* A GPU's driver compiles shaders for every choice. */
+        const unsigned step = strcmp(target.backend, "cpu") == 0 ? 29 : 1021;
+        bool rectilinear;
+        struct sp_view view;
+        if (!test_renderer_open(&r, &target, 1, &err)) {
+            print_message("  skipped: %s\n", err.text);
+            continue;
+        }
+        make_view(&view, volumes[0]);
+        for (unsigned n = 0; choose(n, &view, &coarse, &rectilinear); n += step) {
+            if (drawn % 2)
+                extreme(&view);
+            if (sp_view_validate(&view, NULL) && sp_renderer_supports(r.renderer, &view, NULL)) {
+                check_opaque(&r, volumes[rectilinear], &view, coarse);
+                drawn++;
+            }
+            make_view(&view, volumes[0]);
+        }
+        print_message("  %s %s: %u views\n", target.backend, target.isa, drawn);
+        assert_true(drawn >= 5);
+        test_renderer_close(&r);
+    }
+    for (int i = 0; i < 2; i++)
+        sp_volume_unref(&volumes[i]);
+}
+
 /* "Nothing below" may be said as far away as one likes. */
 static void a_point_far_below_changes_nothing(void **state) {
     (void)state;
@@ -273,6 +330,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_choice_draws),
         cmocka_unit_test(extreme_views_stay_finite),
+        cmocka_unit_test(over_an_opaque_background_every_pixel_is),
         cmocka_unit_test(a_point_far_below_changes_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
