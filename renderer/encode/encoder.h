@@ -23,8 +23,10 @@ struct sp_buffer { /* memory kept from image to image; {0} is empty */
 struct sp_encoder {
     struct sp_buffer pixels; /* the frame as its format wants it, when it must be converted */
     struct sp_buffer output;
-    void *jpeg;              /* tjhandle; NULL until the first JPEG */
-    enum sp_chroma chroma;   /* of JPEGs */
+    void *jpeg;            /* tjhandle; NULL until the first JPEG */
+    enum sp_chroma chroma; /* of JPEGs */
+    sp_share_fn *share;    /* NULL = it makes all stripes of a JPEG itself */
+    void *share_user;
     sp_oiio_encode_fn *oiio; /* NULL until the first other image; the library is never unloaded */
 };
 

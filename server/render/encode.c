@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The encode threads: frames become pictures, for the outboxes of participants or the answers of
- * stills.
+ * stills. A thread with nothing else to do lends a hand with the stripes of another's large JPEG,
+ * which so is there sooner; when all have work of their own each does its own.
  */
 #include <assert.h>
 #include <stdlib.h>
@@ -162,16 +163,53 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
     free(job);
 }
 
-struct encode_start {
-    struct srv_scheduler *scheduler;
-    struct sp_encoder *encoder;
-    bool stills; /* takes stills too */
-};
+/* Takes the next stripe, encodes it, and looks whether all are there. With the mutex held, and held
+ * again after; false if all are taken. */
+static bool make_stripe(struct srv_scheduler *s, struct srv_picture *picture,
+                        struct sp_encoder *with) {
+    if (picture->taken == picture->count)
+        return false;
+    unsigned i = picture->taken++;
+    pthread_mutex_unlock(&s->mutex);
+    picture->stripe(picture->of, i, with);
+    pthread_mutex_lock(&s->mutex);
+    if (++picture->made == picture->count)
+        pthread_cond_broadcast(&s->made);
+    return true;
+}
+
+static void share_stripes(void *user, struct sp_encoder *own, unsigned count, sp_stripe_fn *stripe,
+                          void *of) {
+    struct srv_encode_thread *thread = user;
+    struct srv_scheduler *s = thread->scheduler;
+    struct srv_picture *picture = &thread->picture;
+    pthread_mutex_lock(&s->mutex);
+    *picture = (struct srv_picture){ .count = count, .stripe = stripe, .of = of };
+    pthread_cond_broadcast(&s->encode);
+    while (make_stripe(s, picture, own))
+        ;
+    while (picture->made < count)
+        pthread_cond_wait(&s->made, &s->mutex);
+    pthread_mutex_unlock(&s->mutex);
+}
+
+/* A stripe of another's picture, if there is one. As make_stripe(). */
+static bool lend_hand(struct srv_encode_thread *thread) {
+    struct srv_scheduler *s = thread->scheduler;
+    for (unsigned i = 0; i < s->options.encode_threads; i++) {
+        struct srv_encode_thread *other = &s->encode_threads[i];
+        if ((thread->stills || !other->at_still) &&
+            make_stripe(s, &other->picture, thread->encoder))
+            return true;
+    }
+    return false;
+}
 
 /* Takes the oldest work that this thread may do. With the mutex held; false if there is none. */
-static bool take_work(struct srv_scheduler *s, bool stills, struct srv_work *work) {
+static bool take_work(struct srv_encode_thread *thread, struct srv_work *work) {
+    struct srv_scheduler *s = thread->scheduler;
     unsigned i = 0;
-    while (i < s->encode_count && s->encode_queue[i].still && !stills)
+    while (i < s->encode_count && s->encode_queue[i].still && !thread->stills)
         i++;
     if (i == s->encode_count)
         return false;
@@ -181,6 +219,7 @@ static bool take_work(struct srv_scheduler *s, bool stills, struct srv_work *wor
     struct srv_lane *lane = &s->lanes[work->still ? SRV_LANE_STILLS : SRV_LANE_STREAMS];
     lane->encodes--; /* there is room */
     srv_lane_wake(lane);
+    thread->at_still = work->still;
     return true;
 }
 
@@ -193,13 +232,14 @@ static void give_back_videos(struct srv_scheduler *s) {
 }
 
 static void *encode_main(void *user) {
-    struct encode_start start = *(struct encode_start *)user;
-    free(user);
-    struct srv_scheduler *s = start.scheduler;
+    struct srv_encode_thread *thread = user;
+    struct srv_scheduler *s = thread->scheduler;
     pthread_mutex_lock(&s->mutex);
     for (;;) {
         struct srv_work work;
-        if (!take_work(s, start.stills, &work)) {
+        if (!take_work(thread, &work)) {
+            if (lend_hand(thread))
+                continue;
             if (s->encode_stop)
                 break;
             if (s->videos_due)
@@ -210,9 +250,9 @@ static void *encode_main(void *user) {
         }
         pthread_mutex_unlock(&s->mutex);
         if (work.job)
-            encode_job(s, start.encoder, &work);
+            encode_job(s, thread->encoder, &work);
         else
-            encode_still(s, start.encoder, &work);
+            encode_still(s, thread->encoder, &work);
         sp_frame_unref(&work.frame);
         pthread_mutex_lock(&s->mutex);
     }
@@ -225,25 +265,36 @@ void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work) {
     s->lanes[work.still ? SRV_LANE_STILLS : SRV_LANE_STREAMS].encodes++;
     assert(s->encode_count < SRV_ENCODE_QUEUE);
     s->encode_queue[s->encode_count++] = work;
-    pthread_cond_broadcast(&s->encode);
+    if (work.still) /* which not every thread takes */
+        pthread_cond_broadcast(&s->encode);
+    else
+        pthread_cond_signal(&s->encode);
     pthread_mutex_unlock(&s->mutex);
+}
+
+bool srv_encode_create(struct srv_scheduler *s, struct sp_error *err) {
+    const unsigned count = s->options.encode_threads;
+    for (unsigned i = 0; i < count; i++) {
+        struct srv_encode_thread *thread = &s->encode_threads[i];
+        thread->scheduler = s;
+        thread->stills = i > 0 || count == 1;
+        thread->encoder = sp_encoder_create(err);
+        if (!thread->encoder)
+            return false;
+        if (count > 1)
+            sp_encoder_set_share(thread->encoder, share_stripes, thread);
+    }
+    return true;
 }
 
 bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err) {
     for (unsigned i = 0; i < s->options.encode_threads; i++) {
-        struct encode_start *start = malloc(sizeof *start);
-        if (!start)
-            return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start an encode thread");
-        *start = (struct encode_start){ .scheduler = s,
-                                        .encoder = s->encoders[i],
-                                        .stills = i > 0 || s->options.encode_threads == 1 };
-        int failed = pthread_create(&s->encode_threads[i], NULL, encode_main, start);
-        if (failed) {
-            free(start);
+        struct srv_encode_thread *thread = &s->encode_threads[i];
+        int failed = pthread_create(&thread->thread, NULL, encode_main, thread);
+        if (failed)
             return sp_fail(err, SP_ERR_IO, NULL, "cannot start an encode thread: %s",
                            strerror(failed));
-        }
-        s->encode_thread_count++;
+        thread->running = true;
     }
     return true;
 }
@@ -253,6 +304,15 @@ void srv_encode_stop(struct srv_scheduler *s) {
     s->encode_stop = true;
     pthread_cond_broadcast(&s->encode);
     pthread_mutex_unlock(&s->mutex);
-    while (s->encode_thread_count > 0)
-        pthread_join(s->encode_threads[--s->encode_thread_count], NULL);
+    for (unsigned i = 0; i < s->options.encode_threads; i++) {
+        struct srv_encode_thread *thread = &s->encode_threads[i];
+        if (thread->running)
+            pthread_join(thread->thread, NULL);
+        thread->running = false;
+    }
+}
+
+void srv_encode_destroy(struct srv_scheduler *s) {
+    for (unsigned i = 0; i < s->options.encode_threads; i++)
+        sp_encoder_destroy(&s->encode_threads[i].encoder);
 }

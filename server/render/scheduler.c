@@ -26,11 +26,11 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
     for (int l = 0; l < SRV_LANES; l++)
         pthread_cond_init(&s->lanes[l].wake, &monotonic);
     pthread_cond_init(&s->encode, NULL);
+    pthread_cond_init(&s->made, NULL);
     pthread_condattr_destroy(&monotonic);
     bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL &&
-              (s->videos = srv_videos_create(options->video_px, options->metrics, err)) != NULL;
-    for (unsigned i = 0; ok && i < options->encode_threads; i++)
-        ok = (s->encoders[i] = sp_encoder_create(err)) != NULL;
+              (s->videos = srv_videos_create(options->video_px, options->metrics, err)) != NULL &&
+              srv_encode_create(s, err);
     if (!ok) {
         srv_scheduler_destroy(&s);
         return NULL;
@@ -157,10 +157,10 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
         sp_renderer_destroy(&s->lanes[l].renderer);
         pthread_cond_destroy(&s->lanes[l].wake);
     }
-    for (unsigned i = 0; i < s->options.encode_threads; i++)
-        sp_encoder_destroy(&s->encoders[i]);
+    srv_encode_destroy(s);
     srv_videos_destroy(&s->videos);
     sp_frame_pool_destroy(&s->pool);
+    pthread_cond_destroy(&s->made);
     pthread_cond_destroy(&s->encode);
     pthread_mutex_destroy(&s->mutex);
     free(s);

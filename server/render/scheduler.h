@@ -9,7 +9,7 @@
  * The lanes share nothing but the processor, where the still lane is nice: a still of many seconds
  * takes little from a view that moves, and a view that moves for an hour does not stop a still. The
  * still lane's renderer is made for the first still. Of several encode threads the first is for
- * streams alone.
+ * streams alone. Those that are idle take part in another's large JPEG.
  *
  * In the stream lane moving views go first, each session has an equal share of its time, and a
  * refinement gives way to what moves (session/turn.c). Where the renderer takes several frames at a

@@ -53,6 +53,21 @@ struct srv_work { /* a rendered frame on its way to an encoder: of a job or of a
     bool again; /* the frame is an earlier job's */
 };
 
+struct srv_picture {             /* a large JPEG, whose stripes are made by who has time */
+    unsigned count, taken, made; /* stripes */
+    sp_stripe_fn *stripe;
+    void *of;
+};
+struct srv_encode_thread {
+    struct srv_scheduler *scheduler;
+    pthread_t thread;
+    bool running; /* there is a thread to join; of who starts and stops it */
+    bool stills;  /* takes stills, too */
+    bool at_still;
+    struct sp_encoder *encoder;
+    struct srv_picture picture; /* that it shares */
+};
+
 enum srv_lane_name { SRV_LANE_STREAMS, SRV_LANE_STILLS, SRV_LANES };
 
 struct srv_lane {
@@ -72,7 +87,8 @@ struct srv_scheduler {
     struct sp_frame_pool *pool;
     struct srv_hub *hub;
     pthread_mutex_t mutex;
-    pthread_cond_t encode;            /* the encode threads: work, stop */
+    pthread_cond_t encode;            /* the encode threads: work, stripes, stop */
+    pthread_cond_t made;              /* the last stripe of a picture is */
     struct srv_still_item *stills;    /* in flight, oldest first */
     struct srv_still_item *still_now; /* being drawn */
     unsigned still_unanswered;        /* who asked for one and has no answer */
@@ -92,9 +108,7 @@ struct srv_scheduler {
     } kept;
     bool stop, encode_stop;
     bool videos_due; /* an encode thread with nothing else to do gives idle encoders back */
-    pthread_t encode_threads[SRV_ENCODE_THREADS_MAX];
-    unsigned encode_thread_count;
-    struct sp_encoder *encoders[SRV_ENCODE_THREADS_MAX];
+    struct srv_encode_thread encode_threads[SRV_ENCODE_THREADS_MAX];
     struct srv_videos *videos;
 };
 
@@ -122,9 +136,12 @@ void *srv_still_lane_main(void *user);
 
 /* Takes over the work. */
 void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work);
+/* What the threads need; the threads. */
+bool srv_encode_create(struct srv_scheduler *s, struct sp_error *err);
 bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err);
 /* When nothing more is passed on: encodes what waits, and ends the threads. */
 void srv_encode_stop(struct srv_scheduler *s);
+void srv_encode_destroy(struct srv_scheduler *s);
 
 /* A job that came to nothing; takes it over. elapsed_ms: of rendering that was cancelled. */
 void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,

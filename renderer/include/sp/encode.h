@@ -47,6 +47,16 @@ enum sp_chroma sp_chroma_at(enum sp_chroma chroma, int quality);
 /* Of this encoder's next JPEGs; AUTO at first. */
 void sp_encoder_set_chroma(struct sp_encoder *encoder, enum sp_chroma chroma);
 
+/* A large JPEG is made of stripes, which several threads may encode at once: a share calls
+ * stripe(of, i, with) once for each i < count, on any threads, each with an encoder that nobody
+ * uses meanwhile (`own` is the one that was asked for the JPEG), and returns when all have
+ * returned. The bytes are the same whoever made which. Without a share the caller of sp_encode()
+ * makes all of them. */
+typedef void sp_stripe_fn(void *of, unsigned i, struct sp_encoder *with);
+typedef void sp_share_fn(void *user, struct sp_encoder *own, unsigned count, sp_stripe_fn *stripe,
+                         void *of);
+void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user);
+
 /* quality in [1,100] (JPEG, WebP; ignored by the lossless ones). JPEG has no
  * alpha: it shows the frame over black.
  * *bytes stay owned by the encoder and valid until its next call. */

@@ -17,8 +17,10 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <turbojpeg.h>
+
+#include "encode/convert.h"
 #include "read_image.h"
-#include "sp/encode.h"
 
 /* A frame of our own, odd-sized so that rows have padding, which is filled with rubbish. */
 static struct sp_frame make_frame(uint32_t width, uint32_t height, enum sp_pixel_format format) {
@@ -203,6 +205,160 @@ static void jpeg_chroma_is_chosen(void **state) {
     assert_int_equal(sp_chroma_at(SP_CHROMA_AUTO, 89), SP_CHROMA_420);
     assert_int_equal(sp_chroma_at(SP_CHROMA_AUTO, 90), SP_CHROMA_444);
     assert_int_equal(sp_chroma_at(SP_CHROMA_422, 90), SP_CHROMA_422);
+    free(frame.pixels);
+}
+
+/* The picture by one call of the library. */
+static struct decoded_image encode_whole(const struct sp_frame *frame, int sampling) {
+    tjhandle library = tjInitCompress();
+    unsigned char *bytes = NULL;
+    unsigned long size = 0;
+    struct decoded_image image;
+    assert_int_equal(tjCompress2(library, frame->pixels, (int)frame->width,
+                                 (int)frame->stride_bytes, (int)frame->height, TJPF_RGBX, &bytes,
+                                 &size, sampling, 80, 0),
+                     0);
+    assert_true(read_image(".jpg", bytes, size, &image));
+    tjFree(bytes);
+    tjDestroy(library);
+    return image;
+}
+
+/* Restart marks in a JPEG; 255 is followed by 0 where it is part of what is coded. */
+static unsigned count_restarts(const uint8_t *bytes, size_t size) {
+    unsigned count = 0;
+    for (size_t i = 0; i + 1 < size; i++)
+        if (bytes[i] == 0xff && bytes[i + 1] >= 0xd0 && bytes[i + 1] <= 0xd7)
+            assert_int_equal(bytes[i + 1], 0xd0 + count++ % 8);
+    return count;
+}
+
+static const struct {
+    enum sp_chroma chroma;
+    int sampling;
+} samplings[] = { { SP_CHROMA_444, TJSAMP_444 },
+                  { SP_CHROMA_422, TJSAMP_422 },
+                  { SP_CHROMA_420, TJSAMP_420 } };
+
+static void stripes_change_no_pixel(void **state) {
+    (void)state;
+    static const struct {
+        uint32_t width, height;
+        unsigned stripes;
+    } cases[] = {
+        { 362, 362, 1 }, { 512, 512, 2 }, { 1021, 1023, 7 },  { 8192, 33, 2 },
+        { 17, 8192, 1 }, { 40, 8192, 2 }, { 2100, 1999, 32 }, { 8191, 8, 1 },
+    };
+    struct sp_encoder *encoder = sp_encoder_create(NULL);
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        struct sp_frame frame = picture8(cases[c].width, cases[c].height, true);
+        for (int s = 0; s < 3; s++) {
+            const uint8_t *bytes;
+            size_t size;
+            struct decoded_image image, whole = encode_whole(&frame, samplings[s].sampling);
+            sp_encoder_set_chroma(encoder, samplings[s].chroma);
+            assert_true(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 80, &bytes, &size, NULL));
+            assert_int_equal(count_restarts(bytes, size), cases[c].stripes - 1);
+            assert_true(read_image(".jpg", bytes, size, &image));
+            assert_int_equal(image.width, whole.width);
+            assert_int_equal(image.height, whole.height);
+            assert_memory_equal(image.pixels, whole.pixels,
+                                sizeof(float) * 3 * frame.width * frame.height);
+            free(image.pixels);
+            free(whole.pixels);
+        }
+        free(frame.pixels);
+    }
+    sp_encoder_destroy(&encoder);
+}
+
+struct sharer { /* makes the stripes by turns with encoders of its own, the last one first */
+    struct sp_encoder *with[3];
+    unsigned calls;
+};
+
+static void share(void *user, struct sp_encoder *own, unsigned count, sp_stripe_fn *stripe,
+                  void *of) {
+    struct sharer *sharer = user;
+    sharer->calls++;
+    for (unsigned i = count; i-- > 0;)
+        stripe(of, i, i % 4 < 3 ? sharer->with[i % 4] : own);
+}
+
+static void who_makes_which_stripe_changes_no_byte(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(1000, 700, false), small = picture8(64, 64, false);
+    struct sp_encoder *alone = sp_encoder_create(NULL), *shared = sp_encoder_create(NULL);
+    struct sharer sharer = { .calls = 0 };
+    const uint8_t *a, *b;
+    size_t a_size, b_size;
+    for (int i = 0; i < 3; i++)
+        assert_non_null(sharer.with[i] = sp_encoder_create(NULL));
+    sp_encoder_set_share(shared, share, &sharer);
+    assert_true(sp_encode(alone, &frame, SP_IMAGE_JPEG, 80, &a, &a_size, NULL));
+    assert_true(sp_encode(shared, &frame, SP_IMAGE_JPEG, 80, &b, &b_size, NULL));
+    assert_int_equal(sharer.calls, 1);
+    assert_int_equal(a_size, b_size);
+    assert_memory_equal(a, b, a_size);
+    assert_true(sp_encode(shared, &small, SP_IMAGE_JPEG, 80, &b, &b_size, NULL));
+    assert_int_equal(sharer.calls, 1);
+    for (int i = 0; i < 3; i++)
+        sp_encoder_destroy(&sharer.with[i]);
+    sp_encoder_destroy(&alone);
+    sp_encoder_destroy(&shared);
+    free(frame.pixels);
+    free(small.pixels);
+}
+
+static void a_stripe_that_fails_fails_the_picture(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(1000, 700, true);
+    struct sp_encoder *encoder = sp_encoder_create(NULL), broken = { .jpeg = tjInitDecompress() };
+    struct sharer sharer = { .with = { &broken, encoder, encoder } };
+    struct sp_error err = { .code = SP_OK };
+    const uint8_t *bytes;
+    size_t size;
+    sp_encoder_set_share(encoder, share, &sharer);
+    assert_false(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 80, &bytes, &size, &err));
+    assert_int_equal(err.code, SP_ERR_BACKEND);
+    assert_non_null(strstr(err.text, "cannot encode a JPEG image of 1000 × 700: "));
+    sharer.with[0] = encoder;
+    assert_true(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 80, &bytes, &size, &err));
+    tjDestroy(broken.jpeg);
+    sp_encoder_destroy(&encoder);
+    free(frame.pixels);
+}
+
+/* Stripes that the library was told to code each in its own way cannot be joined. */
+static void the_librarys_environment_is_heeded(void **state) {
+    (void)state;
+    static const char *const told[] = { "TJ_OPTIMIZE", "TJ_RESTART", "TJ_PROGRESSIVE" };
+    struct sp_frame frame = picture8(1000, 700, true);
+    for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
+        setenv(told[i], "1", 1);
+        struct decoded_image image = encode_and_read(&frame, SP_IMAGE_JPEG, 80),
+                             whole = encode_whole(&frame, TJSAMP_420);
+        unsetenv(told[i]);
+        assert_memory_equal(image.pixels, whole.pixels,
+                            sizeof(float) * 3 * frame.width * frame.height);
+        free(image.pixels);
+        free(whole.pixels);
+    }
+    free(frame.pixels);
+}
+
+/* Such a frame says so itself; its pixels are not looked at for that. */
+static void a_frame_that_knows_to_be_opaque_is(void **state) {
+    (void)state;
+    struct sp_frame frame = picture8(61, 37, false);
+    assert_false(sp_frame_is_opaque(&frame));
+    frame.is_opaque = true;
+    assert_true(sp_frame_is_opaque(&frame));
+    free(frame.pixels);
+    frame = picture8(61, 37, true);
+    assert_true(sp_frame_is_opaque(&frame)); /* by its pixels */
+    pixel8(&frame, 60, 36)[3] = 254;
+    assert_false(sp_frame_is_opaque(&frame));
     free(frame.pixels);
 }
 
@@ -411,6 +567,11 @@ int main(int argc, char **argv) {
         cmocka_unit_test(jpeg_is_close_and_shows_alpha_over_black),
         cmocka_unit_test(jpeg_subsamples_colour_below_90),
         cmocka_unit_test(jpeg_chroma_is_chosen),
+        cmocka_unit_test(stripes_change_no_pixel),
+        cmocka_unit_test(who_makes_which_stripe_changes_no_byte),
+        cmocka_unit_test(a_stripe_that_fails_fails_the_picture),
+        cmocka_unit_test(the_librarys_environment_is_heeded),
+        cmocka_unit_test(a_frame_that_knows_to_be_opaque_is),
         cmocka_unit_test(webp_is_close_and_keeps_alpha),
         cmocka_unit_test(webp_quality_matters),
         cmocka_unit_test(exr_keeps_floats_bit_for_bit),

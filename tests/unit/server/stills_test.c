@@ -20,13 +20,22 @@
 #include "counted.h"
 #include "render/scheduler.h"
 
-enum { QUEUE = 3, SHARP = 90 };
+enum { QUEUE = 3, SHARP = 90, ENCODE_THREADS = 3, STRIPES = 8 };
 
 struct gate {
     pthread_mutex_t mutex;
     unsigned entered, cancelled, encoded, passes;
     unsigned sharp;     /* of the encoded, in the quality of sharp pictures */
     unsigned width[16]; /* of those that entered, in order */
+    struct {            /* as each encoder was told, in the order of the threads */
+        struct sp_encoder *encoder;
+        sp_share_fn *share;
+        void *user;
+    } sharers[ENCODE_THREADS];
+    unsigned sharer_count;
+    bool shares;                   /* what is encoded: stripes of the test's, which wait */
+    unsigned at_stripes, together; /* threads, and how many have to be */
+    unsigned made[STRIPES], by[ENCODE_THREADS];
 };
 static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
 
@@ -66,6 +75,44 @@ struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct 
     return __real_sp_renderer_render(renderer, volume, view, pool, &go_on, err);
 }
 
+void __wrap_sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user);
+void __wrap_sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user) {
+    gate.sharers[gate.sharer_count].encoder = encoder;
+    gate.sharers[gate.sharer_count].share = share;
+    gate.sharers[gate.sharer_count++].user = user;
+}
+
+static unsigned sharer_of(const struct sp_encoder *encoder) {
+    unsigned i = 0;
+    while (i < gate.sharer_count && gate.sharers[i].encoder != encoder)
+        i++;
+    assert_true(i < gate.sharer_count);
+    return i;
+}
+
+static unsigned look_at(const unsigned *counter) {
+    pthread_mutex_lock(&gate.mutex);
+    unsigned value = *counter;
+    pthread_mutex_unlock(&gate.mutex);
+    return value;
+}
+
+static void wait_for(const unsigned *counter, unsigned value) {
+    while (look_at(counter) < value)
+        sched_yield();
+}
+
+/* Stays until as many threads are at stripes as have to be. */
+static void make_stripe(void *of, unsigned i, struct sp_encoder *with) {
+    assert_ptr_equal(of, &gate);
+    pthread_mutex_lock(&gate.mutex);
+    gate.made[i]++;
+    gate.by[sharer_of(with)]++;
+    gate.at_stripes++;
+    pthread_mutex_unlock(&gate.mutex);
+    wait_for(&gate.at_stripes, gate.together);
+}
+
 bool __real_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                       enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
                       struct sp_error *err);
@@ -79,6 +126,10 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
     gate.encoded++;
     gate.sharp += quality == SHARP;
     pthread_mutex_unlock(&gate.mutex);
+    if (gate.shares) {
+        unsigned own = sharer_of(encoder);
+        gate.sharers[own].share(gate.sharers[own].user, encoder, STRIPES, make_stripe, &gate);
+    }
     return __real_sp_encode(encoder, frame, format, quality, bytes, size, err);
 }
 
@@ -90,18 +141,6 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec *t) {
     int result = __real_clock_gettime(clock, t);
     t->tv_sec += atomic_load(&ahead_s);
     return result;
-}
-
-static unsigned look_at(const unsigned *counter) {
-    pthread_mutex_lock(&gate.mutex);
-    unsigned value = *counter;
-    pthread_mutex_unlock(&gate.mutex);
-    return value;
-}
-
-static void wait_for(const unsigned *counter, unsigned value) {
-    while (look_at(counter) < value)
-        sched_yield();
 }
 
 static void let_through(unsigned renders) {
@@ -183,12 +222,16 @@ static void load(struct fixture *f, const char *source) {
     assert_int_equal(status.state, SRV_VOLUME_READY);
 }
 
-static int set_up(void **state) {
+static int set_up_threads(void **state, unsigned encode_threads) {
     struct fixture *f = *state = calloc(1, sizeof *f);
     struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
                                            .progress = on_progress,
                                            .unloaded = on_unloaded };
     gate.entered = gate.cancelled = gate.encoded = gate.sharp = gate.passes = 0;
+    gate.sharer_count = gate.at_stripes = 0;
+    gate.shares = false;
+    memset(gate.made, 0, sizeof gate.made);
+    memset(gate.by, 0, sizeof gate.by);
     atomic_store(&ahead_s, 0);
     f->catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(f->catalog);
@@ -199,7 +242,7 @@ static int set_up(void **state) {
     struct srv_scheduler_options options = { .catalog = f->catalog,
                                              .metrics = f->metrics,
                                              .queue_max = QUEUE,
-                                             .encode_threads = 1,
+                                             .encode_threads = encode_threads,
                                              .stills = null };
     f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
     assert_non_null(f->scheduler);
@@ -220,6 +263,14 @@ static int set_up(void **state) {
     assert_non_null(json);
     proto_json_free(&json);
     return 0;
+}
+
+static int set_up(void **state) {
+    return set_up_threads(state, 1);
+}
+
+static int set_up_sharing(void **state) {
+    return set_up_threads(state, ENCODE_THREADS);
 }
 
 static int tear_down(void **state) {
@@ -490,6 +541,42 @@ static void nor_encoded_again_in_the_same_form(void **state) {
     assert_true(same.size > other.size && other.size > 0);
 }
 
+static void share_by(unsigned together) {
+    pthread_mutex_lock(&gate.mutex);
+    gate.shares = true;
+    gate.together = together;
+    gate.at_stripes = 0;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+static void idle_threads_make_stripes_of_a_still_but_not_the_streams(void **state) {
+    enum { PICTURES = 50 };
+    struct fixture *f = *state;
+    for (unsigned n = 1; n <= PICTURES; n++) {
+        struct asker asker = { 0 };
+        share_by(ENCODE_THREADS - 1);
+        assert_true(ask(f, &asker, 100, false));
+        let_through(1);
+        wait_for(&asker.answers, 1);
+        assert_int_equal(asker.pictures, 1);
+        for (int i = 0; i < STRIPES; i++)
+            assert_int_equal(gate.made[i], n);
+    }
+    assert_int_equal(gate.by[0], 0);
+    assert_true(gate.by[1] >= PICTURES && gate.by[2] >= PICTURES);
+}
+
+static void all_idle_threads_make_stripes_of_a_streams_picture(void **state) {
+    struct fixture *f = *state;
+    share_by(ENCODE_THREADS);
+    f->participant = join(f, f->id);
+    see_the_sharp_one(f, f->participant);
+    for (int i = 0; i < STRIPES; i++)
+        assert_int_equal(gate.made[i], look_at(&gate.encoded));
+    for (int t = 0; t < ENCODE_THREADS; t++)
+        assert_true(gate.by[t] > 0);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -506,6 +593,10 @@ int main(void) {
         TEST(somebody_who_waits_for_it_takes_it_out_of_the_background),
         TEST(a_sessions_sharp_picture_is_not_drawn_again),
         TEST(nor_encoded_again_in_the_same_form),
+        cmocka_unit_test_setup_teardown(idle_threads_make_stripes_of_a_still_but_not_the_streams,
+                                        set_up_sharing, tear_down),
+        cmocka_unit_test_setup_teardown(all_idle_threads_make_stripes_of_a_streams_picture,
+                                        set_up_sharing, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
