@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "jobs/jobs.h"
+#include "support/lanes.h"
 
 enum { FRAMES = 3 };
 
@@ -72,44 +73,9 @@ static struct fixture {
     char state[32];
     struct srv_store *store;
     struct srv_tokens *tokens;
-    struct srv_catalog *catalog;
-    struct srv_scheduler *scheduler;
-    struct srv_hub *hub;
+    struct lanes lanes;
     struct srv_jobs *jobs;
 } f;
-
-static void on_progress(void *user, const char *id, const char *state, double progress,
-                        const char *reason) {
-    (void)user, (void)id, (void)state, (void)progress, (void)reason;
-}
-
-static void on_unloaded(void *user, struct sp_volume *volume) {
-    (void)user;
-    srv_scheduler_forget(f.scheduler, volume);
-}
-
-static void on_event(void *user) {
-    (void)user;
-}
-
-static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
-    (void)user, (void)of, (void)why;
-}
-
-static void load(const char *source) {
-    struct srv_volume_request request = { .source = source };
-    struct srv_volume_status status;
-    char id[SP_NAME_BYTES];
-    bool existed, conflict;
-    assert_true(srv_catalog_add(f.catalog, &request, id, &existed, &conflict, NULL));
-    for (;; sched_yield()) {
-        assert_true(srv_catalog_find(f.catalog, id, &status));
-        sp_volume_unref(&status.volume);
-        if (status.state != SRV_VOLUME_LOADING)
-            break;
-    }
-    assert_int_equal(status.state, SRV_VOLUME_READY);
-}
 
 static struct srv_store *open_store(void) {
     struct srv_store_options options = { .folder = f.state, .pause_ms = 1, .retry_ms = 1 };
@@ -120,34 +86,12 @@ static struct srv_store *open_store(void) {
 }
 
 static void begin(void) {
-    struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
-                                           .progress = on_progress,
-                                           .unloaded = on_unloaded };
-    struct sp_renderer_options null = { .backend = "null" };
-    struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
     f.store = open_store();
     f.tokens = srv_tokens_create(NULL);
     assert_non_null(f.tokens);
-    f.catalog = srv_catalog_create(&catalog, NULL);
-    assert_non_null(f.catalog);
-    load("demo:phantom?size=8");
-    struct srv_scheduler_options scheduler = {
-        .catalog = f.catalog, .queue_max = 4, .encode_threads = 1, .stills = null
-    };
-    f.scheduler = srv_scheduler_create(&scheduler, &renderer, NULL);
-    assert_non_null(f.scheduler);
-    struct srv_hub_options hub = { .volumes = { f.catalog, srv_catalog_acquire, srv_catalog_ref,
-                                                srv_catalog_release, srv_catalog_default_view,
-                                                srv_catalog_pick },
-                                   .sessions_max = 1,
-                                   .participants_max = 1,
-                                   .work = on_event,
-                                   .ready = on_event,
-                                   .interrupt = on_interrupt };
-    f.hub = srv_hub_create(&hub, NULL);
-    assert_true(srv_scheduler_start(f.scheduler, f.hub, NULL));
-    struct srv_jobs_options jobs = { .catalog = f.catalog,
-                                     .scheduler = f.scheduler,
+    lanes_begin(&f.lanes, &(struct lanes_options){ .queue_max = 4 });
+    struct srv_jobs_options jobs = { .catalog = f.lanes.catalog,
+                                     .scheduler = f.lanes.scheduler,
                                      .store = f.store,
                                      .tokens = f.tokens,
                                      .state = f.state,
@@ -162,14 +106,11 @@ static void begin(void) {
 
 static void end(void) {
     srv_jobs_close(f.jobs);
-    srv_catalog_stop(f.catalog);
-    srv_scheduler_stop(f.scheduler);
+    lanes_stop(&f.lanes);
     srv_store_stop(f.store);
     srv_jobs_destroy(&f.jobs);
     srv_tokens_destroy(&f.tokens);
-    srv_hub_destroy(&f.hub);
-    srv_scheduler_destroy(&f.scheduler);
-    srv_catalog_destroy(&f.catalog);
+    lanes_end(&f.lanes);
     srv_store_destroy(&f.store);
 }
 
@@ -201,10 +142,10 @@ static void add(char id[SRV_JOB_ID_BYTES]) {
     struct sp_view view;
     bool is_full;
     proto_json *body = proto_json_parse(text, sizeof text - 1, &err);
-    void *volume = srv_catalog_acquire(f.catalog, "phantom", &err);
+    void *volume = srv_catalog_acquire(f.lanes.catalog, "phantom", &err);
     assert_true(body && volume);
-    srv_catalog_default_view(f.catalog, volume, &view);
-    srv_catalog_release(f.catalog, volume);
+    srv_catalog_default_view(f.lanes.catalog, volume, &view);
+    srv_catalog_release(f.lanes.catalog, volume);
     view.size[0] = view.size[1] = 16;
     proto_json *json = srv_jobs_add(f.jobs, body, &view, &view, "ann", id, &is_full, &err);
     if (!json)

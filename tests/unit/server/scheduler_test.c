@@ -19,7 +19,8 @@
 #include <cmocka.h>
 
 #include "clock.h"
-#include "render/scheduler.h"
+#include "support/gate.h"
+#include "support/lanes.h"
 
 enum {
     FULL = 512, /* px a side of a view as it is by default */
@@ -32,9 +33,7 @@ struct render { /* that was begun and not finished */
     struct sp_frame *frame;
 };
 
-struct gate {
-    pthread_mutex_t mutex;
-    unsigned entered, cancelled, passes;   /* passes: renders that may go through */
+static struct {                            /* guarded by the gate's mutex */
     unsigned ended;                        /* jobs, for the hub: it may make further ones */
     unsigned sharp;                        /* renders that entered with all voxels at full size */
     unsigned depth;                        /* of the renderer */
@@ -43,25 +42,12 @@ struct gate {
     uint32_t size[2]; /* of the newest render */
     unsigned coarse;
     struct sp_renderer_info info; /* as a renderer tells it after its next render */
-};
-static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
-
-static bool pass_gate(const atomic_bool *cancel) {
-    for (;; sched_yield()) {
-        pthread_mutex_lock(&gate.mutex);
-        bool cancelled = atomic_load(cancel), go = !cancelled && gate.passes > 0;
-        gate.passes -= go;
-        gate.cancelled += cancelled;
-        pthread_mutex_unlock(&gate.mutex);
-        if (go || cancelled)
-            return go;
-    }
-}
+} seen;
 
 unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer);
 unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer) {
     (void)renderer;
-    return gate.depth;
+    return seen.depth;
 }
 
 bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
@@ -77,13 +63,13 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
     memset(frame->pixels, 0, frame->stride_bytes * frame->height);
     frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
     pthread_mutex_lock(&gate.mutex);
-    assert_true(gate.begun_count < gate.depth);
-    gate.begun[gate.begun_count++] =
+    assert_true(seen.begun_count < seen.depth);
+    seen.begun[seen.begun_count++] =
         (struct render){ { view->size[0], view->size[1] }, options->cancel, frame };
     gate.entered++;
-    gate.coarse = options->coarse;
-    gate.sharp += options->coarse == 0 && view->size[0] == FULL;
-    memcpy(gate.size, view->size, sizeof gate.size);
+    seen.coarse = options->coarse;
+    seen.sharp += options->coarse == 0 && view->size[0] == FULL;
+    memcpy(seen.size, view->size, sizeof seen.size);
     pthread_mutex_unlock(&gate.mutex);
     return true;
 }
@@ -91,15 +77,15 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
     (void)renderer;
-    assert_true(gate.begun_count > 0);
-    struct render render = gate.begun[0];
-    if (!pass_gate(render.cancel)) {
+    assert_true(seen.begun_count > 0);
+    struct render render = seen.begun[0];
+    if (!gate_pass(render.cancel)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         sp_frame_unref(&render.frame);
     }
     pthread_mutex_lock(&gate.mutex);
-    gate.begun_count--;
-    memmove(gate.begun, gate.begun + 1, sizeof gate.begun - sizeof gate.begun[0]);
+    seen.begun_count--;
+    memmove(seen.begun, seen.begun + 1, sizeof seen.begun - sizeof seen.begun[0]);
     pthread_mutex_unlock(&gate.mutex);
     return render.frame;
 }
@@ -108,13 +94,13 @@ void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_rende
 void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info) {
     (void)renderer;
     pthread_mutex_lock(&gate.mutex);
-    *info = gate.info;
+    *info = seen.info;
     pthread_mutex_unlock(&gate.mutex);
 }
 
 static void count_end(void) {
     pthread_mutex_lock(&gate.mutex);
-    gate.ended++;
+    seen.ended++;
     pthread_mutex_unlock(&gate.mutex);
 }
 
@@ -135,107 +121,22 @@ void __wrap_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, doub
     count_end();
 }
 
-static unsigned look_at(const unsigned *counter) {
-    pthread_mutex_lock(&gate.mutex);
-    unsigned value = *counter;
-    pthread_mutex_unlock(&gate.mutex);
-    return value;
-}
-
-static void wait_for(const unsigned *counter, unsigned value) {
-    while (look_at(counter) < value)
-        sched_yield();
-}
-
-static void let_through(unsigned renders) {
-    pthread_mutex_lock(&gate.mutex);
-    gate.passes += renders;
-    pthread_mutex_unlock(&gate.mutex);
-}
-
 struct fixture {
-    struct srv_catalog *catalog;
-    struct srv_scheduler *scheduler;
-    struct srv_hub *hub;
+    struct lanes lanes;
     struct srv_participant *participant;
     char id[SRV_SESSION_ID_BYTES];
 };
 
-static void on_progress(void *user, const char *id, const char *state, double progress,
-                        const char *reason) {
-    (void)user, (void)id, (void)state, (void)progress, (void)reason;
-}
-
-static void on_unloaded(void *user, struct sp_volume *volume) {
-    (void)user;
-    sp_volume_unref(&volume);
-}
-
-static void on_work(void *user) {
-    srv_scheduler_wake(((struct fixture *)user)->scheduler);
-}
-
-static void on_ready(void *user) {
-    (void)user;
-}
-
-static void on_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
-    srv_scheduler_interrupt(((struct fixture *)user)->scheduler, session, why);
-}
-
-static void load(struct fixture *f, const char *source) {
-    struct srv_volume_request request = { .source = source };
-    struct srv_volume_status status;
-    char id[SP_NAME_BYTES];
-    bool existed, conflict;
-    assert_true(srv_catalog_add(f->catalog, &request, id, &existed, &conflict, NULL));
-    for (;; sched_yield()) {
-        assert_true(srv_catalog_find(f->catalog, id, &status));
-        sp_volume_unref(&status.volume);
-        if (status.state != SRV_VOLUME_LOADING)
-            break;
-    }
-    assert_int_equal(status.state, SRV_VOLUME_READY);
-}
-
 /* A session, its views come to rest after rest_ms, and a renderer of `depth` frames. */
 static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
-    struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
-                                           .progress = on_progress,
-                                           .unloaded = on_unloaded };
-    gate.entered = gate.cancelled = gate.passes = gate.ended = gate.sharp = gate.begun_count = 0;
-    gate.depth = depth;
-    gate.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
-    f->catalog = srv_catalog_create(&catalog, NULL);
-    assert_non_null(f->catalog);
-    load(f, "demo:phantom?size=8");
-    load(f, "demo:engine?size=8");
-    struct sp_renderer_options null = { .backend = "null" };
-    struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
-    struct srv_scheduler_options options = {
-        .catalog = f->catalog, .queue_max = 1, .encode_threads = 1, .stills = null
-    };
-    f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
-    assert_non_null(f->scheduler);
-    struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
-                                                srv_catalog_release, srv_catalog_default_view,
-                                                srv_catalog_pick },
-                                   .sessions_max = 2,
-                                   .participants_max = 2,
-                                   .session_idle_ms = 1e6,
-                                   .rest_ms = rest_ms,
-                                   .stream_bytes = 1 << 20,
-                                   .user = f,
-                                   .work = on_work,
-                                   .ready = on_ready,
-                                   .interrupt = on_interrupt };
-    f->hub = srv_hub_create(&hub, NULL);
-    assert_true(srv_scheduler_start(f->scheduler, f->hub, NULL));
-    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), f->id, NULL);
-    assert_non_null(json);
-    proto_json_free(&json);
-    f->participant = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
-    assert_non_null(f->participant);
+    gate_reset();
+    seen.ended = seen.sharp = seen.begun_count = 0;
+    seen.depth = depth;
+    seen.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
+    lanes_begin(&f->lanes, &(struct lanes_options){ .queue_max = 1, .rest_ms = rest_ms });
+    lanes_load(&f->lanes, "demo:engine?size=8");
+    lanes_session(&f->lanes, f->id);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
 }
 
 static void begin(struct fixture *f, double rest_ms) {
@@ -249,11 +150,8 @@ static int set_up(void **state) {
 
 static int tear_down(void **state) {
     struct fixture *f = *state;
-    srv_hub_leave(f->hub, &f->participant, srv_clock_ms());
-    srv_scheduler_stop(f->scheduler);
-    srv_hub_destroy(&f->hub);
-    srv_scheduler_destroy(&f->scheduler);
-    srv_catalog_destroy(&f->catalog);
+    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
+    lanes_end(&f->lanes);
     free(f);
     return 0;
 }
@@ -261,8 +159,8 @@ static int tear_down(void **state) {
 static void tell_by(struct fixture *f, struct srv_participant *participant, const char *text) {
     char *answer;
     size_t size;
-    assert_true(
-        srv_hub_message(f->hub, participant, text, strlen(text), srv_clock_ms(), &answer, &size));
+    assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
+                                &answer, &size));
     assert_true(!answer || strstr(answer, "\"result\""));
     free(answer);
 }
@@ -287,7 +185,7 @@ static struct proto_frame_header next_frame_of(struct fixture *f,
         struct srv_message message;
         char text[120];
         enum srv_message_kind kind =
-            srv_hub_next_message(f->hub, participant, true, srv_clock_ms(), &message);
+            srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message);
         free(message.text);
         srv_blob_unref(&message.blob);
         if (kind != SRV_MESSAGE_FRAME)
@@ -307,14 +205,14 @@ static struct proto_frame_header next_frame(struct fixture *f) {
 static void a_newer_view_gives_up_the_refinement_of_an_older_one(void **state) {
     struct fixture *f = *state;
     begin(f, 1);
-    let_through(1);
+    gate_let_through(1);
     assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
-    wait_for(&gate.entered, 2); /* the sharp picture is on its way */
-    assert_int_equal(gate.size[0], FULL);
-    assert_int_equal(look_at(&gate.cancelled), 0);
+    gate_await(&gate.entered, 2); /* the sharp picture is on its way */
+    assert_int_equal(seen.size[0], FULL);
+    assert_int_equal(gate_count(&gate.cancelled), 0);
     update(f, 7);
-    wait_for(&gate.cancelled, 1);
-    let_through(100);
+    gate_await(&gate.cancelled, 1);
+    gate_let_through(100);
     assert_int_equal(next_frame(f).seq, 7); /* of the old view nothing more is seen */
 }
 
@@ -322,106 +220,102 @@ static void a_refinement_gives_way_to_what_moves_in_another_session(void **state
     struct fixture *f = *state;
     char id[SRV_SESSION_ID_BYTES];
     begin(f, 1);
-    let_through(1);
+    gate_let_through(1);
     assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
-    wait_for(&gate.entered, 2); /* the sharp picture is on its way */
-    assert_int_equal(gate.size[0], FULL);
-    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), id, NULL);
-    assert_non_null(json);
-    proto_json_free(&json);
-    struct srv_participant *other =
-        srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
-    assert_non_null(other);
-    wait_for(&gate.cancelled, 1);
-    wait_for(&gate.entered, 3);
-    assert_true(gate.size[0] < FULL);
-    let_through(100);
+    gate_await(&gate.entered, 2); /* the sharp picture is on its way */
+    assert_int_equal(seen.size[0], FULL);
+    lanes_session(&f->lanes, id);
+    struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    gate_await(&gate.cancelled, 1);
+    gate_await(&gate.entered, 3);
+    assert_true(seen.size[0] < FULL);
+    gate_let_through(100);
     next_frame_of(f, other);
     while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is taken again */
     }
-    srv_hub_leave(f->hub, &other, srv_clock_ms());
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
 }
 
 static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
-    let_through(1); /* the first one does what is done once */
+    gate_let_through(1); /* the first one does what is done once */
     next_frame(f);
     update(f, 1);
-    wait_for(&gate.entered, 2);
-    uint32_t pixels = gate.size[0] * gate.size[1];
-    unsigned seq = 1, coarse = gate.coarse;
-    while (look_at(&gate.cancelled) == 0)
+    gate_await(&gate.entered, 2);
+    uint32_t pixels = seen.size[0] * seen.size[1];
+    unsigned seq = 1, coarse = seen.coarse;
+    while (gate_count(&gate.cancelled) == 0)
         update(f, ++seq);
-    wait_for(&gate.entered, 3);
-    assert_true(gate.coarse > coarse || gate.size[0] * gate.size[1] < pixels);
+    gate_await(&gate.entered, 3);
+    assert_true(seen.coarse > coarse || seen.size[0] * seen.size[1] < pixels);
     double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
     while (srv_clock_ms() < long_ago_ms)
         update(f, ++seq);
-    assert_int_equal(look_at(&gate.cancelled), 1);
-    let_through(1);
+    assert_int_equal(gate_count(&gate.cancelled), 1);
+    gate_let_through(1);
     assert_true(next_frame(f).seq >= 2);
-    wait_for(&gate.entered, 4); /* and on with the newest */
+    gate_await(&gate.entered, 4); /* and on with the newest */
 }
 
 static void the_tick_gives_up_what_nobody_interrupts_any_more(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
-    let_through(1);
+    gate_let_through(1);
     next_frame(f);
     update(f, 1);
-    wait_for(&gate.entered, 2);
+    gate_await(&gate.entered, 2);
     update(f, 2); /* the last one: it comes while the frame is within its budget */
-    while (look_at(&gate.cancelled) == 0) {
-        srv_scheduler_tick(f->scheduler);
+    while (gate_count(&gate.cancelled) == 0) {
+        srv_scheduler_tick(f->lanes.scheduler);
         sched_yield();
     }
-    let_through(1);
+    gate_let_through(1);
     assert_int_equal(next_frame(f).seq, 2);
 }
 
 static void a_sharp_moving_picture_is_encoded_again_not_rendered(void **state) {
     struct fixture *f = *state;
     begin(f, 200);
-    let_through(1000);
+    gate_let_through(1000);
     while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* the first ones are small */
     }
     for (unsigned seq = 1; seq <= 3; seq++) {
         struct proto_frame_header header;
-        unsigned before = look_at(&gate.sharp);
+        unsigned before = gate_count(&seen.sharp);
         update(f, seq);
         do {
             header = next_frame(f);
             assert_int_equal(header.seq, seq);
         } while (!(header.flags & PROTO_FRAME_FINAL));
         assert_int_equal(header.width, FULL);
-        assert_int_equal(look_at(&gate.sharp), before + 1);
+        assert_int_equal(gate_count(&seen.sharp), before + 1);
     }
     tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
             "{\"lossless\":true}}");
-    unsigned before = look_at(&gate.sharp);
+    unsigned before = gate_count(&seen.sharp);
     while (!(next_frame(f).flags & PROTO_FRAME_LOSSLESS)) {
     }
-    assert_int_equal(look_at(&gate.sharp), before); /* that view's sharp picture is there */
+    assert_int_equal(gate_count(&seen.sharp), before); /* that view's sharp picture is there */
 }
 
 static void what_nobody_wants_is_given_up(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":1,"
             "\"patch\":{\"volume\":\"engine\"}}}"); /* of another volume nothing can be used */
-    wait_for(&gate.cancelled, 1);
-    wait_for(&gate.entered, 2);
-    srv_hub_leave(f->hub, &f->participant, srv_clock_ms());
-    wait_for(&gate.cancelled, 2);
+    gate_await(&gate.cancelled, 1);
+    gate_await(&gate.entered, 2);
+    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
+    gate_await(&gate.cancelled, 2);
 }
 
 /* The next stream.stats that arrives; the caller frees it. */
 static char *next_stats(struct fixture *f) {
     for (;; sched_yield()) {
         struct srv_message message;
-        srv_hub_next_message(f->hub, f->participant, false, srv_clock_ms(), &message);
+        srv_hub_next_message(f->lanes.hub, f->participant, false, srv_clock_ms(), &message);
         if (message.text && strstr(message.text, "\"stream.stats\""))
             return message.text;
         free(message.text);
@@ -432,22 +326,22 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     struct fixture *f = *state;
     struct sp_renderer_info streams, stills;
     begin(f, 1e6);
-    srv_scheduler_info(f->scheduler, &streams, &stills);
+    srv_scheduler_info(f->lanes.scheduler, &streams, &stills);
     assert_string_equal(streams.backend, "gate");
     assert_string_equal(streams.given_up, "");
     assert_null(stills.backend); /* there was no still yet */
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     pthread_mutex_lock(&gate.mutex);
-    gate.info = (struct sp_renderer_info){
+    seen.info = (struct sp_renderer_info){
         .backend = "fence", .isa = "", .device = "a hedge", .given_up = "the gate is stuck"
     };
     pthread_mutex_unlock(&gate.mutex);
-    let_through(1);
+    gate_let_through(1);
     char *stats = next_stats(f);
     assert_non_null(strstr(stats, "\"backend\":\"fence\""));
     assert_non_null(strstr(stats, "\"device\":\"a hedge\""));
     free(stats);
-    srv_scheduler_info(f->scheduler, &streams, &stills);
+    srv_scheduler_info(f->lanes.scheduler, &streams, &stills);
     assert_string_equal(streams.backend, "fence");
     assert_string_equal(streams.given_up, "the gate is stuck");
 }
@@ -456,7 +350,7 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
  * participant: whoever wants a picture of the next view wants it as soon as it is there. Without
  * that the lane may find one of two who want one, and waits for that picture as it should. */
 static void settle(void) {
-    wait_for(&gate.ended, look_at(&gate.entered));
+    gate_await(&seen.ended, gate_count(&gate.entered));
     double next_ms = srv_clock_ms() + 1000.0 / FPS;
     while (srv_clock_ms() < next_ms)
         sched_yield();
@@ -466,13 +360,11 @@ static void settle(void) {
  * change of the view makes two jobs at once. */
 static struct srv_participant *begin_with_two(struct fixture *f) {
     begin_deep(f, 1e6, 2);
-    struct srv_participant *other =
-        srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, f, srv_clock_ms(), NULL);
-    assert_non_null(other);
+    struct srv_participant *other = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
     tell_by(f, other,
             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
             "{\"size\":[100,100]}}");
-    let_through(1000);
+    gate_let_through(1000);
     next_frame(f);
     while (next_frame_of(f, other).width > 100) { /* before it was told */
     }
@@ -487,44 +379,44 @@ static void frames_are_begun_while_others_are_drawn(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_two(f);
     for (unsigned seq = 2; seq <= 4; seq++) {
-        unsigned entered = look_at(&gate.entered);
+        unsigned entered = gate_count(&gate.entered);
         update(f, seq);
-        wait_for(&gate.entered, entered + 2); /* nothing was let through */
-        let_through(2);
+        gate_await(&gate.entered, entered + 2); /* nothing was let through */
+        gate_let_through(2);
         assert_int_equal(next_frame(f).seq, seq);
         next_frame_of(f, other);
         settle();
     }
-    assert_int_equal(look_at(&gate.cancelled), 0);
-    srv_hub_leave(f->hub, &other, srv_clock_ms());
+    assert_int_equal(gate_count(&gate.cancelled), 0);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
 }
 
 static void of_two_frames_in_flight_one_is_always_finished(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_two(f);
-    unsigned entered = look_at(&gate.entered), seq = 2;
+    unsigned entered = gate_count(&gate.entered), seq = 2;
     update(f, seq);
-    wait_for(&gate.entered, entered + 2);
-    while (look_at(&gate.cancelled) == 0)
+    gate_await(&gate.entered, entered + 2);
+    while (gate_count(&gate.cancelled) == 0)
         update(f, ++seq); /* both are outdated, and the first is over its budget */
     double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
     while (srv_clock_ms() < long_ago_ms) {
         update(f, ++seq);
-        srv_scheduler_tick(f->scheduler);
+        srv_scheduler_tick(f->lanes.scheduler);
     }
-    assert_int_equal(look_at(&gate.cancelled), 1);
-    srv_hub_leave(f->hub, &other, srv_clock_ms());
+    assert_int_equal(gate_count(&gate.cancelled), 1);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
 }
 
 static void a_daemon_may_stop_with_frames_in_flight(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_two(f);
-    unsigned entered = look_at(&gate.entered);
+    unsigned entered = gate_count(&gate.entered);
     update(f, 2);
-    wait_for(&gate.entered, entered + 2);
-    srv_scheduler_stop(f->scheduler);
-    assert_int_equal(look_at(&gate.cancelled), 2);
-    srv_hub_leave(f->hub, &other, srv_clock_ms());
+    gate_await(&gate.entered, entered + 2);
+    lanes_stop(&f->lanes);
+    assert_int_equal(gate_count(&gate.cancelled), 2);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
 }
 
 int main(void) {

@@ -18,15 +18,15 @@
 
 #include "clock.h"
 #include "counted.h"
-#include "render/scheduler.h"
+#include "support/gate.h"
+#include "support/lanes.h"
 
 enum { QUEUE = 3, SHARP = 90, ENCODE_THREADS = 3, STRIPES = 8 };
 
-struct gate {
-    pthread_mutex_t mutex;
-    unsigned entered, cancelled, encoded, passes;
+static struct { /* guarded by the gate's mutex */
+    unsigned encoded;
     unsigned sharp;     /* of the encoded, in the quality of sharp pictures */
-    unsigned width[16]; /* of those that entered, in order */
+    unsigned width[16]; /* of those that entered the gate, in order */
     struct {            /* as each encoder was told, in the order of the threads */
         struct sp_encoder *encoder;
         sp_share_fn *share;
@@ -36,20 +36,7 @@ struct gate {
     bool shares;                   /* what is encoded: stripes of the test's, which wait */
     unsigned at_stripes, together; /* threads, and how many have to be */
     unsigned made[STRIPES], by[ENCODE_THREADS];
-};
-static struct gate gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
-
-static bool pass_gate(const atomic_bool *cancel) {
-    for (;; sched_yield()) {
-        pthread_mutex_lock(&gate.mutex);
-        bool cancelled = atomic_load(cancel), go = !cancelled && gate.passes > 0;
-        gate.passes -= go;
-        gate.cancelled += cancelled;
-        pthread_mutex_unlock(&gate.mutex);
-        if (go || cancelled)
-            return go;
-    }
-}
+} seen;
 
 struct sp_frame *__real_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
                                            const struct sp_view *view, struct sp_frame_pool *pool,
@@ -64,9 +51,9 @@ struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct 
                                            const struct sp_render_options *options,
                                            struct sp_error *err) {
     pthread_mutex_lock(&gate.mutex);
-    gate.width[gate.entered++ % 16] = view->size[0];
+    seen.width[gate.entered++ % 16] = view->size[0];
     pthread_mutex_unlock(&gate.mutex);
-    if (!pass_gate(options->cancel)) {
+    if (!gate_pass(options->cancel)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         return NULL;
     }
@@ -77,40 +64,28 @@ struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct 
 
 void __wrap_sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user);
 void __wrap_sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user) {
-    gate.sharers[gate.sharer_count].encoder = encoder;
-    gate.sharers[gate.sharer_count].share = share;
-    gate.sharers[gate.sharer_count++].user = user;
+    seen.sharers[seen.sharer_count].encoder = encoder;
+    seen.sharers[seen.sharer_count].share = share;
+    seen.sharers[seen.sharer_count++].user = user;
 }
 
 static unsigned sharer_of(const struct sp_encoder *encoder) {
     unsigned i = 0;
-    while (i < gate.sharer_count && gate.sharers[i].encoder != encoder)
+    while (i < seen.sharer_count && seen.sharers[i].encoder != encoder)
         i++;
-    assert_true(i < gate.sharer_count);
+    assert_true(i < seen.sharer_count);
     return i;
-}
-
-static unsigned look_at(const unsigned *counter) {
-    pthread_mutex_lock(&gate.mutex);
-    unsigned value = *counter;
-    pthread_mutex_unlock(&gate.mutex);
-    return value;
-}
-
-static void wait_for(const unsigned *counter, unsigned value) {
-    while (look_at(counter) < value)
-        sched_yield();
 }
 
 /* Stays until as many threads are at stripes as have to be. */
 static void make_stripe(void *of, unsigned i, struct sp_encoder *with) {
-    assert_ptr_equal(of, &gate);
+    assert_ptr_equal(of, &seen);
     pthread_mutex_lock(&gate.mutex);
-    gate.made[i]++;
-    gate.by[sharer_of(with)]++;
-    gate.at_stripes++;
+    seen.made[i]++;
+    seen.by[sharer_of(with)]++;
+    seen.at_stripes++;
     pthread_mutex_unlock(&gate.mutex);
-    wait_for(&gate.at_stripes, gate.together);
+    gate_await(&seen.at_stripes, seen.together);
 }
 
 bool __real_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
@@ -123,12 +98,12 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                       enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
                       struct sp_error *err) {
     pthread_mutex_lock(&gate.mutex);
-    gate.encoded++;
-    gate.sharp += quality == SHARP;
+    seen.encoded++;
+    seen.sharp += quality == SHARP;
     pthread_mutex_unlock(&gate.mutex);
-    if (gate.shares) {
+    if (seen.shares) {
         unsigned own = sharer_of(encoder);
-        gate.sharers[own].share(gate.sharers[own].user, encoder, STRIPES, make_stripe, &gate);
+        seen.sharers[own].share(seen.sharers[own].user, encoder, STRIPES, make_stripe, &seen);
     }
     return __real_sp_encode(encoder, frame, format, quality, bytes, size, err);
 }
@@ -143,17 +118,8 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec *t) {
     return result;
 }
 
-static void let_through(unsigned renders) {
-    pthread_mutex_lock(&gate.mutex);
-    gate.passes += renders;
-    pthread_mutex_unlock(&gate.mutex);
-}
-
 struct fixture {
-    struct srv_catalog *catalog;
-    struct srv_scheduler *scheduler;
-    struct srv_hub *hub;
-    struct srv_metrics *metrics;
+    struct lanes lanes;
     struct srv_participant *participant; /* NULL until somebody joins */
     char id[SRV_SESSION_ID_BYTES];
 };
@@ -185,83 +151,15 @@ static bool has_left(void *user) {
     return atomic_load(&((struct asker *)user)->left);
 }
 
-static void on_progress(void *user, const char *id, const char *state, double progress,
-                        const char *reason) {
-    (void)user, (void)id, (void)state, (void)progress, (void)reason;
-}
-
-static void on_unloaded(void *user, struct sp_volume *volume) {
-    (void)user;
-    sp_volume_unref(&volume);
-}
-
-static void on_work(void *user) {
-    srv_scheduler_wake(((struct fixture *)user)->scheduler);
-}
-
-static void on_ready(void *user) {
-    (void)user;
-}
-
-static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
-    srv_scheduler_interrupt(((struct fixture *)user)->scheduler, of, why);
-}
-
-static void load(struct fixture *f, const char *source) {
-    struct srv_volume_request request = { .source = source };
-    struct srv_volume_status status;
-    char id[SP_NAME_BYTES];
-    bool existed, conflict;
-    assert_true(srv_catalog_add(f->catalog, &request, id, &existed, &conflict, NULL));
-    for (;; sched_yield()) {
-        assert_true(srv_catalog_find(f->catalog, id, &status));
-        sp_volume_unref(&status.volume);
-        if (status.state != SRV_VOLUME_LOADING)
-            break;
-    }
-    assert_int_equal(status.state, SRV_VOLUME_READY);
-}
-
-static int set_up_threads(void **state, unsigned encode_threads) {
+static int set_up_threads(void **state, unsigned threads) {
     struct fixture *f = *state = calloc(1, sizeof *f);
-    struct srv_catalog_options catalog = { .memory_bytes = 1 << 20,
-                                           .progress = on_progress,
-                                           .unloaded = on_unloaded };
-    gate.entered = gate.cancelled = gate.encoded = gate.sharp = gate.passes = 0;
-    gate.sharer_count = gate.at_stripes = 0;
-    gate.shares = false;
-    memset(gate.made, 0, sizeof gate.made);
-    memset(gate.by, 0, sizeof gate.by);
+    assert_non_null(f);
+    gate_reset();
+    memset(&seen, 0, sizeof seen);
     atomic_store(&ahead_s, 0);
-    f->catalog = srv_catalog_create(&catalog, NULL);
-    assert_non_null(f->catalog);
-    load(f, "demo:phantom?size=8");
-    struct sp_renderer_options null = { .backend = "null" };
-    struct sp_renderer *renderer = sp_renderer_create(&null, NULL);
-    f->metrics = srv_metrics_create();
-    struct srv_scheduler_options options = { .catalog = f->catalog,
-                                             .metrics = f->metrics,
-                                             .queue_max = QUEUE,
-                                             .encode_threads = encode_threads,
-                                             .stills = null };
-    f->scheduler = srv_scheduler_create(&options, &renderer, NULL);
-    assert_non_null(f->scheduler);
-    struct srv_hub_options hub = { .volumes = { f->catalog, srv_catalog_acquire, srv_catalog_ref,
-                                                srv_catalog_release, srv_catalog_default_view,
-                                                srv_catalog_pick },
-                                   .sessions_max = 2,
-                                   .participants_max = 1,
-                                   .session_idle_ms = 1e6,
-                                   .stream_bytes = 1 << 20,
-                                   .user = f,
-                                   .work = on_work,
-                                   .ready = on_ready,
-                                   .interrupt = on_interrupt };
-    f->hub = srv_hub_create(&hub, NULL);
-    assert_true(srv_scheduler_start(f->scheduler, f->hub, NULL));
-    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), f->id, NULL);
-    assert_non_null(json);
-    proto_json_free(&json);
+    lanes_begin(&f->lanes,
+                &(struct lanes_options){ .queue_max = QUEUE, .encode_threads = threads });
+    lanes_session(&f->lanes, f->id);
     return 0;
 }
 
@@ -275,12 +173,8 @@ static int set_up_sharing(void **state) {
 
 static int tear_down(void **state) {
     struct fixture *f = *state;
-    srv_hub_leave(f->hub, &f->participant, srv_clock_ms());
-    srv_scheduler_stop(f->scheduler);
-    srv_hub_destroy(&f->hub);
-    srv_scheduler_destroy(&f->scheduler);
-    srv_catalog_destroy(&f->catalog);
-    srv_metrics_destroy(&f->metrics);
+    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
+    lanes_end(&f->lanes);
     free(f);
     return 0;
 }
@@ -295,148 +189,147 @@ static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool bac
                                .is_gone = has_left,
                                .user = asker };
     struct sp_error err;
-    still.volume = srv_catalog_acquire(f->catalog, "phantom", &err);
+    still.volume = srv_catalog_acquire(f->lanes.catalog, "phantom", &err);
     assert_non_null(still.volume);
-    srv_catalog_default_view(f->catalog, still.volume, &still.view);
+    srv_catalog_default_view(f->lanes.catalog, still.volume, &still.view);
     still.view.size[0] = width;
-    return srv_scheduler_submit(f->scheduler, &still, &err);
+    return srv_scheduler_submit(f->lanes.scheduler, &still, &err);
 }
 
 static void equal_stills_are_drawn_and_encoded_once(void **state) {
     struct fixture *f = *state;
     struct asker first = { 0 }, other = { 0 }, same[4] = { { 0 } };
     assert_true(ask(f, &first, 100, false));
-    wait_for(&gate.entered, 1); /* it is being drawn */
+    gate_await(&gate.entered, 1); /* it is being drawn */
     assert_true(ask(f, &other, 200, false));
     for (int i = 0; i < 4; i++) /* more than may wait: these do not */
         assert_true(ask(f, &same[i], i < 2 ? 100 : 200, false));
-    let_through(2);
-    wait_for(&first.answers, 1);
-    wait_for(&other.answers, 1);
+    gate_let_through(2);
+    gate_await(&first.answers, 1);
+    gate_await(&other.answers, 1);
     for (int i = 0; i < 4; i++) {
         const struct asker *like = i < 2 ? &first : &other;
-        wait_for(&same[i].answers, 1);
+        gate_await(&same[i].answers, 1);
         assert_int_equal(same[i].pictures, 1);
         assert_int_equal(same[i].size, like->size);
         assert_int_equal(same[i].sum, like->sum);
     }
-    assert_int_equal(look_at(&gate.entered), 2);
-    assert_int_equal(look_at(&gate.encoded), 2);
+    assert_int_equal(gate_count(&gate.entered), 2);
+    assert_int_equal(gate_count(&seen.encoded), 2);
     assert_true(ask(f, &first, 100, false)); /* nothing of it is in flight any more */
-    let_through(1);
-    wait_for(&first.answers, 2);
-    assert_int_equal(look_at(&gate.entered), 3);
+    gate_let_through(1);
+    gate_await(&first.answers, 2);
+    assert_int_equal(gate_count(&gate.entered), 3);
 }
 
 static void who_encodes_himself_gets_the_frame(void **state) {
     struct fixture *f = *state;
     struct asker bytes = { 0 }, frame = { .wants_frame = true }, same = { .wants_frame = true };
     assert_true(ask(f, &bytes, 100, false));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &frame, 100, true)); /* the same picture, but not the same answer */
     assert_true(ask(f, &same, 100, true));
-    let_through(2);
-    wait_for(&bytes.answers, 1);
-    wait_for(&frame.answers, 1);
-    wait_for(&same.answers, 1);
+    gate_let_through(2);
+    gate_await(&bytes.answers, 1);
+    gate_await(&frame.answers, 1);
+    gate_await(&same.answers, 1);
     assert_int_equal(bytes.frames, 0);
     assert_true(bytes.size > 0);
     assert_int_equal(frame.frames + same.frames, 2);
     assert_int_equal(frame.size + same.size, 0);
-    assert_int_equal(look_at(&gate.encoded), 1);
+    assert_int_equal(gate_count(&seen.encoded), 1);
 }
 
 static void a_still_is_drawn_while_anybody_wants_it(void **state) {
     struct fixture *f = *state;
     struct asker a = { 0 }, b = { 0 };
     assert_true(ask(f, &a, 100, false));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &b, 100, false));
     atomic_store(&a.left, true);
     for (int i = 0; i < 100; i++)
-        srv_scheduler_tick(f->scheduler);
-    assert_int_equal(look_at(&gate.cancelled), 0);
+        srv_scheduler_tick(f->lanes.scheduler);
+    assert_int_equal(gate_count(&gate.cancelled), 0);
     atomic_store(&b.left, true);
-    srv_scheduler_tick(f->scheduler);
-    wait_for(&gate.cancelled, 1);
-    wait_for(&a.answers, 1);
-    wait_for(&b.answers, 1);
+    srv_scheduler_tick(f->lanes.scheduler);
+    gate_await(&gate.cancelled, 1);
+    gate_await(&a.answers, 1);
+    gate_await(&b.answers, 1);
     assert_int_equal(a.pictures + b.pictures, 0);
-    assert_int_equal(counted_drops(f->metrics, "left"), 2);
+    assert_int_equal(counted_drops(f->lanes.metrics, "left"), 2);
 }
 
 static void of_those_that_wait_who_left_goes_alone(void **state) {
     struct fixture *f = *state;
     struct asker now = { 0 }, a = { 0 }, b = { 0 };
     assert_true(ask(f, &now, 100, false));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &a, 200, false));
     assert_true(ask(f, &b, 200, false));
     atomic_store(&a.left, true);
-    srv_scheduler_tick(f->scheduler);
-    assert_int_equal(look_at(&a.answers), 1);
-    assert_int_equal(look_at(&b.answers), 0);
-    let_through(2);
-    wait_for(&b.answers, 1);
+    srv_scheduler_tick(f->lanes.scheduler);
+    assert_int_equal(gate_count(&a.answers), 1);
+    assert_int_equal(gate_count(&b.answers), 0);
+    gate_let_through(2);
+    gate_await(&b.answers, 1);
     assert_int_equal(b.pictures, 1);
-    assert_int_equal(counted_drops(f->metrics, "left"), 1);
+    assert_int_equal(counted_drops(f->lanes.metrics, "left"), 1);
 }
 
 static void the_end_answers_all_and_counts_none_as_left(void **state) {
     struct fixture *f = *state;
     struct asker now = { 0 }, waits = { 0 };
     assert_true(ask(f, &now, 100, false));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &waits, 200, false));
-    srv_scheduler_stop(f->scheduler);
+    srv_scheduler_stop(f->lanes.scheduler);
     assert_int_equal(now.answers + waits.answers, 2);
     assert_int_equal(now.pictures + waits.pictures, 0);
-    assert_int_equal(counted_drops(f->metrics, "left"), 0);
-    assert_int_equal(counted_drops(f->metrics, "failed"), 0);
+    assert_int_equal(counted_drops(f->lanes.metrics, "left"), 0);
+    assert_int_equal(counted_drops(f->lanes.metrics, "failed"), 0);
 }
 
 static void the_background_is_drawn_after_all_others(void **state) {
     struct fixture *f = *state;
     struct asker now = { 0 }, background[QUEUE + 1] = { { 0 } }, other = { 0 };
     assert_true(ask(f, &now, 100, false));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     for (unsigned i = 0; i < QUEUE; i++)
         assert_true(ask(f, &background[i], 200 + i, true));
     assert_false(ask(f, &background[QUEUE], 299, true)); /* these do not fill the others' queue */
     assert_true(ask(f, &other, 300, false));
-    let_through(2 + QUEUE);
+    gate_let_through(2 + QUEUE);
     for (unsigned i = 0; i < QUEUE; i++)
-        wait_for(&background[i].answers, 1);
-    assert_int_equal(gate.width[1], 300);
+        gate_await(&background[i].answers, 1);
+    assert_int_equal(seen.width[1], 300);
     for (unsigned i = 0; i < QUEUE; i++)
-        assert_int_equal(gate.width[2 + i], 200 + i);
+        assert_int_equal(seen.width[2 + i], 200 + i);
 }
 
 static void the_background_gives_way_and_is_taken_again(void **state) {
     struct fixture *f = *state;
     struct asker background = { 0 }, other = { 0 };
     assert_true(ask(f, &background, 200, true));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &other, 300, false));
-    wait_for(&gate.cancelled, 1);
-    wait_for(&gate.entered, 2);
-    assert_int_equal(gate.width[1], 300);
-    let_through(2);
-    wait_for(&background.answers, 1);
+    gate_await(&gate.cancelled, 1);
+    gate_await(&gate.entered, 2);
+    assert_int_equal(seen.width[1], 300);
+    gate_let_through(2);
+    gate_await(&background.answers, 1);
     assert_int_equal(background.pictures + other.pictures, 2);
-    assert_int_equal(look_at(&gate.entered), 3);
+    assert_int_equal(gate_count(&gate.entered), 3);
 }
 
 static void the_background_gives_way_to_streams(void **state) {
     struct fixture *f = *state;
     struct asker background = { 0 };
     assert_true(ask(f, &background, 200, true));
-    wait_for(&gate.entered, 1);
-    f->participant = srv_hub_join(f->hub, f->id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
-    assert_non_null(f->participant);
-    wait_for(&gate.cancelled, 1);
-    let_through(1000); /* it may give way again: to the picture that follows at rest */
-    wait_for(&background.answers, 1);
+    gate_await(&gate.entered, 1);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    gate_await(&gate.cancelled, 1);
+    gate_let_through(1000); /* it may give way again: to the picture that follows at rest */
+    gate_await(&background.answers, 1);
     assert_int_equal(background.pictures, 1);
 }
 
@@ -444,17 +337,17 @@ static void the_background_gives_way_to_streams(void **state) {
 static bool gives_way_again(struct fixture *f, double expected_ms, int64_t later_s) {
     struct asker background = { .expected_ms = expected_ms }, one = { 0 }, other = { 0 };
     assert_true(ask(f, &background, 200, true));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &one, 300, false));
-    let_through(1); /* which the background does not take: it was cancelled before */
-    wait_for(&gate.entered, 3);
+    gate_let_through(1); /* which the background does not take: it was cancelled before */
+    gate_await(&gate.entered, 3);
     atomic_store(&ahead_s, later_s);
     assert_true(ask(f, &other, 400, false));
-    let_through(2);
-    wait_for(&background.answers, 1);
-    wait_for(&other.answers, 1);
+    gate_let_through(2);
+    gate_await(&background.answers, 1);
+    gate_await(&other.answers, 1);
     assert_int_equal(background.pictures + one.pictures + other.pictures, 3);
-    return look_at(&gate.cancelled) == 2;
+    return gate_count(&gate.cancelled) == 2;
 }
 
 static void the_background_gives_way_for_twenty_times_its_time(void **state) {
@@ -469,14 +362,14 @@ static void somebody_who_waits_for_it_takes_it_out_of_the_background(void **stat
     struct fixture *f = *state;
     struct asker background = { 0 }, somebody = { 0 }, other = { 0 };
     assert_true(ask(f, &background, 200, true));
-    wait_for(&gate.entered, 1);
+    gate_await(&gate.entered, 1);
     assert_true(ask(f, &somebody, 200, false));
     assert_true(ask(f, &other, 300, false));
-    let_through(2);
-    wait_for(&other.answers, 1);
+    gate_let_through(2);
+    gate_await(&other.answers, 1);
     assert_int_equal(background.pictures + somebody.pictures + other.pictures, 3);
-    assert_int_equal(look_at(&gate.cancelled), 0);
-    assert_int_equal(look_at(&gate.entered), 2);
+    assert_int_equal(gate_count(&gate.cancelled), 0);
+    assert_int_equal(gate_count(&gate.entered), 2);
 }
 
 /* Takes the participant's frames up to the sharp one. */
@@ -486,7 +379,7 @@ static void see_the_sharp_one(struct fixture *f, struct srv_participant *partici
         char text[120], *answer;
         size_t size;
         enum srv_message_kind kind =
-            srv_hub_next_message(f->hub, participant, true, srv_clock_ms(), &message);
+            srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message);
         free(message.text);
         srv_blob_unref(&message.blob);
         if (kind != SRV_MESSAGE_FRAME)
@@ -495,57 +388,49 @@ static void see_the_sharp_one(struct fixture *f, struct srv_participant *partici
         snprintf(text, sizeof text,
                  "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
                  message.header.frame);
-        assert_true(srv_hub_message(f->hub, participant, text, strlen(text), srv_clock_ms(),
+        assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
                                     &answer, &size));
         free(answer);
     }
 }
 
-static struct srv_participant *join(struct fixture *f, const char *id) {
-    struct srv_participant *p = srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, f, srv_clock_ms(), NULL);
-    assert_non_null(p);
-    return p;
-}
-
 static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
     struct fixture *f = *state;
     struct asker asker = { 0 };
-    f->participant = join(f, f->id);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
     assert_true(ask(f, &asker, 512, false));
-    wait_for(&asker.answers, 1);
+    gate_await(&asker.answers, 1);
     assert_int_equal(asker.pictures, 1);
-    assert_int_equal(look_at(&gate.entered), 0);
+    assert_int_equal(gate_count(&gate.entered), 0);
 }
 
 static void nor_encoded_again_in_the_same_form(void **state) {
     struct fixture *f = *state;
     struct asker same = { 0 }, other = { .quality = 17 };
     char id[SRV_SESSION_ID_BYTES];
-    proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), id, NULL);
-    assert_non_null(json);
-    proto_json_free(&json);
-    f->participant = join(f, f->id);
+    lanes_session(&f->lanes, id);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
-    assert_int_equal(look_at(&gate.sharp), 1);
-    struct srv_participant *elsewhere = join(f, id);
+    assert_int_equal(gate_count(&seen.sharp), 1);
+    struct srv_participant *elsewhere = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, elsewhere);
-    srv_hub_leave(f->hub, &elsewhere, srv_clock_ms());
+    srv_hub_leave(f->lanes.hub, &elsewhere, srv_clock_ms());
     assert_true(ask(f, &same, 512, false));
-    wait_for(&same.answers, 1);
-    assert_int_equal(look_at(&gate.sharp), 1);
-    unsigned encoded = look_at(&gate.encoded);
+    gate_await(&same.answers, 1);
+    assert_int_equal(gate_count(&seen.sharp), 1);
+    unsigned encoded = gate_count(&seen.encoded);
     assert_true(ask(f, &other, 512, false));
-    wait_for(&other.answers, 1);
-    assert_int_equal(look_at(&gate.encoded), encoded + 1);
+    gate_await(&other.answers, 1);
+    assert_int_equal(gate_count(&seen.encoded), encoded + 1);
     assert_true(same.size > other.size && other.size > 0);
 }
 
 static void share_by(unsigned together) {
     pthread_mutex_lock(&gate.mutex);
-    gate.shares = true;
-    gate.together = together;
-    gate.at_stripes = 0;
+    seen.shares = true;
+    seen.together = together;
+    seen.at_stripes = 0;
     pthread_mutex_unlock(&gate.mutex);
 }
 
@@ -556,25 +441,25 @@ static void idle_threads_make_stripes_of_a_still_but_not_the_streams(void **stat
         struct asker asker = { 0 };
         share_by(ENCODE_THREADS - 1);
         assert_true(ask(f, &asker, 100, false));
-        let_through(1);
-        wait_for(&asker.answers, 1);
+        gate_let_through(1);
+        gate_await(&asker.answers, 1);
         assert_int_equal(asker.pictures, 1);
         for (int i = 0; i < STRIPES; i++)
-            assert_int_equal(gate.made[i], n);
+            assert_int_equal(seen.made[i], n);
     }
-    assert_int_equal(gate.by[0], 0);
-    assert_true(gate.by[1] >= PICTURES && gate.by[2] >= PICTURES);
+    assert_int_equal(seen.by[0], 0);
+    assert_true(seen.by[1] >= PICTURES && seen.by[2] >= PICTURES);
 }
 
 static void all_idle_threads_make_stripes_of_a_streams_picture(void **state) {
     struct fixture *f = *state;
     share_by(ENCODE_THREADS);
-    f->participant = join(f, f->id);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
     for (int i = 0; i < STRIPES; i++)
-        assert_int_equal(gate.made[i], look_at(&gate.encoded));
+        assert_int_equal(seen.made[i], gate_count(&seen.encoded));
     for (int t = 0; t < ENCODE_THREADS; t++)
-        assert_true(gate.by[t] > 0);
+        assert_true(seen.by[t] > 0);
 }
 
 int main(void) {

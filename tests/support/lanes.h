@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The daemon's parts that draw, without HTTP: a catalog, a scheduler whose lanes have the null
+ * backend, and a hub. What goes wrong fails the test.
+ */
+#ifndef TESTS_SUPPORT_LANES_H
+#define TESTS_SUPPORT_LANES_H
+
+#include "metrics.h"
+#include "render/scheduler.h"
+
+struct lanes {
+    struct srv_metrics *metrics; /* of the scheduler */
+    struct srv_catalog *catalog;
+    struct srv_scheduler *scheduler;
+    struct srv_hub *hub;
+};
+
+struct lanes_options {
+    unsigned queue_max;      /* stills that may wait */
+    unsigned encode_threads; /* 0 = one */
+    double rest_ms;          /* after which a view is at rest */
+};
+
+/* demo:phantom, 8 voxels a side, is loaded, and the scheduler runs. Two sessions may be, of two
+ * participants each. `lanes` stays where it is. */
+void lanes_begin(struct lanes *lanes, const struct lanes_options *options);
+/* Loads it, and waits until it is ready. */
+void lanes_load(struct lanes *lanes, const char *source);
+/* Makes a session of the first volume's default view. */
+void lanes_session(struct lanes *lanes, char id[SRV_SESSION_ID_BYTES]);
+struct srv_participant *lanes_join(struct lanes *lanes, const char *id, enum srv_role role);
+void lanes_stop(struct lanes *lanes); /* no thread runs */
+void lanes_end(struct lanes *lanes);  /* stopped or not; all have left */
+
+#endif
