@@ -29,6 +29,7 @@ export class Keyframes {
   #path = EMPTY;
   #volume = null;
   #player = null; // while it plays
+  #isSending = false;
 
   /**
    * api(): the daemon's, or null where this client may make no paths; kept: {recall(key), remember(key, text)};
@@ -234,7 +235,7 @@ export class Keyframes {
     quality.disabled = LOSSLESS.includes(byId('path-format').value);
     quality.closest('.row').toggleAttribute('data-idle', quality.disabled);
     showValue(quality, quality.disabled ? 'lossless' : quality.value);
-    byId('path-draw').disabled = !isPath || !this.#api();
+    byId('path-draw').disabled = !isPath || this.#isSending || !this.#api();
     setText(byId('path-draw'), isPath ? `Draw ${frames} frames` : 'Draw');
   }
 
@@ -298,14 +299,16 @@ export class Keyframes {
   async #draw() {
     const path = this.#path;
     const api = this.#api();
-    if (!isWhole(path) || !api) return;
+    if (!isWhole(path) || !api || this.#isSending) return;
     this.#stop();
-    byId('path-draw').disabled = true; // one at a time
+    this.#isSending = true;
+    this.#measure();
     try {
       this.#made(await api.createPath(requestOf(path, this.#output)));
     } catch (error) {
       this.#complain(`/path${pointerInto(path, error.pointer ?? '')}`, error.message);
     }
+    this.#isSending = false;
     this.#measure();
   }
 }

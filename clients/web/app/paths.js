@@ -4,7 +4,7 @@ import { ask } from './ask.js';
 import { setText } from './fields.js';
 import { shortBytes } from './status.js';
 
-/** Each stream of events takes one of the few connections that a browser opens to a daemon. */
+/** Each stream of events takes one of the few connections that a browser opens to a daemon, of all its tabs together. */
 const WATCHES_MAX = 2;
 /** The list is read again this often while there are paths under way that are not watched. */
 const LIST_MS = 3000;
@@ -48,6 +48,7 @@ export class Paths {
       target.scrollIntoView({ block: 'start' }); // it is the last of the panel
       this.refresh(); // others may have made some
     });
+    document.addEventListener('visibilitychange', () => (document.hidden ? this.#plan() : this.refresh()));
   }
 
   /** Reads the list, and watches what is under way. */
@@ -94,13 +95,14 @@ export class Paths {
     this.#plan();
   }
 
-  /** Watches as many as may be; for the others the list is read now and then. */
+  /** Watches as many as may be; for the others the list is read now and then. A tab that nobody sees does neither. */
   #plan() {
-    for (const [id, watch] of this.#watches) if (!this.#paths.has(id)) watch.abort();
+    clearTimeout(this.#timer);
+    for (const [id, watch] of this.#watches) if (document.hidden || !this.#paths.has(id)) watch.abort();
+    if (document.hidden) return;
     const waiting = [...this.#paths.values()].filter((path) => isUnderWay(path) && !this.#watches.has(path.id))
       .sort((a, b) => RANK.indexOf(a.state) - RANK.indexOf(b.state));
     for (const { id } of waiting.splice(0, WATCHES_MAX - this.#watches.size)) this.#watch(id);
-    clearTimeout(this.#timer);
     this.#timer = waiting.length ? setTimeout(() => this.refresh(), LIST_MS) : null;
   }
 

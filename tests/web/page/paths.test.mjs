@@ -295,33 +295,43 @@ const made = (id, more = {}) => ({
 
 test('few streams of events, whatever there is to watch; one that breaks off is taken up again', async (context) => {
   const mock = await MockDaemon.start({
-    paths: [made('a'), made('c'), made('b', { state: 'running' }), made('d', { state: 'done', done: 10, bytes: 2345678 })],
+    paths: [made('a'), made('c'), made('e'), made('b', { state: 'running' }), made('d', { state: 'done', done: 10, bytes: 2345678 })],
   });
   context.after(() => mock.kill().catch(() => {}));
   const it = await open(context, mock.url);
   const { page } = it;
   const state = (id, text) => page.locator(`#paths li[data-id="${id}"] .state`, { hasText: text }).waitFor();
   await state('d', 'done, 2.3 MB');
-  await until(page, 'the list', () => document.querySelectorAll('#paths li').length === 4);
+  await until(page, 'the list', () => document.querySelectorAll('#paths li').length === 5);
   const watched = () => [...mock.watches].map(({ id }) => id).sort().join();
   await eventually('two streams, first of what is drawn', () => watched() === 'a,b');
   mock.follow('b', { done: 4, bytes: 5000 });
   await state('b', '4 of 10, 5.0 kB');
   mock.follow('a', { reason: 'the volume loads' });
   await state('a', 'waiting: the volume loads');
-  mock.follow('c', { state: 'running', done: 2 }); // nobody watches it
-  await state('c', '2 of 10');
+  mock.follow('e', { state: 'running', done: 2 }); // nobody watches it
+  await state('e', '2 of 10');
   mock.follow('b', { state: 'failed', reason: 'a view that is none' }, 'failed');
   await state('b', 'failed after 4 of 10: a view that is none');
-  await page.locator('#path-busy', { hasText: '2 under way' }).waitFor();
-  mock.follow('c', { done: 3 });
-  await state('c', '3 of 10');
-  assert.equal(watched(), 'a,c');
+  await page.locator('#path-busy', { hasText: '3 under way' }).waitFor();
+  await eventually('what is drawn before what waits', () => watched() === 'a,e');
+  mock.follow('e', { done: 3 });
+  await state('e', '3 of 10');
+  const hide = (isHidden) => page.evaluate((hidden) => {
+    Object.defineProperty(document, 'hidden', { value: hidden, configurable: true });
+    document.dispatchEvent(new Event('visibilitychange'));
+  }, isHidden);
+  await hide(true);
+  await eventually('a tab that nobody sees', () => watched() === '');
+  mock.follow('e', { done: 4 });
+  await hide(false);
+  await state('e', '4 of 10');
+  await eventually('a tab that is seen again', () => watched() === 'a,e');
   mock.dropWatches();
   mock.follow('a', { state: 'running', reason: '', done: 9 });
   await state('a', '9 of 10');
   await page.locator('#path > summary').click();
-  await eventually('both streams', () => watched() === 'a,c');
+  await eventually('both streams', () => watched() === 'a,e');
   mock.follow('a', { state: 'done', done: 10 }, 'done');
   await page.locator('#notice', { hasText: 'A path of phantom is drawn: 10 frames.' }).waitFor();
   assert.deepEqual(it.said.filter((line) => !line.includes('ERR_INCOMPLETE_CHUNKED_ENCODING')), []);
