@@ -24,7 +24,8 @@ enum srv_right {
     SRV_RIGHT_VIEW = 2,    /* read volumes, views, presets; watch sessions */
     SRV_RIGHT_RENDER = 4,  /* draw pictures, keep views */
     SRV_RIGHT_CONTROL = 8, /* make, change and end sessions; change presets */
-    SRV_RIGHT_ADMIN = 16   /* load and unload volumes, and whatever comes without a right */
+    SRV_RIGHT_ADMIN = 16,  /* load and unload volumes, and whatever comes without a right */
+    SRV_RIGHT_SESSION = 32 /* nobody has it: a session's tokens count as well (routes_sessions.c) */
 };
 
 enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 256 * 1024 };

@@ -82,7 +82,9 @@ struct srv_request {
     struct srv_reply reply;
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
-    size_t body_seen, body_capacity;
+    size_t body_max;  /* kept of the body at most; the handler refuses more. 0 = --body-size */
+    size_t body_seen; /* with what was not kept */
+    size_t body_capacity;
     struct srv_joined *joined; /* of headers that came in several lines */
     struct srv_refusal target; /* what is wrong with the address */
     bool is_last;              /* of its connection */
@@ -127,6 +129,9 @@ srv_handler srv_post_render, srv_get_render;                             /* rout
 srv_handler srv_get_views, srv_post_view, srv_get_view, srv_delete_view; /* routes_views.c */
 srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
     srv_delete_session, srv_get_stream; /* routes_sessions.c */
+/* Of a route that needs SRV_RIGHT_SESSION, with the headers: may whoever asks have an answer?
+ * False: the reply is the problem. */
+bool srv_session_admits(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
     srv_delete_preset; /* routes_presets.c */
 srv_handler srv_get_paths, srv_post_path, srv_get_path, srv_delete_path, srv_get_path_events,

@@ -46,11 +46,11 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/paths/{}/archive", SRV_RIGHT_RENDER, srv_get_path_archive },
     { SRV_GET, "/api/v1/paths/{}/movie", SRV_RIGHT_RENDER, srv_get_path_movie },
     { SRV_GET, "/api/v1/sessions", SRV_RIGHT_CONTROL, srv_get_sessions },
-    { SRV_POST, "/api/v1/sessions", SRV_RIGHT_NONE, srv_post_session },
-    { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_NONE, srv_get_session },
-    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, srv_patch_session },
+    { SRV_POST, "/api/v1/sessions", SRV_RIGHT_SESSION, srv_post_session },
+    { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_get_session },
+    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_patch_session },
     { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session },
-    { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_NONE, srv_get_stream },
+    { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
@@ -277,6 +277,8 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
 /* Has the token the right that the route needs? */
 static bool check_right(struct srv_request *request, enum srv_right needs) {
     struct srv_reply *reply = &request->reply;
+    if (needs == SRV_RIGHT_SESSION)
+        return srv_session_admits(request, reply);
     if (needs == SRV_RIGHT_NONE || request->grant.rights & needs)
         return true;
     if (request->grant.rights) {
@@ -375,7 +377,7 @@ static enum MHD_Result on_headers(struct srv_request *request, const char *versi
     return MHD_YES;
 }
 
-/* Keeps what belongs to the body; what is refused is read and dropped. */
+/* Keeps what belongs to the body; what is refused or past body_max is read and dropped. */
 static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
     size_t limit = (size_t)request->app->config->body_size, take = *size;
     *size = 0;
@@ -387,7 +389,7 @@ static enum MHD_Result on_body(struct srv_request *request, const char *bytes, s
                           "the body has more than the %zu bytes that --body-size allows", limit);
         request->is_refused = true;
     }
-    if (request->is_refused)
+    if (request->is_refused || (request->body_max && request->body_seen > request->body_max))
         return MHD_YES;
     if (request->body_seen + 1 > request->body_capacity) {
         size_t capacity = (request->body_seen + 1) * 2;

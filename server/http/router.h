@@ -19,7 +19,7 @@ struct srv_reply;
 struct srv_route {
     enum srv_method method;
     const char *pattern;  /* "{}" matches one segment that is not empty */
-    enum srv_right needs; /* of the daemon's token; SRV_RIGHT_NONE: handles permission itself */
+    enum srv_right needs; /* judged before the body is read */
     /* Fills *reply, or takes care that it will be filled (listener.h). */
     void (*handle)(struct srv_request *request, struct srv_reply *reply);
 };

@@ -14,6 +14,7 @@
 enum { KEY_CHARACTERS = 24 };
 enum { FORK_BYTES = 256 }; /* {"from": id}, with blanks */
 static const char subprotocol[] = "splatd.v1";
+static const char for_nobody[] = "give the daemon's token, or a session's to fork it";
 static const char *const for_new[] = { "view", "from", NULL }, *const for_change[] = { "view",
                                                                                        NULL };
 
@@ -66,13 +67,10 @@ static bool may_fork(struct srv_request *request, const proto_json *body, struct
     struct sp_error err;
     enum srv_role role;
     const char *from = proto_json_string(proto_json_get(body, "from"));
-    unsigned rights = request->grant.rights;
-    if (rights & SRV_RIGHT_CONTROL)
+    if (request->grant.rights) /* srv_session_admits() saw to that */
         return true;
-    if (rights)
-        srv_reply_problem(reply, 403, NULL, "the role of this token does not include sessions");
-    else if (!from ||
-             !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
+    if (!from ||
+        !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
         reply_unauthorized(reply,
                            "give the daemon's token, or fork a session with its control token");
     else if (role != SRV_ROLE_CONTROL)
@@ -95,10 +93,8 @@ static void owner_of(const struct srv_request *request, const proto_json *body,
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     char id[SRV_SESSION_ID_BYTES];
-    /* Who has no token of the daemon may name a session to fork, and is not read further. */
-    if (!srv_request_token(request) ||
-        (!request->grant.rights && request->body_size > FORK_BYTES)) {
-        reply_unauthorized(reply, "give the daemon's token, or a session's to fork it");
+    if (request->body_max && request->body_seen > request->body_max) {
+        reply_unauthorized(reply, for_nobody);
         return;
     }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
@@ -173,10 +169,26 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
     return false;
 }
 
+bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
+    unsigned rights = request->grant.rights;
+    if (request->route->method != SRV_POST)
+        return may(request, request->route->method == SRV_PATCH ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW,
+                   reply);
+    if (rights & SRV_RIGHT_CONTROL)
+        return true;
+    if (rights) {
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include sessions");
+    } else if (!srv_request_token(request)) {
+        reply_unauthorized(reply, for_nobody);
+    } else { /* it may name a session to fork, and is not read further */
+        request->body_max = FORK_BYTES;
+        return true;
+    }
+    return false;
+}
+
 void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (!may(request, SRV_ROLE_VIEW, reply))
-        return;
     proto_json *json =
         srv_hub_session_get(request->app->hub, request->param,
                             (request->grant.rights & SRV_RIGHT_CONTROL) != 0, srv_clock_ms(), &err);
@@ -188,8 +200,6 @@ void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (!may(request, SRV_ROLE_CONTROL, reply))
-        return;
     proto_json *body = srv_request_json(request, reply);
     if (body && only_known(body, for_change, reply)) {
         const proto_json *view = proto_json_get(body, "view");
@@ -279,7 +289,7 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
 void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     enum srv_role role;
-    if (!may(request, SRV_ROLE_VIEW, reply) || !check_handshake(request, reply))
+    if (!check_handshake(request, reply))
         return;
     if (!srv_hub_authorize(request->app->hub, request->param, srv_request_token(request), &role,
                            &err))

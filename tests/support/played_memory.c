@@ -7,6 +7,7 @@
 static _Thread_local bool is_spared;
 static atomic_long left = -1; /* allocations that succeed before one does not; < 0 = all */
 static atomic_bool stays_out, has_failed;
+static atomic_size_t largest;
 
 void memory_run_out(long n, enum memory_end end) {
     atomic_store(&stays_out, end == MEMORY_STAYS_OUT);
@@ -21,6 +22,16 @@ bool memory_come_back(void) {
 
 void memory_spare_thread(void) {
     is_spared = true;
+}
+
+size_t memory_take_largest(void) {
+    return atomic_exchange(&largest, 0);
+}
+
+static void note_size(size_t size) {
+    size_t known = atomic_load(&largest);
+    while (known < size && !atomic_compare_exchange_weak(&largest, &known, size))
+        ;
 }
 
 bool memory_is_left(void) {
@@ -46,17 +57,21 @@ void *__wrap_realloc(void *old, size_t size);
 void *__wrap_aligned_alloc(size_t alignment, size_t size);
 
 void *__wrap_malloc(size_t size) {
+    note_size(size);
     return memory_is_left() ? __real_malloc(size) : NULL;
 }
 
 void *__wrap_calloc(size_t count, size_t size) {
+    note_size(count * size);
     return memory_is_left() ? __real_calloc(count, size) : NULL;
 }
 
 void *__wrap_realloc(void *old, size_t size) {
+    note_size(size);
     return memory_is_left() ? __real_realloc(old, size) : NULL;
 }
 
 void *__wrap_aligned_alloc(size_t alignment, size_t size) {
+    note_size(size);
     return memory_is_left() ? __real_aligned_alloc(alignment, size) : NULL;
 }

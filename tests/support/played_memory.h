@@ -8,6 +8,7 @@
 #define TESTS_SUPPORT_PLAYED_MEMORY_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 
@@ -16,6 +17,8 @@ enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 void memory_run_out(long n, enum memory_end end);
 /* All succeed again. Did one fail? */
 bool memory_come_back(void);
+/* The largest allocation since the last call. [bytes] */
+size_t memory_take_largest(void);
 /* The calling thread's allocations succeed, and do not count. */
 void memory_spare_thread(void);
 

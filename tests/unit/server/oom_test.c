@@ -391,8 +391,57 @@ static void streams(void **state) {
     hang_up(&stream);
 }
 
+/* Strangers. */
+
+/* The status for a body of a MiB, all but blanks, and the largest allocation that it brought. */
+static int send_much(const char *method, const char *path, const char *token, size_t *largest) {
+    enum { BYTES = 1000000 };
+    char head[512], *blanks = malloc(BYTES);
+    int status = 0;
+    assert_non_null(blanks);
+    memset(blanks, ' ', BYTES);
+    int size = snprintf(head, sizeof head,
+                        "%s /api/v1/%s HTTP/1.1\r\nHost: x\r\nConnection: close\r\n%s%s"
+                        "Content-Type: application/json\r\nContent-Length: %d\r\n\r\n",
+                        method, path, token, token[0] ? "\r\n" : "", BYTES);
+    dial(&http);
+    memory_take_largest();
+    tell(&http, head, (size_t)size);
+    tell(&http, blanks, BYTES);
+    while (hear(&http)) {
+    }
+    *largest = memory_take_largest();
+    hang_up(&http);
+    free(blanks);
+    assert_int_equal(sscanf(http.bytes, "HTTP/1.1 %d", &status), 1);
+    return status;
+}
+
+static void of_who_has_no_token_no_body_is_kept(void **state) {
+    (void)state;
+    static const char *const strangers[] = { "", "Authorization: Bearer nonsense-nonsense" };
+    char known[128], target[96];
+    size_t largest;
+    wait_for_volume();
+    snprintf(target, sizeof target, "sessions/%s", session);
+    for (size_t i = 0; i < sizeof strangers / sizeof *strangers; i++) {
+        assert_int_equal(send_much("POST", "sessions", strangers[i], &largest), 401);
+        assert_in_range(largest, 1, 64 * 1024);
+        assert_int_equal(send_much("PATCH", target, strangers[i], &largest), 401);
+        assert_in_range(largest, 1, 64 * 1024);
+        assert_int_equal(send_much("POST", "views", strangers[i], &largest), 401);
+        assert_in_range(largest, 1, 64 * 1024);
+    }
+    /* And of who has one it is. */
+    snprintf(known, sizeof known, "Authorization: Bearer %s", f.token);
+    assert_int_equal(send_much("POST", "sessions", known, &largest), 400);
+    assert_in_range(largest, 1000000, 8000000);
+    must("DELETE", target, "", 204);
+}
+
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(requests), cmocka_unit_test(streams) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(requests), cmocka_unit_test(streams),
+                                        cmocka_unit_test(of_who_has_no_token_no_body_is_kept) };
     memory_spare_thread();
     signal(SIGPIPE, SIG_IGN);
     memory_play_sqlite();
