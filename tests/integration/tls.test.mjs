@@ -260,6 +260,8 @@ test('nobody begins a second handshake', async () => {
   client.stderr.on('data', () => {});
   await within(once(client, 'close'), 'the end of openssl');
   assert.match(out, /Verify return code/);
+  // By the daemon at once, not by a time limit.
+  await daemon.untilLogged(/TLS connection of \S+ ended: Rehandshake was requested/);
   await othersAreServed();
 });
 
