@@ -5,7 +5,7 @@ import {
   secondsAt, stretch, turnOf, uprightAxis, viewAt,
 } from '../core/keyframes.js';
 import { ask } from './ask.js';
-import { setText, showNumber, showValue } from './fields.js';
+import { setText, showValue } from './fields.js';
 import { THUMBNAIL } from './screen.js';
 
 const EASES = { linear: 'steadily', smooth: 'smoothly', step: 'at once' };
@@ -151,7 +151,11 @@ export class Keyframes {
     ((wanted?.disabled ? entry.querySelector('.picture') : wanted) ?? byId('key-add')).focus();
   }
 
-  #entry({ view, picture, seconds: time, ease }, i) {
+  #replace(i) {
+    if (this.#viewer.isSettled) this.#act(replace(this.#path, i, this.#seen), i, 'replace');
+  }
+
+  #entry({ view, picture, ease }, i) {
     const { isLoop, keys } = this.#path;
     const name = `keyframe ${i + 1}`;
     const act = (id, sign, label, press, disabled = false) => make('button', {
@@ -166,21 +170,21 @@ export class Keyframes {
     }, ...(picture ? [make('img', { src: picture, alt: '' })] : []), make('span', { text: i + 1 }));
     go.disabled = !this.#viewer.canControl;
     const acts = make('span', { class: 'acts' },
-      act('replace', '⟳', `Replace ${name} by the view as it is`, () => this.#act(replace(this.#path, i, this.#seen), i, 'replace')),
+      act('replace', '⟳', `Replace ${name} by the view as it is`, () => this.#replace(i)),
       act('up', '↑', `Move ${name} up`, () => this.#act(move(this.#path, i, -1), i - 1, 'up'), i === 0),
       act('down', '↓', `Move ${name} down`, () => this.#act(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
       act('remove', '×', `Remove ${name}`, () => this.#act(remove(this.#path, i), i, 'remove')));
     const item = make('li', { 'data-pointer': `/path/keyframes/${i}` }, go, acts);
-    if (i > 0 || isLoop) item.append(this.#way(i, time, ease));
+    if (i > 0 || isLoop) item.append(this.#way(i, ease));
     else item.append(make('span', { class: 'way', text: 'the beginning' }));
     return item;
   }
 
   /** How key i is come to. */
-  #way(i, time, ease) {
+  #way(i, ease) {
     const from = i === 0 ? `back to keyframe 1` : `to keyframe ${i + 1}`;
     const field = make('input', {
-      type: 'number', min: SECONDS.least, max: SECONDS.most, step: 'any', value: showNumber(time), required: '',
+      type: 'number', min: SECONDS.least, max: SECONDS.most, step: 'any', required: '',
       'aria-label': `Seconds ${from}`, title: `Seconds ${from}`,
     });
     const choice = make('select', { 'aria-label': `How it goes ${from}`, title: `How it goes ${from}` },

@@ -16,10 +16,7 @@ before(async () => {
   daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'cpu']);
   const { origin, searchParams } = new URL(daemon.url);
   api = new Api({ base: `${origin}/`, token: searchParams.get('token'), fetch });
-  for (;;) {
-    const [{ state }] = await api.volumes();
-    if (state === 'ready') break;
-  }
+  for (let state = 'loading'; state === 'loading';) [{ state }] = await api.volumes();
   view = await api.volumeView('phantom');
 });
 after(() => daemon?.stop());
