@@ -69,9 +69,10 @@ static ssize_t stream_recv(void *user, uint8_t *bytes, size_t size) {
     return (ssize_t)take;
 }
 
-static ssize_t stream_send(void *user, const uint8_t *bytes, size_t size) {
+static ssize_t stream_send(void *user, const struct iovec *parts, size_t count, bool is_more) {
     struct stream *stream = user;
-    return send(stream->start.socket, bytes, size, MSG_NOSIGNAL);
+    const struct msghdr message = { .msg_iov = (struct iovec *)parts, .msg_iovlen = count };
+    return sendmsg(stream->start.socket, &message, MSG_NOSIGNAL | (is_more ? MSG_MORE : 0));
 }
 
 static void watch(struct srv_streams *s, struct stream *stream) {

@@ -22,6 +22,13 @@ enum {
 };
 #define CLOSE_MS 2000.0 /* to send what is queued after the decision to close */
 
+struct out_frame { /* on its way to the socket: two headers, and the picture */
+    uint8_t head[10 + PROTO_FRAME_HEADER_BYTES];
+    size_t head_size, sent;
+    struct srv_blob *blob; /* NULL = no frame is on its way */
+    double since_ms;
+};
+
 struct srv_ws {
     struct srv_ws_options options;
     char peer[SRV_ADDRESS_TEXT];
@@ -30,8 +37,8 @@ struct srv_ws {
     unsigned frames_left; /* until the next tick */
     size_t bytes_left;
     unsigned fragments; /* of the message that is arriving */
+    struct out_frame frame;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
-    double frame_ms; /* since when a frame is being sent; 0 = none is */
     bool end_of_file, broken, closing;
     bool is_ended; /* its end was counted */
 };
@@ -78,21 +85,28 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     return -1;
 }
 
-static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, size_t size,
-                       int flags, void *user) {
-    (void)flags;
-    struct srv_ws *ws = user;
+/* How much of it the transport took; 0 = it is full, less than 0 = it failed. */
+static ssize_t send_parts(struct srv_ws *ws, const struct iovec *parts, size_t count,
+                          bool is_more) {
     ssize_t sent;
     do
-        sent = ws->options.transport.send(ws->options.transport.user, bytes, size);
+        sent = ws->options.transport.send(ws->options.transport.user, parts, count, is_more);
     while (sent < 0 && errno == EINTR);
     if (sent > 0) {
         ws->progress_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_OUT, (uint64_t)sent);
         return sent;
     }
-    bool again = sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
-    wslay_event_set_error(context, again ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
+    return sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? 0 : -1;
+}
+
+static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, size_t size,
+                       int flags, void *user) {
+    const struct iovec part = { (void *)bytes, size };
+    ssize_t sent = send_parts(user, &part, 1, flags & WSLAY_MSG_MORE);
+    if (sent > 0)
+        return sent;
+    wslay_event_set_error(context, sent == 0 ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
     return -1;
 }
 
@@ -200,6 +214,7 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
         count_end(ws, SRV_COUNT_END_LOST);
     srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
     wslay_event_context_free(ws->context);
+    srv_blob_unref(&ws->frame.blob);
     free(ws);
 }
 
@@ -214,11 +229,11 @@ static void refuse_frame(struct srv_ws *ws) {
     sp_log_with(SP_LOG_WARN,
                 SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                 "stream of %s closed: a frame against RFC 6455", ws->peer);
-    if (wslay_event_get_queued_msg_count(ws->context) > 1)
+    if (ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 1)
         return;
     wslay_event_shutdown_write(ws->context);
-    if (ws->options.transport.send(ws->options.transport.user, close, sizeof close) !=
-        (ssize_t)sizeof close)
+    const struct iovec part = { (void *)close, sizeof close };
+    if (send_parts(ws, &part, 1, false) != (ssize_t)sizeof close)
         ws->broken = true;
 }
 
@@ -245,17 +260,45 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
     }
 }
 
-static bool queue_frame(struct srv_ws *ws, struct srv_message *message) {
-    size_t size = PROTO_FRAME_HEADER_BYTES + message->blob->size;
-    uint8_t *bytes = malloc(size);
-    if (!bytes)
-        return false;
-    proto_frame_header_encode(&message->header, bytes);
-    memcpy(bytes + PROTO_FRAME_HEADER_BYTES, message->blob->bytes, message->blob->size);
-    struct wslay_event_msg out = { .opcode = WSLAY_BINARY_FRAME, .msg = bytes, .msg_length = size };
-    bool ok = wslay_event_queue_msg(ws->context, &out) == 0; /* copies */
-    free(bytes);
-    return ok;
+/* Takes over the message's blob. */
+static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
+    struct out_frame *frame = &ws->frame;
+    uint64_t size = PROTO_FRAME_HEADER_BYTES + (uint64_t)message->blob->size;
+    unsigned length_bytes = size < 126 ? 0 : size <= UINT16_MAX ? 2 : 8;
+    frame->head[0] = 0x80 | WSLAY_BINARY_FRAME; /* RFC 6455, 5.2; the first and last of it */
+    frame->head[1] = (uint8_t)(length_bytes == 0 ? size : length_bytes == 2 ? 126 : 127);
+    for (unsigned i = 0; i < length_bytes; i++)
+        frame->head[2 + i] = (uint8_t)(size >> 8 * (length_bytes - 1 - i));
+    frame->head_size = 2 + length_bytes + PROTO_FRAME_HEADER_BYTES;
+    proto_frame_header_encode(&message->header, frame->head + 2 + length_bytes);
+    frame->sent = 0;
+    frame->blob = message->blob;
+    frame->since_ms = srv_clock_ms();
+}
+
+static void end_frame(struct srv_ws *ws) {
+    srv_metrics_time(ws->options.metrics, SRV_TIME_SEND, srv_clock_ms() - ws->frame.since_ms);
+    srv_blob_unref(&ws->frame.blob);
+}
+
+/* False if the transport fails. */
+static bool send_frame(struct srv_ws *ws) {
+    struct out_frame *frame = &ws->frame;
+    while (frame->blob) {
+        size_t in_head = frame->sent < frame->head_size ? frame->sent : frame->head_size;
+        size_t in_blob = frame->sent - in_head;
+        const struct iovec parts[2] = {
+            { frame->head + in_head, frame->head_size - in_head },
+            { frame->blob->bytes + in_blob, frame->blob->size - in_blob },
+        };
+        ssize_t sent = send_parts(ws, parts, 2, false);
+        if (sent <= 0)
+            return sent == 0;
+        frame->sent += (size_t)sent;
+        if (frame->sent == frame->head_size + frame->blob->size)
+            end_frame(ws);
+    }
+    return true;
 }
 
 /* Queues the next message of the session; false if there is none. */
@@ -273,9 +316,7 @@ static bool pull(struct srv_ws *ws) {
         free(message.text);
         break;
     case SRV_MESSAGE_FRAME:
-        ok = queue_frame(ws, &message);
-        ws->frame_ms = srv_clock_ms();
-        srv_blob_unref(&message.blob);
+        begin_frame(ws, &message);
         break;
     case SRV_MESSAGE_CLOSE:
         srv_ws_close(ws, message.close_code, message.reason, ws->now_ms);
@@ -286,28 +327,28 @@ static bool pull(struct srv_ws *ws) {
     return true;
 }
 
+static bool is_sending(const struct srv_ws *ws) {
+    return ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 0;
+}
+
 void srv_ws_write(struct srv_ws *ws, double now_ms) {
     ws->now_ms = now_ms;
     for (int i = 0; i < MESSAGES_BUDGET && !ws->broken; i++) {
-        bool empty = wslay_event_get_queued_msg_count(ws->context) == 0;
-        if (empty && ws->frame_ms > 0) {
-            srv_metrics_time(ws->options.metrics, SRV_TIME_SEND, srv_clock_ms() - ws->frame_ms);
-            ws->frame_ms = 0;
-        }
-        if (empty && !ws->closing) {
+        if (!is_sending(ws) && !ws->closing) {
             ws->progress_ms = now_ms;
             if (!pull(ws))
                 return;
         }
-        if (!wslay_event_want_write(ws->context))
+        if (!srv_ws_wants_write(ws))
             return;
-        if (wslay_event_send(ws->context) != 0) {
+        bool is_frame = ws->frame.blob;
+        if (is_frame ? !send_frame(ws) : wslay_event_send(ws->context) != 0) {
             sp_log_with(SP_LOG_INFO,
                         SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                         "stream of %s lost: %s", ws->peer, strerror(errno));
             ws->broken = true;
         }
-        if (wslay_event_want_write(ws->context))
+        if (is_frame ? ws->frame.blob != NULL : wslay_event_want_write(ws->context))
             return; /* the socket is full */
     }
 }
@@ -324,8 +365,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
         ws->heard_ms = now_ms;
     refill(ws);
     double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
-    if (wslay_event_get_queued_msg_count(ws->context) > 0 &&
-        now_ms - ws->progress_ms > ws->options.stall_ms) {
+    if (is_sending(ws) && now_ms - ws->progress_ms > ws->options.stall_ms) {
         sp_log_with(SP_LOG_WARN,
                     SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
                     "stream of %s dropped: it took no data for %.1f s (--stall-time)", ws->peer,
@@ -364,11 +404,11 @@ bool srv_ws_is_paused(const struct srv_ws *ws) {
 }
 
 bool srv_ws_wants_write(const struct srv_ws *ws) {
-    return !ws->broken && wslay_event_want_write(ws->context);
+    return !ws->broken && (ws->frame.blob || wslay_event_want_write(ws->context));
 }
 
 bool srv_ws_is_over(const struct srv_ws *ws) {
-    return srv_ws_is_lost(ws) || (ws->closing && !wslay_event_want_write(ws->context));
+    return srv_ws_is_lost(ws) || (ws->closing && !srv_ws_wants_write(ws));
 }
 
 bool srv_ws_is_lost(const struct srv_ws *ws) {

@@ -6,7 +6,9 @@
  *
  * Bounded: reading stops while 64 messages wait to be sent, and until the next tick after 32 frames
  * or 128 KiB, so that a flood costs the thread no more than a busy client does; one frame is in the
- * socket's hands and one in the outbox. One thread at a time.
+ * socket's hands and one in the outbox, both shared with all who get the same picture. The library
+ * frames and queues messages of text; a picture goes out beside it, from where it lies, when all
+ * else was sent, and whole before anything else is. One thread at a time.
  */
 #ifndef SRV_HTTP_WS_CONN_H
 #define SRV_HTTP_WS_CONN_H
@@ -15,15 +17,17 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <sys/types.h>
+#include <sys/uio.h>
 
 #include "session/hub.h"
 
 struct srv_ws;
 
-struct srv_ws_transport { /* like recv() and send() on a non-blocking socket, with errno */
+struct srv_ws_transport { /* like recv() and sendmsg() on a non-blocking socket, with errno */
     void *user;
     ssize_t (*recv)(void *user, uint8_t *bytes, size_t size);
-    ssize_t (*send)(void *user, const uint8_t *bytes, size_t size);
+    /* is_more: what follows goes out at once, so that one packet may hold both. */
+    ssize_t (*send)(void *user, const struct iovec *parts, size_t count, bool is_more);
 };
 
 struct srv_ws_options {

@@ -74,9 +74,12 @@ static ssize_t input_recv(void *user, uint8_t *bytes, size_t size) {
     return (ssize_t)piece;
 }
 
-static ssize_t output_send(void *user, const uint8_t *bytes, size_t size) {
+static ssize_t output_send(void *user, const struct iovec *parts, size_t count, bool is_more) {
+    size_t size = 0;
     (void)user;
-    (void)bytes;
+    (void)is_more;
+    for (size_t i = 0; i < count; i++)
+        size += parts[i].iov_len;
     return (ssize_t)size;
 }
 

@@ -24,6 +24,8 @@ struct wire { /* what the client sent, and what it was sent */
     uint8_t *in, *out;
     size_t in_size, in_at, out_size;
     bool is_full; /* takes nothing */
+    size_t piece; /* takes so many bytes every other time that it is asked; 0 = all, always */
+    bool took;
 };
 
 struct stream {
@@ -45,15 +47,46 @@ static ssize_t wire_recv(void *user, uint8_t *bytes, size_t size) {
     return (ssize_t)size;
 }
 
-static ssize_t wire_send(void *user, const uint8_t *bytes, size_t size) {
+static ssize_t wire_send(void *user, const struct iovec *parts, size_t count, bool is_more) {
     struct wire *wire = user;
+    size_t left = wire->piece ? wire->piece : ROOM, all = 0;
+    (void)is_more;
+    wire->took = !wire->took;
     errno = EAGAIN;
-    if (wire->is_full)
+    if (wire->is_full || (wire->piece && !wire->took))
         return -1;
-    assert_true(wire->out_size + size <= ROOM);
-    memcpy(wire->out + wire->out_size, bytes, size);
-    wire->out_size += size;
-    return (ssize_t)size;
+    for (size_t i = 0; i < count; i++) {
+        size_t size = parts[i].iov_len < left ? parts[i].iov_len : left;
+        assert_true(wire->out_size + size <= ROOM);
+        memcpy(wire->out + wire->out_size, parts[i].iov_base, size);
+        wire->out_size += size;
+        left -= size;
+        all += size;
+    }
+    return (ssize_t)all;
+}
+
+struct sent { /* one frame of RFC 6455 */
+    uint8_t first;
+    const uint8_t *bytes;
+    size_t size;
+};
+
+/* The frame at *at, which moves behind it; false at the end, where it has to end. */
+static bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
+    const uint8_t *from = wire->out + *at;
+    if (*at == wire->out_size)
+        return false;
+    assert_true(*at + 2 <= wire->out_size);
+    size_t more = from[1] == 126 ? 2 : from[1] == 127 ? 8 : 0;
+    *sent = (struct sent){ from[0], from + 2 + more, more ? 0 : from[1] };
+    for (size_t i = 0; i < more; i++)
+        sent->size = sent->size << 8 | from[2 + i];
+    assert_true(more != 2 || sent->size >= 126); /* in the shortest form */
+    assert_true(more != 8 || sent->size > UINT16_MAX);
+    *at += 2 + more + sent->size;
+    assert_true(*at <= wire->out_size);
+    return true;
 }
 
 static int set_up(void **state) {
@@ -189,19 +222,160 @@ static void who_does_not_read_is_not_read(void **state) {
     assert_int_equal(answers(&s->wire), PINGS);
 }
 
-/* The code of the close frame that was sent; 0 = none was. */
+/* The code of the close frame that was sent, the last one of all; 0 = none was. */
 static unsigned close_code(const struct wire *wire) {
-    for (size_t at = 0; at + 4 <= wire->out_size;) {
-        size_t size = wire->out[at + 1], head = 2;
-        if (wire->out[at] == 0x88)
-            return wire->out[at + 2] * 256u + wire->out[at + 3];
-        if (size == 126) {
-            size = wire->out[at + 2] * 256u + wire->out[at + 3];
-            head = 4;
-        }
-        at += head + size;
+    struct sent sent;
+    unsigned code = 0;
+    for (size_t at = 0; next_sent(wire, &at, &sent);) {
+        assert_int_equal(code, 0);
+        if (sent.first == 0x88)
+            code = sent.bytes[0] * 256u + sent.bytes[1];
     }
-    return 0;
+    return code;
+}
+
+/* A picture of so many bytes for the participant; the caller's reference. */
+static struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
+    struct fixture *f = s->fixture;
+    static struct srv_job job;
+    double wait_ms;
+    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 300, .height = 200 };
+    struct srv_job_result result = { .width = 300, .height = 200, .render_ms = 1 };
+    uint8_t *bytes = malloc(size);
+    for (size_t i = 0; i < size; i++)
+        bytes[i] = (uint8_t)(i * 7 + i / 251);
+    struct srv_blob *blob = srv_blob_create(bytes, size);
+    free(bytes);
+    assert_non_null(blob);
+    assert_true(srv_hub_next_job(f->hub, now_ms, &job, &wait_ms));
+    srv_hub_deliver(f->hub, &job, 0, &header, blob);
+    srv_hub_job_done(f->hub, &job, &result);
+    return blob;
+}
+
+/* The picture is there once, whole, and all else is text; the number of other frames. */
+static unsigned check_picture(const struct wire *wire, const struct srv_blob *blob) {
+    struct sent sent;
+    struct proto_frame_header header;
+    unsigned pictures = 0, others = 0;
+    for (size_t at = 0; next_sent(wire, &at, &sent);) {
+        if (sent.first != 0x82) {
+            assert_int_equal(sent.first, 0x81);
+            others++;
+            continue;
+        }
+        pictures++;
+        assert_true(proto_frame_header_decode(sent.bytes, sent.size, &header));
+        assert_int_equal(header.payload_bytes, blob->size);
+        assert_int_equal(header.width, 300);
+        assert_int_equal(sent.size, PROTO_FRAME_HEADER_BYTES + blob->size);
+        assert_memory_equal(sent.bytes + PROTO_FRAME_HEADER_BYTES, blob->bytes, blob->size);
+    }
+    assert_int_equal(pictures, 1);
+    return others;
+}
+
+/* Also where the length of a frame takes another form, and when answers come meanwhile. */
+static void a_picture_arrives_whole_by_any_pieces(void **state) {
+    static const size_t sizes[] = { 1, 93, 94, 65503, 65504, 300000 };
+    (void)state;
+    for (size_t i = 0; i < 2 * sizeof sizes / sizeof *sizes; i++) {
+        void *one = NULL;
+        assert_int_equal(set_up(&one), 0);
+        struct stream *s = one;
+        run(s, 1); /* who is there, and the like */
+        s->wire.out_size = 0;
+        struct srv_blob *blob = deliver(s, sizes[i / 2], 2);
+        s->wire.piece = i % 2 ? 0 : sizes[i / 2] < 100 ? 1 : 999;
+        srv_ws_write(s->ws, 2);
+        say_pings(&s->wire, 3);
+        run(s, 3);
+        assert_int_equal(answers(&s->wire), 3);
+        assert_true(check_picture(&s->wire, blob) >= 3);
+        assert_int_equal(close_code(&s->wire), 0);
+        srv_blob_unref(&blob);
+        assert_int_equal(tear_down(&one), 0);
+    }
+}
+
+static void a_picture_is_sent_from_where_it_lies(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.out_size = 0;
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    memory_run_out(0, MEMORY_STAYS_OUT);
+    for (int i = 0; i < 100 && s->wire.out_size < 90000; i++) {
+        srv_ws_write(s->ws, 2);
+        assert_int_equal(atomic_load(&blob->references), 2);
+    }
+    assert_false(memory_come_back());
+    run(s, 3);
+    assert_int_equal(atomic_load(&blob->references), 1);
+    check_picture(&s->wire, blob);
+    srv_blob_unref(&blob);
+}
+
+static void a_close_waits_for_the_picture_before_it(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.out_size = 0;
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 2);
+    srv_ws_close(s->ws, 1001, "bye", 3);
+    s->wire.is_full = true;
+    run(s, 3);
+    assert_true(srv_ws_wants_write(s->ws));
+    assert_false(srv_ws_is_over(s->ws));
+    s->wire.is_full = false;
+    run(s, 4);
+    assert_true(srv_ws_is_over(s->ws));
+    assert_int_equal(close_code(&s->wire), 1001);
+    s->wire.out_size -= 2 + 2 + 3;
+    assert_int_equal(check_picture(&s->wire, blob), 0);
+    srv_blob_unref(&blob);
+}
+
+static void garbage_meanwhile_does_not_get_into_the_picture(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.out_size = 0;
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 2);
+    static const uint8_t ping[2] = { 0x89, 0xfe }; /* of more than 125 bytes, which may not be */
+    memcpy(s->wire.in + s->wire.in_size, ping, sizeof ping);
+    s->wire.in_size += sizeof ping;
+    run(s, 3);
+    assert_true(srv_ws_is_over(s->ws));
+    struct sent sent = { .size = 0 };
+    size_t at = 0;
+    assert_true(next_sent(&s->wire, &at, &sent));
+    assert_int_equal(sent.first, 0x82);
+    assert_memory_equal(sent.bytes + PROTO_FRAME_HEADER_BYTES, blob->bytes, blob->size);
+    assert_true(next_sent(&s->wire, &at, &sent));
+    assert_int_equal(sent.first, 0x88);
+    assert_false(next_sent(&s->wire, &at, &sent));
+    srv_blob_unref(&blob);
+}
+
+static void who_takes_half_a_picture_has_stalled(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 2);
+    s->wire.is_full = true;
+    for (double now_ms = 102; now_ms < 19900; now_ms += 100) {
+        run(s, now_ms);
+        srv_ws_tick(s->ws, now_ms);
+        say_pings(&s->wire, 1); /* it is not silent */
+    }
+    assert_false(srv_ws_is_lost(s->ws));
+    srv_ws_tick(s->ws, 20100);
+    assert_true(srv_ws_is_lost(s->ws));
+    srv_blob_unref(&blob);
 }
 
 /* Memory runs out at each allocation that a message costs, one after the other: the stream goes on,
@@ -240,6 +414,12 @@ int main(void) {
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_large_message_comes_128_kib_at_a_time, set_up, tear_down),
         cmocka_unit_test_setup_teardown(who_does_not_read_is_not_read, set_up, tear_down),
+        cmocka_unit_test(a_picture_arrives_whole_by_any_pieces),
+        cmocka_unit_test_setup_teardown(a_picture_is_sent_from_where_it_lies, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_close_waits_for_the_picture_before_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(garbage_meanwhile_does_not_get_into_the_picture, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(who_takes_half_a_picture_has_stalled, set_up, tear_down),
         cmocka_unit_test(out_of_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
