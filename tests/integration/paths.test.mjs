@@ -486,6 +486,40 @@ test('a disk that takes no frame is waited for', async () => {
   assert.equal(await own.stop(), 0);
 });
 
+test('a full disk is waited for, by frames and by a movie whose packets are there', async (t) => {
+  if (spawnSync('unshare', ['-rm', 'true']).status !== 0) return t.skip('no disk of its own: unshare -rm');
+  const [folder, disk, page] = [newFolder(), 1 << 20, 4096];
+  const prefix = ['env', `TMPDIR=${folder}`, 'unshare', '-rm', 'sh', '-c', `mount -t tmpfs -o size=${disk} none ${folder} && exec "$0" "$@"`];
+  const own = await Daemon.start(VOLUME, { backend: 'cpu', prefix });
+  await own.loaded('engine');
+  const seen = path.join('/proc', String(own.child.pid), 'root', folder); // by the daemon, not by us
+  const filler = path.join(seen, 'filler');
+  const [name] = fs.readdirSync(seen);
+  const files = (id) => fs.readdirSync(path.join(seen, name, id)).sort();
+  for (const [body, drawn] of [[pathOf(), 3], [pathOf({ format: 'webm' }), 3], [pathOf({ format: 'webm' }), 9]]) {
+    fs.writeFileSync(filler, Buffer.alloc(disk - drawn * page)); // a file, a page
+    const id = await make(body, own);
+    const { data } = await event(id, (e) => e.data.reason, { of: own });
+    assert.deepEqual([data.state, data.done], ['waiting', drawn]);
+    assert.match(data.reason, /No space left on device/);
+    assert.deepEqual(files(id), Array.from({ length: drawn }, (_, i) => `00000${i}.${body.format ? 'vp9' : 'png'}`), 'nothing is there by halves');
+    fs.rmSync(filler);
+    const last = await end(id, { of: own });
+    assert.equal(last.event, 'done');
+    const what = body.format ? 'movie' : 'frames/8';
+    const result = await bytes(await own.fetch(`${API}/${id}/${what}`));
+    assert.ok(result.length > 200);
+    const whole = await make(body);
+    const { data: { bytes: size } } = await end(whole);
+    if (!body.format) assert.ok(result.equals(await frame(whole, 8)));
+    if (body.format && drawn === 3) assert.ok(last.data.bytes > size, 'it went on with a key frame');
+    else assert.equal(last.data.bytes, size);
+    assert.equal((await own.fetch(`${API}/${id}`, { method: 'DELETE' })).status, 204);
+    await gone(path.join(seen, name, id));
+  }
+  assert.equal(await own.stop(), 0);
+});
+
 test('a full store of frames takes no further path until one is deleted', async () => {
   const args = [...VOLUME, '--state', newFolder()];
   let own = await Daemon.start(args, { backend: 'cpu' });

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Camera paths over the ends of the daemon: what is on the disk at each moment, and what the next
- * one makes of it.
+ * Camera paths: what is on the disk at each moment, and what the next daemon makes of it; a disk
+ * that is full; and the end of one that comes from two sides.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,6 +10,10 @@
 
 #include <cmocka.h>
 
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -18,10 +22,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "jobs/jobs.h"
+#include "jobs/jobs_private.h"
 #include "support/lanes.h"
 
 enum { FRAMES = 3 };
+
+static const char removed_record[] = "{\"removed\":true}"; /* before its files go */
 
 /* The store's answers that come when the test says so, and what is removed from it. */
 
@@ -33,7 +39,7 @@ static struct {
         void *user;
     } held[8];
     char folder[128]; /* that must not be there when its record goes */
-    atomic_int removed, too_early;
+    atomic_int removed, too_early, unsaid;
 } gate;
 
 void __real_srv_store_flush(struct srv_store *store, void (*done)(void *user, bool durable),
@@ -61,13 +67,41 @@ static void release(struct srv_store *store) {
 bool __real_srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
 bool __wrap_srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id);
 bool __wrap_srv_store_remove(struct srv_store *store, enum srv_kind kind, const char *id) {
+    char *record = srv_store_get(store, kind, id, NULL, NULL);
     atomic_fetch_add(&gate.too_early, access(gate.folder, F_OK) == 0);
+    atomic_fetch_add(&gate.unsaid, !record || strcmp(record, removed_record) != 0);
+    free(record);
     bool was_there = __real_srv_store_remove(store, kind, id);
     atomic_fetch_add(&gate.removed, 1);
     return was_there;
 }
 
-/* The daemon's parts that draw paths, one run after the other over the same folder. */
+/* A disk that is full: so many bytes still fit, < 0 = all; and whether what was written stays. */
+
+static atomic_llong disk_left;
+static atomic_bool disk_syncs;
+
+ssize_t __real_write(int fd, const void *bytes, size_t size);
+ssize_t __wrap_write(int fd, const void *bytes, size_t size);
+ssize_t __wrap_write(int fd, const void *bytes, size_t size) {
+    long long left = atomic_load(&disk_left);
+    errno = ENOSPC;
+    if (left == 0)
+        return -1;
+    ssize_t n = __real_write(fd, bytes, left > 0 && size > (size_t)left ? (size_t)left : size);
+    if (left > 0 && n > 0)
+        atomic_fetch_sub(&disk_left, n);
+    return n;
+}
+
+int __real_fsync(int fd);
+int __wrap_fsync(int fd);
+int __wrap_fsync(int fd) {
+    errno = ENOSPC;
+    return atomic_load(&disk_syncs) ? __real_fsync(fd) : -1;
+}
+
+/* The daemon's parts that draw paths. */
 
 static struct fixture {
     char state[32];
@@ -76,6 +110,61 @@ static struct fixture {
     struct lanes lanes;
     struct srv_jobs *jobs;
 } f;
+
+/* A path that fails while somebody deletes it: each of the two comes as far as it can while the
+ * other is about to change the record. */
+
+static struct {
+    enum { NONE, FAILS_FIRST, IS_DELETED_FIRST } order;
+    atomic_bool has_no_volume, is_failing, is_at_records, is_deleted;
+} race;
+static _Thread_local bool deletes;
+
+void *__real_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
+void *__wrap_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
+void *__wrap_srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err) {
+    void *volume = __real_srv_catalog_acquire(catalog, id, err);
+    atomic_store(&race.has_no_volume, volume == NULL);
+    return volume;
+}
+
+bool __real_srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id,
+                          const char *text, size_t size, struct sp_error *err);
+bool __wrap_srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id,
+                          const char *text, size_t size, struct sp_error *err);
+bool __wrap_srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id,
+                          const char *text, size_t size, struct sp_error *err) {
+    if (race.order == FAILS_FIRST && !deletes) {
+        atomic_store(&race.is_failing, true);
+        while (!atomic_load(&race.is_at_records) && !atomic_load(&race.is_deleted))
+            sched_yield();
+    }
+    return __real_srv_store_put(store, kind, id, text, size, err);
+}
+
+int __real_pthread_mutex_lock(pthread_mutex_t *mutex);
+int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex);
+int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex) {
+    bool is_records = race.order != NONE && mutex == &f.jobs->records;
+    if (is_records && deletes)
+        atomic_store(&race.is_at_records, true);
+    if (is_records && !deletes && race.order == IS_DELETED_FIRST &&
+        atomic_load(&race.has_no_volume)) {
+        atomic_store(&race.is_failing, true);
+        while (!atomic_load(&race.is_deleted))
+            sched_yield();
+    }
+    return __real_pthread_mutex_lock(mutex);
+}
+
+static void *delete (void *id) {
+    deletes = true;
+    assert_true(srv_jobs_remove(f.jobs, id, NULL));
+    atomic_store(&race.is_deleted, true);
+    return NULL;
+}
+
+/* One run after the other over the same folder. */
 
 static struct srv_store *open_store(void) {
     struct srv_store_options options = { .folder = f.state, .pause_ms = 1, .retry_ms = 1 };
@@ -117,6 +206,9 @@ static void end(void) {
 static int set_up(void **state) {
     (void)state;
     memset(&gate, 0, sizeof gate);
+    memset(&race, 0, sizeof race);
+    atomic_store(&disk_left, -1);
+    atomic_store(&disk_syncs, true);
     strcpy(f.state, "/tmp/splatd-jobs-XXXXXX");
     if (!mkdtemp(f.state))
         return -1;
@@ -243,7 +335,7 @@ static void no_file_goes_before_its_record_says_so(void **state) {
     atomic_store(&gate.hold, false);
     assert_false(look_at(id, &note));
     char *record = record_of(id);
-    assert_string_equal(record, "{\"removed\":true}");
+    assert_string_equal(record, removed_record);
     free(record);
     add_and_draw(next); /* the thread was there meanwhile */
     assert_true(has_folder(id));
@@ -268,7 +360,7 @@ static void a_removal_that_was_begun_is_finished(void **state) {
         struct srv_job_note note;
         add_and_draw(id);
         end();
-        put_record(id, "{\"removed\":true}");
+        put_record(id, removed_record);
         snprintf(command, sizeof command, "rm -r %s%s", folder_of(id),
                  moment == 1 ? "/000000.jpg" : "");
         assert_int_equal(moment > 0 ? system(command) : 0, 0);
@@ -353,6 +445,103 @@ static void a_record_without_files_is_drawn(void **state) {
     assert_true(has_folder(id));
 }
 
+static void it_fails_while_it_is_deleted(void **state) {
+    (void)state;
+    for (int order = FAILS_FIRST; order <= IS_DELETED_FIRST; order++) {
+        char id[SRV_JOB_ID_BYTES];
+        struct srv_job_note note;
+        pthread_t deleter;
+        bool conflict;
+        atomic_store(&gate.hold, true);
+        add(id);
+        assert_true(srv_catalog_remove(f.lanes.catalog, "phantom", &conflict, NULL));
+        race.order = order;
+        release(f.store); /* its volume is not there: it fails */
+        while (!atomic_load(&race.is_failing))
+            sched_yield();
+        assert_int_equal(pthread_create(&deleter, NULL, delete, id), 0);
+        while (atomic_load(&gate.removed) == 0)
+            sched_yield();
+        pthread_join(deleter, NULL);
+        assert_true(atomic_load(&race.has_no_volume));
+        assert_int_equal(atomic_load(&gate.unsaid), 0);
+        assert_null(record_of(id));
+        assert_false(look_at(id, &note));
+        end();
+        memset(&race, 0, sizeof race);
+        atomic_store(&gate.removed, 0);
+        begin();
+        assert_false(look_at(id, &note));
+    }
+}
+
+/* Are its files the first frames of `whole`, and nothing else? */
+static void has_frames_of(const char *id, const char *whole, unsigned count) {
+    char command[512];
+    int n = snprintf(command, sizeof command, "cd %s", folder_of(id));
+    snprintf(command + n, sizeof command - (size_t)n,
+             " && set -- * && test $# -eq %u && for f; do cmp $f ../%s/$f || exit 1; done", count,
+             whole);
+    assert_int_equal(system(command), 0);
+}
+
+static struct srv_job_note wait_for_reason(const char *id) {
+    struct srv_job_note note;
+    do {
+        sched_yield();
+        assert_true(look_at(id, &note));
+    } while (!note.reason[0]);
+    assert_string_equal(note.state, "waiting");
+    assert_non_null(strstr(note.reason, "No space left on device"));
+    return note;
+}
+
+static void a_full_disk_is_waited_for(void **state) {
+    (void)state;
+    char whole[SRV_JOB_ID_BYTES], id[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES];
+    add_and_draw(whole);
+    struct srv_job_note note = wait_until(whole, "done");
+    uint64_t frame = note.bytes / FRAMES; /* they are all the same */
+    const uint64_t rooms[] = { 0, 1, frame - 1, frame, frame + 1, 3 * frame - 1 };
+    for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++) {
+        struct srv_jobs_numbers numbers;
+        add_and_draw(other);
+        atomic_store(&disk_left, (long long)rooms[i]);
+        add(id);
+        note = wait_for_reason(id);
+        assert_int_equal(note.done, rooms[i] / frame);
+        assert_int_equal(note.bytes, note.done * frame);
+        srv_jobs_numbers(f.jobs, &numbers);
+        assert_int_equal(numbers.bytes, (6 + note.done) * frame);
+        if (note.done)
+            has_frames_of(id, whole, note.done);
+        atomic_store(&disk_left, -1);
+        assert_true(srv_jobs_remove(f.jobs, other, NULL)); /* which is when it is tried again */
+        assert_int_equal(wait_until(id, "done").done, FRAMES);
+        has_frames_of(id, whole, FRAMES);
+        assert_true(srv_jobs_remove(f.jobs, id, NULL));
+        while (atomic_load(&gate.removed) < 2 * (int)(i + 1))
+            sched_yield();
+    }
+}
+
+static void what_the_disk_does_not_keep_is_no_frame(void **state) {
+    (void)state;
+    char whole[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES], id[SRV_JOB_ID_BYTES];
+    add_and_draw(whole);
+    add_and_draw(other);
+    atomic_store(&disk_syncs, false);
+    add(id);
+    assert_int_equal(wait_for_reason(id).done, 0);
+    char file[192];
+    snprintf(file, sizeof file, "%s/000000.jpg", folder_of(id));
+    assert_int_equal(access(file, F_OK), -1);
+    atomic_store(&disk_syncs, true);
+    assert_true(srv_jobs_remove(f.jobs, other, NULL));
+    wait_until(id, "done");
+    has_frames_of(id, whole, FRAMES);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(no_file_comes_before_its_record, set_up, tear_down),
@@ -364,6 +553,9 @@ int main(void) {
         cmocka_unit_test_setup_teardown(files_of_a_record_that_cannot_be_read_stay, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_record_without_files_is_drawn, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(it_fails_while_it_is_deleted, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_full_disk_is_waited_for, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(what_the_disk_does_not_keep_is_no_frame, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
