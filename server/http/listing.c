@@ -3,21 +3,22 @@
 
 #include <stdlib.h>
 
+#include "http/values.h"
+
 enum { LIMIT_DEFAULT = 100, LIMIT_MAX = 1000 };
 
 bool srv_listing_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,
                        struct srv_reply *reply) {
     const char *after = srv_request_query(request, "after");
     const char *text = srv_request_query(request, "limit");
-    char *end = NULL;
-    long limit = text ? strtol(text, &end, 10) : LIMIT_DEFAULT;
-    if (text && (*text < '0' || *text > '9' || *end || limit < 1 || limit > LIMIT_MAX)) {
+    unsigned limit = LIMIT_DEFAULT;
+    if (text && !srv_value_number(text, LIMIT_MAX, &limit)) {
         srv_reply_problem(reply, 400, NULL, "?limit= must be a whole number in [1, %d]", LIMIT_MAX);
         return false;
     }
     /* One more shows whether there is a next page. */
     *page = (struct srv_page){ .item_bytes = item_bytes,
-                               .max = (unsigned)limit + 1,
+                               .max = limit + 1,
                                .after = after ? after : "" };
     page->items = malloc(page->max * item_bytes);
     if (!page->items)

@@ -11,6 +11,7 @@
 #include "http/guard.h"
 #include "http/headers.h"
 #include "http/listing.h"
+#include "http/values.h"
 #include "sp/log.h"
 
 /* Making one. */
@@ -139,48 +140,6 @@ static void close_file(void *user) {
     free(file);
 }
 
-enum range { RANGE_WHOLE, RANGE_PART, RANGE_NONE };
-
-/* Digits at *text, which goes on behind them; UINT64_MAX: there are none, or too many. */
-static uint64_t read_digits(const char **text) {
-    enum { DIGITS_MAX = 18 };
-    size_t digits = strspn(*text, "0123456789");
-    uint64_t number = digits && digits <= DIGITS_MAX ? strtoull(*text, NULL, 10) : UINT64_MAX;
-    *text += digits;
-    return number;
-}
-
-/* Which bytes [*from, *from + *count) of `size` are asked for (RFC 9110, 14)? One range is granted;
- * what is none of bytes, or several, is answered with all. */
-static enum range read_range(struct srv_request *request, const char *etag, uint64_t size,
-                             uint64_t *from, uint64_t *count) {
-    const char *text = srv_request_header(request, "Range");
-    const char *only_if = srv_request_header(request, "If-Range");
-    *from = 0;
-    *count = size;
-    if (!text || strncmp(text, "bytes=", 6) != 0 || (only_if && strcmp(only_if, etag) != 0))
-        return RANGE_WHOLE;
-    text += 6;
-    uint64_t first = read_digits(&text), last = UINT64_MAX;
-    bool ok = *text++ == '-';
-    if (ok)
-        last = read_digits(&text);
-    if (!ok || *text || (first == UINT64_MAX && last == UINT64_MAX) ||
-        (first != UINT64_MAX && last < first))
-        return RANGE_WHOLE;
-    if (first == UINT64_MAX) { /* the last so many */
-        first = last < size ? size - last : 0;
-        last = last ? size - 1 : 0;
-        if (first == size)
-            return RANGE_NONE;
-    }
-    if (first >= size)
-        return RANGE_NONE;
-    *from = first;
-    *count = (last < size ? last + 1 : size) - first;
-    return RANGE_PART;
-}
-
 /* What a job made never changes. `name` tells it from the job's other results. */
 static void reply_file(struct srv_request *request, const struct srv_job_file *made,
                        const char *name, struct srv_reply *reply) {
@@ -188,13 +147,15 @@ static void reply_file(struct srv_request *request, const struct srv_job_file *m
     struct file *file = malloc(sizeof *file);
     snprintf(etag, sizeof etag, "\"%.32s-%.32s\"", request->param, name);
     uint64_t from, count;
-    enum range range = read_range(request, etag, made->size, &from, &count);
+    enum srv_range range =
+        srv_value_range(srv_request_header(request, "Range"),
+                        srv_request_header(request, "If-Range"), etag, made->size, &from, &count);
     bool has_it = srv_etag_matches(srv_request_header(request, "If-None-Match"), etag);
-    if (!file || has_it || range == RANGE_NONE || lseek(made->fd, (off_t)from, SEEK_SET) < 0) {
+    if (!file || has_it || range == SRV_RANGE_NONE || lseek(made->fd, (off_t)from, SEEK_SET) < 0) {
         close(made->fd);
         if (has_it)
             reply->status = 304;
-        else if (range == RANGE_NONE)
+        else if (range == SRV_RANGE_NONE)
             srv_reply_problem(reply, 416, NULL, "there are %llu bytes",
                               (unsigned long long)made->size);
         else
@@ -202,7 +163,7 @@ static void reply_file(struct srv_request *request, const struct srv_job_file *m
         free(file);
     } else {
         *file = (struct file){ .fd = made->fd, .left = count };
-        reply->status = range == RANGE_PART ? 206 : 200;
+        reply->status = range == SRV_RANGE_PART ? 206 : 200;
         reply->mime = made->mime;
         srv_reply_flow(request, reply, count,
                        &(struct srv_flow){ .user = file, .read = read_file, .finish = close_file });

@@ -8,6 +8,7 @@
 #include "http/headers.h"
 #include "http/kept.h"
 #include "http/listener.h"
+#include "http/values.h"
 #include "protocol/view.h"
 #include "sp/log.h"
 
@@ -44,9 +45,8 @@ static bool read_quality(struct srv_request *request, int *quality, struct srv_r
     *quality = QUALITY_DEFAULT;
     if (!text)
         return true;
-    char *end;
-    long value = strtol(text, &end, 10);
-    if (*text >= '0' && *text <= '9' && !*end && value >= 1 && value <= 100) {
+    unsigned value;
+    if (srv_value_number(text, 100, &value)) {
         *quality = (int)value;
         return true;
     }
@@ -246,17 +246,15 @@ static bool read_camera(struct srv_request *request, proto_json *patch, struct s
 /* ?size=WIDTH,HEIGHT. */
 static bool read_size(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
     const char *text = srv_request_query(request, "size");
-    unsigned width, height;
-    char end;
+    uint32_t px[2];
     if (!text)
         return true;
-    if (strspn(text, "0123456789,") != strlen(text) || strlen(text) > 11 ||
-        sscanf(text, "%5u,%5u%c", &width, &height, &end) != 2) {
+    if (!srv_value_size(text, px)) {
         srv_reply_problem(reply, 400, NULL, "?size= must be WIDTH,HEIGHT, whole numbers of px");
         return false;
     }
     proto_json *size = proto_json_array();
-    bool ok = proto_json_append_integer(size, width) && proto_json_append_integer(size, height);
+    bool ok = proto_json_append_integer(size, px[0]) && proto_json_append_integer(size, px[1]);
     if (proto_json_set(patch, "size", size) && ok)
         return true;
     srv_reply_problem(reply, 503, NULL, "no memory for a size");

@@ -80,6 +80,10 @@ static void judge_etags(const char *value) {
     must(!any || strchr(value, '*') || strstr(value, "0123456789abcdef"));
 }
 
+static void judge_token(const char *value, const char *token) {
+    must(!srv_header_has_token(value, token) || strcasestr(value, token));
+}
+
 static void judge_header(struct srv_framing *framing, const char *name, const char *value) {
     static const char *const types[] = { "image/jpeg", "image/png", "gzip", "application/json" };
     char accept[SRV_ACCEPT_BYTES];
@@ -100,7 +104,11 @@ static void judge_header(struct srv_framing *framing, const char *name, const ch
     if (strcasecmp(name, "Content-Type") == 0)
         srv_is_json(value);
     if (strcasecmp(name, "Connection") == 0)
-        srv_header_has_token(value, "upgrade");
+        judge_token(value, "upgrade");
+    if (strcasecmp(name, "Upgrade") == 0)
+        judge_token(value, "websocket");
+    if (strcasecmp(name, "Sec-WebSocket-Protocol") == 0)
+        judge_token(value, "splatd.v1");
     if (strcasecmp(name, "Sec-WebSocket-Key") == 0 && strlen(value) == 24)
         must(!srv_websocket_accept(value, accept) || strlen(accept) == SRV_ACCEPT_BYTES - 1);
 }

@@ -19,6 +19,7 @@
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/strict.h"
+#include "http/values.h"
 
 static void nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
@@ -291,6 +292,65 @@ static void connections_from_one_host(void **state) {
     }
 }
 
+static void values(void **state) {
+    (void)state;
+    static const char *const none[] = {
+        "", "0", "-1", "+1", "1.0", "1e1", " 1", "1 ", "0x1", "101", "18446744073709551617"
+    };
+    static const char *const sizes[] = { "",    "1",    "1,",   ",1",   "1,2,",     "1,2,3",
+                                         "1x2", " 1,2", "1, 2", "-1,2", "123456,1", "1,123456" };
+    unsigned number = 7;
+    uint32_t size[2] = { 7, 7 };
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        assert_false(srv_value_number(none[i], 100, &number));
+    assert_int_equal(number, 7);
+    assert_true(srv_value_number("1", 100, &number) && number == 1);
+    assert_true(srv_value_number("0100", 100, &number) && number == 100);
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        assert_false(srv_value_size(sizes[i], size));
+    assert_true(size[0] == 7 && size[1] == 7);
+    assert_true(srv_value_size("640,00480", size) && size[0] == 640 && size[1] == 480);
+}
+
+static void ranges(void **state) {
+    (void)state;
+    static const struct {
+        const char *range;
+        enum srv_range is;
+        uint64_t from, count;
+    } of_ten[] = {
+        { NULL, SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=0-0", SRV_RANGE_PART, 0, 1 },
+        { "bytes=3-", SRV_RANGE_PART, 3, 7 },
+        { "bytes=3-99", SRV_RANGE_PART, 3, 7 },
+        { "bytes=9-18446744073709551616", SRV_RANGE_PART, 9, 1 },
+        { "bytes=-3", SRV_RANGE_PART, 7, 3 },
+        { "bytes=-11", SRV_RANGE_PART, 0, 10 },
+        { "bytes=-18446744073709551616", SRV_RANGE_PART, 0, 10 },
+        { "bytes=10-", SRV_RANGE_NONE, 0, 10 },
+        { "bytes=18446744073709551616-", SRV_RANGE_NONE, 0, 10 },
+        { "bytes=-0", SRV_RANGE_NONE, 0, 10 },
+        { "bytes=18446744073709551616-5", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=5-4", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=-", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=1-2,4-5", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes= 1-2", SRV_RANGE_WHOLE, 0, 10 },
+        { "lines=1-2", SRV_RANGE_WHOLE, 0, 10 },
+    };
+    uint64_t from, count;
+    for (size_t i = 0; i < sizeof of_ten / sizeof *of_ten; i++) {
+        assert_int_equal(srv_value_range(of_ten[i].range, NULL, "\"e\"", 10, &from, &count),
+                         of_ten[i].is);
+        assert_true(from == of_ten[i].from && count == of_ten[i].count);
+    }
+    assert_int_equal(srv_value_range("bytes=1-2", "\"e\"", "\"e\"", 10, &from, &count),
+                     SRV_RANGE_PART);
+    assert_int_equal(srv_value_range("bytes=1-2", "\"f\"", "\"e\"", 10, &from, &count),
+                     SRV_RANGE_WHOLE);
+    assert_int_equal(srv_value_range("bytes=0-", NULL, "\"e\"", 0, &from, &count), SRV_RANGE_NONE);
+}
+
 /* RFC 6455, 1.3; another one from `printf KEY258EAFA5-… | openssl sha1 -binary | base64`. */
 static void handshake(void **state) {
     (void)state;
@@ -402,6 +462,8 @@ int main(void) {
         cmocka_unit_test(accepting),
         cmocka_unit_test(tokens_and_types),
         cmocka_unit_test(addresses),
+        cmocka_unit_test(values),
+        cmocka_unit_test(ranges),
         cmocka_unit_test(handshake),
         cmocka_unit_test(problems),
         cmocka_unit_test(targets),

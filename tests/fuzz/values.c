@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A value of a query, or of the header Range, whatever it is for: it is refused, or it says what
+ * was understood.
+ */
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "http/values.h"
+#include "sp/encode.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void must(bool holds) {
+    if (!holds)
+        abort();
+}
+
+/* Without zeros in front. */
+static const char *shortest(const char *text) {
+    return text + strspn(text, "0");
+}
+
+static void judge_number(const char *text) {
+    static const unsigned most[] = { 1, 100, 1000, UINT32_MAX };
+    const char *rest = shortest(text);
+    size_t length = strlen(rest);
+    bool is_one = length > 0 && strspn(rest, "0123456789") == length &&
+                  (length < 10 || (length == 10 && strcmp(rest, "4294967295") <= 0));
+    for (int i = 0; i < 4; i++) {
+        unsigned number = 0;
+        bool ok = srv_value_number(text, most[i], &number);
+        must(ok == (is_one && strtoull(rest, NULL, 10) <= most[i]));
+        must(!ok || number == strtoull(rest, NULL, 10));
+    }
+}
+
+/* Is this the number at `text`, which ends so? */
+static bool says(const char *text, unsigned number, char end) {
+    char shown[16];
+    int length = number ? snprintf(shown, sizeof shown, "%u", number) : 0;
+    const char *rest = shortest(text);
+    return memcmp(rest, shown, strnlen(rest, (size_t)length)) == 0 && rest[length] == end;
+}
+
+static void judge_size(const char *text) {
+    uint32_t px[2];
+    if (!srv_value_size(text, px))
+        return;
+    must(says(text, px[0], ',') && says(strchr(text, ',') + 1, px[1], 0));
+}
+
+static void judge_range(const char *text, uint64_t size) {
+    char again[64];
+    uint64_t from, count, more[2];
+    enum srv_range range = srv_value_range(text, NULL, "\"e\"", size, &from, &count);
+    if (range != SRV_RANGE_PART) {
+        must(from == 0 && count == size);
+        must(range == SRV_RANGE_WHOLE || strchr(text, '-'));
+        return;
+    }
+    must(count > 0 && from < size && count <= size - from);
+    must(srv_value_range(text, "\"e\"", "\"e\"", size, &more[0], &more[1]) == range);
+    must(more[0] == from && more[1] == count);
+    must(srv_value_range(text, "\"f\"", "\"e\"", size, &more[0], &more[1]) == SRV_RANGE_WHOLE);
+    snprintf(again, sizeof again, "bytes=%llu-%llu", (unsigned long long)from,
+             (unsigned long long)(from + count - 1));
+    must(srv_value_range(again, NULL, "", size, &more[0], &more[1]) == range);
+    must(more[0] == from && more[1] == count);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    char *text = malloc(size + 1);
+    if (!text)
+        return 0;
+    memcpy(text, data, size);
+    text[size] = 0;
+    judge_number(text);
+    judge_size(text);
+    judge_range(text, 0);
+    judge_range(text, 1);
+    judge_range(text, 1000);
+    judge_range(text, (uint64_t)1 << 62);
+    enum sp_image_format format = sp_image_format_find(text);
+    must(format == SP_IMAGE_FORMAT_COUNT || *sp_image_format_info(format)->mime);
+    must(sp_chroma_find(text) <= SP_CHROMA_COUNT);
+    free(text);
+    return 0;
+}
