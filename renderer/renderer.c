@@ -394,7 +394,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
                                       .view = &f->view,
                                       .coarse = o->coarse,
                                       .frame = frame,
-                                      .cancel = o->cancel };
+                                      .cancel = o->cancel,
+                                      .hold = o->hold };
     f->is_begun = false;
     f->why.code = SP_OK;
     begin(renderer, f);
@@ -405,12 +406,12 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
 }
 
 struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
-    double start_ms = sp_clock_ms(), start_cpu_ms = sp_clock_cpu_ms();
     assert(renderer->begun > 0);
     struct flight *f = flight_at(renderer, 0);
+    double start_ms = sp_job_clock_ms(&f->job), start_cpu_ms = sp_clock_cpu_ms();
     struct sp_frame *frame = draw(renderer, f, err) ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
-        frame->stats.render_ms = f->ms + sp_clock_ms() - start_ms;
+        frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);
         frame->stats.cpu_ms = f->cpu_ms + sp_clock_cpu_ms() - start_cpu_ms;
     }
     land(renderer);

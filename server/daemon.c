@@ -124,8 +124,9 @@ static uint64_t half_of_memory(void) {
     return pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page / 2 : UINT64_C(1) << 30;
 }
 
-/* What two renderers may derive together is as much as all volumes may take, but they must be able
- * to work. Each has half of what there is on a GPU. */
+/* What the renderers of streams and stills may derive together is as much as all volumes may take,
+ * but they must be able to work; that of the express lane has half of what one of them has. Each
+ * has half of what there is on a GPU. */
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
 
 #define WRITE_PAUSE_MS 250.0

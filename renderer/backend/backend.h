@@ -15,6 +15,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
+#include "base/clock.h"
 #include "sp/frame.h"
 #include "sp/renderer.h"
 #include "sp/view.h"
@@ -52,10 +53,20 @@ struct sp_backend_job {
     unsigned coarse;           /* as in sp_render_options; a backend without levels ignores it */
     struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
     const atomic_bool *cancel; /* NULL = never */
+    struct sp_hold *hold;      /* NULL = never */
 };
 
+/* To be asked again and again; stands still while the frame is to. */
 static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
+    if (job->hold && atomic_load_explicit(&job->hold->wanted, memory_order_relaxed))
+        job->hold->wait(job->hold->user);
     return job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed);
+}
+
+/* For the times of a job's stages: stands still with it. */
+static inline double sp_job_clock_ms(const struct sp_backend_job *job) {
+    return sp_clock_ms() -
+           (job->hold ? atomic_load_explicit(&job->hold->held_ms, memory_order_relaxed) : 0);
 }
 
 struct sp_backend {

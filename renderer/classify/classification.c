@@ -8,8 +8,11 @@
 #include "classify/change.h"
 #include "classify/coarse.h"
 #include "classify/collect.h"
+#include "sp/renderer.h"
 
 bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err) {
+    if (job->hold && atomic_load_explicit(&job->hold->wanted, memory_order_relaxed))
+        job->hold->wait(job->hold->user);
     if (!job->cancel || !atomic_load_explicit(job->cancel, memory_order_relaxed))
         return false;
     sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

@@ -77,6 +77,7 @@ struct sp_classify_job {
     uint64_t bytes_max;               /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
+    struct sp_hold *hold;      /* NULL = never */
 };
 
 /* Brings the lists of job->levels up to date, doing only what the changes ask for: a
@@ -108,7 +109,7 @@ bool sp_fit_is_close(const struct sp_fit *fit);
 /* Bytes kept, without the volume itself. */
 uint64_t sp_classification_bytes(const struct sp_classification *c);
 
-/* Whether the job is to stop; SP_ERR_CANCELLED is then set. */
+/* Whether the job is to stop; SP_ERR_CANCELLED is then set. Stands still while the frame is to. */
 bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err);
 
 #endif

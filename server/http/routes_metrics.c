@@ -42,7 +42,7 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
 static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
                          const uint64_t derived[SRV_RENDERERS],
                          const struct sp_renderer_info *info) {
-    static const char *const lanes[SRV_RENDERERS] = { "streams", "pictures" };
+    static const char *const lanes[SRV_RENDERERS] = { "streams", "pictures", "express" };
     if (voxels) {
         fprintf(out, "splatd_volume_bytes{volume=");
         srv_metrics_label(out, id);
@@ -81,7 +81,7 @@ static void print_volumes(const struct srv_request *request, bool voxels,
 static void print_memory(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
     uint64_t used, budget;
-    srv_scheduler_info(request->app->scheduler, &info[0], &info[1]);
+    srv_scheduler_info(request->app->scheduler, info);
     srv_catalog_memory(request->app->catalog, &used, &budget);
     gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
     gauge(out, "splatd_memory_budget_bytes", "What --memory allows", (double)budget);
@@ -143,7 +143,7 @@ static void print_process(FILE *out) {
 
 static void print_build(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
-    srv_scheduler_info(request->app->scheduler, &info[0], &info[1]);
+    srv_scheduler_info(request->app->scheduler, info);
     srv_metrics_family(out, "splatd_build_info", "gauge", "1; what runs here");
     fprintf(out, "splatd_build_info{version=\"" SPLATD_VERSION "\",backend=\"%s\",device=",
             info[0].backend);

@@ -21,7 +21,7 @@
 struct srv_catalog;
 struct srv_volume;
 
-enum { SRV_RENDERERS = 2 };
+enum { SRV_RENDERERS = 3 };
 
 enum srv_volume_state { SRV_VOLUME_LOADING, SRV_VOLUME_READY, SRV_VOLUME_FAILED };
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", "failed" */

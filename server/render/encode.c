@@ -205,6 +205,12 @@ static bool lend_hand(struct srv_encode_thread *thread) {
     return false;
 }
 
+static struct srv_lane *lane_of(struct srv_scheduler *s, const struct srv_work *work) {
+    return &s->lanes[work->still        ? SRV_LANE_STILLS
+                     : work->is_express ? SRV_LANE_EXPRESS
+                                        : SRV_LANE_STREAMS];
+}
+
 /* Takes the oldest work that this thread may do. With the mutex held; false if there is none. */
 static bool take_work(struct srv_encode_thread *thread, struct srv_work *work) {
     struct srv_scheduler *s = thread->scheduler;
@@ -216,7 +222,7 @@ static bool take_work(struct srv_encode_thread *thread, struct srv_work *work) {
     *work = s->encode_queue[i];
     s->encode_count--;
     memmove(s->encode_queue + i, s->encode_queue + i + 1, (s->encode_count - i) * sizeof *work);
-    struct srv_lane *lane = &s->lanes[work->still ? SRV_LANE_STILLS : SRV_LANE_STREAMS];
+    struct srv_lane *lane = lane_of(s, work);
     lane->encodes--; /* there is room */
     srv_lane_wake(lane);
     thread->at_still = work->still;
@@ -262,7 +268,7 @@ static void *encode_main(void *user) {
 
 void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work) {
     pthread_mutex_lock(&s->mutex);
-    s->lanes[work.still ? SRV_LANE_STILLS : SRV_LANE_STREAMS].encodes++;
+    lane_of(s, &work)->encodes++;
     assert(s->encode_count < SRV_ENCODE_QUEUE);
     s->encode_queue[s->encode_count++] = work;
     if (work.still) /* which not every thread takes */

@@ -31,7 +31,9 @@ struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job
     f->begun_ms = now_ms;
     f->keep_until_ms = is_kept ? INFINITY : job->keep_until_ms;
     f->kept_ms = job->keep_until_ms - now_ms;
-    f->spent_ms = 0;
+    f->spent_ms = f->held_since_ms = 0;
+    atomic_store(&f->hold.wanted, false);
+    atomic_store(&f->hold.held_ms, 0);
     return f;
 }
 
@@ -56,6 +58,31 @@ void srv_flights_undo(struct srv_flights *flights) {
     flights->count--;
 }
 
+static double held_ms(const struct srv_flight *f, double now_ms) {
+    return atomic_load(&f->hold.held_ms) + (f->held_since_ms > 0 ? now_ms - f->held_since_ms : 0);
+}
+
+double srv_flight_age_ms(const struct srv_flight *f, double now_ms) {
+    return now_ms - f->begun_ms - held_ms(f, now_ms);
+}
+
+void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms) {
+    struct srv_flight *f = srv_flights_oldest(flights);
+    if (!f || f->job->order != order || f->held_since_ms > 0)
+        return;
+    f->held_since_ms = now_ms;
+    atomic_store(&f->hold.wanted, true);
+}
+
+void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms) {
+    struct srv_flight *f = srv_flights_oldest(flights);
+    if (!f || f->job->order != order || f->held_since_ms == 0)
+        return;
+    atomic_store(&f->hold.held_ms, held_ms(f, now_ms));
+    f->held_since_ms = 0;
+    atomic_store(&f->hold.wanted, false);
+}
+
 static void give_up(struct srv_flights *flights, unsigned i) {
     struct srv_flight *f = at(flights, i);
     atomic_store(&f->cancel, true);
@@ -70,8 +97,9 @@ static void give_up(struct srv_flights *flights, unsigned i) {
 void srv_flights_tick(struct srv_flights *flights, double now_ms) {
     for (unsigned i = 0; i < flights->count; i++) {
         struct srv_flight *f = at(flights, i);
-        bool is_over = f->keep_until_ms == 0 || (i == 0 && now_ms >= f->keep_until_ms);
-        bool yields = f->yields && now_ms - f->begun_ms >= f->job->yield_ms;
+        double own_ms = now_ms - held_ms(f, now_ms);
+        bool is_over = f->keep_until_ms == 0 || (i == 0 && own_ms >= f->keep_until_ms);
+        bool yields = f->yields && own_ms - f->begun_ms >= f->job->yield_ms;
         if ((yields || (f->is_outdated && is_over)) && !atomic_load(&f->cancel))
             give_up(flights, i);
     }

@@ -11,7 +11,8 @@
  *                   what gives way when something moves
  *
  * Of two moving frames of a session one is always finished: when one is given up, those behind it
- * stay. No clock, no lock: whoever calls holds the lane's.
+ * stay. What stands still for another (express_lane.c) grows no older meanwhile. No clock, no lock:
+ * whoever calls holds the lane's.
  */
 #ifndef SRV_RENDER_FLIGHTS_H
 #define SRV_RENDER_FLIGHTS_H
@@ -28,7 +29,10 @@ struct srv_flight {
     bool yields;                   /* something moves to which it gives way in time */
     double begun_ms;               /* or since when it is the oldest */
     double keep_until_ms, kept_ms; /* as the job's; and how long that is from its beginning */
-    double spent_ms; /* in the renderer; the lane's thread alone writes and reads it */
+    double spent_ms;      /* in the renderer; the lane's thread alone writes and reads it */
+    struct sp_hold hold;  /* wait() and its user are the lane's */
+    double held_since_ms; /* while it stands still, else 0 */
+    void *owner;          /* the lane's */
 };
 
 struct srv_flights {
@@ -46,6 +50,12 @@ struct srv_flight *srv_flights_oldest(struct srv_flights *flights); /* NULL = th
 void srv_flights_end(struct srv_flights *flights, double now_ms);
 /* Takes out the newest, which was not begun after all. */
 void srv_flights_undo(struct srv_flights *flights);
+
+/* How long the flight has been drawn, without what it stood still. */
+double srv_flight_age_ms(const struct srv_flight *flight, double now_ms);
+/* The oldest stands still from now on, if it is the job of that order; and goes on. */
+void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms);
+void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms);
 
 /* Something begun is no longer what is wanted first: as struct srv_hub_options says. What may be
  * given up then is. */

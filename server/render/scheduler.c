@@ -8,6 +8,7 @@
 #include "render/scheduler_private.h"
 #include "sp/log.h"
 
+static_assert((int)SRV_LANES == (int)SRV_RENDERERS, "a renderer a lane");
 #define POOL_IDLE_BYTES ((size_t)128 << 20)
 
 struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *options,
@@ -27,6 +28,7 @@ struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *o
         pthread_cond_init(&s->lanes[l].wake, &monotonic);
     pthread_cond_init(&s->encode, NULL);
     pthread_cond_init(&s->made, NULL);
+    pthread_cond_init(&s->go_on, NULL);
     pthread_condattr_destroy(&monotonic);
     bool ok = (s->pool = sp_frame_pool_create(POOL_IDLE_BYTES, err)) != NULL &&
               (s->videos = srv_videos_create(options->video_px, options->metrics, err)) != NULL &&
@@ -117,7 +119,8 @@ bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp
                         s->lanes[SRV_LANE_STREAMS].info.device);
     if (!srv_encode_start(s, err))
         return false;
-    static void *(*const mains[SRV_LANES])(void *) = { srv_stream_lane_main, srv_still_lane_main };
+    static void *(*const mains[SRV_LANES])(void *) = { srv_stream_lane_main, srv_still_lane_main,
+                                                       srv_express_lane_main };
     for (int l = 0; l < SRV_LANES; l++) {
         int failed = pthread_create(&s->lanes[l].thread, NULL, mains[l], s);
         if (failed)
@@ -131,10 +134,12 @@ bool srv_scheduler_start(struct srv_scheduler *s, struct srv_hub *hub, struct sp
 void srv_scheduler_stop(struct srv_scheduler *s) {
     pthread_mutex_lock(&s->mutex);
     s->stop = true;
-    srv_flights_cancel(&s->flights);
     srv_stills_cancel(s);
-    for (int l = 0; l < SRV_LANES; l++)
+    for (int l = 0; l < SRV_LANES; l++) {
+        srv_flights_cancel(&s->lanes[l].flights);
         srv_lane_wake(&s->lanes[l]);
+    }
+    pthread_cond_broadcast(&s->go_on);
     pthread_mutex_unlock(&s->mutex);
     for (int l = 0; l < SRV_LANES; l++) {
         if (s->lanes[l].running)
@@ -162,6 +167,7 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
     sp_frame_pool_destroy(&s->pool);
     pthread_cond_destroy(&s->made);
     pthread_cond_destroy(&s->encode);
+    pthread_cond_destroy(&s->go_on);
     pthread_mutex_destroy(&s->mutex);
     free(s);
 }
@@ -170,18 +176,19 @@ void srv_scheduler_tick(struct srv_scheduler *s) {
     srv_stills_tick(s);
     bool idle = srv_videos_are_idle(s->videos, srv_clock_ms());
     pthread_mutex_lock(&s->mutex);
-    srv_flights_tick(&s->flights, srv_clock_ms());
+    for (int l = 0; l < SRV_LANES; l++)
+        srv_flights_tick(&s->lanes[l].flights, srv_clock_ms());
+    pthread_cond_broadcast(&s->go_on);
     s->videos_due = idle;
     if (idle)
         pthread_cond_broadcast(&s->encode);
     pthread_mutex_unlock(&s->mutex);
 }
 
-void srv_scheduler_info(struct srv_scheduler *s, struct sp_renderer_info *streams,
-                        struct sp_renderer_info *stills) {
+void srv_scheduler_info(struct srv_scheduler *s, struct sp_renderer_info info[SRV_RENDERERS]) {
     pthread_mutex_lock(&s->mutex);
-    *streams = s->lanes[SRV_LANE_STREAMS].info;
-    *stills = s->lanes[SRV_LANE_STILLS].info;
+    for (int l = 0; l < SRV_LANES; l++)
+        info[l] = s->lanes[l].info;
     pthread_mutex_unlock(&s->mutex);
 }
 
@@ -196,13 +203,17 @@ void srv_scheduler_wake(void *user) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
     srv_lane_wake(&s->lanes[SRV_LANE_STREAMS]);
+    if (s->lanes[SRV_LANE_STREAMS].flights.count > 0)
+        srv_lane_wake(&s->lanes[SRV_LANE_EXPRESS]);
     pthread_mutex_unlock(&s->mutex);
 }
 
 void srv_scheduler_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     struct srv_scheduler *s = user;
     pthread_mutex_lock(&s->mutex);
-    srv_flights_interrupt(&s->flights, of, why, srv_clock_ms());
+    for (int l = 0; l < SRV_LANES; l++)
+        srv_flights_interrupt(&s->lanes[l].flights, of, why, srv_clock_ms());
+    pthread_cond_broadcast(&s->go_on);
     pthread_mutex_unlock(&s->mutex);
 }
 

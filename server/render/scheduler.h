@@ -3,7 +3,7 @@
  * The render threads, one a lane, and the encode threads.
  *
  *   sessions (pull) ──► stream lane: thread, sp_renderer ──┐   encode threads ─► outboxes
- *                                                          ├─► (each its own     or done() of
+ *            └───────► express lane: the same ────────────┼─► (each its own     or done() of
  *   stills (queue) ───► still lane: thread, sp_renderer ───┘   sp_encoder)       the still
  *
  * The lanes share nothing but the processor, where the still lane is nice: a still of many seconds
@@ -19,6 +19,9 @@
  * cancelled from the moment on that its job names (session/work.c): a refinement at once, a moving
  * frame when it is far over its budget, so that a long drag always shows something. A still is
  * cancelled when who asked for it is gone.
+ *
+ * A long frame stands still while short ones of sessions that have had less are drawn in the
+ * express lane (express_lane.c).
  *
  * A renderer whose backend fails goes over to the next one (sp/renderer.h): the hub tells clients.
  *
@@ -71,9 +74,9 @@ struct srv_scheduler_options {
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     unsigned queue_max;          /* stills that wait, of each class */
     unsigned encode_threads;
-    uint64_t video_px; /* of all video encoders together; 0 = no video */
-    struct sp_renderer_options
-        stills; /* of the still lane's renderer; strings outlive the scheduler */
+    uint64_t video_px;                 /* of all video encoders together; 0 = no video */
+    struct sp_renderer_options stills; /* of the still lane's renderer; the express lane's has half
+                                          of its memory. Strings outlive the scheduler */
 };
 
 /* Takes over *renderer, the stream lane's, on success. NULL with *err set. */
@@ -93,9 +96,10 @@ bool srv_scheduler_submit(struct srv_scheduler *scheduler, const struct srv_stil
 /* Drops the stills of those who left, and moving frames that go over their budget while a newer
  * view waits; about ten times a second. */
 void srv_scheduler_tick(struct srv_scheduler *scheduler);
-/* What renders for sessions, and for stills: backend NULL before the first one. Any thread. */
-void srv_scheduler_info(struct srv_scheduler *scheduler, struct sp_renderer_info *streams,
-                        struct sp_renderer_info *stills);
+/* What renders for sessions, for stills, and in the express lane; backend NULL: nothing yet, in the
+ * last two. Any thread. */
+void srv_scheduler_info(struct srv_scheduler *scheduler,
+                        struct sp_renderer_info info[SRV_RENDERERS]);
 unsigned srv_scheduler_waiting(struct srv_scheduler *scheduler); /* stills not yet answered */
 
 /* For srv_hub_options and srv_catalog_options; `user` is the scheduler. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What the files of the scheduler share: the lanes (scheduler.c), what their threads do
- * (stream_lane.c, still_lane.c), and the encode threads (encode.c). Guarded by the mutex, besides
- * what says otherwise.
+ * (stream_lane.c, express_lane.c, still_lane.c), and the encode threads (encode.c). Guarded by the
+ * mutex, besides what says otherwise.
  */
 #ifndef SRV_RENDER_SCHEDULER_PRIVATE_H
 #define SRV_RENDER_SCHEDULER_PRIVATE_H
@@ -16,7 +16,7 @@
 enum {
     SRV_LANE_ENCODES = 2, /* no further job is begun while so many frames wait */
     SRV_ENCODE_QUEUE =
-        2 * SRV_LANE_ENCODES + SP_IN_FLIGHT_MAX /* those that were begun by then come, too */,
+        3 * SRV_LANE_ENCODES + SP_IN_FLIGHT_MAX /* those that were begun by then come, too */,
     SRV_ENCODE_THREADS_MAX = 8,
     SRV_KEPT_FORMS = 4
 };
@@ -50,7 +50,8 @@ struct srv_work { /* a rendered frame on its way to an encoder: of a job or of a
     struct sp_frame *frame;
     struct srv_job *job;
     struct srv_still_item *still;
-    bool again; /* the frame is an earlier job's */
+    bool is_express; /* the job is the express lane's */
+    bool again;      /* the frame is an earlier job's */
 };
 
 struct srv_picture {             /* a large JPEG, whose stripes are made by who has time */
@@ -68,7 +69,7 @@ struct srv_encode_thread {
     struct srv_picture picture; /* that it shares */
 };
 
-enum srv_lane_name { SRV_LANE_STREAMS, SRV_LANE_STILLS, SRV_LANES };
+enum srv_lane_name { SRV_LANE_STREAMS, SRV_LANE_STILLS, SRV_LANE_EXPRESS, SRV_LANES };
 
 struct srv_lane {
     struct sp_renderer *renderer; /* its thread's */
@@ -78,7 +79,8 @@ struct srv_lane {
     pthread_cond_t wake; /* `generation`, stop */
     uint64_t generation; /* rises with everything that its thread may have waited for */
     struct srv_forget_item *forget;
-    unsigned encodes; /* frames in the encode queue */
+    unsigned encodes;           /* frames in the encode queue */
+    struct srv_flights flights; /* jobs; none in the still lane */
 };
 
 struct srv_scheduler {
@@ -89,14 +91,15 @@ struct srv_scheduler {
     pthread_mutex_t mutex;
     pthread_cond_t encode;            /* the encode threads: work, stripes, stop */
     pthread_cond_t made;              /* the last stripe of a picture is */
+    pthread_cond_t go_on;             /* what stands still may go on, or is given up */
+    bool has_no_express;              /* its renderer fails: long frames do not stand still */
     struct srv_still_item *stills;    /* in flight, oldest first */
     struct srv_still_item *still_now; /* being drawn */
     unsigned still_unanswered;        /* who asked for one and has no answer */
-    double stream_ms;                 /* when the stream lane had something under way last */
+    double stream_ms;                 /* when a lane of streams had something under way last */
     struct srv_work encode_queue[SRV_ENCODE_QUEUE];
     unsigned encode_count;
-    struct srv_flights flights; /* the stream lane's jobs */
-    struct {                    /* the last sharp picture */
+    struct { /* the last sharp picture */
         struct sp_frame *frame;
         uint64_t volume; /* identity */
         struct sp_view view;
@@ -130,8 +133,18 @@ void srv_lane_forget(struct srv_lane *lane, struct srv_forget_item *list);
 void srv_lane_note_frame(struct srv_scheduler *s, enum srv_lane_name name,
                          struct srv_volume *volume);
 
+/* Jobs, in a lane that has them; its thread. Hands one to the renderer: begun, or the hub was told
+ * that it failed. */
+void srv_job_begin(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job);
+/* Waits for the oldest job that was begun. */
+void srv_job_finish(struct srv_scheduler *s, enum srv_lane_name name);
+
+/* Nothing is drawn in the express lane any more. */
+void srv_express_give_up(struct srv_scheduler *s, const struct sp_error *why);
+
 /* The threads; `user` is the scheduler. */
 void *srv_stream_lane_main(void *user);
+void *srv_express_lane_main(void *user);
 void *srv_still_lane_main(void *user);
 
 /* Takes over the work. */

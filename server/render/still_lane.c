@@ -100,7 +100,7 @@ static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_m
     struct srv_still_item *item = NULL;
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&s->mutex);
-    bool quiet = s->flights.count == 0 && now_ms - s->stream_ms >= QUIET_MS;
+    bool quiet = s->lanes[SRV_LANE_STREAMS].flights.count == 0 && now_ms - s->stream_ms >= QUIET_MS;
     for (struct srv_still_item *i = s->stills; i; i = i->next) {
         bool may = i->waits && (quiet || !gives_way(i, now_ms));
         if (i->waits && !may)

@@ -17,16 +17,49 @@ static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_f
         srv_kept_set(s, frame, srv_volume_identity(job->volume), &job->view);
 }
 
-/* Hands the job to the renderer. From now on srv_scheduler_interrupt() reaches it. */
-static void begin_job(struct srv_scheduler *s, struct srv_job *job) {
-    struct sp_error err = { .code = SP_OK };
-    double start_ms = srv_clock_ms();
+/* For struct sp_hold: what is given up goes on, to its end. */
+static void stand_still(void *user) {
+    struct srv_flight *flight = user;
+    struct srv_scheduler *s = flight->owner;
     pthread_mutex_lock(&s->mutex);
-    struct srv_flight *flight = srv_flights_begin(&s->flights, job, start_ms);
-    if (s->stop)
-        srv_flights_cancel(&s->flights);
-    srv_stills_give_way(s);
+    while (atomic_load(&flight->hold.wanted) && !atomic_load(&flight->cancel))
+        pthread_cond_wait(&s->go_on, &s->mutex);
     pthread_mutex_unlock(&s->mutex);
+}
+
+static struct srv_flight *take_off(struct srv_scheduler *s, enum srv_lane_name name,
+                                   struct srv_job *job, double now_ms) {
+    struct srv_lane *lane = &s->lanes[name];
+    pthread_mutex_lock(&s->mutex);
+    struct srv_flight *flight = srv_flights_begin(&lane->flights, job, now_ms);
+    flight->owner = s;
+    flight->hold.wait = stand_still;
+    flight->hold.user = flight;
+    if (s->stop)
+        srv_flights_cancel(&lane->flights);
+    srv_stills_give_way(s);
+    if (name == SRV_LANE_STREAMS && !job->is_alone)
+        srv_lane_wake(&s->lanes[SRV_LANE_EXPRESS]);
+    pthread_mutex_unlock(&s->mutex);
+    return flight;
+}
+
+/* What the express lane cannot draw is left to the stream lane, from now on. */
+static void fail_job(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job,
+                     struct sp_error *err, double spent_ms) {
+    if (name == SRV_LANE_EXPRESS && err->code != SP_ERR_CANCELLED) {
+        srv_express_give_up(s, err);
+        sp_fail(err, SP_ERR_CANCELLED, NULL, "the stream lane draws it");
+    }
+    srv_job_fail(s, job, err, spent_ms);
+}
+
+/* From now on srv_scheduler_interrupt() reaches it. */
+void srv_job_begin(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job) {
+    struct sp_error err = { .code = SP_OK };
+    struct srv_lane *lane = &s->lanes[name];
+    double start_ms = srv_clock_ms();
+    struct srv_flight *flight = take_off(s, name, job, start_ms);
     /* The view may have changed before the interruption could reach us, or another one. */
     if (!srv_hub_is_newest(s->hub, job))
         srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
@@ -34,55 +67,59 @@ static void begin_job(struct srv_scheduler *s, struct srv_job *job) {
         srv_scheduler_interrupt(s, 0, SRV_MOVES);
     if (job->refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
-    const struct sp_render_options options = { .format = SP_RGBA8,
-                                               .coarse = job->coarse,
-                                               .cancel = &flight->cancel };
-    bool ok = sp_renderer_begin(s->lanes[SRV_LANE_STREAMS].renderer, srv_volume_voxels(job->volume),
-                                &job->view, s->pool, &options, &err);
+    const struct sp_render_options options = {
+        .format = SP_RGBA8, .coarse = job->coarse, .cancel = &flight->cancel, .hold = &flight->hold
+    };
+    bool ok = sp_renderer_begin(lane->renderer, srv_volume_voxels(job->volume), &job->view, s->pool,
+                                &options, &err);
     flight->spent_ms = srv_clock_ms() - start_ms;
     if (ok)
         return;
     pthread_mutex_lock(&s->mutex);
-    srv_flights_undo(&s->flights);
+    srv_flights_undo(&lane->flights);
     pthread_mutex_unlock(&s->mutex);
-    srv_job_fail(s, job, &err, 0);
+    fail_job(s, name, job, &err, 0);
 }
 
-/* Waits for the oldest job that was begun. */
-static void finish_job(struct srv_scheduler *s) {
+void srv_job_finish(struct srv_scheduler *s, enum srv_lane_name name) {
     struct sp_error err = { .code = SP_OK };
-    struct srv_flight *flight = srv_flights_oldest(&s->flights);
+    struct srv_lane *lane = &s->lanes[name];
+    struct srv_flight *flight = srv_flights_oldest(&lane->flights);
     struct srv_job *job = flight->job;
+    bool is_express = name == SRV_LANE_EXPRESS;
     double start_ms = srv_clock_ms();
-    struct sp_frame *frame = sp_renderer_finish(s->lanes[SRV_LANE_STREAMS].renderer, &err);
-    double now_ms = srv_clock_ms(), spent_ms = flight->spent_ms + now_ms - start_ms;
+    struct sp_frame *frame = sp_renderer_finish(lane->renderer, &err);
+    double now_ms = srv_clock_ms();
     pthread_mutex_lock(&s->mutex);
-    srv_flights_end(&s->flights, now_ms);
+    srv_flights_go_on(&lane->flights, job->order, now_ms);
+    double spent_ms = flight->spent_ms + now_ms - start_ms - atomic_load(&flight->hold.held_ms);
+    srv_flights_end(&lane->flights, now_ms);
     s->stream_ms = now_ms;
     pthread_mutex_unlock(&s->mutex);
-    srv_lane_note_frame(s, SRV_LANE_STREAMS, job->volume);
+    srv_lane_note_frame(s, name, job->volume);
     if (frame) {
         keep(s, job, frame);
-        srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .job = job });
+        srv_encode_pass_on(
+            s, (struct srv_work){ .frame = frame, .job = job, .is_express = is_express });
     } else {
-        srv_job_fail(s, job, &err, spent_ms);
+        fail_job(s, name, job, &err, spent_ms);
     }
 }
 
 static void finish_jobs(struct srv_scheduler *s) {
-    while (s->flights.count > 0)
-        finish_job(s);
+    while (s->lanes[SRV_LANE_STREAMS].flights.count > 0)
+        srv_job_finish(s, SRV_LANE_STREAMS);
 }
 
 /* Begins the job, unless its picture is there or on its way. */
 static void take_job(struct srv_scheduler *s, struct srv_job *job) {
-    if (srv_flights_has_sharp(&s->flights, job))
+    if (srv_flights_has_sharp(&s->lanes[SRV_LANE_STREAMS].flights, job))
         finish_jobs(s);
     struct sp_frame *frame = job->sharp ? srv_kept_find(s, job->volume, &job->view) : NULL;
     if (frame)
         srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .job = job, .again = true });
     else
-        begin_job(s, job);
+        srv_job_begin(s, SRV_LANE_STREAMS, job);
 }
 
 /* Keeps as many jobs begun as the renderer takes: the next one is prepared while the GPU draws the
@@ -101,12 +138,12 @@ void *srv_stream_lane_main(void *user) {
         double wait_ms = 1000;
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "no memory for a render job");
-        bool takes = job && turn.room && s->flights.count < sp_renderer_depth(lane->renderer);
+        bool takes = job && turn.room && lane->flights.count < sp_renderer_depth(lane->renderer);
         if (takes && srv_hub_next_job(s->hub, srv_clock_ms(), job, &wait_ms)) {
             take_job(s, job);
             job = NULL;
-        } else if (s->flights.count > 0) {
-            finish_job(s);
+        } else if (lane->flights.count > 0) {
+            srv_job_finish(s, SRV_LANE_STREAMS);
         } else {
             srv_lane_wait(s, lane, turn.generation, turn.room ? wait_ms : 1000);
         }

@@ -237,6 +237,7 @@ struct srv_job {
     bool refinement;      /* worthless as soon as a newer view exists */
     double yield_ms;      /* gives way to whatever moves when it was drawn for so long: is given up,
                              and taken again; INFINITY = it does not */
+    bool is_alone;        /* no other session has participants */
     bool sharp;           /* full size and all voxels: only the encoding can get better */
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */
@@ -259,6 +260,11 @@ struct srv_job_result {
 /* The next thing to render (share.h says whose). False if there is none: *wait_ms says when to ask
  * again at the latest. */
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
+/* A thing to render at once while another job, of the session `running`, is drawn, has been for
+ * drawn_ms, and stands still meanwhile: a short one of a session that has had less. False as above.
+ */
+bool srv_hub_next_short_job(struct srv_hub *hub, uint64_t running, double drawn_ms, double now_ms,
+                            struct srv_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */
 bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
 /* Does anything move, or is about to? */

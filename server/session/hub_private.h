@@ -105,6 +105,7 @@ struct srv_session {
     double changed_ms, empty_ms, served_ms;
     double moved_ms;        /* when it got a moving frame last; 0 = never */
     struct srv_share share; /* of the stream lane, by the hub's clock */
+    double start_ms;        /* where its newest job started, by that clock */
     double clock_ms;        /* of its participants' shares */
     uint64_t taken_order;   /* of its newest job */
     struct srv_pace pace;
@@ -227,6 +228,12 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
  * be somebody's. */
 struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
                                       double *wait_ms);
+/* The same of those who may go before a job of `running` that has been drawn for so long and goes
+ * on for longer: a frame of a moving view, expected to be short, of a session that started no later
+ * than that one got to. */
+struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_session *running,
+                                        double drawn_ms, double now_ms, struct srv_wish *wish,
+                                        double *wait_ms);
 /* Does anybody get a frame of a moving view, now or in a moment? */
 bool srv_turn_moves(const struct srv_hub *hub);
 

@@ -14,6 +14,11 @@
  * Who wants nothing but final pictures gets refinements. A refinement gives way to whatever moves:
  * it is not begun while a view moves elsewhere, and given up when one does. When its patience is at
  * an end (share.h) it is as good as interaction, for a time.
+ *
+ * What is being drawn may take long and is not lost for that: it stands still for short frames of
+ * sessions that have had less, as a preemptive server would have it. So a session has its share
+ * though another one's frames, each of which takes as much at once as many of its own, never give
+ * way.
  */
 #include <math.h>
 
@@ -229,6 +234,37 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
     *wait_ms = quiet_ms > 0 ? fmin(*wait_ms, quiet_ms) : *wait_ms;
     if (!best.p || quiet_ms > 0)
         return NULL;
+    *wish = best.wish;
+    return best.p;
+}
+
+/* Is what it gets expected to be drawn within the time of a moving frame? Work that is done once is
+ * not. */
+static bool is_short(const struct srv_session *s, const struct srv_participant *p) {
+    double whole_ms = sharp_ms(s, p), last_ms = srv_pace_expect_ms(&s->pace, &p->moving.detail);
+    if (s->done_version < s->cold_version)
+        return false;
+    return (whole_ms > 0 && whole_ms <= SRV_PACE_ENOUGH_MS) ||
+           (p->moving.detail.size[0] > 0 && last_ms > 0 && last_ms <= SRV_PACE_ENOUGH_MS);
+}
+
+struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_session *running,
+                                        double drawn_ms, double now_ms, struct srv_wish *wish,
+                                        double *wait_ms) {
+    struct claim best = { .p = NULL };
+    double reached_ms = running->start_ms + drawn_ms;
+    for (struct srv_session *s = hub->sessions; s; s = s->next) {
+        struct claim c = { .p = NULL };
+        if (s != running)
+            c = claim_of(hub, s, now_ms, wait_ms);
+        if (!c.p || c.wish.yield_ms < INFINITY || !is_short(s, c.p))
+            continue;
+        c.start_ms = srv_share_start(&s->share, hub->clock_ms);
+        if (c.start_ms > reached_ms)
+            *wait_ms = fmin(*wait_ms, c.start_ms - reached_ms);
+        else if (!best.p || is_due_before(&c, &best))
+            best = c;
+    }
     *wish = best.wish;
     return best.p;
 }

@@ -22,6 +22,14 @@ static struct srv_detail detail_of(const struct srv_job *job) {
                                 .size = { job->view.size[0], job->view.size[1] } };
 }
 
+/* Does nobody else have a session that somebody takes part in? */
+static bool is_alone(const struct srv_hub *hub, const struct srv_session *this) {
+    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+        if (s != this && s->participants)
+            return false;
+    return true;
+}
+
 static bool same_picture(const struct srv_session *s, const struct srv_participant *a,
                          const struct srv_participant *b) {
     uint32_t size[2][2];
@@ -109,6 +117,7 @@ static struct srv_participant *participant_of(struct srv_session *s, uint64_t id
 static void take_share(struct srv_hub *hub, struct srv_session *s, struct srv_job *job) {
     const struct srv_detail detail = detail_of(job);
     job->charged_ms = srv_pace_expect_ms(&s->pace, &detail);
+    s->start_ms = srv_share_start(&s->share, hub->clock_ms);
     srv_share_take(&s->share, hub->clock_ms, job->charged_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
@@ -145,6 +154,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->step = wish->step;
     job->refinement = wish->refinement;
     job->yield_ms = wish->yield_ms;
+    job->is_alone = is_alone(hub, s);
     job->view = s->view;
     srv_hub_size(s, first, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
@@ -179,11 +189,30 @@ bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, d
     return next != NULL;
 }
 
-static struct srv_session *session_of(struct srv_hub *hub, const struct srv_job *job) {
+static struct srv_session *find_session(struct srv_hub *hub, uint64_t number) {
     for (struct srv_session *s = hub->sessions; s; s = s->next)
-        if (s->number == job->session)
+        if (s->number == number)
             return s;
     return NULL;
+}
+
+static struct srv_session *session_of(struct srv_hub *hub, const struct srv_job *job) {
+    return find_session(hub, job->session);
+}
+
+bool srv_hub_next_short_job(struct srv_hub *hub, uint64_t running, double drawn_ms, double now_ms,
+                            struct srv_job *job, double *wait_ms) {
+    struct srv_wish wish;
+    struct srv_participant *next = NULL;
+    *wait_ms = 1000;
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *s = find_session(hub, running);
+    if (s)
+        next = srv_turn_before(hub, s, drawn_ms, now_ms, &wish, wait_ms);
+    if (next)
+        make_job(hub, next->session, next, &wish, now_ms, job);
+    pthread_mutex_unlock(&hub->mutex);
+    return next != NULL;
 }
 
 bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job) {

@@ -11,8 +11,10 @@ void gate_reset(void) {
     pthread_mutex_unlock(&gate.mutex);
 }
 
-bool gate_pass(const atomic_bool *cancel) {
+bool gate_pass(const atomic_bool *cancel, void (*look)(void *user), void *user) {
     for (;; sched_yield()) {
+        if (look)
+            look(user);
         pthread_mutex_lock(&gate.mutex);
         bool cancelled = atomic_load(cancel), go = !cancelled && gate.passes > 0;
         gate.passes -= go;

@@ -19,8 +19,8 @@ struct gate { /* guarded by the mutex, as are the test's own counters */
 extern struct gate gate;
 
 void gate_reset(void); /* its counters are 0 */
-/* False: it was cancelled. */
-bool gate_pass(const atomic_bool *cancel);
+/* False: it was cancelled. `look`, if not NULL, is called again and again meanwhile. */
+bool gate_pass(const atomic_bool *cancel, void (*look)(void *user), void *user);
 void gate_let_through(unsigned count);
 
 /* A counter's value; and until it has that value, or a higher one. */

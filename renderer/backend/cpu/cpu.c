@@ -57,6 +57,7 @@ static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
     *info = (struct sp_renderer_info){ .backend = "cpu",
                                        .isa = state->kernels.isa,
                                        .threads = sp_pool_threads(state->pool),
+                                       .holds = true,
                                        .lanes = state->kernels.lanes,
                                        .vectorised = state->kernels.vectorised };
     memcpy(info->device, state->device, sizeof info->device);

@@ -4,7 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/clock.h"
 #include "tile/bin.h"
 #include "tile/depth.h"
 #include "tile/order.h"
@@ -73,7 +72,7 @@ static bool is_cancelled(const struct draw *d) {
 }
 
 static double add_time(struct draw *d, enum stage stage, double since) {
-    double now = sp_clock_ms();
+    double now = sp_job_clock_ms(d->job);
     d->stage_ms[stage] += now - since;
     return now;
 }
@@ -230,7 +229,7 @@ static void add_tiles(void *user, size_t begin, size_t end, unsigned worker) {
 /* Bins and adds the batch's blocks [0, count), as many at a time as the entries have room for: a
  * footprint may cover every tile. */
 static void add_batch(struct draw *d, uint32_t count) {
-    double clock = sp_clock_ms();
+    double clock = sp_job_clock_ms(d->job);
     sp_parallel_for(d->pool, count, 1, count_blocks, d);
     for (uint32_t begin = 0, end; begin < count && !is_cancelled(d); begin = end) {
         uint64_t total = 0;
@@ -504,7 +503,8 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
                                         .reach = sp_kernel_reach(&view->filter),
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
-                                        .cancel = d->job->cancel };
+                                        .cancel = d->job->cancel,
+                                        .hold = d->job->hold };
     d->has_filters = state->kernels.sheets_tile && sheets_can(view, grid);
     if (!choose_levels(d, &state->arena, err))
         return false;
@@ -550,7 +550,7 @@ static void draw_band(struct draw *d, int y) {
     uint64_t run = 0;
     uint32_t layer = 0, count;
     while (!is_cancelled(d) && !all_saturated(d) && (count = make_batch(d, &run, &layer)) > 0) {
-        double clock = sp_clock_ms();
+        double clock = sp_job_clock_ms(d->job);
         sp_parallel_for(d->pool, count, 1, splat_blocks, d);
         for (uint32_t b = 0; b < count; b++) {
             d->splats += d->blocks[b].count;
@@ -559,7 +559,7 @@ static void draw_band(struct draw *d, int y) {
         add_time(d, SPLAT, clock);
         add_batch(d, count);
     }
-    double clock = sp_clock_ms();
+    double clock = sp_job_clock_ms(d->job);
     sp_parallel_for(d->pool, d->bins.tiles, 4, resolve_tiles, d);
     add_time(d, RESOLVE, clock);
 }
@@ -609,7 +609,7 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, 
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct draw d = { .job = job, .kernels = &state->kernels, .pool = state->pool };
-    double clock = sp_clock_ms();
+    double clock = sp_job_clock_ms(job);
     unsigned axis;
     sp_arena_reset(&state->arena);
     if (!choose_level(&d, state, &axis, err))
@@ -620,7 +620,7 @@ bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct 
         return false;
     if (drawn)
         return true;
-    clock = sp_clock_ms();
+    clock = sp_job_clock_ms(job);
     if (!prepare(&d, state, axis, err))
         return false;
     add_time(&d, CLASSIFY, clock);

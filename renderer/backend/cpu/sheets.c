@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
 #include "tile/order.h"
 #include "volume/grid.h"
 
@@ -471,7 +470,7 @@ static float find_reach(const struct sheets *s, float cutoff, float deepest) {
 
 bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
     const struct sp_view *view = frame->job->view;
-    double clock = sp_clock_ms();
+    double clock = sp_job_clock_ms(frame->job);
     bool exact = view->filter.mode != SP_FILTER_ADAPTIVE;
     bool linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
     *s = (struct sheets){ .job = frame->job,
@@ -509,7 +508,7 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
         return fail_memory(frame->arena, err);
     if (!meet_tiles(s, frame->arena) || !order_tiles(s, frame->arena))
         return fail_memory(frame->arena, err);
-    s->prepare_ms = sp_clock_ms() - clock;
+    s->prepare_ms = sp_job_clock_ms(frame->job) - clock;
     return true;
 }
 
@@ -523,7 +522,7 @@ bool sheets_pay(const struct sheets *s) {
 
 bool sheets_draw(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
     struct sp_frame_stats *stats = &frame->job->frame->stats;
-    double clock = sp_clock_ms();
+    double clock = sp_job_clock_ms(frame->job);
     if (!allocate_scratch(s, sp_pool_threads(frame->pool), frame->arena))
         return fail_memory(frame->arena, err);
     struct tiles tiles = { s, frame->draw_tile };
@@ -537,6 +536,6 @@ bool sheets_draw(const struct sheets_frame *frame, struct sheets *s, struct sp_e
     stats->stage_count = 3;
     stats->stages[0] = (struct sp_stage_time){ "classify", frame->classify_ms };
     stats->stages[1] = (struct sp_stage_time){ "splat", s->prepare_ms };
-    stats->stages[2] = (struct sp_stage_time){ "tile", sp_clock_ms() - clock };
+    stats->stages[2] = (struct sp_stage_time){ "tile", sp_job_clock_ms(frame->job) - clock };
     return true;
 }

@@ -60,6 +60,7 @@ struct sp_renderer_info {
     char overburdened[SP_ERROR_TEXT]; /* why another one drew frames in its place, the first time;
                                          "" = none did */
     unsigned threads;
+    bool holds;     /* its frames stand still while they are to (struct sp_hold) */
     unsigned lanes; /* voxels or pixels that the CPU's kernels handle at a time; 0 = not known */
     /* The choices of a view that they handle so, by the names that a view has for them; ends with
      * NULL. NULL = not known. All else is handled one by one. */
@@ -111,6 +112,16 @@ bool sp_probe(sp_device_visit *visit, void *user);
 
 enum { SP_COARSE_MAX = 2 };
 
+/* Makes a frame that is being drawn stand still, so that another renderer has the processor for
+ * something short. `wanted` is polled a few hundred times a frame; a thread that finds it set calls
+ * wait(), which returns when the frame may go on or is cancelled. */
+struct sp_hold {
+    atomic_bool wanted;
+    _Atomic double held_ms;   /* how long it stood still so far: no part of the frame's times */
+    void (*wait)(void *user); /* any thread of the renderer's */
+    void *user;
+};
+
 struct sp_render_options {
     enum sp_pixel_format format; /* default (0) SP_RGBA8 */
     unsigned coarse; /* [0, SP_COARSE_MAX], default 0: draw 2^n × 2^n × 2^n voxels as one,
@@ -118,6 +129,8 @@ struct sp_render_options {
                         The frame's stats say what was done */
     const atomic_bool *cancel; /* NULL = never; polled a few hundred times a frame; true = stop with
                                   SP_ERR_CANCELLED */
+    struct sp_hold *hold; /* NULL = never; of no effect unless sp_renderer_info.holds. It must live
+                             as long as *cancel */
 };
 
 enum { SP_IN_FLIGHT_MAX = 4 };

@@ -459,6 +459,51 @@ static void endless_work_can_be_cancelled(void **state) {
     finish_rig(&rig);
 }
 
+/* Stands still once for every so many looks, for a thousand years each time. */
+struct standing {
+    struct sp_hold hold;
+    atomic_uint times;
+};
+
+static void stand(void *user) {
+    struct standing *s = user;
+    atomic_fetch_add(&s->times, 1);
+    atomic_store(&s->hold.held_ms, atomic_load(&s->hold.held_ms) + 3e13);
+}
+
+static void what_stands_still_loses_nothing(void **state) {
+    (void)state;
+    static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB };
+    for (int m = 0; m < 2; m++) {
+        struct rig rig = make_rig("cpu", 2, make_ball(60, (double[3]){ 1, 1, 1 }));
+        struct standing s = { .hold = { .wait = stand, .user = &s } };
+        struct sp_render_options options = { .hold = &s.hold };
+        struct sp_renderer_info info;
+        rig.view.compositing.mode = modes[m];
+        sp_renderer_info(rig.renderer, &info);
+        assert_true(info.holds);
+        struct sp_frame *frames[2];
+        for (int held = 0; held < 2; held++) {
+            atomic_store(&s.hold.wanted, held);
+            sp_renderer_forget(rig.renderer, rig.volume); /* it classifies, too */
+            frames[held] =
+                sp_renderer_render(rig.renderer, rig.volume, &rig.view, rig.pool, &options, NULL);
+            assert_non_null(frames[held]);
+            assert_true(held ? s.times > 20 : s.times == 0);
+        }
+        for (uint32_t y = 0; y < frames[0]->height; y++)
+            assert_memory_equal((uint8_t *)frames[0]->pixels + y * frames[0]->stride_bytes,
+                                (uint8_t *)frames[1]->pixels + y * frames[1]->stride_bytes,
+                                frames[0]->width * 4);
+        assert_true(frames[0]->stats.render_ms < 1e12 && frames[1]->stats.render_ms == 0);
+        for (uint32_t i = 0; i < frames[1]->stats.stage_count; i++)
+            assert_true(frames[1]->stats.stages[i].ms < 1e12);
+        sp_frame_unref(&frames[0]);
+        sp_frame_unref(&frames[1]);
+        finish_rig(&rig);
+    }
+}
+
 /* Adaptive may join thin sheets, which must not be seen whatever attenuates them. */
 static void thin_sheets_attenuate_alike(void **state) {
     (void)state;
@@ -614,6 +659,7 @@ int main(void) {
         cmocka_unit_test(edited_pictures_are_fresh_pictures),
         cmocka_unit_test(lists_are_cut_down_when_edits_stop),
         cmocka_unit_test(endless_work_can_be_cancelled),
+        cmocka_unit_test(what_stands_still_loses_nothing),
         cmocka_unit_test(thin_sheets_attenuate_alike),
         cmocka_unit_test(one_voxel_has_its_analytic_depth),
         cmocka_unit_test(odd_sizes_and_places_are_drawn),

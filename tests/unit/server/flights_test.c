@@ -67,6 +67,41 @@ static void a_moving_frame_is_kept_for_its_time(void **state) {
     assert_true(f->cancel);
 }
 
+static void what_stands_still_grows_no_older(void **state) {
+    (void)state;
+    struct srv_flight *f = begin(0, A, 1000);
+    f->job->order = 7;
+    srv_flights_interrupt(&flights, A, SRV_NEWER_VIEW, 1010);
+    srv_flights_hold(&flights, 6, 1020); /* another one */
+    assert_false(f->hold.wanted);
+    srv_flights_hold(&flights, 7, 1020);
+    assert_true(f->hold.wanted);
+    assert_true(srv_flight_age_ms(f, 1500) == 20);
+    srv_flights_tick(&flights, 5000);
+    srv_flights_go_on(&flights, 6, 5000);
+    assert_true(f->hold.wanted && !f->cancel);
+    srv_flights_go_on(&flights, 7, 5020);
+    assert_false(f->hold.wanted);
+    assert_true(f->hold.held_ms == 4000 && srv_flight_age_ms(f, 5030) == 30);
+    srv_flights_hold(&flights, 7, 5050);
+    srv_flights_go_on(&flights, 7, 6050);
+    srv_flights_tick(&flights, 6099);
+    assert_false(f->cancel);
+    srv_flights_tick(&flights, 6100);
+    assert_true(f->cancel);
+    srv_flights_hold(&flights, 7, 7000);
+    srv_flights_end(&flights, 7000);
+    f = begin(1, A, 7000); /* in whatever place */
+    for (int i = 0; i < SP_IN_FLIGHT_MAX; i++) {
+        srv_flights_end(&flights, 7000);
+        f = begin(1, A, 7000);
+        assert_true(!f->hold.wanted && f->hold.held_ms == 0 && f->held_since_ms == 0);
+    }
+    srv_flights_end(&flights, 7000);
+    srv_flights_hold(&flights, 0, 7000); /* nothing is begun */
+    srv_flights_go_on(&flights, 0, 7000);
+}
+
 static void the_clock_of_one_behind_starts_when_it_is_the_oldest(void **state) {
     (void)state;
     begin(0, B, 1000);
@@ -182,6 +217,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(they_end_in_the_order_in_which_they_began),
         TEST(a_moving_frame_is_kept_for_its_time),
+        TEST(what_stands_still_grows_no_older),
         TEST(the_clock_of_one_behind_starts_when_it_is_the_oldest),
         TEST(refinements_and_what_nobody_wants_go_at_once),
         TEST(of_two_moving_frames_one_is_finished),

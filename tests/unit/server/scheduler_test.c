@@ -28,6 +28,8 @@ enum {
 };
 
 struct render { /* that was begun and not finished */
+    const struct sp_renderer *renderer;
+    struct sp_hold *hold;
     uint32_t size[2];
     const atomic_bool *cancel;
     struct sp_frame *frame;
@@ -39,7 +41,10 @@ static struct {                            /* guarded by the gate's mutex */
     unsigned depth;                        /* of the renderer */
     struct render begun[SP_IN_FLIGHT_MAX]; /* oldest first */
     unsigned begun_count;
-    uint32_t size[2]; /* of the newest render */
+    unsigned held, expressed;        /* times that one stood still; of the express lane's */
+    bool stops_express;              /* those wait at the gate, too */
+    const struct sp_renderer *first; /* the stream lane's */
+    uint32_t size[2];                /* of the newest render */
     unsigned coarse;
     struct sp_renderer_info info; /* as a renderer tells it after its next render */
 } seen;
@@ -56,16 +61,20 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
 bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
                               const struct sp_view *view, struct sp_frame_pool *pool,
                               const struct sp_render_options *options, struct sp_error *err) {
-    (void)renderer, (void)volume;
+    (void)volume;
     struct sp_frame *frame =
         sp_frame_create(pool, view->size[0], view->size[1], options->format, err);
     assert_non_null(frame);
     memset(frame->pixels, 0, frame->stride_bytes * frame->height);
     frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
     pthread_mutex_lock(&gate.mutex);
-    assert_true(seen.begun_count < seen.depth);
-    seen.begun[seen.begun_count++] =
-        (struct render){ { view->size[0], view->size[1] }, options->cancel, frame };
+    if (!seen.first)
+        seen.first = renderer;
+    assert_true(seen.begun_count < seen.depth || renderer != seen.first);
+    seen.expressed += renderer != seen.first;
+    seen.begun[seen.begun_count++] = (struct render){
+        renderer, options->hold, { view->size[0], view->size[1] }, options->cancel, frame
+    };
     gate.entered++;
     seen.coarse = options->coarse;
     seen.sharp += options->coarse == 0 && view->size[0] == FULL;
@@ -75,17 +84,38 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
 }
 
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
+/* The oldest of this renderer. With the mutex held. */
+static unsigned find_render(const struct sp_renderer *renderer) {
+    unsigned i = 0;
+    while (i < seen.begun_count && seen.begun[i].renderer != renderer)
+        i++;
+    assert_true(i < seen.begun_count);
+    return i;
+}
+
+static void stand_still(void *user) {
+    struct sp_hold *hold = user;
+    if (!atomic_load(&hold->wanted))
+        return;
+    pthread_mutex_lock(&gate.mutex);
+    seen.held++;
+    pthread_mutex_unlock(&gate.mutex);
+    hold->wait(hold->user);
+}
+
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
-    (void)renderer;
-    assert_true(seen.begun_count > 0);
-    struct render render = seen.begun[0];
-    if (!gate_pass(render.cancel)) {
+    pthread_mutex_lock(&gate.mutex);
+    struct render render = seen.begun[find_render(renderer)];
+    bool is_free = renderer != seen.first && !seen.stops_express;
+    pthread_mutex_unlock(&gate.mutex);
+    if (!is_free && !gate_pass(render.cancel, stand_still, render.hold)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         sp_frame_unref(&render.frame);
     }
     pthread_mutex_lock(&gate.mutex);
+    unsigned i = find_render(renderer);
     seen.begun_count--;
-    memmove(seen.begun, seen.begun + 1, sizeof seen.begun - sizeof seen.begun[0]);
+    memmove(seen.begun + i, seen.begun + i + 1, (seen.begun_count - i) * sizeof seen.begun[0]);
     pthread_mutex_unlock(&gate.mutex);
     return render.frame;
 }
@@ -130,7 +160,9 @@ struct fixture {
 /* A session, its views come to rest after rest_ms, and a renderer of `depth` frames. */
 static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
     gate_reset();
-    seen.ended = seen.sharp = seen.begun_count = 0;
+    seen.ended = seen.sharp = seen.begun_count = seen.held = seen.expressed = 0;
+    seen.stops_express = false;
+    seen.first = NULL;
     seen.depth = depth;
     seen.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
     lanes_begin(&f->lanes, &(struct lanes_options){ .queue_max = 1, .rest_ms = rest_ms });
@@ -169,13 +201,17 @@ static void tell(struct fixture *f, const char *text) {
     tell_by(f, f->participant, text);
 }
 
-static void update(struct fixture *f, unsigned seq) {
+static void update_by(struct fixture *f, struct srv_participant *participant, unsigned seq) {
     char text[160];
     snprintf(text, sizeof text,
              "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
              "\"patch\":{\"background\":[0.%u,0,0,1]}}}",
              seq, seq);
-    tell(f, text);
+    tell_by(f, participant, text);
+}
+
+static void update(struct fixture *f, unsigned seq) {
+    update_by(f, f->participant, seq);
 }
 
 /* The next frame that arrives, acknowledged. */
@@ -324,12 +360,12 @@ static char *next_stats(struct fixture *f) {
 
 static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     struct fixture *f = *state;
-    struct sp_renderer_info streams, stills;
+    struct sp_renderer_info info[SRV_RENDERERS];
     begin(f, 1e6);
-    srv_scheduler_info(f->lanes.scheduler, &streams, &stills);
-    assert_string_equal(streams.backend, "gate");
-    assert_string_equal(streams.given_up, "");
-    assert_null(stills.backend); /* there was no still yet */
+    srv_scheduler_info(f->lanes.scheduler, info);
+    assert_string_equal(info[0].backend, "gate");
+    assert_string_equal(info[0].given_up, "");
+    assert_null(info[1].backend); /* there was no still yet */
     gate_await(&gate.entered, 1);
     pthread_mutex_lock(&gate.mutex);
     seen.info = (struct sp_renderer_info){
@@ -341,19 +377,23 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     assert_non_null(strstr(stats, "\"backend\":\"fence\""));
     assert_non_null(strstr(stats, "\"device\":\"a hedge\""));
     free(stats);
-    srv_scheduler_info(f->lanes.scheduler, &streams, &stills);
-    assert_string_equal(streams.backend, "fence");
-    assert_string_equal(streams.given_up, "the gate is stuck");
+    srv_scheduler_info(f->lanes.scheduler, info);
+    assert_string_equal(info[0].backend, "fence");
+    assert_string_equal(info[0].given_up, "the gate is stuck");
 }
 
 /* Nothing is under way, and as much time has passed as there is between two frames of a
  * participant: whoever wants a picture of the next view wants it as soon as it is there. Without
  * that the lane may find one of two who want one, and waits for that picture as it should. */
-static void settle(void) {
-    gate_await(&seen.ended, gate_count(&gate.entered));
+static void settle_rate(void) {
     double next_ms = srv_clock_ms() + 1000.0 / FPS;
     while (srv_clock_ms() < next_ms)
         sched_yield();
+}
+
+static void settle(void) {
+    gate_await(&seen.ended, gate_count(&gate.entered));
+    settle_rate();
 }
 
 /* A renderer of two frames at a time, and a participant who wants pictures of another size: each
@@ -419,6 +459,70 @@ static void a_daemon_may_stop_with_frames_in_flight(void **state) {
     srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
 }
 
+/* A second session, whose frames are known to be short, and a frame of the first one at the gate,
+ * which the other one's wait for. */
+static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool holds) {
+    char id[SRV_SESSION_ID_BYTES];
+    begin(f, 1e6);
+    pthread_mutex_lock(&gate.mutex);
+    seen.info.backend = "null"; /* of which the express lane makes one for itself */
+    seen.info.holds = holds;
+    pthread_mutex_unlock(&gate.mutex);
+    gate_let_through(1000);
+    next_frame(f);
+    lanes_session(&f->lanes, id);
+    struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    next_frame_of(f, other);
+    update_by(f, other, 2);
+    next_frame_of(f, other);
+    settle();
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes = 0;
+    unsigned entered = gate.entered;
+    pthread_mutex_unlock(&gate.mutex);
+    update(f, 3);
+    gate_await(&gate.entered, entered + 1);
+    update_by(f, other, 4);
+    return other;
+}
+
+static void a_long_frame_stands_still_for_a_short_one(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    assert_int_equal(next_frame_of(f, other).seq, 4); /* nothing was let through */
+    assert_int_equal(gate_count(&seen.expressed), 1);
+    assert_int_equal(gate_count(&gate.cancelled), 0);
+    gate_let_through(1); /* it goes on */
+    assert_int_equal(next_frame(f).seq, 3);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void what_stands_still_can_be_given_up(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    assert_int_equal(next_frame_of(f, other).seq, 4);
+    pthread_mutex_lock(&gate.mutex);
+    seen.stops_express = true;
+    seen.held = 0;
+    pthread_mutex_unlock(&gate.mutex);
+    update_by(f, other, 5);
+    gate_await(&seen.held, 1); /* and nothing ends that */
+    lanes_stop(&f->lanes);
+    assert_int_equal(gate_count(&gate.cancelled), 2);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void what_cannot_stand_still_is_waited_for(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_a_long_frame(f, false);
+    settle_rate();
+    assert_int_equal(gate_count(&seen.expressed), 0);
+    gate_let_through(2);
+    assert_int_equal(next_frame_of(f, other).seq, 4);
+    assert_int_equal(gate_count(&seen.expressed), 0);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -432,6 +536,9 @@ int main(void) {
         TEST(frames_are_begun_while_others_are_drawn),
         TEST(of_two_frames_in_flight_one_is_always_finished),
         TEST(a_daemon_may_stop_with_frames_in_flight),
+        TEST(a_long_frame_stands_still_for_a_short_one),
+        TEST(what_stands_still_can_be_given_up),
+        TEST(what_cannot_stand_still_is_waited_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -37,7 +37,11 @@ struct stage {
     bool yields;                     /* something moves since it was begun */
     double now_ms, begun_ms, end_ms; /* end_ms: INFINITY = nothing is under way */
     double fixed_ms, mpx_ms;         /* of a picture, and of its megapixels with all voxels */
-    size_t bytes;                    /* of each */
+    double held_ms;                  /* how long what is under way stood still */
+    bool is_express;                 /* it stands still for short ones */
+    const struct client *hog;        /* each picture of it has work that is done once: */
+    double once_ms;
+    size_t bytes; /* of each */
 };
 
 static void tell(struct stage *s, struct client *c, const char *method, const char *params) {
@@ -107,29 +111,38 @@ static void take(struct stage *s, struct client *c, bool acks) {
     }
 }
 
-static void finish(struct stage *s) {
+static double once_ms(const struct stage *s, const struct srv_job *job) {
+    return s->hog && is_for(job, s->hog) ? s->once_ms : 0;
+}
+
+static void deliver(struct stage *s, struct srv_job *job, double render_ms) {
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
-                                         .width = (uint16_t)s->job.view.size[0],
-                                         .height = (uint16_t)s->job.view.size[1] };
-    struct srv_job_result result = { .width = s->job.view.size[0],
-                                     .height = s->job.view.size[1],
-                                     .render_ms = s->now_ms - s->begun_ms };
+                                         .width = (uint16_t)job->view.size[0],
+                                         .height = (uint16_t)job->view.size[1] };
+    struct srv_job_result result = { .width = job->view.size[0],
+                                     .height = job->view.size[1],
+                                     .once_ms = once_ms(s, job),
+                                     .render_ms = render_ms };
     uint8_t *image = calloc(1, s->bytes);
     assert_non_null(image);
     struct srv_blob *blob = srv_blob_create(image, s->bytes);
     free(image);
-    note_time(s);
-    for (uint32_t i = 0; i < s->job.target_count; i++)
-        srv_hub_deliver(s->f->hub, &s->job, i, &header, blob);
+    for (uint32_t i = 0; i < job->target_count; i++)
+        srv_hub_deliver(s->f->hub, job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_hub_job_done(s->f->hub, &s->job, &result);
+    srv_hub_job_done(s->f->hub, job, &result);
     for (int i = 0; i < CLIENTS; i++)
         if (s->clients[i].participant && !s->clients[i].is_stalled)
             take(s, &s->clients[i], true);
 }
 
+static void finish(struct stage *s) {
+    note_time(s);
+    deliver(s, &s->job, s->now_ms - s->begun_ms - s->held_ms);
+}
+
 static double duration(const struct stage *s, const struct srv_job *job) {
-    return s->fixed_ms +
+    return once_ms(s, job) + s->fixed_ms +
            ldexp(s->mpx_ms * 1e-6 * job->view.size[0] * job->view.size[1], -(int)job->coarse);
 }
 
@@ -152,6 +165,20 @@ static void turn(struct stage *s, struct client *c) {
     }
 }
 
+/* A short one that may go before what is under way is drawn at once. */
+static bool draw_before(struct stage *s, double *wait_ms) {
+    struct srv_job job;
+    double drawn_ms = s->now_ms - s->begun_ms - s->held_ms;
+    if (!srv_hub_next_short_job(s->f->hub, s->job.session, drawn_ms, s->now_ms, &job, wait_ms))
+        return false;
+    double takes_ms = duration(s, &job);
+    s->held_ms += takes_ms;
+    s->end_ms += takes_ms;
+    s->now_ms += takes_ms;
+    deliver(s, &job, takes_ms);
+    return true;
+}
+
 static void play(struct stage *s, double for_ms) {
     double until_ms = s->now_ms + for_ms;
     while (s->now_ms < until_ms) {
@@ -160,10 +187,15 @@ static void play(struct stage *s, double for_ms) {
             if (srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms)) {
                 assert_false(s->job.yield_ms == 0 && srv_hub_moves(s->f->hub));
                 s->yields = false;
+                s->held_ms = 0;
                 s->begun_ms = s->now_ms;
                 s->end_ms = s->now_ms + duration(s, &s->job);
                 continue;
             }
+            next_ms = fmin(next_ms, s->now_ms + fmax(wait_ms, 0.01));
+        } else if (s->is_express) {
+            if (draw_before(s, &wait_ms))
+                continue;
             next_ms = fmin(next_ms, s->now_ms + fmax(wait_ms, 0.01));
         }
         struct client *first = NULL;
@@ -428,6 +460,91 @@ static void what_is_not_known_to_take_long_does_not_stop_the_others_either(void 
     assert_in_range(moving->frames, 5 * alone * 9 / 10, 5 * alone);
 }
 
+/* One whose every frame takes a long time, because it edits what takes long to derive. */
+static void long_frames_stand_still_for_short_ones(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct client *moving = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
+    play(s, 2000);
+    reset(s);
+    play(s, 10000);
+    unsigned alone = moving->frames;
+    another_session(s, id);
+    s->hog = join(s, 1, id, 33, "{\"size\":[512,512]}");
+    s->once_ms = 280;
+    reset(s);
+    play(s, 10000);
+    assert_in_range(moving->frames, 1, alone / 3); /* one each in turn */
+    unsigned frames = s->hog->frames;
+    s->is_express = true;
+    reset(s);
+    play(s, 10000);
+    assert_in_range(moving->frames, alone * 95 / 100, alone + 1);
+    assert_in_range(s->hog->frames, frames * 80 / 100,
+                    frames); /* which pays for no more than that */
+}
+
+/* Of two that have no rest both have half of the time, in whatever pieces. */
+static void what_stands_still_has_its_share(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct client *many = join(s, 0, s->f->id, 8, "{\"max_fps\":120,\"size\":[512,512]}");
+    play(s, 2000);
+    another_session(s, id);
+    struct client *hog = join(s, 1, id, 8, "{\"max_fps\":120,\"size\":[512,512]}");
+    s->hog = hog;
+    s->once_ms = 280;
+    s->is_express = true;
+    play(s, 2000);
+    reset(s);
+    play(s, 20000);
+    double hog_ms = hog->frames * 280.0;
+    assert_true(hog_ms > 0.4 * 20000 && hog_ms < 0.6 * 20000);
+    assert_true(many->frames > 3 * hog->frames);
+}
+
+static void update_tf(struct stage *s, struct client *c) {
+    tell(s, c, "view.update",
+         "{\"seq\":99,\"patch\":{\"transfer_function\":{\"points\":["
+         "{\"value\":1,\"color\":[1,1,1],\"opacity\":0.1}]}}}");
+}
+
+static void what_may_go_before_a_long_frame(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct srv_job job, before;
+    double wait_ms;
+    another_session(s, id);
+    struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
+    play(s, 3000);
+    turn(s, hog);
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job, &wait_ms));
+    struct client *other = join(s, 1, id, 0, "{\"size\":[256,256]}");
+#define BEFORE(ms) srv_hub_next_short_job(s->f->hub, job.session, ms, s->now_ms, &before, &wait_ms)
+    assert_false(BEFORE(1e6)); /* nothing is known of how long it takes */
+    srv_hub_job_cancelled(s->f->hub, &job, 0);
+    play(s, 3000);
+    turn(s, hog);
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job, &wait_ms));
+    assert_false(BEFORE(1e6)); /* it rests */
+    turn(s, hog);
+    assert_false(BEFORE(1e6)); /* its own session's does not */
+    turn(s, other);
+    assert_true(BEFORE(0));
+    assert_true(before.session != job.session && !before.refinement);
+    deliver(s, &before, 100); /* more than was expected */
+    s->now_ms += 50;
+    turn(s, other);
+    assert_false(BEFORE(60)); /* it has had more */
+    assert_true(wait_ms > 0 && wait_ms <= 40);
+    assert_true(BEFORE(101));
+    srv_hub_job_cancelled(s->f->hub, &before, 0);
+    update_tf(s, other);
+    assert_false(BEFORE(1e6)); /* that has to be derived first */
+#undef BEFORE
+    srv_hub_job_cancelled(s->f->hub, &job, 0);
+}
+
 static void participants_have_equal_shares_of_their_session(void **state) {
     struct stage *s = *state;
     struct client *driver = join(s, 0, s->f->id, 8, SMALL);
@@ -466,6 +583,9 @@ int main(void) {
         TEST(a_view_that_moves_now_and_then_leaves_room_between),
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
         TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
+        TEST(long_frames_stand_still_for_short_ones),
+        TEST(what_stands_still_has_its_share),
+        TEST(what_may_go_before_a_long_frame),
         TEST(participants_have_equal_shares_of_their_session),
         TEST(a_viewers_settings_interrupt_its_own_picture_alone),
     };

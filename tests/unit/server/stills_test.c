@@ -53,7 +53,7 @@ struct sp_frame *__wrap_sp_renderer_render(struct sp_renderer *renderer, struct 
     pthread_mutex_lock(&gate.mutex);
     seen.width[gate.entered++ % 16] = view->size[0];
     pthread_mutex_unlock(&gate.mutex);
-    if (!gate_pass(options->cancel)) {
+    if (!gate_pass(options->cancel, NULL, NULL)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         return NULL;
     }
