@@ -5,12 +5,15 @@
 #include <fcntl.h>
 #include <linux/audit.h>
 #include <linux/filter.h>
+#include <linux/landlock.h>
 #include <linux/seccomp.h>
+#include <sched.h>
 #include <signal.h>
 #include <stddef.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -53,7 +56,27 @@ static const unsigned refused_calls[] = {
     SYS_ptrace,
     SYS_process_vm_readv,
     SYS_process_vm_writev,
+    SYS_process_madvise,
     SYS_kill,
+    SYS_tkill,
+    SYS_rt_sigqueueinfo,
+    SYS_rt_tgsigqueueinfo,
+    SYS_pidfd_open,
+    SYS_pidfd_getfd,
+    SYS_pidfd_send_signal,
+    SYS_setpriority,
+    SYS_ioprio_set,
+    SYS_sched_setaffinity,
+    SYS_sched_setattr,
+    SYS_sched_setparam,
+    SYS_sched_setscheduler,
+    SYS_migrate_pages,
+    SYS_move_pages,
+    SYS_shmget,
+    SYS_msgget,
+    SYS_semget,
+    SYS_mq_open,
+    SYS_open_by_handle_at,
     SYS_unlinkat,
     SYS_renameat,
     SYS_renameat2,
@@ -66,8 +89,12 @@ static const unsigned refused_calls[] = {
     SYS_fchmod,
     SYS_fchown,
     SYS_truncate,
+    SYS_utimensat,
     SYS_mount,
     SYS_umount2,
+    SYS_open_tree,
+    SYS_move_mount,
+    SYS_fsopen,
     SYS_unshare,
     SYS_setns,
     SYS_keyctl,
@@ -76,6 +103,11 @@ static const unsigned refused_calls[] = {
     SYS_chroot,
     SYS_pivot_root,
     SYS_setxattr,
+    SYS_lsetxattr,
+    SYS_fsetxattr,
+    SYS_removexattr,
+    SYS_lremovexattr,
+    SYS_fremovexattr,
     SYS_userfaultfd,
     SYS_perf_event_open,
     SYS_reboot,
@@ -95,41 +127,72 @@ static const unsigned refused_calls[] = {
     SYS_chown,
     SYS_lchown,
     SYS_creat,
+    SYS_utime,
+    SYS_utimes,
+    SYS_futimesat,
 #endif
 };
 enum { REFUSED = sizeof refused_calls / sizeof refused_calls[0] };
 
-/* A classic BPF program: architecture, then the table, then opening a file for writing. */
+/* Said not to be there: what they ask for lies in memory, and libraries then take those that the
+ * filter can judge. */
+static const unsigned absent_calls[] = { SYS_openat2, SYS_clone3 };
+enum { ABSENT = sizeof absent_calls / sizeof absent_calls[0] };
+enum {
+    FIRST_NEWER = 451
+}; /* and so are calls that came after these lists (Linux 6.5), and x32's */
+
+/* Judged by one argument: has it any of these bits, or is it this number? */
+struct judged_call {
+    unsigned call, argument;
+    unsigned short test; /* BPF_JSET or BPF_JEQ */
+    unsigned value;
+    bool refuse_if;
+};
+enum { WRITES = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC };
+
+/* A classic BPF program: architecture, then one table after the other. */
 static bool filter_calls(void) {
 #ifdef OWN_ARCH
-    struct sock_filter code[2 * REFUSED + 24];
+    const struct judged_call judged[] = {
+        { SYS_openat, 2, BPF_JSET, WRITES, true },
+        { SYS_clone, 0, BPF_JSET, CLONE_THREAD, false },
+        { SYS_tgkill, 0, BPF_JEQ, (unsigned)getpid(), false }, /* abort() */
+        { SYS_prlimit64, 0, BPF_JEQ, 0, false },
+#if defined(__x86_64__)
+        { SYS_open, 1, BPF_JSET, WRITES, true },
+#endif
+    };
+    enum { JUDGED = sizeof judged / sizeof judged[0] };
+    struct sock_filter code[2 * REFUSED + 2 * ABSENT + 5 * JUDGED + 8];
     unsigned short n = 0;
 #define EMIT(...) code[n++] = (struct sock_filter)__VA_ARGS__
-    const struct sock_filter refuse = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM);
+    const struct sock_filter refuse = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+                             absent = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS);
     EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, arch)));
     EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, OWN_ARCH, 1, 0));
     EMIT(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS));
     EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)));
-#if defined(__x86_64__)
-    EMIT(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, 0x40000000, 0, 1)); /* the x32 calls */
-    code[n++] = refuse;
-#endif
+    EMIT(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FIRST_NEWER, 0, 1));
+    code[n++] = absent;
     for (size_t i = 0; i < REFUSED; i++) {
         EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, refused_calls[i], 0, 1));
         code[n++] = refuse;
     }
-    const unsigned writes = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC;
-    EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_openat, 0, 3));
-    EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, args[2])));
-    EMIT(BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, writes, 0, 1));
-    code[n++] = refuse;
-#if defined(__x86_64__)
-    EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)));
-    EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_open, 0, 3));
-    EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, args[1])));
-    EMIT(BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, writes, 0, 1));
-    code[n++] = refuse;
-#endif
+    for (size_t i = 0; i < ABSENT; i++) {
+        EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, absent_calls[i], 0, 1));
+        code[n++] = absent;
+    }
+    for (size_t i = 0; i < JUDGED; i++) { /* the lower half of the argument: all are of 32 bits */
+        const struct judged_call *j = &judged[i];
+        unsigned place = (unsigned)offsetof(struct seccomp_data, args) + 8 * j->argument;
+        EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, j->call, 0, 4));
+        EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, place));
+        EMIT(BPF_JUMP(BPF_JMP | j->test | BPF_K, j->value, j->refuse_if ? 0 : 1,
+                      j->refuse_if ? 1 : 0));
+        code[n++] = refuse;
+        EMIT(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
+    }
     EMIT(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
 #undef EMIT
     const struct sock_fprog program = { .len = n, .filter = code };
@@ -141,7 +204,58 @@ static bool filter_calls(void) {
 #endif
 }
 
-bool import_limits_set(int cpu_seconds, int first_fd, const char *shown, struct sp_error *err) {
+/* What a kernel's Landlock can refuse; 0 = it has none, or does not let us. */
+static uint64_t landlock_rights(void) {
+    long version = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
+    return version < 1    ? 0
+           : version == 1 ? 0x1fff /* all up to LANDLOCK_ACCESS_FS_MAKE_SYM */
+           : version == 2 ? 0x3fff /* LANDLOCK_ACCESS_FS_REFER */
+           : version < 5  ? 0x7fff /* LANDLOCK_ACCESS_FS_TRUNCATE */
+                          : 0xffff; /* LANDLOCK_ACCESS_FS_IOCTL_DEV */
+}
+
+static bool let_read(int rules, const char *path) {
+    struct stat st;
+    struct landlock_path_beneath_attr beneath = { .allowed_access = LANDLOCK_ACCESS_FS_READ_FILE,
+                                                  .parent_fd = open(path, O_PATH | O_CLOEXEC) };
+    bool ok = beneath.parent_fd >= 0 && fstat(beneath.parent_fd, &st) == 0;
+    if (ok && S_ISDIR(st.st_mode))
+        beneath.allowed_access |= LANDLOCK_ACCESS_FS_READ_DIR;
+    ok = ok && syscall(SYS_landlock_add_rule, rules, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0) == 0;
+    int error = errno;
+    if (beneath.parent_fd >= 0)
+        close(beneath.parent_fd);
+    errno = error;
+    return ok;
+}
+
+static bool confine_reading(const char *const *readable) {
+    const uint64_t rights = landlock_rights(); /* all there is of a struct landlock_ruleset_attr */
+    if (rights == 0)
+        return true;
+    int rules = (int)syscall(SYS_landlock_create_ruleset, &rights, sizeof rights, 0);
+    bool ok = rules >= 0 && let_read(rules, readable[0]);
+    for (size_t i = 1; ok && readable[i]; i++)
+        let_read(rules, readable[i]); /* which may not be there */
+    ok = ok && syscall(SYS_landlock_restrict_self, rules, 0) == 0;
+    int error = errno;
+    if (rules >= 0)
+        close(rules);
+    errno = error;
+    return ok;
+}
+
+/* Landlock and the filter hold for the thread that asks and those that it begins. */
+static bool has_one_thread(void) {
+    struct stat tasks;
+    if (stat("/proc/self/task", &tasks) != 0 || tasks.st_nlink == 3)
+        return true;
+    errno = EBUSY;
+    return false;
+}
+
+bool import_limits_set(int cpu_seconds, int first_fd, const char *const *readable,
+                       const char *shown, struct sp_error *err) {
     bool ok = close_range((unsigned)first_fd, ~0u, 0) == 0 || errno == ENOSYS;
     rlim_t cpu = (rlim_t)(cpu_seconds < 1 ? 1 : cpu_seconds);
     ok = ok && prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0;
@@ -151,12 +265,17 @@ bool import_limits_set(int cpu_seconds, int first_fd, const char *shown, struct 
     /* Standard input is the null device; what a library prints must not reach a log file. */
     if (!SANITIZED)
         ok = ok && dup2(0, 2) == 2 && prctl(PR_SET_DUMPABLE, 0) == 0 && limit(RLIMIT_FSIZE, 0, 0) &&
-             limit(RLIMIT_AS, IMPORT_MARGIN_BYTES, RLIM_INFINITY) && filter_calls();
+             limit(RLIMIT_AS, IMPORT_MARGIN_BYTES, RLIM_INFINITY) && has_one_thread() &&
+             confine_reading(readable) && filter_calls();
     return ok || sp_fail(err, SP_ERR_IO, shown, "cannot limit the reader: %s", strerror(errno));
 }
 
 bool import_limits_complete(void) {
     return !SANITIZED;
+}
+
+bool import_limits_confine_reading(void) {
+    return !SANITIZED && landlock_rights() != 0;
 }
 
 bool import_limits_for_samples(uint64_t bytes, const char *shown, struct sp_error *err) {

@@ -29,6 +29,8 @@ const char *__tsan_default_suppressions(void) {
 
 struct job {
     struct import_file file;
+    uint8_t start[64];  /* of the file: they tell its format */
+    ssize_t start_size; /* < 0: it cannot be read */
     const struct import_format *format;
     struct import_header header;
     uint64_t room;      /* bytes of the shared memory: samples and coordinates */
@@ -55,20 +57,28 @@ static int say_error(const struct sp_error *err) {
     return 1;
 }
 
-static bool is_tiff(const uint8_t *start, size_t size) {
-    return size >= 4 && (memcmp(start, "II*\0", 4) == 0 || memcmp(start, "MM\0*", 4) == 0 ||
-                         memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
+static bool is_tiff(const struct job *job) {
+    const uint8_t *start = job->start;
+    return job->start_size >= 4 &&
+           (memcmp(start, "II*\0", 4) == 0 || memcmp(start, "MM\0*", 4) == 0 ||
+            memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
+}
+
+/* This program's, without a slash behind it; "" = it cannot be told. */
+static const char *own_folder(char folder[PATH_MAX]) {
+    ssize_t n = readlink("/proc/self/exe", folder, PATH_MAX - 1);
+    folder[n > 0 ? n : 0] = 0;
+    char *slash = strrchr(folder, '/');
+    if (slash)
+        *slash = 0;
+    return folder;
 }
 
 /* From beside this program. */
 static const struct import_format *load_tiff(const char *shown, struct sp_error *err) {
-    char path[PATH_MAX];
-    ssize_t n = readlink("/proc/self/exe", path, sizeof path - sizeof IMPORT_TIFF_MODULE - 1);
-    if (n > 0) {
-        path[n] = 0;
-        strcpy(strrchr(path, '/') + 1, IMPORT_TIFF_MODULE);
-    }
-    void *module = n > 0 ? dlopen(path, RTLD_NOW | RTLD_LOCAL) : NULL;
+    char folder[PATH_MAX], path[PATH_MAX + sizeof IMPORT_TIFF_MODULE];
+    snprintf(path, sizeof path, "%s/" IMPORT_TIFF_MODULE, own_folder(folder));
+    void *module = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     import_format_fn *get = module ? (import_format_fn *)dlsym(module, IMPORT_TIFF_SYMBOL) : NULL;
     if (!get) {
         const char *why = dlerror();
@@ -79,24 +89,47 @@ static const struct import_format *load_tiff(const char *shown, struct sp_error 
     return get();
 }
 
-static const struct import_format *find_format(const struct import_file *file,
-                                               struct sp_error *err) {
-    uint8_t start[64];
-    ssize_t n = pread(file->fd, start, sizeof start, 0);
-    if (n < 0) {
-        sp_fail(err, SP_ERR_IO, file->shown, "cannot read: %s", strerror(errno));
+/* The folder that files are read from alone; for TIFF, which is a module, libraries, too. */
+static bool limit(const struct job *job, int cpu_seconds, struct sp_error *err) {
+    enum { FOLDERS = 32 };
+    char own[PATH_MAX],
+        *libraries = strdup(getenv("LD_LIBRARY_PATH") ? getenv("LD_LIBRARY_PATH") : ""),
+        *rest = NULL;
+    const char *readable[FOLDERS + 1] = { job->file.root };
+    if (is_tiff(job)) {
+        static const char *const known[] = { "/usr", "/lib",       "/lib64",
+                                             "/opt", "/nix/store", "/etc/ld.so.cache" };
+        size_t n = 1;
+        readable[n++] = own_folder(own);
+        for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+            readable[n++] = known[i];
+        for (char *one = strtok_r(libraries, ":", &rest); one && n < FOLDERS;
+             one = strtok_r(NULL, ":", &rest))
+            readable[n++] = one;
+    }
+    bool ok = libraries ? import_limits_set(cpu_seconds, SP_IMPORT_FILE + 1, readable,
+                                            job->file.shown, err)
+                        : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "no memory");
+    free(libraries);
+    return ok;
+}
+
+static const struct import_format *find_format(const struct job *job, struct sp_error *err) {
+    const struct import_file *file = &job->file;
+    if (job->start_size < 0) {
+        sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file");
         return NULL;
     }
-    if (n == 0) {
+    if (job->start_size == 0) {
         import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the file is empty");
         return NULL;
     }
-    if (is_tiff(start, (size_t)n))
+    if (is_tiff(job))
         return load_tiff(file->shown, err);
     static const struct import_format *const formats[] = { &import_nrrd, &import_vtk,
                                                            &import_vtk_xml, &import_raw };
     for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
-        if (formats[i]->probe(start, (size_t)n, file->shown))
+        if (formats[i]->probe(job->start, (size_t)job->start_size, file->shown))
             return formats[i];
     import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
                 "the format is not known; NRRD (.nrrd, .nhdr), VTK (.vtk, .vti, .vtr), raw samples "
@@ -154,7 +187,7 @@ static void copy_coordinates(const struct job *job, char *memory) {
 
 static int run(struct job *job) {
     struct sp_error err;
-    job->format = find_format(&job->file, &err);
+    job->format = find_format(job, &err);
     void *reader = job->format ? job->format->open(&job->file, &job->header, &err) : NULL;
     if (!reader)
         return say_error(&err);
@@ -197,7 +230,8 @@ int main(int argc, char **argv) {
                                  .root = argv[2],
                                  .folder = argv[3] } };
     struct sp_error err;
-    if (!import_limits_set(atoi(argv[4]), SP_IMPORT_FILE + 1, argv[1], &err))
+    job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
+    if (!limit(&job, atoi(argv[4]), &err))
         return say_error(&err);
     return run(&job);
 }

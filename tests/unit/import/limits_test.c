@@ -7,6 +7,8 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/openat2.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +17,8 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -24,10 +28,11 @@ enum { FIRST_FD = 6 };
 #define MIB (UINT64_C(1) << 20)
 
 static void set_or_exit(int cpu_seconds) {
+    const char *const readable[] = { folder_path(), "/nowhere", NULL };
     struct sp_error err;
     int null = open("/dev/null", O_RDWR);
     dup2(null, 0); /* as launch.c leaves it */
-    if (!import_limits_set(cpu_seconds, FIRST_FD, "test", &err))
+    if (!import_limits_set(cpu_seconds, FIRST_FD, readable, "test", &err))
         _exit(99);
 }
 
@@ -56,15 +61,61 @@ static int no_sockets(void) {
 
 static int no_signals_to_others(void) {
     set_or_exit(10);
-    return !refused(kill(getppid(), 0));
+    siginfo_t info = { .si_code = SI_QUEUE };
+    return !refused(kill(getppid(), 0)) || !refused(syscall(SYS_tkill, getppid(), 0)) ||
+           !refused(syscall(SYS_tgkill, getppid(), getppid(), 0)) ||
+           !refused(syscall(SYS_rt_sigqueueinfo, getppid(), SIGTERM, &info)) ||
+           !refused(syscall(SYS_pidfd_open, getppid(), 0)) ||
+           syscall(SYS_tgkill, getpid(), gettid(), 0) != 0;
+}
+
+static int no_other_processes(void) {
+    struct rlimit limit;
+    set_or_exit(10);
+    return !refused(fork()) ||
+           !refused(syscall(SYS_prlimit64, getppid(), RLIMIT_CORE, NULL, &limit)) ||
+           !refused(setpriority(PRIO_PROCESS, (id_t)getppid(), 19)) ||
+           getrlimit(RLIMIT_CORE, &limit) != 0;
+}
+
+static void *nothing(void *user) {
+    return user;
+}
+
+static int threads_of_its_own(void) {
+    pthread_t thread;
+    set_or_exit(10);
+    return pthread_create(&thread, NULL, nothing, NULL) != 0 || pthread_join(thread, NULL) != 0;
+}
+
+/* The folder alone, by whatever way; with a kernel that can do it. */
+static int no_other_files_read(void) {
+    char up[256];
+    bool is_confined = import_limits_confine_reading();
+    int error = EACCES;
+    snprintf(up, sizeof up, "%s/../../etc/passwd", folder_path());
+    symlink("/etc/passwd", in_folder("link"));
+    set_or_exit(10);
+    const char *const others[] = { "/etc/passwd",     "/dev/null", "/proc/self/environ", up,
+                                   in_folder("link"), "/etc" };
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
+        int fd = open(others[i], O_RDONLY | O_CLOEXEC);
+        if (is_confined ? fd >= 0 || errno != error : fd < 0)
+            return 1;
+    }
+    return open(in_folder("kept"), O_RDONLY | O_CLOEXEC) < 0;
 }
 
 static int no_files_written(void) {
     set_or_exit(10);
-    if (open("/dev/null", O_RDONLY | O_CLOEXEC) < 0) /* reading is needed for libraries */
+    struct open_how how = { .flags = O_RDWR | O_TRUNC };
+    if (syscall(SYS_openat2, AT_FDCWD, in_folder("kept"), &how, sizeof how) >= 0 || errno != ENOSYS)
         return 1;
     return !refused(open(in_folder("new"), O_CREAT | O_WRONLY, 0600)) ||
-           !refused(open("/dev/null", O_RDWR)) || !refused(unlink(in_folder("kept"))) ||
+           !refused(open("/dev/null", O_RDWR)) ||
+           !refused(open(in_folder("kept"), O_RDONLY | O_TRUNC)) ||
+           !refused(utimensat(AT_FDCWD, in_folder("kept"), NULL, 0)) ||
+           !refused(unlink(in_folder("kept"))) ||
            !refused(rename(in_folder("kept"), in_folder("moved")));
 }
 
@@ -88,6 +139,21 @@ static int limits_are_set(void) {
            getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_max != 64 ||
            getrlimit(RLIMIT_CPU, &cpu) != 0 || cpu.rlim_cur != 10 ||
            prctl(PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0) != 1;
+}
+
+static void *wait_for_ever(void *user) {
+    for (;;)
+        pause();
+    return user;
+}
+
+/* What holds for one thread would not hold for the other. */
+static int limits_beside_a_thread(void) {
+    const char *const readable[] = { folder_path(), NULL };
+    struct sp_error err;
+    pthread_t thread;
+    pthread_create(&thread, NULL, wait_for_ever, NULL);
+    return import_limits_set(10, FIRST_FD, readable, "test", &err);
 }
 
 static int abort_still_works(void) {
@@ -122,9 +188,13 @@ static void what_is_limited_fails(void **state) {
         { "programs", no_other_programs },
         { "sockets", no_sockets },
         { "signals", no_signals_to_others },
+        { "processes", no_other_processes },
+        { "threads", threads_of_its_own },
+        { "reading", no_other_files_read },
         { "files", no_files_written },
         { "memory", no_more_memory_than_the_margin },
         { "limits", limits_are_set },
+        { "beside a thread", limits_beside_a_thread },
     };
     write_text("kept", "x");
     for (size_t i = 0; i < sizeof attempts / sizeof attempts[0]; i++) {
