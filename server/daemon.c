@@ -45,7 +45,9 @@ static void on_progress(void *user, const char *id, const char *state, double pr
     struct srv_daemon *d = user;
     srv_hub_volume_progress(d->hub, id, state, progress, reason);
     struct srv_jobs *jobs = atomic_load(&d->jobs);
-    if (jobs && strcmp(state, srv_volume_state_name(SRV_VOLUME_LOADING)) != 0)
+    if (jobs && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
+        srv_jobs_unloaded(jobs, id);
+    else if (jobs && strcmp(state, srv_volume_state_name(SRV_VOLUME_LOADING)) != 0)
         srv_jobs_wake(jobs);
 }
 
@@ -234,6 +236,15 @@ static bool start_tokens(struct srv_daemon *d, struct sp_error *err) {
     return srv_tokens_set(d->tokens, list, count, err);
 }
 
+/* Nobody knows which program this is: the ETags of its pictures end with it. */
+static bool make_up(struct srv_fingerprint *program, struct sp_error *err) {
+    char random[SRV_TOKEN_DIGITS + 1];
+    if (!srv_secret_hex(random, SRV_TOKEN_DIGITS, err))
+        return false;
+    *program = srv_fingerprint_of(&(struct srv_part){ random, SRV_TOKEN_DIGITS }, 1);
+    return true;
+}
+
 static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_address address;
@@ -256,7 +267,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
             err, SP_ERR_INVALID, c->listen,
             "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "
             "behind a reverse proxy that has it, --token-file FILE; or forward a port by ssh");
-    if (!srv_secret_hex(o->instance, sizeof o->instance - 1, err))
+    if (!srv_fingerprint_program(&o->program) && !make_up(&o->program, err))
         return false;
     struct srv_http *http = srv_http_create(o, err);
     atomic_store(&d->http, http);

@@ -39,7 +39,7 @@ struct srv_http_options {
     struct srv_metrics *metrics;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;
-    char instance[17]; /* random: frames of different runs have different ETags */
+    struct srv_fingerprint program; /* of which two runs draw the same pictures */
 };
 
 struct srv_http;

@@ -39,21 +39,23 @@ static proto_json *view_patch(const proto_json *body, struct srv_reply *reply) {
     return patch;
 }
 
+/* On success view->volume is in use. */
 static bool resolve(struct srv_request *request, const proto_json *body,
-                    const struct srv_owner *owner, struct sp_view *view, struct sp_view *defaults,
+                    const struct srv_owner *owner, struct srv_job_view *view,
                     struct srv_reply *reply) {
     struct sp_error err;
     void *volume = NULL;
     proto_json *patch = view_patch(body, reply);
     if (!patch)
         return false;
-    bool ok = srv_hub_resolve_view(request->app->hub, NULL, patch, view, &volume, &err);
+    bool ok = srv_hub_resolve_view(request->app->hub, NULL, patch, &view->view, &volume, &err);
     proto_json_free(&patch);
     if (ok) {
-        srv_catalog_default_view(request->app->catalog, volume, defaults);
-        srv_catalog_release(request->app->catalog, volume);
-        if (srv_owner_allows_size(owner, view->size, &err))
+        srv_catalog_default_view(request->app->catalog, volume, &view->defaults);
+        view->volume = volume;
+        if (srv_owner_allows_size(owner, view->view.size, &err))
             return true;
+        srv_catalog_release(request->app->catalog, volume);
     }
     bool is_own = proto_json_get(body, "size") && strncmp(err.place, "/size", 5) == 0;
     srv_reply_view_error(reply, is_own ? "" : "/view", &err);
@@ -62,15 +64,16 @@ static bool resolve(struct srv_request *request, const proto_json *body,
 
 void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    struct sp_view view, defaults;
+    struct srv_job_view view;
     struct srv_owner owner;
     char id[SRV_JOB_ID_BYTES];
     bool is_full;
     proto_json *body = srv_request_json(request, reply);
     srv_request_owner(request, &owner);
-    if (body && resolve(request, body, &owner, &view, &defaults, reply)) {
-        proto_json *json = srv_jobs_add(request->app->jobs, body, &view, &defaults, owner.name, id,
-                                        &is_full, &err);
+    if (body && resolve(request, body, &owner, &view, reply)) {
+        proto_json *json =
+            srv_jobs_add(request->app->jobs, body, &view, owner.name, id, &is_full, &err);
+        srv_catalog_release(request->app->catalog, view.volume);
         if (json) {
             srv_reply_json(reply, 202, json);
             srv_reply_header(reply, "Location", "paths/%s", id);

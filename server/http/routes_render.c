@@ -64,36 +64,52 @@ static bool read_chroma(struct srv_request *request, enum sp_chroma *chroma,
     return false;
 }
 
-/* FNV-1a with 128 bits: equal only for equal input, for all purposes but an attack, and there is
- * nothing to gain from one. */
-static unsigned __int128 hash(unsigned __int128 h, const void *bytes, size_t size) {
-    const unsigned __int128 prime = ((unsigned __int128)0x1000000u << 64) | 0x13b;
-    for (size_t i = 0; i < size; i++)
-        h = (h ^ ((const uint8_t *)bytes)[i]) * prime;
-    return h;
+static struct srv_part part_of(const char *text) {
+    return (struct srv_part){ text, strlen(text) };
 }
 
+/* Of all of them: who draws a picture is not known before. */
+static struct srv_fingerprint of_renderers(struct srv_scheduler *scheduler) {
+    enum { PARTS = 3 };
+    struct sp_renderer_info info[SRV_RENDERERS];
+    struct srv_part parts[SRV_RENDERERS * PARTS];
+    srv_scheduler_info(scheduler, info);
+    for (int l = 0; l < SRV_RENDERERS; l++) {
+        if (!info[l].backend) /* which begins as the first one did */
+            info[l] = info[0];
+        parts[PARTS * l] = part_of(info[l].backend);
+        parts[PARTS * l + 1] = part_of(info[l].isa);
+        parts[PARTS * l + 2] = part_of(info[l].device);
+    }
+    return srv_fingerprint_of(parts, SRV_RENDERERS * PARTS);
+}
+
+/* Of all that decides the bytes: program, renderers, volume, view and form. */
 static bool make_etag(const struct srv_request *request, const struct srv_still *still,
                       char etag[ETAG_BYTES]) {
+    const struct srv_http_options *app = request->app;
+    char digits[SRV_FINGERPRINT_TEXT];
     size_t size;
     proto_json *json = proto_view_encode(&still->view);
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
     if (!text)
         return false;
-    unsigned __int128 h =
-        ((unsigned __int128)UINT64_C(0x6c62272e07bb0142) << 64) | UINT64_C(0x62b821756295c58d);
-    uint64_t identity = srv_volume_identity(still->volume);
     bool jpeg = still->format == SP_IMAGE_JPEG, lossy = jpeg || still->format == SP_IMAGE_WEBP;
-    int32_t tail[3] = { (int32_t)still->format, lossy ? still->quality : 0,
+    int32_t form[3] = { (int32_t)still->format, lossy ? still->quality : 0,
                         jpeg ? (int32_t)still->chroma : 0 };
-    h = hash(h, request->app->instance, sizeof request->app->instance);
-    h = hash(h, &identity, sizeof identity);
-    h = hash(h, tail, sizeof tail);
-    h = hash(h, text, size);
+    struct srv_fingerprint renderers = of_renderers(app->scheduler);
+    const struct srv_part parts[] = {
+        { &app->program, sizeof app->program },
+        { &renderers, sizeof renderers },
+        { srv_volume_fingerprint(still->volume), sizeof(struct srv_fingerprint) },
+        { form, sizeof form },
+        { text, size },
+    };
+    struct srv_fingerprint all = srv_fingerprint_of(parts, sizeof parts / sizeof *parts);
     free(text);
-    snprintf(etag, ETAG_BYTES, "\"%016" PRIx64 "%016" PRIx64 "\"", (uint64_t)(h >> 64),
-             (uint64_t)h);
+    srv_fingerprint_encode(&all, digits);
+    snprintf(etag, ETAG_BYTES, "\"%s\"", digits);
     return true;
 }
 

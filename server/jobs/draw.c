@@ -109,21 +109,6 @@ static void set_state(struct srv_jobs *jobs, struct srv_path_job *job, enum srv_
         srv_jobs_tell(jobs, job);
 }
 
-/* Keeps in the record that the job failed. Without the mutex, with that of records. */
-static void record_failure(struct srv_jobs *jobs, const char *id, const char *reason) {
-    struct sp_error err;
-    size_t size = 0;
-    char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, &err);
-    proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
-    free(text);
-    text = proto_json_set_string(json, "failed", reason) ? proto_json_to_text(json, &size) : NULL;
-    if (!text || !srv_store_put(jobs->options.store, SRV_KIND_PATH, id, text, size, &err))
-        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
-                    "path %s failed, and that cannot be kept", id);
-    free(text);
-    proto_json_free(&json);
-}
-
 static void fail_job(struct drawing *d, const struct sp_error *err) {
     struct srv_jobs *jobs = d->jobs;
     char reason[SP_ERROR_TEXT];
@@ -133,7 +118,7 @@ static void fail_job(struct drawing *d, const struct sp_error *err) {
                 d->job->id, reason);
     pthread_mutex_lock(&jobs->records);
     if (!atomic_load(&d->job->is_removed)) /* else its record goes, or went */
-        record_failure(jobs, d->job->id, reason);
+        srv_record_fail(jobs, d->job->id, reason);
     pthread_mutex_unlock(&jobs->records);
     pthread_mutex_lock(&jobs->mutex);
     set_state(jobs, d->job, SRV_JOB_FAILED, reason);
@@ -306,19 +291,33 @@ static void count_frame(struct drawing *d) {
     pthread_mutex_unlock(&jobs->mutex);
 }
 
-/* A use of the job's volume: the same that its frames so far are of. */
+/* A use of the job's volume. SP_ERR_INVALID: it will never have one. */
 static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
     struct srv_catalog *catalog = d->jobs->options.catalog;
-    struct srv_volume *volume = srv_catalog_acquire(catalog, d->job->volume, err);
-    if (!volume)
-        return NULL;
-    uint64_t identity = srv_volume_identity(volume);
-    if (!d->job->identity)
-        d->job->identity = identity;
-    if (d->job->identity == identity)
+    const struct srv_path_job *job = d->job;
+    struct sp_error why = { .code = SP_OK };
+    struct srv_volume *volume = srv_catalog_acquire(catalog, job->volume, &why);
+    pthread_mutex_lock(&d->jobs->mutex);
+    bool is_unloaded = job->is_unloaded;
+    pthread_mutex_unlock(&d->jobs->mutex);
+    bool is_other = volume && !srv_fingerprint_equal(srv_volume_fingerprint(volume), &job->content);
+    if (volume && !is_unloaded && !is_other)
         return volume;
-    srv_catalog_release(catalog, volume);
-    sp_fail(err, SP_ERR_NOT_FOUND, NULL, "the volume was unloaded, and another has its name now");
+    if (volume)
+        srv_catalog_release(catalog, volume);
+    if (is_unloaded)
+        sp_fail(err, SP_ERR_INVALID, NULL, "the volume '%s' was unloaded", job->volume);
+    else if (why.code == SP_ERR_NOT_FOUND)
+        sp_fail(err, why.code, NULL,
+                "the volume '%s' is not there: load it under this id, or delete the path",
+                job->volume);
+    else if (!volume)
+        *err = why;
+    else
+        sp_fail(err, SP_ERR_INVALID, NULL,
+                "the volume '%s' is not the one that the path was made for: its file was replaced, "
+                "or another has its name",
+                job->volume);
     return NULL;
 }
 
@@ -329,8 +328,10 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
     bool has_room = srv_room_has(d->jobs, d->job, d->job->wants, frame_has(d->job, what), &err);
     struct srv_volume *volume = has_room ? acquire(d, &err) : NULL;
     if (!volume) {
-        /* A volume that loads, or could not, is waited for until there is news of volumes. */
-        if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED)
+        /* One that loads, could not, or is not there is waited for until there is news of volumes.
+         */
+        if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED ||
+            err.code == SP_ERR_NOT_FOUND)
             block(d, generation, INFINITY, err.text);
         else
             stop_job(d, generation, &err);
@@ -469,6 +470,14 @@ static void wait(struct srv_jobs *jobs) {
     pthread_cond_timedwait(&jobs->wake, &jobs->mutex, &until);
 }
 
+/* Of a job that is not removed. */
+static struct srv_path *read_path(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+    proto_json *record = srv_record_read(jobs, id, err);
+    struct srv_path *path = record ? srv_record_path(record, err) : NULL;
+    proto_json_free(&record);
+    return path;
+}
+
 /* One step of a job. With the mutex held, which is let go meanwhile. */
 static void step(struct drawing *d, struct srv_path_job *job) {
     struct srv_jobs *jobs = d->jobs;
@@ -481,7 +490,7 @@ static void step(struct drawing *d, struct srv_path_job *job) {
     }
     job->by->turn = ++jobs->turn;
     pthread_mutex_unlock(&jobs->mutex);
-    if (!d->path && !(d->path = srv_jobs_read_path(jobs, job->id, &err))) {
+    if (!d->path && !(d->path = read_path(jobs, job->id, &err))) {
         if (!atomic_load(&job->is_removed)) /* else its record has gone, too */
             stop_job(d, generation, &err);
     } else if (job->done < job->output.frames) {

@@ -6,75 +6,9 @@
 #include <string.h>
 
 #include "jobs/jobs_private.h"
-#include "protocol/view.h"
 #include "secret.h"
 #include "sp/log.h"
 #include "tokens.h"
-
-/* Records: {"owner", "view", "defaults", "keyframes", "frames", "fps", "format", "quality",
- * "failed"?}, or of one whose files are to be removed this. */
-static const char removed_record[] = "{\"removed\":true}";
-
-/* A whole view. It needs no volume: all fields are there. */
-static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_error *err) {
-    struct sp_volume_info cube = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
-    for (int i = 0; i < 3; i++) {
-        cube.grid.dims[i] = 2;
-        cube.grid.spacing[i] = 1;
-        cube.grid.direction[i][i] = 1;
-    }
-    sp_view_init(view, &cube, "");
-    struct sp_view defaults = *view;
-    return proto_view_apply(json, &defaults, view, err);
-}
-
-static struct srv_path *read_path(const proto_json *record, struct sp_error *err) {
-    struct sp_view view, defaults;
-    return read_whole(proto_json_get(record, "view"), &view, err) &&
-                   read_whole(proto_json_get(record, "defaults"), &defaults, err)
-               ? srv_path_read(record, &view, &defaults, UINT32_MAX, err)
-               : NULL;
-}
-
-static proto_json *read_record(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
-    size_t size;
-    pthread_mutex_lock(&jobs->records);
-    char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, err);
-    pthread_mutex_unlock(&jobs->records);
-    proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
-    free(text);
-    return record;
-}
-
-struct srv_path *srv_jobs_read_path(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
-    proto_json *record = read_record(jobs, id, err);
-    struct srv_path *path = record ? read_path(record, err) : NULL;
-    proto_json_free(&record);
-    return path;
-}
-
-static bool put_record(struct srv_jobs *jobs, const char *id, const struct srv_path *path,
-                       const proto_json *body, const struct sp_view *defaults, const char *owner,
-                       struct sp_error *err) {
-    const struct srv_path_output *output = srv_path_output(path);
-    proto_json *record = proto_json_object();
-    proto_json *keys = (proto_json *)(uintptr_t)proto_json_get(body, "keyframes");
-    bool ok = proto_json_set_string(record, "owner", owner);
-    ok = proto_json_set(record, "view", proto_view_encode(srv_path_key(path, 0))) && ok;
-    ok = proto_json_set(record, "defaults", proto_view_encode(defaults)) && ok;
-    ok = proto_json_set(record, "keyframes", proto_json_ref(keys)) && ok;
-    ok = proto_json_set_integer(record, "frames", output->frames) && ok;
-    ok = proto_json_set_number(record, "fps", output->fps) && ok;
-    ok = proto_json_set_string(record, "format", srv_path_format(output)) && ok;
-    ok = proto_json_set_integer(record, "quality", output->quality) && ok;
-    size_t size = 0;
-    char *text = ok ? proto_json_to_text(record, &size) : NULL;
-    ok = text ? srv_store_put(jobs->options.store, SRV_KIND_PATH, id, text, size, err)
-              : sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
-    proto_json_free(&record);
-    free(text);
-    return ok;
-}
 
 void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, char name[32]) {
     snprintf(name, 32, "%06u%s", frame,
@@ -95,7 +29,8 @@ static struct srv_path_job *make_job(struct srv_jobs *jobs, const char *id) {
 }
 
 static struct srv_path_job *make_path_job(struct srv_jobs *jobs, const char *id, const char *owner,
-                                          const struct srv_path *path) {
+                                          const struct srv_path *path,
+                                          const struct srv_fingerprint *content) {
     struct srv_path_job *job = make_job(jobs, id);
     const struct sp_view *view = srv_path_key(path, 0);
     if (!job)
@@ -103,6 +38,7 @@ static struct srv_path_job *make_path_job(struct srv_jobs *jobs, const char *id,
     job->output = *srv_path_output(path);
     memcpy(job->size, view->size, sizeof job->size);
     memcpy(job->volume, view->volume, sizeof job->volume);
+    job->content = *content;
     snprintf(job->owner, sizeof job->owner, "%s", owner);
     return job;
 }
@@ -217,9 +153,14 @@ static bool restore_gone(struct srv_jobs *jobs, const char *id, struct sp_error 
 
 static bool restore_path(struct srv_jobs *jobs, const char *id, const proto_json *record,
                          struct sp_error *err) {
-    struct srv_path *path = read_path(record, err);
+    struct srv_fingerprint content;
+    const char *text = proto_json_string(proto_json_get(record, "content"));
+    if (!srv_fingerprint_decode(text, &content))
+        return sp_fail(err, SP_ERR_FORMAT, "/content", "this is no path");
+    struct srv_path *path = srv_record_path(record, err);
     const char *owner = proto_json_string(proto_json_get(record, "owner"));
-    struct srv_path_job *job = path ? make_path_job(jobs, id, owner ? owner : "", path) : NULL;
+    struct srv_path_job *job =
+        path ? make_path_job(jobs, id, owner ? owner : "", path, &content) : NULL;
     const char *failed = proto_json_string(proto_json_get(record, "failed"));
     if (job && !(job->by = srv_room_enter(jobs, job->owner, err))) {
         srv_job_unref(job);
@@ -239,11 +180,9 @@ static bool restore_path(struct srv_jobs *jobs, const char *id, const proto_json
 }
 
 static bool restore(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
-    proto_json *record = read_record(jobs, id, err);
-    bool is_removed = false;
-    proto_json_bool(proto_json_get(record, "removed"), &is_removed);
-    bool ok =
-        record && (is_removed ? restore_gone(jobs, id, err) : restore_path(jobs, id, record, err));
+    proto_json *record = srv_record_read(jobs, id, err);
+    bool ok = record && (srv_record_is_removed(record) ? restore_gone(jobs, id, err)
+                                                       : restore_path(jobs, id, record, err));
     proto_json_free(&record);
     return ok;
 }
@@ -360,6 +299,15 @@ void srv_jobs_wake(struct srv_jobs *jobs) {
     pthread_mutex_unlock(&jobs->mutex);
 }
 
+void srv_jobs_unloaded(struct srv_jobs *jobs, const char *volume) {
+    pthread_mutex_lock(&jobs->mutex);
+    for (struct srv_path_job *job = jobs->list; job; job = job->next)
+        if (strcmp(job->volume, volume) == 0)
+            job->is_unloaded = true;
+    srv_jobs_unblock(jobs);
+    pthread_mutex_unlock(&jobs->mutex);
+}
+
 /* Requests. */
 
 static const char *const members[] = { "view",   "keyframes", "frames", "fps",
@@ -423,7 +371,7 @@ static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
     srv_job_note(job, &note);
     proto_json *json = srv_job_note_encode(&note);
     bool ok = json || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
-    ok = ok && put_record(jobs, job->id, path, body, defaults, job->owner, err);
+    ok = ok && srv_record_put(jobs, job, path, body, defaults, err);
     pthread_mutex_lock(&jobs->mutex);
     if (ok) {
         append(jobs, job);
@@ -442,21 +390,22 @@ static proto_json *keep_job(struct srv_jobs *jobs, struct srv_path_job *job,
     return json;
 }
 
-proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
-                         const struct sp_view *defaults, const char *owner,
+proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body,
+                         const struct srv_job_view *view, const char *owner,
                          char id[SRV_JOB_ID_BYTES], bool *is_full, struct sp_error *err) {
     struct srv_path_job *job = NULL;
     proto_json *json = NULL;
     *is_full = false;
-    struct srv_path *path = proto_json_only(body, members, err)
-                                ? srv_path_read(body, view, defaults, jobs->options.frames_max, err)
-                                : NULL;
+    struct srv_path *path =
+        proto_json_only(body, members, err)
+            ? srv_path_read(body, &view->view, &view->defaults, jobs->options.frames_max, err)
+            : NULL;
     bool ok = path && check_movie(jobs, path, err) && check_support(jobs, path, err) &&
               srv_secret_hex(id, SRV_JOB_ID_BYTES - 1, err);
-    if (ok && !(job = make_path_job(jobs, id, owner, path)))
+    if (ok && !(job = make_path_job(jobs, id, owner, path, srv_volume_fingerprint(view->volume))))
         ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     if (ok && (job->by = srv_room_request(jobs, owner, is_full, err)))
-        json = keep_job(jobs, job, path, body, defaults, err);
+        json = keep_job(jobs, job, path, body, &view->defaults, err);
     else
         free(job);
     srv_path_free(&path);
@@ -512,9 +461,7 @@ bool srv_jobs_remove(struct srv_jobs *jobs, const char *id, struct sp_error *err
     pthread_mutex_lock(&jobs->mutex);
     struct srv_path_job *job = *srv_job_find(jobs, id);
     pthread_mutex_unlock(&jobs->mutex);
-    bool ok = job ? srv_store_put(jobs->options.store, SRV_KIND_PATH, id, removed_record,
-                                  sizeof removed_record - 1, err)
-                  : srv_job_missing(id, err);
+    bool ok = job ? srv_record_remove(jobs, id, err) : srv_job_missing(id, err);
     if (ok)
         give_up(jobs, job);
     pthread_mutex_unlock(&jobs->records);

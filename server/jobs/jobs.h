@@ -18,6 +18,10 @@
  * So wherever a crash comes, files have a record, and one that says so if they are to go. Files
  * without a record are those of a database that is not there: they stay.
  *
+ * All frames of a job show one volume, told by its fingerprint, which the record holds. While there
+ * is none of that name the job waits, whether it loads, could not, or is not known: it may come. It
+ * fails when the volume is unloaded on request, or when another has its name.
+ *
  * All functions are thread-safe. The mutex is never held while the catalog, the scheduler or the
  * store is called.
  */
@@ -59,14 +63,21 @@ void srv_jobs_destroy(struct srv_jobs **jobs);
 
 /* Some volume's state has changed, or the tokens' quotas. */
 void srv_jobs_wake(struct srv_jobs *jobs);
+/* A volume is gone because somebody wanted that: jobs that need it fail. From the catalog's own
+ * callback, so before another has its id. */
+void srv_jobs_unloaded(struct srv_jobs *jobs, const char *volume);
 
-/* Keeps a job for `body`, the document of POST /paths, whose "view" was resolved to *view with
- * *defaults behind it. `owner` is a token's name. NULL with *err set: SP_ERR_INVALID with a pointer
- * into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY, SP_ERR_BUDGET (too many jobs; at
- * SRV_PLACE_QUOTA, too many or too many bytes of this owner), or, with *is_full, the bytes of all
- * files. Answers are JSON as of GET /paths/{id}. */
-proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body, const struct sp_view *view,
-                         const struct sp_view *defaults, const char *owner,
+struct srv_job_view { /* what the "view" of a request was resolved to */
+    struct sp_view view, defaults;
+    struct srv_volume *volume; /* a use of the caller's, so that it is not unloaded meanwhile */
+};
+/* Keeps a job for `body`, the document of POST /paths, whose "view" is *view. `owner` is a token's
+ * name. NULL with *err set: SP_ERR_INVALID with a pointer into the body, SP_ERR_UNSUPPORTED,
+ * SP_ERR_MEMORY, SP_ERR_BUDGET (too many jobs; at SRV_PLACE_QUOTA, too many or too many bytes of
+ * this owner), or, with *is_full, the bytes of all files. Answers are JSON as of GET /paths/{id}.
+ */
+proto_json *srv_jobs_add(struct srv_jobs *jobs, const proto_json *body,
+                         const struct srv_job_view *view, const char *owner,
                          char id[SRV_JOB_ID_BYTES], bool *is_full, struct sp_error *err);
 proto_json *srv_jobs_get(struct srv_jobs *jobs, const char *id, struct sp_error *err);
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the files of the jobs share: records and requests (jobs.c), the thread that draws (draw.c),
- * what they may take (room.c) and the watches (watch.c). Guarded by the mutex, besides what says
- * otherwise.
+ * What the files of the jobs share: records (record.c), requests (jobs.c), the thread that draws
+ * (draw.c), what they may take (room.c) and the watches (watch.c). Guarded by the mutex, besides
+ * what says otherwise.
  */
 #ifndef SRV_JOBS_JOBS_PRIVATE_H
 #define SRV_JOBS_JOBS_PRIVATE_H
@@ -29,11 +29,12 @@ struct srv_path_owner { /* a token's name, while there are paths of it, or files
 struct srv_path_job {
     struct srv_path_job *next;
     struct srv_jobs *jobs;
-    char id[SRV_JOB_ID_BYTES]; /* constant, as are the next four */
+    char id[SRV_JOB_ID_BYTES]; /* constant, as are the next five */
     char owner[SRV_TOKEN_NAME_BYTES];
     struct srv_path_output output; /* what it makes */
     uint32_t size[2];              /* px */
     char volume[SP_NAME_BYTES];
+    struct srv_fingerprint content; /* of the volume */
     struct srv_path_owner *by; /* until its files are removed; NULL = of an earlier run, removed */
     unsigned refs;             /* the list, the thread, watches, `unwritten` */
     unsigned unwritten; /* changes of its record on their way to the disk: no file before that */
@@ -45,7 +46,7 @@ struct srv_path_job {
     double pause_ms;            /* before it is tried again, the last time; 0 = all goes well */
     uint64_t wants;             /* bytes that its next frame has, if they were too many */
     double frame_ms;            /* the thread's: what drawing its last frame took; 0 = not known */
-    uint64_t identity;          /* the thread's: of the volume that its frames show; 0 = not seen */
+    bool is_unloaded;           /* its volume was, since the job is there */
     atomic_bool is_removed;
 };
 
@@ -111,8 +112,16 @@ void srv_room_give(struct srv_jobs *jobs, struct srv_path_job *job, uint64_t byt
 /* For files that are there already. */
 void srv_room_add(struct srv_jobs *jobs, struct srv_path_job *job, uint64_t bytes);
 
-/* The path of a record, which is not there if the job is removed by then. No lock. */
-struct srv_path *srv_jobs_read_path(struct srv_jobs *jobs, const char *id, struct sp_error *err);
+/* Records, without the mutex. Fail and remove: with that of records, for jobs that are not removed.
+ */
+proto_json *srv_record_read(struct srv_jobs *jobs, const char *id, struct sp_error *err);
+struct srv_path *srv_record_path(const proto_json *record, struct sp_error *err);
+bool srv_record_put(struct srv_jobs *jobs, const struct srv_path_job *job,
+                    const struct srv_path *path, const proto_json *body,
+                    const struct sp_view *defaults, struct sp_error *err);
+void srv_record_fail(struct srv_jobs *jobs, const char *id, const char *reason);
+bool srv_record_remove(struct srv_jobs *jobs, const char *id, struct sp_error *err);
+bool srv_record_is_removed(const proto_json *record);
 /* "000012.png". */
 void srv_job_file_name(const struct srv_path_output *output, uint32_t frame, char name[32]);
 #define SRV_JOB_MOVIE "movie.webm"

@@ -26,9 +26,9 @@ struct srv_volume {
     enum srv_volume_state state;
     double progress, told_ms;
     struct sp_error error;
-    struct sp_volume *volume; /* NULL unless ready; constant while used */
-    struct sp_view view;      /* default; constant while used */
-    uint64_t identity;
+    struct sp_volume *volume;           /* NULL unless ready; constant while used */
+    struct sp_view view;                /* default; constant while used */
+    struct srv_fingerprint fingerprint; /* constant while used */
     uint64_t reserved_bytes, derived_bytes[SRV_RENDERERS];
     unsigned uses;
 };
@@ -42,7 +42,7 @@ struct srv_catalog {
     pthread_t loader;
     struct srv_volume *entries; /* in the order of adding */
     unsigned count;
-    uint64_t used_bytes, next_identity;
+    uint64_t used_bytes;
     struct srv_volume *loading; /* by the load thread right now */
     bool stop, joined;
 };
@@ -107,6 +107,8 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     tell(catalog, v->id, "loading", 0, "");
     pthread_mutex_unlock(&catalog->telling);
     struct sp_volume *volume = sp_volume_load(v->source, &options, &err);
+    if (volume)
+        v->fingerprint = srv_fingerprint_volume(volume);
     double took_ms = srv_clock_ms() - start_ms;
     if (volume) {
         const struct sp_volume_info *info = sp_volume_info(volume);
@@ -402,7 +404,6 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
         v->state = is_lost ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
         v->error = why;
         v->progress = 0;
-        v->identity = ++catalog->next_identity;
         pthread_cond_signal(&catalog->changed);
     }
     memcpy(id_out, v->id, sizeof v->id);
@@ -436,7 +437,7 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
     }
     pthread_mutex_unlock(&catalog->mutex);
     if (ok)
-        tell(catalog, v->id, "unloaded", 0, "");
+        tell(catalog, v->id, SRV_VOLUME_UNLOADED, 0, "");
     pthread_mutex_unlock(&catalog->telling);
     if (ok) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }), "volume %s unloaded", v->id);
@@ -555,8 +556,8 @@ struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
     return volume->volume;
 }
 
-uint64_t srv_volume_identity(const struct srv_volume *volume) {
-    return volume->identity;
+const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume) {
+    return &volume->fingerprint;
 }
 
 void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,

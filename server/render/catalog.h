@@ -14,6 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "render/fingerprint.h"
 #include "sp/pick.h"
 #include "sp/view.h"
 #include "sp/volume.h"
@@ -25,6 +26,7 @@ enum { SRV_RENDERERS = 3 };
 
 enum srv_volume_state { SRV_VOLUME_LOADING, SRV_VOLUME_READY, SRV_VOLUME_FAILED };
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", "failed" */
+#define SRV_VOLUME_UNLOADED "unloaded"
 
 struct srv_volume_request {
     const char *source;    /* a path or "demo:…" */
@@ -38,7 +40,8 @@ struct srv_catalog_options {
     const char *data;      /* folder for loads by HTTP; NULL = none */
     const char *importer;  /* splat-import; NULL = beside the program */
     void *user;
-    /* From the load thread, and "unloaded" from srv_catalog_remove; must not call the catalog. */
+    /* A state's name from the load thread, and SRV_VOLUME_UNLOADED from srv_catalog_remove; must
+     * not call the catalog. */
     void (*progress)(void *user, const char *id, const char *state, double progress,
                      const char *reason);
     /* There is an entry of this id from now on, with its resolved source, or (NULL) none any more.
@@ -93,9 +96,9 @@ void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view)
 void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
                       const uint32_t size[2], const double at[2], struct sp_pick *pick);
 
-/* Of a used volume: the voxels (as long as the use), and a number that no other load ever had. */
+/* Of a used volume, as long as the use: the voxels, and what they and their grid are. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
-uint64_t srv_volume_identity(const struct srv_volume *volume);
+const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);
 /* What renderer `lane` < SRV_RENDERERS keeps of the volume. */
 void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
                              uint64_t bytes);

@@ -9,15 +9,15 @@
 
 enum { BLOB_BYTES_MAX = 4 << 20 };
 
-void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, uint64_t volume,
+void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, const struct srv_volume *volume,
                   const struct sp_view *view) {
     pthread_mutex_lock(&s->mutex);
     sp_frame_unref(&s->kept.frame);
     for (unsigned i = 0; i < SRV_KEPT_FORMS; i++)
         srv_blob_unref(&s->kept.encoded[i].blob);
-    s->kept.volume = volume;
     if (frame) {
         s->kept.frame = sp_frame_ref(frame);
+        s->kept.of = *srv_volume_fingerprint(volume);
         s->kept.view = *view;
     }
     pthread_mutex_unlock(&s->mutex);
@@ -26,7 +26,8 @@ void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, uint64_t volu
 struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
                                const struct sp_view *view) {
     pthread_mutex_lock(&s->mutex);
-    bool same = s->kept.frame && s->kept.volume == srv_volume_identity(volume) &&
+    bool same = s->kept.frame &&
+                srv_fingerprint_equal(&s->kept.of, srv_volume_fingerprint(volume)) &&
                 memcmp(&s->kept.view, view, sizeof *view) == 0;
     struct sp_frame *frame = same ? sp_frame_ref(s->kept.frame) : NULL;
     pthread_mutex_unlock(&s->mutex);

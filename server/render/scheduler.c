@@ -156,7 +156,7 @@ void srv_scheduler_destroy(struct srv_scheduler **scheduler) {
     if (!s)
         return;
     srv_scheduler_stop(s);
-    srv_kept_set(s, NULL, 0, NULL);
+    srv_kept_set(s, NULL, NULL, NULL);
     for (int l = 0; l < SRV_LANES; l++) {
         srv_lane_forget(&s->lanes[l], s->lanes[l].forget);
         sp_renderer_destroy(&s->lanes[l].renderer);

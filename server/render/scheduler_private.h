@@ -101,7 +101,7 @@ struct srv_scheduler {
     unsigned encode_count;
     struct { /* the last sharp picture */
         struct sp_frame *frame;
-        uint64_t volume; /* identity */
+        struct srv_fingerprint of; /* the volume */
         struct sp_view view;
         struct { /* its bytes, in the forms that streams had of it last */
             struct srv_form form;
@@ -165,7 +165,7 @@ struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume 
                                const struct sp_view *view);
 
 /* Keeps it in the place of what was kept; NULL = nothing is any more. Without the mutex. */
-void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, uint64_t volume,
+void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, const struct srv_volume *volume,
                   const struct sp_view *view);
 /* Bytes of the frame, if it is the kept one and was encoded in that form; the caller's reference.
  */

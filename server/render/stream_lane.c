@@ -14,7 +14,7 @@
 
 static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_frame *frame) {
     if (job->sharp && frame->stride_bytes * frame->height <= KEPT_BYTES_MAX)
-        srv_kept_set(s, frame, srv_volume_identity(job->volume), &job->view);
+        srv_kept_set(s, frame, job->volume, &job->view);
 }
 
 /* For struct sp_hold: what is given up goes on, to its end. */
@@ -131,7 +131,7 @@ void *srv_stream_lane_main(void *user) {
     for (;;) {
         struct srv_turn turn = srv_lane_look(s, SRV_LANE_STREAMS);
         if (turn.forget)
-            srv_kept_set(s, NULL, 0, NULL);
+            srv_kept_set(s, NULL, NULL, NULL);
         srv_lane_forget(lane, turn.forget);
         if (turn.stop)
             break;

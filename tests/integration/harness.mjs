@@ -21,6 +21,11 @@ export function within(promise, what, ms = DEADLINE_MS) {
   return Promise.race([promise, late]).finally(() => clearTimeout(timer));
 }
 
+/** The bytes of a small NRRD file: 4×4×4 voxels of a byte. */
+export function nrrd(voxels = Buffer.from([...Array(64).keys()])) {
+  return Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n'), voxels]);
+}
+
 /** Runs splatd to its end: {status, out, err}. */
 export async function runToEnd(args) {
   const child = spawn(path.join(BIN, 'splatd'), args, { stdio: ['ignore', 'pipe', 'pipe'] });

@@ -6,15 +6,10 @@ import { mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from 'node
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { Daemon, Raw } from './harness.mjs';
+import { Daemon, nrrd, Raw } from './harness.mjs';
 
 let daemon;
 let folder;
-
-/** A small NRRD of 4×4×4 bytes. */
-function nrrd(voxels = Buffer.from([...Array(64).keys()])) {
-  return Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n'), voxels]);
-}
 
 before(async () => {
   folder = mkdtempSync(path.join(tmpdir(), 'splatd-data-'));

@@ -7,7 +7,7 @@ import os from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { setImmediate } from 'node:timers/promises';
-import { Daemon, Raw, within } from './harness.mjs';
+import { Daemon, nrrd, Raw, within } from './harness.mjs';
 
 const VOLUME = ['--volume', 'demo:engine?size=16'];
 const API = '/api/v1/paths';
@@ -429,6 +429,54 @@ test('a database that is not there costs no frame', async () => {
   await event(half, ({ data }) => data.done > drawn, { of: own });
   const now = found();
   for (const name of Object.keys(before)) assert.equal(now[name], before[name], name);
+  assert.equal(await own.stop(), 0);
+});
+
+test('after a restart a path goes on with the volume that it was made for, and with no other', async () => {
+  const folder = newFolder();
+  const file = path.join(folder, 'cube.nrrd');
+  const start = async () => {
+    const own = await Daemon.start(['--data', folder, '--state', path.join(folder, 'state')], { backend: 'cpu' });
+    const { status } = await own.fetch('/api/v1/volumes/cube');
+    if (status === 200) await own.loaded('cube');
+    return own;
+  };
+  const kill = async (own) => {
+    own.kill('SIGKILL');
+    await own.ended;
+  };
+  fs.writeFileSync(file, nrrd());
+  let own = await start();
+  await own.post('/api/v1/volumes', { path: 'cube.nrrd' });
+  await own.loaded('cube');
+  const body = pathOf({ view: { volume: 'cube' }, size: [600, 400], frames: 40 });
+  const [id, other] = [await make(body, own), await make(body, own)];
+  await event(id, ({ data }) => data.done >= 2, { of: own });
+  await kill(own);
+
+  fs.rmSync(file); // it is not there: it may come back
+  own = await start();
+  const waits = await event(id, ({ data }) => data.reason, { of: own });
+  assert.equal(waits.data.state, 'waiting');
+  assert.match(waits.data.reason, /failed to load: .*no such file/);
+  assert.ok(waits.data.done >= 2);
+  const first = await frame(id, 0, own);
+  fs.writeFileSync(file, nrrd());
+  assert.equal((await own.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
+  assert.equal((await end(id, { of: own })).event, 'done');
+  assert.ok((await frame(id, 0, own)).equals(first));
+  await kill(own);
+
+  fs.writeFileSync(file, nrrd(Buffer.alloc(64, 7)));
+  fs.rmSync(path.join(folder, 'state', 'paths', other), { recursive: true, force: true }); // none of its frames is there
+  fs.rmSync(path.join(folder, 'state', 'paths', id, '000039.png')); // and the last one of this
+  own = await start();
+  for (const [one, done] of [[id, 39], [other, 0]]) {
+    const last = await end(one, { of: own });
+    assert.deepEqual([last.event, last.data.done], ['failed', done]);
+    assert.match(last.data.reason, /the volume 'cube' is not the one that the path was made for/);
+  }
+  assert.ok((await frame(id, 0, own)).equals(first), 'it keeps its frames');
   assert.equal(await own.stop(), 0);
 });
 

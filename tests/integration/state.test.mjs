@@ -6,7 +6,7 @@ import { mkdirSync, mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } 
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { Daemon, runToEnd, turned, within } from './harness.mjs';
+import { Daemon, nrrd, runToEnd, turned, within } from './harness.mjs';
 
 const TOKEN = 'a-token-for-the-tests-0123456789';
 let folder;
@@ -106,6 +106,48 @@ test('after kill -9 the same links show the same pictures', async () => {
   assert.equal(await fourth.stop(), 0);
 });
 
+test('after a restart a picture that a client has is not sent again, unless the volume has changed', async () => {
+  const state = fresh();
+  const file = path.join(folder, 'seen.nrrd');
+  const other = Buffer.from([...Array(64).keys()]);
+  other[63] = 200; // all but one voxel are what they were
+  let [id, etag, picture] = [];
+  const ask = async (daemon) => {
+    await daemon.loaded('seen');
+    const answer = await daemon.fetch(`/api/v1/render/${id}?format=png`, { headers: { 'If-None-Match': etag ?? '""' } });
+    return { status: answer.status, etag: answer.headers.get('etag'), bytes: Buffer.from(await answer.arrayBuffer()) };
+  };
+  const run = async (voxels, use, options = {}) => {
+    writeFileSync(file, nrrd(voxels));
+    const daemon = await start(state, ['--volume', file, '--data', folder], { backend: 'cpu', ...options });
+    await use(daemon);
+    await killed(daemon);
+  };
+  await run(undefined, async (daemon) => {
+    await daemon.loaded('seen');
+    id = (await daemon.post('/api/v1/views', { volume: 'seen', size: [24, 16] })).json.id;
+    ({ etag, bytes: picture } = await ask(daemon));
+    assert.equal((await ask(daemon)).status, 304);
+  });
+  await run(undefined, async (daemon) => assert.deepEqual(await ask(daemon), { status: 304, etag, bytes: Buffer.alloc(0) }));
+  await run(other, async (daemon) => {
+    const changed = await ask(daemon);
+    assert.equal(changed.status, 200);
+    assert.notEqual(changed.etag, etag);
+    assert.ok(!changed.bytes.equals(picture));
+  });
+  await run(undefined, async (daemon) => { // and when it is loaded anew while the daemon runs
+    for (const [voxels, status] of [[other, 200], [undefined, 304]]) {
+      await daemon.loaded('seen');
+      assert.equal((await daemon.fetch('/api/v1/volumes/seen', { method: 'DELETE' })).status, 204);
+      writeFileSync(file, nrrd(voxels));
+      assert.equal((await daemon.post('/api/v1/volumes', { path: 'seen.nrrd' })).status, 202);
+      assert.equal((await ask(daemon)).status, status);
+    }
+  });
+  await run(undefined, async (daemon) => assert.equal((await ask(daemon)).status, 200, 'another renderer, other bytes'), { backend: 'null' });
+});
+
 test('a view that changes is written by itself, soon and not every time', async () => {
   const state = fresh();
   const daemon = await start(state, ['--volume', 'demo:engine?size=8']);
@@ -185,8 +227,7 @@ test('kill -9 during writes, again and again: every promise holds', { timeout: 5
 test('a session whose volume is gone waits for it', async () => {
   const state = fresh();
   const file = path.join(folder, 'cube.nrrd');
-  const header = 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 1\nencoding: raw\n\n';
-  const write = () => writeFileSync(file, Buffer.concat([Buffer.from(header), Buffer.alloc(64, 9)]));
+  const write = () => writeFileSync(file, nrrd(Buffer.alloc(64, 9)));
   write();
   const first = await start(state, ['--volume', 'demo:engine?size=8', '--data', folder]);
   assert.equal((await first.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);

@@ -58,6 +58,7 @@ THIRD_PARTY = [
     (r'archive(_entry)?\.h', ['server/jobs/archive.c']),
     (r'(ebml|matroska)/', ['server/jobs/webm_bridge.cpp']),
     (r'systemd/', ['server/service.c']),
+    (r'xxhash', ['server/render/fingerprint.c']),
     (r'curl/', ['clients/cli/']),
 ]
 # Rule 5: file-scope variables that may change after start.

@@ -13,7 +13,10 @@
 
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {
-    (void)user, (void)id, (void)state, (void)progress, (void)reason;
+    struct lanes *lanes = user;
+    (void)progress, (void)reason;
+    if (lanes->volume)
+        lanes->volume(id, state);
 }
 
 static void on_unloaded(void *user, struct sp_volume *volume) {
@@ -32,28 +35,46 @@ static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     srv_scheduler_interrupt(((struct lanes *)user)->scheduler, of, why);
 }
 
-void lanes_load(struct lanes *lanes, const char *source) {
-    struct srv_volume_request request = { .source = source };
-    struct srv_volume_status status;
-    char id[SP_NAME_BYTES];
+static void queue(struct lanes *lanes, const char *id, const char *source,
+                  char given[SP_NAME_BYTES]) {
+    struct srv_volume_request request = { .source = source, .id = id };
     bool existed, conflict;
-    assert_true(srv_catalog_add(lanes->catalog, &request, id, &existed, &conflict, NULL));
+    assert_true(srv_catalog_add(lanes->catalog, &request, given, &existed, &conflict, NULL));
+}
+
+void lanes_queue(struct lanes *lanes, const char *id, const char *source) {
+    char given[SP_NAME_BYTES];
+    queue(lanes, id, source, given);
+}
+
+enum srv_volume_state lanes_try(struct lanes *lanes, const char *id, const char *source) {
+    struct srv_volume_status status;
+    char given[SP_NAME_BYTES];
+    queue(lanes, id, source, given);
     for (;; sched_yield()) {
-        assert_true(srv_catalog_find(lanes->catalog, id, &status));
+        assert_true(srv_catalog_find(lanes->catalog, given, &status));
         sp_volume_unref(&status.volume);
         if (status.state != SRV_VOLUME_LOADING)
-            break;
+            return status.state;
     }
-    assert_int_equal(status.state, SRV_VOLUME_READY);
+}
+
+void lanes_load(struct lanes *lanes, const char *source) {
+    assert_int_equal(lanes_try(lanes, NULL, source), SRV_VOLUME_READY);
 }
 
 void lanes_begin(struct lanes *lanes, const struct lanes_options *options) {
-    struct srv_catalog_options catalog = {
-        .memory_bytes = 1 << 20, .user = lanes, .progress = on_progress, .unloaded = on_unloaded
-    };
+    struct srv_catalog_options catalog = { .memory_bytes = options->memory_bytes
+                                                               ? options->memory_bytes
+                                                               : 1 << 20,
+                                           .user = lanes,
+                                           .progress = on_progress,
+                                           .unloaded = on_unloaded };
+    lanes->volume = options->volume;
     lanes->catalog = srv_catalog_create(&catalog, NULL);
     assert_non_null(lanes->catalog);
-    lanes_load(lanes, "demo:phantom?size=8");
+    if (!options->is_empty)
+        lanes_load(lanes, "demo:phantom?size=8");
     lanes->metrics = srv_metrics_create();
     struct sp_renderer_options null = { .backend = "null" };
     struct sp_renderer *renderer = sp_renderer_create(&null, NULL);

@@ -25,7 +25,10 @@
 #include "jobs/jobs_private.h"
 #include "support/lanes.h"
 
-enum { FRAMES = 3 };
+enum { FRAMES = 3, MEMORY = 8000 };
+#define SMALL "demo:phantom?size=8" /* 2048 bytes of MEMORY */
+#define OTHER "demo:phantom?size=9"
+#define LARGE "demo:phantom?size=12" /* 6912 */
 
 static const char removed_record[] = "{\"removed\":true}"; /* before its files go */
 
@@ -40,6 +43,7 @@ static struct {
     } held[8];
     char folder[128]; /* that must not be there when its record goes */
     atomic_int removed, too_early, unsaid;
+    atomic_bool hold_loads; /* the load thread */
 } gate;
 
 void __real_srv_store_flush(struct srv_store *store, void (*done)(void *user, bool durable),
@@ -109,6 +113,7 @@ static struct fixture {
     struct srv_tokens *tokens;
     struct lanes lanes;
     struct srv_jobs *jobs;
+    _Atomic(struct srv_jobs *) told; /* of volumes */
 } f;
 
 /* A path that fails while somebody deletes it: each of the two comes as far as it can while the
@@ -164,6 +169,28 @@ static void *delete (void *id) {
     return NULL;
 }
 
+static void on_volume(const char *id, const char *state) {
+    struct srv_jobs *jobs = atomic_load(&f.told);
+    while (strcmp(state, "loading") == 0 && atomic_load(&gate.hold_loads))
+        sched_yield();
+    if (jobs && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
+        srv_jobs_unloaded(jobs, id);
+    else if (jobs)
+        srv_jobs_wake(jobs);
+}
+
+static enum srv_volume_state load(const char *id, const char *source) {
+    return lanes_try(&f.lanes, id, source);
+}
+
+static void unload(const char *id) {
+    bool conflict;
+    while (!srv_catalog_remove(f.lanes.catalog, id, &conflict, NULL)) { /* between two frames */
+        assert_true(conflict);
+        sched_yield();
+    }
+}
+
 /* One run after the other over the same folder. */
 
 static struct srv_store *open_store(void) {
@@ -174,11 +201,18 @@ static struct srv_store *open_store(void) {
     return store;
 }
 
-static void begin(void) {
+/* No volume is there. */
+static void begin_lanes(void) {
+    struct lanes_options options = {
+        .queue_max = 4, .memory_bytes = MEMORY, .is_empty = true, .volume = on_volume
+    };
     f.store = open_store();
     f.tokens = srv_tokens_create(NULL);
     assert_non_null(f.tokens);
-    lanes_begin(&f.lanes, &(struct lanes_options){ .queue_max = 4 });
+    lanes_begin(&f.lanes, &options);
+}
+
+static void begin_jobs(void) {
     struct srv_jobs_options jobs = { .catalog = f.lanes.catalog,
                                      .scheduler = f.lanes.scheduler,
                                      .store = f.store,
@@ -190,13 +224,25 @@ static void begin(void) {
                                      .video_px = 1 << 20 };
     f.jobs = srv_jobs_create(&jobs, NULL);
     assert_non_null(f.jobs);
+    atomic_store(&f.told, f.jobs);
     assert_true(srv_jobs_start(f.jobs, NULL));
+}
+
+static void begin_empty(void) {
+    begin_lanes();
+    begin_jobs();
+}
+
+static void begin(void) {
+    begin_empty();
+    assert_int_equal(load("v", SMALL), SRV_VOLUME_READY);
 }
 
 static void end(void) {
     srv_jobs_close(f.jobs);
     lanes_stop(&f.lanes);
     srv_store_stop(f.store);
+    atomic_store(&f.told, NULL);
     srv_jobs_destroy(&f.jobs);
     srv_tokens_destroy(&f.tokens);
     lanes_end(&f.lanes);
@@ -219,6 +265,7 @@ static int set_up(void **state) {
 static int tear_down(void **state) {
     (void)state;
     char command[64];
+    atomic_store(&gate.hold_loads, false);
     if (f.jobs)
         end();
     snprintf(command, sizeof command, "rm -rf '%s'", f.state);
@@ -231,17 +278,18 @@ static void add(char id[SRV_JOB_ID_BYTES]) {
     static const char text[] = "{\"frames\": 3, \"format\": \"jpeg\","
                                " \"keyframes\": [{\"frame\": 2, \"view\": {}}]}";
     struct sp_error err;
-    struct sp_view view;
+    struct srv_job_view view;
     bool is_full;
     proto_json *body = proto_json_parse(text, sizeof text - 1, &err);
-    void *volume = srv_catalog_acquire(f.lanes.catalog, "phantom", &err);
-    assert_true(body && volume);
-    srv_catalog_default_view(f.lanes.catalog, volume, &view);
-    srv_catalog_release(f.lanes.catalog, volume);
-    view.size[0] = view.size[1] = 16;
-    proto_json *json = srv_jobs_add(f.jobs, body, &view, &view, "ann", id, &is_full, &err);
+    view.volume = srv_catalog_acquire(f.lanes.catalog, "v", &err);
+    assert_true(body && view.volume);
+    srv_catalog_default_view(f.lanes.catalog, view.volume, &view.view);
+    view.view.size[0] = view.view.size[1] = 16;
+    view.defaults = view.view;
+    proto_json *json = srv_jobs_add(f.jobs, body, &view, "ann", id, &is_full, &err);
     if (!json)
         fail_msg("%s: %s", err.place, err.text);
+    srv_catalog_release(f.lanes.catalog, view.volume);
     proto_json_free(&json);
     proto_json_free(&body);
 }
@@ -259,13 +307,21 @@ static bool look_at(const char *id, struct srv_job_note *note) {
     return false;
 }
 
-static struct srv_job_note wait_until(const char *id, const char *state) {
+/* Until it is in this state, for this reason. */
+static struct srv_job_note wait_for(const char *id, const char *state, const char *reason) {
     struct srv_job_note note;
-    do {
-        sched_yield();
+    for (;; sched_yield()) {
         assert_true(look_at(id, &note));
-    } while (strcmp(note.state, state) != 0);
-    return note;
+        bool is_over = strcmp(note.state, "done") == 0 || strcmp(note.state, "failed") == 0;
+        if (strcmp(note.state, state) == 0 && strstr(note.reason, reason))
+            return note;
+        if (is_over)
+            fail_msg("it is %s: %s", note.state, note.reason);
+    }
+}
+
+static struct srv_job_note wait_until(const char *id, const char *state) {
+    return wait_for(id, state, "");
 }
 
 static void add_and_draw(char id[SRV_JOB_ID_BYTES]) {
@@ -451,10 +507,9 @@ static void it_fails_while_it_is_deleted(void **state) {
         char id[SRV_JOB_ID_BYTES];
         struct srv_job_note note;
         pthread_t deleter;
-        bool conflict;
         atomic_store(&gate.hold, true);
         add(id);
-        assert_true(srv_catalog_remove(f.lanes.catalog, "phantom", &conflict, NULL));
+        unload("v");
         race.order = order;
         release(f.store); /* its volume is not there: it fails */
         while (!atomic_load(&race.is_failing))
@@ -542,6 +597,107 @@ static void what_the_disk_does_not_keep_is_no_frame(void **state) {
     has_frames_of(id, whole, FRAMES);
 }
 
+/* Volumes. */
+
+/* A path of v's first frame, and the daemon's end. */
+static void draw_one_frame(char id[SRV_JOB_ID_BYTES]) {
+    char path[192];
+    add_and_draw(id);
+    end();
+    for (int i = 1; i < FRAMES; i++) { /* as if it had been killed then */
+        snprintf(path, sizeof path, "%s/00000%d.jpg", folder_of(id), i);
+        assert_int_equal(unlink(path), 0);
+    }
+}
+
+static void a_volume_that_is_not_back_is_waited_for(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    draw_one_frame(id);
+    begin_empty();
+    struct srv_job_note note = wait_for(id, "waiting", "the volume 'v' is not there: load it");
+    assert_int_equal(note.done, 1);
+    assert_int_equal(load("another", OTHER), SRV_VOLUME_READY);
+    assert_int_equal(load("v", SMALL), SRV_VOLUME_READY);
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+}
+
+static void a_volume_that_loads_is_waited_for(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    draw_one_frame(id);
+    atomic_store(&gate.hold_loads, true);
+    begin_lanes();
+    lanes_queue(&f.lanes, "v", SMALL);
+    begin_jobs();
+    assert_int_equal(wait_for(id, "waiting", "the volume 'v' is still loading").done, 1);
+    atomic_store(&gate.hold_loads, false);
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+}
+
+static void a_volume_that_could_not_be_loaded_is_waited_for(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    draw_one_frame(id);
+    begin_empty();
+    assert_int_equal(load("large", LARGE), SRV_VOLUME_READY);
+    assert_int_equal(load("v", SMALL), SRV_VOLUME_FAILED);
+    wait_for(id, "waiting", "the volume 'v' failed to load");
+    unload("large");
+    assert_int_equal(load("v", SMALL), SRV_VOLUME_READY);
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+}
+
+static void another_volume_of_the_name_ends_it(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    draw_one_frame(id);
+    begin_empty();
+    assert_int_equal(load("v", OTHER), SRV_VOLUME_READY);
+    static const char reason[] = "the volume 'v' is not the one that the path was made for";
+    assert_int_equal(wait_for(id, "failed", reason).done, 1);
+    assert_true(has_folder(id));
+    end();
+    begin(); /* for good, also when the right one is there */
+    assert_int_equal(wait_for(id, "failed", reason).done, 1);
+}
+
+static void unloading_a_volume_ends_its_paths_for_good(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES];
+    struct srv_job_note note;
+    for (int is_back = 0; is_back < 2; is_back++) { /* before the path's turn comes */
+        atomic_store(&gate.hold, true);
+        add(id);
+        unload("v");
+        if (is_back)
+            assert_int_equal(load("v", SMALL), SRV_VOLUME_READY);
+        release(f.store);
+        wait_for(id, "failed", "the volume 'v' was unloaded");
+        if (!is_back)
+            assert_int_equal(load("v", SMALL), SRV_VOLUME_READY);
+        add_and_draw(next);
+        assert_true(look_at(id, &note));
+        assert_string_equal(note.state, "failed");
+    }
+    end();
+    begin();
+    add_and_draw(next);
+    assert_true(look_at(id, &note));
+    assert_string_equal(note.state, "failed");
+}
+
+static void a_path_that_is_done_needs_no_volume(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES];
+    add_and_draw(id);
+    unload("v");
+    end();
+    begin_empty();
+    assert_int_equal(load("v", OTHER), SRV_VOLUME_READY);
+    assert_int_equal(wait_until(id, "done").done, FRAMES);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(no_file_comes_before_its_record, set_up, tear_down),
@@ -556,6 +712,14 @@ int main(void) {
         cmocka_unit_test_setup_teardown(it_fails_while_it_is_deleted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_full_disk_is_waited_for, set_up, tear_down),
         cmocka_unit_test_setup_teardown(what_the_disk_does_not_keep_is_no_frame, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_volume_that_is_not_back_is_waited_for, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_volume_that_loads_is_waited_for, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_volume_that_could_not_be_loaded_is_waited_for, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(another_volume_of_the_name_ends_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(unloading_a_volume_ends_its_paths_for_good, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_path_that_is_done_needs_no_volume, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
