@@ -21,6 +21,7 @@ struct srv_http {
     struct srv_guard *guard;
     struct srv_packed *packed; /* the page and the contract */
     char address[SRV_ADDRESS_TEXT];
+    int64_t connections; /* --connections, or what there are descriptors for */
     pthread_mutex_t mutex;
     pthread_cond_t idle;
     unsigned active; /* requests between headers and the end of the answer */
@@ -28,7 +29,7 @@ struct srv_http {
 };
 
 /* How many connections may one host have? Somewhat more are accepted, to be told so. */
-unsigned srv_connections_from(const struct srv_config *config, const struct sockaddr *host);
+unsigned srv_connections_from(const struct srv_http *http, const struct sockaddr *host);
 
 /* The library's callbacks for requests; user: the srv_http. */
 void *srv_on_target(void *user, const char *target, struct MHD_Connection *connection);

@@ -10,19 +10,17 @@
 
 #include "clock.h"
 #include "http/assets.h"
+#include "http/descriptors.h"
 #include "http/http.h"
 #include "http/tls.h"
 #include "sp/log.h"
 
-enum {
-    SPARE_CONNECTIONS = 64, /* beyond --connections, to answer 503 instead of nothing */
-    SPARE_FROM_HOST = 32,   /* beyond --connections-per-address, to answer 429 */
-};
+enum { SPARE_FROM_HOST = 32 /* beyond --connections-per-address, to answer 429 */ };
 
 /* Connections. */
 
-unsigned srv_connections_from(const struct srv_config *config, const struct sockaddr *host) {
-    int64_t all = config->connections, few = config->connections_per_address;
+unsigned srv_connections_from(const struct srv_http *http, const struct sockaddr *host) {
+    int64_t all = http->connections, few = http->options.config->connections_per_address;
     if (few == 0)
         few = srv_address_is_loopback(host) ? all : (all + 3) / 4;
     return (unsigned)(few < all ? few : all);
@@ -32,7 +30,7 @@ unsigned srv_connections_from(const struct srv_config *config, const struct sock
  * all places. */
 static unsigned accepted_from(void *user, const struct sockaddr *host) {
     const struct srv_http *http = user;
-    return srv_connections_from(http->options.config, host) + SPARE_FROM_HOST;
+    return srv_connections_from(http, host) + SPARE_FROM_HOST;
 }
 
 static enum MHD_Result on_accept(void *user, const struct sockaddr *peer, socklen_t size) {
@@ -73,7 +71,10 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
     char line[512];
     vsnprintf(line, sizeof line, format, args);
     line[strcspn(line, "\n")] = 0;
-    sp_log(SP_LOG_DEBUG, "libmicrohttpd: %s", line);
+    if (strstr(line, "resource limit")) /* who knocks waits: nobody else says so */
+        sp_log(SP_LOG_WARN, "no connection can be accepted for now: %s", line);
+    else
+        sp_log(SP_LOG_DEBUG, "libmicrohttpd: %s", line);
 }
 
 /* Start and stop. */
@@ -96,8 +97,9 @@ static int open_socket(const struct srv_address *address, const char *text, stru
     return -1;
 }
 
-static unsigned connections_max(const struct srv_config *config) {
-    return (unsigned)(config->connections + SPARE_CONNECTIONS * config->http_threads);
+static unsigned connections_max(const struct srv_http *http) {
+    return (unsigned)(http->connections +
+                      SRV_SPARE_CONNECTIONS * http->options.config->http_threads);
 }
 
 /* fd: listens; MHD_INVALID_SOCKET = connections come by MHD_add_connection(). */
@@ -112,7 +114,7 @@ static bool start(struct srv_http *http, int fd, struct sp_error *err) {
             MHD_USE_ERROR_LOG | (fd < 0 ? MHD_USE_NO_LISTEN_SOCKET : 0),
         0, on_accept, http, srv_on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
         MHD_OPTION_ARRAY, listening, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)config->http_threads,
-        MHD_OPTION_CONNECTION_LIMIT, connections_max(config), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        MHD_OPTION_CONNECTION_LIMIT, connections_max(http), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
         (size_t)config->header_size, MHD_OPTION_URI_LOG_CALLBACK, srv_on_target, http,
         MHD_OPTION_NOTIFY_COMPLETED, srv_on_completed, http, MHD_OPTION_NOTIFY_CONNECTION,
         on_connection, http, MHD_OPTION_END);
@@ -137,7 +139,7 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
         .handshake_ms = (double)config->header_time_ms,
         .linger_ms = (double)config->request_time_ms,
         .handshakes_max = (unsigned)config->handshakes,
-        .connections_max = connections_max(config) + (unsigned)config->handshakes,
+        .connections_max = connections_max(http) + (unsigned)config->handshakes,
         .metrics = http->options.metrics,
         .user = http,
         .accepted_from = accepted_from,
@@ -182,6 +184,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
         return NULL;
     }
     http->options = *options;
+    http->connections = srv_descriptors_fit(options->config);
     pthread_mutex_init(&http->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);

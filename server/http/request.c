@@ -193,18 +193,18 @@ static void refuse_method(struct srv_request *request, unsigned allowed) {
 }
 
 static bool check_limits(struct srv_request *request) {
-    const struct srv_config *config = request->app->config;
+    long long connections = request->http->connections;
     const struct sockaddr *host = (const struct sockaddr *)srv_guard_address(request->guarded);
-    unsigned from_host = srv_connections_from(config, host);
+    unsigned from_host = srv_connections_from(request->http, host);
     size_t all, same_host;
     srv_guard_count(request->http->guard, host, &all, &same_host);
-    if (all > (size_t)config->connections) {
+    if (all > (size_t)connections) {
         srv_refused(request->app->metrics, SRV_REFUSED_FULL,
                     "%s refused: %zu connections, --connections %lld",
-                    srv_guard_peer(request->guarded), all, (long long)config->connections);
+                    srv_guard_peer(request->guarded), all, connections);
         srv_reply_problem(&request->reply, 503, NULL,
                           "%zu connections are open and --connections allows %lld; try again later",
-                          all, (long long)config->connections);
+                          all, connections);
     } else if (same_host > from_host) {
         srv_refused(request->app->metrics, SRV_REFUSED_ADDRESS,
                     "%s refused: %zu connections, --connections-per-address %u",

@@ -2,7 +2,7 @@
 // Limits on pictures: their size by every way in, the memory of those by HTTP, and the pixels of video.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { Daemon, turned } from './harness.mjs';
+import { Daemon, Raw, turned } from './harness.mjs';
 
 const CODECS = { jpeg: 1, vp8: 7 };
 let daemon;
@@ -85,3 +85,27 @@ test('video beyond --video-pixels is JPEG, and the stream is told', async () => 
   assert.deepEqual([policy.moving.format, policy.why.includes('video_pixels')], ['vp8', false]);
   await stream.end();
 });
+
+// Without looking at that limit the daemon would leave whoever comes too late in the system's backlog, without a word.
+for (const [what, hard, count] of [['is raised', 2000, 100], ['is too low, so that there are fewer connections', 262, 70]]) {
+  test(`the limit of open files ${what}: all are answered`, async (t) => {
+    const small = await Daemon.start(['--connections', '100', '--http-threads', '1'],
+      { prefix: ['/bin/bash', '-c', `ulimit -Sn 100; ulimit -Hn ${hard}; exec "$@"`, 'splatd'] });
+    const warned = small.log.includes(`${count} connections are allowed, not the 100 of --connections: they want 292 files and sockets, and ${hard} may be open`);
+    assert.equal(warned, count < 100, small.log);
+    const held = await Promise.all(Array.from({ length: count }, () => Raw.connect(small.port)));
+    t.after(() => held.forEach((raw) => raw.destroy()));
+    const ask = async (raw) => {
+      raw.write('GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n');
+      await raw.until(() => /\r\n\r\n/.test(raw.text()), 'an answer');
+      return Number(/^HTTP\/1\.1 (\d+)/.exec(raw.text())[1]);
+    };
+    for (const raw of held) assert.equal(await ask(raw), 200);
+    for (let i = 0; i < 60; i++) {
+      held.push(await Raw.connect(small.port));
+      assert.equal(await ask(held.at(-1)), 503);
+    }
+    assert.match(held.at(-1).text(), new RegExp(`--connections allows ${count}`));
+    assert.equal(await small.stop(), 0);
+  });
+}

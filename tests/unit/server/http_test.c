@@ -284,10 +284,10 @@ static void connections_from_one_host(void **state) {
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct srv_address host;
-        struct srv_config config = { .connections = cases[i].connections,
-                                     .connections_per_address = cases[i].per_address };
+        struct srv_config config = { .connections_per_address = cases[i].per_address };
+        struct srv_http http = { .options.config = &config, .connections = cases[i].connections };
         assert_true(srv_address_parse(cases[i].host, &host, NULL));
-        assert_int_equal(srv_connections_from(&config, (struct sockaddr *)&host.storage),
+        assert_int_equal(srv_connections_from(&http, (struct sockaddr *)&host.storage),
                          cases[i].from);
     }
 }
