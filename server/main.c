@@ -79,8 +79,12 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
             reload(daemon, config, argc, argv);
         else if (number > 0)
             return number;
-        if (watchdog_ms > 0 && srv_clock_ms() - srv_daemon_alive_ms(daemon) < watchdog_ms / 2)
+        double silent_ms = srv_clock_ms() - srv_daemon_alive_ms(daemon);
+        if (watchdog_ms > 0 && silent_ms < watchdog_ms / 2)
             srv_service_alive();
+        else if (watchdog_ms > 0)
+            sp_log(SP_LOG_ERROR,
+                   "no sign of life: the stream thread did not come round for %.0f ms", silent_ms);
     }
 }
 

@@ -4,6 +4,7 @@
 
   service_test.py SPLATD
 """
+import fcntl
 import json
 import os
 import re
@@ -25,12 +26,12 @@ TOKENS = 'the-first-token-of-all-0001', 'the-second-token-0000000002'
 class Manager:
     """Plays systemd: a datagram socket, and the daemon started as a service."""
 
-    def __init__(self, folder, arguments, watchdog_us=None):
+    def __init__(self, folder, arguments, watchdog_us=None, variables=()):
         path = os.path.join(folder, 'notify')
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.socket.settimeout(DEADLINE_S)
         self.socket.bind(path)
-        environment = dict(os.environ, NOTIFY_SOCKET=path)
+        environment = dict(os.environ, NOTIFY_SOCKET=path, **dict(variables))
         environment.pop('WATCHDOG_PID', None)
         if watchdog_us:
             environment['WATCHDOG_USEC'] = str(watchdog_us)
@@ -113,6 +114,26 @@ class Service(unittest.TestCase):
             self.assertEqual(manager.told(), ['WATCHDOG=1'])
         manager.process.send_signal(signal.SIGHUP)  # a reload in between does not end it
         manager.until_told('READY=1')
+        manager.until_told('WATCHDOG=1')
+        self.assertEqual(manager.end()[0], 0)
+
+    @unittest.skipIf(os.environ.get('SPLATD_SANITIZE'), 'the sanitizers want to be preloaded themselves')
+    def test_who_hangs_gives_no_sign_of_life(self):
+        hold = self.file('hold', '')
+        manager = Manager(self.folder.name, [], watchdog_us=4000000,
+                          variables={'LD_PRELOAD': os.environ['SPLATD_HOLD_EPOLL'], 'SPLATD_HOLD': hold})
+        manager.until_told('READY=1')
+        manager.until_told('WATCHDOG=1')
+        with open(hold, encoding='utf-8') as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # the stream thread hangs
+            manager.until_logged('no sign of life: the stream thread did not come round for', len(manager.lines))
+            told = []
+            for _ in range(2):  # the main thread goes on, and says nothing between the two but this
+                manager.process.send_signal(signal.SIGHUP)
+                told = [manager.told()]
+                while told[-1][0] != 'READY=1':
+                    told.append(manager.told())
+            self.assertEqual([message[0] for message in told], ['RELOADING=1', 'READY=1'])
         manager.until_told('WATCHDOG=1')
         self.assertEqual(manager.end()[0], 0)
 
