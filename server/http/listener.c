@@ -2,6 +2,8 @@
 #include "http/listener.h"
 
 #include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -79,10 +81,18 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
 
 /* Start and stop. */
 
-static int open_socket(const struct srv_address *address, const char *text, struct sp_error *err) {
+/* The connections that it accepts inherit its options. */
+static int open_socket(const struct srv_address *address, const struct srv_config *config,
+                       struct sp_error *err) {
+    const char *text = config->listen;
     int on = 1;
+    /* Who vanished acknowledges nothing, and need not be waited for as long as the system would. */
+    int64_t longest_ms = config->request_time_ms > config->stall_time_ms ? config->request_time_ms
+                                                                         : config->stall_time_ms;
+    unsigned unread_ms = (unsigned)longest_ms;
     int fd = socket(address->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
+        setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &unread_ms, sizeof unread_ms) == 0 &&
         bind(fd, (const struct sockaddr *)&address->storage, address->size) == 0 &&
         listen(fd, SOMAXCONN) == 0)
         return fd;
@@ -193,7 +203,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     pthread_condattr_destroy(&monotonic);
     http->guard = srv_guard_create(err);
     http->packed = http->guard ? srv_assets_pack(err) : NULL;
-    int fd = http->packed ? open_socket(&address, options->config->listen, err) : -1;
+    int fd = http->packed ? open_socket(&address, options->config, err) : -1;
     bool ok = fd >= 0;
     if (ok) {
         getsockname(fd, (struct sockaddr *)&address.storage, &address.size);

@@ -57,19 +57,30 @@ async function speak(daemon, text) {
   return raw;
 }
 
-async function vanish(secure) {
+async function vanish(t, secure) {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=32', '--ping-time', '1', '--stall-time', '2',
-    '--header-time', '2', '--request-time', '2', '--idle-time', '2', ...secure]);
+    '--header-time', '2', '--request-time', '6', '--idle-time', '2', ...secure]);
+  t.after(() => {
+    link(true);
+    daemon.kill('SIGKILL'); // if it did not end
+  });
   const before = sockets(daemon);
   await daemon.loaded('engine');
   const session = await daemon.session();
+  const made = await daemon.post('/api/v1/paths', { view: { volume: 'engine' }, size: [512, 512], frames: 10000, keyframes: [{ frame: 10000, view: { camera: { fov_y: 60 } } }] });
+  assert.equal(made.status, 202, JSON.stringify(made.json));
   await untilOnly(daemon, before); // fetch keeps connections: they end by --idle-time
   const [idle, busy] = [await daemon.stream({ session }), await daemon.stream({ session, acks: false })];
   await idle.final();
   await busy.frame(() => true, 'a frame');
-  const request = `GET /api/v1/openapi.yaml HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n\r\n`;
+  const get = (what) => `GET ${what} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n\r\n`;
+  const request = get('/api/v1/openapi.yaml');
   const rest = [await speak(daemon, ''), await speak(daemon, 'GET /healthz HT'), await speak(daemon, request),
-    await speak(daemon, request.repeat(500))];
+    await speak(daemon, request.repeat(500)), await speak(daemon, get(`/api/v1/paths/${made.json.id}/events`))];
+  if (secure.length) { // while they shake hands
+    rest.push(await Raw.connect(daemon.port), await Raw.connect(daemon.port));
+    rest.at(-1).write(Buffer.from([0x16, 3, 1, 0, 200, 1, 0]));
+  }
   assert.ok(sockets(daemon) > before);
   const { localPort } = idle.socket._socket;
   link(false);
@@ -77,7 +88,10 @@ async function vanish(secure) {
   for (const raw of rest) raw.socket.destroy();
   await daemon.untilLogged(`stream of 127.0.0.1:${localPort} dropped: silent for`);
   await untilOnly(daemon, before);
+  assert.match(daemon.log, /stream of 127\.0\.0\.1:\d+ (closed with 1008|dropped: it took no data)/);
   link(true);
+  assert.equal((await daemon.json(`/api/v1/paths/${made.json.id}`)).json.state, 'running', 'nobody watches what goes on');
+  assert.equal((await daemon.fetch(`/api/v1/paths/${made.json.id}`, { method: 'DELETE' })).status, 204);
   assert.equal((await daemon.fetch('/healthz')).status, 200);
   assert.equal(await daemon.stop(), 0);
 }
@@ -91,12 +105,12 @@ function certificate(folder) {
 
 if (process.env.SPLATD_TEST_ALONE) {
   link(true);
-  test('of clients that vanish nothing stays', () => vanish([]));
-  test('nor behind TLS', async () => {
+  test('of clients that vanish nothing stays', (t) => vanish(t, []));
+  test('nor behind TLS', async (t) => {
     const folder = mkdtempSync(path.join(tmpdir(), 'splatd-vanish-'));
     process.env.NODE_TLS_REJECT_UNAUTHORIZED = '0';
-    await vanish(certificate(folder));
-    rmSync(folder, { recursive: true });
+    t.after(() => rmSync(folder, { recursive: true }));
+    await vanish(t, certificate(folder));
   });
 } else {
   test('clients that vanish without a word', async (t) => {
