@@ -72,6 +72,9 @@ static const struct setting settings[] = {
       "this machine's own, where a reverse proxy may be" },
     { "handshakes", COUNT, AT(handshakes), "256", 1, 10000, "N",
       "TLS handshakes at a time; of more the oldest ends" },
+    { "handshake-rate", COUNT, AT(handshake_rate), "0", 0, 100000, "N",
+      "TLS handshakes a second from one address, and those of sixteen seconds at once; 0 = 50, and "
+      "any number from this machine's own, where a reverse proxy may be" },
     { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",
       "requests on one connection, pipelined or not, before it ends" },
     { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "sessions that are awake" },

@@ -23,8 +23,8 @@ struct srv_config {
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory, video_memory;
-    int64_t connections, connections_per_address, connection_requests, handshakes, sessions,
-        participants, views;
+    int64_t connections, connections_per_address, connection_requests, handshakes, handshake_rate;
+    int64_t sessions, participants, views;
     int64_t presets, sleeping_sessions, paths, path_frames, path_bytes;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue, render_bytes;
     int64_t frame_px, video_px;

@@ -17,7 +17,10 @@
 #include "http/tls.h"
 #include "sp/log.h"
 
-enum { SPARE_FROM_HOST = 32 /* beyond --connections-per-address, to answer 429 */ };
+enum {
+    SPARE_FROM_HOST = 32, /* beyond --connections-per-address, to answer 429 */
+    HANDSHAKE_RATE = 50   /* --handshake-rate, if it is 0 */
+};
 
 /* Connections. */
 
@@ -149,6 +152,9 @@ static bool start_tls(struct srv_http *http, int fd, struct sp_error *err) {
         .handshake_ms = (double)config->header_time_ms,
         .linger_ms = (double)config->request_time_ms,
         .handshakes_max = (unsigned)config->handshakes,
+        .handshakes_per_s =
+            config->handshake_rate ? (double)config->handshake_rate : HANDSHAKE_RATE,
+        .spares_loopback = config->handshake_rate == 0,
         .connections_max = connections_max(http) + (unsigned)config->handshakes,
         .metrics = http->options.metrics,
         .user = http,

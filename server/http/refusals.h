@@ -12,7 +12,7 @@ enum srv_refusal_reason {                      /* in the order of SRV_COUNT_REFU
                           SRV_REFUSED_FULL,    /* --connections, or no memory or descriptors for one
                                                   more */
                           SRV_REFUSED_ADDRESS, /* --connections-per-address */
-                          SRV_REFUSED_HANDSHAKE, /* --handshakes */
+                          SRV_REFUSED_HANDSHAKE, /* --handshakes, --handshake-rate */
                           SRV_REFUSED_TLS        /* no handshake came about */
 };
 

@@ -125,6 +125,7 @@ struct srv_tls *srv_tls_create(const struct srv_tls_options *options, struct sp_
     }
     assert(options->handshakes_max >= 1 && options->give);
     tls->options = *options;
+    tls->rate.per_second = options->handshakes_per_s;
     tls->gate = tls->carrier = (struct srv_tls_thread){ .epoll = -1, .wake = -1 };
     pthread_mutex_init(&tls->mutex, NULL);
     tls->spare = open("/dev/null", O_RDONLY | O_CLOEXEC);

@@ -17,8 +17,8 @@
  *
  * Bounded: a connection costs two buffers and GnuTLS's session; a handshake has a deadline; of too
  * many handshakes the oldest ends, so that clients which dawdle keep nobody out; beyond
- * connections_max, for one host beyond accepted_from(), and without descriptors the newest is
- * closed at once.
+ * connections_max, for one host beyond accepted_from() or handshakes_per_s, and without descriptors
+ * the newest is closed at once.
  * Back-pressure goes through: a side is read only while the other takes it. An end of either side
  * is passed on after the bytes before it; the time limits of an open connection are those of
  * whoever has the other end, and once that end is closed, linger_ms.
@@ -41,6 +41,8 @@ struct srv_tls_options {
     double handshake_ms;       /* longest */
     double linger_ms;          /* longest for a client to read the rest, once give()'s end closed */
     unsigned handshakes_max;   /* at a time */
+    double handshakes_per_s;   /* from one host (host_rate.h); 0 = any number */
+    bool spares_loopback;      /* from this machine's own: any number, too */
     unsigned connections_max;  /* at a time, handshakes and those that linger too */
     struct srv_metrics *metrics; /* not owned; NULL = what is refused is not counted */
     void *user;

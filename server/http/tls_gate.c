@@ -161,12 +161,25 @@ static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const cha
 
 /* Accepting. */
 
+static bool is_in_time(struct srv_tls *tls, const struct sockaddr_storage *host, const char *peer,
+                       double now_ms) {
+    if ((tls->options.spares_loopback && srv_address_is_loopback((const struct sockaddr *)host)) ||
+        srv_host_rate_take(&tls->rate, host, now_ms))
+        return true;
+    srv_refused(tls->options.metrics, SRV_REFUSED_HANDSHAKE,
+                "TLS connection of %s refused: its address began more than %.0f a second "
+                "(--handshake-rate)",
+                peer, tls->options.handshakes_per_s);
+    return false;
+}
+
 static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *address,
                  socklen_t size, double now_ms) {
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
     srv_address_to_text((const struct sockaddr *)address, peer);
-    bool has = has_room(tls, (const struct sockaddr *)address, peer);
+    bool has = has_room(tls, (const struct sockaddr *)address, peer) &&
+               is_in_time(tls, address, peer, now_ms);
     struct srv_tls_connection *c = has ? calloc(1, sizeof *c) : NULL;
     if (!c) {
         if (has)

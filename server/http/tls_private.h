@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "http/address.h"
+#include "http/host_rate.h"
 #include "http/tls.h"
 
 enum {
@@ -72,7 +73,8 @@ struct srv_tls {
     bool is_closed;                      /* give() is not called any more; guarded by mutex */
     /* The gate's. */
     struct srv_tls_connection *list; /* all there are, newest first */
-    int spare;                       /* a descriptor to refuse with when there are no others */
+    struct srv_host_rate rate;
+    int spare; /* a descriptor to refuse with when there are no others */
     bool is_listening;
     /* The carrier's. */
     struct srv_tls_connection *carried;

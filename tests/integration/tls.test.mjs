@@ -329,6 +329,19 @@ test('who says nothing, in TLS or before it, takes no more places than its addre
   assert.equal(await small.stop(), 0);
 });
 
+test('of one address so many handshakes a second and no more; others are served', async () => {
+  const slow = await Daemon.start([...secure, '--handshake-rate', '1', '--connections', '100']);
+  const get = (localAddress) => ask('/healthz', { of: slow, localAddress });
+  const all = await Promise.allSettled(Array.from({ length: 60 }, () => get('127.0.0.1')));
+  const served = all.filter((one) => one.value?.status === 200).length;
+  assert.ok(served >= 16 && served < 60, `${served} of 60`);
+  await slow.untilLogged('its address began more than 1 a second (--handshake-rate)');
+  assert.equal((await get('127.0.0.2')).status, 200);
+  assert.match(String((await ask('/metrics', { of: slow, localAddress: '127.0.0.3' })).body),
+    /^splatd_connections_refused_total\{reason="handshakes"\} [1-9]/m);
+  assert.equal(await slow.stop(), 0);
+});
+
 test('SIGHUP: new connections get the new certificate, old ones go on; a bad one changes nothing', async () => {
   const of = await session();
   const stream = await Stream.open(daemon.streamUrl(of), { session: of, ca });

@@ -14,6 +14,7 @@
 #include "http/gzip.h"
 #include "http/handshake.h"
 #include "http/headers.h"
+#include "http/host_rate.h"
 #include "http/http.h"
 #include "http/origins.h"
 #include "http/reply.h"
@@ -292,6 +293,40 @@ static void connections_from_one_host(void **state) {
     }
 }
 
+static unsigned taken(struct srv_host_rate *rate, const char *host, unsigned tries, double now_ms) {
+    struct srv_address address;
+    unsigned count = 0;
+    assert_true(srv_address_parse(host, &address, NULL));
+    for (unsigned i = 0; i < tries; i++)
+        count += srv_host_rate_take(rate, &address.storage, now_ms);
+    return count;
+}
+
+static void how_often_a_host_may(void **state) {
+    (void)state;
+    struct srv_host_rate rate = { .per_second = 10 }, any = { .per_second = 0 };
+    assert_int_equal(taken(&any, "10.0.0.1:1", 100000, 0), 100000);
+    /* Sixteen seconds' worth at once, then by the second, whatever the port. */
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1000, 5000), 160);
+    assert_int_equal(taken(&rate, "10.0.0.1:2", 1000, 5050), 0);
+    assert_int_equal(taken(&rate, "10.0.0.1:3", 1000, 6000), 10);
+    for (unsigned i = 1; i <= 20; i++)
+        assert_int_equal(taken(&rate, "10.0.0.1:1", 7, 6000 + i * 1000), 7);
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1000, 1e6), 160);
+    /* Others have their own. */
+    assert_int_equal(taken(&rate, "10.0.0.2:1", 1000, 1e6), 160);
+    assert_int_equal(taken(&rate, "[2001:db8::1]:1", 90, 1e6), 90);
+    assert_int_equal(taken(&rate, "[2001:db8::ffff]:1", 90, 1e6), 70); /* one host may be both */
+    /* More hosts than are remembered do not make who owes most forgotten. */
+    for (unsigned i = 0; i < 2 * SRV_RATE_HOSTS; i++) {
+        char host[32];
+        snprintf(host, sizeof host, "10.1.%u.%u:1", i / 256, i % 256);
+        assert_int_equal(taken(&rate, host, 1, 1e6), 1);
+    }
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1, 1e6), 0);
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1, 1e6 + 101), 1);
+}
+
 static void values(void **state) {
     (void)state;
     static const char *const none[] = {
@@ -469,6 +504,7 @@ int main(void) {
         cmocka_unit_test(targets),
         cmocka_unit_test(framing),
         cmocka_unit_test(connections_from_one_host),
+        cmocka_unit_test(how_often_a_host_may),
         cmocka_unit_test(headers_have_a_number),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
