@@ -119,8 +119,9 @@ static struct fixture {
 /* A path that fails while somebody deletes it: each of the two comes as far as it can while the
  * other is about to change the record. */
 
+enum order { NONE, FAILS_FIRST, IS_DELETED_FIRST };
 static struct {
-    enum { NONE, FAILS_FIRST, IS_DELETED_FIRST } order;
+    _Atomic(enum order) order;
     atomic_bool has_no_volume, is_failing, is_at_records, is_deleted;
 } race;
 static _Thread_local bool deletes;
