@@ -19,12 +19,15 @@ struct srv_archive {
     struct archive *tar;
     int fd; /* of the frame at hand; −1 = none */
     bool is_closed;
+    bool is_given_up;  /* what is still written goes nowhere */
     size_t start, end; /* of what is written and not read yet */
     char bytes[ROOM];
 };
 
 static la_ssize_t on_write(struct archive *tar, void *user, const void *bytes, size_t size) {
     struct srv_archive *a = user;
+    if (a->is_given_up)
+        return (la_ssize_t)size;
     if (size > ROOM - a->end) {
         archive_set_error(tar, ARCHIVE_FATAL, "a block does not fit");
         return ARCHIVE_FATAL;
@@ -60,10 +63,8 @@ void srv_archive_destroy(struct srv_archive **archive) {
     *archive = NULL;
     if (!a)
         return;
-    if (a->tar) {
-        archive_write_fail(a->tar); /* nothing more is written */
-        archive_write_free(a->tar);
-    }
+    a->is_given_up = true;
+    archive_write_free(a->tar); /* closes it; after archive_write_fail() it would leak */
     if (a->fd >= 0)
         close(a->fd);
     free(a);

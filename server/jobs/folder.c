@@ -142,14 +142,14 @@ bool srv_folder_take(const struct srv_folder *folder, const char *id, const char
     srv_folder_path(folder, id, name, to);
     srv_folder_path(folder, id, "", job);
     int fd = open(from, O_RDONLY | O_CLOEXEC);
-    bool ok = fd >= 0 && fsync(fd) == 0;
-    ok = ok && rename(from, to) == 0 && sync_folder(job);
+    bool is_renamed = fd >= 0 && fsync(fd) == 0 && rename(from, to) == 0;
+    bool ok = is_renamed && sync_folder(job);
     if (!ok)
         fail(to, "write", err);
     if (fd >= 0)
         close(fd);
     if (!ok)
-        unlink(from);
+        unlink(is_renamed ? to : from);
     return ok;
 }
 
@@ -158,10 +158,13 @@ bool srv_folder_write(const struct srv_folder *folder, const char *id, const cha
                       struct sp_error *err) {
     char path[SRV_FILE_BYTES], part[32];
     srv_folder_path(folder, id, "", path);
-    if (mkdir(path, 0700) == 0)
-        sync_folder(folder->root);
-    else if (errno != EEXIST)
-        return fail(path, "make this folder", err);
+    bool is_new = mkdir(path, 0700) == 0;
+    if (is_new ? !sync_folder(folder->root) : errno != EEXIST) {
+        fail(path, "make this folder", err);
+        if (is_new)
+            rmdir(path);
+        return false;
+    }
     snprintf(part, sizeof part, "%.24s.part", name);
     srv_folder_path(folder, id, part, path);
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
