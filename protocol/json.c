@@ -148,7 +148,8 @@ bool proto_json_only(const proto_json *object, const char *const *known, struct 
         for (const char *const *k = known; *k; k++)
             snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", list[0] ? ", " : "",
                      *k);
-        return sp_fail(err, SP_ERR_INVALID, pointer.text, "unknown member; known: %s", list);
+        return sp_fail(err, SP_ERR_INVALID, pointer.text, "unknown member%s%s",
+                       list[0] ? "; known: " : "", list);
     }
     return true;
 }

@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "protocol/rpc.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "protocol/limits.h"
+
+/* Beyond it a number need not come back as it was written. */
+#define ID_MAX 9007199254740992.0
 
 static bool refuse(enum proto_rpc_code value, enum proto_rpc_code *code, struct sp_error *err,
                    const char *place, const char *text) {
@@ -15,7 +19,9 @@ static bool decode_id(struct proto_rpc_message *message, const proto_json *id) {
     enum proto_json_type type = proto_json_type(id);
     if (type != PROTO_JSON_NUMBER && type != PROTO_JSON_STRING)
         return type == PROTO_JSON_NONE;
-    if (type == PROTO_JSON_STRING && strlen(proto_json_string(id)) > PROTO_RPC_ID_MAX)
+    double number = 0;
+    if (type == PROTO_JSON_STRING ? strlen(proto_json_string(id)) > PROTO_RPC_ID_MAX
+                                  : !proto_json_number(id, &number) || fabs(number) > ID_MAX)
         return false;
     message->id = (proto_json *)id; /* const only because the document was read, which we own */
     return true;
@@ -41,7 +47,7 @@ bool proto_rpc_decode(const char *bytes, size_t size, struct proto_rpc_message *
     message->has_id = id != NULL;
     if (!decode_id(message, id))
         return refuse(PROTO_RPC_REQUEST, code, err, "/id",
-                      "an id is a number or a string of at most 256 bytes");
+                      "an id is a number within 2^53 or a string of at most 256 bytes");
     const char *version = proto_json_string(proto_json_get(document, "jsonrpc"));
     if (!version || strcmp(version, "2.0") != 0)
         return refuse(PROTO_RPC_REQUEST, code, err, "/jsonrpc", "\"jsonrpc\" must be \"2.0\"");

@@ -352,7 +352,7 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
     if (srv_log_level_from(fresh->log_level, &level))
         sp_log_set_level(level);
     bool is_whole = srv_http_reload(atomic_load(&d->http), &err);
-    srv_hub_renew_quotas(d->hub);
+    srv_hub_renew_tokens(d->hub);
     srv_jobs_wake(atomic_load(&d->jobs)); /* which may have room */
     if (is_whole)
         sp_log(SP_LOG_INFO, "reloaded");

@@ -128,6 +128,7 @@ static proto_json *encode_item(void *user, const void *item) {
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "id", note->id);
     ok = proto_json_set_string(json, "volume", note->volume) && ok;
+    ok = (!note->owner[0] || proto_json_set_string(json, "owner", note->owner)) && ok;
     ok = proto_json_set_integer(json, "participants", note->participants) && ok;
     ok = proto_json_set_bool(json, "asleep", note->is_asleep) && ok;
     ok = proto_json_set_number(json, "idle", note->idle_ms / 1000) && ok;
@@ -145,28 +146,47 @@ void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     srv_listing_reply(&page, "sessions", encode_item, NULL, reply);
 }
 
-/* The daemon's token, or one of the session's own; false: the reply is the problem. */
-static bool may(struct srv_request *request, enum srv_role wanted, struct srv_reply *reply) {
+/* Did the token of this request make the session? An admin's counts as if it made all. */
+static bool is_owner(const struct srv_request *request) {
+    struct srv_owner owner;
+    if (request->grant.rights & SRV_RIGHT_ADMIN)
+        return true;
+    srv_hub_session_owner(request->app->hub, request->param, &owner);
+    return request->grant.rights & SRV_RIGHT_CONTROL && owner.name[0] &&
+           strcmp(owner.name, request->grant.name) == 0;
+}
+
+/* What a token is in the session: one of the session's what it says, the daemon's control in those
+ * that it made and else a watcher. False: nothing, and the reply is the problem. */
+static bool find_role(struct srv_request *request, enum srv_role *role, struct srv_reply *reply) {
     struct sp_error err;
-    enum srv_role role;
     const char *token = srv_request_token(request);
     unsigned rights = request->grant.rights;
-    bool has_right = rights & (wanted == SRV_ROLE_CONTROL ? SRV_RIGHT_CONTROL : SRV_RIGHT_VIEW);
-    if (srv_hub_authorize(request->app->hub, request->param, token, &role, &err)) {
-        if (role >= wanted)
-            return true;
-        srv_reply_problem(reply, 403, NULL, "this token may watch, not change");
-    } else if (rights && !has_right) {
-        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
-    } else if (rights && err.code == SP_ERR_DENIED) {
+    if (srv_hub_authorize(request->app->hub, request->param, token, role, &err))
         return true;
-    } else if (!rights) {
-        /* Who has no valid token does not learn which sessions exist. */
+    if (!rights) /* who has no valid token does not learn which sessions exist */
         reply_unauthorized(reply, "give the daemon's token, or one of a session that is there");
-    } else {
+    else if (!(rights & SRV_RIGHT_VIEW))
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
+    else if (err.code != SP_ERR_DENIED)
         srv_reply_error(reply, &err);
+    else {
+        *role = is_owner(request) ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
+        return true;
     }
     return false;
+}
+
+static bool may(struct srv_request *request, enum srv_role wanted, struct srv_reply *reply) {
+    enum srv_role role;
+    if (!find_role(request, &role, reply))
+        return false;
+    if (role < wanted)
+        srv_reply_problem(reply, 403, NULL, "%s",
+                          request->grant.rights & SRV_RIGHT_CONTROL
+                              ? "another token made this session; give its control token"
+                              : "this token may watch, not change");
+    return role >= wanted;
 }
 
 bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
@@ -189,9 +209,8 @@ bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    proto_json *json =
-        srv_hub_session_get(request->app->hub, request->param,
-                            (request->grant.rights & SRV_RIGHT_CONTROL) != 0, srv_clock_ms(), &err);
+    proto_json *json = srv_hub_session_get(request->app->hub, request->param, is_owner(request),
+                                           srv_clock_ms(), &err);
     if (json)
         srv_reply_json(reply, 200, json);
     else
@@ -221,6 +240,8 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
+    if (!may(request, SRV_ROLE_CONTROL, reply))
+        return;
     if (srv_hub_session_delete(request->app->hub, request->param, &err)) {
         reply->status = 204;
         srv_request_keep(request);
@@ -289,11 +310,8 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
 void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     enum srv_role role;
-    if (!check_handshake(request, reply))
+    if (!check_handshake(request, reply) || !find_role(request, &role, reply))
         return;
-    if (!srv_hub_authorize(request->app->hub, request->param, srv_request_token(request), &role,
-                           &err))
-        role = request->grant.rights & SRV_RIGHT_CONTROL ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
     if (!srv_hub_has_room(request->app->hub, request->param, srv_clock_ms(), &err)) {
         srv_reply_error(reply, &err);
         return;
@@ -313,6 +331,7 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     }
     upgrade->streams = request->app->streams;
     upgrade->start.role = role;
+    snprintf(upgrade->start.token, sizeof upgrade->start.token, "%s", request->grant.name);
     upgrade->start.peer = *srv_guard_address(request->guarded);
     snprintf(upgrade->start.session, sizeof upgrade->start.session, "%.16s", request->param);
     MHD_add_response_header(response, "Upgrade", "websocket");

@@ -158,6 +158,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
                                       .metrics = s->options.metrics,
                                       .session = stream->start.session,
                                       .role = stream->start.role,
+                                      .token = stream->start.token,
                                       .user = stream,
                                       .peer = peer,
                                       .message_bytes = s->options.message_bytes,

@@ -29,8 +29,9 @@ void srv_streams_destroy(struct srv_streams **streams);
 struct srv_stream_start {
     char session[SRV_SESSION_ID_BYTES];
     enum srv_role role;
-    int socket;        /* non-blocking */
-    const void *extra; /* bytes that the client sent already; copied */
+    char token[SRV_TOKEN_NAME_BYTES]; /* of srv_hub_join() */
+    int socket;                       /* non-blocking */
+    const void *extra;                /* bytes that the client sent already; copied */
     size_t extra_size;
     struct sockaddr_storage peer;
     void *owner; /* released by close() when the stream thread is done with the socket */

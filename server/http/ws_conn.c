@@ -196,8 +196,8 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
     wslay_event_config_set_max_recv_msg_length(ws->context, options->message_bytes);
     ws->heard_ms = ws->pinged_ms = ws->progress_ms = ws->now_ms = now_ms;
     refill(ws);
-    ws->participant =
-        srv_hub_join(options->hub, options->session, options->role, options->user, now_ms, err);
+    ws->participant = srv_hub_join(options->hub, options->session, options->role, options->token,
+                                   options->user, now_ms, err);
     if (ws->participant)
         srv_metrics_add(options->metrics, SRV_COUNT_JOINED, 1);
     else

@@ -35,8 +35,9 @@ struct srv_ws_options {
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     const char *session;
     enum srv_role role;
-    void *user;       /* what srv_hub_take_ready() returns for it */
-    const char *peer; /* for the log; copied */
+    const char *token; /* of srv_hub_join(); copied */
+    void *user;        /* what srv_hub_take_ready() returns for it */
+    const char *peer;  /* for the log; copied */
     size_t message_bytes;
     double ping_ms, stall_ms;
     struct srv_ws_transport transport;

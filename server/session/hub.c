@@ -237,17 +237,37 @@ static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                    owner->name, awake + asleep, asleep, most);
 }
 
-void srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner) {
-    if (hub->options.quota && owner->name[0])
-        hub->options.quota(hub->options.user, owner->name, &owner->quota);
+bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner) {
+    return !hub->options.quota || !owner->name[0] ||
+           hub->options.quota(hub->options.user, owner->name, &owner->quota);
 }
 
-void srv_hub_renew_quotas(struct srv_hub *hub) {
+static void tell_to_leave(struct srv_hub *hub, struct srv_participant *p, uint16_t code,
+                          const char *reason) {
+    p->close_code = code;
+    p->close_reason = reason;
+    srv_hub_note(hub, p, SRV_NOTE_CLOSE);
+}
+
+static bool has_token(const struct srv_hub *hub, const struct srv_participant *p) {
+    struct srv_quota unused;
+    return !hub->options.quota || !p->token[0] ||
+           hub->options.quota(hub->options.user, p->token, &unused);
+}
+
+void srv_hub_renew_tokens(struct srv_hub *hub) {
     pthread_mutex_lock(&hub->mutex);
     for (struct srv_session *s = hub->sessions; s; s = s->next) {
-        srv_hub_renew_quota(hub, &s->owner);
-        for (struct srv_participant *p = s->participants; p; p = p->next)
+        bool had_token = s->has_token;
+        s->has_token = srv_hub_renew_quota(hub, &s->owner);
+        for (struct srv_participant *p = s->participants; p; p = p->next) {
             p->max_fps = srv_owner_fps(&s->owner, p->wanted_fps);
+            if (!has_token(hub, p))
+                tell_to_leave(hub, p, 1008, "the token is not valid any more");
+            else if (had_token && !s->has_token)
+                tell_to_leave(hub, p, 1008,
+                              "the token that made the session is not valid any more");
+        }
     }
     pthread_mutex_unlock(&hub->mutex);
 }
@@ -264,16 +284,17 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
     if (hub->draining)
         return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
     const char *whom = is_guest ? " guests" : "";
-    if (hub->session_count >= awake_max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are open and --sessions allows%s %u; try again later",
-                       hub->session_count, whom, awake_max);
     if (hub->options.recall && hub->sleeper_count >= asleep_max)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "%u sessions sleep and --sleeping-sessions allows%s %u; delete some",
                        hub->sleeper_count, whom, asleep_max);
     if (!has_quota(hub, &session->owner, err))
         return false;
+    if (is_guest ? hub->session_count >= awake_max : !srv_hub_make_room(hub))
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions are open and --sessions allows%s %u; try again later",
+                       hub->session_count, whom, awake_max);
+    session->has_token = true;
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub);
     return true;
@@ -289,8 +310,12 @@ void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner
     *owner = (struct srv_owner){ .name = "" };
     pthread_mutex_lock(&hub->mutex);
     const struct srv_session *session = srv_hub_find_awake(hub, id);
-    if (session)
+    if (session) {
         *owner = session->owner;
+    } else {
+        snprintf(owner->name, sizeof owner->name, "%s", srv_hub_sleeping_owner(hub, id));
+        srv_hub_renew_quota(hub, owner);
+    }
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -366,9 +391,7 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
         struct srv_participant *p = session->participants;
         session->participants = p->next;
         p->session = NULL;
-        p->close_code = 1000;
-        p->close_reason = "the session was deleted";
-        srv_hub_note(hub, p, SRV_NOTE_CLOSE);
+        tell_to_leave(hub, p, 1000, "the session was deleted");
     }
     session_free(hub, session);
 }
@@ -410,22 +433,45 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
     return ok;
 }
 
+static bool is_saved(const struct srv_session *session) {
+    return session->saved_version == session->version;
+}
+
+static void fall_asleep(struct srv_hub *hub, struct srv_session *session, const char *why) {
+    if (!srv_hub_add_sleeper(hub, session))
+        return;
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s sleeps: %s",
+                session->id, why);
+    session_unlink(hub, session);
+    session_free(hub, session);
+}
+
+bool srv_hub_make_room(struct srv_hub *hub) {
+    struct srv_session *idle = NULL;
+    if (hub->session_count < hub->options.sessions_max)
+        return true;
+    for (struct srv_session *s = hub->options.recall ? hub->sessions : NULL; s; s = s->next)
+        if (!s->participants && is_saved(s) &&
+            (!idle || srv_hub_used_ms(s) < srv_hub_used_ms(idle)))
+            idle = s;
+    if (idle)
+        fall_asleep(hub, idle, "others need room (--sessions)");
+    return hub->session_count < hub->options.sessions_max;
+}
+
 /* It is no longer used: it ends, or falls asleep as soon as that is possible. */
 static void retire(struct srv_hub *hub, struct srv_session *session) {
-    double idle_s = hub->options.session_idle_ms / 1000;
+    char why[64];
+    snprintf(why, sizeof why, "nobody joined for %.0f s (--session-time)",
+             hub->options.session_idle_ms / 1000);
     if (!hub->options.recall) {
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }),
-                    "session %s ended: nobody joined for %.0f s (--session-time)", session->id,
-                    idle_s);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s ended: %s",
+                    session->id, why);
         session_remove(hub, session);
-    } else if (session->saved_version != session->version) {
+    } else if (is_saved(session)) {
+        fall_asleep(hub, session, why);
+    } else {
         srv_hub_unsaved(hub);
-    } else if (srv_hub_add_sleeper(hub, session)) {
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }),
-                    "session %s sleeps: nobody joined for %.0f s (--session-time)", session->id,
-                    idle_s);
-        session_unlink(hub, session);
-        session_free(hub, session);
     }
 }
 
@@ -460,6 +506,7 @@ void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct 
         note->idle_ms = s->participants ? 0 : now_ms - srv_hub_used_ms(s);
         memcpy(note->id, s->id, sizeof note->id);
         memcpy(note->volume, s->view.volume, sizeof note->volume);
+        memcpy(note->owner, s->owner.name, sizeof note->owner);
     }
     srv_hub_list_sleepers(hub, owner, now_ms, page);
     pthread_mutex_unlock(&hub->mutex);

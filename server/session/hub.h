@@ -103,19 +103,23 @@ void srv_hub_destroy(struct srv_hub **hub);
 bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const proto_json *patch,
                           struct sp_view *view, void **volume, struct sp_error *err);
 
-/* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions. */
+/* {"id", "tokens": {"control", "view"}, "view"}. SP_ERR_BUDGET over the limit of sessions: of those
+ * that are awake, nobody takes part in and are saved the one that was used longest ago falls asleep
+ * first, to make room. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
 /* The same of an owner: SP_ERR_BUDGET at SRV_PLACE_QUOTA over its own limit, for which sessions
  * that sleep count, too. A guest, who has but a join token, is refused sooner: a quarter of all
- * sessions is for those who have a token of the daemon. */
+ * sessions is for those who have a token of the daemon; and for it nothing falls asleep. */
 proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
                                          const struct srv_owner *owner, bool is_guest,
                                          double now_ms, char id[SRV_SESSION_ID_BYTES],
                                          struct sp_error *err);
-/* The tokens have changed: what sessions that are awake were allowed is asked again. */
-void srv_hub_renew_quotas(struct srv_hub *hub);
-/* Whose session it is, for its forks; nobody's if there is none awake. */
+/* The tokens have changed: what sessions that are awake were allowed is asked again. Of a name that
+ * has none any more those who take part by its token, or in a session that it made, are told to
+ * leave (1008). */
+void srv_hub_renew_tokens(struct srv_hub *hub);
+/* Whose session it is, awake or asleep; nobody's if there is none. */
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
 /* {"id", "view", "participants"}; `with_tokens` adds "tokens". Like all that asks for a session by
  * its id, besides deletion, authorization and the list, it wakes one that sleeps: SP_ERR_TIMEOUT
@@ -136,6 +140,7 @@ bool srv_hub_has_room(struct srv_hub *hub, const char *id, double now_ms, struct
 struct srv_session_note {
     char id[SRV_SESSION_ID_BYTES]; /* first: struct srv_page */
     char volume[SP_NAME_BYTES];
+    char owner[SRV_TOKEN_NAME_BYTES]; /* "" = nobody's */
     bool is_asleep;
     unsigned participants;
     double idle_ms; /* since it was used last: 0 with participants */
@@ -177,9 +182,11 @@ void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers);
 
 /* Participants (stream thread). */
 
-/* SP_ERR_NOT_FOUND, SP_ERR_BUDGET (participants). `user` comes back from srv_hub_take_ready(). */
+/* SP_ERR_NOT_FOUND, SP_ERR_BUDGET (participants). `token`: the name of the daemon's token that it
+ * came by; "" = one of the session's. `user` comes back from srv_hub_take_ready(). */
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
-                                     void *user, double now_ms, struct sp_error *err);
+                                     const char *token, void *user, double now_ms,
+                                     struct sp_error *err);
 void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, double now_ms);
 
 /* Handles one text message. *answer is malloc'ed, or NULL if there is none. False: out of memory,

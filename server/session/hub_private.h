@@ -45,12 +45,13 @@ struct srv_participant {
     void *user;  /* constant */
     uint64_t id; /* constant */
     enum srv_role role;
-    char name[SRV_PERSON_BYTES]; /* UTF-8; never empty */
-    unsigned color;              /* of the palette */
-    uint64_t asked;              /* for control, in the order of requests; 0 = does not */
-    double asked_ms;             /* since when the holder has not answered */
-    double picked_ms;            /* the share of picks is used up to here */
-    bool is_ready;               /* in the hub's ready list */
+    char token[SRV_TOKEN_NAME_BYTES]; /* constant: of srv_hub_join() */
+    char name[SRV_PERSON_BYTES];      /* UTF-8; never empty */
+    unsigned color;                   /* of the palette */
+    uint64_t asked;                   /* for control, in the order of requests; 0 = does not */
+    double asked_ms;                  /* since when the holder has not answered */
+    double picked_ms;                 /* the share of picks is used up to here */
+    bool is_ready;                    /* in the hub's ready list */
     unsigned notes;
     uint64_t volume_told;  /* hub->volume_clock up to which progress was told */
     uint64_t volume_start; /* hub->volume_clock when it joined */
@@ -96,6 +97,7 @@ struct srv_session {
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
     struct srv_owner owner;               /* its name is constant */
+    bool has_token;                       /* the owner has one, when that was asked last */
     struct sp_view view;
     void *volume;
     uint64_t version;       /* of the view, from 1 */
@@ -178,13 +180,17 @@ void srv_hub_note_time(struct srv_hub *hub, double now_ms);
 
 /* A session of which all is saved; false when out of memory. The session itself stays. */
 bool srv_hub_add_sleeper(struct srv_hub *hub, const struct srv_session *session);
+/* "" if there is none, or it is nobody's. */
+const char *srv_hub_sleeping_owner(struct srv_hub *hub, const char *id);
 /* NULL: there is none. Lives as long as it sleeps. */
 const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv_role role);
 /* NULL: there is none, or it cannot wake yet. */
 struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
                                  struct sp_error *err);
-/* What the owner's token allows today. */
-void srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
+/* What the owner's token allows today; false: it has none any more. */
+bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
+/* Is there room for one more awake? If need be one that nobody uses falls asleep. */
+bool srv_hub_make_room(struct srv_hub *hub);
 bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
 /* Ends those that have slept for too long; ms until the next one does, INFINITY = never. */
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms);

@@ -222,7 +222,7 @@ static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_
     char *text = hub->options.recall(hub->options.user, session->id, &size, err);
     proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
     srv_owner_decode(proto_json_get(record, "owner"), &session->owner);
-    srv_hub_renew_quota(hub, &session->owner); /* its number of sessions stays what it is */
+    session->has_token = srv_hub_renew_quota(hub, &session->owner); /* nothing new is made */
     bool ok = record && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL,
                                              &session->view, &session->volume, &why);
     if (record && !ok && why.code == SP_ERR_MEMORY)
@@ -244,13 +244,6 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
         sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
         return NULL;
     }
-    if (hub->session_count >= hub->options.sessions_max) {
-        sp_fail(err, SP_ERR_BUDGET, NULL,
-                "the session sleeps, and %u others are open while --sessions allows %u; try again "
-                "later",
-                hub->session_count, hub->options.sessions_max);
-        return NULL;
-    }
     struct srv_session *session = calloc(1, sizeof *session);
     if (!session) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
@@ -262,6 +255,16 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
         free(session);
         return NULL;
     }
+    if (!srv_hub_make_room(hub)) {
+        sp_fail(err, SP_ERR_BUDGET, NULL,
+                "the session sleeps, and %u others are in use while --sessions allows %u; try "
+                "again later",
+                hub->session_count, hub->options.sessions_max);
+        hub->options.volumes.release(hub->options.volumes.user, session->volume);
+        free(session);
+        return NULL;
+    }
+    link = find(hub, id); /* another one may lie before it */
     session->saved_used_ms = (*link)->used_ms;
     unlink_sleeper(hub, link);
     srv_hub_link_session(hub, session, now_ms);
@@ -270,6 +273,11 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s is awake",
                 session->id);
     return session;
+}
+
+const char *srv_hub_sleeping_owner(struct srv_hub *hub, const char *id) {
+    const struct srv_sleeper *sleeper = *find(hub, id);
+    return sleeper ? sleeper->owner : "";
 }
 
 const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv_role role) {
@@ -326,6 +334,7 @@ void srv_hub_list_sleepers(struct srv_hub *hub, const char *owner, double now_ms
             *note = (struct srv_session_note){ .is_asleep = true, .idle_ms = now_ms - s->used_ms };
             strcpy(note->id, s->id);
             strcpy(note->volume, s->volume);
+            strcpy(note->owner, s->owner);
         }
 }
 

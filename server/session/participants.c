@@ -46,7 +46,8 @@ bool srv_hub_has_room(struct srv_hub *hub, const char *id, double now_ms, struct
 }
 
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
-                                     void *user, double now_ms, struct sp_error *err) {
+                                     const char *token, void *user, double now_ms,
+                                     struct sp_error *err) {
     struct srv_participant *p = calloc(1, sizeof *p);
     if (!p) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a participant");
@@ -54,6 +55,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     }
     p->user = user;
     p->role = role;
+    snprintf(p->token, sizeof p->token, "%s", token);
     p->format = SP_IMAGE_JPEG;
     p->video = SP_VIDEO_CODEC_COUNT;
     p->quality = QUALITY_DEFAULT;

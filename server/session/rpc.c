@@ -17,19 +17,8 @@ bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char
 }
 
 bool srv_call_knows(struct srv_call *call, const char *const *known) {
-    void *at = NULL;
-    const char *key;
-    const proto_json *value;
-    while (proto_json_next(call->params, &at, &key, &value)) {
-        bool found = false;
-        for (const char *const *k = known; *k && !found; k++)
-            found = strcmp(*k, key) == 0;
-        if (!found) {
-            call->code = PROTO_RPC_PARAMS;
-            return sp_fail(&call->err, SP_ERR_INVALID, "/params", "unknown member '%.64s'", key);
-        }
-    }
-    return true;
+    call->code = PROTO_RPC_PARAMS;
+    return proto_json_only(call->params, known, &call->err);
 }
 
 static bool view_update(struct srv_call *call) {
@@ -125,18 +114,31 @@ static bool read_size(struct srv_call *call, struct stream_settings *s) {
            srv_owner_allows_size(&call->participant->session->owner, size, &call->err);
 }
 
+/* Has this UTF-8 text no character that controls, or that changes what stands beside it: no C0 nor
+ * C1 control, line or paragraph separator, or Bidi_Control (Unicode, PropList)? */
+static bool is_plain(const char *text) {
+    for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
+        if (*c < 0x20 || *c == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
+            (c[0] == 0xd8 && c[1] == 0x9c)) /* U+061C */
+            return false;
+        unsigned last = c[0] == 0xe2 && (c[1] == 0x80 || c[1] == 0x81) ? c[1] * 256u + c[2] : 0;
+        if (last == 0x808e || last == 0x808f || (last >= 0x80a8 && last <= 0x80ae) ||
+            (last >= 0x81a6 && last <= 0x81a9)) /* U+200E, F, 2028 to E, 2066 to 9 */
+            return false;
+    }
+    return true;
+}
+
 static bool read_name(struct srv_call *call, struct stream_settings *s) {
     const proto_json *value = proto_json_get(call->params, "name");
     if (!value)
         return true;
     s->name = proto_json_string(value);
     size_t length = s->name ? strlen(s->name) : 0;
-    bool is_plain = true;
-    for (size_t i = 0; i < length; i++)
-        is_plain = is_plain && (unsigned char)s->name[i] >= 0x20 && s->name[i] != 0x7f;
-    return (length > 0 && length < SRV_PERSON_BYTES && is_plain) ||
+    return (length > 0 && length < SRV_PERSON_BYTES && is_plain(s->name)) ||
            srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
-                           "must be a text of 1 to 64 bytes without control characters");
+                           "must be a text of 1 to 64 bytes without control characters, also "
+                           "those of a text's direction");
 }
 
 /* Video goes with JPEG: for what is at rest, and when there is no video to be had. */

@@ -136,6 +136,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         abort();
     proto_json_free(&json);
     struct srv_ws_options ws_options = { .hub = hub,
+                                         .token = "",
                                          .session = id,
                                          .role = SRV_ROLE_CONTROL,
                                          .user = &input,

@@ -16,6 +16,7 @@ const LINES = [
   `${of('control')} role=control name=ann sessions=2 fps=12 frame-size=512x512`,
   `${of('render')} role=render name=bob stills=1 views=2`,
   `${of('view')} role=view`,
+  `${of('other')} role=control name=carl`,
   `${of('metrics')} role=metrics name=prometheus`,
 ];
 let daemon;
@@ -35,6 +36,7 @@ const post = (target, body, token, method = 'POST') => daemon.post(target, body,
 
 test('each role may do what it is for, and is told 403 for the rest', async () => {
   const session = await daemon.session();
+  const { json: own } = await post('/api/v1/sessions', {}, of('control'));
   const { json: { id: kept } } = await post('/api/v1/views', {}, of('admin'));
   const ROLES = ['metrics', 'view', 'render', 'control', 'admin'];
   const preset = { view: { filter: { sigma: 1 } } };
@@ -56,7 +58,8 @@ test('each role may do what it is for, and is told 403 for the rest', async () =
     ['render control admin', (t) => post('/api/v1/paths', still, t)],
     ...['', '/events', '/frames/0', '/archive', '/movie'].map(getPath),
     ['render control admin', (t) => daemon.fetch('/api/v1/paths/none', { method: 'DELETE', token: t })],
-    ['control admin', (t) => post(`/api/v1/sessions/${session.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
+    ['admin', (t) => post(`/api/v1/sessions/${session.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
+    ['control admin', (t) => post(`/api/v1/sessions/${own.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
     ['control admin', (t) => post('/api/v1/presets/one', preset, t, 'PUT'), 'put'],
     ['control admin', (t) => post('/api/v1/sessions', { from: kept }, t), 'session'],
     ['admin', (t) => post('/api/v1/volumes', { path: 'none.vti' }, t), 'load'],
@@ -74,19 +77,47 @@ test('each role may do what it is for, and is told 403 for the rest', async () =
     }
     for (const token of ['token-of-nobody-0123456789', null]) assert.equal((await call(token)).status, 401, `${call}`);
   }
+  assert.equal((await daemon.fetch(`/api/v1/sessions/${own.id}`, { method: 'DELETE', token: of('control') })).status, 204);
 });
 
-test('a session\'s tokens are told to control alone; a view token watches', async () => {
+test('a session is changed, controlled and ended by the token that made it, an admin, and its join tokens', async () => {
+  const { json: made } = await post('/api/v1/sessions', {}, of('other'));
+  const at = `/api/v1/sessions/${made.id}`;
+  const change = async (token) => (await post(at, { view: { background: [0, 1, 0, 1] } }, token, 'PATCH')).status;
+  const drop = async (token, target = at) => (await daemon.fetch(target, { method: 'DELETE', token })).status;
+  const owners = async (name) => (await daemon.json('/api/v1/sessions', { token: of(name) })).json.sessions.filter(({ id }) => id === made.id).map(({ owner }) => owner);
+  const roleOf = async (token) => {
+    const stream = await daemon.stream({ session: made, token });
+    const { params } = await stream.note('session.participants');
+    await stream.end();
+    return params.participants.find(({ id }) => id === params.you).role;
+  };
+  const { tokens } = made;
+  assert.deepEqual([await change(of('control')), await change(of('other')), await change(of('admin')), await change(tokens.control), await change(tokens.view)], [403, 200, 200, 200, 403]);
+  assert.deepEqual([await roleOf(of('control')), await roleOf(of('other')), await roleOf(of('admin')), await roleOf(tokens.control), await roleOf(tokens.view)],
+    ['view', 'control', 'control', 'control', 'view']);
+  assert.deepEqual([await owners('control'), await owners('other'), await owners('admin')], [[], ['carl'], ['carl']]);
+  const refused = await post(at, {}, of('control'), 'PATCH');
+  assert.equal(refused.json.detail, 'another token made this session; give its control token');
+  assert.equal((await daemon.json(at, { token: of('control') })).json.tokens, undefined);
+  assert.deepEqual((await daemon.json(at, { token: of('other') })).json.tokens, tokens);
+  const { status, json: fork } = await post('/api/v1/sessions', { from: made.id }, of('control'));
+  assert.equal(status, 201, 'what may be watched may be copied');
+  assert.deepEqual([await drop(of('control'), `/api/v1/sessions/${fork.id}`), await drop(of('control'), '/api/v1/sessions/0123456789abcdef')], [204, 404]);
+  assert.deepEqual([await drop(of('control')), await drop(of('view')), await drop(tokens.control), await drop(of('other')), await drop(of('admin'))], [403, 403, 401, 204, 404]);
+});
+
+test('a session\'s tokens are told to who made it and an admin alone; all others watch', async () => {
   const session = await daemon.session();
   const told = async (role) => (await daemon.json(`/api/v1/sessions/${session.id}`, { token: of(role) })).json.tokens !== undefined;
-  assert.deepEqual([await told('view'), await told('render'), await told('control'), await told('admin')], [false, false, true, true]);
+  assert.deepEqual([await told('view'), await told('render'), await told('control'), await told('admin')], [false, false, false, true]);
   const roleOf = async (role) => {
     const stream = await daemon.stream({ session, token: of(role) });
     const { params } = await stream.note('session.participants');
     await stream.end();
     return params.participants.find(({ id }) => id === params.you).role;
   };
-  assert.deepEqual([await roleOf('view'), await roleOf('render'), await roleOf('control')], ['view', 'view', 'control']);
+  assert.deepEqual([await roleOf('view'), await roleOf('render'), await roleOf('control'), await roleOf('admin')], ['view', 'view', 'view', 'control']);
   await assert.rejects(daemon.stream({ session, token: of('metrics') }), (e) => e.status === 403);
 });
 
@@ -166,17 +197,27 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   const status = async (role) => (await daemon.fetch('/metrics', { token: of(role) })).status;
   fs.writeFileSync(file, `${LINES.join('\n')}\n${of('more')} role=king\n`);
   daemon.kill('SIGHUP');
-  await daemon.untilLogged(/not reloaded, what was there stays.*line 7/);
+  await daemon.untilLogged(/not reloaded, what was there stays.*line 8/);
   assert.deepEqual([await status('metrics'), await status('more')], [200, 401]);
   const { sessions } = (await daemon.json('/api/v1/sessions', { token: of('control') })).json;
   const { json: session } = await daemon.json(`/api/v1/sessions/${sessions[0].id}`);
   const stream = await daemon.stream({ session });
   assert.equal((await stream.call('stream.configure', { max_fps: 60 })).max_fps, 12);
+  const { json: gone } = await post('/api/v1/sessions', {}, of('other'));
+  const [watching, inside, byAdmin] = [
+    await daemon.stream({ session, token: of('other') }), await daemon.stream({ session: gone }), await daemon.stream({ session, token: of('admin') }),
+  ];
   fs.writeFileSync(file, `${of('admin')}\n${of('more')} role=metrics\n${of('fresh')} role=control name=ann fps=40\n`);
   daemon.kill('SIGHUP');
   await daemon.untilLogged(/reloaded(?!,)/);
   assert.deepEqual([await status('metrics'), await status('more'), await status('admin')], [401, 200, 200]);
   assert.equal((await stream.call('stream.configure', {})).max_fps, 40, 'a session of ann has the quota of her token');
+  assert.deepEqual(await watching.until(() => watching.closed, 'the close'), { code: 1008, reason: 'the token is not valid any more' });
+  assert.deepEqual(await inside.until(() => inside.closed, 'the close'), { code: 1008, reason: 'the token that made the session is not valid any more' });
+  assert.ok(await byAdmin.call('view.get', {}), 'it is the same as it was');
+  const again = await daemon.stream({ session: gone });
+  assert.ok(await again.call('view.get', {}), 'a join token holds until the session is deleted');
+  await Promise.all([byAdmin.end(), again.end()]);
   await stream.end();
 });
 

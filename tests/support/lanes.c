@@ -112,7 +112,7 @@ void lanes_session(struct lanes *lanes, char id[SRV_SESSION_ID_BYTES]) {
 
 struct srv_participant *lanes_join(struct lanes *lanes, const char *id, enum srv_role role) {
     struct srv_participant *participant =
-        srv_hub_join(lanes->hub, id, role, lanes, srv_clock_ms(), NULL);
+        srv_hub_join(lanes->hub, id, role, "", lanes, srv_clock_ms(), NULL);
     assert_non_null(participant);
     return participant;
 }

@@ -72,6 +72,58 @@ static void each_holder_has_the_whole_time(void **state) {
     srv_hub_leave(f->hub, &c, 1200);
 }
 
+/* One's own name must not write over those beside it. */
+static void names_have_no_controls(void **state) {
+    struct fixture *f = *state;
+    static const char *const bad[] = { "",
+                                       "a\\nb",
+                                       "a\\u0000b",
+                                       "a\x7f",
+                                       "a\xc2\x85",
+                                       "\xd8\x9c",
+                                       "\xe2\x80\x8f",
+                                       "\xe2\x80\xa8",
+                                       "\xe2\x80\xae",
+                                       "a\xe2\x81\xa6",
+                                       "\xe2\x81\xa9" };
+    static const char *const good[] = { "a",
+                                        "\xd8\x9b",
+                                        "\xd9\x8b\xd8\xa8",
+                                        "\xc2\xa0\xc3\xbc",
+                                        "\xe2\x80\x8d",
+                                        "\xe2\x80\x90",
+                                        "\xe2\x81\xaa",
+                                        "\xe2\x82\xac" };
+    char params[64];
+    struct srv_participant *p = hub_join(f, SRV_ROLE_VIEW, 0);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        snprintf(params, sizeof params, "{\"name\":\"%s\"}", bad[i]);
+        if (call(f, p, "stream.configure", params, 0, "name"))
+            fail_msg("bad name %zu is taken", i);
+    }
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        snprintf(params, sizeof params, "{\"name\":\"%s\"}", good[i]);
+        if (!call(f, p, "stream.configure", params, 0, good[i]))
+            fail_msg("name %zu is refused", i);
+    }
+    srv_hub_leave(f->hub, &p, 0);
+}
+
+static void an_unknown_member_is_named(void **state) {
+    struct fixture *f = *state;
+    static const char text[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.ack\","
+                               "\"params\":{\"frame\":1,\"a/b~\":2}}";
+    char *answer;
+    size_t size;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_VIEW, 0);
+    assert_true(srv_hub_message(f->hub, p, text, sizeof text - 1, 0, &answer, &size));
+    assert_non_null(strstr(answer, "\"code\":-32602"));
+    assert_non_null(strstr(answer, "\"pointer\":\"/a~1b~0\""));
+    assert_non_null(strstr(answer, "unknown member; known: "));
+    free(answer);
+    srv_hub_leave(f->hub, &p, 0);
+}
+
 static void watching_and_waiting_gives_nothing(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
@@ -126,10 +178,9 @@ static void picks_are_counted_out(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
-        TEST(each_holder_has_the_whole_time),
-        TEST(watching_and_waiting_gives_nothing),
-        TEST(an_answer_stops_the_clock),
-        TEST(picks_are_counted_out),
+        TEST(names_have_no_controls),         TEST(an_unknown_member_is_named),
+        TEST(each_holder_has_the_whole_time), TEST(watching_and_waiting_gives_nothing),
+        TEST(an_answer_stops_the_clock),      TEST(picks_are_counted_out),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

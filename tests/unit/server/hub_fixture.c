@@ -103,7 +103,7 @@ int hub_tear_down(void **state) {
 }
 
 struct srv_participant *hub_join(struct fixture *f, enum srv_role role, double now_ms) {
-    struct srv_participant *p = srv_hub_join(f->hub, f->id, role, f, now_ms, NULL);
+    struct srv_participant *p = srv_hub_join(f->hub, f->id, role, "", f, now_ms, NULL);
     assert_non_null(p);
     return p;
 }

@@ -328,7 +328,7 @@ static void one_picture_for_all_who_see_the_same(void **state) {
                                "\"params\":{\"size\":[40,30],\"format\":\"png\"}}";
     char *answer;
     size_t size;
-    assert_null(srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, f, 0, NULL)); /* three are allowed */
+    assert_null(srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", f, 0, NULL)); /* three are allowed */
     assert_true(srv_hub_message(f->hub, c, text, sizeof text - 1, 0, &answer, &size));
     free(answer);
     assert_true(next_job(f, 1, &job));

@@ -33,6 +33,9 @@ static struct fixture {
     unsigned sessions_max;   /* 0 = 2 */
     struct srv_quota *quota; /* of every owner; NULL = there is none of that name */
     double ran_ms;           /* before this start */
+    struct {
+        char id[SRV_SESSION_ID_BYTES], *text;
+    } kept[4]; /* of save_each() */
 } f;
 
 static long left = -1; /* allocations of JSON that still succeed; < 0 = all */
@@ -78,8 +81,27 @@ static bool save(void *user, const char *id, const char *text, size_t size) {
     return true;
 }
 
+/* As save(), of several sessions. */
+static bool save_each(void *user, const char *id, const char *text, size_t size) {
+    (void)user;
+    (void)size;
+    int i = 0;
+    while (i < 4 && f.kept[i].text && strcmp(f.kept[i].id, id) != 0)
+        i++;
+    assert_true(i < 4);
+    free(f.kept[i].text);
+    strcpy(f.kept[i].id, id);
+    f.kept[i].text = strdup(text);
+    return f.kept[i].text != NULL;
+}
+
 static char *recall(void *user, const char *id, size_t *size, struct sp_error *err) {
     (void)user;
+    for (int i = 0; i < 4; i++)
+        if (f.kept[i].text && strcmp(f.kept[i].id, id) == 0) {
+            *size = strlen(f.kept[i].text);
+            return strdup(f.kept[i].text);
+        }
     if (strcmp(id, f.id) != 0) {
         sp_fail(err, SP_ERR_NOT_FOUND, NULL, "not kept");
         return NULL;
@@ -139,6 +161,8 @@ static int tear_down(void **state) {
     (void)state;
     srv_hub_destroy(&f.hub);
     json_set_alloc_funcs(malloc, free);
+    for (int i = 0; i < 4; i++)
+        free(f.kept[i].text);
     return f.volumes.uses; /* every use was given back */
 }
 
@@ -315,7 +339,7 @@ static void so_does_what_was_used_later_than_now(void **state) {
 static void that_it_is_used_is_saved_now_and_then(void **state) {
     (void)state;
     assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
-    struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, NULL, 100, NULL);
+    struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 100, NULL);
     f.changes = 0;
     srv_hub_tick(f.hub, 999);
     assert_int_equal(f.changes, 0);
@@ -338,7 +362,7 @@ static void all_are_listed(void **state) {
     srv_hub_tick(f.hub, 1000);
     proto_json *json = srv_hub_session_create(f.hub, NULL, 2000, other, NULL);
     proto_json_free(&json);
-    struct srv_participant *p = srv_hub_join(f.hub, other, SRV_ROLE_VIEW, NULL, 2500, NULL);
+    struct srv_participant *p = srv_hub_join(f.hub, other, SRV_ROLE_VIEW, "", NULL, 2500, NULL);
     assert_non_null(p);
     srv_hub_list(f.hub, NULL, 3000, &page);
     assert_int_equal(page.count, 2);
@@ -466,15 +490,15 @@ static void quotas_are_those_of_today(void **state) {
         f.volumes.is_loading = false;
         today.fps = 20;
         f.quota = known ? &today : NULL;
-        struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, NULL, 0, &err);
+        struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err);
         if (!p)
             fail_msg("%s", err.text);
         assert_int_equal(granted_fps(p), known ? 20 : 9);
         today.fps = 25;
-        srv_hub_renew_quotas(f.hub);
+        srv_hub_renew_tokens(f.hub);
         assert_int_equal(granted_fps(p), known ? 25 : 9);
         today.fps = 0;
-        srv_hub_renew_quotas(f.hub);
+        srv_hub_renew_tokens(f.hub);
         assert_int_equal(granted_fps(p), known ? 30 : 9);
         srv_hub_leave(f.hub, &p, 0);
     }
@@ -496,6 +520,98 @@ static void guests_leave_a_quarter_to_others(void **state) {
     assert_true(create(&nobody, false, 0, &err));
     assert_false(create(&nobody, false, 0, &err));
     assert_non_null(strstr(err.text, "--sessions allows 8"));
+}
+
+static bool wake(const char *id, double now_ms, struct sp_error *err) {
+    proto_json *json = srv_hub_session_get(f.hub, id, true, now_ms, err);
+    bool is_awake = json != NULL;
+    proto_json_free(&json);
+    return is_awake;
+}
+
+static bool is_asleep(const char *id) {
+    struct srv_session_note notes[8];
+    struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 8, .after = "" };
+    srv_hub_list(f.hub, NULL, 5000, &page);
+    for (unsigned i = 0; i < page.count; i++)
+        if (strcmp(notes[i].id, id) == 0)
+            return notes[i].is_asleep;
+    fail_msg("%s is not listed", id);
+    return false;
+}
+
+/* At --sessions the one that was idle longest sleeps at once, if it is saved and nobody is in it.
+ */
+static void idle_ones_make_room(void **state) {
+    (void)state;
+    const struct srv_owner nobody = { .name = "" };
+    char one[SRV_SESSION_ID_BYTES], two[SRV_SESSION_ID_BYTES], three[SRV_SESSION_ID_BYTES];
+    struct sp_error err;
+    strcpy(one, f.id);
+    assert_true(create(&nobody, false, 10, &err));
+    strcpy(two, f.id);
+    assert_false(create(&nobody, false, 20, &err)); /* what is not saved would be lost */
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_true(srv_hub_save(f.hub, 20, save_each, NULL));
+    assert_false(create(&nobody, true, 30, &err)); /* for guests nobody makes room */
+    assert_int_equal(numbers().asleep, 0);
+    assert_true(create(&nobody, false, 30, &err));
+    strcpy(three, f.id);
+    assert_true(is_asleep(one) && !is_asleep(two) && !is_asleep(three));
+    assert_true(wake(one, 40, &err));
+    assert_true(!is_asleep(one) && is_asleep(two) && !is_asleep(three));
+    assert_true(srv_hub_save(f.hub, 50, save_each, NULL));
+    struct srv_participant *in_one = srv_hub_join(f.hub, one, SRV_ROLE_VIEW, "", NULL, 50, NULL);
+    assert_true(wake(two, 60, &err));
+    assert_true(!is_asleep(one) && !is_asleep(two) && is_asleep(three));
+    struct srv_participant *in_two = srv_hub_join(f.hub, two, SRV_ROLE_VIEW, "", NULL, 60, NULL);
+    assert_true(in_one && in_two);
+    assert_false(wake(three, 70, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_false(create(&nobody, false, 70, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_int_equal(numbers().sessions * 10 + numbers().asleep, 21);
+    srv_hub_leave(f.hub, &in_one, 80);
+    srv_hub_leave(f.hub, &in_two, 90);
+    assert_true(wake(three, 100, &err));
+    assert_true(is_asleep(one) && !is_asleep(two));
+}
+
+/* The code with which a participant is told to leave; 0 = it is not. */
+static unsigned close_code(struct srv_participant *p) {
+    struct srv_message message;
+    enum srv_message_kind kind;
+    while ((kind = srv_hub_next_message(f.hub, p, false, 0, &message)) == SRV_MESSAGE_TEXT)
+        free(message.text);
+    return kind == SRV_MESSAGE_CLOSE ? message.close_code : 0;
+}
+
+static void a_token_that_is_gone_takes_its_streams_with_it(void **state) {
+    (void)state;
+    const struct srv_owner ann = { .name = "ann" };
+    struct srv_quota today = { .sessions = 0 };
+    struct sp_error err;
+    struct srv_participant *p[4];
+    p[0] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err); /* of nobody's session */
+    p[1] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
+    assert_true(create(&ann, false, 0, &err));
+    p[2] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err);
+    p[3] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
+    f.quota = &today;
+    for (int is_gone = 0; is_gone < 2; is_gone++) {
+        srv_hub_renew_tokens(f.hub);
+        for (int i = 0; i < 4; i++)
+            assert_int_equal(close_code(p[i]), is_gone && i > 0 ? 1008 : 0);
+        f.quota = NULL;
+    }
+    /* Who has a join token may come again; only the change tells them to leave. */
+    struct srv_participant *again = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err);
+    assert_non_null(again);
+    srv_hub_renew_tokens(f.hub);
+    assert_int_equal(close_code(again), 0);
+    srv_hub_leave(f.hub, &again, 0);
+    for (int i = 0; i < 4; i++)
+        srv_hub_leave(f.hub, &p[i], 0);
 }
 
 static void what_cannot_be_shown_sleeps_on(void **state) {
@@ -582,6 +698,9 @@ int main(void) {
         cmocka_unit_test_setup_teardown(sleepers_count_for_their_owner, set_up, tear_down),
         cmocka_unit_test_setup_teardown(quotas_are_those_of_today, set_up, tear_down),
         cmocka_unit_test_setup_teardown(guests_leave_a_quarter_to_others, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(idle_ones_make_room, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_token_that_is_gone_takes_its_streams_with_it, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(sleepers_have_a_limit_and_can_be_deleted, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(what_cannot_be_shown_sleeps_on, set_up, tear_down),

@@ -59,7 +59,7 @@ static struct client *join(struct stage *s, unsigned i, const char *id, double p
                            const char *settings) {
     struct client *c = &s->clients[i];
     *c = (struct client){ .period_ms = period_ms, .next_ms = s->now_ms + period_ms + i };
-    c->participant = srv_hub_join(s->f->hub, id, SRV_ROLE_CONTROL, c, s->now_ms, NULL);
+    c->participant = srv_hub_join(s->f->hub, id, SRV_ROLE_CONTROL, "", c, s->now_ms, NULL);
     assert_non_null(c->participant);
     tell(s, c, "stream.configure", settings);
     return c;

@@ -96,6 +96,7 @@ static int set_up(void **state) {
     s->wire = (struct wire){ .in = malloc(ROOM), .out = malloc(ROOM) };
     struct fixture *f = s->fixture;
     struct srv_ws_options options = { .hub = f->hub,
+                                      .token = "",
                                       .session = f->id,
                                       .role = SRV_ROLE_CONTROL,
                                       .user = s,
