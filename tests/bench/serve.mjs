@@ -83,11 +83,15 @@ class Daemon {
   }
 
   async ask(method, target, body) {
-    const answer = await fetch(`http${this.secure ? 's' : ''}://127.0.0.1:${this.port}/api/v1/${target}`, {
+    const answer = await fetch(`http${this.secure ? 's' : ''}://127.0.0.1:${this.port}${target.startsWith('/') ? '' : '/api/v1/'}${target}`, {
       method, body: body && JSON.stringify(body), headers: { Authorization: `Bearer ${this.token}`, 'Content-Type': 'application/json' },
     });
     const text = await answer.text();
-    return answer.headers.get('content-type')?.includes('json') ? JSON.parse(text) : null;
+    return answer.headers.get('content-type')?.includes('json') ? JSON.parse(text) : text;
+  }
+
+  async gauge(name) {
+    return Number(new RegExp(`^${name} (\\d+)$`, 'm').exec(await this.ask('GET', '/metrics'))[1]);
   }
 
   session(size) {
@@ -390,9 +394,9 @@ async function idle() {
   }
 }
 
-/** People come and go; memory and descriptors at the end of each minute. */
+/** People come and go, a fifth of them without ending their session; memory, sessions and descriptors at the end of each minute. */
 async function soak() {
-  const daemon = await Daemon.start('auto');
+  const daemon = await Daemon.start('auto', ['--session-time', '60']);
   const clients = new Set();
   const end = performance.now() + 60000 * Number(options.minutes);
   let minute = performance.now() + 60000;
@@ -417,7 +421,7 @@ async function soak() {
     await pause(100);
     if (performance.now() > minute) {
       minute += 60000;
-      note({ part: 'soak', clients: served, size: 256, rss_mib: round(daemon.rssMib()), note: `${daemon.files()} descriptors` });
+      note({ part: 'soak', clients: served, size: 256, rss_mib: round(daemon.rssMib()), note: `${await daemon.gauge('splatd_sessions')} sessions, ${daemon.files()} descriptors` });
     }
   }
   clients.forEach((client) => client.end());
