@@ -475,6 +475,8 @@ static struct srv_path *read_path(struct srv_jobs *jobs, const char *id, struct 
     proto_json *record = srv_record_read(jobs, id, err);
     struct srv_path *path = record ? srv_record_path(record, err) : NULL;
     proto_json_free(&record);
+    if (!path && err->code == SP_ERR_FORMAT) /* it was valid before: see proto_json_parse() */
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     return path;
 }
 

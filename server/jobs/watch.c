@@ -11,9 +11,14 @@
 
 #define SILENCE_MS 15000.0 /* after which a comment keeps proxies from giving up */
 
-/* The id of the event that tells what holds now. */
+/* The id of the event that tells what holds now: of two reasons there are two. */
 static void event_id(const struct srv_path_job *job, char id[32]) {
-    snprintf(id, 32, "%s-%u", srv_job_state_name(job), job->done);
+    uint32_t hash = 2166136261; /* FNV-1a */
+    for (const char *c = job->reason; *c; c++)
+        hash = (hash ^ (uint8_t)*c) * 16777619;
+    int n = snprintf(id, 32, "%s-%u", srv_job_state_name(job), job->done);
+    if (job->reason[0])
+        snprintf(id + n, 32 - (size_t)n, "-%08x", hash);
 }
 
 static bool is_over(const struct srv_path_job *job) {

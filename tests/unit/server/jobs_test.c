@@ -581,6 +581,51 @@ static void a_full_disk_is_waited_for(void **state) {
     }
 }
 
+static void ignore(void *user) {
+    (void)user;
+}
+
+static bool stays(void *user) {
+    (void)user;
+    return false;
+}
+
+/* The next event has this text. */
+static void is_told(struct srv_watch *watch, const char *what) {
+    char *text;
+    size_t size;
+    assert_int_equal(srv_watch_next(watch, &text, &size), SRV_WATCH_EVENT);
+    if (!strstr(text, what))
+        fail_msg("no %s: %s", what, text);
+    free(text);
+}
+
+static void why_it_waits_is_told_and_why_it_waits_then(void **state) {
+    (void)state;
+    char id[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES];
+    bool is_over;
+    struct srv_job_note note;
+    const struct srv_watcher watcher = { NULL, ignore, ignore, stays };
+    add_and_draw(other);
+    atomic_store(&gate.hold, true);
+    add(id);
+    struct srv_watch *watch = srv_jobs_watch(f.jobs, id, NULL, &watcher, &is_over, NULL);
+    assert_non_null(watch);
+    is_told(watch, "\"done\":0,\"bytes\":0}");
+    atomic_store(&disk_left, 0);
+    release(f.store);
+    wait_for_reason(id);
+    is_told(watch, "000000.jpg.part: cannot write: No space left on device");
+    atomic_store(&disk_syncs, false);
+    atomic_store(&disk_left, -1);
+    assert_true(srv_jobs_remove(f.jobs, other, NULL));
+    do
+        assert_true(look_at(id, &note));
+    while (!strstr(note.reason, "000000.jpg: "));
+    is_told(watch, "000000.jpg: cannot write: No space left on device");
+    srv_watch_end(&watch);
+}
+
 static void what_the_disk_does_not_keep_is_no_frame(void **state) {
     (void)state;
     char whole[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES], id[SRV_JOB_ID_BYTES];
@@ -721,6 +766,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(unloading_a_volume_ends_its_paths_for_good, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_path_that_is_done_needs_no_volume, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(why_it_waits_is_told_and_why_it_waits_then, set_up,
+                                        tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
