@@ -125,7 +125,9 @@ static const struct setting settings[] = {
     { "rest-time", SECONDS, AT(rest_time_ms), "0.12", 1, 60000, "SECONDS",
       "a view that did not change for this long is drawn in full quality" },
     { "http-threads", COUNT, AT(http_threads), "2", 1, 16, "N", "threads for HTTP" },
-    { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N", "threads that encode images" },
+    { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N",
+      "threads that encode images of streams; besides one less, at least one, for what takes "
+      "long" },
     { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
     { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "FORM", "logfmt, json or text" },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",

@@ -3,12 +3,18 @@
  * The encode threads: frames become pictures, for the outboxes of participants or the answers of
  * stills. A thread with nothing else to do lends a hand with the stripes of another's large JPEG,
  * which so is there sooner; when all have work of their own each does its own.
+ *
+ * Nothing stops an encoder. So that nobody's frame waits for long behind another's, what takes long
+ * has threads of its own, which are nice: stills, and the dear frames of sessions (SRV_DEAR_MS), if
+ * those are not for the only participant that there is. And a session has one thread while another
+ * one's frame waits.
  */
 #include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "clock.h"
+#include "nice.h"
 #include "render/scheduler_private.h"
 #include "sp/log.h"
 
@@ -196,10 +202,12 @@ static void share_stripes(void *user, struct sp_encoder *own, unsigned count, sp
 /* A stripe of another's picture, if there is one. As make_stripe(). */
 static bool lend_hand(struct srv_encode_thread *thread) {
     struct srv_scheduler *s = thread->scheduler;
-    for (unsigned i = 0; i < s->options.encode_threads; i++) {
+    for (unsigned i = 0; i < s->encode_thread_count; i++) {
         struct srv_encode_thread *other = &s->encode_threads[i];
-        if ((thread->stills || !other->at_still) &&
-            make_stripe(s, &other->picture, thread->encoder))
+        /* A stripe for which others wait would wait for a nice thread. */
+        if (thread->is_nice > other->is_nice || (thread->is_first && other->at_still))
+            continue;
+        if (make_stripe(s, &other->picture, thread->encoder))
             return true;
     }
     return false;
@@ -211,21 +219,62 @@ static struct srv_lane *lane_of(struct srv_scheduler *s, const struct srv_work *
                                         : SRV_LANE_STREAMS];
 }
 
-/* Takes the oldest work that this thread may do. With the mutex held; false if there is none. */
+static bool is_dear(const struct srv_work *work) {
+    return work->job && work->job->is_dear;
+}
+
+static bool may_take(const struct srv_encode_thread *thread, const struct srv_work *work) {
+    bool is_long = work->still || (is_dear(work) && !work->job->is_alone);
+    return thread->is_nice == is_long;
+}
+
+/* Is another frame of its session being encoded? */
+static bool has_thread(const struct srv_scheduler *s, const struct srv_work *work) {
+    bool has = false;
+    for (unsigned t = 0; work->job && t < s->encode_thread_count; t++)
+        has = has || s->encode_threads[t].session == work->job->session;
+    return has;
+}
+
+static bool has_video(const struct srv_work *work) {
+    for (uint32_t i = 0; work->job && i < work->job->target_count; i++)
+        if (work->job->targets[i].video != SP_VIDEO_CODEC_COUNT)
+            return true;
+    return false;
+}
+
+/* The oldest work that this thread may do, of a session that has no thread before others, where
+ * video would but wait for the frame before it; encode_count if there is none. */
+static unsigned find_work(const struct srv_encode_thread *thread) {
+    const struct srv_scheduler *s = thread->scheduler;
+    unsigned found = s->encode_count;
+    for (unsigned i = 0; i < s->encode_count; i++) {
+        const struct srv_work *work = &s->encode_queue[i];
+        if (!may_take(thread, work))
+            continue;
+        if (!has_thread(s, work))
+            return i;
+        if (found == s->encode_count && !has_video(work))
+            found = i;
+    }
+    return found;
+}
+
+/* With the mutex held; false if there is nothing to take. */
 static bool take_work(struct srv_encode_thread *thread, struct srv_work *work) {
     struct srv_scheduler *s = thread->scheduler;
-    unsigned i = 0;
-    while (i < s->encode_count && s->encode_queue[i].still && !thread->stills)
-        i++;
-    if (i == s->encode_count)
+    unsigned found = find_work(thread);
+    if (found == s->encode_count)
         return false;
-    *work = s->encode_queue[i];
+    *work = s->encode_queue[found];
     s->encode_count--;
-    memmove(s->encode_queue + i, s->encode_queue + i + 1, (s->encode_count - i) * sizeof *work);
+    memmove(s->encode_queue + found, s->encode_queue + found + 1,
+            (s->encode_count - found) * sizeof *work);
     struct srv_lane *lane = lane_of(s, work);
-    lane->encodes--; /* there is room */
+    lane->encodes -= !is_dear(work); /* there is room */
     srv_lane_wake(lane);
     thread->at_still = work->still;
+    thread->session = work->job ? work->job->session : 0;
     return true;
 }
 
@@ -240,6 +289,8 @@ static void give_back_videos(struct srv_scheduler *s) {
 static void *encode_main(void *user) {
     struct srv_encode_thread *thread = user;
     struct srv_scheduler *s = thread->scheduler;
+    if (thread->is_nice)
+        srv_be_nice("an encode thread");
     pthread_mutex_lock(&s->mutex);
     for (;;) {
         struct srv_work work;
@@ -261,6 +312,9 @@ static void *encode_main(void *user) {
             encode_still(s, thread->encoder, &work);
         sp_frame_unref(&work.frame);
         pthread_mutex_lock(&s->mutex);
+        thread->session = 0;
+        if (s->encode_count > 0) /* what it kept from others */
+            pthread_cond_broadcast(&s->encode);
     }
     pthread_mutex_unlock(&s->mutex);
     return NULL;
@@ -268,33 +322,32 @@ static void *encode_main(void *user) {
 
 void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work) {
     pthread_mutex_lock(&s->mutex);
-    lane_of(s, &work)->encodes++;
+    lane_of(s, &work)->encodes += !is_dear(&work);
     assert(s->encode_count < SRV_ENCODE_QUEUE);
     s->encode_queue[s->encode_count++] = work;
-    if (work.still) /* which not every thread takes */
-        pthread_cond_broadcast(&s->encode);
-    else
-        pthread_cond_signal(&s->encode);
+    pthread_cond_broadcast(&s->encode); /* not every thread takes it */
     pthread_mutex_unlock(&s->mutex);
 }
 
 bool srv_encode_create(struct srv_scheduler *s, struct sp_error *err) {
-    const unsigned count = s->options.encode_threads;
+    const unsigned streams = s->options.encode_threads, count = streams > 1 ? 2 * streams - 1 : 2;
+    s->encode_thread_count = count;
     for (unsigned i = 0; i < count; i++) {
         struct srv_encode_thread *thread = &s->encode_threads[i];
         thread->scheduler = s;
-        thread->stills = i > 0 || count == 1;
+        thread->is_nice = i >= streams;
+        thread->is_first = i == 0 && streams > 1;
         thread->encoder = sp_encoder_create(err);
         if (!thread->encoder)
             return false;
-        if (count > 1)
+        if (streams > 1)
             sp_encoder_set_share(thread->encoder, share_stripes, thread);
     }
     return true;
 }
 
 bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err) {
-    for (unsigned i = 0; i < s->options.encode_threads; i++) {
+    for (unsigned i = 0; i < s->encode_thread_count; i++) {
         struct srv_encode_thread *thread = &s->encode_threads[i];
         int failed = pthread_create(&thread->thread, NULL, encode_main, thread);
         if (failed)
@@ -310,7 +363,7 @@ void srv_encode_stop(struct srv_scheduler *s) {
     s->encode_stop = true;
     pthread_cond_broadcast(&s->encode);
     pthread_mutex_unlock(&s->mutex);
-    for (unsigned i = 0; i < s->options.encode_threads; i++) {
+    for (unsigned i = 0; i < s->encode_thread_count; i++) {
         struct srv_encode_thread *thread = &s->encode_threads[i];
         if (thread->running)
             pthread_join(thread->thread, NULL);
@@ -319,6 +372,6 @@ void srv_encode_stop(struct srv_scheduler *s) {
 }
 
 void srv_encode_destroy(struct srv_scheduler *s) {
-    for (unsigned i = 0; i < s->options.encode_threads; i++)
+    for (unsigned i = 0; i < s->encode_thread_count; i++)
         sp_encoder_destroy(&s->encode_threads[i].encoder);
 }

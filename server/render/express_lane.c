@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The express lane: short frames of sessions that have had less, while the stream lane draws a long
- * one, which stands still and loses nothing.
+ * The express lane: short frames of who has had less, while the stream lane draws a long one, which
+ * stands still and loses nothing.
  *
- *   stream lane   ██████████ · ██████ · ████████████      one session's frame of 300 ms
+ *   stream lane   ██████████ · ██████ · ████████████      somebody's frame of 300 ms
  *   express lane            █        █                    another one's of 5 ms, 30 a second
  *
  * Only what the processor draws stands still (sp_renderer_info.holds): the frames of a GPU are
@@ -18,20 +18,16 @@
 
 #define LONG_MS 10.0 /* what is drawn for so long stands still for others */
 
-struct running { /* in the stream lane */
-    uint64_t session, order;
-    double drawn_ms;
-};
-
 /* What the stream lane draws, if that is long. *wait_ms: until it is. */
-static bool find_long(struct srv_scheduler *s, struct running *running, double *wait_ms) {
+static bool find_long(struct srv_scheduler *s, struct srv_running *running, double *wait_ms) {
     struct srv_lane *streams = &s->lanes[SRV_LANE_STREAMS];
     pthread_mutex_lock(&s->mutex);
     const struct srv_flight *f = srv_flights_oldest(&streams->flights);
     bool found = f && streams->info.holds && !s->has_no_express && !atomic_load(&f->cancel);
     if (found)
-        *running = (struct running){ f->job->session, f->job->order,
-                                     srv_flight_age_ms(f, srv_clock_ms()) };
+        *running =
+            (struct srv_running){ f->job->session, f->job->order, f->job->start_ms,
+                                  f->job->part_start_ms, srv_flight_age_ms(f, srv_clock_ms()) };
     pthread_mutex_unlock(&s->mutex);
     if (found && running->drawn_ms < LONG_MS) {
         *wait_ms = LONG_MS - running->drawn_ms;
@@ -71,8 +67,7 @@ static void stand_still(struct srv_scheduler *s, uint64_t order, bool still) {
     pthread_mutex_unlock(&s->mutex);
 }
 
-static void draw_before(struct srv_scheduler *s, const struct running *running,
-                        struct srv_job *job) {
+static void draw_before(struct srv_scheduler *s, uint64_t order, struct srv_job *job) {
     struct sp_error err = { .code = SP_OK };
     if (!make_renderer(s, &err)) {
         srv_express_give_up(s, &err);
@@ -80,11 +75,11 @@ static void draw_before(struct srv_scheduler *s, const struct running *running,
         srv_job_fail(s, job, &err, 0);
         return;
     }
-    stand_still(s, running->order, true);
+    stand_still(s, order, true);
     srv_job_begin(s, SRV_LANE_EXPRESS, job);
     if (s->lanes[SRV_LANE_EXPRESS].flights.count > 0)
         srv_job_finish(s, SRV_LANE_EXPRESS);
-    stand_still(s, running->order, false);
+    stand_still(s, order, false);
 }
 
 void *srv_express_lane_main(void *user) {
@@ -96,14 +91,13 @@ void *srv_express_lane_main(void *user) {
         srv_lane_forget(lane, turn.forget);
         if (turn.stop)
             break;
-        struct running running;
+        struct srv_running running;
         double wait_ms = 1000;
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "no memory for a render job");
         if (job && turn.room && find_long(s, &running, &wait_ms) &&
-            srv_hub_next_short_job(s->hub, running.session, running.drawn_ms, srv_clock_ms(), job,
-                                   &wait_ms)) {
-            draw_before(s, &running, job);
+            srv_hub_next_short_job(s->hub, &running, srv_clock_ms(), job, &wait_ms)) {
+            draw_before(s, running.order, job);
             job = NULL;
         } else {
             srv_lane_wait(s, lane, turn.generation, wait_ms);

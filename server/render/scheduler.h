@@ -8,20 +8,21 @@
  *
  * The lanes share nothing but the processor, where the still lane is nice: a still of many seconds
  * takes little from a view that moves, and a view that moves for an hour does not stop a still. The
- * still lane's renderer is made for the first still. Of several encode threads the first is for
- * streams alone. Those that are idle take part in another's large JPEG.
+ * still lane's renderer is made for the first still. What takes long to encode has encode threads
+ * of its own, which are nice, too (encode.c). Those that are idle take part in another's large
+ * JPEG.
  *
- * In the stream lane moving views go first, each session has an equal share of its time, and a
- * refinement gives way to what moves (session/turn.c). Where the renderer takes several frames at a
- * time (sp_renderer_depth(), a GPU) the next job is begun while the former ones are drawn: begin,
- * begin, finish, begin, finish, … (flights.h). Nothing waits for a second job: what was begun is
- * finished when the hub has no other just then. What is rendered for a view that changed is
- * cancelled from the moment on that its job names (session/work.c): a refinement at once, a moving
- * frame when it is far over its budget, so that a long drag always shows something. A still is
- * cancelled when who asked for it is gone.
+ * In the stream lane moving views go first, each session has an equal share of the time that
+ * rendering and encoding take, and a refinement gives way to what moves (session/turn.c). Where the
+ * renderer takes several frames at a time (sp_renderer_depth(), a GPU) the next job is begun while
+ * the former ones are drawn: begin, begin, finish, begin, finish, … (flights.h). Nothing waits for
+ * a second job: what was begun is finished when the hub has no other just then. What is rendered
+ * for a view that changed is cancelled from the moment on that its job names (session/work.c): a
+ * refinement at once, a moving frame when it is far over its budget, so that a long drag always
+ * shows something. A still is cancelled when who asked for it is gone.
  *
- * A long frame stands still while short ones of sessions that have had less are drawn in the
- * express lane (express_lane.c).
+ * A long frame stands still while short ones of those who have had less are drawn in the express
+ * lane (express_lane.c).
  *
  * A renderer whose backend fails goes over to the next one (sp/renderer.h): the hub tells clients.
  *
@@ -71,9 +72,9 @@ struct srv_still {
 
 struct srv_scheduler_options {
     struct srv_catalog *catalog;
-    struct srv_metrics *metrics; /* NULL = nothing is counted */
-    unsigned queue_max;          /* stills that wait, of each class */
-    unsigned encode_threads;
+    struct srv_metrics *metrics;       /* NULL = nothing is counted */
+    unsigned queue_max;                /* stills that wait, of each class */
+    unsigned encode_threads;           /* without the nice ones */
     uint64_t video_px;                 /* of all video encoders together; 0 = no video */
     struct sp_renderer_options stills; /* of the still lane's renderer; the express lane's has half
                                           of its memory. Strings outlive the scheduler */

@@ -14,10 +14,10 @@
 #include "render/video.h"
 
 enum {
-    SRV_LANE_ENCODES = 2, /* no further job is begun while so many frames wait */
+    SRV_LANE_ENCODES = 2, /* no further job is begun while so many frames that are not dear wait */
     SRV_ENCODE_QUEUE =
-        3 * SRV_LANE_ENCODES + SP_IN_FLIGHT_MAX /* those that were begun by then come, too */,
-    SRV_ENCODE_THREADS_MAX = 8,
+        3 * SRV_LANE_ENCODES + SP_IN_FLIGHT_MAX /* that were begun by then */ + SRV_DEAR_JOBS,
+    SRV_ENCODE_THREADS_MAX = 8, /* of those that are not nice */
     SRV_KEPT_FORMS = 4
 };
 
@@ -62,9 +62,11 @@ struct srv_picture {             /* a large JPEG, whose stripes are made by who 
 struct srv_encode_thread {
     struct srv_scheduler *scheduler;
     pthread_t thread;
-    bool running; /* there is a thread to join; of who starts and stops it */
-    bool stills;  /* takes stills, too */
+    bool running;  /* there is a thread to join; of who starts and stops it */
+    bool is_nice;  /* takes stills and dear frames of sessions, the others all else */
+    bool is_first; /* of several: makes no stripes of stills */
     bool at_still;
+    uint64_t session; /* of whose job it encodes a frame; 0 = none */
     struct sp_encoder *encoder;
     struct srv_picture picture; /* that it shares */
 };
@@ -79,7 +81,7 @@ struct srv_lane {
     pthread_cond_t wake; /* `generation`, stop */
     uint64_t generation; /* rises with everything that its thread may have waited for */
     struct srv_forget_item *forget;
-    unsigned encodes;           /* frames in the encode queue */
+    unsigned encodes;           /* frames in the encode queue, without dear ones of sessions */
     struct srv_flights flights; /* jobs; none in the still lane */
 };
 
@@ -111,7 +113,8 @@ struct srv_scheduler {
     } kept;
     bool stop, encode_stop;
     bool videos_due; /* an encode thread with nothing else to do gives idle encoders back */
-    struct srv_encode_thread encode_threads[SRV_ENCODE_THREADS_MAX];
+    struct srv_encode_thread encode_threads[2 * SRV_ENCODE_THREADS_MAX];
+    unsigned encode_thread_count;
     struct srv_videos *videos;
 };
 

@@ -161,7 +161,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     bool useless = volume && !session->must_finish;
     hub->options.interrupt(hub->options.user, session->number,
                            useless ? SRV_UNWANTED : SRV_NEWER_VIEW);
-    srv_hub_work(hub);
+    srv_hub_work(hub, session);
     return true;
 }
 
@@ -380,6 +380,7 @@ static void session_unlink(struct srv_hub *hub, struct srv_session *session) {
         link = &(*link)->next;
     *link = session->next;
     hub->session_count--;
+    srv_turn_rest(hub, session);
     srv_hub_abandon(hub, session);
 }
 
@@ -390,6 +391,7 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
     while (session->participants) {
         struct srv_participant *p = session->participants;
         session->participants = p->next;
+        hub->participant_count--;
         p->session = NULL;
         tell_to_leave(hub, p, 1000, "the session was deleted");
     }

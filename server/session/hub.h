@@ -225,6 +225,12 @@ struct srv_target {
     enum sp_chroma chroma; /* of a JPEG; never AUTO */
     bool final;            /* the full picture in the granted quality: nothing follows */
 };
+/* A picture that takes longer than this to encode is dear. An encode thread cannot be interrupted,
+ * so that dear ones have threads of their own, unless they are for the only participant that there
+ * is; of a session at most one is under way (two for who is alone), and SRV_DEAR_JOBS in all. Who
+ * gets cheap pictures has no part in jobs of dear ones. */
+#define SRV_DEAR_MS 30.0
+enum { SRV_DEAR_JOBS = 4 };
 /* What comes first. */
 enum srv_rank {
     SRV_RANK_INTERACTION, /* the view is newer than what is seen of it */
@@ -244,13 +250,16 @@ struct srv_job {
     bool refinement;      /* worthless as soon as a newer view exists */
     double yield_ms;      /* gives way to whatever moves when it was drawn for so long: is given up,
                              and taken again; INFINITY = it does not */
-    bool is_alone;        /* no other session has participants */
+    bool is_alone;        /* for the one participant that there is, of whatever session */
+    bool is_dear;         /* takes long to encode (SRV_DEAR_MS) */
     bool sharp;           /* full size and all voxels: only the encoding can get better */
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */
-    double charged_ms; /* of its session's and its participants' shares, until its time is known */
-    unsigned coarse;   /* as in sp/renderer.h; 0 if final */
-    uint32_t full[2];  /* size at rest */
+    /* Of its session's and its participants' shares: where they started, by the clocks of those
+     * (share.h), and what was charged until its time is known. */
+    double start_ms, part_start_ms, charged_ms;
+    unsigned coarse;     /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];    /* size at rest */
     struct sp_view view; /* with the size to render */
     void *volume;        /* a use of its own */
     uint32_t target_count;
@@ -267,10 +276,15 @@ struct srv_job_result {
 /* The next thing to render (share.h says whose). False if there is none: *wait_ms says when to ask
  * again at the latest. */
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
-/* A thing to render at once while another job, of the session `running`, is drawn, has been for
- * drawn_ms, and stands still meanwhile: a short one of a session that has had less. False as above.
- */
-bool srv_hub_next_short_job(struct srv_hub *hub, uint64_t running, double drawn_ms, double now_ms,
+/* A job that is drawn, and has been for so long. */
+struct srv_running {
+    uint64_t session, order; /* as the job's, and the next two */
+    double start_ms, part_start_ms;
+    double drawn_ms;
+};
+/* A thing to render at once while another job stands still: a short one of a session, or of another
+ * participant of the same session, that has had less. False as above. */
+bool srv_hub_next_short_job(struct srv_hub *hub, const struct srv_running *running, double now_ms,
                             struct srv_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */
 bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
@@ -295,6 +309,9 @@ enum srv_video_claim {
 };
 enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                                          const struct srv_video_mark *next);
+/* Does anybody of the job's session who has all frames up to `next` get nothing of this job? */
+bool srv_hub_has_video(struct srv_hub *hub, const struct srv_job *job,
+                       const struct srv_video_mark *next);
 /* There is no encoder for those of the set, a bit each: they get stills, and are told so
  * (stream.policy), until one is there again. */
 void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_job *job, uint64_t set);

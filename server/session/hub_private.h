@@ -14,6 +14,8 @@
 #include "session/pace.h"
 #include "session/share.h"
 
+#define SRV_MOVING_MS 500.0 /* a session moves for so long after a moving frame */
+
 enum srv_note { /* what a participant has not been told yet */
                 SRV_NOTE_VIEW = 1,
                 SRV_NOTE_PARTICIPANTS = 2,
@@ -92,8 +94,10 @@ struct srv_participant {
 };
 
 struct srv_session {
-    struct srv_session *next;
-    uint64_t number; /* unique */
+    struct srv_session *next, *next_busy;
+    bool is_busy;        /* in the hub's list of those */
+    unsigned jobs, dear; /* under way; the dear ones of them */
+    uint64_t number;     /* unique */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
     struct srv_owner owner;               /* its name is constant */
@@ -107,7 +111,6 @@ struct srv_session {
     double changed_ms, empty_ms, served_ms;
     double moved_ms;        /* when it got a moving frame last; 0 = never */
     struct srv_share share; /* of the stream lane, by the hub's clock */
-    double start_ms;        /* where its newest job started, by that clock */
     double clock_ms;        /* of its participants' shares */
     uint64_t taken_order;   /* of its newest job */
     struct srv_pace pace;
@@ -135,7 +138,9 @@ struct srv_hub {
     struct srv_hub_options options; /* constant */
     pthread_mutex_t mutex;
     struct srv_session *sessions;
-    unsigned session_count;
+    struct srv_session *busy; /* those where a picture may be wanted, now or by time: nothing that
+                                 is done for a frame looks at the others */
+    unsigned session_count, participant_count;
     struct srv_sleeper *sleepers[SRV_HUB_BUCKETS]; /* keep.c */
     unsigned sleeper_count;
     double sleeper_end_ms; /* none ends before this */
@@ -147,8 +152,10 @@ struct srv_hub {
     uint64_t volume_clock;
     char backend[32], device[SP_DEVICE_NAME]; /* that renders for sessions */
     double clock_ms;                          /* of the sessions' shares */
-    double now_ms;                            /* when something was told or asked last */
-    unsigned giving_way;                      /* jobs under way that give way to what moves */
+    double rested_ms;    /* by that clock, the last end of those that are not busy any more */
+    unsigned dear;       /* jobs under way that take long to encode */
+    double now_ms;       /* when something was told or asked last */
+    unsigned giving_way; /* jobs under way that give way to what moves */
     bool draining;
 };
 
@@ -216,15 +223,17 @@ double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double
 /* The notification session.control; malloc'ed. */
 char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *to, double now_ms,
                        size_t *size);
-/* There may be something to render; what gives way to it does. */
-void srv_hub_work(struct srv_hub *hub);
+/* There may be something to render, for this session (NULL: for others); what gives way to it does.
+ */
+void srv_hub_work(struct srv_hub *hub, struct srv_session *session);
 
 /* Turns (turn.c): what one participant wants now. */
 struct srv_wish {
     bool wanted;
     enum srv_step step;
     enum srv_rank rank;
-    bool refinement; /* as in struct srv_job, and the next */
+    bool refinement; /* as in struct srv_job, and the next two */
+    bool is_dear;
     double yield_ms, deadline_ms;
     double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
 };
@@ -234,12 +243,13 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
  * be somebody's. */
 struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
                                       double *wait_ms);
-/* The same of those who may go before a job of `running` that has been drawn for so long and goes
- * on for longer: a frame of a moving view, expected to be short, of a session that started no later
- * than that one got to. */
-struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_session *running,
-                                        double drawn_ms, double now_ms, struct srv_wish *wish,
-                                        double *wait_ms);
+/* The same of those who may go before what is drawn, which goes on for longer: a frame of a moving
+ * view, expected to be short, of a session that started no later than that one got to; or of its
+ * own session, of a participant of whom that is so. */
+struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running *running,
+                                        double now_ms, struct srv_wish *wish, double *wait_ms);
+/* Takes it out of the list of those that are busy. */
+void srv_turn_rest(struct srv_hub *hub, struct srv_session *session);
 /* Does anybody get a frame of a moving view, now or in a moment? */
 bool srv_turn_moves(const struct srv_hub *hub);
 

@@ -78,11 +78,12 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         p->next = session->participants;
         session->participants = p;
         session->participant_count++;
+        hub->participant_count++;
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
         srv_hub_note(hub, p,
                      SRV_NOTE_VIEW | SRV_NOTE_CONTROL | SRV_NOTE_POLICY |
                          (hub->draining ? SRV_NOTE_DRAINING : 0));
-        srv_hub_work(hub);
+        srv_hub_work(hub, session);
     }
     pthread_mutex_unlock(&hub->mutex);
     if (!session) {
@@ -122,6 +123,7 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
             link = &(*link)->next;
         *link = p->next;
         session->participant_count--;
+        hub->participant_count--;
         session->empty_ms = now_ms;
         if (session->participant_count == 0)
             srv_hub_abandon(hub, session);
@@ -299,7 +301,7 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
         if (frames && p->outbox.blob && p->flow.count < SRV_FLOW_MAX) {
             take_frame(hub, p, now_ms, message);
             if (p->video != SP_VIDEO_CODEC_COUNT) /* is_open() waits for it */
-                srv_hub_work(hub);
+                srv_hub_work(hub, p->session);
             kind = SRV_MESSAGE_FRAME;
         } else if ((message->text = take_note(hub, p, now_ms, &message->size))) {
             kind = SRV_MESSAGE_TEXT;

@@ -22,6 +22,16 @@ struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum sr
     };
 }
 
+double srv_policy_encode_ms(const struct srv_encoding *e, const uint32_t size[2]) {
+    static const double stills[SP_IMAGE_FORMAT_COUNT] = { [SP_IMAGE_JPEG] = 3.5e-6,
+                                                          [SP_IMAGE_PNG] = 15e-6,
+                                                          [SP_IMAGE_WEBP] = 57e-6,
+                                                          [SP_IMAGE_EXR] = 120e-6 };
+    const double videos = 7.5e-6;
+    double px_ms = e->video == SP_VIDEO_CODEC_COUNT ? stills[e->format] : videos;
+    return px_ms * size[0] * size[1];
+}
+
 static bool is_same(const struct srv_moving *a, const struct srv_moving *b) {
     return a->full[0] == b->full[0] && a->full[1] == b->full[1] &&
            a->detail.size[0] == b->detail.size[0] && a->detail.size[1] == b->detail.size[1] &&

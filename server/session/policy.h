@@ -18,6 +18,9 @@ struct srv_encoding {
 
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
                                         enum srv_step step);
+/* About what it takes to encode such a picture: what a thousand pixels take on the machine of
+ * tests/bench/results, whatever they show. */
+double srv_policy_encode_ms(const struct srv_encoding *encoding, const uint32_t size[2]);
 
 /* The rest is called with the hub's mutex held. */
 

@@ -266,7 +266,7 @@ static bool stream_configure(struct srv_call *call) {
         call->hub->options.interrupt(call->hub->options.user, p->id, SRV_NEWER_PICTURE);
         srv_hub_note(call->hub, p, SRV_NOTE_POLICY);
     }
-    srv_hub_work(call->hub);
+    srv_hub_work(call->hub, p->session);
     call->result = encode_settings(p);
     return true;
 }
@@ -284,7 +284,7 @@ static bool stream_ack(struct srv_call *call) {
                                "must be the number of a frame that was sent");
     if (sent_ms > 0)
         srv_metrics_time(call->hub->options.metrics, SRV_TIME_TRIP, call->now_ms - sent_ms);
-    srv_hub_work(call->hub);
+    srv_hub_work(call->hub, p->session);
     call->result = proto_json_object();
     return true;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Equal shares of render time (start-time fair queueing: Goyal, Vin and Cheng 1996).
+ * Equal shares of time (start-time fair queueing: Goyal, Vin and Cheng 1996).
  *
  *   clock   what each of those who always want something has got, ms
  *   start   who wants something starts from the clock, or from where its last one ended, whichever

@@ -16,17 +16,26 @@
  * an end (share.h) it is as good as interaction, for a time.
  *
  * What is being drawn may take long and is not lost for that: it stands still for short frames of
- * sessions that have had less, as a preemptive server would have it. So a session has its share
- * though another one's frames, each of which takes as much at once as many of its own, never give
- * way.
+ * sessions, and of other participants of its own, that have had less, as a preemptive server would
+ * have it. So each has its share though another one's frames, each of which takes as much at once
+ * as many of its own, never give way.
+ *
+ * Shares are of time that rendering and encoding take. An encode thread does not stand still for
+ * anything: see SRV_DEAR_MS for what takes one for long. Who holds control of a session counts for
+ * as much as all its other participants: however many look on, its view turns at half the speed at
+ * worst.
+ *
+ * All that is done for a frame looks at busy sessions alone: those where somebody wants a picture,
+ * or will by time. A session is busy from each event on that may change that (srv_hub_work()).
  */
 #include <math.h>
 
-#include "session/hub_private.h"
+#include "session/policy.h"
 
 #define FIRST_PICTURE_MS 150.0 /* a first picture that takes longer is shown coarse first */
 #define QUIET_MS 100.0         /* nothing moves: so long after the last moving frame */
 #define ROUNDING_MS 1e-6       /* of a mean of equal numbers */
+enum { DEAR_ALONE = 2 };       /* jobs of one who is alone: one is drawn, one encoded */
 
 static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
     unsigned waiting = p->pipeline + (p->outbox.blob ? 1 : 0);
@@ -64,6 +73,23 @@ static bool wants(const struct srv_hub *hub, const struct srv_session *s,
                   const struct srv_participant *p) {
     bool has_all = p->taken_version >= s->version && p->taken_step == SRV_STEP_FINAL;
     return !has_all && p->failed_version != s->version && is_open(hub, p);
+}
+
+/* Would what it gets next take long to encode? Of a moving view the last one tells its size, or
+ * else what is tried first. */
+static bool is_dear(const struct srv_session *s, const struct srv_participant *p,
+                    enum srv_step step) {
+    const struct srv_encoding encoding = srv_policy_encoding(p, step);
+    uint32_t size[2];
+    srv_hub_size(s, p, size);
+    if (step == SRV_STEP_MOVING)
+        for (int i = 0; i < 2; i++)
+            size[i] = p->moving.full[i] == size[i] ? p->moving.detail.size[i] : size[i] / 2;
+    return srv_policy_encode_ms(&encoding, size) > SRV_DEAR_MS;
+}
+
+static bool has_room_for_dear(const struct srv_hub *hub, const struct srv_session *s) {
+    return s->dear < (hub->participant_count == 1 ? DEAR_ALONE : 1) && hub->dear < SRV_DEAR_JOBS;
 }
 
 /* How long a refinement that can be drawn now has waited. */
@@ -107,6 +133,9 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
         wish.step = next_step(s, p);
     else
         wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
+    wish.is_dear = is_dear(s, p, wish.step);
+    if (wish.is_dear && !has_room_for_dear(hub, s))
+        wish.wanted = false;
     wish.yield_ms = newer && p->progressive ? INFINITY : yield_ms(s, p, now_ms);
     wish.rank = wish.yield_ms == 0 ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
     return wish;
@@ -121,13 +150,48 @@ static bool moves(const struct srv_hub *hub, const struct srv_session *s) {
 }
 
 bool srv_turn_moves(const struct srv_hub *hub) {
-    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+    for (const struct srv_session *s = hub->busy; s; s = s->next_busy)
         if (moves(hub, s))
             return true;
     return false;
 }
 
-void srv_hub_work(struct srv_hub *hub) {
+void srv_turn_rest(struct srv_hub *hub, struct srv_session *s) {
+    struct srv_session **link = &hub->busy;
+    if (!s->is_busy)
+        return;
+    while (*link != s)
+        link = &(*link)->next_busy;
+    *link = s->next_busy;
+    s->is_busy = false;
+    hub->rested_ms = fmax(hub->rested_ms, s->share.end_ms);
+}
+
+/* Nothing but an event changes what is wanted of it. */
+static bool is_at_rest(const struct srv_hub *hub, const struct srv_session *s, double now_ms) {
+    bool rests = s->jobs == 0 && (s->moved_ms == 0 || now_ms - s->moved_ms >= SRV_MOVING_MS);
+    for (const struct srv_participant *p = s->participants; p && rests; p = p->next)
+        rests = !wants(hub, s, p);
+    return rests;
+}
+
+static void let_rest(struct srv_hub *hub, double now_ms) {
+    for (struct srv_session *s = hub->busy, *next; s; s = next) {
+        next = s->next_busy;
+        if (!is_at_rest(hub, s, now_ms))
+            continue;
+        srv_turn_rest(hub, s);
+        for (struct srv_participant *p = s->participants; p; p = p->next)
+            p->ready_ms = 0;
+    }
+}
+
+void srv_hub_work(struct srv_hub *hub, struct srv_session *session) {
+    if (session && !session->is_busy) {
+        session->is_busy = true;
+        session->next_busy = hub->busy;
+        hub->busy = session;
+    }
     if (hub->giving_way > 0 && srv_turn_moves(hub))
         hub->options.interrupt(hub->options.user, 0, SRV_MOVES);
     hub->options.work(hub->options.user);
@@ -139,19 +203,38 @@ struct claim { /* of a participant within its session, or of that for its sessio
     double start_ms;
 };
 
-/* The participant of the lowest rank that has had least. Where all rest the clock moves on to the
- * last end: what was had while nobody else wanted anything is no debt. */
+/* Is what it gets expected to be drawn within the time of a moving frame? Work that is done once is
+ * not. */
+static bool is_short(const struct srv_session *s, const struct srv_participant *p) {
+    double whole_ms = sharp_ms(s, p), last_ms = srv_pace_expect_ms(&s->pace, &p->moving.detail);
+    if (s->done_version < s->cold_version)
+        return false;
+    return (whole_ms > 0 && whole_ms <= SRV_PACE_ENOUGH_MS) ||
+           (p->moving.detail.size[0] > 0 && last_ms > 0 && last_ms <= SRV_PACE_ENOUGH_MS);
+}
+
+/* May it be drawn while that stands still? Who waits for that very job may not. */
+static bool may_go_before(const struct claim *c, const struct srv_running *running) {
+    return c->wish.yield_ms == INFINITY && c->p->taken_order != running->order &&
+           is_short(c->p->session, c->p);
+}
+
+/* The participant of the lowest rank that has had least, of those who may go before what is
+ * running, if that is not NULL. Where all rest the clock moves on to the last end: what was had
+ * while nobody else wanted anything is no debt. */
 static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double now_ms,
-                             double *wait_ms) {
+                             const struct srv_running *running, double *wait_ms) {
     struct claim best = { .p = NULL };
     double in_ms = INFINITY, last_ms = s->clock_ms;
+    bool rests = s->jobs == 0;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
         struct claim c = { p, srv_turn_wish(hub, s, p, now_ms),
                            srv_share_start(&p->share, s->clock_ms) };
         in_ms = fmin(in_ms, c.wish.in_ms);
         last_ms = fmax(last_ms, c.start_ms);
         note_waiting(p, &c.wish, now_ms);
-        if (!c.wish.wanted)
+        rests = rests && !c.wish.wanted;
+        if (!c.wish.wanted || (running && !may_go_before(&c, running)))
             continue;
         bool better = !best.p || c.wish.rank < best.wish.rank ||
                       (c.wish.rank == best.wish.rank &&
@@ -160,7 +243,7 @@ static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double 
         if (better)
             best = c;
     }
-    if (!best.p && in_ms == INFINITY)
+    if (rests && in_ms == INFINITY)
         s->clock_ms = last_ms;
     *wait_ms = fmin(*wait_ms, in_ms);
     return best;
@@ -178,11 +261,14 @@ static bool is_due_before(const struct claim *a, const struct claim *b) {
 /* The first rank of those who want something; the clock moves on to the least start of it, or where
  * all rest, to the last end. Returns the mean start. */
 static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank, double *wait_ms) {
-    double sum = 0, least = INFINITY, in_ms = INFINITY, last_ms = hub->clock_ms;
+    double sum = 0, least = INFINITY, in_ms = INFINITY;
+    double last_ms = fmax(hub->clock_ms, hub->rested_ms);
     unsigned count = 0;
+    bool rests = true;
     *rank = SRV_RANKS;
-    for (struct srv_session *s = hub->sessions; s; s = s->next) {
-        struct claim c = claim_of(hub, s, now_ms, &in_ms);
+    for (struct srv_session *s = hub->busy; s; s = s->next_busy) {
+        struct claim c = claim_of(hub, s, now_ms, NULL, &in_ms);
+        rests = rests && s->jobs == 0;
         last_ms = fmax(last_ms, s->share.end_ms);
         if (!c.p || c.wish.rank > *rank)
             continue;
@@ -199,7 +285,7 @@ static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank
     *wait_ms = fmin(*wait_ms, in_ms);
     if (count > 0)
         hub->clock_ms = fmax(hub->clock_ms, least);
-    else if (in_ms == INFINITY)
+    else if (rests && in_ms == INFINITY)
         hub->clock_ms = last_ms;
     return count > 0 ? sum / count : 0;
 }
@@ -209,7 +295,7 @@ static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank
 static double quiet_in_ms(const struct srv_hub *hub, const struct srv_participant *p,
                           double now_ms) {
     double in_ms = srv_turn_moves(hub) ? QUIET_MS : 0;
-    for (const struct srv_session *s = hub->sessions; s; s = s->next)
+    for (const struct srv_session *s = hub->busy; s; s = s->next_busy)
         if (s->moved_ms > 0 && (s != p->session || !p->progressive))
             in_ms = fmax(in_ms, s->moved_ms + QUIET_MS - now_ms);
     return in_ms;
@@ -220,9 +306,10 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
     struct claim best = { .p = NULL };
     enum srv_rank rank;
     hub->now_ms = now_ms;
+    let_rest(hub, now_ms);
     double mean_ms = mean_start(hub, now_ms, &rank, wait_ms);
-    for (struct srv_session *s = hub->sessions; s; s = s->next) {
-        struct claim c = claim_of(hub, s, now_ms, wait_ms);
+    for (struct srv_session *s = hub->busy; s; s = s->next_busy) {
+        struct claim c = claim_of(hub, s, now_ms, NULL, wait_ms);
         if (!c.p || c.wish.rank != rank)
             continue;
         c.start_ms = srv_share_start(&s->share, hub->clock_ms);
@@ -238,30 +325,19 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
     return best.p;
 }
 
-/* Is what it gets expected to be drawn within the time of a moving frame? Work that is done once is
- * not. */
-static bool is_short(const struct srv_session *s, const struct srv_participant *p) {
-    double whole_ms = sharp_ms(s, p), last_ms = srv_pace_expect_ms(&s->pace, &p->moving.detail);
-    if (s->done_version < s->cold_version)
-        return false;
-    return (whole_ms > 0 && whole_ms <= SRV_PACE_ENOUGH_MS) ||
-           (p->moving.detail.size[0] > 0 && last_ms > 0 && last_ms <= SRV_PACE_ENOUGH_MS);
-}
-
-struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_session *running,
-                                        double drawn_ms, double now_ms, struct srv_wish *wish,
-                                        double *wait_ms) {
+struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running *running,
+                                        double now_ms, struct srv_wish *wish, double *wait_ms) {
     struct claim best = { .p = NULL };
-    double reached_ms = running->start_ms + drawn_ms;
-    for (struct srv_session *s = hub->sessions; s; s = s->next) {
-        struct claim c = { .p = NULL };
-        if (s != running)
-            c = claim_of(hub, s, now_ms, wait_ms);
-        if (!c.p || c.wish.yield_ms < INFINITY || !is_short(s, c.p))
+    for (struct srv_session *s = hub->busy; s; s = s->next_busy) {
+        struct claim c = claim_of(hub, s, now_ms, running, wait_ms);
+        if (!c.p)
             continue;
-        c.start_ms = srv_share_start(&s->share, hub->clock_ms);
-        if (c.start_ms > reached_ms)
-            *wait_ms = fmin(*wait_ms, c.start_ms - reached_ms);
+        bool is_own = s->number == running->session;
+        double start_ms = is_own ? running->part_start_ms : running->start_ms;
+        double ahead_ms = is_own ? c.start_ms : srv_share_start(&s->share, hub->clock_ms);
+        ahead_ms -= start_ms + running->drawn_ms;
+        if (ahead_ms > 0)
+            *wait_ms = fmin(*wait_ms, ahead_ms);
         else if (!best.p || is_due_before(&c, &best))
             best = c;
     }

@@ -15,19 +15,9 @@
 #include "session/hub_private.h"
 #include "session/policy.h"
 
-#define MOVING_MS 500.0 /* a session moves for so long after a moving frame */
-
 static struct srv_detail detail_of(const struct srv_job *job) {
     return (struct srv_detail){ .coarse = job->coarse,
                                 .size = { job->view.size[0], job->view.size[1] } };
-}
-
-/* Does nobody else have a session that somebody takes part in? */
-static bool is_alone(const struct srv_hub *hub, const struct srv_session *this) {
-    for (const struct srv_session *s = hub->sessions; s; s = s->next)
-        if (s != this && s->participants)
-            return false;
-    return true;
 }
 
 static bool same_picture(const struct srv_session *s, const struct srv_participant *a,
@@ -43,8 +33,8 @@ static bool same_picture(const struct srv_session *s, const struct srv_participa
 static unsigned moving_sessions(const struct srv_hub *hub, const struct srv_session *this,
                                 double now_ms) {
     unsigned count = 0;
-    for (const struct srv_session *s = hub->sessions; s; s = s->next)
-        count += s == this || (s->moved_ms > 0 && now_ms - s->moved_ms < MOVING_MS);
+    for (const struct srv_session *s = hub->busy; s; s = s->next_busy)
+        count += s == this || (s->moved_ms > 0 && now_ms - s->moved_ms < SRV_MOVING_MS);
     return count;
 }
 
@@ -112,16 +102,22 @@ static struct srv_participant *participant_of(struct srv_session *s, uint64_t id
     return NULL;
 }
 
+/* Who holds control counts for all others together. */
+static double weight_of(const struct srv_session *s, const struct srv_participant *p) {
+    return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
+}
+
 /* The session, and each of its participants who gets the picture, gets what it is expected to take.
  */
 static void take_share(struct srv_hub *hub, struct srv_session *s, struct srv_job *job) {
     const struct srv_detail detail = detail_of(job);
     job->charged_ms = srv_pace_expect_ms(&s->pace, &detail);
-    s->start_ms = srv_share_start(&s->share, hub->clock_ms);
+    job->start_ms = srv_share_start(&s->share, hub->clock_ms);
+    job->part_start_ms = s->clock_ms;
     srv_share_take(&s->share, hub->clock_ms, job->charged_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
-        srv_share_take(&p->share, s->clock_ms, job->charged_ms);
+        srv_share_take(&p->share, s->clock_ms, job->charged_ms / weight_of(s, p));
     }
 }
 
@@ -130,7 +126,7 @@ static void correct_share(struct srv_session *s, const struct srv_job *job, doub
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
         if (p)
-            srv_share_correct(&p->share, took_ms - job->charged_ms);
+            srv_share_correct(&p->share, (took_ms - job->charged_ms) / weight_of(s, p));
     }
 }
 
@@ -142,7 +138,8 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     int max_fps = 1;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
         struct srv_wish other = srv_turn_wish(hub, s, p, now_ms);
-        if (!other.wanted || other.step != wish->step || !same_picture(s, first, p))
+        if (!other.wanted || other.step != wish->step || other.is_dear != wish->is_dear ||
+            !same_picture(s, first, p))
             continue;
         takers[count++] = p;
         max_fps = p->max_fps > max_fps ? p->max_fps : max_fps;
@@ -154,7 +151,8 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->step = wish->step;
     job->refinement = wish->refinement;
     job->yield_ms = wish->yield_ms;
-    job->is_alone = is_alone(hub, s);
+    job->is_alone = hub->participant_count == 1;
+    job->is_dear = wish->is_dear;
     job->view = s->view;
     srv_hub_size(s, first, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
@@ -167,6 +165,9 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     s->taken_order = job->order;
     s->clock_ms = srv_share_start(&first->share, s->clock_ms);
     take_share(hub, s, job);
+    s->jobs++;
+    s->dear += job->is_dear;
+    hub->dear += job->is_dear;
     hub->giving_way += job->yield_ms < INFINITY;
     if (job->step == SRV_STEP_MOVING) {
         s->moved_ms = now_ms;
@@ -189,26 +190,20 @@ bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, d
     return next != NULL;
 }
 
-static struct srv_session *find_session(struct srv_hub *hub, uint64_t number) {
-    for (struct srv_session *s = hub->sessions; s; s = s->next)
-        if (s->number == number)
+/* It is busy while a job of it is under way. */
+static struct srv_session *session_of(struct srv_hub *hub, const struct srv_job *job) {
+    for (struct srv_session *s = hub->busy; s; s = s->next_busy)
+        if (s->number == job->session)
             return s;
     return NULL;
 }
 
-static struct srv_session *session_of(struct srv_hub *hub, const struct srv_job *job) {
-    return find_session(hub, job->session);
-}
-
-bool srv_hub_next_short_job(struct srv_hub *hub, uint64_t running, double drawn_ms, double now_ms,
+bool srv_hub_next_short_job(struct srv_hub *hub, const struct srv_running *running, double now_ms,
                             struct srv_job *job, double *wait_ms) {
     struct srv_wish wish;
-    struct srv_participant *next = NULL;
     *wait_ms = 1000;
     pthread_mutex_lock(&hub->mutex);
-    struct srv_session *s = find_session(hub, running);
-    if (s)
-        next = srv_turn_before(hub, s, drawn_ms, now_ms, &wish, wait_ms);
+    struct srv_participant *next = srv_turn_before(hub, running, now_ms, &wish, wait_ms);
     if (next)
         make_job(hub, next->session, next, &wish, now_ms, job);
     pthread_mutex_unlock(&hub->mutex);
@@ -280,6 +275,28 @@ void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_job *job, uint64
     pthread_mutex_unlock(&hub->mutex);
 }
 
+static bool has_all(const struct srv_participant *p, const struct srv_video_mark *next) {
+    return p->mark.epoch && p->mark.epoch == next->epoch && p->mark.number == next->number;
+}
+
+static bool is_target(const struct srv_job *job, const struct srv_participant *p) {
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (job->targets[i].participant == p->id)
+            return true;
+    return false;
+}
+
+bool srv_hub_has_video(struct srv_hub *hub, const struct srv_job *job,
+                       const struct srv_video_mark *next) {
+    bool has = false;
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *s = session_of(hub, job);
+    for (const struct srv_participant *p = s ? s->participants : NULL; p; p = p->next)
+        has = has || (has_all(p, next) && !is_target(job, p));
+    pthread_mutex_unlock(&hub->mutex);
+    return has;
+}
+
 enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                                          const struct srv_video_mark *next) {
     enum srv_video_claim claim = SRV_VIDEO_NONE;
@@ -293,9 +310,7 @@ enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_j
         if (p->taken_version == job->version)
             p->taken_version = 0;
     } else if (p && job->order > p->outbox.order) {
-        bool has_all =
-            p->mark.epoch && p->mark.epoch == next->epoch && p->mark.number == next->number;
-        claim = has_all ? SRV_VIDEO_DELTA : SRV_VIDEO_KEY;
+        claim = has_all(p, next) ? SRV_VIDEO_DELTA : SRV_VIDEO_KEY;
     }
     pthread_mutex_unlock(&hub->mutex);
     return claim;
@@ -328,6 +343,11 @@ static struct srv_session *end_job(struct srv_hub *hub, struct srv_job *job) {
     hub->options.volumes.release(hub->options.volumes.user, job->volume);
     job->volume = NULL;
     hub->giving_way -= job->yield_ms < INFINITY;
+    hub->dear -= job->is_dear;
+    if (s) {
+        s->jobs--;
+        s->dear -= job->is_dear;
+    }
     return s;
 }
 
@@ -346,7 +366,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
             srv_pace_done(&s->pace, &drawn, moving, job->budget_ms, took_ms);
         if (job->step == SRV_STEP_FINAL)
             srv_pace_rest(&s->pace, job->view.size);
-        correct_share(s, job, result->again ? 0 : result->render_ms);
+        correct_share(s, job, (result->again ? 0 : result->render_ms) + result->encode_ms);
         /* What is at rest is told once more; the numbers of a moving view follow in time. */
         for (uint32_t i = 0; !moving && i < job->target_count; i++) {
             struct srv_participant *p = participant_of(s, job->targets[i].participant);
@@ -356,7 +376,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
                 srv_hub_note(hub, p, SRV_NOTE_STATS);
         }
     }
-    srv_hub_work(hub);
+    srv_hub_work(hub, s);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -373,7 +393,7 @@ void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct s
             srv_hub_note(hub, p, SRV_NOTE_ERROR);
         }
     }
-    srv_hub_work(hub);
+    srv_hub_work(hub, s);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -407,6 +427,6 @@ void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elap
         if (!job->refinement)
             p->taken_version = 0;
     }
-    srv_hub_work(hub);
+    srv_hub_work(hub, s);
     pthread_mutex_unlock(&hub->mutex);
 }

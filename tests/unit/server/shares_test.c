@@ -41,6 +41,8 @@ struct stage {
     bool is_express;                 /* it stands still for short ones */
     const struct client *hog;        /* each picture of it has work that is done once: */
     double once_ms;
+    const struct client *dear; /* each picture of it takes so long to encode: */
+    double encode_ms;
     size_t bytes; /* of each */
 };
 
@@ -122,6 +124,8 @@ static void deliver(struct stage *s, struct srv_job *job, double render_ms) {
     struct srv_job_result result = { .width = job->view.size[0],
                                      .height = job->view.size[1],
                                      .once_ms = once_ms(s, job),
+                                     .encode_ms =
+                                         s->dear && is_for(job, s->dear) ? s->encode_ms : 0,
                                      .render_ms = render_ms };
     uint8_t *image = calloc(1, s->bytes);
     assert_non_null(image);
@@ -165,11 +169,16 @@ static void turn(struct stage *s, struct client *c) {
     }
 }
 
+static struct srv_running running_of(const struct srv_job *job, double drawn_ms) {
+    return (struct srv_running){ job->session, job->order, job->start_ms, job->part_start_ms,
+                                 drawn_ms };
+}
+
 /* A short one that may go before what is under way is drawn at once. */
 static bool draw_before(struct stage *s, double *wait_ms) {
     struct srv_job job;
-    double drawn_ms = s->now_ms - s->begun_ms - s->held_ms;
-    if (!srv_hub_next_short_job(s->f->hub, s->job.session, drawn_ms, s->now_ms, &job, wait_ms))
+    struct srv_running running = running_of(&s->job, s->now_ms - s->begun_ms - s->held_ms);
+    if (!srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &job, wait_ms))
         return false;
     double takes_ms = duration(s, &job);
     s->held_ms += takes_ms;
@@ -484,6 +493,24 @@ static void long_frames_stand_still_for_short_ones(void **state) {
                     frames); /* which pays for no more than that */
 }
 
+/* The same of two who share a session. */
+static void long_frames_stand_still_for_short_ones_of_others_in_the_session(void **state) {
+    struct stage *s = *state;
+    struct client *driver = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
+    play(s, 2000);
+    reset(s);
+    play(s, 10000);
+    unsigned alone = driver->frames;
+    s->hog = join(s, 1, s->f->id, 0, "{\"size\":[512,512]}");
+    s->once_ms = 280;
+    s->is_express = true;
+    play(s, 1000);
+    reset(s);
+    play(s, 10000);
+    assert_in_range(driver->frames, alone * 95 / 100, alone + 1);
+    assert_true(s->hog->frames > 10);
+}
+
 /* Of two that have no rest both have half of the time, in whatever pieces. */
 static void what_stands_still_has_its_share(void **state) {
     struct stage *s = *state;
@@ -520,7 +547,10 @@ static void what_may_go_before_a_long_frame(void **state) {
     turn(s, hog);
     assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job, &wait_ms));
     struct client *other = join(s, 1, id, 0, "{\"size\":[256,256]}");
-#define BEFORE(ms) srv_hub_next_short_job(s->f->hub, job.session, ms, s->now_ms, &before, &wait_ms)
+    struct srv_running running;
+#define BEFORE(ms)                                                                                 \
+    (running = running_of(&job, ms),                                                               \
+     srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &before, &wait_ms))
     assert_false(BEFORE(1e6)); /* nothing is known of how long it takes */
     srv_hub_job_cancelled(s->f->hub, &job, 0);
     play(s, 3000);
@@ -543,6 +573,66 @@ static void what_may_go_before_a_long_frame(void **state) {
     assert_false(BEFORE(1e6)); /* that has to be derived first */
 #undef BEFORE
     srv_hub_job_cancelled(s->f->hub, &job, 0);
+}
+
+static void what_is_dear_to_encode_is_paid_for(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    another_session(s, id);
+    struct client *cheap = join(s, 0, s->f->id, 8, SMALL);
+    s->dear = join(s, 1, id, 8, SMALL);
+    s->encode_ms = 105; /* and 15 to draw, as the other one's */
+    play(s, 2000);
+    reset(s);
+    play(s, 10000);
+    assert_true(s->dear->frames > 0 && cheap->frames > 7 * s->dear->frames);
+    assert_true(cheap->frames < 9 * s->dear->frames);
+}
+
+/* Pictures that hold an encode thread for long, and who else looks on. */
+static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void **state) {
+    struct stage *s = *state;
+    struct srv_job one, other, next;
+    double wait_ms;
+    struct client *driver = join(s, 0, s->f->id, 0, "{\"max_fps\":120,\"size\":[2048,2048]}");
+    struct client *viewer = join(s, 1, s->f->id, 0, "{\"max_fps\":120,\"size\":[2048,2048]}");
+    tell(s, viewer, "stream.configure", "{\"format\":\"png\"}");
+    s->mpx_ms = 1; /* so that pictures have all detail */
+    for (int i = 0; i < 3; i++) {
+        turn(s, driver);
+        play(s, 5000);
+    }
+    turn(s, driver); /* of one size, and to be encoded in 15 and in 63 ms */
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &one, &wait_ms));
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &other, &wait_ms));
+    struct srv_job *dear = one.is_dear ? &one : &other, *cheap = one.is_dear ? &other : &one;
+    assert_true(dear->is_dear && is_for(dear, viewer) && !is_for(dear, driver));
+    assert_true(!cheap->is_dear && is_for(cheap, driver) && !is_for(cheap, viewer));
+    deliver(s, cheap, 1);
+    s->now_ms += 10;
+    turn(s, driver);
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &next, &wait_ms));
+    assert_true(is_for(&next, driver) && !is_for(&next, viewer));
+    assert_false(srv_hub_next_job(s->f->hub, s->now_ms, cheap, &wait_ms));
+    deliver(s, &next, 1);
+    deliver(s, dear, 1);
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &next, &wait_ms));
+    assert_true(next.is_dear && is_for(&next, viewer));
+    deliver(s, &next, 1);
+}
+
+static void who_holds_control_counts_for_all_others_together(void **state) {
+    struct stage *s = *state;
+    struct client *driver = join(s, 0, s->f->id, 8, LARGE);
+    play(s, 100);
+    join(s, 1, s->f->id, 0, "{\"max_fps\":120,\"progressive\":false,\"size\":[2048,2047]}");
+    join(s, 2, s->f->id, 0, "{\"max_fps\":120,\"progressive\":false,\"size\":[2048,2046]}");
+    play(s, 5000);
+    reset(s);
+    play(s, 20000);
+    double others_ms = s->clients[1].took_ms + s->clients[2].took_ms;
+    assert_true(fabs(driver->took_ms - others_ms) < 0.1 * others_ms);
+    assert_true(fabs(s->clients[1].took_ms - s->clients[2].took_ms) < 0.1 * others_ms);
 }
 
 static void participants_have_equal_shares_of_their_session(void **state) {
@@ -584,9 +674,13 @@ int main(void) {
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
         TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
         TEST(long_frames_stand_still_for_short_ones),
+        TEST(long_frames_stand_still_for_short_ones_of_others_in_the_session),
         TEST(what_stands_still_has_its_share),
         TEST(what_may_go_before_a_long_frame),
+        TEST(what_is_dear_to_encode_is_paid_for),
+        TEST(dear_pictures_are_made_one_at_a_time_and_for_their_own_takers),
         TEST(participants_have_equal_shares_of_their_session),
+        TEST(who_holds_control_counts_for_all_others_together),
         TEST(a_viewers_settings_interrupt_its_own_picture_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

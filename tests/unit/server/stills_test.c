@@ -21,7 +21,13 @@
 #include "support/gate.h"
 #include "support/lanes.h"
 
-enum { QUEUE = 3, SHARP = 90, ENCODE_THREADS = 3, STRIPES = 8 };
+enum {
+    QUEUE = 3,
+    SHARP = 90,
+    STREAM_THREADS = 3, /* that encode */
+    ENCODE_THREADS = 5, /* with the nice ones */
+    STRIPES = 8
+};
 
 static struct { /* guarded by the gate's mutex */
     unsigned encoded;
@@ -36,6 +42,8 @@ static struct { /* guarded by the gate's mutex */
     bool shares;                   /* what is encoded: stripes of the test's, which wait */
     unsigned at_stripes, together; /* threads, and how many have to be */
     unsigned made[STRIPES], by[ENCODE_THREADS];
+    bool holds_png; /* they wait to be encoded */
+    unsigned pngs;  /* that do, or did */
 } seen;
 
 struct sp_frame *__real_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
@@ -88,6 +96,19 @@ static void make_stripe(void *of, unsigned i, struct sp_encoder *with) {
     gate_await(&seen.at_stripes, seen.together);
 }
 
+static bool is_held(void) {
+    pthread_mutex_lock(&gate.mutex);
+    bool held = seen.holds_png;
+    pthread_mutex_unlock(&gate.mutex);
+    return held;
+}
+
+static void hold_png(bool hold) {
+    pthread_mutex_lock(&gate.mutex);
+    seen.holds_png = hold;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
 bool __real_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                       enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
                       struct sp_error *err);
@@ -101,6 +122,13 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
     seen.encoded++;
     seen.sharp += quality == SHARP;
     pthread_mutex_unlock(&gate.mutex);
+    if (format == SP_IMAGE_PNG) {
+        pthread_mutex_lock(&gate.mutex);
+        seen.pngs++;
+        pthread_mutex_unlock(&gate.mutex);
+        while (is_held())
+            sched_yield();
+    }
     if (seen.shares) {
         unsigned own = sharer_of(encoder);
         seen.sharers[own].share(seen.sharers[own].user, encoder, STRIPES, make_stripe, &seen);
@@ -167,8 +195,12 @@ static int set_up(void **state) {
     return set_up_threads(state, 1);
 }
 
+static int set_up_two(void **state) {
+    return set_up_threads(state, 2);
+}
+
 static int set_up_sharing(void **state) {
-    return set_up_threads(state, ENCODE_THREADS);
+    return set_up_threads(state, STREAM_THREADS);
 }
 
 static int tear_down(void **state) {
@@ -372,26 +404,84 @@ static void somebody_who_waits_for_it_takes_it_out_of_the_background(void **stat
     assert_int_equal(gate_count(&gate.entered), 2);
 }
 
+static void tell(struct fixture *f, struct srv_participant *participant, const char *method,
+                 const char *params) {
+    char text[160], *answer;
+    size_t size;
+    snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"method\":\"%s\",\"params\":%s}", method,
+             params);
+    assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
+                                &answer, &size));
+    free(answer);
+}
+
+/* The participant's next frame, acknowledged. */
+static struct proto_frame_header next_frame(struct fixture *f,
+                                            struct srv_participant *participant) {
+    struct srv_message message = { .text = NULL };
+    char params[40];
+    while (srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message) !=
+           SRV_MESSAGE_FRAME) {
+        free(message.text);
+        sched_yield();
+    }
+    srv_blob_unref(&message.blob);
+    snprintf(params, sizeof params, "{\"frame\":%u}", message.header.frame);
+    tell(f, participant, "stream.ack", params);
+    return message.header;
+}
+
 /* Takes the participant's frames up to the sharp one. */
 static void see_the_sharp_one(struct fixture *f, struct srv_participant *participant) {
-    struct srv_message message = { .text = NULL };
-    for (bool is_final = false; !is_final; sched_yield()) {
-        char text[120], *answer;
-        size_t size;
-        enum srv_message_kind kind =
-            srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message);
-        free(message.text);
-        srv_blob_unref(&message.blob);
-        if (kind != SRV_MESSAGE_FRAME)
-            continue;
-        is_final = message.header.flags & PROTO_FRAME_FINAL;
-        snprintf(text, sizeof text,
-                 "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
-                 message.header.frame);
-        assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
-                                    &answer, &size));
-        free(answer);
+    while (!(next_frame(f, participant).flags & PROTO_FRAME_FINAL))
+        ;
+}
+
+/* Large pictures as PNG hold an encode thread each, and nothing ends that. The others in the
+ * session, and other sessions, get theirs all the same. */
+static void dear_pictures_leave_a_thread_to_the_others(void **state) {
+    struct fixture *f = *state;
+    char id[SRV_SESSION_ID_BYTES], params[60];
+    lanes_session(&f->lanes, id);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    see_the_sharp_one(f, f->participant);
+    hold_png(true);
+    struct srv_participant *hog = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
+    struct srv_participant *hogs = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    tell(f, hog, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
+    tell(f, hogs, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
+    for (uint32_t seq = 1; seq <= 20; seq++) {
+        snprintf(params, sizeof params, "{\"seq\":%u,\"patch\":{\"background\":[0,0,%g,1]}}", seq,
+                 seq / 32.0);
+        tell(f, hogs, "view.update", params);
+        tell(f, f->participant, "view.update", params);
+        while (next_frame(f, f->participant).seq < seq)
+            ;
     }
+    gate_await(&seen.pngs, 1);
+    hold_png(false);
+    see_the_sharp_one(f, hog);
+    see_the_sharp_one(f, hogs);
+    srv_hub_leave(f->lanes.hub, &hog, srv_clock_ms());
+    srv_hub_leave(f->lanes.hub, &hogs, srv_clock_ms());
+}
+
+/* Who is alone keeps nobody from anything: all threads are his. */
+static void who_is_alone_has_all_threads(void **state) {
+    struct fixture *f = *state;
+    char params[60];
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    tell(f, f->participant, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
+    see_the_sharp_one(f, f->participant);
+    hold_png(true);
+    unsigned pngs = gate_count(&seen.pngs);
+    for (uint32_t seq = 1; gate_count(&seen.pngs) < pngs + 2; seq++) {
+        snprintf(params, sizeof params, "{\"seq\":%u,\"patch\":{\"background\":[0,0,%g,1]}}", seq,
+                 seq % 32 / 32.0);
+        tell(f, f->participant, "view.update", params);
+        sched_yield();
+    }
+    hold_png(false);
 }
 
 static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
@@ -439,7 +529,7 @@ static void idle_threads_make_stripes_of_a_still_but_not_the_streams(void **stat
     struct fixture *f = *state;
     for (unsigned n = 1; n <= PICTURES; n++) {
         struct asker asker = { 0 };
-        share_by(ENCODE_THREADS - 1);
+        share_by(ENCODE_THREADS - 1); /* one is for streams alone */
         assert_true(ask(f, &asker, 100, false));
         gate_let_through(1);
         gate_await(&asker.answers, 1);
@@ -448,18 +538,19 @@ static void idle_threads_make_stripes_of_a_still_but_not_the_streams(void **stat
             assert_int_equal(seen.made[i], n);
     }
     assert_int_equal(seen.by[0], 0);
-    assert_true(seen.by[1] >= PICTURES && seen.by[2] >= PICTURES);
+    for (int t = 1; t < ENCODE_THREADS; t++)
+        assert_true(seen.by[t] >= PICTURES);
 }
 
-static void all_idle_threads_make_stripes_of_a_streams_picture(void **state) {
+static void idle_threads_that_are_not_nice_make_stripes_of_a_streams_picture(void **state) {
     struct fixture *f = *state;
-    share_by(ENCODE_THREADS);
+    share_by(STREAM_THREADS);
     f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
     for (int i = 0; i < STRIPES; i++)
         assert_int_equal(seen.made[i], gate_count(&seen.encoded));
     for (int t = 0; t < ENCODE_THREADS; t++)
-        assert_true(seen.by[t] > 0);
+        assert_true((seen.by[t] > 0) == (t < STREAM_THREADS));
 }
 
 int main(void) {
@@ -478,10 +569,14 @@ int main(void) {
         TEST(somebody_who_waits_for_it_takes_it_out_of_the_background),
         TEST(a_sessions_sharp_picture_is_not_drawn_again),
         TEST(nor_encoded_again_in_the_same_form),
+        cmocka_unit_test_setup_teardown(dear_pictures_leave_a_thread_to_the_others, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(who_is_alone_has_all_threads, set_up_two, tear_down),
         cmocka_unit_test_setup_teardown(idle_threads_make_stripes_of_a_still_but_not_the_streams,
                                         set_up_sharing, tear_down),
-        cmocka_unit_test_setup_teardown(all_idle_threads_make_stripes_of_a_streams_picture,
-                                        set_up_sharing, tear_down),
+        cmocka_unit_test_setup_teardown(
+            idle_threads_that_are_not_nice_make_stripes_of_a_streams_picture, set_up_sharing,
+            tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
