@@ -182,7 +182,8 @@ struct takers { /* sets of targets */
     uint64_t delta, key, stills;
 };
 
-/* Asks everybody of the set, then settles who gets what of this frame. With the encoder locked. */
+/* Asks everybody of the set, then settles who gets what of this frame. A key frame would take the
+ * video from those who have it and get nothing of this frame, too. With the encoder locked. */
 static struct takers ask(struct srv_hub *hub, const struct srv_job *job, uint64_t set,
                          const struct encoder *encoder, double now_ms) {
     struct takers takers = { 0 };
@@ -196,10 +197,11 @@ static struct takers ask(struct srv_hub *hub, const struct srv_job *job, uint64_
             takers.key |= bit;
     }
     bool is_late = job->order <= encoder->order;
+    bool is_shared = takers.delta || srv_hub_has_video(hub, job, &encoder->mark);
     if (is_late) {
         takers.stills = takers.delta | takers.key;
         takers.delta = takers.key = 0;
-    } else if (takers.key && (!takers.delta || now_ms - encoder->key_ms >= KEY_MS)) {
+    } else if (takers.key && (!is_shared || now_ms - encoder->key_ms >= KEY_MS)) {
         takers.key |= takers.delta;
         takers.delta = 0;
     } else {

@@ -14,9 +14,10 @@
  *   - Before encoding, each taker is asked (srv_hub_claim_video): one whose last frame still waits
  *     for the socket is left out, and wants a newer one as soon as the socket took that; one that
  *     has the mark takes the delta; any other needs a key frame.
- *   - If nobody could use a delta, the frame is a key frame. Else there is one at most every
- *     KEY_MS: until then who needs one gets JPEG. So a client that joins, loses frames or asks for
- *     key frames all the time costs the others at most that.
+ *   - If nobody of the session could use a delta, now or of a later job, the frame is a key frame.
+ *     Else there is one at most every KEY_MS: until then who needs one gets JPEG. So a client that
+ *     joins, loses frames, takes fewer or asks for key frames all the time costs the others at most
+ *     that.
  *   - A job older than the newest frame of the encoder is no video at all: JPEG, if still wanted.
  *   - Encoding and putting in outboxes are done under the encoder's lock, so that frames are put in
  *     the order in which they were encoded, whichever thread does it.

@@ -455,6 +455,34 @@ static void greedy(void **state) {
     tear_down(&w);
 }
 
+/* One takes a tenth of the frames: each time it lacks those between, and the jobs of its own have
+ * nobody else in them. The others' key frames are few. */
+static void slower(void **state) {
+    struct world w;
+    set_up(&w, *state, 1);
+    say(&w, w.people[2].p,
+        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"max_fps\":7}"
+        "}");
+    unsigned alone = 0;
+    for (int i = 0; i < 600; i++) {
+        w.now_ms += 5;
+        if (i % 4 == 0)
+            change(&w);
+        if (start_job(&w)) {
+            alone += w.flying[0].job.target_count == 1;
+            finish_job(&w, 0);
+        }
+        for (int p = 0; p < PEOPLE; p++)
+            while (take(&w, &w.people[p]))
+                ;
+    }
+    /* Encoders go by the real clock, as in greedy(). */
+    assert_true(alone > 3);
+    assert_true(w.people[0].videos > 100 && w.people[0].keys < 5);
+    assert_true(w.people[2].stills > 3);
+    tear_down(&w);
+}
+
 static void drag(struct world *w, int frames) {
     for (int i = 0; i < frames; i++) {
         w->now_ms += 20;
@@ -512,6 +540,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(races, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(no_room, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(greedy, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(slower, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(whatever_happens, hub_set_up, hub_tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
