@@ -143,6 +143,8 @@ static void on_frame_start(wslay_event_context_ptr context,
     struct srv_ws *ws = user;
     if (ws->frames_left > 0)
         ws->frames_left--;
+    if (frame->opcode == WSLAY_CONNECTION_CLOSE && frame->payload_length == 1)
+        srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close with half a code", ws->now_ms);
     if (wslay_is_ctrl_frame(frame->opcode))
         return;
     ws->fragments = frame->opcode == WSLAY_CONTINUATION_FRAME ? ws->fragments + 1 : 1;

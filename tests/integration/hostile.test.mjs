@@ -25,23 +25,36 @@ async function othersAreServed() {
 const masked = (text) => clientFrame(1, text);
 const ping = (id) => masked(JSON.stringify({ jsonrpc: '2.0', id, method: 'ping' }));
 
+const closeWith = (code, reason = '') => Buffer.concat([Buffer.from([code >> 8, code & 255]), Buffer.from(reason)]);
+
 test('frames against the protocol are closed with its codes', async () => {
   const session = await daemon.session();
   const cases = [
-    ['reserved bits', clientFrame(1, '{}', { rsv: 4 }), 1002],
+    ...[4, 2, 1, 7].map((rsv) => [`reserved bits ${rsv}`, clientFrame(1, '{}', { rsv }), 1002]),
+    ['reserved bits of a ping', clientFrame(9, 'x', { rsv: 1 }), 1002],
     ['not masked', clientFrame(1, '{}', { masked: false }), 1002],
-    ['an unknown opcode', clientFrame(3, 'x'), 1002],
+    ...[3, 4, 5, 6, 7, 11, 12, 13, 14, 15].map((opcode) => [`the unknown opcode ${opcode}`, clientFrame(opcode, 'x'), 1002]),
     ['a continuation of nothing', clientFrame(0, 'x'), 1002],
     ['a fragmented ping', clientFrame(9, 'x', { fin: false }), 1002],
     ['a ping over 125 bytes', clientFrame(9, 'x'.repeat(126)), 1002],
     ['a message within a message', Buffer.concat([clientFrame(1, '{', { fin: false }), clientFrame(1, '}')]), 1002],
+    ['a continuation behind a whole message', Buffer.concat([clientFrame(1, '{}'), clientFrame(0, 'x')]), 1002],
+    ['a fragmented close', clientFrame(8, closeWith(1000), { fin: false }), 1002],
+    ['a close over 125 bytes', clientFrame(8, closeWith(1000, 'x'.repeat(124))), 1002],
+    ['an overlong form in UTF-8', clientFrame(1, Buffer.from([0xc0, 0xaf])), 1007],
+    ['what is beyond U+10FFFF', clientFrame(1, Buffer.from([0xf4, 0x90, 0x80, 0x80])), 1007],
+    ['UTF-8 that is cut', clientFrame(1, Buffer.from([0xe2, 0x82])), 1007],
+    ['UTF-8 that is wrong across fragments', Buffer.concat([clientFrame(1, Buffer.from([0xe2]), { fin: false }), clientFrame(0, Buffer.from([0x28, 0xa1]))]), 1007],
     ['text that is not UTF-8', clientFrame(1, Buffer.from([0xc3, 0x28])), 1007],
     ['a surrogate in UTF-8', clientFrame(1, Buffer.from([0xed, 0xa0, 0x80])), 1007],
     ['a binary message', clientFrame(2, 'x'), 1003],
     ['a message over the limit', clientFrame(1, 'x'.repeat(65537)), 1009],
     ['fragments over the limit', Buffer.concat([clientFrame(1, 'x'.repeat(40000), { fin: false }), clientFrame(0, 'x'.repeat(40000))]), 1009],
     ['too many fragments', Buffer.concat([clientFrame(1, 'x', { fin: false }), ...Array(1100).fill(clientFrame(0, 'x', { fin: false }))]), 1009],
-    ['a close with a wrong code', clientFrame(8, Buffer.from([0x03, 0xed])), 1002],
+    ['a close with half a code', clientFrame(8, Buffer.from([3])), 1002],
+    ...[0, 999, 1004, 1005, 1006, 1015, 1016, 2999, 5000, 65535].map((code) => [`a close with ${code}`, clientFrame(8, closeWith(code)), 1002]),
+    ...[1000, 1001, 1002, 1003, 1007, 1008, 1009, 1010, 1011, 3000, 3999, 4000, 4999].map((code) => [`a close with ${code}`, clientFrame(8, closeWith(code)), code]),
+    ['a close with a long reason', clientFrame(8, closeWith(1000, 'é'.repeat(61))), 1000],
   ];
   for (const [what, bytes, code] of cases) {
     const raw = await Raw.webSocket(daemon, session);
@@ -89,6 +102,14 @@ test('a message in many pieces, byte by byte, and bytes sent before the handshak
   assert.ok(raw.frames().some((f) => f.opcode === 10 && String(f.payload) === 'between'), 'the ping in between was answered');
   for (const byte of ping('slow')) raw.write(Buffer.from([byte]));
   await raw.answer('slow');
+  // Empty fragments, control frames of any size between them, and answers nobody asked for.
+  raw.write(clientFrame(1, '', { fin: false }));
+  for (const size of [0, 1, 125]) raw.write(clientFrame(9, 'p'.repeat(size)));
+  raw.write(clientFrame(10, 'unasked'));
+  raw.write(clientFrame(0, text, { fin: false }));
+  raw.write(clientFrame(0, ''));
+  await raw.until(() => raw.frames().filter((f) => f.opcode === 1 && String(f.payload).includes('"id":"é"')).length === 2, 'another answer');
+  for (const size of [0, 1, 125]) assert.ok(raw.frames().some((f) => f.opcode === 10 && String(f.payload) === 'p'.repeat(size)), `a ping of ${size} bytes was answered`);
   raw.destroy();
 });
 
