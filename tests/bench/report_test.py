@@ -3,6 +3,7 @@
 """report.py on made-up numbers: ratios, goals, the limit, and what is missing."""
 import csv
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -14,6 +15,9 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 import report  # noqa: E402
 import run_all  # noqa: E402
+
+with open(os.path.join(HERE, 'serve.mjs'), encoding='utf-8') as script:
+    SERVE_COLUMNS = re.findall(r"'(\w+)'", re.search(r'^const COLUMNS = \[(.*?)\];', script.read(), re.S | re.M)[1])
 
 
 class Report(unittest.TestCase):
@@ -163,18 +167,53 @@ class Report(unittest.TestCase):
         self.assertIn(f'| engine | colour | 10 | 8.9 | 89 % | 100 % | {report.SOFTWARE} |', text)
         self.assertIn('head, opacity: left out, more than 600 s.', text)
 
+    def serve(self, part, what, **more):
+        return {'part': part, 'what': what, 'volume': 'demo:engine', 'clients': 1, 'px': 512, 'side': 512, 'coarse': 0, 'fps_min': 30, 'fps_mean': 30, **more}
+
     def test_what_serving_costs(self):
         self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 100))
         self.assertNotIn('What the daemon costs', self.make()[0])
-        self.write('serve.csv', ['part', 'clients', 'size', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'rss_mib', 'cpu_share', 'note'],
-                   {'part': 'viewers', 'clients': 4, 'size': 512, 'fps_min': 29.1, 'fps_mean': 30, 'rss_mib': 80.5, 'cpu_share': 1.25, 'note': 'of one view'})
+        self.write('serve.csv', SERVE_COLUMNS,
+                   self.serve('viewers', 'of one view', clients=4, side=384, coarse=0.5, fps_min=29.1, kbytes_frame=10.4, rss_mib=80.5, cpu_share=1.25))
         self.write('codecs.csv', ['scene', 'size', 'codec', 'quality', 'key_bytes', 'bytes', 'ms', 'cpu_ms'],
-                   {'scene': 'a.nrrd', 'size': 1024, 'codec': 'vp9', 'quality': 60, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9.83})
-        self.write('tls.csv', ['what', 'median_ms', 'slowest_ms'], {'what': 'handshake', 'median_ms': 2.4, 'slowest_ms': 16.4})
+                   {'scene': 'a.nrrd', 'size': 1024, 'codec': 'jpeg 4:2:0', 'quality': 60, 'key_bytes': 29531, 'bytes': 21090, 'ms': 2, 'cpu_ms': 2},
+                   {'scene': 'a.nrrd', 'size': 1024, 'codec': 'vp9', 'quality': 60, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9},
+                   {'scene': 'a.nrrd', 'size': 1024, 'codec': 'png', 'quality': 100, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9})
+        self.write('tls.csv', ['what', 'median_ms', 'slowest_ms'], {'what': 'handshake', 'median_ms': 2.4, 'slowest_ms': 216},
+                   {'what': 'echo of 4 MiB', 'median_ms': 17, 'slowest_ms': 200})
         text, _ = self.make()
-        self.assertIn('| viewers | 4 | 512 | 29.1 | 30 | – | – | – | – | 80.5 | 1.25 | of one view |', text)
-        self.assertIn('| a.nrrd | 1024 | vp9 | 60 | 12.3 | 2.11 | 11.1 | 9.83 |', text)
-        self.assertIn('| handshake | 2.4 | 16.4 |', text)
+        self.assertIn('| 4 | of one view | 384 | 0.5 | 29.1 | 30 | 10.4 | 80.5 | 1.25 |', text)
+        self.assertIn('volume is demo:engine.', text)
+        self.assertIn('| a.nrrd | 1024 | vp9 | 60 | 12.3 | 2.11 | 11.1 | 9 | 0.1 | 4.5 |', text)
+        self.assertIn('| a.nrrd | 1024 | png | 100 | 12.3 | 2.11 | 11.1 | 9 | – | – |', text)
+        self.assertIn('| handshake | 2.4 | 216 | – |', text)
+        self.assertIn('| echo of 4 MiB | 17 | 200 | 200: **missed** |', text)
+
+    def test_goals_of_the_daemon(self):
+        """Each goal just met, and just missed."""
+        for missed in False, True:
+            rows = [self.serve('overhead', 'JPEG', px=512, p95_ms=99), self.serve('overhead', 'JPEG', px=1024, p95_ms=5 + missed / 10),
+                    self.serve('viewers', 'of one view', clients=8), self.serve('viewers', 'of one view', clients=63, fps_min=10 - missed),
+                    self.serve('sessions', 'as time allows', clients=16, fps_min=20), self.serve('sessions', 'full side', clients=4, fps_min=10),
+                    self.serve('sessions', 'full side', clients=5, fps_min=9.9),
+                    self.serve('memory', 'a viewer, jpeg', kib_each=2048 + missed), self.serve('memory', 'a session, vp9', kib_each=16384 + missed),
+                    self.serve('hostile', 'slow', change_percent=3), self.serve('hostile', 'greedy', change_percent=-5 - missed / 10),
+                    self.serve('beside', '8 sessions', change_percent=-60),
+                    self.serve('idle', 'over', wanted=10000, limit=1000, held=1050 if not missed else 5000, refused=8950),
+                    self.serve('idle', 'within', wanted=10000, limit=12000, held=10000, refused=int(missed))]
+            soak = [{'minute': m, 'rss_mib': mib, 'descriptors': 20 + 2 * missed * (m == 4)} for m, mib in ((1, 10), (2, 100), (3, 1), (4, 104.9 + missed))]
+            self.write('serve.csv', SERVE_COLUMNS, *rows)
+            self.write('soak.csv', ['minute', 'clients', 'sessions', 'rss_mib', 'descriptors', 'failed'], *soak)
+            text = report.serve(self.folder.name)
+            goals = text.split('###')[0]
+            self.assertIn(f'{5 + missed / 10:.1f} % at worst (greedy)', goals)
+            self.assertEqual(self.line(goals, '| most independent sessions')[2:], ['4', 'met'])
+            self.assertEqual(self.line(goals, '| viewers of one')[2], '8' if missed else '63')
+            self.assertEqual(self.line(goals, '| frames lost')[0], f'frames lost beside one hostile client, {2 - missed} of 2 tempers')
+            self.assertEqual((goals.count('| met |'), goals.count('**missed**')), (1, 9) if missed else (10, 0))
+            self.assertEqual(self.line(text, '| greedy')[3], '-5.1' if missed else '-5.0')
+            self.assertEqual(self.line(text, '| greedy')[-2], '**missed**' if missed else 'met')
+            self.assertEqual(len(self.line(text, '| 8 sessions')), len(self.line(text, '| greedy')) - 1)
 
     def a_run(self):
         run = run_all.Run(None)
@@ -205,6 +244,28 @@ class Report(unittest.TestCase):
         run.bench = lambda *arguments, **options: [drawn['--in-flight' in arguments]]
         row, = run_all.gl_rows(run, 'head', 'phong', '512 px', ('--size', 512), 10, slow)
         self.assertEqual((row['fps'], row['in_flight_2_fps'], row['read_ms'], row['cpu_fps']), (5, 8, 2, 10))
+
+    def test_a_table_stays_where_measuring_fails(self):
+        run = self.a_run()
+        run.o = types.SimpleNamespace(bin='.', out=self.folder.name)
+        run.write('soak.csv', ['minute'], [{'minute': 20}])
+        why, run_all.missing = run_all.missing, lambda *needs: ''
+        self.addCleanup(setattr, run_all, 'missing', why)
+
+        def program(fails):
+            def half(label, command):
+                with open(command[command.index('--out') + 1], 'w', encoding='utf-8') as f:
+                    f.write('minute\n1\n')
+                run.failed += ['it'] * fails
+            return half
+        for fails, minute in (True, 20), (False, 1):
+            run.program = program(fails)
+            run_all.measure_serve(run, 'soak.csv', 'it', '--only', 'soak')
+            self.assertEqual(report.read(self.folder.name, 'soak.csv'), [{'minute': minute}])
+        os.remove(os.path.join(run.work, 'soak.csv'))
+
+    def test_what_takes_long_is_measured_when_named(self):
+        self.assertEqual(set(run_all.PARTS) - set(run_all.UNASKED), {'soak'})
 
     def test_what_is_missing_has_a_name(self):
         self.assertEqual(run_all.missing('sh', HERE), '')

@@ -22,7 +22,8 @@ import time
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'codecs', 'tls')
+PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'codecs', 'tls', 'soak')
+UNASKED = PARTS[:-1]  # what is measured without --only
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -35,7 +36,7 @@ def arguments():
     p.add_argument('--out', required=True, help='folder of the CSV files')
     p.add_argument('--vtk-bench', default='', help='script that measures VTK on the same scenes; "" = without')
     p.add_argument('--no-vtk-because', default='', help='what to say where VTK is not measured')
-    p.add_argument('--only', default=','.join(PARTS), help='what to measure, of ' + ', '.join(PARTS) + '; the other files stay')
+    p.add_argument('--only', default=','.join(UNASKED), help='what to measure, of ' + ', '.join(PARTS) + ' (which takes 20 minutes and is left out unless named); the other files stay')
     p.add_argument('--quick', action='store_true', help='a few views, 512 px, two threads, small volumes')
     p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
     p.add_argument('--gpu-peak', type=peaks, default=('', ''), metavar='GB/s,TFLOP/s',
@@ -436,17 +437,17 @@ def keep_table(run, name, text):
         run.write(name, text.splitlines()[0].split(','), csv.DictReader(text.splitlines()))
 
 
-def measure_serve(run):
-    why = missing('node', os.path.join(ROOT, 'tests/node_modules/ws'), os.path.join(run.o.bin, 'splatd'))
+def measure_serve(run, name, label, *options):
+    """name: of the table, which stays as it was where serve.mjs does not come to its end."""
+    why = missing('node', 'openssl', os.path.join(ROOT, 'tests/node_modules/ws'), os.path.join(run.o.bin, 'splatd'))
     if why:
-        run.skip(1, f'what the daemon costs; {why} (deploy/test.sh installs what is in tests/node_modules)')
+        run.skip(1, f'{label}; {why} (deploy/test.sh installs what is in tests/node_modules)')
         return
-    table = os.path.join(run.work, 'serve.csv')
-    run.program('what the daemon costs and who disturbs whom', ['node', os.path.join(ROOT, 'tests/bench/serve.mjs'), '--bin', run.o.bin,
-                                                               '--seconds', '1' if run.o.quick else '5', '--out', table])
-    if os.path.exists(table):
-        with open(table, encoding='utf-8') as f:
-            keep_table(run, 'serve.csv', f.read())
+    made, failures = os.path.join(run.work, name), len(run.failed)
+    run.program(label, ['node', os.path.join(ROOT, 'tests/bench/serve.mjs'), '--bin', run.o.bin, '--out', made, *options])
+    if len(run.failed) == failures:
+        with open(made, encoding='utf-8') as f:
+            keep_table(run, name, f.read())
 
 
 def measure_codecs(run):
@@ -479,7 +480,7 @@ def machine(run):
             return subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout.strip()
         except (OSError, subprocess.CalledProcessError):
             return ''
-    changed = output('git', 'status', '--porcelain', '--untracked-files=no', '--', 'renderer', 'tests/bench')
+    changed = output('git', 'status', '--porcelain', '--untracked-files=no', '--', 'renderer', 'server', 'tests/bench')
     yield 'cpu', first('/proc/cpuinfo', 'model name', ':')
     yield 'cores', str(os.cpu_count())
     yield 'memory', f'{int(first("/proc/meminfo", "MemTotal", ":").split()[0]) / 2**20:.1f} GiB'
@@ -502,7 +503,7 @@ def write_machine(run):
         with open(path, encoding='utf-8', newline='') as f:
             then = {row['key']: row['value'] for row in csv.DictReader(f)}
         then.update({key: value for key, value in now.items() if key == 'gpu backend'})
-        then.update({f'{part}, measured again': f'{now["commit"]}, {now["date"]}' for part in run.o.only})
+        then.update({f'{part}, measured again': f'{now["commit"]}, {now["date"]}, load {now["load at the start"]}' for part in run.o.only})
         now = then
     run.write('machine.csv', ['key', 'value'], [{'key': k, 'value': v} for k, v in now.items()])
 
@@ -543,9 +544,11 @@ def main():
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),
-            'serve': (1, lambda: measure_serve(run)),
+            'serve': (1, lambda: measure_serve(run, 'serve.csv', 'what the daemon costs and who disturbs whom',
+                                               *(('--seconds', '1', '--rounds', '1') if options.quick else ()))),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),
+            'soak': (1, lambda: measure_serve(run, 'soak.csv', 'people who come and go', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),
         }
         run.steps = sum(work[part][0] for part in options.only)
         write_machine(run)

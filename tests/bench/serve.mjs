@@ -3,391 +3,234 @@
 // What the daemon costs and who disturbs whom: users on this machine, memory a user, overhead without rendering,
 // clients of every temper, connections that do nothing, hours of coming and going.
 //
-//   node tests/bench/serve.mjs [--bin DIR] [--only PARTS] [--seconds N] [--minutes N] [--volume V] [--out FILE.csv]
+//   node tests/bench/serve.mjs [--bin DIR] [--only PARTS] [--seconds N] [--rounds N] [--minutes N] [--volume V]
+//     [--large V --large V] [--out FILE.csv]
 //
-// The clients share the machine with the daemon, and their work is in every figure. One line a measurement:
-//   part, clients, size, fps_min, fps_mean, p50_ms, p95_ms, p99_ms, kbytes_frame, rss_mib, cpu_share, note
-import { execFileSync, spawn } from 'node:child_process';
+// The clients share the machine with the daemon, and their work is in every figure. One line a measurement; COLUMNS
+// and SOAK_COLUMNS are those of the file. `soak` is measured alone, since its columns are others.
+import { execFileSync } from 'node:child_process';
 import { once } from 'node:events';
 import fs from 'node:fs';
 import net from 'node:net';
 import os from 'node:os';
 import path from 'node:path';
-import tls from 'node:tls';
 import { parseArgs } from 'node:util';
-import WebSocket from 'ws';
+import { CROWD, others, plain, secure } from './serve/hostile.mjs';
+import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 
-const PARTS = ['overhead', 'viewers', 'sessions', 'memory', 'fairness', 'idle', 'soak'];
-const COLUMNS = ['part', 'clients', 'size', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'rss_mib',
-  'cpu_share', 'note'];
-const UPDATE_MS = 1000 / 30; // a hand on the mouse
+const PARTS = ['overhead', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
+const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame',
+  'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'note'];
+const SOAK_COLUMNS = ['minute', 'clients', 'sessions', 'rss_mib', 'descriptors', 'failed'];
+const WANTED_FPS = 10; // of a user, as the most of them are counted
 const { values: options } = parseArgs({
   options: {
     bin: { type: 'string', default: 'build/release/bin' },
     only: { type: 'string', default: PARTS.slice(0, -1).join(',') },
-    seconds: { type: 'string', default: '5' },
+    seconds: { type: 'string', default: '4' },
+    rounds: { type: 'string', default: '3' },
     minutes: { type: 'string', default: '20' },
     volume: { type: 'string', default: 'demo:engine?size=128' },
+    large: { type: 'string', multiple: true, default: ['demo:phantom?size=256', 'demo:vessels?size=256'] }, // of the hostile
     out: { type: 'string' },
-    disturb: { type: 'string' }, // this process is a client of that temper
-    port: { type: 'string' },
-    token: { type: 'string' },
-    secure: { type: 'boolean' },
     help: { type: 'boolean' },
   },
 });
 const seconds = Number(options.seconds);
-const pause = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
 const rows = [];
-process.env.NODE_TLS_REJECT_UNAUTHORIZED = '0'; // the daemon's certificate is made for the run
+
+const start = (backend, args = [], volumes = []) => Daemon.start(options.bin, backend, [options.volume, ...volumes], args);
 
 function note(row) {
   rows.push(row);
-  const text = COLUMNS.filter((c) => row[c] !== undefined && c !== 'part').map((c) => `${c} ${row[c]}`).join('  ');
-  process.stdout.write(`${row.part}: ${text}\n`);
+  const told = Object.entries(row).filter(([key, value]) => value !== '' && key !== 'part').map(([key, value]) => `${key} ${value}`).join('  ');
+  process.stdout.write(`${row.part ?? 'soak'}: ${told}\n`);
 }
 
-const round = (x, digits = 1) => (Number.isFinite(x) ? Number(x.toFixed(digits)) : '');
-const mean = (list) => list.reduce((a, b) => a + b, 0) / list.length;
-
-function share(list, part) {
-  const sorted = [...list].sort((a, b) => a - b);
-  return sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))];
+/** A row of users who all do the same. */
+function measured(part, what, seen, more = {}) {
+  note({ part, what, volume: options.volume, px: 512, ...seen, ...more });
 }
 
-/** The daemon as a child, and what the system says of it. */
-class Daemon {
-  static async start(backend, args = []) {
-    const daemon = new Daemon();
-    daemon.child = spawn(path.join(options.bin, 'splatd'), ['--listen', '127.0.0.1:0', '--backend', backend, '--volume', options.volume,
-      '--participants', '64', '--connections', '1024', '--connections-per-address', '1024', ...args], { stdio: ['ignore', 'pipe', 'pipe'] });
-    let log = '';
-    daemon.child.stderr.on('data', (data) => { log = (log + data).slice(-4000); });
-    const [line] = await Promise.race([once(daemon.child.stdout, 'data'), once(daemon.child, 'close').then(() => [''])]);
-    const address = /listening on (\S+)/.exec(String(line));
-    if (!address) throw new Error(`splatd does not start: ${log}`);
-    const url = new URL(address[1]);
-    daemon.port = Number(url.port);
-    daemon.token = url.searchParams.get('token');
-    daemon.secure = url.protocol === 'https:';
-    await daemon.look();
-    return daemon;
-  }
-
-  /** Waits for its volume, and takes its view. */
-  async look() {
-    const { volumes } = await this.ask('GET', 'volumes');
-    this.volume = volumes[0].id;
-    while ((await this.ask('GET', `volumes/${this.volume}`)).state === 'loading') await pause(50);
-    this.view = await this.ask('GET', `volumes/${this.volume}/view`);
-  }
-
-  async ask(method, target, body) {
-    const answer = await fetch(`http${this.secure ? 's' : ''}://127.0.0.1:${this.port}${target.startsWith('/') ? '' : '/api/v1/'}${target}`, {
-      method, body: body && JSON.stringify(body), headers: { Authorization: `Bearer ${this.token}`, 'Content-Type': 'application/json' },
-    });
-    const text = await answer.text();
-    return answer.headers.get('content-type')?.includes('json') ? JSON.parse(text) : text;
-  }
-
-  async gauge(name) {
-    return Number(new RegExp(`^${name} (\\d+)$`, 'm').exec(await this.ask('GET', '/metrics'))[1]);
-  }
-
-  session(size) {
-    return this.ask('POST', 'sessions', { view: { ...this.view, size: [size, size] } });
-  }
-
-  rssMib() {
-    return Number(/VmRSS:\s+(\d+)/.exec(fs.readFileSync(`/proc/${this.child.pid}/status`, 'utf8'))[1]) / 1024;
-  }
-
-  files() {
-    return fs.readdirSync(`/proc/${this.child.pid}/fd`).length;
-  }
-
-  cpuMs() {
-    const fields = fs.readFileSync(`/proc/${this.child.pid}/stat`, 'utf8').replace(/^.*\) /, '').split(' ');
-    return (Number(fields[11]) + Number(fields[12])) * 10;
-  }
-
-  async stop() {
-    const ended = once(this.child, 'close');
-    this.child.kill('SIGTERM');
-    await ended;
-  }
-}
-
-/** A stream that acknowledges each frame after `delay` ms, or never (Infinity), and notes what came when. */
-class Client {
-  frames = 0;
-  bytes = 0;
-  seq = 0;
-  sent = new Map();
-  latencies = [];
-
-  static async open(daemon, session, { role = 'control', delay = 0 } = {}) {
-    const client = new Client();
-    client.view = session.view ?? daemon.view;
-    client.socket = new WebSocket(`ws${daemon.secure ? 's' : ''}://127.0.0.1:${daemon.port}/api/v1/sessions/${session.id}/stream?token=${session.tokens[role]}`,
-      ['splatd.v1'], { perMessageDeflate: false });
-    client.socket.on('message', (data, isBinary) => isBinary && client.#take(data, delay));
-    client.socket.on('error', () => {});
-    await once(client.socket, 'open');
-    return client;
-  }
-
-  #take(data, delay) {
-    const now = performance.now();
-    const frame = data.readUInt32LE(8);
-    const seq = data.readUInt32LE(12);
-    this.frames++;
-    this.bytes += data.length;
-    if (this.sent.has(seq)) {
-      this.latencies.push(now - this.sent.get(seq));
-      for (const key of this.sent.keys()) if (key <= seq) this.sent.delete(key);
-    }
-    this.onFrame?.();
-    if (delay === 0) this.#ack(frame);
-    else if (delay < Infinity) setTimeout(() => this.#ack(frame), delay);
-  }
-
-  #ack(frame) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(`{"jsonrpc":"2.0","method":"stream.ack","params":{"frame":${frame}}}`);
-  }
-
-  /** Turns the camera a step further. */
-  update() {
-    const [x, y, z] = this.view.camera.position;
-    const [tx, ty, tz] = this.view.camera.target;
-    const angle = (++this.seq) * 0.02;
-    const [dx, dz] = [x - tx, z - tz];
-    const position = [tx + dx * Math.cos(angle) - dz * Math.sin(angle), y, tz + dx * Math.sin(angle) + dz * Math.cos(angle)];
-    this.sent.set(this.seq, performance.now());
-    this.socket.send(JSON.stringify({
-      jsonrpc: '2.0', id: this.seq, method: 'view.update', params: { seq: this.seq, patch: { camera: { position, target: [tx, ty, tz] } } },
-    }));
-  }
-
-  configure(params) {
-    this.socket.send(JSON.stringify({ jsonrpc: '2.0', id: 'configure', method: 'stream.configure', params }));
-  }
-
-  drive(period = UPDATE_MS) {
-    this.timer = setInterval(() => this.socket.readyState === WebSocket.OPEN && this.update(), period);
-  }
-
-  reset() {
-    Object.assign(this, { frames: 0, bytes: 0, latencies: [] });
-  }
-
-  end() {
-    clearInterval(this.timer);
-    this.socket.terminate();
-  }
-}
-
-/** Runs for the wanted time after a second of warming up, and sums up what `clients` saw. */
-async function watch(daemon, clients, time = seconds) {
-  await pause(1000);
-  clients.forEach((client) => client.reset());
-  const cpu = daemon.cpuMs();
-  const begin = performance.now();
-  await pause(1000 * time);
-  const took = (performance.now() - begin) / 1000;
-  const fps = clients.map((client) => client.frames / took);
-  const latencies = clients.flatMap((client) => client.latencies);
-  return {
-    fps_min: round(Math.min(...fps)), fps_mean: round(mean(fps)),
-    p50_ms: round(share(latencies, 0.5)), p95_ms: round(share(latencies, 0.95)), p99_ms: round(share(latencies, 0.99)),
-    kbytes_frame: round(clients.reduce((sum, c) => sum + c.bytes, 0) / Math.max(1, clients.reduce((sum, c) => sum + c.frames, 0)) / 1000),
-    rss_mib: round(daemon.rssMib()), cpu_share: round((daemon.cpuMs() - cpu) / 1000 / took, 2),
-  };
-}
-
-/** Twenty changes a second, one by one; nothing is rendered. */
+/** Fifty changes a second, one by one; nothing is rendered. */
 async function overhead() {
-  for (const size of [512, 1024]) {
-    const daemon = await Daemon.start('null');
-    const client = await Client.open(daemon, await daemon.session(size));
-    client.configure({ max_fps: 120 });
-    client.drive(50);
-    note({ part: 'overhead', clients: 1, size, ...await watch(daemon, [client]), note: 'null backend; change to picture' });
+  for (const px of [512, 1024]) {
+    const daemon = await start('null');
+    const client = await Client.open(daemon, await daemon.session(px));
+    client.configure({ max_fps: 120, progressive: false, quality: 60 });
+    client.drive(20);
+    measured('overhead', 'from a change to its JPEG of quality 60, null backend', await watch(daemon, [client], seconds), { px });
     client.end();
     await daemon.stop();
   }
 }
 
 async function viewers() {
-  for (const n of [1, 2, 4, 8, 16, 32, 63]) {
-    const daemon = await Daemon.start('auto');
+  for (const n of [1, 8, 63]) {
+    const daemon = await start('auto');
     const session = await daemon.session(512);
     const driver = await Client.open(daemon, session);
     const clients = [];
     for (let i = 0; i < n; i++) clients.push(await Client.open(daemon, session, { role: 'view' }));
     driver.drive();
-    note({ part: 'viewers', clients: n, size: 512, ...await watch(daemon, clients), note: 'of one shared view, which a further client turns' });
+    measured('viewers', 'of one view, which a further client turns', await watch(daemon, clients, seconds));
     [driver, ...clients].forEach((client) => client.end());
     await daemon.stop();
   }
 }
 
-async function sessions() {
-  for (const n of [1, 2, 4, 8, 16]) {
-    const daemon = await Daemon.start('auto');
-    const clients = [];
-    for (let i = 0; i < n; i++) clients.push(await Client.open(daemon, await daemon.session(512)));
-    clients.forEach((client) => client.drive());
-    note({ part: 'sessions', clients: n, size: 512, ...await watch(daemon, clients), note: 'each turns its own view' });
-    clients.forEach((client) => client.end());
-    await daemon.stop();
+/** `n` users with a session each, all turning. */
+async function users(n, settings, what) {
+  const daemon = await start('auto');
+  const clients = [];
+  for (let i = 0; i < n; i++) {
+    clients.push(await Client.open(daemon, await daemon.session(512)));
+    clients[i].configure(settings);
+    clients[i].drive();
   }
+  const seen = await watch(daemon, clients, seconds, Math.min(2, seconds));
+  measured('sessions', what, seen);
+  clients.forEach((client) => client.end());
+  await daemon.stop();
+  return seen;
+}
+
+/** As the daemon has it, which makes pictures smaller and coarser where time is short; and whole pictures alone: the most users
+ * whose slowest has WANTED_FPS, by doubling and halving. */
+async function sessions() {
+  for (const n of [1, 8, 16]) await users(n, {}, 'sides and detail as time allows');
+  let held = 0;
+  let missed = 65;
+  for (let n = 2; missed - held > 1; n = missed > 64 ? Math.min(64, 2 * n) : (held + missed) >> 1)
+    if ((await users(n, { progressive: false }, 'full side, detail and quality')).fps_min >= WANTED_FPS) held = n;
+    else missed = n;
 }
 
 /** What one more costs: the slope from 8 to 40. */
 async function memory() {
-  for (const kind of ['viewer', 'session']) {
-    const daemon = await Daemon.start('auto', ['--rest-time', '60']);
-    const session = await daemon.session(512);
+  for (const [kind, format] of [['viewer', 'jpeg'], ['session', 'jpeg'], ['session', 'vp8'], ['session', 'vp9']]) {
+    const daemon = await start('auto', ['--rest-time', '60', '--video-pixels', '64M']);
+    const shared = await daemon.session(512);
     const clients = [];
-    const add = async () => {
-      const of = kind === 'viewer' ? session : await daemon.session(512);
-      clients.push(await Client.open(daemon, of));
-      clients.at(-1).drive(200);
-    };
-    const measured = [];
+    const mib = [];
     for (const n of [8, 40]) {
-      while (clients.length < n) await add();
-      await pause(1000 * seconds);
-      measured.push(daemon.rssMib());
+      while (clients.length < n) {
+        const watches = kind === 'viewer' && clients.length > 0; // what the first one turns
+        const client = await Client.open(daemon, kind === 'viewer' ? shared : await daemon.session(512), { role: watches ? 'view' : 'control' });
+        client.configure({ format });
+        if (!watches) client.drive(200);
+        clients.push(client);
+      }
+      mib.push((await watch(daemon, clients, seconds)).rss_mib);
     }
-    note({ part: 'memory', clients: 40, size: 512, rss_mib: round(measured[1]), note: `${round((measured[1] - measured[0]) / 32, 2)} MiB a ${kind}` });
+    const all = clients.reduce((sum, client) => sum + client.frames, 0);
+    const so = clients.reduce((sum, client) => sum + (client.codecs[CODECS[format]] ?? 0), 0);
+    measured('memory', `a ${kind}, ${format}`, { clients: 40, rss_mib: mib[1], kib_each: round(1024 * (mib[1] - mib[0]) / 32),
+      note: `${round(100 * so / all, 0)} % of the frames were ${format}` });
     clients.forEach((client) => client.end());
     await daemon.stop();
   }
 }
 
-/** Clients of ill temper, each in a process of its own: what they do to the daemon counts, not what they do to this one. */
-const disturbers = {
-  slow: async (daemon) => (await Client.open(daemon, await daemon.session(512), { delay: 500 })).drive(),
-  stalled: async (daemon) => {
-    const client = await Client.open(daemon, await daemon.session(512), { delay: Infinity });
-    client.drive();
-    client.socket._socket.pause();
-  },
-  greedy: async (daemon) => { // wants nothing but large final pictures, of a view that it turns without end
-    const client = await Client.open(daemon, await daemon.session(4096));
-    client.configure({ progressive: false, size: [4096, 4096], quality: 100, max_fps: 60 });
-    client.drive();
-  },
-  'flooding with messages': async (daemon) => {
-    const client = await Client.open(daemon, await daemon.session(512), { delay: Infinity });
-    const send = () => {
-      while (client.socket.bufferedAmount < 1e6) client.update();
-      setImmediate(send);
-    };
-    send();
-  },
-  'flooding with requests': async (daemon) => {
-    for (let i = 0; i < 4; i++) (async () => { for (;;) await daemon.ask('GET', 'volumes').catch(() => pause(10)); })();
-  },
-  'flooding with pictures': async (daemon) => {
-    for (let i = 0; i < 4; i++) (async () => { for (;;) await daemon.ask('POST', 'render', daemon.view).catch(() => pause(10)); })();
-  },
-};
-
-/** The first message of a TLS client. */
-async function greeting() {
-  const server = net.createServer().listen(0, '127.0.0.1');
-  await once(server, 'listening');
-  const client = tls.connect({ port: server.address().port, host: '127.0.0.1', ecdhCurve: 'P-256' }).on('error', () => {});
-  const [socket] = await once(server, 'connection');
-  const [hello] = await once(socket, 'data');
-  [client, socket, server].forEach((one) => (one.destroy ?? one.close).call(one));
-  return hello;
-}
-
-/** Costs whoever does it next to nothing, and the daemon a signature each time. */
-const secureDisturbers = {
-  'beginning TLS handshakes': async (daemon) => {
-    const hello = await greeting();
-    const begin = () => {
-      const socket = net.connect(daemon.port, '127.0.0.1', () => socket.write(hello));
-      socket.on('error', () => {}).on('close', begin).once('data', () => socket.resetAndDestroy());
-    };
-    for (let i = 0; i < 64; i++) begin();
-  },
-};
-
-async function disturb(kind) {
-  const daemon = Object.assign(new Daemon(), { port: Number(options.port), token: options.token, secure: options.secure });
-  await daemon.look();
-  await { ...disturbers, ...secureDisturbers }[kind](daemon);
-  process.stdout.write('at work\n');
-}
-
-/** One client at work, alone and beside others that are slow, stalled, greedy or flooding. The machine has moods: each is compared with
- * the time alone just before and just after. */
-async function fairness() {
-  await fairBeside(disturbers, []);
+/** One client at work, alone and beside another of each temper. The machine has moods: each kind has its turn in each round, between
+ * times alone, and the row has the medians. */
+async function hostile() {
+  await beside({ ...plain, ...others }, []);
   const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'splat-serve-'));
   const [cert, key] = ['cert.pem', 'key.pem'].map((name) => path.join(folder, name));
   execFileSync('openssl', ['req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-days', '2', '-subj', '/CN=bench', '-keyout', key, '-out', cert],
     { stdio: 'ignore' });
-  await fairBeside(secureDisturbers, ['--tls-cert', cert, '--tls-key', key]);
+  await beside(secure, ['--tls-cert', cert, '--tls-key', key]);
   fs.rmSync(folder, { recursive: true });
 }
 
-async function fairBeside(kinds, args) {
-  const daemon = await Daemon.start('auto', ['--stall-time', '3600', ...args]);
-  const fast = await Client.open(daemon, await daemon.session(512));
-  fast.drive();
-  let before = await watch(daemon, [fast]);
-  note({ part: 'fairness', clients: 1, size: 512, ...before, note: `alone${daemon.secure ? ', by TLS' : ''}` });
-  for (const kind of Object.keys(kinds)) {
-    const other = spawn(process.execPath, [process.argv[1], '--disturb', kind, '--port', String(daemon.port), '--token', daemon.token,
-      ...(daemon.secure ? ['--secure'] : [])],
-      { stdio: ['ignore', 'pipe', 'inherit'] });
-    await once(other.stdout, 'data');
-    const beside = await watch(daemon, [fast]);
-    other.kill();
-    await once(other, 'close');
-    const after = await watch(daemon, [fast]);
-    const change = 100 * (2 * beside.fps_mean / (before.fps_mean + after.fps_mean) - 1);
-    note({ part: 'fairness', clients: 2, size: 512, ...beside,
-      note: `beside one that is ${kind}: ${change < 0 ? '' : '+'}${round(change)} %; alone ${before.fps_mean} before, ${after.fps_mean} after` });
-    before = after;
-  }
-  fast.end();
+async function beside(kinds, args) {
+  const daemon = await start('auto', ['--stall-time', '3600', ...args], options.large);
+  const session = await daemon.session(512);
+  const victim = await Client.open(daemon, session);
+  victim.drive();
+  const alone = () => watch(daemon, [victim], 0.3 * seconds);
+  const found = Object.fromEntries(Object.keys(kinds).map((kind) => [kind, []]));
+  let before = await alone();
+  for (let i = 0; i < Number(options.rounds); i++)
+    for (const kind of Object.keys(kinds)) {
+      const seen = await besideOne(daemon, session, victim, kind);
+      const after = await alone();
+      found[kind].push({ ...seen, change: 100 * (2 * seen.fps_mean / (before.fps_mean + after.fps_mean) - 1),
+        alone_fps: (before.fps_mean + after.fps_mean) / 2, alone_p95_ms: (before.p95_ms + after.p95_ms) / 2 });
+      before = after;
+    }
+  victim.end();
   await daemon.stop();
+  for (const [kind, list] of Object.entries(found)) tell(kind, list);
 }
 
-/** Opens `count` plain connections that say nothing; how many were ended or answered. */
+/** What `victim` sees while another process is a client of that kind, and how often that was served. */
+async function besideOne(daemon, session, victim, kind) {
+  const { port, token, secure: tls } = daemon;
+  const other = child(process.execPath, [new URL('serve/hostile.mjs', import.meta.url).pathname, kind,
+    JSON.stringify({ port, token, secure: tls, victim: session })]);
+  const ended = once(other, 'close');
+  await Promise.race([once(other.stdout, 'data'), ended]);
+  const seen = await watch(daemon, [victim], 0.6 * seconds);
+  if (other.exitCode !== null) throw new Error(`the client that is ${kind} ended: ${other.log}`);
+  let served = '';
+  other.stdout.on('data', (data) => { served += data; });
+  other.kill();
+  await ended;
+  return { ...seen, served: Number(served) };
+}
+
+function tell(kind, list) {
+  const middle = (what, digits = 1) => round(median(list.map((one) => one[what])), digits);
+  const crowd = kind.startsWith(`${CROWD} sessions`);
+  const share = crowd ? `; it has ${round(100 * middle('render_share', 3))} % of the rendering, an equal share is ${round(100 / (CROWD + 1))} %` : '';
+  measured(kind in others ? 'beside' : 'hostile', kind, {
+    ...Object.fromEntries(['side', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'rss_mib', 'alone_fps', 'alone_p95_ms'].map((key) => [key, middle(key)])),
+    clients: 1, cpu_share: middle('cpu_share', 2), change_percent: middle('change'),
+    note: `changes ${list.map((one) => round(one.change)).join(', ')} %; the other was served ${middle('served', 0)} times${share}`,
+  });
+}
+
+/** Opens `count` connections that say nothing. */
 async function connectMany(daemon, count) {
-  const sockets = [];
-  let refused = 0;
+  const many = { sockets: [], refused: 0 };
   for (let i = 0; i < count; i++) {
-    const socket = net.connect(daemon.port, '127.0.0.1');
-    socket.on('error', () => {}).once('data', () => { refused++; }).once('close', () => { refused++; });
-    sockets.push(socket);
+    const socket = net.connect(daemon.port, '127.0.0.1').on('error', () => {});
+    let open = true;
+    const refuse = () => { many.refused += open; open = false; };
+    socket.once('data', refuse).once('close', refuse);
+    many.sockets.push(socket);
     if (i % 200 === 199) await pause(5);
   }
-  await pause(1000);
-  return { sockets, refused };
+  for (let last = -1, quiet = 0; quiet < 5; await pause(200)) { // until the count stands still
+    const count = daemon.files() + many.refused;
+    quiet = count === last ? quiet + 1 : 0;
+    last = count;
+  }
+  return many;
 }
 
-/** 10,000 connections without a word: over the limit they wait in the system's backlog, below it they are held; a user works on. */
+/** 10,000 connections without a word, more or fewer than are allowed; a user works on. */
 async function idle() {
-  for (const limit of [1024, 12000]) {
-    const daemon = await Daemon.start('auto', ['--connections', String(limit), '--connections-per-address', String(limit), '--header-time', '600']);
+  const wanted = 10000;
+  const files = Number(/Max open files\s+\S+\s+(\d+)/.exec(fs.readFileSync('/proc/self/limits', 'utf8'))?.[1] ?? Infinity);
+  for (const limit of [1024, wanted + 2000]) {
+    if (files < limit + 1000) {
+      process.stderr.write(`skipped: ${wanted} idle connections; a process may open ${files} files here (ulimit -Hn)\n`);
+      continue;
+    }
+    const daemon = await start('auto', ['--connections', String(limit), '--connections-per-address', String(limit), '--header-time', '600']);
     const client = await Client.open(daemon, await daemon.session(512));
     client.drive();
-    const before = (await watch(daemon, [client]), daemon.rssMib());
-    const { sockets, refused } = await connectMany(daemon, 10000);
-    const held = daemon.files();
-    const measured = await watch(daemon, [client]);
-    note({ part: 'idle', clients: 10000, size: 512, ...measured,
-      note: `limit ${limit}: ${held} descriptors, ${refused} refused, ${round((daemon.rssMib() - before) * 1024 / Math.max(1, held), 1)} KiB a connection` });
+    daemon.hangUp();
+    const before = await watch(daemon, [client], seconds);
+    const [rss, open] = [daemon.rssMib(), daemon.files()];
+    const { sockets, refused } = await connectMany(daemon, wanted);
+    const held = daemon.files() - open;
+    const seen = await watch(daemon, [client], seconds);
+    measured('idle', `${wanted} connections, --connections ${limit}`, { ...seen, wanted, limit, held, refused, alone_fps: before.fps_mean, alone_p95_ms: before.p95_ms,
+      change_percent: round(100 * (seen.fps_mean / before.fps_mean - 1)), kib_each: round(1024 * (daemon.rssMib() - rss) / Math.max(1, held)) });
     sockets.forEach((socket) => socket.destroy());
     client.end();
     await daemon.stop();
@@ -396,12 +239,11 @@ async function idle() {
 
 /** People come and go, a fifth of them without ending their session; memory, sessions and descriptors at the end of each minute. */
 async function soak() {
-  const daemon = await Daemon.start('auto', ['--session-time', '60']);
+  const daemon = await start('auto', ['--session-time', '60']);
   const clients = new Set();
-  const end = performance.now() + 60000 * Number(options.minutes);
-  let minute = performance.now() + 60000;
-  let served = 0;
-  while (performance.now() < end) {
+  const begin = performance.now();
+  let [minute, served, failed] = [0, 0, 0];
+  while (minute < Number(options.minutes)) {
     if (clients.size < 12) {
       const session = await daemon.session(256);
       const client = await Client.open(daemon, session);
@@ -417,41 +259,41 @@ async function soak() {
         clients.delete(client);
         if (Math.random() < 0.8) await daemon.ask('DELETE', `sessions/${client.id}`);
       }
-    await daemon.ask('POST', 'render?format=jpeg', { ...daemon.view, size: [128, 128] }).catch(() => {});
+    await daemon.ask('POST', 'render?format=jpeg', { ...daemon.views[0], size: [128, 128] }).catch(() => { failed++; });
     await pause(100);
-    if (performance.now() > minute) {
-      minute += 60000;
-      note({ part: 'soak', clients: served, size: 256, rss_mib: round(daemon.rssMib()), note: `${await daemon.gauge('splatd_sessions')} sessions, ${daemon.files()} descriptors` });
+    if (performance.now() > begin + 60000 * (minute + 1)) {
+      minute++;
+      note({ minute, clients: served, sessions: await daemon.gauge('splatd_sessions'), rss_mib: round(daemon.rssMib()), descriptors: daemon.files(), failed });
+      if (options.out) save();
     }
   }
   clients.forEach((client) => client.end());
   await daemon.stop();
 }
 
-const parts = { overhead, viewers, sessions, memory, fairness, idle, soak };
-if (options.help) {
-  process.stdout.write(`${fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n').slice(2, 10).map((l) => l.slice(3)).join('\n')}\nparts: ${PARTS.join(', ')}\n`);
-  process.exit(0);
-}
-if (options.disturb) {
-  await disturb(options.disturb);
-} else {
-  await measure(options.only.split(','));
-}
-
 async function measure(wanted) {
-  const unknown = wanted.find((name) => !parts[name]);
-  if (unknown) {
-    process.stderr.write(`serve.mjs: --only: "${unknown}" is none of ${PARTS.join(', ')}\n`);
+  const unknown = wanted.find((name) => !PARTS.includes(name));
+  const problem = unknown !== undefined ? `"${unknown}" is none of ${PARTS.join(', ')}`
+    : wanted.length > 1 && wanted.includes('soak') ? 'soak is measured alone' : '';
+  if (problem) {
+    process.stderr.write(`serve.mjs: --only: ${problem}\n`);
     process.exit(2);
   }
   for (const name of wanted) {
-    await parts[name]();
+    await { overhead, viewers, sessions, memory, hostile, idle, soak }[name]();
     if (options.out) save();
   }
 }
 
 function save() {
+  const columns = rows[0]?.part ? COLUMNS : SOAK_COLUMNS;
   const cell = (value) => (/[",]/.test(value) ? `"${String(value).replaceAll('"', '""')}"` : value ?? '');
-  fs.writeFileSync(options.out, `${[COLUMNS, ...rows.map((row) => COLUMNS.map((c) => cell(row[c])))].map((line) => line.join(',')).join('\n')}\n`);
+  fs.writeFileSync(options.out, `${[columns, ...rows.map((row) => columns.map((c) => cell(row[c])))].map((line) => line.join(',')).join('\n')}\n`);
+}
+
+if (options.help) {
+  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 11);
+  process.stdout.write(`${head.map((line) => line.slice(3)).join('\n')}\nparts: ${PARTS.join(', ')}\n`);
+} else {
+  await measure(options.only.split(','));
 }

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// A small run of serve.mjs: it comes to its end, and has a row of everything. A client whose messages are refused ends it.
+import assert from 'node:assert/strict';
+import { spawnSync } from 'node:child_process';
+import fs from 'node:fs';
+import os from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { others, plain, secure } from './serve/hostile.mjs';
+
+const here = path.dirname(fileURLToPath(import.meta.url));
+let folder;
+
+before(() => { folder = fs.mkdtempSync(path.join(os.tmpdir(), 'splat-serve-test-')); });
+after(() => fs.rmSync(folder, { recursive: true }));
+
+const out = () => path.join(folder, 'serve.csv');
+
+function serve(...args) {
+  return spawnSync(process.execPath, [path.join(here, 'serve.mjs'), '--bin', process.env.SPLATD_BIN_DIR, '--seconds', '0.1', '--rounds', '1',
+    '--volume', 'demo:engine?size=16', '--large', 'demo:phantom?size=16', '--large', 'demo:vessels?size=16', '--out', out(), ...args], { encoding: 'utf8' });
+}
+
+function table(...args) {
+  const { status, stderr } = serve(...args);
+  assert.equal(status, 0, stderr);
+  const [head, ...rows] = fs.readFileSync(out(), 'utf8').trimEnd().split('\n').map((line) => line.split(/,(?=(?:[^"]*"[^"]*")*[^"]*$)/));
+  return rows.map((row) => Object.fromEntries(head.map((key, i) => [key, row[i].replaceAll('"', '')])));
+}
+
+test('users and memory', () => {
+  const rows = table('--only', 'overhead,viewers,memory');
+  assert.deepEqual(rows.map(({ part, what }) => [part, part === 'memory' && what]), [['overhead', false], ['overhead', false], ['viewers', false],
+    ['viewers', false], ['viewers', false], ['memory', 'a viewer, jpeg'], ['memory', 'a session, jpeg'], ['memory', 'a session, vp8'], ['memory', 'a session, vp9']]);
+  assert.deepEqual(rows.slice(0, 2).map(({ px }) => px), ['512', '1024']);
+  for (const { kib_each: each } of rows.slice(-4)) assert.notEqual(each, '');
+});
+
+test('every temper', () => {
+  const rows = table('--only', 'hostile');
+  assert.deepEqual(rows.map(({ what }) => what), Object.keys({ ...plain, ...others, ...secure }));
+  for (const { part, what } of rows) assert.equal(part, what in others ? 'beside' : 'hostile');
+});
+
+test('parts have names, and the soak a table of its own', () => {
+  assert.match(serve('--only', 'idle,tea').stderr, /"tea" is none of overhead, /);
+  assert.match(serve('--only', 'soak,idle').stderr, /soak is measured alone/);
+});

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+// The daemon as a child, clients of it, and what both are measured by.
+import { spawn } from 'node:child_process';
+import { once } from 'node:events';
+import fs from 'node:fs';
+import http from 'node:http';
+import https from 'node:https';
+import path from 'node:path';
+import WebSocket from 'ws';
+
+export const UPDATE_MS = 1000 / 30; // a hand on the mouse
+export const CODECS = { jpeg: 1, png: 2, vp9: 5, vp8: 7 }; // in a frame's header
+const UNCHECKED = { rejectUnauthorized: false }; // the daemon's certificate is made for the run
+const agents = { false: new http.Agent({ keepAlive: true }), true: new https.Agent({ keepAlive: true, ...UNCHECKED }) };
+
+export const pause = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
+export const round = (x, digits = 1) => (Number.isFinite(x) ? Number(x.toFixed(digits)) : '');
+const sum = (list) => list.reduce((a, b) => a + b, 0);
+export const mean = (list) => sum(list) / list.length;
+
+/** The value below which `part` of the list lies. */
+export function share(list, part) {
+  const sorted = [...list].sort((a, b) => a - b);
+  return sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))];
+}
+
+/** Of an even number the mean of the two in the middle. */
+export function median(list) {
+  const sorted = [...list].sort((a, b) => a - b);
+  const middle = sorted.length >> 1;
+  return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
+}
+
+const children = new Set();
+process.on('exit', () => children.forEach((child) => child.kill('SIGKILL')));
+
+/** A child that ends with this process, whatever ends it. */
+export function child(program, args) {
+  const process = spawn(program, args, { stdio: ['ignore', 'pipe', 'pipe'] });
+  children.add(process);
+  process.once('close', () => children.delete(process));
+  process.log = '';
+  process.stderr.on('data', (data) => { process.log = (process.log + data).slice(-4000); });
+  return process;
+}
+
+/** The daemon: what it is asked by HTTP, and what the system says of it. */
+export class Daemon {
+  static async start(bin, backend, volumes, args = []) {
+    const daemon = new Daemon();
+    daemon.child = child(path.join(bin, 'splatd'), ['--listen', '127.0.0.1:0', '--backend', backend,
+      ...volumes.flatMap((volume) => ['--volume', volume]),
+      '--participants', '64', '--connections', '1024', '--connections-per-address', '1024', ...args]);
+    const [line] = await Promise.race([once(daemon.child.stdout, 'data'), once(daemon.child, 'close').then(() => [''])]);
+    const address = /listening on (\S+)/.exec(String(line));
+    if (!address) throw new Error(`splatd does not start: ${daemon.child.log}`);
+    const url = new URL(address[1]);
+    await daemon.look({ port: Number(url.port), token: url.searchParams.get('token'), secure: url.protocol === 'https:' });
+    return daemon;
+  }
+
+  /** Waits for the volumes, and takes their default views, in the order of --volume. */
+  async look(where) {
+    Object.assign(this, where);
+    const { volumes } = await this.ask('GET', 'volumes');
+    this.views = [];
+    for (const { id } of volumes) {
+      let state = 'loading';
+      while (state === 'loading') {
+        ({ state } = await this.ask('GET', `volumes/${id}`));
+        if (state === 'loading') await pause(50);
+      }
+      this.views.push(await this.ask('GET', `volumes/${id}/view`));
+    }
+    return this;
+  }
+
+  async ask(method, target, body) {
+    const request = (this.secure ? https : http).request({
+      host: '127.0.0.1', port: this.port, path: target.startsWith('/') ? target : `/api/v1/${target}`, method, agent: agents[this.secure],
+      headers: { Authorization: `Bearer ${this.token}`, 'Content-Type': 'application/json' },
+    });
+    request.end(body && JSON.stringify(body));
+    const [answer] = await once(request, 'response');
+    const bytes = Buffer.concat(await answer.toArray());
+    if (answer.statusCode >= 400) throw new Error(`${method} ${target}: ${answer.statusCode} ${bytes}`);
+    return answer.headers['content-type']?.includes('json') ? JSON.parse(bytes) : bytes;
+  }
+
+  /** Of /metrics, one without labels. */
+  async gauge(name) {
+    return Number(new RegExp(`^${name} (\\d+)$`, 'm').exec(await this.ask('GET', '/metrics'))[1]);
+  }
+
+  /** Ends the connections that were kept for further requests. */
+  hangUp() {
+    agents[this.secure].destroy();
+  }
+
+  session(px, view = this.views[0]) {
+    return this.ask('POST', 'sessions', { view: { ...view, size: [px, px] } });
+  }
+
+  rssMib() {
+    return Number(/VmRSS:\s+(\d+)/.exec(fs.readFileSync(`/proc/${this.child.pid}/status`, 'utf8'))[1]) / 1024;
+  }
+
+  files() {
+    return fs.readdirSync(`/proc/${this.child.pid}/fd`).length;
+  }
+
+  cpuMs() {
+    const fields = fs.readFileSync(`/proc/${this.child.pid}/stat`, 'utf8').replace(/^.*\) /, '').split(' ');
+    return (Number(fields[11]) + Number(fields[12])) * 10;
+  }
+
+  async stop() {
+    const ended = once(this.child, 'close');
+    this.child.kill('SIGTERM');
+    await ended;
+  }
+}
+
+/** A stream that acknowledges each frame after `delay` ms, or never (Infinity), and notes what came when. That something is refused
+ * ends the program: what is measured would not be what was meant. */
+export class Client {
+  seq = 0;
+  sent = new Map();
+
+  static async open(daemon, session, { role = 'control', delay = 0 } = {}) {
+    const client = new Client();
+    client.reset();
+    client.view = session.view ?? daemon.views[0];
+    client.socket = new WebSocket(`ws${daemon.secure ? 's' : ''}://127.0.0.1:${daemon.port}/api/v1/sessions/${session.id}/stream?token=${session.tokens[role]}`,
+      ['splatd.v1'], { perMessageDeflate: false, ...UNCHECKED });
+    client.socket.on('message', (data, isBinary) => (isBinary ? client.#take(data, delay) : client.#hear(data)));
+    client.socket.on('error', () => {});
+    await once(client.socket, 'open');
+    return client;
+  }
+
+  #take(data, delay) {
+    const frame = data.readUInt32LE(8);
+    const seq = data.readUInt32LE(12);
+    this.frames++;
+    this.bytes += data.length;
+    this.pixels += data.readUInt16LE(16) * data.readUInt16LE(18);
+    this.renderUs += data.readUInt32LE(20);
+    this.codecs[data[4]] = (this.codecs[data[4]] ?? 0) + 1;
+    if (this.sent.has(seq)) {
+      this.latencies.push(performance.now() - this.sent.get(seq));
+      for (const key of this.sent.keys()) if (key <= seq) this.sent.delete(key);
+    }
+    if (delay === 0) this.tell('stream.ack', { frame });
+    else if (delay < Infinity) setTimeout(() => this.tell('stream.ack', { frame }), delay);
+  }
+
+  #hear(data) {
+    const { method, params, error } = JSON.parse(data);
+    if (error || method === 'render.error') throw new Error(`the daemon answers ${data}`);
+    if (method === 'stream.stats') this.coarse.push(params.coarse);
+  }
+
+  tell(method, params, id) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ jsonrpc: '2.0', id, method, params }));
+  }
+
+  configure(params) {
+    this.tell('stream.configure', params, 'configure');
+  }
+
+  update(patch) {
+    this.sent.set(++this.seq, performance.now());
+    this.tell('view.update', { seq: this.seq, patch }, this.seq);
+  }
+
+  /** Turns the camera a step further. */
+  turn() {
+    const [x, y, z] = this.view.camera.position;
+    const [tx, ty, tz] = this.view.camera.target;
+    const angle = (this.seq + 1) * 0.02;
+    const [dx, dz] = [x - tx, z - tz];
+    const position = [tx + dx * Math.cos(angle) - dz * Math.sin(angle), y, tz + dx * Math.sin(angle) + dz * Math.cos(angle)];
+    this.update({ camera: { position, target: [tx, ty, tz] } });
+  }
+
+  /** Does something again and again: turns, unless told otherwise. */
+  drive(period = UPDATE_MS, step = () => this.turn()) {
+    this.timer = setInterval(step, period);
+  }
+
+  reset() {
+    Object.assign(this, { frames: 0, bytes: 0, pixels: 0, renderUs: 0, codecs: {}, coarse: [], latencies: [] });
+  }
+
+  end() {
+    clearInterval(this.timer);
+    this.socket.terminate();
+  }
+}
+
+/** What `clients` see in `seconds`, after a while of warming up. */
+export async function watch(daemon, clients, seconds, warm = Math.min(1, seconds)) {
+  await pause(1000 * warm);
+  clients.forEach((client) => client.reset());
+  const cpu = daemon.cpuMs();
+  const begin = performance.now();
+  await pause(1000 * seconds);
+  const took = (performance.now() - begin) / 1000;
+  const total = (what) => sum(clients.map((client) => client[what]));
+  const fps = clients.map((client) => client.frames / took);
+  const latencies = clients.flatMap((client) => client.latencies);
+  return {
+    clients: clients.length, side: round(Math.sqrt(total('pixels') / total('frames')), 0), coarse: round(mean(clients.flatMap((c) => c.coarse)), 2),
+    fps_min: round(Math.min(...fps)), fps_mean: round(mean(fps)),
+    p50_ms: round(share(latencies, 0.5)), p95_ms: round(share(latencies, 0.95)), p99_ms: round(share(latencies, 0.99)),
+    kbytes_frame: round(total('bytes') / total('frames') / 1000), rss_mib: round(daemon.rssMib()),
+    cpu_share: round((daemon.cpuMs() - cpu) / 1000 / took, 2), render_share: round(total('renderUs') / 1e6 / took, 3),
+  };
+}
