@@ -151,7 +151,7 @@ bool __wrap_srv_store_put(struct srv_store *store, enum srv_kind kind, const cha
 int __real_pthread_mutex_lock(pthread_mutex_t *mutex);
 int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex);
 int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex) {
-    bool is_records = race.order != NONE && mutex == &f.jobs->records;
+    bool is_records = race.order != NONE && f.jobs && mutex == &f.jobs->records;
     if (is_records && deletes)
         atomic_store(&race.is_at_records, true);
     if (is_records && !deletes && race.order == IS_DELETED_FIRST &&
