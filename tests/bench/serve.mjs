@@ -293,7 +293,7 @@ function save() {
 }
 
 if (options.help) {
-  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 11);
+  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 10);
   process.stdout.write(`${head.map((line) => line.slice(3)).join('\n')}\nparts: ${PARTS.join(', ')}\n`);
 } else {
   await measure(options.only.split(','));
