@@ -172,6 +172,8 @@ static void stop_job(struct drawing *d, uint64_t generation, const struct sp_err
     if (job->pause_ms == 0)
         sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "path", job->id }),
                     "path %s waits at frame %u: %s", job->id, job->done, reason);
+    if (err->code == SP_ERR_IO) /* where its files lie is not for clients */
+        snprintf(reason, sizeof reason, "%.280s", err->text);
     job->pause_ms = fmin(fmax(2 * job->pause_ms, PAUSE_MS), PAUSE_MAX_MS);
     block(d, generation, srv_clock_ms() + job->pause_ms, reason);
 }

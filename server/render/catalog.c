@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 
 #include "clock.h"
+#include "render/shown.h"
 #include "sp/log.h"
 
 enum { ENTRIES_MAX = 1024 };
@@ -31,6 +32,7 @@ struct srv_volume {
     struct srv_fingerprint fingerprint; /* constant while used */
     uint64_t reserved_bytes, derived_bytes[SRV_RENDERERS];
     unsigned uses;
+    bool is_removed; /* while it is being loaded: the load thread frees it */
 };
 
 struct srv_catalog {
@@ -58,7 +60,9 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     pthread_mutex_lock(&catalog->mutex);
     uint64_t budget = catalog->options.memory_bytes;
     uint64_t left = budget > catalog->used_bytes ? budget - catalog->used_bytes : 0;
-    if (bytes > left) {
+    if (catalog->loading->is_removed) {
+        ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
+    } else if (bytes > left) {
         ok = sp_fail(err, SP_ERR_BUDGET, catalog->loading->source,
                      "the volume needs %" PRIu64 " bytes and %" PRIu64 " of %" PRIu64
                      " are free; unload a volume or raise --memory",
@@ -76,12 +80,19 @@ static void tell(struct srv_catalog *catalog, const char *id, const char *state,
     catalog->options.progress(catalog->options.user, id, state, fraction, reason);
 }
 
+static bool is_removed(struct srv_catalog *catalog, const struct srv_volume *v) {
+    pthread_mutex_lock(&catalog->mutex);
+    bool is_removed = v->is_removed;
+    pthread_mutex_unlock(&catalog->mutex);
+    return is_removed;
+}
+
 static bool progress(void *user, double fraction) {
     struct srv_catalog *catalog = user;
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = catalog->loading;
-    bool go_on = !catalog->stop, is_due = now_ms - v->told_ms >= PROGRESS_MS;
+    bool go_on = !catalog->stop && !v->is_removed, is_due = now_ms - v->told_ms >= PROGRESS_MS;
     v->progress = fraction;
     if (is_due)
         v->told_ms = now_ms;
@@ -89,10 +100,34 @@ static bool progress(void *user, double fraction) {
     /* The id of an entry that is loading does not change and the entry stays. */
     if (is_due) {
         pthread_mutex_lock(&catalog->telling);
-        tell(catalog, v->id, "loading", fraction, "");
+        if (!is_removed(catalog, v)) /* what is told of that id then is of another one */
+            tell(catalog, v->id, "loading", fraction, "");
         pthread_mutex_unlock(&catalog->telling);
     }
     return go_on;
+}
+
+static void log_failure(const struct srv_volume *v, const struct sp_error *err) {
+    if (err->code == SP_ERR_CANCELLED)
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
+                    "volume %s is given up while it loads", v->id);
+    else
+        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "volume", v->id }),
+                    "volume %s failed to load: %s%s%s", v->id, err->place,
+                    err->place[0] ? ": " : "", err->text);
+}
+
+/* Clients are told of it. */
+static void hide_folders(const struct srv_catalog *catalog, const struct srv_volume *v,
+                         struct sp_error *err) {
+    srv_shown_text(catalog->data, v->source, err->place, sizeof err->place);
+    srv_shown_text(catalog->data, v->source, err->text, sizeof err->text);
+}
+
+static void entry_free(struct srv_volume *v) {
+    sp_volume_unref(&v->volume);
+    free(v->source);
+    free(v);
 }
 
 static void load(struct srv_catalog *catalog, struct srv_volume *v) {
@@ -118,14 +153,20 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                     info->grid.dims[0], info->grid.dims[1], info->grid.dims[2],
                     sp_type_name(info->type), info->voxel_bytes, took_ms);
     } else {
-        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "volume", v->id }),
-                    "volume %s failed to load: %s%s%s", v->id, err.place, err.place[0] ? ": " : "",
-                    err.text);
+        log_failure(v, &err);
+        hide_folders(catalog, v, &err);
     }
     pthread_mutex_lock(&catalog->telling);
     pthread_mutex_lock(&catalog->mutex);
+    catalog->loading = NULL; /* from here on it is removed by who asks for that */
     v->volume = volume;
     v->error = err;
+    if (v->is_removed) {
+        pthread_mutex_unlock(&catalog->mutex);
+        pthread_mutex_unlock(&catalog->telling);
+        entry_free(v);
+        return;
+    }
     v->state = volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED;
     v->progress = volume ? 1 : v->progress;
     if (!volume) {
@@ -208,12 +249,6 @@ void srv_catalog_stop(struct srv_catalog *catalog) {
     pthread_mutex_unlock(&catalog->mutex);
     if (join)
         pthread_join(catalog->loader, NULL);
-}
-
-static void entry_free(struct srv_volume *v) {
-    sp_volume_unref(&v->volume);
-    free(v->source);
-    free(v);
 }
 
 void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
@@ -403,6 +438,7 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
         v->confined = request->confined && strncmp(v->source, "demo:", 5) != 0;
         v->state = is_lost ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
         v->error = why;
+        hide_folders(catalog, v, &v->error);
         v->progress = 0;
         pthread_cond_signal(&catalog->changed);
     }
@@ -420,15 +456,15 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
     while (*link && strcmp((*link)->id, id) != 0)
         link = &(*link)->next;
     struct srv_volume *v = *link;
-    bool ok = true;
+    bool ok = true, is_loading = false;
     if (!v) {
         ok = sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
-    } else if (v->uses > 0 || v->state == SRV_VOLUME_LOADING) {
+    } else if (v->uses > 0) {
         *conflict = true;
-        ok = v->uses > 0 ? sp_fail(err, SP_ERR_INVALID, NULL,
-                                   "the volume is in use %u times, by sessions or renders", v->uses)
-                         : sp_fail(err, SP_ERR_INVALID, NULL, "the volume is still loading");
+        ok = sp_fail(err, SP_ERR_INVALID, NULL,
+                     "the volume is in use %u times, by sessions or renders", v->uses);
     } else {
+        is_loading = v->is_removed = v == catalog->loading;
         *link = v->next;
         if (catalog->options.keep)
             catalog->options.keep(catalog->options.user, v->id, NULL);
@@ -437,10 +473,11 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
     }
     pthread_mutex_unlock(&catalog->mutex);
     if (ok)
-        tell(catalog, v->id, SRV_VOLUME_UNLOADED, 0, "");
+        tell(catalog, id, SRV_VOLUME_UNLOADED, 0, "");
     pthread_mutex_unlock(&catalog->telling);
-    if (ok) {
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }), "volume %s unloaded", v->id);
+    if (ok)
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s unloaded", id);
+    if (ok && !is_loading) {
         if (v->volume)
             catalog->options.unloaded(catalog->options.user, sp_volume_ref(v->volume));
         entry_free(v);
@@ -448,10 +485,11 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
     return ok;
 }
 
-static void status_of(const struct srv_volume *v, struct srv_volume_status *status) {
+static void status_of(const struct srv_catalog *catalog, const struct srv_volume *v,
+                      struct srv_volume_status *status) {
     memcpy(status->id, v->id, sizeof v->id);
     memcpy(status->name, v->name, sizeof v->name);
-    snprintf(status->source, sizeof status->source, "%s", v->source);
+    srv_shown_source(catalog->data, v->source, status->source, sizeof status->source);
     status->state = v->state;
     status->progress = v->progress;
     status->error = v->error;
@@ -470,7 +508,7 @@ bool srv_catalog_at(struct srv_catalog *catalog, unsigned i, struct srv_volume_s
     while (v && i-- > 0)
         v = v->next;
     if (v)
-        status_of(v, status);
+        status_of(catalog, v, status);
     pthread_mutex_unlock(&catalog->mutex);
     return v != NULL;
 }
@@ -480,7 +518,7 @@ bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = find(catalog, id);
     if (v)
-        status_of(v, status);
+        status_of(catalog, v, status);
     pthread_mutex_unlock(&catalog->mutex);
     return v != NULL;
 }

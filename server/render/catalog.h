@@ -66,13 +66,13 @@ void srv_catalog_stop(struct srv_catalog *catalog);
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
-/* *conflict: in use or loading. */
+/* A load under way is given up. *conflict: in use. */
 bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
                         struct sp_error *err);
 
 struct srv_volume_status {
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
-    char source[1024];
+    char source[1024]; /* this and the next without folders (shown.h) */
     enum srv_volume_state state;
     double progress;
     struct sp_error error;    /* of a failed load */
