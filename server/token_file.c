@@ -5,8 +5,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "config.h"
+#include "sp/log.h"
 #include "sp/view.h"
 
 enum { LINE_BYTES = 512, TOKEN_MIN = 16, NUMBER_DIGITS = 6 };
@@ -60,6 +62,10 @@ static bool fail(struct sp_error *err, const char *place, const char *what) {
     return sp_fail(err, SP_ERR_INVALID, place, "%s", what);
 }
 
+static bool is_first(bool is_unset, const char *word, const char *place, struct sp_error *err) {
+    return is_unset || sp_fail(err, SP_ERR_INVALID, place, "%s stands there twice", word);
+}
+
 #define AT(field) offsetof(struct srv_quota, field)
 
 static const struct {
@@ -88,16 +94,18 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         unsigned *number = (unsigned *)((char *)quota + numbers[i].offset);
         if (strcmp(word, numbers[i].name) == 0)
-            return (!*number && read_number(value, numbers[i].max, number)) ||
-                   sp_fail(err, SP_ERR_INVALID, place, "%s is a whole number in [1, %u]", word,
-                           numbers[i].max);
+            return is_first(!*number, word, place, err) &&
+                   (read_number(value, numbers[i].max, number) ||
+                    sp_fail(err, SP_ERR_INVALID, place, "%s is a whole number in [1, %u]", word,
+                            numbers[i].max));
     }
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         uint64_t *number = (uint64_t *)((char *)quota + sizes[i].offset);
         if (strcmp(word, sizes[i].name) == 0)
-            return (!*number && read_setting(word, value, number)) ||
-                   sp_fail(err, SP_ERR_INVALID, place, "%s is as --%s: %s", word, word,
-                           sizes[i].as);
+            return is_first(!*number, word, place, err) &&
+                   (read_setting(word, value, number) ||
+                    sp_fail(err, SP_ERR_INVALID, place, "%s is as --%s: %s", word, word,
+                            sizes[i].as));
     }
     return fail(err, place,
                 "known are role, name, sessions, stills, fps, views, paths, path-bytes and "
@@ -112,11 +120,13 @@ static bool read_word(char *word, struct srv_token *token, const char *place,
         return fail(err, place, "behind the token there is key=value, without blanks around =");
     *value++ = 0;
     if (strcmp(word, "role") == 0)
-        return (!token->rights && read_role(value, token)) ||
-               fail(err, place, "role is one of admin, control, render, view, metrics");
+        return is_first(!token->rights, word, place, err) &&
+               (read_role(value, token) ||
+                fail(err, place, "role is one of admin, control, render, view, metrics"));
     if (strcmp(word, "name") == 0)
-        return (!token->name[0] && read_name(value, token)) ||
-               fail(err, place, "name has 1 to 32 characters of [A-Za-z0-9._-]");
+        return is_first(!token->name[0], word, place, err) &&
+               (read_name(value, token) ||
+                fail(err, place, "name has 1 to 32 characters of [A-Za-z0-9._-]"));
     return read_quota(word, value, &token->quota, place, err);
 }
 
@@ -201,12 +211,34 @@ bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list
     return ok;
 }
 
+/* Who may write to it may do everything. Whoever may read it, too, but a container's user may have
+ * to; it is said. */
+static bool is_private(FILE *file, const char *path, struct sp_error *err) {
+    struct stat st;
+    if (fstat(fileno(file), &st) != 0)
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+    if (st.st_mode & (S_IWGRP | S_IWOTH))
+        return sp_fail(err, SP_ERR_DENIED, path,
+                       "others than its owner could change the tokens (mode %04o); chmod 600 it",
+                       (unsigned)(st.st_mode & 07777));
+    if (st.st_mode & S_IROTH)
+        sp_log(SP_LOG_WARN,
+               "%s: others than its owner can read the tokens (mode %04o); "
+               "chmod 600 it",
+               path, (unsigned)(st.st_mode & 07777));
+    return true;
+}
+
 bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
                          struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     FILE *file = srv_open_regular(path);
     if (!file)
         return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+    if (!is_private(file, path, err)) {
+        fclose(file);
+        return false;
+    }
     char *text = malloc(SRV_TOKEN_FILE_BYTES + 1);
     size_t size = text ? fread(text, 1, SRV_TOKEN_FILE_BYTES + 1, file) : 0;
     bool failed = ferror(file);

@@ -54,7 +54,8 @@ struct srv_token {
 bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list, size_t *count,
                           struct sp_error *err);
 
-/* Reads a file of at most SRV_TOKEN_FILE_BYTES; SP_ERR_IO, or SP_ERR_INVALID at "PATH: line N". */
+/* Reads a file of at most SRV_TOKEN_FILE_BYTES; SP_ERR_IO, SP_ERR_DENIED if others may write to it
+ * (the log says so if they may read it), or SP_ERR_INVALID at "PATH: line N". */
 bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
                          struct sp_error *err);
 

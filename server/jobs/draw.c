@@ -161,6 +161,7 @@ static void block(struct drawing *d, uint64_t generation, double until_ms, const
 static void stop_job(struct drawing *d, uint64_t generation, const struct sp_error *err) {
     struct srv_path_job *job = d->job;
     char reason[SP_ERROR_TEXT];
+    const char *slash = strrchr(err->place, '/');
     if (err->code == SP_ERR_CANCELLED) /* it was removed, or the daemon stops */
         return;
     if (!passes(err->code)) {
@@ -173,7 +174,8 @@ static void stop_job(struct drawing *d, uint64_t generation, const struct sp_err
         sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "path", job->id }),
                     "path %s waits at frame %u: %s", job->id, job->done, reason);
     if (err->code == SP_ERR_IO) /* where its files lie is not for clients */
-        snprintf(reason, sizeof reason, "%.280s", err->text);
+        snprintf(reason, sizeof reason, "%.100s: %.280s", slash ? slash + 1 : err->place,
+                 err->text);
     job->pause_ms = fmin(fmax(2 * job->pause_ms, PAUSE_MS), PAUSE_MAX_MS);
     block(d, generation, srv_clock_ms() + job->pause_ms, reason);
 }

@@ -549,6 +549,7 @@ static struct srv_job_note wait_for_reason(const char *id) {
     } while (!note.reason[0]);
     assert_string_equal(note.state, "waiting");
     assert_non_null(strstr(note.reason, "No space left on device"));
+    assert_null(strchr(note.reason, '/')); /* where the files lie is not told */
     return note;
 }
 

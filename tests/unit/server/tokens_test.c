@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -156,6 +157,16 @@ static void files(void **state) {
     assert_true(srv_token_file_read(path, &list, &count, &err));
     assert_int_equal(count, 2);
     free(list);
+    static const mode_t writable[] = { 0620, 0602, 0666 }, others[] = { 0400, 0640, 0644 };
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(fchmod(fd, writable[i]), 0);
+        assert_false(srv_token_file_read(path, &list, &count, &err));
+        assert_int_equal(err.code, SP_ERR_DENIED);
+        assert_non_null(strstr(err.text, "chmod 600"));
+        assert_int_equal(fchmod(fd, others[i]), 0);
+        assert_true(srv_token_file_read(path, &list, &count, &err));
+        free(list);
+    }
     assert_int_equal(write(fd, "no", 2), 2);
     assert_false(srv_token_file_read(path, &list, &count, &err));
     assert_non_null(strstr(err.text, "line 3"));
