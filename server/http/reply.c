@@ -88,6 +88,7 @@ static const char *title_of(unsigned status) {
 static void problem(struct srv_reply *reply, unsigned status, const char *pointer,
                     const char *detail) {
     proto_json *json = proto_json_object();
+    snprintf(reply->detail, sizeof reply->detail, "%s", detail);
     bool ok = proto_json_set_string(json, "type", "about:blank");
     ok = proto_json_set_string(json, "title", title_of(status)) && ok;
     ok = proto_json_set_integer(json, "status", status) && ok;

@@ -13,7 +13,7 @@
 
 struct MHD_Response;
 
-enum { SRV_REPLY_HEADERS = 8, SRV_REPLY_VALUE = 512 };
+enum { SRV_REPLY_HEADERS = 8, SRV_REPLY_VALUE = 512, SRV_REPLY_DETAIL = 256 };
 
 struct srv_reply {
     unsigned status;
@@ -30,6 +30,7 @@ struct srv_reply {
         char value[SRV_REPLY_VALUE];
     } headers[SRV_REPLY_HEADERS];
     unsigned header_count;
+    char detail[SRV_REPLY_DETAIL]; /* of a problem, cut to fit; "" = it is none, or was logged */
 };
 
 void srv_reply_finish(struct srv_reply *reply);

@@ -150,6 +150,21 @@ static void count_answer(struct srv_request *request, unsigned status, size_t by
     srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_OUT, bytes);
 }
 
+/* Over a limit? What the end of the daemon refuses is not. */
+static bool is_over_limit(const struct srv_request *request) {
+    static const unsigned statuses[] = { 413, 414, 429, 431, 503, 507 };
+    bool found = false;
+    for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++)
+        found = found || request->reply.status == statuses[i];
+    return found && request->reply.detail[0] && request->is_counted;
+}
+
+static void log_refusal(const struct srv_request *request) {
+    const char *peer = srv_guard_peer(request->guarded);
+    sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "peer", peer }), "%s: %s %.100s refused: %u, %s", peer,
+                request->method, request->path, request->reply.status, request->reply.detail);
+}
+
 static enum MHD_Result queue(struct srv_request *request) {
     const struct srv_reply *reply = &request->reply;
     const struct srv_config *config = request->app->config;
@@ -160,6 +175,8 @@ static enum MHD_Result queue(struct srv_request *request) {
         MHD_add_response_header(response, "Connection", "close");
     sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
            request->method, request->path, reply->status, reply->size);
+    if (is_over_limit(request))
+        log_refusal(request);
     enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
     count_answer(request, reply->status, reply->size);
     MHD_destroy_response(response);
@@ -216,6 +233,7 @@ static bool check_limits(struct srv_request *request) {
     } else {
         return true;
     }
+    request->reply.detail[0] = 0; /* the log has it */
     request->is_last = true;
     return false;
 }

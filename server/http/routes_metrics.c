@@ -5,7 +5,9 @@
 #include <dirent.h>
 #include <inttypes.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/resource.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "http/listener.h"
@@ -115,7 +117,35 @@ static void print_paths(const struct srv_request *request, FILE *out) {
     gauge(out, "splatd_paths", "Camera paths, drawn or not", n.jobs);
     gauge(out, "splatd_paths_unfinished", "Those that are drawn or wait for it", n.unfinished);
     gauge(out, "splatd_path_bytes", "Their files", (double)n.bytes);
+    gauge(out, "splatd_path_bytes_limit", "What they may take together (--path-bytes)",
+          (double)request->app->config->path_bytes);
     counter(out, "splatd_path_frames_total", "Frames drawn for camera paths", (double)n.frames);
+}
+
+/* Seconds since 1970, by the clock of now; 0 = not known. */
+static double start_time(void) {
+    char text[1024] = "";
+    double ticks = 0;
+    struct timespec now, up;
+    FILE *stat = fopen("/proc/self/stat", "re");
+    size_t size = stat ? fread(text, 1, sizeof text - 1, stat) : 0;
+    if (stat)
+        fclose(stat);
+    text[size] = 0;
+    const char *field = strrchr(text, ')'); /* the second one, a name */
+    for (int i = 2; field && i < 22; i++)
+        field = strchr(field + 1, ' ');
+    if (!field || sscanf(field, "%lf", &ticks) != 1)
+        return 0;
+    clock_gettime(CLOCK_REALTIME, &now);
+    clock_gettime(CLOCK_BOOTTIME, &up);
+    return (double)(now.tv_sec - up.tv_sec) + (double)(now.tv_nsec - up.tv_nsec) * 1e-9 +
+           ticks / (double)sysconf(_SC_CLK_TCK);
+}
+
+static double max_files(void) {
+    struct rlimit limit;
+    return getrlimit(RLIMIT_NOFILE, &limit) == 0 ? (double)limit.rlim_cur : 0;
 }
 
 /* The usual names of what every process has. */
@@ -136,6 +166,8 @@ static void print_process(FILE *out) {
     gauge(out, "process_resident_memory_bytes", "Resident memory",
           (double)resident * (double)sysconf(_SC_PAGESIZE));
     gauge(out, "process_open_fds", "Open file descriptors", files > 0 ? (double)files : 0);
+    gauge(out, "process_max_fds", "How many there may be", max_files());
+    gauge(out, "process_start_time_seconds", "When it was started, since 1970", start_time());
     counter(out, "process_cpu_seconds_total", "Processor time of all threads",
             (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
                 (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec) * 1e-6);

@@ -116,5 +116,6 @@ test('over --views: 503, and what is kept stays', async () => {
   for (let i = 1; i <= 8; i++) answer = await daemon.post('/api/v1/views', { ...VIEW, size: [i, 1] });
   assert.equal(answer.status, 503);
   assert.match(answer.json.detail, /--views allows 8/);
+  await daemon.untilLogged(/level=warn peer="127\.0\.0\.1:\d+" msg="[0-9.:]+ POST \/api\/v1\/views refused: 503, .*--views allows 8/);
   assert.equal(await keep(VIEW), id, 'one that is there already');
 });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // GET /metrics: in a form that Prometheus reads, and what it counts is what happened.
 import assert from 'node:assert/strict';
+import fs from 'node:fs';
 import { spawnSync } from 'node:child_process';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -44,6 +45,11 @@ test('a scrape can be read, and needs the token', async (t) => {
   assert.equal(values['splatd_volume_bytes,volume=engine'], 16 * 9 * 9);
   assert.ok(values.splatd_memory_budget_bytes > 0 && values.process_resident_memory_bytes > 1e6);
   assert.ok(values.process_open_fds > 3 && values.process_cpu_seconds_total > 0);
+  const limits = fs.readFileSync(`/proc/${daemon.child.pid}/limits`, 'utf8');
+  assert.equal(values.process_max_fds, Number(/Max open files\s+(\d+)/.exec(limits)[1]));
+  const started = fs.statSync(`/proc/${daemon.child.pid}`).ctimeMs / 1000;
+  assert.ok(Math.abs(values.process_start_time_seconds - started) < 3600, 'not the boot, nor 1970');
+  assert.equal(values.splatd_path_bytes_limit, 4 * 2 ** 30);
   assert.equal(values.splatd_state_failing, 0);
   for (const stage of ['queue', 'render', 'readback', 'encode', 'send', 'round_trip']) {
     assert.equal(values[`splatd_stage_seconds_count,stage=${stage}`], 0);
