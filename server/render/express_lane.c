@@ -25,9 +25,12 @@ static bool find_long(struct srv_scheduler *s, struct srv_running *running, doub
     const struct srv_flight *f = srv_flights_oldest(&streams->flights);
     bool found = f && streams->info.holds && !s->has_no_express && !atomic_load(&f->cancel);
     if (found)
-        *running =
-            (struct srv_running){ f->job->session, f->job->order, f->job->start_ms,
-                                  f->job->part_start_ms, srv_flight_age_ms(f, srv_clock_ms()) };
+        *running = (struct srv_running){ .session = f->job->session,
+                                         .order = f->job->order,
+                                         .start_ms = f->job->start_ms,
+                                         .part_start_ms = f->job->part_start_ms,
+                                         .expected_ms = f->job->expected_ms,
+                                         .drawn_ms = srv_flight_age_ms(f, srv_clock_ms()) };
     pthread_mutex_unlock(&s->mutex);
     if (found && running->drawn_ms < LONG_MS) {
         *wait_ms = LONG_MS - running->drawn_ms;

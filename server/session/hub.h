@@ -257,6 +257,7 @@ struct srv_job {
     double budget_ms;     /* for which its detail was chosen */
     /* Of its session's and its participants' shares: where they started, by the clocks of those
      * (share.h), and what was charged until its time is known. */
+    double expected_ms; /* that it will take; INFINITY = not known, or more: work done once */
     double start_ms, part_start_ms, charged_ms;
     unsigned coarse;     /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];    /* size at rest */
@@ -278,12 +279,13 @@ struct srv_job_result {
 bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
 /* A job that is drawn, and has been for so long. */
 struct srv_running {
-    uint64_t session, order; /* as the job's, and the next two */
-    double start_ms, part_start_ms;
+    uint64_t session, order; /* as the job's, and the next three */
+    double start_ms, part_start_ms, expected_ms;
     double drawn_ms;
 };
-/* A thing to render at once while another job stands still: a short one of a session, or of another
- * participant of the same session, that has had less. False as above. */
+/* A thing to render at once while another job stands still: of a session, or of another participant
+ * of the same session, that has had less, and expected to take at most half of what is left of that
+ * job. False as above. */
 bool srv_hub_next_short_job(struct srv_hub *hub, const struct srv_running *running, double now_ms,
                             struct srv_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */

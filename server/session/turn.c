@@ -203,20 +203,28 @@ struct claim { /* of a participant within its session, or of that for its sessio
     double start_ms;
 };
 
-/* Is what it gets expected to be drawn within the time of a moving frame? Work that is done once is
- * not. */
-static bool is_short(const struct srv_session *s, const struct srv_participant *p) {
+/* What it gets is expected to take; INFINITY = not known, or work that is done once is left. */
+static double expect_ms(const struct srv_session *s, const struct srv_participant *p) {
     double whole_ms = sharp_ms(s, p), last_ms = srv_pace_expect_ms(&s->pace, &p->moving.detail);
     if (s->done_version < s->cold_version)
-        return false;
-    return (whole_ms > 0 && whole_ms <= SRV_PACE_ENOUGH_MS) ||
-           (p->moving.detail.size[0] > 0 && last_ms > 0 && last_ms <= SRV_PACE_ENOUGH_MS);
+        return INFINITY;
+    if (whole_ms > 0 && whole_ms <= SRV_PACE_ENOUGH_MS)
+        return whole_ms;
+    return p->moving.detail.size[0] > 0 && last_ms > 0 ? last_ms : INFINITY;
 }
 
-/* May it be drawn while that stands still? Who waits for that very job may not. */
+/* What takes longer than was expected is taken to be half done. */
+static double left_ms(const struct srv_running *running) {
+    double left = running->expected_ms - running->drawn_ms;
+    return left > 0 ? left : running->drawn_ms;
+}
+
+/* May it be drawn while that stands still? Who waits for that very job may not; nor what is hardly
+ * shorter than what is left of it: then one would be served later, and the other hardly sooner. */
 static bool may_go_before(const struct claim *c, const struct srv_running *running) {
+    double most_ms = fmin(left_ms(running) / 2, SRV_PACE_ENOUGH_MS);
     return c->wish.yield_ms == INFINITY && c->p->taken_order != running->order &&
-           is_short(c->p->session, c->p);
+           expect_ms(c->p->session, c->p) <= most_ms;
 }
 
 /* The participant of the lowest rank that has had least, of those who may go before what is

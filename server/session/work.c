@@ -111,7 +111,9 @@ static double weight_of(const struct srv_session *s, const struct srv_participan
  */
 static void take_share(struct srv_hub *hub, struct srv_session *s, struct srv_job *job) {
     const struct srv_detail detail = detail_of(job);
+    bool is_known = s->done_version >= s->cold_version;
     job->charged_ms = srv_pace_expect_ms(&s->pace, &detail);
+    job->expected_ms = is_known && job->charged_ms > 0 ? job->charged_ms : INFINITY;
     job->start_ms = srv_share_start(&s->share, hub->clock_ms);
     job->part_start_ms = s->clock_ms;
     srv_share_take(&s->share, hub->clock_ms, job->charged_ms);

@@ -170,8 +170,8 @@ static void turn(struct stage *s, struct client *c) {
 }
 
 static struct srv_running running_of(const struct srv_job *job, double drawn_ms) {
-    return (struct srv_running){ job->session, job->order, job->start_ms, job->part_start_ms,
-                                 drawn_ms };
+    return (struct srv_running){ job->session,       job->order,       job->start_ms,
+                                 job->part_start_ms, job->expected_ms, drawn_ms };
 }
 
 /* A short one that may go before what is under way is drawn at once. */
@@ -549,7 +549,7 @@ static void what_may_go_before_a_long_frame(void **state) {
     struct client *other = join(s, 1, id, 0, "{\"size\":[256,256]}");
     struct srv_running running;
 #define BEFORE(ms)                                                                                 \
-    (running = running_of(&job, ms),                                                               \
+    (running = running_of(&job, ms), running.expected_ms = INFINITY,                               \
      srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &before, &wait_ms))
     assert_false(BEFORE(1e6)); /* nothing is known of how long it takes */
     srv_hub_job_cancelled(s->f->hub, &job, 0);
@@ -568,7 +568,27 @@ static void what_may_go_before_a_long_frame(void **state) {
     assert_false(BEFORE(60)); /* it has had more */
     assert_true(wait_ms > 0 && wait_ms <= 40);
     assert_true(BEFORE(101));
+    double takes_ms = before.expected_ms;
+    assert_true(takes_ms > 4 && takes_ms < 40);
     srv_hub_job_cancelled(s->f->hub, &before, 0);
+    const struct {
+        double expected_ms;
+        bool may;
+    } cases[] = {
+        { 1000 + takes_ms, false }, /* which will be over as soon */
+        { 1000 + 10 * takes_ms, true },
+        { 20, true }, /* that was wrong */
+    };
+    for (int i = 0; i < 3; i++) {
+        s->now_ms += 50; /* another frame is due */
+        running.drawn_ms = 1000;
+        running.expected_ms = cases[i].expected_ms;
+        turn(s, other);
+        assert_int_equal(srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &before, &wait_ms),
+                         cases[i].may);
+        if (cases[i].may)
+            srv_hub_job_cancelled(s->f->hub, &before, 0);
+    }
     update_tf(s, other);
     assert_false(BEFORE(1e6)); /* that has to be derived first */
 #undef BEFORE
