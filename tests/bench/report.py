@@ -377,7 +377,7 @@ def serve_goals(rows, soak):
     if parts['hostile']:
         worst = min(parts['hostile'], key=lambda r: r['change_percent'])
         fair = sum(map(is_fair, parts['hostile']))
-        lines.append([f'frames lost beside one hostile client, {fair} of {len(parts["hostile"])} tempers', f'{GOAL_DISTURBED} %',
+        lines.append([f'frames lost beside one hostile client; {fair} of {len(parts["hostile"])} tempers are within the goal', f'{GOAL_DISTURBED} %',
                       f'{-worst["change_percent"]:.1f} % at worst ({worst["what"]})', met(is_fair(worst))])
     lines += [[r['what'], 'held or refused as configured', f'{r["held"]:.0f} held, {r["refused"]:.0f} refused', met(is_as_configured(r))] for r in parts['idle']]
     if len(soak) > 1:

@@ -209,7 +209,7 @@ class Report(unittest.TestCase):
             self.assertIn(f'{5 + missed / 10:.1f} % at worst (greedy)', goals)
             self.assertEqual(self.line(goals, '| most independent sessions')[2:], ['4', 'met'])
             self.assertEqual(self.line(goals, '| viewers of one')[2], '8' if missed else '63')
-            self.assertEqual(self.line(goals, '| frames lost')[0], f'frames lost beside one hostile client, {2 - missed} of 2 tempers')
+            self.assertEqual(self.line(goals, '| frames lost')[0], f'frames lost beside one hostile client; {2 - missed} of 2 tempers are within the goal')
             self.assertEqual((goals.count('| met |'), goals.count('**missed**')), (1, 9) if missed else (10, 0))
             self.assertEqual(self.line(text, '| greedy')[3], '-5.1' if missed else '-5.0')
             self.assertEqual(self.line(text, '| greedy')[-2], '**missed**' if missed else 'met')

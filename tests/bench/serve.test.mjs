@@ -37,6 +37,16 @@ test('users and memory', () => {
   for (const { kib_each: each } of rows.slice(-4)) assert.notEqual(each, '');
 });
 
+test('sessions, until there are too many', () => {
+  const rows = table('--only', 'sessions');
+  assert.deepEqual(rows.slice(0, 3).map(({ clients, what }) => [clients, what.startsWith('full')]), [['1', false], ['8', false], ['16', false]]);
+  const whole = rows.slice(3);
+  assert.ok(whole.every(({ what }) => what.startsWith('full')));
+  const fits = whole.filter(({ fps_min: fps }) => Number(fps) >= 10).map(({ clients }) => Number(clients));
+  const [most, least] = [Math.max(0, ...fits), Math.min(65, ...whole.map(({ clients }) => Number(clients)).filter((n) => !fits.includes(n)))];
+  assert.equal(least - most, 1, `${most} fit, ${least} do not`);
+});
+
 test('every temper', () => {
   const rows = table('--only', 'hostile');
   assert.deepEqual(rows.map(({ what }) => what), Object.keys({ ...plain, ...others, ...secure }));
