@@ -62,6 +62,19 @@ void srv_address_to_text(const struct sockaddr *address, char text[SRV_ADDRESS_T
     }
 }
 
+void srv_address_to_host(const struct sockaddr *address, char text[SRV_ADDRESS_HOST]) {
+    const struct in6_addr *v6 = &((const struct sockaddr_in6 *)address)->sin6_addr;
+    const uint8_t *bytes = v6->s6_addr;
+    size_t size = IN6_IS_ADDR_V4MAPPED(v6) ? sizeof *v6 : sizeof *v6 / 2, at = 1;
+    if (address->sa_family == AF_INET) {
+        bytes = (const uint8_t *)&((const struct sockaddr_in *)address)->sin_addr;
+        size = sizeof(struct in_addr);
+    }
+    snprintf(text, SRV_ADDRESS_HOST, "@");
+    for (size_t i = 0; i < size; i++, at += 2)
+        snprintf(text + at, SRV_ADDRESS_HOST - at, "%02x", bytes[i]);
+}
+
 bool srv_address_same_host(const struct sockaddr *a, const struct sockaddr *b) {
     if (a->sa_family != b->sa_family)
         return false;

@@ -10,7 +10,7 @@
 
 #include "sp/status.h"
 
-enum { SRV_ADDRESS_TEXT = 64 };
+enum { SRV_ADDRESS_TEXT = 64, SRV_ADDRESS_HOST = 34 };
 
 struct srv_address {
     struct sockaddr_storage storage;
@@ -23,6 +23,8 @@ bool srv_address_parse(const char *text, struct srv_address *address, struct sp_
 bool srv_address_is_loopback(const struct sockaddr *address);
 /* "127.0.0.1:8080", "[::1]:8080". */
 void srv_address_to_text(const struct sockaddr *address, char text[SRV_ADDRESS_TEXT]);
+/* "@" and the host in hexadecimal; of IPv6 its first 64 bits, as below. */
+void srv_address_to_host(const struct sockaddr *address, char text[SRV_ADDRESS_HOST]);
 /* The same host, whatever the port? Of IPv6 the first 64 bits count: one host may have all the rest
  * to itself. */
 bool srv_address_same_host(const struct sockaddr *a, const struct sockaddr *b);

@@ -165,6 +165,18 @@ static bool has_left(void *user) {
     return srv_guard_is_gone(render->request->guarded);
 }
 
+/* Who pays for its pictures: its token, or where all have the same one that has no name, its host.
+ */
+static void set_owner(const struct srv_request *request, struct srv_still *still) {
+    struct srv_owner owner;
+    srv_request_owner(request, &owner);
+    if (owner.name[0])
+        snprintf(still->owner, sizeof still->owner, "%s", owner.name);
+    else
+        srv_address_to_host((const struct sockaddr *)srv_guard_address(request->guarded),
+                            still->owner);
+}
+
 /* Puts the request to sleep and queues its frame. Takes over the use of the volume. */
 static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
                    const char *caching, struct srv_reply *reply) {
@@ -186,6 +198,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     still->done = on_done;
     still->is_gone = has_left;
     still->user = render;
+    set_owner(request, still);
     srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */
     if (srv_scheduler_submit(request->app->scheduler, still, &err))

@@ -226,6 +226,7 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
                                .user = &answer };
     if (d->job->output.is_movie)
         still.format = SP_IMAGE_PNG;
+    snprintf(still.owner, sizeof still.owner, "%s", d->job->owner);
     if (!srv_scheduler_submit(d->jobs->options.scheduler, &still, err))
         return NULL;
     pthread_mutex_lock(&d->jobs->mutex);

@@ -64,7 +64,9 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
                               &result.size, &result.err);
     }
     result.encode_ms = srv_clock_ms() - start_ms;
-    count_render(s, &work->frame->stats);
+    srv_still_spend(s, work->still, result.encode_ms);
+    if (!work->again)
+        count_render(s, &work->frame->stats);
     srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
     srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
     srv_still_answer(s, work->still, &result);

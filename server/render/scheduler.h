@@ -30,14 +30,16 @@
  * again for whatever session or still wants it; a still that equals one in flight is answered with
  * that one's bytes.
  *
- * A still of the lowest class, in the background, is drawn when nothing else is: it is begun when
- * no other still waits and the stream lane had nothing to do for a moment, and gives way as soon as
- * there is something, for twenty times its own time (session/share.h).
+ * Of stills the next is that of the owner who has had least (owners.h). One of the lowest class, in
+ * the background, is drawn when nothing else is: it is begun when no other still waits and the
+ * stream lane had nothing to do for a moment, and gives way as soon as there is something, for
+ * twenty times its own time (session/share.h).
  */
 #ifndef SRV_RENDER_SCHEDULER_H
 #define SRV_RENDER_SCHEDULER_H
 
 #include "render/catalog.h"
+#include "render/owners.h"
 #include "session/hub.h"
 #include "sp/renderer.h"
 
@@ -55,7 +57,8 @@ struct srv_still_result {
 };
 struct srv_still {
     struct sp_view view;
-    struct srv_volume *volume; /* a use, taken over by submit */
+    struct srv_volume *volume;   /* a use, taken over by submit */
+    char owner[SRV_OWNER_BYTES]; /* who pays for it (owners.h) */
     enum sp_image_format format;
     int quality;
     enum sp_chroma chroma; /* of a JPEG */
@@ -72,10 +75,11 @@ struct srv_still {
 
 struct srv_scheduler_options {
     struct srv_catalog *catalog;
-    struct srv_metrics *metrics;       /* NULL = nothing is counted */
-    unsigned queue_max;                /* stills that wait, of each class */
-    unsigned encode_threads;           /* without the nice ones */
-    uint64_t video_px;                 /* of all video encoders together; 0 = no video */
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
+    unsigned queue_max;          /* stills that wait, of each class; but for those in the background
+                                    a quarter is out of reach of each owner */
+    unsigned encode_threads;     /* without the nice ones */
+    uint64_t video_px;           /* of all video encoders together; 0 = no video */
     struct sp_renderer_options stills; /* of the still lane's renderer; the express lane's has half
                                           of its memory. Strings outlive the scheduler */
 };

@@ -51,7 +51,7 @@ struct srv_work { /* a rendered frame on its way to an encoder: of a job or of a
     struct srv_job *job;
     struct srv_still_item *still;
     bool is_express; /* the job is the express lane's */
-    bool again;      /* the frame is an earlier job's */
+    bool again;      /* the frame is an earlier job's: it was not drawn for this */
 };
 
 struct srv_picture {             /* a large JPEG, whose stripes are made by who has time */
@@ -97,6 +97,7 @@ struct srv_scheduler {
     bool has_no_express;              /* its renderer fails: long frames do not stand still */
     struct srv_still_item *stills;    /* in flight, oldest first */
     struct srv_still_item *still_now; /* being drawn */
+    struct srv_owners owners;         /* of stills that are not in the background */
     unsigned still_unanswered;        /* who asked for one and has no answer */
     double stream_ms;                 /* when a lane of streams had something under way last */
     struct srv_work encode_queue[SRV_ENCODE_QUEUE];
@@ -178,7 +179,9 @@ struct srv_blob *srv_kept_bytes(struct srv_scheduler *s, const struct sp_frame *
 void srv_kept_set_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
                         const struct srv_form *form, struct srv_blob *blob);
 
-/* Stills, without the mutex. The first two take over the item. */
+/* Stills, without the mutex. Its owner pays for it. */
+void srv_still_spend(struct srv_scheduler *s, const struct srv_still_item *item, double ms);
+/* These take over the item. */
 void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
                       const struct srv_still_result *result);
 void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,

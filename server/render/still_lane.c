@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The still lane: single pictures, in the order in which they were asked for, those in the
- * background last. A picture is asked for by one or several: who wants one that is in flight joins
- * it.
+ * The still lane: single pictures. Next is that of the owner who has had least (owners.h), of his
+ * the one that was asked for first; those in the background come last. A picture is asked for by
+ * one or several: who wants one that is in flight joins it, and the first one pays.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -22,6 +22,16 @@ static void take_out(struct srv_scheduler *s, struct srv_still_item *item) {
     while (*link != item)
         link = &(*link)->next;
     *link = item->next;
+    if (!s->stills)
+        srv_owners_forget(&s->owners);
+    srv_lane_wake(&s->lanes[SRV_LANE_STILLS]); /* its owner may have another one drawn */
+}
+
+void srv_still_spend(struct srv_scheduler *s, const struct srv_still_item *item, double ms) {
+    pthread_mutex_lock(&s->mutex);
+    if (!item->still.background)
+        srv_owners_spend(&s->owners, item->still.owner, ms);
+    pthread_mutex_unlock(&s->mutex);
 }
 
 /* Calls those who ask for nothing but this result; the item is no longer in the list. */
@@ -95,6 +105,24 @@ void srv_stills_cancel(struct srv_scheduler *s) {
         atomic_store(&s->still_now->cancel, true);
 }
 
+/* Are so many of its owner's drawn and not answered yet that the others' have to come first? What
+ * waits to be encoded stops the lane. */
+static bool has_enough(const struct srv_scheduler *s, const struct srv_still_item *item) {
+    unsigned drawn = 0, nice = s->encode_thread_count - s->options.encode_threads;
+    for (const struct srv_still_item *i = s->stills; i; i = i->next)
+        drawn +=
+            !i->waits && !i->still.background && strcmp(i->still.owner, item->still.owner) == 0;
+    return !item->still.background && drawn > nice;
+}
+
+static bool is_before(const struct srv_scheduler *s, const struct srv_still_item *a,
+                      const struct srv_still_item *b) {
+    if (a->still.background != b->still.background)
+        return b->still.background;
+    return !a->still.background && srv_owners_start(&s->owners, a->still.owner) <
+                                       srv_owners_start(&s->owners, b->still.owner);
+}
+
 /* The next still becomes still_now; NULL if there is none, until *wait_ms at the latest. */
 static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_ms) {
     struct srv_still_item *item = NULL;
@@ -102,13 +130,15 @@ static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_m
     pthread_mutex_lock(&s->mutex);
     bool quiet = s->lanes[SRV_LANE_STREAMS].flights.count == 0 && now_ms - s->stream_ms >= QUIET_MS;
     for (struct srv_still_item *i = s->stills; i; i = i->next) {
-        bool may = i->waits && (quiet || !gives_way(i, now_ms));
+        bool may = i->waits && !has_enough(s, i) && (quiet || !gives_way(i, now_ms));
         if (i->waits && !may)
             *wait_ms = QUIET_MS;
-        if (may && (!item || (item->still.background && !i->still.background)))
+        if (may && (!item || is_before(s, i, item)))
             item = i;
     }
     if (item) {
+        if (!item->still.background)
+            srv_owners_take(&s->owners, item->still.owner);
         item->waits = false;
         atomic_store(&item->cancel, s->stop);
         s->still_now = item;
@@ -161,11 +191,12 @@ static bool all_gone(const struct srv_still_item *item) {
 static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     struct sp_error err = { .code = SP_OK };
     double start_ms = srv_clock_ms();
-    if (item->spent_ms == 0)
+    if (item->spent_ms == 0 && !item->still.background) /* which is there to wait */
         srv_metrics_time(s->options.metrics, SRV_TIME_QUEUE, start_ms - item->queued_ms);
     bool is_kept = false;
     struct sp_frame *frame = draw(s, item, &is_kept, &err);
     double drawn_ms = is_kept ? 0 : srv_clock_ms() - start_ms;
+    srv_still_spend(s, item, drawn_ms);
     pthread_mutex_lock(&s->mutex);
     s->still_now = NULL;
     item->spent_ms = fmax(item->spent_ms, drawn_ms);
@@ -175,7 +206,7 @@ static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     if (frame && item->still.wants_frame)
         hand_over(s, item, frame, drawn_ms);
     else if (frame)
-        srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .still = item });
+        srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .still = item, .again = is_kept });
     else if (!again)
         srv_still_fail(s, item, &err);
 }
@@ -226,14 +257,24 @@ static void join(struct srv_still_item *item, struct srv_ask *ask, bool backgrou
     item->still.background = item->still.background && background;
 }
 
-static bool has_room(const struct srv_scheduler *s, bool background, struct sp_error *err) {
-    unsigned waiting = 0;
-    for (const struct srv_still_item *i = s->stills; i; i = i->next)
-        waiting += i->waits && i->still.background == background;
-    return waiting < s->options.queue_max ||
+static bool has_room(const struct srv_scheduler *s, const struct srv_still *still,
+                     struct sp_error *err) {
+    const unsigned most = s->options.queue_max, most_own = most - most / 4;
+    unsigned waiting = 0, own = 0;
+    for (const struct srv_still_item *i = s->stills; i; i = i->next) {
+        bool counts = i->waits && i->still.background == still->background;
+        waiting += counts;
+        own += counts && strcmp(i->still.owner, still->owner) == 0;
+    }
+    if (waiting >= most)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u renders wait already and --render-queue allows %u; try again later",
+                       waiting, most);
+    return still->background || own < most_own ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "%u renders wait already and --render-queue allows %u; try again later", waiting,
-                   s->options.queue_max);
+                   "%u renders of yours wait already, and of the %u that --render-queue allows "
+                   "one may have %u; try again later",
+                   own, most, most_own);
 }
 
 static void append(struct srv_scheduler *s, struct srv_still_item *item) {
@@ -254,7 +295,7 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
     if (ok && s->stop)
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
     struct srv_still_item *equal = ok ? find_equal(s, still) : NULL;
-    ok = ok && (equal || has_room(s, still->background, err));
+    ok = ok && (equal || has_room(s, still, err));
     if (ok) {
         *ask = (struct srv_ask){ NULL, still->done, still->is_gone, still->user };
         s->still_unanswered++;

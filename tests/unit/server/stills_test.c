@@ -22,7 +22,7 @@
 #include "support/lanes.h"
 
 enum {
-    QUEUE = 3,
+    QUEUE = 4,
     SHARP = 90,
     STREAM_THREADS = 3, /* that encode */
     ENCODE_THREADS = 5, /* with the nice ones */
@@ -152,8 +152,10 @@ struct fixture {
     char id[SRV_SESSION_ID_BYTES];
 };
 
-struct asker {   /* of a still */
+struct asker { /* of a still, as JPEG if nothing is said */
+    enum sp_image_format format;
     int quality; /* 0 = that of a stream's sharp picture */
+    const char *owner;
     double expected_ms;
     bool wants_frame;
     unsigned answers, pictures, frames;
@@ -212,7 +214,7 @@ static int tear_down(void **state) {
 }
 
 static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool background) {
-    struct srv_still still = { .format = SP_IMAGE_JPEG,
+    struct srv_still still = { .format = asker->format,
                                .quality = asker->quality ? asker->quality : SHARP,
                                .background = background,
                                .expected_ms = asker->expected_ms,
@@ -221,6 +223,7 @@ static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool bac
                                .is_gone = has_left,
                                .user = asker };
     struct sp_error err;
+    snprintf(still.owner, sizeof still.owner, "%s", asker->owner ? asker->owner : "somebody");
     still.volume = srv_catalog_acquire(f->lanes.catalog, "phantom", &err);
     assert_non_null(still.volume);
     srv_catalog_default_view(f->lanes.catalog, still.volume, &still.view);
@@ -319,6 +322,72 @@ static void the_end_answers_all_and_counts_none_as_left(void **state) {
     assert_int_equal(now.pictures + waits.pictures, 0);
     assert_int_equal(counted_drops(f->lanes.metrics, "left"), 0);
     assert_int_equal(counted_drops(f->lanes.metrics, "failed"), 0);
+}
+
+/* However many of one wait, another's comes next; and they do not fill the queue. */
+static void owners_have_equal_shares(void **state) {
+    struct fixture *f = *state;
+    struct asker ann[QUEUE + 1], bob = { .owner = "bob" }, late = { .owner = "bob" };
+    for (unsigned i = 0; i <= QUEUE; i++)
+        ann[i] = (struct asker){ .owner = "ann" };
+    assert_true(ask(f, &ann[0], 100, false));
+    gate_await(&gate.entered, 1);
+    for (unsigned i = 1; i < QUEUE; i++)
+        assert_true(ask(f, &ann[i], 100 + i, false));
+    assert_false(ask(f, &ann[QUEUE], 199, false));
+    assert_true(ask(f, &bob, 300, false));
+    assert_false(ask(f, &late, 301, false)); /* the queue is full */
+    gate_let_through(QUEUE + 1);
+    for (unsigned i = 0; i < QUEUE; i++)
+        gate_await(&ann[i].answers, 1);
+    gate_await(&bob.answers, 1);
+    assert_int_equal(seen.width[1], 300);
+    for (unsigned i = 1; i < QUEUE; i++)
+        assert_int_equal(seen.width[1 + i], 100 + i);
+}
+
+/* What it takes to encode counts: who has a thread at his pictures has no second one waiting for
+ * another while somebody else's waits to be drawn. */
+static void encoding_is_paid_for_by_the_owner(void **state) {
+    struct fixture *f = *state;
+    struct asker ann[3], bob = { .owner = "bob" };
+    hold_png(true);
+    for (unsigned i = 0; i < 3; i++) {
+        ann[i] = (struct asker){ .owner = "ann", .format = SP_IMAGE_PNG };
+        assert_true(ask(f, &ann[i], 100 + i, false));
+    }
+    gate_let_through(100);
+    gate_await(&seen.pngs, 1);
+    assert_true(ask(f, &bob, 300, false));
+    gate_await(&gate.entered, 3);
+    assert_int_equal(seen.width[2], 300); /* two of the other's are not answered yet */
+    hold_png(false);
+    for (unsigned i = 0; i < 3; i++)
+        gate_await(&ann[i].answers, 1);
+    gate_await(&bob.answers, 1);
+}
+
+static void owners_pay_what_theirs_took(void **state) {
+    (void)state;
+    struct srv_owners owners = { .count = 0 };
+    char name[SRV_OWNER_BYTES];
+    srv_owners_take(&owners, "ann");
+    srv_owners_spend(&owners, "ann", 30);
+    srv_owners_spend(&owners, "ann", 10);
+    assert_true(srv_owners_start(&owners, "ann") == 40);
+    assert_true(srv_owners_start(&owners, "bob") == 0);
+    srv_owners_spend(&owners, "bob", 50);
+    srv_owners_take(&owners, "ann");
+    assert_true(srv_owners_start(&owners, "new") == 40); /* nobody saves up a share */
+    assert_true(srv_owners_start(&owners, "bob") == 50);
+    for (int i = 0; i < 2 * SRV_OWNERS_MAX; i++) {
+        snprintf(name, sizeof name, "host %d", i);
+        srv_owners_spend(&owners, name, 1);
+    }
+    assert_int_equal(owners.count, SRV_OWNERS_MAX);
+    assert_true(srv_owners_start(&owners, "bob") == 50); /* those with least are dropped */
+    srv_owners_forget(&owners);
+    assert_true(srv_owners_start(&owners, "bob") == 0);
 }
 
 static void the_background_is_drawn_after_all_others(void **state) {
@@ -561,6 +630,9 @@ int main(void) {
         TEST(a_still_is_drawn_while_anybody_wants_it),
         TEST(of_those_that_wait_who_left_goes_alone),
         TEST(the_end_answers_all_and_counts_none_as_left),
+        TEST(owners_have_equal_shares),
+        TEST(encoding_is_paid_for_by_the_owner),
+        cmocka_unit_test(owners_pay_what_theirs_took),
         TEST(the_background_is_drawn_after_all_others),
         TEST(the_background_gives_way_and_is_taken_again),
         TEST(the_background_gives_way_to_streams),
