@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "support/played_memory.h"
 
+#include <errno.h>
+#include <stdarg.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 static _Thread_local bool is_spared;
@@ -74,4 +77,58 @@ void *__wrap_realloc(void *old, size_t size) {
 void *__wrap_aligned_alloc(size_t alignment, size_t size) {
     note_size(size);
     return memory_is_left() ? __real_aligned_alloc(alignment, size) : NULL;
+}
+
+/* What the C library allocates by itself; the second of two names is that of hardened builds. */
+
+char *__real_strdup(const char *text);
+char *__real_strndup(const char *text, size_t most);
+char *__real_realpath(const char *path, char *resolved);
+char *__wrap_strdup(const char *text);
+char *__wrap_strndup(const char *text, size_t most);
+char *__wrap_realpath(const char *path, char *resolved);
+char *__wrap___realpath_chk(const char *path, char *resolved, size_t size);
+int __wrap_asprintf(char **text, const char *format, ...);
+int __wrap___asprintf_chk(char **text, int flag, const char *format, ...);
+
+char *__wrap_strdup(const char *text) {
+    return memory_is_left() ? __real_strdup(text) : NULL;
+}
+
+char *__wrap_strndup(const char *text, size_t most) {
+    return memory_is_left() ? __real_strndup(text, most) : NULL;
+}
+
+char *__wrap_realpath(const char *path, char *resolved) {
+    if (resolved || memory_is_left())
+        return __real_realpath(path, resolved);
+    errno = ENOMEM;
+    return NULL;
+}
+
+char *__wrap___realpath_chk(const char *path, char *resolved, size_t size) {
+    (void)size;
+    return __wrap_realpath(path, resolved);
+}
+
+__attribute__((format(printf, 2, 0))) static int print(char **text, const char *format,
+                                                       va_list args) {
+    return memory_is_left() ? vasprintf(text, format, args) : -1;
+}
+
+int __wrap_asprintf(char **text, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    int size = print(text, format, args);
+    va_end(args);
+    return size;
+}
+
+int __wrap___asprintf_chk(char **text, int flag, const char *format, ...) {
+    (void)flag;
+    va_list args;
+    va_start(args, format);
+    int size = print(text, format, args);
+    va_end(args);
+    return size;
 }

@@ -245,6 +245,8 @@ static void requests(void **state) {
     char path[96];
     wait_for_volume();
     each_allocation("GET", "volumes/engine", "", 200);
+    each_allocation("GET", "volumes", "", 200);
+    each_allocation("GET", "presets", "", 200);
     each_allocation("GET", "sessions", "", 200);
     each_allocation("GET", "views", "", 200);
     each_allocation("POST", "render?format=jpeg", "{\"size\":[8,8],\"camera\":{\"fov_y\":20.%ld}}",
