@@ -48,7 +48,8 @@ static bool write_and_rename(const char *path, const void *bytes, size_t size,
     mode_t mask = umask(0); /* one thread alone writes files here */
     umask(mask);
     fchmod(fd, 0666 & ~mask);
-    bool ok = write_all(fd, bytes, size) || fail_io(err, path, "cannot write");
+    /* Before it has its name it is on the disk: who fetches a path deletes the daemon's copy. */
+    bool ok = (write_all(fd, bytes, size) && fsync(fd) == 0) || fail_io(err, path, "cannot write");
     ok = (close(fd) == 0 || !ok || fail_io(err, path, "cannot write")) && ok;
     ok = ok && (rename(temporary, path) == 0 || fail_io(err, path, "cannot rename to it"));
     if (!ok)
