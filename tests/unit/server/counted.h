@@ -8,18 +8,29 @@
 
 #include "metrics.h"
 
-/* Frames that were dropped for this reason, as /metrics tells; -1 = it tells nothing of that. */
-static inline long counted_drops(const struct srv_metrics *metrics, const char *reason) {
-    char *text = NULL, series[64];
+/* What /metrics tells of `name{key="value"}`; -1 = nothing. */
+static inline long counted(const struct srv_metrics *metrics, const char *name, const char *key,
+                           const char *value) {
+    char *text = NULL, series[96];
     size_t size;
     FILE *out = open_memstream(&text, &size);
     srv_metrics_print(metrics, out);
     fclose(out);
-    snprintf(series, sizeof series, "\nsplatd_drops_total{reason=\"%s\"} ", reason);
+    snprintf(series, sizeof series, "\n%s{%s=\"%s\"} ", name, key, value);
     const char *at = strstr(text, series);
     long count = at ? strtol(at + strlen(series), NULL, 10) : -1;
     free(text);
     return count;
+}
+
+/* Frames that were dropped for this reason. */
+static inline long counted_drops(const struct srv_metrics *metrics, const char *reason) {
+    return counted(metrics, "splatd_drops_total", "reason", reason);
+}
+
+/* Times that this stage was timed. */
+static inline long counted_stages(const struct srv_metrics *metrics, const char *stage) {
+    return counted(metrics, "splatd_stage_seconds_count", "stage", stage);
 }
 
 #endif

@@ -405,6 +405,7 @@ static void the_background_is_drawn_after_all_others(void **state) {
     assert_int_equal(seen.width[1], 300);
     for (unsigned i = 0; i < QUEUE; i++)
         assert_int_equal(seen.width[2 + i], 200 + i);
+    assert_int_equal(counted_stages(f->lanes.metrics, "queue"), 2); /* that wait is no queue */
 }
 
 static void the_background_gives_way_and_is_taken_again(void **state) {
@@ -558,9 +559,12 @@ static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
     struct asker asker = { 0 };
     f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
+    long renders = counted_stages(f->lanes.metrics, "render");
+    assert_true(renders > 0);
     assert_true(ask(f, &asker, 512, false));
     gate_await(&asker.answers, 1);
     assert_int_equal(asker.pictures, 1);
+    assert_int_equal(counted_stages(f->lanes.metrics, "render"), renders);
     assert_int_equal(gate_count(&gate.entered), 0);
 }
 
