@@ -50,8 +50,7 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
                          struct srv_work *work) {
     struct srv_still_result result = { .stats = work->frame->stats };
     const struct srv_still *still = &work->still->still;
-    const struct srv_form form = { still->format, still->quality,
-                                   sp_chroma_at(still->chroma, still->quality) };
+    const struct srv_form form = srv_form_of(still->format, still->quality, still->chroma);
     double start_ms = srv_clock_ms();
     struct srv_blob *known = srv_kept_bytes(s, work->frame, &form);
     if (known) {
@@ -59,8 +58,8 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
         result.bytes = known->bytes;
         result.size = known->size;
     } else {
-        sp_encoder_set_chroma(encoder, still->chroma);
-        result.ok = sp_encode(encoder, work->frame, still->format, still->quality, &result.bytes,
+        sp_encoder_set_chroma(encoder, form.chroma);
+        result.ok = sp_encode(encoder, work->frame, form.format, form.quality, &result.bytes,
                               &result.size, &result.err);
     }
     result.encode_ms = srv_clock_ms() - start_ms;
@@ -79,8 +78,9 @@ static uint8_t codec_of(enum sp_image_format format) {
                                      : PROTO_CODEC_JPEG;
 }
 
-static bool is_like(const struct srv_target *a, const struct srv_target *b) {
-    return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
+static bool has_form(const struct srv_target *target, const struct srv_form *form) {
+    const struct srv_form own = srv_form_of(target->format, target->quality, target->chroma);
+    return srv_form_is_same(&own, form);
 }
 
 static struct srv_blob *make_blob(struct sp_encoder *encoder, const struct sp_frame *frame,
@@ -103,7 +103,7 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
     uint32_t first = (uint32_t)__builtin_ctzll(*stills);
     struct srv_job *job = work->job;
     const struct srv_target *like = &job->targets[first];
-    const struct srv_form form = { like->format, like->quality, like->chroma };
+    const struct srv_form form = srv_form_of(like->format, like->quality, like->chroma);
     double start_ms = srv_clock_ms();
     struct srv_blob *blob = srv_kept_bytes(s, work->frame, &form);
     if (!blob) {
@@ -124,7 +124,7 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
         .encode_us = (uint32_t)(took_ms * 1000),
     };
     for (uint32_t i = first; i < job->target_count; i++)
-        if (*stills >> i & 1 && is_like(&job->targets[i], like)) {
+        if (*stills >> i & 1 && has_form(&job->targets[i], &form)) {
             srv_hub_deliver(s->hub, job, i, &header, blob);
             *stills &= ~(UINT64_C(1) << i);
         }

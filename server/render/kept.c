@@ -34,7 +34,13 @@ struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume 
     return frame;
 }
 
-static bool is_same(const struct srv_form *a, const struct srv_form *b) {
+struct srv_form srv_form_of(enum sp_image_format format, int quality, enum sp_chroma chroma) {
+    bool is_jpeg = format == SP_IMAGE_JPEG, is_lossy = is_jpeg || format == SP_IMAGE_WEBP;
+    return (struct srv_form){ format, is_lossy ? quality : 100,
+                              is_jpeg ? sp_chroma_at(chroma, quality) : SP_CHROMA_AUTO };
+}
+
+bool srv_form_is_same(const struct srv_form *a, const struct srv_form *b) {
     return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
 }
 
@@ -43,7 +49,7 @@ struct srv_blob *srv_kept_bytes(struct srv_scheduler *s, const struct sp_frame *
     struct srv_blob *found = NULL;
     pthread_mutex_lock(&s->mutex);
     for (unsigned i = 0; !found && frame == s->kept.frame && i < SRV_KEPT_FORMS; i++)
-        if (s->kept.encoded[i].blob && is_same(&s->kept.encoded[i].form, form))
+        if (s->kept.encoded[i].blob && srv_form_is_same(&s->kept.encoded[i].form, form))
             found = srv_blob_ref(s->kept.encoded[i].blob);
     pthread_mutex_unlock(&s->mutex);
     return found;

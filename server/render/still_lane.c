@@ -230,18 +230,14 @@ void *srv_still_lane_main(void *user) {
     return NULL;
 }
 
-static bool is_lossy(enum sp_image_format format) {
-    return format == SP_IMAGE_JPEG || format == SP_IMAGE_WEBP;
-}
-
 /* One in flight of the same bytes that may still be joined. With the mutex held. */
 static struct srv_still_item *find_equal(struct srv_scheduler *s, const struct srv_still *still) {
+    const struct srv_form form = srv_form_of(still->format, still->quality, still->chroma);
     for (struct srv_still_item *i = s->stills; i; i = i->next) {
         const struct srv_still *other = &i->still;
-        bool same = other->volume == still->volume && other->format == still->format &&
-                    other->wants_frame == still->wants_frame &&
-                    (other->quality == still->quality || !is_lossy(still->format)) &&
-                    (other->chroma == still->chroma || still->format != SP_IMAGE_JPEG) &&
+        const struct srv_form theirs = srv_form_of(other->format, other->quality, other->chroma);
+        bool same = other->volume == still->volume && other->wants_frame == still->wants_frame &&
+                    srv_form_is_same(&theirs, &form) &&
                     memcmp(&other->view, &still->view, sizeof still->view) == 0;
         if (same && (i->waits || !atomic_load(&i->cancel)))
             return i;

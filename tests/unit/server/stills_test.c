@@ -589,6 +589,23 @@ static void nor_encoded_again_in_the_same_form(void **state) {
     assert_true(same.size > other.size && other.size > 0);
 }
 
+/* A PNG has no quality: of all who want one it is the same. */
+static void what_a_format_does_not_have_makes_no_difference(void **state) {
+    struct fixture *f = *state;
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    struct srv_participant *other = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
+    see_the_sharp_one(f, f->participant);
+    see_the_sharp_one(f, other);
+    tell(f, other, "stream.configure",
+         "{\"format\":\"png\",\"quality\":70,\"subsampling\":\"4:2:0\"}");
+    see_the_sharp_one(f, other);
+    assert_int_equal(gate_count(&seen.pngs), 1);
+    tell(f, f->participant, "stream.configure", "{\"format\":\"png\",\"quality\":80}");
+    see_the_sharp_one(f, f->participant);
+    assert_int_equal(gate_count(&seen.pngs), 1);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
 static void share_by(unsigned together) {
     pthread_mutex_lock(&gate.mutex);
     seen.shares = true;
@@ -645,6 +662,7 @@ int main(void) {
         TEST(somebody_who_waits_for_it_takes_it_out_of_the_background),
         TEST(a_sessions_sharp_picture_is_not_drawn_again),
         TEST(nor_encoded_again_in_the_same_form),
+        TEST(what_a_format_does_not_have_makes_no_difference),
         cmocka_unit_test_setup_teardown(dear_pictures_leave_a_thread_to_the_others, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(who_is_alone_has_all_threads, set_up_two, tear_down),
