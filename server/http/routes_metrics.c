@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "http/listener.h"
@@ -122,11 +121,23 @@ static void print_paths(const struct srv_request *request, FILE *out) {
     counter(out, "splatd_path_frames_total", "Frames drawn for camera paths", (double)n.frames);
 }
 
-/* Seconds since 1970, by the clock of now; 0 = not known. */
+/* When the system started, seconds since 1970; 0 = not known. */
+static double boot_time(void) {
+    double seconds = 0;
+    char line[256];
+    FILE *stat = fopen("/proc/stat", "re");
+    while (stat && seconds == 0 && fgets(line, sizeof line, stat))
+        if (sscanf(line, "btime %lf", &seconds) != 1)
+            seconds = 0;
+    if (stat)
+        fclose(stat);
+    return seconds;
+}
+
+/* The same of this process. */
 static double start_time(void) {
     char text[1024] = "";
-    double ticks = 0;
-    struct timespec now, up;
+    double ticks = 0, boot = boot_time();
     FILE *stat = fopen("/proc/self/stat", "re");
     size_t size = stat ? fread(text, 1, sizeof text - 1, stat) : 0;
     if (stat)
@@ -137,10 +148,7 @@ static double start_time(void) {
         field = strchr(field + 1, ' ');
     if (!field || sscanf(field, "%lf", &ticks) != 1)
         return 0;
-    clock_gettime(CLOCK_REALTIME, &now);
-    clock_gettime(CLOCK_BOOTTIME, &up);
-    return (double)(now.tv_sec - up.tv_sec) + (double)(now.tv_nsec - up.tv_nsec) * 1e-9 +
-           ticks / (double)sysconf(_SC_CLK_TCK);
+    return boot > 0 ? boot + ticks / (double)sysconf(_SC_CLK_TCK) : 0;
 }
 
 static double max_files(void) {
