@@ -284,7 +284,7 @@ struct srv_running {
     double drawn_ms;
 };
 /* A thing to render at once while another job stands still: of a session, or of another participant
- * of the same session, that has had less, and expected to take at most half of what is left of that
+ * of the same session, that has had less, and expected to take no longer than what is left of that
  * job. False as above. */
 bool srv_hub_next_short_job(struct srv_hub *hub, const struct srv_running *running, double now_ms,
                             struct srv_job *job, double *wait_ms);

@@ -219,10 +219,10 @@ static double left_ms(const struct srv_running *running) {
     return left > 0 ? left : running->drawn_ms;
 }
 
-/* May it be drawn while that stands still? Who waits for that very job may not; nor what is hardly
- * shorter than what is left of it: then one would be served later, and the other hardly sooner. */
+/* May it be drawn while that stands still? Who waits for that very job may not; nor what takes
+ * longer than what is left of it: what takes least goes first, so that the least is waited for. */
 static bool may_go_before(const struct claim *c, const struct srv_running *running) {
-    double most_ms = fmin(left_ms(running) / 2, SRV_PACE_ENOUGH_MS);
+    double most_ms = fmin(left_ms(running), SRV_PACE_ENOUGH_MS);
     return c->wish.yield_ms == INFINITY && c->p->taken_order != running->order &&
            expect_ms(c->p->session, c->p) <= most_ms;
 }

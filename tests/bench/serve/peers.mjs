@@ -124,7 +124,10 @@ export class Daemon {
 /** A stream that acknowledges each frame after `delay` ms, or never (Infinity), and notes what came when. That something is refused
  * ends the program: what is measured would not be what was meant. */
 export class Client {
+  static #opened = 0;
   seq = 0;
+  /** Where its turns begin: nobody has another one's view, whose picture the daemon would not draw again. */
+  phase = 2.4 * Client.#opened++;
   sent = new Map();
 
   static async open(daemon, session, { role = 'control', delay = 0 } = {}) {
@@ -178,7 +181,7 @@ export class Client {
   turn() {
     const [x, y, z] = this.view.camera.position;
     const [tx, ty, tz] = this.view.camera.target;
-    const angle = (this.seq + 1) * 0.02;
+    const angle = this.phase + (this.seq + 1) * 0.02;
     const [dx, dz] = [x - tx, z - tz];
     const position = [tx + dx * Math.cos(angle) - dz * Math.sin(angle), y, tz + dx * Math.sin(angle) + dz * Math.cos(angle)];
     this.update({ camera: { position, target: [tx, ty, tz] } });
