@@ -11,7 +11,7 @@
 #include "classify/reach.h"
 
 enum {
-    BRICKS_GRAIN = 16, /* bricks between two looks at the cancel flag */
+    BRICKS_GRAIN = 16, /* bricks that a thread takes at a time */
     INTERVALS_MAX = 4, /* of keys: more are looked up one by one */
 };
 
@@ -316,10 +316,8 @@ static void count_bricks(void *user, size_t begin, size_t end, unsigned worker) 
     (void)worker;
     struct collect *c = user;
     struct sp_dense dense;
-    if (sp_classify_cancelled(c->job, NULL))
-        return;
     dense.axis = 2; /* rows as they lie in the volume */
-    for (size_t b = begin; b < end; b++)
+    for (size_t b = begin; b < end && !sp_classify_cancelled(c->job, NULL); b++)
         c->list->first[b + 1] = count_brick(c, &dense, (uint32_t)b);
 }
 
@@ -327,10 +325,8 @@ static void fill_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct collect *c = user;
     struct sp_dense dense, old;
-    if (sp_classify_cancelled(c->job, NULL))
-        return;
     dense.axis = c->axis;
-    for (size_t b = begin; b < end; b++)
+    for (size_t b = begin; b < end && !sp_classify_cancelled(c->job, NULL); b++)
         fill_brick(c, &dense, &old, (uint32_t)b);
 }
 
@@ -419,9 +415,7 @@ static void pack_normals(void *user, size_t begin, size_t end, unsigned worker) 
     struct normals *n = user;
     const struct sp_visible *list = n->list;
     uint16_t local[SP_BRICK_VOXELS];
-    if (sp_classify_cancelled(n->job, NULL))
-        return;
-    for (size_t b = begin; b < end; b++) {
+    for (size_t b = begin; b < end && !sp_classify_cancelled(n->job, NULL); b++) {
         uint32_t corner[3], count = (uint32_t)(list->first[b + 1] - list->first[b]);
         sp_visible_corner(list, (uint32_t)b, corner);
         sp_visible_locals(list, (uint32_t)b, NULL, 0, count, local);

@@ -472,7 +472,11 @@ static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool h
     next_frame(f);
     lanes_session(&f->lanes, id);
     struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
-    next_frame_of(f, other);
+    tell_by(f, other,
+            "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+            "{\"size\":[16,16]}}");              /* so that encoding takes no time */
+    while (next_frame_of(f, other).width > 16) { /* before it was told */
+    }
     update_by(f, other, 2);
     next_frame_of(f, other);
     settle();

@@ -26,7 +26,8 @@ enum {
     SHARP = 90,
     STREAM_THREADS = 3, /* that encode */
     ENCODE_THREADS = 5, /* with the nice ones */
-    STRIPES = 8
+    STRIPES = 8,
+    DEAR_PX = 2500000 /* a PNG of so many is dear (SRV_DEAR_MS) */
 };
 
 static struct { /* guarded by the gate's mutex */
@@ -42,7 +43,7 @@ static struct { /* guarded by the gate's mutex */
     bool shares;                   /* what is encoded: stripes of the test's, which wait */
     unsigned at_stripes, together; /* threads, and how many have to be */
     unsigned made[STRIPES], by[ENCODE_THREADS];
-    bool holds_png; /* they wait to be encoded */
+    bool holds_png; /* dear ones wait to be encoded */
     unsigned pngs;  /* that do, or did */
 } seen;
 
@@ -126,7 +127,8 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
         pthread_mutex_lock(&gate.mutex);
         seen.pngs++;
         pthread_mutex_unlock(&gate.mutex);
-        while (is_held())
+        bool is_dear = (uint64_t)frame->width * frame->height >= DEAR_PX;
+        while (is_dear && is_held()) /* time may be so short that moving ones are small */
             sched_yield();
     }
     if (seen.shares) {
