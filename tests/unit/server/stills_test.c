@@ -43,8 +43,8 @@ static struct { /* guarded by the gate's mutex */
     bool shares;                   /* what is encoded: stripes of the test's, which wait */
     unsigned at_stripes, together; /* threads, and how many have to be */
     unsigned made[STRIPES], by[ENCODE_THREADS];
-    bool holds_png; /* dear ones wait to be encoded */
-    unsigned pngs;  /* that do, or did */
+    uint64_t held_png_px; /* PNGs of so many or more wait to be encoded; 0: none does */
+    unsigned pngs;        /* that do, or did */
 } seen;
 
 struct sp_frame *__real_sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
@@ -97,16 +97,17 @@ static void make_stripe(void *of, unsigned i, struct sp_encoder *with) {
     gate_await(&seen.at_stripes, seen.together);
 }
 
-static bool is_held(void) {
+static bool is_held(const struct sp_frame *frame) {
     pthread_mutex_lock(&gate.mutex);
-    bool held = seen.holds_png;
+    bool held =
+        seen.held_png_px != 0 && (uint64_t)frame->width * frame->height >= seen.held_png_px;
     pthread_mutex_unlock(&gate.mutex);
     return held;
 }
 
-static void hold_png(bool hold) {
+static void hold_png(uint64_t px) {
     pthread_mutex_lock(&gate.mutex);
-    seen.holds_png = hold;
+    seen.held_png_px = px;
     pthread_mutex_unlock(&gate.mutex);
 }
 
@@ -122,15 +123,10 @@ bool __wrap_sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
     pthread_mutex_lock(&gate.mutex);
     seen.encoded++;
     seen.sharp += quality == SHARP;
+    seen.pngs += format == SP_IMAGE_PNG;
     pthread_mutex_unlock(&gate.mutex);
-    if (format == SP_IMAGE_PNG) {
-        pthread_mutex_lock(&gate.mutex);
-        seen.pngs++;
-        pthread_mutex_unlock(&gate.mutex);
-        bool is_dear = (uint64_t)frame->width * frame->height >= DEAR_PX;
-        while (is_dear && is_held()) /* time may be so short that moving ones are small */
-            sched_yield();
-    }
+    while (format == SP_IMAGE_PNG && is_held(frame))
+        sched_yield();
     if (seen.shares) {
         unsigned own = sharer_of(encoder);
         seen.sharers[own].share(seen.sharers[own].user, encoder, STRIPES, make_stripe, &seen);
@@ -353,17 +349,17 @@ static void owners_have_equal_shares(void **state) {
 static void encoding_is_paid_for_by_the_owner(void **state) {
     struct fixture *f = *state;
     struct asker ann[3], bob = { .owner = "bob" };
-    hold_png(true);
+    hold_png(1);
     for (unsigned i = 0; i < 3; i++) {
         ann[i] = (struct asker){ .owner = "ann", .format = SP_IMAGE_PNG };
         assert_true(ask(f, &ann[i], 100 + i, false));
     }
     gate_let_through(100);
-    gate_await(&seen.pngs, 1);
+    gate_await(&gate.entered, 2);
     assert_true(ask(f, &bob, 300, false));
     gate_await(&gate.entered, 3);
     assert_int_equal(seen.width[2], 300); /* two of the other's are not answered yet */
-    hold_png(false);
+    hold_png(0);
     for (unsigned i = 0; i < 3; i++)
         gate_await(&ann[i].answers, 1);
     gate_await(&bob.answers, 1);
@@ -517,7 +513,7 @@ static void dear_pictures_leave_a_thread_to_the_others(void **state) {
     lanes_session(&f->lanes, id);
     f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
-    hold_png(true);
+    hold_png(DEAR_PX);
     struct srv_participant *hog = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
     struct srv_participant *hogs = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
     tell(f, hog, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
@@ -531,7 +527,7 @@ static void dear_pictures_leave_a_thread_to_the_others(void **state) {
             ;
     }
     gate_await(&seen.pngs, 1);
-    hold_png(false);
+    hold_png(0);
     see_the_sharp_one(f, hog);
     see_the_sharp_one(f, hogs);
     srv_hub_leave(f->lanes.hub, &hog, srv_clock_ms());
@@ -545,7 +541,7 @@ static void who_is_alone_has_all_threads(void **state) {
     f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
     tell(f, f->participant, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
     see_the_sharp_one(f, f->participant);
-    hold_png(true);
+    hold_png(DEAR_PX);
     unsigned pngs = gate_count(&seen.pngs);
     for (uint32_t seq = 1; gate_count(&seen.pngs) < pngs + 2; seq++) {
         snprintf(params, sizeof params, "{\"seq\":%u,\"patch\":{\"background\":[0,0,%g,1]}}", seq,
@@ -553,7 +549,7 @@ static void who_is_alone_has_all_threads(void **state) {
         tell(f, f->participant, "view.update", params);
         sched_yield();
     }
-    hold_png(false);
+    hold_png(0);
 }
 
 static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
