@@ -99,8 +99,7 @@ static void make_stripe(void *of, unsigned i, struct sp_encoder *with) {
 
 static bool is_held(const struct sp_frame *frame) {
     pthread_mutex_lock(&gate.mutex);
-    bool held =
-        seen.held_png_px != 0 && (uint64_t)frame->width * frame->height >= seen.held_png_px;
+    bool held = seen.held_png_px != 0 && (uint64_t)frame->width * frame->height >= seen.held_png_px;
     pthread_mutex_unlock(&gate.mutex);
     return held;
 }
@@ -205,6 +204,7 @@ static int set_up_sharing(void **state) {
 
 static int tear_down(void **state) {
     struct fixture *f = *state;
+    hold_png(0);
     srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
     lanes_end(&f->lanes);
     free(f);
@@ -345,20 +345,29 @@ static void owners_have_equal_shares(void **state) {
 }
 
 /* What it takes to encode counts: who has a thread at his pictures has no second one waiting for
- * another while somebody else's waits to be drawn. */
+ * another while somebody else's waits to be drawn, who had ten seconds more. */
 static void encoding_is_paid_for_by_the_owner(void **state) {
     struct fixture *f = *state;
-    struct asker ann[3], bob = { .owner = "bob" };
-    hold_png(1);
-    for (unsigned i = 0; i < 3; i++) {
+    struct asker ann[3], bob = { .owner = "bob" },
+                         long_one = { .owner = "bob", .wants_frame = true };
+    for (unsigned i = 0; i < 3; i++)
         ann[i] = (struct asker){ .owner = "ann", .format = SP_IMAGE_PNG };
-        assert_true(ask(f, &ann[i], 100 + i, false));
-    }
-    gate_let_through(100);
+    hold_png(1);
+    assert_true(ask(f, &ann[0], 100, false));
+    gate_let_through(1);
+    gate_await(&seen.pngs, 1);
+    assert_true(ask(f, &long_one, 200, false));
     gate_await(&gate.entered, 2);
-    assert_true(ask(f, &bob, 300, false));
+    atomic_store(&ahead_s, 10);
+    gate_let_through(1);
+    gate_await(&long_one.answers, 1);
+    assert_true(ask(f, &ann[1], 101, false));
     gate_await(&gate.entered, 3);
-    assert_int_equal(seen.width[2], 300); /* two of the other's are not answered yet */
+    assert_true(ask(f, &ann[2], 102, false));
+    assert_true(ask(f, &bob, 300, false));
+    gate_let_through(100);
+    gate_await(&gate.entered, 4);
+    assert_int_equal(seen.width[3], 300); /* two of the other's are not answered yet */
     hold_png(0);
     for (unsigned i = 0; i < 3; i++)
         gate_await(&ann[i].answers, 1);
