@@ -9,10 +9,10 @@
 #include "encode/encoder.h"
 
 static const struct sp_image_format_info formats[SP_IMAGE_FORMAT_COUNT] = {
-    [SP_IMAGE_JPEG] = { "jpeg", "image/jpeg", ".jpg", false },
-    [SP_IMAGE_PNG] = { "png", "image/png", ".png", false },
-    [SP_IMAGE_WEBP] = { "webp", "image/webp", ".webp", false },
-    [SP_IMAGE_EXR] = { "exr", "image/x-exr", ".exr", true },
+    [SP_IMAGE_JPEG] = { "jpeg", "image/jpeg", ".jpg", false, false },
+    [SP_IMAGE_PNG] = { "png", "image/png", ".png", false, true },
+    [SP_IMAGE_WEBP] = { "webp", "image/webp", ".webp", false, false },
+    [SP_IMAGE_EXR] = { "exr", "image/x-exr", ".exr", true, true },
 };
 
 const struct sp_image_format_info *sp_image_format_info(enum sp_image_format format) {

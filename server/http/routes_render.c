@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "form.h"
 #include "http/guard.h"
 #include "http/headers.h"
 #include "http/kept.h"
@@ -95,9 +96,8 @@ static bool make_etag(const struct srv_request *request, const struct srv_still 
     proto_json_free(&json);
     if (!text)
         return false;
-    bool jpeg = still->format == SP_IMAGE_JPEG, lossy = jpeg || still->format == SP_IMAGE_WEBP;
-    int32_t form[3] = { (int32_t)still->format, lossy ? still->quality : 0,
-                        jpeg ? (int32_t)still->chroma : 0 };
+    struct srv_form like = srv_form_of(still->format, still->quality, still->chroma);
+    int32_t form[3] = { (int32_t)like.format, like.quality, (int32_t)like.chroma };
     struct srv_fingerprint renderers = of_renderers(app->scheduler);
     const struct srv_part parts[] = {
         { &app->program, sizeof app->program },
@@ -221,7 +221,6 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
     if (still.format == SP_IMAGE_FORMAT_COUNT || !read_quality(request, &still.quality, reply) ||
         !read_chroma(request, &still.chroma, reply))
         return;
-    still.chroma = sp_chroma_at(still.chroma, still.quality);
     if (!srv_hub_resolve_view(request->app->hub, base, patch, &still.view, &volume, &err)) {
         /* The volume of a kept view is no fault of the request: it has to be loaded first. */
         if (base && strcmp(err.place, "/volume") == 0)

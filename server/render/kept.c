@@ -34,16 +34,6 @@ struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume 
     return frame;
 }
 
-struct srv_form srv_form_of(enum sp_image_format format, int quality, enum sp_chroma chroma) {
-    bool is_jpeg = format == SP_IMAGE_JPEG, is_lossy = is_jpeg || format == SP_IMAGE_WEBP;
-    return (struct srv_form){ format, is_lossy ? quality : 100,
-                              is_jpeg ? sp_chroma_at(chroma, quality) : SP_CHROMA_AUTO };
-}
-
-bool srv_form_is_same(const struct srv_form *a, const struct srv_form *b) {
-    return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
-}
-
 struct srv_blob *srv_kept_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
                                 const struct srv_form *form) {
     struct srv_blob *found = NULL;

@@ -9,6 +9,7 @@
 
 #include <pthread.h>
 
+#include "form.h"
 #include "render/flights.h"
 #include "render/scheduler.h"
 #include "render/video.h"
@@ -40,11 +41,6 @@ struct srv_still_item { /* in the list until it is answered or dropped */
 struct srv_forget_item {
     struct srv_forget_item *next;
     struct sp_volume *volume;
-};
-struct srv_form { /* of a picture's bytes: equal ones are the same bytes */
-    enum sp_image_format format;
-    int quality;
-    enum sp_chroma chroma;
 };
 struct srv_work { /* a rendered frame on its way to an encoder: of a job or of a still */
     struct sp_frame *frame;
@@ -163,10 +159,6 @@ void srv_encode_destroy(struct srv_scheduler *s);
 /* A job that came to nothing; takes it over. elapsed_ms: of rendering that was cancelled. */
 void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,
                   double elapsed_ms);
-
-/* What a format does not have is the same in all: quality 100, chroma AUTO. */
-struct srv_form srv_form_of(enum sp_image_format format, int quality, enum sp_chroma chroma);
-bool srv_form_is_same(const struct srv_form *a, const struct srv_form *b);
 
 /* The kept picture, if it is that of the view; the caller's reference. Without the mutex. */
 struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,

@@ -287,6 +287,10 @@ test('render: the ETag is that of the view, format and quality', async () => {
   assert.notEqual((await tag({ size: [512, 511] }))[1], plain);
   assert.notEqual((await tag({}, '?format=jpeg'))[1], plain);
   assert.notEqual((await tag({}, '?format=jpeg&quality=50'))[1], (await tag({}, '?format=jpeg&quality=51'))[1]);
+  assert.equal((await tag({}, '?format=png&quality=50&subsampling=4:2:0'))[1], plain, 'a PNG has neither');
+  const chroma = async (name) => (await tag({}, `?format=jpeg&quality=90&subsampling=${name}`))[1];
+  assert.equal(await chroma('auto'), await chroma('4:4:4'), 'which it stands for');
+  assert.notEqual(await chroma('auto'), await chroma('4:2:0'));
   assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': plain }), [304, plain]);
   assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': `"x", ${plain}` }), [304, plain]);
   assert.equal((await tag({}, '?format=png', { 'If-None-Match': '"x"' }))[0], 200);

@@ -27,6 +27,7 @@ struct sp_image_format_info {
     const char *mime;      /* "image/jpeg", … "image/x-exr" */
     const char *extension; /* ".jpg", … */
     bool wants_float;      /* best fed an SP_RGBAF32 frame */
+    bool is_lossless;      /* has no quality */
 };
 const struct sp_image_format_info *sp_image_format_info(enum sp_image_format format);
 /* By name, MIME type or file extension (".jpeg" and ".jpg" alike); SP_IMAGE_FORMAT_COUNT if
@@ -57,8 +58,8 @@ typedef void sp_share_fn(void *user, struct sp_encoder *own, unsigned count, sp_
                          void *of);
 void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *user);
 
-/* quality in [1,100] (JPEG, WebP; ignored by the lossless ones). JPEG has no
- * alpha: it shows the frame over black.
+/* quality in [1,100]; ignored by the lossless formats. JPEG has no alpha: it shows the frame over
+ * black.
  * *bytes stay owned by the encoder and valid until its next call. */
 bool sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
