@@ -6,20 +6,34 @@
 
 #include <string.h>
 
+#include "form.h"
 #include "protocol/rpc.h"
 
 enum { QUALITY_MOVING = 60 };
 #define TELL_MS 500.0
 
+static bool has_quality(const struct srv_encoding *e) { /* video goes with JPEG */
+    return !sp_image_format_info(e->format)->is_lossless;
+}
+
 struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum srv_step step) {
     bool moving = step == SRV_STEP_MOVING, final = step == SRV_STEP_FINAL;
-    int quality = moving && p->quality > QUALITY_MOVING ? QUALITY_MOVING : p->quality;
-    return (struct srv_encoding){
+    struct srv_encoding e = {
         .format = final && p->lossless ? SP_IMAGE_PNG : p->format,
         .video = final ? SP_VIDEO_CODEC_COUNT : p->video,
-        .quality = quality,
-        .chroma = sp_chroma_at(p->chroma, quality),
+        .quality = p->quality,
     };
+    if (moving && has_quality(&e) && e.quality > QUALITY_MOVING)
+        e.quality = QUALITY_MOVING;
+    e.chroma = sp_chroma_at(p->chroma, e.quality);
+    return e;
+}
+
+bool srv_policy_is_final(const struct srv_participant *p, const struct srv_encoding *e) {
+    const struct srv_encoding final = srv_policy_encoding(p, SRV_STEP_FINAL);
+    const struct srv_form form = srv_form_of(e->format, e->quality, e->chroma);
+    const struct srv_form last = srv_form_of(final.format, final.quality, final.chroma);
+    return e->video == SP_VIDEO_CODEC_COUNT && srv_form_is_same(&form, &last);
 }
 
 double srv_policy_encode_ms(const struct srv_encoding *e, const uint32_t size[2]) {
@@ -74,7 +88,8 @@ static proto_json *encode(const struct srv_participant *p, const struct srv_enco
     bool ok = proto_json_set_string(json, "format",
                                     still ? sp_image_format_info(e->format)->name
                                           : sp_video_codec_name(e->video));
-    ok = proto_json_set_integer(json, "quality", e->quality) && ok;
+    if (has_quality(e))
+        ok = proto_json_set_integer(json, "quality", e->quality) && ok;
     if (still && e->format == SP_IMAGE_JPEG)
         ok = proto_json_set_string(json, "subsampling", sp_chroma_name(e->chroma)) && ok;
     if (detail) {

@@ -12,12 +12,15 @@
 struct srv_encoding {
     enum sp_image_format format; /* of stills */
     enum sp_video_codec video;   /* SP_VIDEO_CODEC_COUNT = a still */
-    int quality;
+    int quality;           /* of a lossless format the granted one, which makes no difference */
     enum sp_chroma chroma; /* of a JPEG; never AUTO */
 };
 
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
                                         enum srv_step step);
+/* Is a sharp picture of this encoding what is shown at rest, so that nothing need follow? */
+bool srv_policy_is_final(const struct srv_participant *participant,
+                         const struct srv_encoding *encoding);
 /* About what it takes to encode such a picture: what a thousand pixels take on the machine of
  * tests/bench/results, whatever they show. */
 double srv_policy_encode_ms(const struct srv_encoding *encoding, const uint32_t size[2]);

@@ -64,17 +64,15 @@ static double keep_until_ms(const struct srv_session *s, const struct srv_job *j
 }
 
 static struct srv_target target_of(const struct srv_participant *p, const struct srv_job *job) {
-    bool final = job->step == SRV_STEP_FINAL;
     struct srv_encoding e = srv_policy_encoding(p, job->step);
-    bool is_still = e.video == SP_VIDEO_CODEC_COUNT;
     return (struct srv_target){ .participant = p->id,
                                 .seq = p->seq,
                                 .format = e.format,
                                 .video = e.video,
                                 .quality = e.quality,
                                 .chroma = e.chroma,
-                                .final = final || (is_still && job->sharp &&
-                                                   e.quality == p->quality && !p->lossless) };
+                                .final = job->step == SRV_STEP_FINAL ||
+                                         (job->sharp && srv_policy_is_final(p, &e)) };
 }
 
 static void take_job(struct srv_hub *hub, struct srv_session *s, struct srv_participant *p,

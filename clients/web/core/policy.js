@@ -13,8 +13,7 @@ const REASONS = {
 
 function picture({ format, quality, subsampling, size, coarse } = {}) {
   if (!format) return '';
-  const lossless = format === 'png';
-  const parts = [format.toUpperCase() + (lossless ? ', lossless' : `, quality ${quality}`)];
+  const parts = [format.toUpperCase() + (quality === undefined ? ', lossless' : `, quality ${quality}`)];
   if (subsampling) parts.push(`colours ${subsampling}`);
   if (size) parts.push(`${size[0]} × ${size[1]}`);
   if (coarse) parts.push(`${2 ** coarse}×${2 ** coarse}×${2 ** coarse} voxels as one`);

@@ -522,10 +522,35 @@ static void the_policy_is_told_with_its_reasons(void **state) {
     srv_hub_leave(f->hub, &p, now_ms);
 }
 
+static void a_png_has_no_quality_that_could_be_less(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    char policy[512];
+    struct srv_participant *p = join(f, 0);
+    tell(f, p, "stream.configure", "{\"format\":\"png\"}", 0);
+    take_policy(f, p, 0, policy);
+    assert_non_null(strstr(policy, "\"moving\":{\"format\":\"png\"}"));
+    assert_non_null(strstr(policy, "\"final\":{\"format\":\"png\",\"size\":[512,512],"));
+    assert_non_null(strstr(policy, "\"why\":[]"));
+    assert_true(next_job(f, 0, &job));
+    finish(f, &job, 5);
+    ack(f, p, drain(f, p, 10).frame, 11);
+    job = drag(f, p, 1, 100, 5);
+    assert_true(job.step == SRV_STEP_MOVING && job.sharp && job.targets[0].final);
+    assert_false(next_job(f, 5000, &job));
+    /* With one at rest that would be the same there is nothing left to do, either. */
+    tell(f, p, "stream.configure", "{\"lossless\":true}", 6000);
+    job = drag(f, p, 2, 6000, 5);
+    assert_true(job.sharp && job.targets[0].final);
+    assert_false(next_job(f, 9000, &job));
+    srv_hub_leave(f->hub, &p, 9000);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
         TEST(the_policy_is_told_with_its_reasons),
+        TEST(a_png_has_no_quality_that_could_be_less),
         TEST(moving_then_final),
         TEST(updates_coalesce_behind_a_job),
         TEST(a_cancelled_refinement_comes_again),
