@@ -31,7 +31,7 @@ struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job
     f->begun_ms = now_ms;
     f->keep_until_ms = is_kept ? INFINITY : job->keep_until_ms;
     f->kept_ms = job->keep_until_ms - now_ms;
-    f->spent_ms = f->held_since_ms = 0;
+    f->spent_ms = f->held_since_ms = f->stood_ms = 0;
     atomic_store(&f->hold.wanted, false);
     atomic_store(&f->hold.held_ms, 0);
     return f;
@@ -58,8 +58,13 @@ void srv_flights_undo(struct srv_flights *flights) {
     flights->count--;
 }
 
+/* For half the time in which the processor was shared it did not run. */
 static double held_ms(const struct srv_flight *f, double now_ms) {
-    return atomic_load(&f->hold.held_ms) + (f->held_since_ms > 0 ? now_ms - f->held_since_ms : 0);
+    double before_ms = atomic_load(&f->hold.held_ms);
+    if (f->held_since_ms == 0)
+        return before_ms;
+    double shared_ms = (f->stood_ms > 0 ? f->stood_ms : now_ms) - f->held_since_ms;
+    return before_ms + now_ms - f->held_since_ms - shared_ms / 2;
 }
 
 double srv_flight_age_ms(const struct srv_flight *f, double now_ms) {
@@ -71,7 +76,13 @@ void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms
     if (!f || f->job->order != order || f->held_since_ms > 0)
         return;
     f->held_since_ms = now_ms;
+    f->stood_ms = 0;
     atomic_store(&f->hold.wanted, true);
+}
+
+double srv_flight_stand(struct srv_flight *f, double now_ms) {
+    f->stood_ms = now_ms;
+    return (now_ms - f->held_since_ms) / 2;
 }
 
 void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms) {

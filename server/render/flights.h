@@ -11,7 +11,8 @@
  *                   what gives way when something moves
  *
  * Of two moving frames of a session one is always finished: when one is given up, those behind it
- * stay. What stands still for another (express_lane.c) grows no older meanwhile. No clock, no lock:
+ * stay. What stands still for another (express_lane.c) grows no older meanwhile; until its threads
+ * have come to that, the two share the processor, and each is charged half. No clock, no lock:
  * whoever calls holds the lane's.
  */
 #ifndef SRV_RENDER_FLIGHTS_H
@@ -31,7 +32,8 @@ struct srv_flight {
     double keep_until_ms, kept_ms; /* as the job's; and how long that is from its beginning */
     double spent_ms;      /* in the renderer; the lane's thread alone writes and reads it */
     struct sp_hold hold;  /* wait() and its user are the lane's */
-    double held_since_ms; /* while it stands still, else 0 */
+    double held_since_ms; /* while it is to stand still, else 0 */
+    double stood_ms;      /* and since when it does; 0 = its threads still run */
     void *owner;          /* the lane's */
 };
 
@@ -56,6 +58,9 @@ double srv_flight_age_ms(const struct srv_flight *flight, double now_ms);
 /* The oldest stands still from now on, if it is the job of that order; and goes on. */
 void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms);
 void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms);
+/* A thread of a flight that is to stand still does; the last one counts. Returns what is taken from
+ * the time of the one for which it stands still, ms so far. */
+double srv_flight_stand(struct srv_flight *flight, double now_ms);
 
 /* Something begun is no longer what is wanted first: as struct srv_hub_options says. What may be
  * given up then is. */

@@ -17,11 +17,21 @@ static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_f
         srv_kept_set(s, frame, job->volume, &job->view);
 }
 
+/* With the mutex held: a thread of the flight has come to a stand. */
+static void charge_half(struct srv_scheduler *s, struct srv_flight *flight) {
+    struct srv_flight *express = srv_flights_oldest(&s->lanes[SRV_LANE_EXPRESS].flights);
+    double shared_ms = srv_flight_stand(flight, srv_clock_ms());
+    if (express)
+        atomic_store(&express->hold.held_ms, shared_ms);
+}
+
 /* For struct sp_hold: what is given up goes on, to its end. */
 static void stand_still(void *user) {
     struct srv_flight *flight = user;
     struct srv_scheduler *s = flight->owner;
     pthread_mutex_lock(&s->mutex);
+    if (atomic_load(&flight->hold.wanted))
+        charge_half(s, flight);
     while (atomic_load(&flight->hold.wanted) && !atomic_load(&flight->cancel))
         pthread_cond_wait(&s->go_on, &s->mutex);
     pthread_mutex_unlock(&s->mutex);

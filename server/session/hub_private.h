@@ -255,6 +255,11 @@ bool srv_turn_moves(const struct srv_hub *hub);
 
 /* Is it no larger than --frame-size allows? SP_ERR_INVALID at "/size". */
 bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err);
+/* What the next frame of a moving view is believed to take, with the detail that it would be drawn
+ * with; 0 = nothing known yet. */
+double srv_hub_moving_ms(const struct srv_hub *hub, const struct srv_session *session,
+                         const struct srv_participant *participant, double now_ms);
+
 /* The size that a participant wants. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);

@@ -105,14 +105,18 @@ static bool is_finer(struct choice a, struct choice b) {
     return a.coarse < b.coarse || (a.coarse == b.coarse && a.side > b.side);
 }
 
-/* The finest choice that is expected within limit_ms; else the coarsest that gains anything. Doubt
- * counts for levels below `doubted`. */
+/* Of the expected time of a level: doubt counts for levels below `doubted`. */
+static double trust_of(const struct srv_pace *pace, unsigned coarse, unsigned doubted) {
+    return coarse < doubted ? 1 - pace->fits[coarse].doubt : 1;
+}
+
+/* The finest choice that is expected within limit_ms; else the coarsest that gains anything. */
 static struct choice finest(const struct srv_pace *pace, const uint32_t full[2], double limit_ms,
                             unsigned doubted) {
     for (unsigned coarse = 0;; coarse++) {
         bool last = coarse == SP_COARSE_MAX;
         struct model model = model_of(pace, coarse);
-        double trust = coarse < doubted ? 1 - pace->fits[coarse].doubt : 1;
+        double trust = trust_of(pace, coarse, doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         unsigned side = SIDES, least = last ? SIDE_MIN : SIDE_USEFUL;
         for (;; side--) {
@@ -143,6 +147,14 @@ void srv_pace_moving(struct srv_pace *pace, const uint32_t full[2], double budge
     pace->side = best.side;
     detail->coarse = best.coarse;
     scale(full, best.side, detail->size);
+}
+
+double srv_pace_moving_ms(const struct srv_pace *pace, const uint32_t full[2], double budget_ms) {
+    struct srv_pace next = *pace;
+    struct srv_detail detail;
+    srv_pace_moving(&next, full, budget_ms, &detail);
+    return srv_pace_expect_ms(pace, &detail) *
+           trust_of(pace, detail.coarse, pace->side ? pace->coarse : 0);
 }
 
 bool srv_pace_middle(const struct srv_pace *pace, const uint32_t full[2],

@@ -67,6 +67,9 @@ double srv_pace_budget_ms(int max_fps);
 void srv_pace_moving(struct srv_pace *pace, const uint32_t full[2], double budget_ms,
                      struct srv_detail *detail);
 
+/* What that frame is believed to take; 0 = nothing known yet. */
+double srv_pace_moving_ms(const struct srv_pace *pace, const uint32_t full[2], double budget_ms);
+
 /* The view rests and `shown` is on the screen: is there something worth showing before the sharp
  * picture? It takes at most a quarter as long. */
 bool srv_pace_middle(const struct srv_pace *pace, const uint32_t full[2],

@@ -35,6 +35,7 @@
 #define FIRST_PICTURE_MS 150.0 /* a first picture that takes longer is shown coarse first */
 #define QUIET_MS 100.0         /* nothing moves: so long after the last moving frame */
 #define ROUNDING_MS 1e-6       /* of a mean of equal numbers */
+#define SHORT_PART 0.1         /* of what it goes before */
 enum { DEAR_ALONE = 2 };       /* jobs of one who is alone: one is drawn, one encoded */
 
 static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) {
@@ -204,13 +205,12 @@ struct claim { /* of a participant within its session, or of that for its sessio
 };
 
 /* What it gets is expected to take; INFINITY = not known, or work that is done once is left. */
-static double expect_ms(const struct srv_session *s, const struct srv_participant *p) {
-    double whole_ms = sharp_ms(s, p), last_ms = srv_pace_expect_ms(&s->pace, &p->moving.detail);
-    if (s->done_version < s->cold_version)
-        return INFINITY;
-    if (whole_ms > 0 && whole_ms <= SRV_PACE_ENOUGH_MS)
-        return whole_ms;
-    return p->moving.detail.size[0] > 0 && last_ms > 0 ? last_ms : INFINITY;
+static double expect_ms(const struct srv_hub *hub, const struct claim *c) {
+    const struct srv_session *s = c->p->session;
+    double expected_ms = c->wish.step == SRV_STEP_MOVING
+                             ? srv_hub_moving_ms(hub, s, c->p, hub->now_ms)
+                             : sharp_ms(s, c->p);
+    return s->done_version >= s->cold_version && expected_ms > 0 ? expected_ms : INFINITY;
 }
 
 /* What takes longer than was expected is taken to be half done. */
@@ -220,11 +220,14 @@ static double left_ms(const struct srv_running *running) {
 }
 
 /* May it be drawn while that stands still? Who waits for that very job may not; nor what takes
- * longer than what is left of it: what takes least goes first, so that the least is waited for. */
-static bool may_go_before(const struct claim *c, const struct srv_running *running) {
-    double most_ms = fmin(left_ms(running), SRV_PACE_ENOUGH_MS);
+ * longer than what is left of it: what takes least goes first, so that the least is waited for. And
+ * it must be short: no longer than a moving frame should take, or a small part of what is left. */
+static bool may_go_before(const struct srv_hub *hub, const struct claim *c,
+                          const struct srv_running *running) {
+    double left = left_ms(running), known_ms = isfinite(left) ? left : running->drawn_ms;
+    double most_ms = fmin(left, fmax(SRV_PACE_ENOUGH_MS, known_ms * SHORT_PART));
     return c->wish.yield_ms == INFINITY && c->p->taken_order != running->order &&
-           expect_ms(c->p->session, c->p) <= most_ms;
+           expect_ms(hub, c) <= most_ms;
 }
 
 /* The participant of the lowest rank that has had least, of those who may go before what is
@@ -242,7 +245,7 @@ static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double 
         last_ms = fmax(last_ms, c.start_ms);
         note_waiting(p, &c.wish, now_ms);
         rests = rests && !c.wish.wanted;
-        if (!c.wish.wanted || (running && !may_go_before(&c, running)))
+        if (!c.wish.wanted || (running && !may_go_before(hub, &c, running)))
             continue;
         bool better = !best.p || c.wish.rank < best.wish.rank ||
                       (c.wish.rank == best.wish.rank &&
@@ -336,6 +339,7 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
 struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running *running,
                                         double now_ms, struct srv_wish *wish, double *wait_ms) {
     struct claim best = { .p = NULL };
+    hub->now_ms = now_ms;
     for (struct srv_session *s = hub->busy; s; s = s->next_busy) {
         struct claim c = claim_of(hub, s, now_ms, running, wait_ms);
         if (!c.p)

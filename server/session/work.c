@@ -38,13 +38,25 @@ static unsigned moving_sessions(const struct srv_hub *hub, const struct srv_sess
     return count;
 }
 
-/* Detail for the job; its view has the full size and gets the one to render. Those who move share
- * the time of a frame: each has less detail instead of fewer frames. */
+/* Those who move share the time of a frame: each has less detail instead of fewer frames. */
+static double budget_ms(const struct srv_hub *hub, const struct srv_session *s, int max_fps,
+                        double now_ms) {
+    return srv_pace_budget_ms(max_fps) / moving_sessions(hub, s, now_ms);
+}
+
+double srv_hub_moving_ms(const struct srv_hub *hub, const struct srv_session *s,
+                         const struct srv_participant *p, double now_ms) {
+    uint32_t full[2];
+    srv_hub_size(s, p, full);
+    return srv_pace_moving_ms(&s->pace, full, budget_ms(hub, s, p->max_fps, now_ms));
+}
+
+/* Detail for the job; its view has the full size and gets the one to render. */
 static void choose_detail(const struct srv_hub *hub, struct srv_session *s, struct srv_job *job,
                           const struct srv_participant *first, int max_fps, double now_ms) {
     uint32_t full[2] = { job->view.size[0], job->view.size[1] };
     struct srv_detail detail = { .coarse = 0, .size = { full[0], full[1] } };
-    job->budget_ms = srv_pace_budget_ms(max_fps) / moving_sessions(hub, s, now_ms);
+    job->budget_ms = budget_ms(hub, s, max_fps, now_ms);
     if (job->step == SRV_STEP_MOVING)
         srv_pace_moving(&s->pace, full, job->budget_ms, &detail);
     else if (job->step == SRV_STEP_MIDDLE)

@@ -76,6 +76,7 @@ static void what_stands_still_grows_no_older(void **state) {
     assert_false(f->hold.wanted);
     srv_flights_hold(&flights, 7, 1020);
     assert_true(f->hold.wanted);
+    assert_true(srv_flight_stand(f, 1020) == 0);
     assert_true(srv_flight_age_ms(f, 1500) == 20);
     srv_flights_tick(&flights, 5000);
     srv_flights_go_on(&flights, 6, 5000);
@@ -84,6 +85,7 @@ static void what_stands_still_grows_no_older(void **state) {
     assert_false(f->hold.wanted);
     assert_true(f->hold.held_ms == 4000 && srv_flight_age_ms(f, 5030) == 30);
     srv_flights_hold(&flights, 7, 5050);
+    srv_flight_stand(f, 5050);
     srv_flights_go_on(&flights, 7, 6050);
     srv_flights_tick(&flights, 6099);
     assert_false(f->cancel);
@@ -100,6 +102,23 @@ static void what_stands_still_grows_no_older(void **state) {
     srv_flights_end(&flights, 7000);
     srv_flights_hold(&flights, 0, 7000); /* nothing is begun */
     srv_flights_go_on(&flights, 0, 7000);
+}
+
+/* Until its threads stand the processor is shared, and half of that time is its own. */
+static void what_is_to_stand_still_and_runs_pays_half(void **state) {
+    (void)state;
+    struct srv_flight *f = begin(0, A, 1000);
+    f->job->order = 7;
+    srv_flights_hold(&flights, 7, 1010);
+    assert_true(srv_flight_age_ms(f, 1014) == 12);
+    assert_true(srv_flight_stand(f, 1014) == 2);
+    assert_true(srv_flight_stand(f, 1018) == 4); /* another thread of it */
+    assert_true(srv_flight_age_ms(f, 1050) == 14);
+    srv_flights_go_on(&flights, 7, 1050);
+    assert_true(f->hold.held_ms == 36 && srv_flight_age_ms(f, 1051) == 15);
+    srv_flights_hold(&flights, 7, 1060); /* again, and nothing of it comes to a stand */
+    srv_flights_go_on(&flights, 7, 1070);
+    assert_true(f->hold.held_ms == 41);
 }
 
 static void the_clock_of_one_behind_starts_when_it_is_the_oldest(void **state) {
@@ -218,6 +237,7 @@ int main(void) {
         TEST(they_end_in_the_order_in_which_they_began),
         TEST(a_moving_frame_is_kept_for_its_time),
         TEST(what_stands_still_grows_no_older),
+        TEST(what_is_to_stand_still_and_runs_pays_half),
         TEST(the_clock_of_one_behind_starts_when_it_is_the_oldest),
         TEST(refinements_and_what_nobody_wants_go_at_once),
         TEST(of_two_moving_frames_one_is_finished),

@@ -595,6 +595,49 @@ static void what_may_go_before_a_long_frame(void **state) {
     srv_hub_job_cancelled(s->f->hub, &job, 0);
 }
 
+static bool next_before(struct stage *s, double drawn_ms, struct srv_job *before) {
+    double wait_ms;
+    struct srv_running running = running_of(&s->job, drawn_ms);
+    running.start_ms = 1e9; /* it has had more than anybody */
+    running.expected_ms = INFINITY;
+    return srv_hub_next_short_job(s->f->hub, &running, s->now_ms, before, &wait_ms);
+}
+
+/* However long the last one took: the next one is drawn with less detail. */
+static void what_is_short_is_told_by_the_next_frame(void **state) {
+    struct stage *s = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    struct srv_job before;
+    double wait_ms, slowest_ms = 0;
+    another_session(s, id);
+    struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
+    struct client *other = join(s, 1, id, 0, "{\"size\":[512,512]}");
+    play(s, 3000);
+    turn(s, hog);
+    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    s->mpx_ms *= 20; /* the machine is busy */
+    for (int i = 0; i < 20; i++) {
+        s->now_ms += 50;
+        turn(s, other);
+        assert_true(next_before(s, 600, &before));
+        slowest_ms = fmax(slowest_ms, duration(s, &before));
+        deliver(s, &before, duration(s, &before));
+    }
+    assert_true(slowest_ms > SRV_PACE_ENOUGH_MS && duration(s, &before) < SRV_PACE_ENOUGH_MS);
+    for (int i = 0; i < 20; i++) { /* and busier, whatever the detail */
+        s->now_ms += 50;
+        turn(s, other);
+        assert_true(next_before(s, 2100, &before));
+        deliver(s, &before, 200);
+    }
+    s->now_ms += 50;
+    turn(s, other);
+    assert_false(next_before(s, 600, &before)); /* a third of it is not short */
+    assert_true(next_before(s, 2100, &before));
+    srv_hub_job_cancelled(s->f->hub, &before, 0);
+    srv_hub_job_cancelled(s->f->hub, &s->job, 0);
+}
+
 static void what_is_dear_to_encode_is_paid_for(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
@@ -697,6 +740,7 @@ int main(void) {
         TEST(long_frames_stand_still_for_short_ones_of_others_in_the_session),
         TEST(what_stands_still_has_its_share),
         TEST(what_may_go_before_a_long_frame),
+        TEST(what_is_short_is_told_by_the_next_frame),
         TEST(what_is_dear_to_encode_is_paid_for),
         TEST(dear_pictures_are_made_one_at_a_time_and_for_their_own_takers),
         TEST(participants_have_equal_shares_of_their_session),
