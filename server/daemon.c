@@ -292,6 +292,7 @@ static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
     struct srv_jobs_options options = { .catalog = d->catalog,
                                         .scheduler = d->scheduler,
                                         .store = d->store,
+                                        .metrics = d->metrics,
                                         .tokens = d->tokens,
                                         .state = c->state,
                                         .jobs_max = (unsigned)c->paths,

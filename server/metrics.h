@@ -50,6 +50,14 @@ enum srv_counter {
     SRV_COUNT_HTTP_5XX,
     SRV_COUNT_HTTP_BYTES_IN,
     SRV_COUNT_HTTP_BYTES_OUT,
+    SRV_COUNT_PATH_FRAMES, /* drawn for camera paths */
+    /* Frames of camera paths that were put off, each time, by what is waited for: */
+    SRV_COUNT_PATH_WAIT_VOLUME, /* loads, could not be loaded, is not there */
+    SRV_COUNT_PATH_WAIT_DISK,   /* does not take it */
+    SRV_COUNT_PATH_WAIT_LIMIT,  /* --path-bytes or a token's, --render-queue, --video-memory, … */
+    SRV_COUNT_PATH_WAIT_MEMORY, /* of the process */
+    SRV_COUNT_PATH_WAIT_BACKEND, /* failed */
+    SRV_COUNT_PATH_FAILED,       /* paths, for good */
     /* Connections that were refused (http/refusals.h): */
     SRV_COUNT_REFUSED_FULL,
     SRV_COUNT_REFUSED_ADDRESS,

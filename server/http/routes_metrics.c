@@ -115,10 +115,10 @@ static void print_paths(const struct srv_request *request, FILE *out) {
     srv_jobs_numbers(request->app->jobs, &n);
     gauge(out, "splatd_paths", "Camera paths, drawn or not", n.jobs);
     gauge(out, "splatd_paths_unfinished", "Those that are drawn or wait for it", n.unfinished);
+    gauge(out, "splatd_paths_waiting", "Those of them that something is missing for", n.waiting);
     gauge(out, "splatd_path_bytes", "Their files", (double)n.bytes);
     gauge(out, "splatd_path_bytes_limit", "What they may take together (--path-bytes)",
           (double)request->app->config->path_bytes);
-    counter(out, "splatd_path_frames_total", "Frames drawn for camera paths", (double)n.frames);
 }
 
 /* When the system started, seconds since 1970; 0 = not known. */

@@ -120,20 +120,31 @@ static void fail_job(struct drawing *d, const struct sp_error *err) {
     if (!atomic_load(&d->job->is_removed)) /* else its record goes, or went */
         srv_record_fail(jobs, d->job->id, reason);
     pthread_mutex_unlock(&jobs->records);
+    srv_metrics_add(jobs->options.metrics, SRV_COUNT_PATH_FAILED, 1);
     pthread_mutex_lock(&jobs->mutex);
     set_state(jobs, d->job, SRV_JOB_FAILED, reason);
     pthread_mutex_unlock(&jobs->mutex);
 }
 
-/* Can it be otherwise another time: a full disk, memory, what others take up? */
-static bool passes(enum sp_code code) {
+/* Can it be otherwise another time: a full disk, memory, what others take up? Which one is what
+ * *missing counts. */
+static bool passes(enum sp_code code, enum srv_counter *missing) {
     switch (code) {
     case SP_ERR_IO:
+        *missing = SRV_COUNT_PATH_WAIT_DISK;
+        return true;
     case SP_ERR_MEMORY:
+        *missing = SRV_COUNT_PATH_WAIT_MEMORY;
+        return true;
     case SP_ERR_BUDGET:
+        *missing = SRV_COUNT_PATH_WAIT_LIMIT;
+        return true;
     case SP_ERR_TIMEOUT:
+        *missing = SRV_COUNT_PATH_WAIT_VOLUME;
+        return true;
     case SP_ERR_BACKEND:
     case SP_ERR_CRASHED:
+        *missing = SRV_COUNT_PATH_WAIT_BACKEND;
         return true;
     case SP_OK:
     case SP_ERR_INVALID:
@@ -148,8 +159,10 @@ static bool passes(enum sp_code code) {
 }
 
 /* Waits until what it waits for has changed since `generation`, or until_ms. */
-static void block(struct drawing *d, uint64_t generation, double until_ms, const char *reason) {
+static void block(struct drawing *d, uint64_t generation, double until_ms, enum srv_counter missing,
+                  const char *reason) {
     struct srv_jobs *jobs = d->jobs;
+    srv_metrics_add(jobs->options.metrics, missing, 1);
     forget_video(d, d->job->id); /* it may have seen a frame that is not on the disk */
     pthread_mutex_lock(&jobs->mutex);
     d->job->blocked_ms = jobs->generation == generation ? until_ms : 0;
@@ -162,9 +175,10 @@ static void stop_job(struct drawing *d, uint64_t generation, const struct sp_err
     struct srv_path_job *job = d->job;
     char reason[SP_ERROR_TEXT];
     const char *slash = strrchr(err->place, '/');
+    enum srv_counter missing;
     if (err->code == SP_ERR_CANCELLED) /* it was removed, or the daemon stops */
         return;
-    if (!passes(err->code)) {
+    if (!passes(err->code, &missing)) {
         fail_job(d, err);
         return;
     }
@@ -177,7 +191,7 @@ static void stop_job(struct drawing *d, uint64_t generation, const struct sp_err
         snprintf(reason, sizeof reason, "%.100s: %.280s", slash ? slash + 1 : err->place,
                  err->text);
     job->pause_ms = fmin(fmax(2 * job->pause_ms, PAUSE_MS), PAUSE_MAX_MS);
-    block(d, generation, srv_clock_ms() + job->pause_ms, reason);
+    block(d, generation, srv_clock_ms() + job->pause_ms, missing, reason);
 }
 
 /* The frame, by the scheduler. */
@@ -285,9 +299,9 @@ static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct 
 
 static void count_frame(struct drawing *d) {
     struct srv_jobs *jobs = d->jobs;
+    srv_metrics_add(jobs->options.metrics, SRV_COUNT_PATH_FRAMES, 1);
     pthread_mutex_lock(&jobs->mutex);
     d->job->done++;
-    jobs->frames++;
     d->job->wants = 0;
     d->job->pause_ms = 0;
     d->job->state = SRV_JOB_RUNNING;
@@ -337,7 +351,7 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
          */
         if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED ||
             err.code == SP_ERR_NOT_FOUND)
-            block(d, generation, INFINITY, err.text);
+            block(d, generation, INFINITY, SRV_COUNT_PATH_WAIT_VOLUME, err.text);
         else
             stop_job(d, generation, &err);
         return;

@@ -472,10 +472,10 @@ bool srv_jobs_remove(struct srv_jobs *jobs, const char *id, struct sp_error *err
 
 void srv_jobs_numbers(struct srv_jobs *jobs, struct srv_jobs_numbers *numbers) {
     pthread_mutex_lock(&jobs->mutex);
-    *numbers = (struct srv_jobs_numbers){ .jobs = jobs->count,
-                                          .bytes = jobs->bytes,
-                                          .frames = jobs->frames };
-    for (struct srv_path_job *job = jobs->list; job; job = job->next)
+    *numbers = (struct srv_jobs_numbers){ .jobs = jobs->count, .bytes = jobs->bytes };
+    for (struct srv_path_job *job = jobs->list; job; job = job->next) {
         numbers->unfinished += job->state == SRV_JOB_WAITING || job->state == SRV_JOB_RUNNING;
+        numbers->waiting += job->state == SRV_JOB_WAITING && job->reason[0] != 0;
+    }
     pthread_mutex_unlock(&jobs->mutex);
 }

@@ -30,6 +30,7 @@
 
 #include "jobs/archive.h"
 #include "jobs/path.h"
+#include "metrics.h"
 #include "page.h"
 #include "protocol/json.h"
 #include "render/catalog.h"
@@ -45,6 +46,7 @@ struct srv_jobs_options {
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
     struct srv_store *store;
+    struct srv_metrics *metrics;
     struct srv_tokens *tokens; /* whose quotas hold; asked whenever room is taken */
     const char *state;         /* folder; NULL = a private one, and nothing outlives the daemon */
     unsigned jobs_max;         /* that are not removed */
@@ -134,8 +136,8 @@ enum srv_watched srv_watch_next(struct srv_watch *watch, char **text, size_t *si
 void srv_jobs_tick(struct srv_jobs *jobs, double now_ms);
 
 struct srv_jobs_numbers {
-    unsigned jobs, unfinished;
-    uint64_t bytes, frames; /* frames drawn by this run */
+    unsigned jobs, unfinished, waiting; /* waiting: for what is missing, of the unfinished */
+    uint64_t bytes;
 };
 void srv_jobs_numbers(struct srv_jobs *jobs, struct srv_jobs_numbers *numbers);
 

@@ -69,10 +69,10 @@ struct srv_jobs {
     struct srv_path_job *list; /* oldest first */
     struct srv_path_job *gone; /* their records say so: to be removed from the disk */
     struct srv_path_owner *owners;
-    uint64_t turn;          /* rises with each that is given */
-    unsigned count;         /* of paths, and of those that are being made */
-    uint64_t bytes, frames; /* bytes: of all files; frames: drawn by this run */
-    uint64_t generation;    /* of what jobs wait for: the volumes' states, bytes */
+    uint64_t turn;       /* rises with each that is given */
+    unsigned count;      /* of paths, and of those that are being made */
+    uint64_t bytes;      /* of all files */
+    uint64_t generation; /* of what jobs wait for: the volumes' states, bytes */
     struct srv_watch *watches;
     atomic_bool stop;
     bool is_running;

@@ -97,6 +97,17 @@ test('what happens is counted', async (t) => {
   assert.ok(ended.splatd_connections >= 1);
 });
 
+test('frames of camera paths are counted', async (t) => {
+  const before_ = await scrape();
+  if (!before_) return t.skip('no python3-prometheus-client');
+  const made = await daemon.post('/api/v1/paths', { view: { volume: 'engine' }, size: [16, 16], frames: 2, keyframes: [{ frame: 1, view: {} }] });
+  assert.equal(made.status, 202);
+  const values = await until((v) => v.splatd_paths === 1 && v.splatd_paths_unfinished === 0, 'the path');
+  assert.equal(values.splatd_path_frames_total, before_.splatd_path_frames_total + 2);
+  assert.deepEqual([values.splatd_path_failures_total, values.splatd_paths_waiting], [0, 0]);
+  assert.equal((await daemon.fetch(`/api/v1/paths/${made.json.id}`, { method: 'DELETE' })).status, 204);
+});
+
 test('streams that end badly are counted by their reason', async (t) => {
   const before_ = await scrape();
   if (!before_) return t.skip('no python3-prometheus-client');

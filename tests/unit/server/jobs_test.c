@@ -23,6 +23,7 @@
 #include <unistd.h>
 
 #include "jobs/jobs_private.h"
+#include "support/counted.h"
 #include "support/lanes.h"
 
 enum { FRAMES = 3, MEMORY = 8000 };
@@ -217,6 +218,7 @@ static void begin_jobs(void) {
     struct srv_jobs_options jobs = { .catalog = f.lanes.catalog,
                                      .scheduler = f.lanes.scheduler,
                                      .store = f.store,
+                                     .metrics = f.lanes.metrics,
                                      .tokens = f.tokens,
                                      .state = f.state,
                                      .jobs_max = 8,
@@ -363,6 +365,18 @@ static void put_record(const char *id, const char *text) {
         assert_true(__real_srv_store_remove(store, SRV_KIND_PATH, id));
     srv_store_stop(store);
     srv_store_destroy(&store);
+}
+
+/* Of this run. */
+#define WAITS(reason) counted(f.lanes.metrics, "splatd_path_waits_total{reason=\"" reason "\"}")
+static unsigned long long waits(void) {
+    return WAITS("volume") + WAITS("disk") + WAITS("limit") + WAITS("memory") + WAITS("backend");
+}
+
+static unsigned waiting(void) {
+    struct srv_jobs_numbers numbers;
+    srv_jobs_numbers(f.jobs, &numbers);
+    return numbers.waiting;
 }
 
 static void no_file_comes_before_its_record(void **state) {
@@ -563,10 +577,15 @@ static void a_full_disk_is_waited_for(void **state) {
     for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++) {
         struct srv_jobs_numbers numbers;
         add_and_draw(other);
+        unsigned long long put_off = WAITS("disk"),
+                           drawn = counted(f.lanes.metrics, "splatd_path_frames_total");
         atomic_store(&disk_left, (long long)rooms[i]);
         add(id);
         note = wait_for_reason(id);
         assert_int_equal(note.done, rooms[i] / frame);
+        assert_true(WAITS("disk") > put_off && waits() == WAITS("disk"));
+        assert_int_equal(counted(f.lanes.metrics, "splatd_path_frames_total"), drawn + note.done);
+        assert_int_equal(waiting(), 1);
         assert_int_equal(note.bytes, note.done * frame);
         srv_jobs_numbers(f.jobs, &numbers);
         assert_int_equal(numbers.bytes, (6 + note.done) * frame);
@@ -575,6 +594,8 @@ static void a_full_disk_is_waited_for(void **state) {
         atomic_store(&disk_left, -1);
         assert_true(srv_jobs_remove(f.jobs, other, NULL)); /* which is when it is tried again */
         assert_int_equal(wait_until(id, "done").done, FRAMES);
+        assert_int_equal(counted(f.lanes.metrics, "splatd_path_frames_total"), drawn + FRAMES);
+        assert_int_equal(waiting(), 0);
         has_frames_of(id, whole, FRAMES);
         assert_true(srv_jobs_remove(f.jobs, id, NULL));
         while (atomic_load(&gate.removed) < 2 * (int)(i + 1))
@@ -664,6 +685,9 @@ static void a_volume_that_is_not_back_is_waited_for(void **state) {
     begin_empty();
     struct srv_job_note note = wait_for(id, "waiting", "the volume 'v' is not there: load it");
     assert_int_equal(note.done, 1);
+    assert_int_equal(waits(), 1);
+    assert_int_equal(WAITS("volume"), 1);
+    assert_int_equal(waiting(), 1);
     assert_int_equal(load("another", OTHER), SRV_VOLUME_READY);
     assert_int_equal(load("v", SMALL), SRV_VOLUME_READY);
     assert_int_equal(wait_until(id, "done").done, FRAMES);
@@ -703,10 +727,13 @@ static void another_volume_of_the_name_ends_it(void **state) {
     assert_int_equal(load("v", OTHER), SRV_VOLUME_READY);
     static const char reason[] = "the volume 'v' is not the one that the path was made for";
     assert_int_equal(wait_for(id, "failed", reason).done, 1);
+    assert_int_equal(counted(f.lanes.metrics, "splatd_path_failures_total"), 1);
+    assert_int_equal(waiting(), 0);
     assert_true(has_folder(id));
     end();
     begin(); /* for good, also when the right one is there */
     assert_int_equal(wait_for(id, "failed", reason).done, 1);
+    assert_int_equal(counted(f.lanes.metrics, "splatd_path_failures_total"), 0); /* in this run */
 }
 
 static void unloading_a_volume_ends_its_paths_for_good(void **state) {
@@ -747,28 +774,24 @@ static void a_path_that_is_done_needs_no_volume(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(no_file_comes_before_its_record, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(no_file_goes_before_its_record_says_so, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_removal_that_was_begun_is_finished, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(what_cannot_be_removed_is_tried_again_by_the_next_run,
-                                        set_up, tear_down),
-        cmocka_unit_test_setup_teardown(files_without_a_record_stay_and_count, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(files_of_a_record_that_cannot_be_read_stay, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_record_without_files_is_drawn, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(it_fails_while_it_is_deleted, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_full_disk_is_waited_for, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(what_the_disk_does_not_keep_is_no_frame, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_volume_that_is_not_back_is_waited_for, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_volume_that_loads_is_waited_for, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_volume_that_could_not_be_loaded_is_waited_for, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(another_volume_of_the_name_ends_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(unloading_a_volume_ends_its_paths_for_good, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_path_that_is_done_needs_no_volume, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(why_it_waits_is_told_and_why_it_waits_then, set_up,
-                                        tear_down),
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+        TEST(no_file_comes_before_its_record),
+        TEST(no_file_goes_before_its_record_says_so),
+        TEST(a_removal_that_was_begun_is_finished),
+        TEST(what_cannot_be_removed_is_tried_again_by_the_next_run),
+        TEST(files_without_a_record_stay_and_count),
+        TEST(files_of_a_record_that_cannot_be_read_stay),
+        TEST(a_record_without_files_is_drawn),
+        TEST(it_fails_while_it_is_deleted),
+        TEST(a_full_disk_is_waited_for),
+        TEST(what_the_disk_does_not_keep_is_no_frame),
+        TEST(a_volume_that_is_not_back_is_waited_for),
+        TEST(a_volume_that_loads_is_waited_for),
+        TEST(a_volume_that_could_not_be_loaded_is_waited_for),
+        TEST(another_volume_of_the_name_ends_it),
+        TEST(unloading_a_volume_ends_its_paths_for_good),
+        TEST(a_path_that_is_done_needs_no_volume),
+        TEST(why_it_waits_is_told_and_why_it_waits_then),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
