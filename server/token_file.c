@@ -179,7 +179,8 @@ static bool add(const char *text, size_t size, unsigned number, struct srv_token
     struct srv_token *token = &list[*count];
     if (!read_line(line, place, token, err))
         return false;
-    if (!token->name[0])
+    token->has_name = token->name[0] != 0;
+    if (!token->has_name)
         snprintf(token->name, sizeof token->name, "token-%u", number);
     if (!is_new(list, *count, token, place, err))
         return false;
@@ -229,6 +230,23 @@ static bool is_private(FILE *file, const char *path, struct sp_error *err) {
     return true;
 }
 
+/* Of roles that make what they own; an admin has that of all others anyway. */
+static void warn_of_lines(const char *path, const struct srv_token *list, size_t count) {
+    const char *first = NULL;
+    unsigned nameless = 0;
+    for (size_t i = 0; i < count; i++)
+        if (!list[i].has_name && list[i].rights & SRV_RIGHT_RENDER &&
+            !(list[i].rights & SRV_RIGHT_ADMIN)) {
+            first = first ? first : list[i].name;
+            nameless++;
+        }
+    if (nameless > 0)
+        sp_log(SP_LOG_WARN,
+               "%s: %u tokens of the roles control and render have no name, %s first: what they "
+               "make belongs to whatever token stands on their line; give each name=NAME",
+               path, nameless, first);
+}
+
 bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
                          struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
@@ -252,6 +270,8 @@ bool srv_token_file_read(const char *path, struct srv_token **list, size_t *coun
         sp_fail(err, SP_ERR_INVALID, path, "it has more than %d bytes", SRV_TOKEN_FILE_BYTES);
     else if (!(ok = srv_token_file_parse(text, size, list, count, &why)))
         sp_fail(err, why.code, path, "%s%s%s", why.place, why.place[0] ? ": " : "", why.text);
+    if (ok)
+        warn_of_lines(path, *list, *count);
     if (text)
         explicit_bzero(text, SRV_TOKEN_FILE_BYTES + 1);
     free(text);

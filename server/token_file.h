@@ -44,6 +44,7 @@ struct srv_quota {
 struct srv_token {
     char text[SRV_TOKEN_BYTES];
     char name[SRV_TOKEN_NAME_BYTES];
+    bool has_name;   /* else it is called after its line */
     unsigned rights; /* a set of srv_right */
     struct srv_quota quota;
 };
@@ -55,7 +56,8 @@ bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list
                           struct sp_error *err);
 
 /* Reads a file of at most SRV_TOKEN_FILE_BYTES; SP_ERR_IO, SP_ERR_DENIED if others may write to it
- * (the log says so if they may read it), or SP_ERR_INVALID at "PATH: line N". */
+ * (the log says so if they may read it), or SP_ERR_INVALID at "PATH: line N". The log says so, too,
+ * if what somebody makes belongs to a line for want of a name. */
 bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
                          struct sp_error *err);
 

@@ -14,6 +14,7 @@
 
 #include <cmocka.h>
 
+#include "sp/log.h"
 #include "tokens.h"
 
 #define A "0123456789abcdef"
@@ -179,6 +180,46 @@ static void files(void **state) {
     assert_int_equal(err.code, SP_ERR_IO);
 }
 
+static void keep_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)level, (void)kind, (void)fields;
+    snprintf(user, 512, "%s", line);
+}
+
+static void who_owns_by_a_line_alone_is_warned_of(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *warning; /* NULL = none */
+    } files[] = {
+        { A "\n" B " role=control\n", ": 1 tokens of the roles control and render have no name, "
+                                      "token-2 first: " },
+        { "\n" A " role=render\n" B " role=control name=b\n" A "-3 role=control",
+          ": 2 tokens of the roles control and render have no name, token-2 first: " },
+        { A "\n" B " role=admin\n" A "-3 role=view\n" A "-4 role=metrics\n", NULL },
+        { A " role=control name=a\n" B " role=render name=token-1\n", NULL },
+    };
+    char path[] = "/tmp/splatd-tokens-XXXXXX", said[512];
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    sp_log_init(keep_line, said, SP_LOG_WARN);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        struct srv_token *list;
+        size_t count, size = strlen(files[i].text);
+        said[0] = 0;
+        assert_int_equal(ftruncate(fd, 0), 0);
+        assert_int_equal(pwrite(fd, files[i].text, size, 0), size);
+        assert_true(srv_token_file_read(path, &list, &count, NULL));
+        if (files[i].warning)
+            assert_memory_equal(said + strlen(path), files[i].warning, strlen(files[i].warning));
+        else
+            assert_string_equal(said, "");
+        free(list);
+    }
+    sp_log_init(NULL, NULL, SP_LOG_INFO);
+    close(fd);
+    unlink(path);
+}
+
 static void set(struct srv_tokens *tokens, const char *text) {
     struct srv_token *list;
     struct sp_error err;
@@ -315,6 +356,7 @@ int main(void) {
         cmocka_unit_test(wrong_lines_are_named),
         cmocka_unit_test(there_is_a_bound),
         cmocka_unit_test(files),
+        cmocka_unit_test(who_owns_by_a_line_alone_is_warned_of),
         cmocka_unit_test(found_wherever_it_stands),
         cmocka_unit_test(what_was_not_drawn_is_not_counted),
         cmocka_unit_test(quotas_outlive_a_reload),
