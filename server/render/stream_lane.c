@@ -109,6 +109,7 @@ void srv_job_finish(struct srv_scheduler *s, enum srv_lane_name name) {
     srv_lane_note_frame(s, name, job->volume);
     if (frame) {
         keep(s, job, frame);
+        srv_hub_job_drawn(s->hub, job, frame->stats.render_ms);
         srv_encode_pass_on(
             s, (struct srv_work){ .frame = frame, .job = job, .is_express = is_express });
     } else {

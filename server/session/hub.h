@@ -322,6 +322,9 @@ void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_job *job, uint64
 void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
                            const struct proto_frame_header *header, struct srv_blob *blob,
                            const struct srv_video_mark *mark);
+/* It is drawn, and took so long, of which its session's share is known before the next job is
+ * chosen. It ends later, when it is encoded. */
+void srv_hub_job_drawn(struct srv_hub *hub, struct srv_job *job, double render_ms);
 /* Every job ends with exactly one of these, which also releases its volume. */
 void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
                       const struct srv_job_result *result);

@@ -133,13 +133,14 @@ static void take_share(struct srv_hub *hub, struct srv_session *s, struct srv_jo
     }
 }
 
-static void correct_share(struct srv_session *s, const struct srv_job *job, double took_ms) {
+static void correct_share(struct srv_session *s, struct srv_job *job, double took_ms) {
     srv_share_correct(&s->share, took_ms - job->charged_ms);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = participant_of(s, job->targets[i].participant);
         if (p)
             srv_share_correct(&p->share, (took_ms - job->charged_ms) / weight_of(s, p));
     }
+    job->charged_ms = took_ms;
 }
 
 /* Fills the job for `first` and everybody else of the session who wants the same picture. */
@@ -389,6 +390,14 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
         }
     }
     srv_hub_work(hub, s);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_job_drawn(struct srv_hub *hub, struct srv_job *job, double render_ms) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *s = session_of(hub, job);
+    if (s)
+        correct_share(s, job, render_ms);
     pthread_mutex_unlock(&hub->mutex);
 }
 

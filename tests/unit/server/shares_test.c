@@ -595,6 +595,30 @@ static void what_may_go_before_a_long_frame(void **state) {
     srv_hub_job_cancelled(s->f->hub, &job, 0);
 }
 
+/* What it took to draw is paid for before the next one is begun, which may be before it is encoded;
+ * and once. */
+static void what_is_drawn_is_paid_for_at_once(void **state) {
+    struct stage *s = *state;
+    struct srv_job job[3];
+    struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
+    play(s, 3000);
+    double wait_ms;
+    for (int i = 0; i < 3; i++) {
+        s->now_ms += 50;
+        turn(s, hog);
+        assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job[i], &wait_ms));
+        if (i == 0)
+            srv_hub_job_drawn(s->f->hub, &job[0], 400);
+        if (i == 1) {
+            deliver(s, &job[0], 400);
+            deliver(s, &job[1], 100);
+        }
+    }
+    assert_float_equal(job[1].start_ms, job[0].start_ms + 400, 1e-3);
+    assert_float_equal(job[2].start_ms, job[1].start_ms + 100, 1e-3);
+    srv_hub_job_cancelled(s->f->hub, &job[2], 0);
+}
+
 static bool next_before(struct stage *s, double drawn_ms, struct srv_job *before) {
     double wait_ms;
     struct srv_running running = running_of(&s->job, drawn_ms);
@@ -740,6 +764,7 @@ int main(void) {
         TEST(long_frames_stand_still_for_short_ones_of_others_in_the_session),
         TEST(what_stands_still_has_its_share),
         TEST(what_may_go_before_a_long_frame),
+        TEST(what_is_drawn_is_paid_for_at_once),
         TEST(what_is_short_is_told_by_the_next_frame),
         TEST(what_is_dear_to_encode_is_paid_for),
         TEST(dear_pictures_are_made_one_at_a_time_and_for_their_own_takers),
