@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "http/guard.h"
 
+#include <math.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "due.h"
 #include "sp/log.h"
 
 struct srv_guarded {
@@ -14,13 +16,15 @@ struct srv_guarded {
     int socket;
     struct sockaddr_storage address;
     char peer[SRV_ADDRESS_TEXT];
-    double deadline_ms;
+    double deadline_ms; /* INFINITY = none */
+    struct srv_due due; /* the sweep looks at it no later than that */
     unsigned requests;
 };
 
 struct srv_guard {
     pthread_mutex_t mutex;
     struct srv_guarded *list;
+    struct srv_dues dues;
     size_t count;
 };
 
@@ -40,13 +44,19 @@ void srv_guard_destroy(struct srv_guard **guard) {
     *guard = NULL;
 }
 
+/* With the mutex held. 0 = none. */
+static void set_deadline(struct srv_guard *guard, struct srv_guarded *c, double deadline_ms) {
+    c->deadline_ms = deadline_ms > 0 ? deadline_ms : INFINITY;
+    srv_due_set_by(&guard->dues, &c->due, c->deadline_ms);
+}
+
 struct srv_guarded *srv_guard_open(struct srv_guard *guard, int socket, const struct sockaddr *peer,
                                    double deadline_ms) {
     struct srv_guarded *c = calloc(1, sizeof *c);
     if (!c)
         return NULL;
     c->socket = socket;
-    c->deadline_ms = deadline_ms;
+    c->due.of = c;
     if (peer)
         memcpy(&c->address, peer,
                peer->sa_family == AF_INET6 ? sizeof(struct sockaddr_in6)
@@ -58,6 +68,7 @@ struct srv_guarded *srv_guard_open(struct srv_guard *guard, int socket, const st
         c->next->previous = c;
     guard->list = c;
     guard->count++;
+    set_deadline(guard, c, deadline_ms);
     pthread_mutex_unlock(&guard->mutex);
     return c;
 }
@@ -71,25 +82,27 @@ void srv_guard_close(struct srv_guard *guard, struct srv_guarded *c) {
     if (c->next)
         c->next->previous = c->previous;
     guard->count--;
+    srv_due_clear(&guard->dues, &c->due);
     pthread_mutex_unlock(&guard->mutex);
     free(c);
 }
 
 void srv_guard_set_deadline(struct srv_guard *guard, struct srv_guarded *c, double deadline_ms) {
     pthread_mutex_lock(&guard->mutex);
-    c->deadline_ms = deadline_ms;
+    set_deadline(guard, c, deadline_ms);
     pthread_mutex_unlock(&guard->mutex);
 }
 
 void srv_guard_sweep(struct srv_guard *guard, double now_ms) {
     pthread_mutex_lock(&guard->mutex);
-    for (struct srv_guarded *c = guard->list; c; c = c->next) {
-        if (c->deadline_ms == 0 || now_ms < c->deadline_ms)
+    for (struct srv_guarded *c; (c = srv_due_take(&guard->dues, now_ms));) {
+        if (c->deadline_ms > now_ms) {
+            srv_due_set(&guard->dues, &c->due, c->deadline_ms);
             continue;
+        }
         sp_log(SP_LOG_INFO,
                "connection of %s closed: past --header-time, --request-time or --idle-time",
                c->peer);
-        c->deadline_ms = 0;
         shutdown(c->socket, SHUT_RDWR);
     }
     pthread_mutex_unlock(&guard->mutex);

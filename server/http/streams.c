@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "clock.h"
+#include "due.h"
 #include "http/address.h"
 #include "http/ws_conn.h"
 #include "sp/log.h"
@@ -26,7 +27,9 @@ enum { EVENTS = 64, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
  * still comes is thrown away until the peer closes; else its close frame could be lost to a reset.
  */
 struct stream {
-    struct stream *next;
+    struct stream *next, **link; /* of the list; `link` is what points to it */
+    struct stream *next_dead;
+    struct srv_due due; /* a tick looks at it then */
     struct srv_stream_start start;
     struct srv_ws *ws; /* NULL = lingers */
     uint8_t *extra;
@@ -45,7 +48,9 @@ struct srv_streams {
     struct stream *inbox; /* guarded by mutex */
     size_t count;         /* streams of both lists; guarded by mutex */
     bool drain, stop;     /* guarded by mutex */
-    struct stream *list;  /* the thread's */
+    /* The thread's: nothing that happens to a stream, and no tick, looks at all of them. */
+    struct stream *list, *dead;
+    struct srv_dues dues;
 };
 
 static void wake(struct srv_streams *s) {
@@ -56,6 +61,14 @@ static void wake(struct srv_streams *s) {
 
 void srv_streams_ready(void *user) {
     wake(user);
+}
+
+static void end(struct srv_streams *s, struct stream *stream) {
+    if (stream->dead)
+        return;
+    stream->dead = true;
+    stream->next_dead = s->dead;
+    s->dead = stream;
 }
 
 static ssize_t stream_recv(void *user, uint8_t *bytes, size_t size) {
@@ -88,11 +101,11 @@ static void watch(struct srv_streams *s, struct stream *stream) {
     struct epoll_event event = { .events = events, .data.ptr = stream };
     int operation = stream->events ? EPOLL_CTL_MOD : EPOLL_CTL_ADD;
     if (epoll_ctl(s->epoll, operation, stream->start.socket, &event) != 0)
-        stream->dead = true;
+        end(s, stream);
     stream->events = events;
 }
 
-static void linger(struct stream *stream, double now_ms) {
+static void linger(struct srv_streams *s, struct stream *stream, double now_ms) {
     bool lost = srv_ws_is_lost(stream->ws);
     srv_ws_destroy(&stream->ws, now_ms);
     stream->linger_ms = now_ms;
@@ -100,20 +113,26 @@ static void linger(struct stream *stream, double now_ms) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }),
                     "stream of session %s ended without a close", stream->start.session);
     if (lost || shutdown(stream->start.socket, SHUT_WR) != 0)
-        stream->dead = true;
+        end(s, stream);
 }
 
-/* After anything happened to a stream: send what can be sent, then see how it stands. */
-static void settle(struct srv_streams *s, struct stream *stream, double now_ms) {
+/* Send what can be sent, then see how it stands. */
+static void send_and_watch(struct srv_streams *s, struct stream *stream, double now_ms) {
     if (stream->ws)
         srv_ws_write(stream->ws, now_ms);
     if (stream->ws && srv_ws_is_over(stream->ws))
-        linger(stream, now_ms);
+        linger(s, stream, now_ms);
     if (!stream->dead)
         watch(s, stream);
 }
 
-static void discard(struct stream *stream) {
+/* After anything happened to a stream. What is due of it is seen at the next tick. */
+static void settle(struct srv_streams *s, struct stream *stream, double now_ms) {
+    send_and_watch(s, stream, now_ms);
+    srv_due_set_by(&s->dues, &stream->due, now_ms);
+}
+
+static void discard(struct srv_streams *s, struct stream *stream) {
     uint8_t bytes[DISCARD_BYTES / 16];
     ssize_t got;
     size_t left = DISCARD_BYTES;
@@ -122,18 +141,18 @@ static void discard(struct stream *stream) {
         left -= got > 0 ? (size_t)got : 0;
     } while (got > 0 && left >= sizeof bytes);
     if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR))
-        stream->dead = true;
+        end(s, stream);
 }
 
 static void on_event(struct srv_streams *s, struct stream *stream, uint32_t events, double now_ms) {
     if (!stream->ws)
-        discard(stream);
+        discard(s, stream);
     else if (events & (EPOLLERR | EPOLLHUP) ||
              ((events & EPOLLRDHUP) && !srv_ws_wants_read(stream->ws))) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }),
                     "stream of session %s cut off by its client (events %x)", stream->start.session,
                     events);
-        stream->dead = true; /* nobody is there to read an answer */
+        end(s, stream); /* nobody is there to read an answer */
     } else if (events & EPOLLIN)
         srv_ws_read(stream->ws, now_ms);
     if (!stream->dead)
@@ -170,7 +189,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
         sp_log_with(SP_LOG_WARN,
                     SP_LOG_FIELDS({ "session", stream->start.session }, { "peer", peer }),
                     "stream of %s refused: %s", peer, err.text);
-        stream->dead = true;
+        end(s, stream);
         return;
     }
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }, { "peer", peer }),
@@ -182,13 +201,13 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
 
 static void reap(struct srv_streams *s, double now_ms) {
     size_t gone = 0;
-    for (struct stream **link = &s->list; *link;) {
-        struct stream *stream = *link;
-        if (!stream->dead) {
-            link = &stream->next;
-            continue;
-        }
-        *link = stream->next;
+    while (s->dead) {
+        struct stream *stream = s->dead;
+        s->dead = stream->next_dead;
+        *stream->link = stream->next;
+        if (stream->next)
+            stream->next->link = stream->link;
+        srv_due_clear(&s->dues, &stream->due);
         srv_ws_destroy(&stream->ws, now_ms);
         if (stream->events)
             epoll_ctl(s->epoll, EPOLL_CTL_DEL, stream->start.socket, NULL);
@@ -205,17 +224,24 @@ static void reap(struct srv_streams *s, double now_ms) {
     pthread_mutex_unlock(&s->mutex);
 }
 
-static void tick(struct srv_streams *s, double now_ms) {
-    for (struct stream *stream = s->list; stream; stream = stream->next) {
-        if (stream->ws) {
-            srv_ws_tick(stream->ws, now_ms);
-            read_extra(stream, now_ms);
-        } else if (now_ms - stream->linger_ms > LINGER_MS) {
-            stream->dead = true;
-        }
-        if (!stream->dead)
-            settle(s, stream, now_ms);
+static void tick_stream(struct srv_streams *s, struct stream *stream, double now_ms) {
+    if (stream->ws) {
+        srv_ws_tick(stream->ws, now_ms);
+        read_extra(stream, now_ms);
+    } else if (now_ms - stream->linger_ms > LINGER_MS) {
+        end(s, stream);
     }
+    if (stream->dead)
+        return;
+    send_and_watch(s, stream, now_ms);
+    double due_ms = stream->ws ? srv_ws_due_ms(stream->ws) : stream->linger_ms + LINGER_MS;
+    srv_due_set(&s->dues, &stream->due, fmax(due_ms, now_ms + TICK_MS));
+}
+
+static void tick(struct srv_streams *s, double now_ms) {
+    for (struct stream *stream; (stream = srv_due_take(&s->dues, now_ms));)
+        if (!stream->dead)
+            tick_stream(s, stream, now_ms);
     srv_hub_tick(s->options.hub, now_ms);
     if (s->options.tick)
         s->options.tick(s->options.user, now_ms);
@@ -232,6 +258,9 @@ static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
         struct stream *stream = inbox;
         inbox = stream->next;
         stream->next = s->list;
+        stream->link = &s->list;
+        if (s->list)
+            s->list->link = &stream->next;
         s->list = stream;
         begin(s, stream, now_ms);
         if (*draining && stream->ws)
@@ -276,7 +305,7 @@ static void *stream_main(void *user) {
         reap(s, now_ms);
     }
     for (struct stream *stream = s->list; stream; stream = stream->next)
-        stream->dead = true;
+        end(s, stream);
     reap(s, srv_clock_ms());
     return NULL;
 }
@@ -318,6 +347,7 @@ bool srv_streams_add(struct srv_streams *s, const struct srv_stream_start *start
     if (!stream)
         return false;
     stream->start = *start;
+    stream->due.of = stream;
     if (start->extra_size > 0) {
         stream->extra = malloc(start->extra_size);
         if (!stream->extra) {

@@ -40,7 +40,8 @@ struct srv_ws {
     struct out_frame frame;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
     bool end_of_file, broken, closing;
-    bool is_ended; /* its end was counted */
+    bool is_behind; /* the last turn had no room for all that there was to send */
+    bool is_ended;  /* its end was counted */
 };
 
 static bool has_replies(const struct srv_ws *ws) {
@@ -335,6 +336,7 @@ static bool is_sending(const struct srv_ws *ws) {
 
 void srv_ws_write(struct srv_ws *ws, double now_ms) {
     ws->now_ms = now_ms;
+    ws->is_behind = false;
     for (int i = 0; i < MESSAGES_BUDGET && !ws->broken; i++) {
         if (!is_sending(ws) && !ws->closing) {
             ws->progress_ms = now_ms;
@@ -353,6 +355,7 @@ void srv_ws_write(struct srv_ws *ws, double now_ms) {
         if (is_frame ? ws->frame.blob != NULL : wslay_event_want_write(ws->context))
             return; /* the socket is full */
     }
+    ws->is_behind = true;
 }
 
 void srv_ws_tick(struct srv_ws *ws, double now_ms) {
@@ -390,6 +393,22 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
         if (wslay_event_queue_msg(ws->context, &out) != 0)
             ws->broken = true;
     }
+}
+
+double srv_ws_due_ms(const struct srv_ws *ws) {
+    if (ws->closing)
+        return ws->close_ms + CLOSE_MS;
+    if (ws->is_behind || !srv_ws_wants_read(ws) || ws->frames_left < TICK_FRAMES ||
+        ws->bytes_left < TICK_BYTES)
+        return ws->now_ms;
+    double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
+    double due_ms = fmin(fmax(ws->heard_ms, ws->pinged_ms) + ws->options.ping_ms,
+                         ws->heard_ms + 3 * ws->options.ping_ms);
+    if (is_sending(ws))
+        due_ms = fmin(due_ms, ws->progress_ms + ws->options.stall_ms);
+    if (oldest_ms > 0)
+        due_ms = fmin(due_ms, oldest_ms + ws->options.stall_ms);
+    return due_ms;
 }
 
 static bool listens(const struct srv_ws *ws) {

@@ -50,8 +50,11 @@ void srv_ws_destroy(struct srv_ws **ws, double now_ms); /* leaves the session */
 
 void srv_ws_read(struct srv_ws *ws, double now_ms);  /* the transport may have bytes */
 void srv_ws_write(struct srv_ws *ws, double now_ms); /* it may take bytes, or there is something */
-/* Pings, time limits, and a new allowance for reading; ten times a second. */
+/* Pings, time limits, and a new allowance for reading. */
 void srv_ws_tick(struct srv_ws *ws, double now_ms);
+/* When srv_ws_tick() has something to do if nothing else happens until then; a time that has
+ * passed: at the next tick. After anything that happens it is the next tick at the latest. */
+double srv_ws_due_ms(const struct srv_ws *ws);
 /* Says good-bye; `reason` is a constant string of at most 123 bytes. */
 void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms);
 

@@ -60,9 +60,9 @@ double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double
     struct srv_participant *p = next_in_line(session);
     if (!p)
         return INFINITY;
-    double left = p->asked_ms + hub->options.control_ms - now_ms;
-    if (left > 0)
-        return left;
+    double at_ms = p->asked_ms + hub->options.control_ms;
+    if (at_ms > now_ms)
+        return at_ms;
     give(hub, session, p, now_ms);
     return srv_control_tick(hub, session, now_ms);
 }
@@ -112,6 +112,8 @@ bool srv_call_request_control(struct srv_call *call) {
     if (!srv_control_take(call->hub, p, call->now_ms) && !is_asking(p)) {
         p->asked = ++call->hub->next_request;
         p->asked_ms = call->now_ms;
+        srv_due_set_by(&call->hub->dues, &p->session->due,
+                       p->asked_ms + call->hub->options.control_ms);
         srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_CONTROL);
     }
     return answer(call);

@@ -13,6 +13,8 @@
 #include "sp/log.h"
 #include "tokens.h"
 
+#define RETRY_MS 1000.0 /* where memory is short */
+
 struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_error *err) {
     struct srv_hub *hub = calloc(1, sizeof *hub);
     if (!hub) {
@@ -47,9 +49,9 @@ void srv_hub_destroy(struct srv_hub **hub_pointer) {
 }
 
 struct srv_session *srv_hub_find_awake(struct srv_hub *hub, const char *id) {
-    struct srv_session *s = hub->sessions;
+    struct srv_session *s = hub->awake[srv_hub_bucket(id)];
     while (s && strcmp(s->id, id) != 0)
-        s = s->next;
+        s = s->next_awake;
     return s;
 }
 
@@ -155,7 +157,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     session->version++;
     session->changed_by = by;
     session->changed_ms = now_ms;
-    srv_hub_unsaved(hub);
+    srv_hub_unsaved(hub, session);
     srv_hub_note_others(hub, session, by, SRV_NOTE_VIEW);
     /* Of another volume's picture nothing is of use to the next one. */
     bool useless = volume && !session->must_finish;
@@ -178,11 +180,6 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
                   uint32_t size[2]) {
     for (int i = 0; i < 2; i++)
         size[i] = participant->size[0] ? participant->size[i] : session->view.size[i];
-}
-
-void srv_hub_unsaved(struct srv_hub *hub) {
-    if (hub->options.changed)
-        hub->options.changed(hub->options.user);
 }
 
 void srv_hub_ended(struct srv_hub *hub, const char *id) {
@@ -212,14 +209,27 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
     return json;
 }
 
+/* It sleeps or ends then, if nobody uses it meanwhile. */
+static double end_of_use_ms(const struct srv_hub *hub, const struct srv_session *session) {
+    return srv_hub_used_ms(session) + hub->options.session_idle_ms;
+}
+
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     session->version = session->cold_version = session->next_guest = 1;
     session->changed_ms = session->empty_ms = now_ms;
     srv_pace_init(&session->pace);
     session->number = ++hub->next_number;
     session->next = hub->sessions;
+    session->link = &hub->sessions;
+    if (hub->sessions)
+        hub->sessions->link = &session->next;
     hub->sessions = session;
+    struct srv_session **bucket = &hub->awake[srv_hub_bucket(session->id)];
+    session->next_awake = *bucket;
+    *bucket = session;
     hub->session_count++;
+    session->due.of = session->unsaved.of = session;
+    srv_due_set(&hub->dues, &session->due, end_of_use_ms(hub, session));
 }
 
 /* May this owner have one more session, awake or asleep? */
@@ -296,7 +306,7 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
                        hub->session_count, whom, awake_max);
     session->has_token = true;
     srv_hub_link_session(hub, session, now_ms);
-    srv_hub_unsaved(hub);
+    srv_hub_unsaved(hub, session);
     return true;
 }
 
@@ -375,11 +385,16 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
 }
 
 static void session_unlink(struct srv_hub *hub, struct srv_session *session) {
-    struct srv_session **link = &hub->sessions;
+    *session->link = session->next;
+    if (session->next)
+        session->next->link = session->link;
+    struct srv_session **link = &hub->awake[srv_hub_bucket(session->id)];
     while (*link != session)
-        link = &(*link)->next;
-    *link = session->next;
+        link = &(*link)->next_awake;
+    *link = session->next_awake;
     hub->session_count--;
+    srv_due_clear(&hub->dues, &session->due);
+    srv_due_clear(&hub->unsaved, &session->unsaved);
     srv_turn_rest(hub, session);
     srv_hub_abandon(hub, session);
 }
@@ -392,6 +407,7 @@ static void session_remove(struct srv_hub *hub, struct srv_session *session) {
         struct srv_participant *p = session->participants;
         session->participants = p->next;
         hub->participant_count--;
+        hub->role_counts[p->role]--;
         p->session = NULL;
         tell_to_leave(hub, p, 1000, "the session was deleted");
     }
@@ -435,17 +451,19 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
     return ok;
 }
 
+/* Its view. */
 static bool is_saved(const struct srv_session *session) {
     return session->saved_version == session->version;
 }
 
-static void fall_asleep(struct srv_hub *hub, struct srv_session *session, const char *why) {
+static bool fall_asleep(struct srv_hub *hub, struct srv_session *session, const char *why) {
     if (!srv_hub_add_sleeper(hub, session))
-        return;
+        return false;
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s sleeps: %s",
                 session->id, why);
     session_unlink(hub, session);
     session_free(hub, session);
+    return true;
 }
 
 bool srv_hub_make_room(struct srv_hub *hub) {
@@ -461,8 +479,8 @@ bool srv_hub_make_room(struct srv_hub *hub) {
     return hub->session_count < hub->options.sessions_max;
 }
 
-/* It is no longer used: it ends, or falls asleep as soon as that is possible. */
-static void retire(struct srv_hub *hub, struct srv_session *session) {
+/* It is no longer used: it ends, or falls asleep as soon as it is saved and there is memory. */
+static void retire(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     char why[64];
     snprintf(why, sizeof why, "nobody joined for %.0f s (--session-time)",
              hub->options.session_idle_ms / 1000);
@@ -470,30 +488,36 @@ static void retire(struct srv_hub *hub, struct srv_session *session) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s ended: %s",
                     session->id, why);
         session_remove(hub, session);
-    } else if (is_saved(session)) {
-        fall_asleep(hub, session, why);
-    } else {
-        srv_hub_unsaved(hub);
+    } else if (!is_saved(session)) {
+        srv_hub_unsaved(hub, session);
+    } else if (!fall_asleep(hub, session, why)) {
+        srv_due_set(&hub->dues, &session->due, now_ms + RETRY_MS);
     }
 }
 
+void srv_hub_saved(struct srv_hub *hub, struct srv_session *session) {
+    if (session->participant_count == 0)
+        srv_due_set_by(&hub->dues, &session->due, end_of_use_ms(hub, session));
+}
+
+/* Does what is due of it, and sets when something is next. */
+static void look_at(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    bool is_used = session->participant_count > 0;
+    double at_ms = is_used ? srv_control_tick(hub, session, now_ms) : end_of_use_ms(hub, session);
+    if (at_ms > now_ms)
+        srv_due_set(&hub->dues, &session->due, at_ms);
+    else
+        retire(hub, session, now_ms);
+}
+
 double srv_hub_tick(struct srv_hub *hub, double now_ms) {
-    double wait = 1000;
     pthread_mutex_lock(&hub->mutex);
-    for (struct srv_session *s = hub->sessions, *next; s; s = next) {
-        next = s->next;
-        double left = srv_hub_used_ms(s) + hub->options.session_idle_ms - now_ms;
-        if (s->participant_count > 0)
-            wait = fmin(wait, srv_control_tick(hub, s, now_ms));
-        else if (left > 0)
-            wait = fmin(wait, left);
-        else
-            retire(hub, s);
-    }
-    wait = fmin(wait, srv_hub_end_sleepers(hub, now_ms));
+    for (struct srv_session *s; (s = srv_due_take(&hub->dues, now_ms));)
+        look_at(hub, s, now_ms);
+    double next_ms = fmin(srv_due_next(&hub->dues), srv_hub_end_sleepers(hub, now_ms));
     srv_hub_note_time(hub, now_ms);
     pthread_mutex_unlock(&hub->mutex);
-    return wait;
+    return fmin(next_ms - now_ms, 1000);
 }
 
 void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct srv_page *page) {
@@ -561,8 +585,6 @@ void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers) {
     pthread_mutex_lock(&hub->mutex);
     numbers->sessions = hub->session_count;
     numbers->asleep = hub->sleeper_count;
-    for (const struct srv_session *s = hub->sessions; s; s = s->next)
-        for (const struct srv_participant *p = s->participants; p; p = p->next)
-            numbers->participants[p->role]++;
+    memcpy(numbers->participants, hub->role_counts, sizeof hub->role_counts);
     pthread_mutex_unlock(&hub->mutex);
 }

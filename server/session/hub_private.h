@@ -8,6 +8,7 @@
 
 #include <pthread.h>
 
+#include "due.h"
 #include "protocol/rpc.h"
 #include "session/flow.h"
 #include "session/hub.h"
@@ -28,8 +29,8 @@ enum srv_note { /* what a participant has not been told yet */
 };
 
 enum {
-    SRV_HUB_VOLUMES = 64, /* volumes whose progress is remembered for notifications */
-    SRV_HUB_BUCKETS = 256 /* of sessions that sleep */
+    SRV_HUB_VOLUMES = 64,  /* volumes whose progress is remembered for notifications */
+    SRV_HUB_BUCKETS = 4096 /* of sessions, by id */
 };
 
 /* What a moving picture was made with (policy.h). */
@@ -94,10 +95,14 @@ struct srv_participant {
 };
 
 struct srv_session {
-    struct srv_session *next, *next_busy;
-    bool is_busy;        /* in the hub's list of those */
-    unsigned jobs, dear; /* under way; the dear ones of them */
-    uint64_t number;     /* unique */
+    struct srv_session *next, **link; /* of the hub's list; `link` is what points to it */
+    struct srv_session *next_awake;   /* of its bucket */
+    struct srv_session *next_busy;
+    struct srv_due due;     /* when srv_hub_tick() looks at it */
+    struct srv_due unsaved; /* in the order of changes */
+    bool is_busy;           /* in the hub's list of those */
+    unsigned jobs, dear;    /* under way; the dear ones of them */
+    uint64_t number;        /* unique */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
     struct srv_owner owner;               /* its name is constant */
@@ -138,13 +143,18 @@ struct srv_hub {
     struct srv_hub_options options; /* constant */
     pthread_mutex_t mutex;
     struct srv_session *sessions;
+    struct srv_session *awake[SRV_HUB_BUCKETS]; /* the same, by id */
+    struct srv_dues dues;    /* of sessions, when the time alone may change something of them */
+    struct srv_dues unsaved; /* sessions of which srv_hub_save() may have something to save */
+    uint64_t next_unsaved;
     struct srv_session *busy; /* those where a picture may be wanted, now or by time: nothing that
                                  is done for a frame looks at the others */
-    unsigned session_count, participant_count;
+    unsigned session_count;
+    unsigned participant_count, role_counts[2];    /* in all, and by role */
     struct srv_sleeper *sleepers[SRV_HUB_BUCKETS]; /* keep.c */
     unsigned sleeper_count;
-    double sleeper_end_ms; /* none ends before this */
-    double noted_ms;       /* when the time of use was last to be saved */
+    struct srv_dues sleeper_dues; /* their ends */
+    double noted_ms;              /* when the time of use was last to be saved */
     uint64_t next_number, next_participant, next_order, next_request;
     struct srv_participant *ready_head, *ready_tail;
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];
@@ -178,9 +188,11 @@ void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason);
 void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session);
 /* A session that is complete but for the numbers that every new one has. */
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
-/* There is something that srv_hub_save() would save. */
-void srv_hub_unsaved(struct srv_hub *hub);
-/* So it is, now and then, with the time. */
+/* There may be something of it that srv_hub_save() would save. */
+void srv_hub_unsaved(struct srv_hub *hub, struct srv_session *session);
+/* It is saved: if nobody uses it, it may sleep when it is time. */
+void srv_hub_saved(struct srv_hub *hub, struct srv_session *session);
+/* What was used long after it was saved is unsaved, now and then; so is the time. */
 void srv_hub_note_time(struct srv_hub *hub, double now_ms);
 
 /* Sessions that sleep (keep.c). */
@@ -198,8 +210,10 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
 bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
 /* Is there room for one more awake? If need be one that nobody uses falls asleep. */
 bool srv_hub_make_room(struct srv_hub *hub);
+/* Of an id, less than SRV_HUB_BUCKETS. */
+unsigned srv_hub_bucket(const char *id);
 bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id);
-/* Ends those that have slept for too long; ms until the next one does, INFINITY = never. */
+/* Ends those that have slept for too long; when the next one does, INFINITY = never. */
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms);
 /* Of this owner (its name). */
 unsigned srv_hub_count_sleepers(const struct srv_hub *hub, const char *owner);
@@ -218,7 +232,7 @@ void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
                        const struct srv_participant *p, double now_ms);
 /* Does it hold control, or take it because nobody does? */
 bool srv_control_take(struct srv_hub *hub, struct srv_participant *p, double now_ms);
-/* Passes control on when it is time; ms until it is next, INFINITY = not by time. */
+/* Passes control on when it is time; when that is next, INFINITY = not by time. */
 double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);
 /* The notification session.control; malloc'ed. */
 char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *to, double now_ms,

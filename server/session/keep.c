@@ -27,6 +27,7 @@
 
 struct srv_sleeper {
     struct srv_sleeper *next;
+    struct srv_due end; /* it has slept for too long then */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
@@ -37,15 +38,7 @@ struct srv_sleeper {
 /* Saving. */
 
 static double grain_ms(const struct srv_hub *hub) {
-    return fmax(hub->options.sleep_ms / 1000, 1000);
-}
-
-void srv_hub_note_time(struct srv_hub *hub, double now_ms) {
-    if (!hub->options.recall || hub->session_count + hub->sleeper_count == 0 ||
-        now_ms - hub->noted_ms < grain_ms(hub))
-        return;
-    hub->noted_ms = now_ms;
-    srv_hub_unsaved(hub);
+    return fmax(hub->options.sleep_ms / 2000, 1000);
 }
 
 static double used_ms(const struct srv_session *s, double now_ms) {
@@ -54,6 +47,32 @@ static double used_ms(const struct srv_session *s, double now_ms) {
 
 static bool is_saved(const struct srv_hub *hub, const struct srv_session *s, double now_ms) {
     return s->saved_version == s->version && used_ms(s, now_ms) - s->saved_used_ms < grain_ms(hub);
+}
+
+static void set_unsaved(struct srv_hub *hub, struct srv_session *session) {
+    if (!session->unsaved.is_set)
+        srv_due_set(&hub->unsaved, &session->unsaved, (double)++hub->next_unsaved);
+}
+
+static void tell_unsaved(struct srv_hub *hub) {
+    if (hub->options.changed)
+        hub->options.changed(hub->options.user);
+}
+
+void srv_hub_unsaved(struct srv_hub *hub, struct srv_session *session) {
+    set_unsaved(hub, session);
+    tell_unsaved(hub);
+}
+
+void srv_hub_note_time(struct srv_hub *hub, double now_ms) {
+    if (!hub->options.recall || hub->session_count + hub->sleeper_count == 0 ||
+        now_ms - hub->noted_ms < grain_ms(hub))
+        return;
+    hub->noted_ms = now_ms;
+    for (struct srv_session *s = hub->sessions; s; s = s->next)
+        if (!is_saved(hub, s, now_ms))
+            set_unsaved(hub, s);
+    tell_unsaved(hub);
 }
 
 struct snapshot {
@@ -65,14 +84,14 @@ struct snapshot {
     struct sp_view view;
 };
 
-/* Of the unsaved session with the lowest number above `after`. */
-static bool take_snapshot(struct srv_hub *hub, uint64_t after, double now_ms,
+/* Of the session that is unsaved for the longest time, if that is so since `last` or before. */
+static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
                           struct snapshot *snapshot) {
-    const struct srv_session *next = NULL;
+    const struct srv_session *next;
     pthread_mutex_lock(&hub->mutex);
-    for (const struct srv_session *s = hub->sessions; s; s = s->next)
-        if (s->number > after && !is_saved(hub, s, now_ms) && (!next || s->number < next->number))
-            next = s;
+    do
+        next = srv_due_take(&hub->unsaved, (double)last);
+    while (next && is_saved(hub, next, now_ms));
     if (next) {
         snapshot->number = next->number;
         snapshot->version = next->version;
@@ -106,19 +125,24 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
                   void *user) {
     struct snapshot *snapshot = malloc(sizeof *snapshot);
     bool ok = snapshot != NULL;
-    for (uint64_t number = 0; ok && take_snapshot(hub, number, now_ms, snapshot);) {
+    pthread_mutex_lock(&hub->mutex);
+    const uint64_t last = hub->next_unsaved;
+    pthread_mutex_unlock(&hub->mutex);
+    while (ok && take_snapshot(hub, last, now_ms, snapshot)) {
         size_t size;
         char *text = text_of(snapshot, &size);
-        number = snapshot->number;
         pthread_mutex_lock(&hub->mutex);
-        struct srv_session *s = hub->sessions;
-        while (s && s->number != number)
-            s = s->next;
+        struct srv_session *s = srv_hub_find_awake(hub, snapshot->id);
+        if (s && s->number != snapshot->number)
+            s = NULL; /* it slept meanwhile, and is another one */
         /* One that ended meanwhile must not come back. */
         ok = !s || (text && save(user, s->id, text, size));
         if (s && ok) {
             s->saved_version = snapshot->version;
             s->saved_used_ms = snapshot->used_ms;
+            srv_hub_saved(hub, s);
+        } else if (s) {
+            set_unsaved(hub, s);
         }
         pthread_mutex_unlock(&hub->mutex);
         free(text);
@@ -129,33 +153,34 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
 
 /* Falling asleep. */
 
-static struct srv_sleeper **bucket_of(struct srv_hub *hub, const char *id) {
+unsigned srv_hub_bucket(const char *id) {
     uint32_t hash = 2166136261; /* FNV-1a */
     for (; *id; id++)
         hash = (hash ^ (unsigned char)*id) * 16777619;
-    return &hub->sleepers[hash % SRV_HUB_BUCKETS];
+    return hash % SRV_HUB_BUCKETS;
 }
 
 static struct srv_sleeper **find(struct srv_hub *hub, const char *id) {
-    struct srv_sleeper **link = bucket_of(hub, id);
+    struct srv_sleeper **link = &hub->sleepers[srv_hub_bucket(id)];
     while (*link && strcmp((*link)->id, id) != 0)
         link = &(*link)->next;
     return link;
 }
 
 static void link_sleeper(struct srv_hub *hub, struct srv_sleeper *sleeper) {
-    struct srv_sleeper **bucket = bucket_of(hub, sleeper->id);
-    double end_ms = sleeper->used_ms + hub->options.sleep_ms;
+    struct srv_sleeper **bucket = &hub->sleepers[srv_hub_bucket(sleeper->id)];
     sleeper->next = *bucket;
     *bucket = sleeper;
-    if (hub->sleeper_count++ == 0 || end_ms < hub->sleeper_end_ms)
-        hub->sleeper_end_ms = end_ms;
+    hub->sleeper_count++;
+    sleeper->end.of = sleeper;
+    srv_due_set(&hub->sleeper_dues, &sleeper->end, sleeper->used_ms + hub->options.sleep_ms);
 }
 
 static void unlink_sleeper(struct srv_hub *hub, struct srv_sleeper **link) {
     struct srv_sleeper *sleeper = *link;
     *link = sleeper->next;
     hub->sleeper_count--;
+    srv_due_clear(&hub->sleeper_dues, &sleeper->end);
     free(sleeper);
 }
 
@@ -269,7 +294,7 @@ struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now
     unlink_sleeper(hub, link);
     srv_hub_link_session(hub, session, now_ms);
     session->saved_version = session->version;
-    srv_hub_unsaved(hub);
+    srv_hub_unsaved(hub, session);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->id }), "session %s is awake",
                 session->id);
     return session;
@@ -294,24 +319,14 @@ bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id) {
 }
 
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms) {
-    if (hub->sleeper_count > 0 && now_ms >= hub->sleeper_end_ms) {
-        hub->sleeper_end_ms = INFINITY;
-        for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
-            for (struct srv_sleeper **link = &hub->sleepers[i]; *link;) {
-                double end_ms = (*link)->used_ms + hub->options.sleep_ms;
-                if (end_ms > now_ms) {
-                    hub->sleeper_end_ms = fmin(hub->sleeper_end_ms, end_ms);
-                    link = &(*link)->next;
-                    continue;
-                }
-                sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", (*link)->id }),
-                            "session %s ended: nobody asked for it for %.0f s (--sleep-time)",
-                            (*link)->id, hub->options.sleep_ms / 1000);
-                srv_hub_ended(hub, (*link)->id);
-                unlink_sleeper(hub, link);
-            }
+    for (const struct srv_sleeper *sleeper; (sleeper = srv_due_take(&hub->sleeper_dues, now_ms));) {
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", sleeper->id }),
+                    "session %s ended: nobody asked for it for %.0f s (--sleep-time)", sleeper->id,
+                    hub->options.sleep_ms / 1000);
+        srv_hub_ended(hub, sleeper->id);
+        unlink_sleeper(hub, find(hub, sleeper->id));
     }
-    return hub->sleeper_count > 0 ? hub->sleeper_end_ms - now_ms : INFINITY;
+    return srv_due_next(&hub->sleeper_dues);
 }
 
 unsigned srv_hub_count_sleepers(const struct srv_hub *hub, const char *owner) {

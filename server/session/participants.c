@@ -79,6 +79,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         session->participants = p;
         session->participant_count++;
         hub->participant_count++;
+        hub->role_counts[role]++;
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
         srv_hub_note(hub, p,
                      SRV_NOTE_VIEW | SRV_NOTE_CONTROL | SRV_NOTE_POLICY |
@@ -124,9 +125,12 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
         *link = p->next;
         session->participant_count--;
         hub->participant_count--;
+        hub->role_counts[p->role]--;
         session->empty_ms = now_ms;
-        if (session->participant_count == 0)
+        if (session->participant_count == 0) {
             srv_hub_abandon(hub, session);
+            srv_due_set_by(&hub->dues, &session->due, now_ms + hub->options.session_idle_ms);
+        }
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
         srv_control_leave(hub, session, p, now_ms);
     }

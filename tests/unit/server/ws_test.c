@@ -379,6 +379,92 @@ static void who_takes_half_a_picture_has_stalled(void **state) {
     srv_blob_unref(&blob);
 }
 
+/* Ticks when something is due, and at no other time: what is due at `due_ms` happens then, and a
+ * tick just before it does nothing. */
+static void tick_when_due(struct stream *s, double due_ms) {
+    assert_true(srv_ws_due_ms(s->ws) == due_ms);
+    s->wire.out_size = 0;
+    for (int late = 0; late < 2; late++) {
+        assert_false(srv_ws_is_over(s->ws));
+        assert_int_equal(s->wire.out_size, 0);
+        srv_ws_tick(s->ws, due_ms + (late ? 1 : -1));
+        srv_ws_write(s->ws, due_ms + (late ? 1 : -1));
+    }
+}
+
+static void who_is_silent_is_due_twice_and_lost(void **state) {
+    struct stream *s = *state;
+    run(s, 10);
+    for (int i = 0; i < 2; i++) {
+        struct sent sent;
+        size_t at = 0;
+        tick_when_due(s, 15000 + 15001 * i);
+        assert_true(next_sent(&s->wire, &at, &sent));
+        assert_int_equal(sent.first, 0x89);
+    }
+    tick_when_due(s, 45000);
+    assert_true(srv_ws_is_lost(s->ws));
+}
+
+static void what_is_heard_is_due_at_the_next_tick_and_puts_off_the_ping(void **state) {
+    struct stream *s = *state;
+    run(s, 10);
+    say_pings(&s->wire, 1);
+    run(s, 5000);
+    assert_true(srv_ws_due_ms(s->ws) <= 5000); /* its allowance */
+    srv_ws_tick(s->ws, 5050);
+    assert_true(srv_ws_due_ms(s->ws) == 20000);
+    say_pings(&s->wire, 100);
+    run(s, 6000);
+    assert_true(srv_ws_is_paused(s->ws) && srv_ws_due_ms(s->ws) <= 6000);
+}
+
+static void a_picture_that_is_not_acknowledged_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    say_pings(&s->wire, 1);
+    run(s, 12000); /* it is not silent */
+    srv_ws_tick(s->ws, 12050);
+    struct srv_blob *blob = deliver(s, 100, 12100);
+    run(s, 12100);
+    assert_true(srv_ws_due_ms(s->ws) == 27000);
+    srv_ws_tick(s->ws, 27001); /* it is asked whether it is there */
+    run(s, 27001);
+    say_pings(&s->wire, 1);
+    run(s, 31000);
+    srv_ws_tick(s->ws, 31050);
+    tick_when_due(s, 32100);
+    assert_int_equal(close_code(&s->wire), 1008);
+    srv_blob_unref(&blob);
+}
+
+static void what_the_socket_does_not_take_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    say_pings(&s->wire, 1);
+    run(s, 12000);
+    srv_ws_tick(s->ws, 12050);
+    struct srv_blob *blob = deliver(s, 100000, 12100);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 12100);
+    s->wire.is_full = true;
+    srv_ws_tick(s->ws, 27001); /* the ping waits for the picture */
+    srv_ws_write(s->ws, 27001);
+    tick_when_due(s, 32100);
+    assert_true(srv_ws_is_lost(s->ws));
+    srv_blob_unref(&blob);
+}
+
+static void a_close_that_is_not_taken_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.is_full = true;
+    srv_ws_close(s->ws, 1001, "good-bye", 100);
+    srv_ws_write(s->ws, 100);
+    tick_when_due(s, 2100);
+    assert_true(srv_ws_is_lost(s->ws));
+}
+
 /* Memory runs out at each allocation that a message costs, one after the other: the stream goes on,
  * says why not, or is over. */
 static void out_of_memory(void **state) {
@@ -420,6 +506,13 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_close_waits_for_the_picture_before_it, set_up, tear_down),
         cmocka_unit_test_setup_teardown(garbage_meanwhile_does_not_get_into_the_picture, set_up,
                                         tear_down),
+        cmocka_unit_test_setup_teardown(who_is_silent_is_due_twice_and_lost, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(what_is_heard_is_due_at_the_next_tick_and_puts_off_the_ping,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_picture_that_is_not_acknowledged_is_due, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(what_the_socket_does_not_take_is_due, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_close_that_is_not_taken_is_due, set_up, tear_down),
         cmocka_unit_test_setup_teardown(who_takes_half_a_picture_has_stalled, set_up, tear_down),
         cmocka_unit_test(out_of_memory),
     };
