@@ -72,10 +72,25 @@ static const unsigned refused_calls[] = {
     SYS_sched_setscheduler,
     SYS_migrate_pages,
     SYS_move_pages,
+    SYS_ioctl, /* FIOSETOWN and the like send signals; a terminal takes its owner's input */
     SYS_shmget,
+    SYS_shmat,
+    SYS_shmctl,
     SYS_msgget,
+    SYS_msgsnd,
+    SYS_msgrcv,
+    SYS_msgctl,
     SYS_semget,
+    SYS_semop,
+    SYS_semtimedop,
+    SYS_semctl,
     SYS_mq_open,
+    SYS_mq_unlink,
+    SYS_inotify_init1,
+    SYS_inotify_add_watch,
+    SYS_fanotify_init,
+    SYS_fanotify_mark,
+    SYS_kcmp,
     SYS_open_by_handle_at,
     SYS_unlinkat,
     SYS_renameat,
@@ -112,6 +127,7 @@ static const unsigned refused_calls[] = {
     SYS_perf_event_open,
     SYS_reboot,
     SYS_init_module,
+    SYS_finit_module,
     SYS_io_uring_setup,
 #if defined(__x86_64__)
     SYS_fork,
@@ -130,6 +146,7 @@ static const unsigned refused_calls[] = {
     SYS_utime,
     SYS_utimes,
     SYS_futimesat,
+    SYS_inotify_init,
 #endif
 };
 enum { REFUSED = sizeof refused_calls / sizeof refused_calls[0] };
@@ -142,12 +159,13 @@ enum {
     FIRST_NEWER = 451
 }; /* and so are calls that came after these lists (Linux 6.5), and x32's */
 
-/* Judged by one argument: has it any of these bits, or is it this number? */
+/* Judged by one argument: has it any of these bits, or is it this number? A call that is judged is
+ * refused unless one of its rows lets it through. */
 struct judged_call {
     unsigned call, argument;
     unsigned short test; /* BPF_JSET or BPF_JEQ */
     unsigned value;
-    bool refuse_if;
+    bool passes_if;
 };
 enum { WRITES = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC };
 
@@ -155,24 +173,34 @@ enum { WRITES = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC };
 static bool filter_calls(void) {
 #ifdef OWN_ARCH
     const struct judged_call judged[] = {
-        { SYS_openat, 2, BPF_JSET, WRITES, true },
-        { SYS_clone, 0, BPF_JSET, CLONE_THREAD, false },
-        { SYS_tgkill, 0, BPF_JEQ, (unsigned)getpid(), false }, /* abort() */
-        { SYS_prlimit64, 0, BPF_JEQ, 0, false },
+        { SYS_openat, 2, BPF_JSET, WRITES, false },
+        { SYS_clone, 0, BPF_JSET, CLONE_THREAD, true },
+        { SYS_tgkill, 0, BPF_JEQ, (unsigned)getpid(), true }, /* abort() */
+        { SYS_prlimit64, 0, BPF_JEQ, 0, true },
+        { SYS_prctl, 0, BPF_JEQ, PR_SET_PDEATHSIG, false },
+        { SYS_fcntl, 1, BPF_JEQ, F_DUPFD, true }, /* others send signals, lock and lease */
+        { SYS_fcntl, 1, BPF_JEQ, F_DUPFD_CLOEXEC, true },
+        { SYS_fcntl, 1, BPF_JEQ, F_GETFD, true },
+        { SYS_fcntl, 1, BPF_JEQ, F_SETFD, true },
+        { SYS_fcntl, 1, BPF_JEQ, F_GETFL, true },
+        { SYS_fcntl, 1, BPF_JEQ, F_SETFL, true },
 #if defined(__x86_64__)
-        { SYS_open, 1, BPF_JSET, WRITES, true },
+        { SYS_open, 1, BPF_JSET, WRITES, false },
 #endif
     };
     enum { JUDGED = sizeof judged / sizeof judged[0] };
-    struct sock_filter code[2 * REFUSED + 2 * ABSENT + 5 * JUDGED + 8];
+    struct sock_filter code[2 * REFUSED + 2 * ABSENT + 7 * JUDGED + 8];
     unsigned short n = 0;
 #define EMIT(...) code[n++] = (struct sock_filter)__VA_ARGS__
     const struct sock_filter refuse = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
-                             absent = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS);
+                             absent = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+                             pass = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+                             load_call = BPF_STMT(BPF_LD | BPF_W | BPF_ABS,
+                                                  offsetof(struct seccomp_data, nr));
     EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, arch)));
     EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, OWN_ARCH, 1, 0));
     EMIT(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS));
-    EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)));
+    code[n++] = load_call;
     EMIT(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FIRST_NEWER, 0, 1));
     code[n++] = absent;
     for (size_t i = 0; i < REFUSED; i++) {
@@ -188,12 +216,16 @@ static bool filter_calls(void) {
         unsigned place = (unsigned)offsetof(struct seccomp_data, args) + 8 * j->argument;
         EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, j->call, 0, 4));
         EMIT(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, place));
-        EMIT(BPF_JUMP(BPF_JMP | j->test | BPF_K, j->value, j->refuse_if ? 0 : 1,
-                      j->refuse_if ? 1 : 0));
-        code[n++] = refuse;
-        EMIT(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
+        EMIT(BPF_JUMP(BPF_JMP | j->test | BPF_K, j->value, j->passes_if ? 0 : 1,
+                      j->passes_if ? 1 : 0));
+        code[n++] = pass;
+        code[n++] = load_call;
     }
-    EMIT(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
+    for (size_t i = 0; i < JUDGED; i++) {
+        EMIT(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, judged[i].call, 0, 1));
+        code[n++] = refuse;
+    }
+    code[n++] = pass;
 #undef EMIT
     const struct sock_fprog program = { .len = n, .filter = code };
     /* A kernel or container without seccomp still has the limits. */
@@ -204,14 +236,22 @@ static bool filter_calls(void) {
 #endif
 }
 
-/* What a kernel's Landlock can refuse; 0 = it has none, or does not let us. */
-static uint64_t landlock_rights(void) {
+/* struct landlock_ruleset_attr of Linux 6.12. An older kernel takes zeros behind its own. */
+struct ruleset {
+    uint64_t handled_access_fs, handled_access_net, scoped;
+};
+
+/* What a kernel's Landlock can refuse; all 0 = it has none, or does not let us. */
+static struct ruleset landlock_rules(void) {
     long version = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
-    return version < 1    ? 0
-           : version == 1 ? 0x1fff /* all up to LANDLOCK_ACCESS_FS_MAKE_SYM */
-           : version == 2 ? 0x3fff /* LANDLOCK_ACCESS_FS_REFER */
-           : version < 5  ? 0x7fff /* LANDLOCK_ACCESS_FS_TRUNCATE */
-                          : 0xffff; /* LANDLOCK_ACCESS_FS_IOCTL_DEV */
+    return (struct ruleset){
+        .handled_access_fs = version < 1    ? 0
+                             : version == 1 ? 0x1fff /* all up to LANDLOCK_ACCESS_FS_MAKE_SYM */
+                             : version == 2 ? 0x3fff /* LANDLOCK_ACCESS_FS_REFER */
+                             : version < 5  ? 0x7fff /* LANDLOCK_ACCESS_FS_TRUNCATE */
+                                            : 0xffff, /* LANDLOCK_ACCESS_FS_IOCTL_DEV */
+        .scoped = version < 6 ? 0 : 3,               /* abstract sockets and signals of others */
+    };
 }
 
 static bool let_read(int rules, const char *path) {
@@ -230,10 +270,10 @@ static bool let_read(int rules, const char *path) {
 }
 
 static bool confine_reading(const char *const *readable) {
-    const uint64_t rights = landlock_rights(); /* all there is of a struct landlock_ruleset_attr */
-    if (rights == 0)
+    const struct ruleset wanted = landlock_rules();
+    if (wanted.handled_access_fs == 0)
         return true;
-    int rules = (int)syscall(SYS_landlock_create_ruleset, &rights, sizeof rights, 0);
+    int rules = (int)syscall(SYS_landlock_create_ruleset, &wanted, sizeof wanted, 0);
     bool ok = rules >= 0 && let_read(rules, readable[0]);
     for (size_t i = 1; ok && readable[i]; i++)
         let_read(rules, readable[i]); /* which may not be there */
@@ -275,7 +315,7 @@ bool import_limits_complete(void) {
 }
 
 bool import_limits_confine_reading(void) {
-    return !SANITIZED && landlock_rights() != 0;
+    return !SANITIZED && landlock_rules().handled_access_fs != 0;
 }
 
 bool import_limits_for_samples(uint64_t bytes, const char *shown, struct sp_error *err) {

@@ -7,15 +7,23 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/filter.h>
+#include <linux/landlock.h>
 #include <linux/openat2.h>
+#include <linux/seccomp.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/inotify.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/msg.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/sem.h>
+#include <sys/shm.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -67,6 +75,74 @@ static int no_signals_to_others(void) {
            !refused(syscall(SYS_rt_sigqueueinfo, getppid(), SIGTERM, &info)) ||
            !refused(syscall(SYS_pidfd_open, getppid(), 0)) ||
            syscall(SYS_tgkill, getpid(), gettid(), 0) != 0;
+}
+
+/* What a descriptor becomes ready for is a signal, too, to whom the descriptor is given. */
+static int no_signals_of_descriptors(void) {
+    enum { FD = 3 }; /* as the hand-over's socket */
+    int parent = getppid(), on = 1, pair[2];
+    struct f_owner_ex owner = { .type = F_OWNER_PID, .pid = parent };
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET, 0, pair) != 0 || dup2(pair[0], FD) != FD)
+        return 2;
+    set_or_exit(10);
+    return !refused(fcntl(FD, F_SETOWN, parent)) || !refused(fcntl(FD, F_SETOWN_EX, &owner)) ||
+           !refused(fcntl(FD, F_SETSIG, SIGKILL)) || !refused(fcntl(FD, F_SETLEASE, F_RDLCK)) ||
+           !refused(fcntl(FD, F_NOTIFY, DN_ACCESS)) || !refused(ioctl(FD, FIOSETOWN, &parent)) ||
+           !refused(ioctl(FD, SIOCSPGRP, &parent)) || !refused(ioctl(FD, FIOASYNC, &on)) ||
+           fcntl(FD, F_SETFL, fcntl(FD, F_GETFL) | O_NONBLOCK) != 0 ||
+           fcntl(FD, F_SETFD, fcntl(FD, F_GETFD) | FD_CLOEXEC) != 0 ||
+           fcntl(FD, F_DUPFD_CLOEXEC, 10) < 0;
+}
+
+/* As in a container whose filter lets nobody have one. */
+static bool refuse_filters(void) {
+    struct sock_filter code[] = {
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_prctl, 0, 3),
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, args)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, PR_SET_SECCOMP, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EINVAL),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+    };
+    struct sock_fprog program = { .len = sizeof code / sizeof *code, .filter = code };
+    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+           prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+}
+
+/* Landlock alone (Linux 6.12) keeps signals within the process. */
+static int no_signals_without_the_filter(void) {
+    enum { WITH_SCOPES = 6 };
+    long version = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
+    if (!refuse_filters())
+        return 2;
+    set_or_exit(10);
+    int sent = kill(getppid(), 0);
+    bool is_refused = refused(sent);
+    return version >= WITH_SCOPES ? !is_refused || kill(getpid(), 0) != 0 : sent != 0;
+}
+
+static int it_ends_with_its_parent(void) {
+    int number = 0;
+    set_or_exit(10);
+    return !refused(prctl(PR_SET_PDEATHSIG, 0)) || prctl(PR_GET_PDEATHSIG, &number) != 0 ||
+           number != SIGKILL;
+}
+
+/* System V's and POSIX's, which are everybody's of that user. (No id is -1: that would be EINVAL.)
+ */
+static int no_messages_nor_memory_of_others(void) {
+    struct sembuf step = { 0 };
+    struct msgbuf message = { .mtype = 1 };
+    set_or_exit(10);
+    return !refused(shmget(IPC_PRIVATE, 1, 0600 | IPC_CREAT)) ||
+           !refused(shmctl(-1, IPC_RMID, NULL)) || !refused((long)shmat(-1, NULL, 0)) ||
+           !refused(semget(IPC_PRIVATE, 1, 0600 | IPC_CREAT)) ||
+           !refused(semctl(-1, 0, IPC_RMID)) || !refused(semop(-1, &step, 1)) ||
+           !refused(syscall(SYS_semop, -1, &step, 1)) ||
+           !refused(msgget(IPC_PRIVATE, 0600 | IPC_CREAT)) ||
+           !refused(msgctl(-1, IPC_RMID, NULL)) || !refused(msgsnd(-1, &message, 1, 0)) ||
+           !refused(msgrcv(-1, &message, 1, 0, 0)) ||
+           !refused(syscall(SYS_mq_unlink, "nobody's")) || !refused(inotify_init1(0));
 }
 
 static int no_other_processes(void) {
@@ -188,6 +264,10 @@ static void what_is_limited_fails(void **state) {
         { "programs", no_other_programs },
         { "sockets", no_sockets },
         { "signals", no_signals_to_others },
+        { "signals of descriptors", no_signals_of_descriptors },
+        { "signals without the filter", no_signals_without_the_filter },
+        { "parent", it_ends_with_its_parent },
+        { "IPC", no_messages_nor_memory_of_others },
         { "processes", no_other_processes },
         { "threads", threads_of_its_own },
         { "reading", no_other_files_read },
