@@ -133,9 +133,21 @@ static int should_stop(void *user, curl_off_t all, curl_off_t now, curl_off_t up
     return http->stop(http->user);
 }
 
+struct receiving {
+    CURL *curl;
+    struct http_response *response;
+    bool (*add)(void *user, const void *bytes, size_t size); /* NULL = into the response */
+    void *user;
+};
+
 static size_t receive_body(char *bytes, size_t one, size_t size, void *user) {
-    struct http_response *response = user;
+    const struct receiving *receiving = user;
+    struct http_response *response = receiving->response;
+    long status = 0;
     (void)one;
+    curl_easy_getinfo(receiving->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (receiving->add && status < 400)
+        return receiving->add(receiving->user, bytes, size) ? size : 0;
     if (size > response_max - response->size)
         return 0;
     if (response->capacity - response->size <= size) {
@@ -214,8 +226,9 @@ static bool refuse_status(const struct http_response *response, const char *meth
     return false;
 }
 
-bool http_request(struct http *http, const char *method, const char *path, const char *accept,
-                  const char *body, struct http_response *response, struct sp_error *err) {
+static bool perform(struct http *http, const char *method, const char *path, const char *accept,
+                    const char *body, struct receiving *receiving, struct sp_error *err) {
+    struct http_response *response = receiving->response;
     *response = (struct http_response){ 0 };
     size_t room = strlen(http->base) + strlen(path) + 16;
     char *url = malloc(room);
@@ -243,7 +256,8 @@ bool http_request(struct http *http, const char *method, const char *path, const
     }
     curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, why);
     curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, receive_body);
-    curl_easy_setopt(curl, CURLOPT_WRITEDATA, response);
+    receiving->curl = curl;
+    curl_easy_setopt(curl, CURLOPT_WRITEDATA, receiving);
     curl_easy_setopt(curl, CURLOPT_HEADERFUNCTION, receive_header);
     curl_easy_setopt(curl, CURLOPT_HEADERDATA, response);
     if (http->is_loopback)
@@ -263,6 +277,19 @@ bool http_request(struct http *http, const char *method, const char *path, const
     if (code != CURLE_OK)
         return sp_fail(err, SP_ERR_IO, http->base, "%s", why[0] ? why : curl_easy_strerror(code));
     return response->status < 400 || refuse_status(response, method, path, err);
+}
+
+bool http_request(struct http *http, const char *method, const char *path, const char *accept,
+                  const char *body, struct http_response *response, struct sp_error *err) {
+    struct receiving receiving = { .response = response };
+    return perform(http, method, path, accept, body, &receiving, err);
+}
+
+bool http_fetch(struct http *http, const char *path, const char *accept,
+                bool (*add)(void *user, const void *bytes, size_t size), void *user,
+                struct http_response *response, struct sp_error *err) {
+    struct receiving receiving = { .response = response, .add = add, .user = user };
+    return perform(http, "GET", path, accept, NULL, &receiving, err);
 }
 
 void http_response_finish(struct http_response *response) {

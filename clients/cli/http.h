@@ -42,6 +42,12 @@ bool http_request(struct http *http, const char *method, const char *path, const
                   const char *body, struct http_response *response, struct sp_error *err);
 void http_response_finish(struct http_response *response);
 
+/* The same, a GET whose bytes, if its status is below 400, go to add() as they come, and not into
+ * the response. When add() returns false the request ends, with an error. */
+bool http_fetch(struct http *http, const char *path, const char *accept,
+                bool (*add)(void *user, const void *bytes, size_t size), void *user,
+                struct http_response *response, struct sp_error *err);
+
 /* The same for an answer in JSON; NULL with *err set. */
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,
                       struct sp_error *err);

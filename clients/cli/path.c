@@ -2,13 +2,11 @@
  *
  * Camera paths: sends one, waits while the daemon draws it, and fetches what it made.
  */
-#include <errno.h>
 #include <inttypes.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -29,6 +27,7 @@ struct fetching {
     bool is_movie, is_done;
     bool has_said;    /* that something is tried again */
     bool is_gone;     /* the daemon has no such path any more */
+    bool has_folder;  /* that of the frames was made by this command */
     sigset_t signals; /* that end this program; blocked while the daemon is asked */
 };
 
@@ -80,9 +79,39 @@ static double now_s(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
+/* What a path made, on its way into a file. */
+struct download {
+    struct fetching *f;
+    const char *file;
+    struct output output; /* open from its first bytes on */
+    struct sp_error err;  /* SP_OK, or why the file cannot be written */
+};
+
+/* Frames need a folder. */
+static bool begin_file(struct download *d) {
+    struct fetching *f = d->f;
+    bool is_new = false;
+    if (!f->is_movie && !output_make_folder(f->options->out, &is_new, &d->err))
+        return false;
+    f->has_folder = f->has_folder || is_new;
+    return output_open(&d->output, d->file, &d->err);
+}
+
+static bool add_to_file(void *user, const void *bytes, size_t size) {
+    struct download *d = user;
+    return (d->output.path || begin_file(d)) && output_add(&d->output, bytes, size, &d->err);
+}
+
+/* Can what failed be asked for anew? */
+static bool may_try_again(struct download *into, const struct http_response *response,
+                          const struct sp_error *err) {
+    return passes(response, err) &&
+           (!into || (into->err.code == SP_OK && output_restart(&into->output)));
+}
+
 /* A request about the path; what passes is tried again, for --timeout, with growing pauses. The
- * caller finishes the response. */
-static bool ask(struct fetching *f, const char *method, const char *what,
+ * answer's bytes go `into` a file, if that is not NULL. The caller finishes the response. */
+static bool ask(struct fetching *f, const char *method, const char *what, struct download *into,
                 struct http_response *response, struct sp_error *err) {
     const double give_up_s = now_s() + f->options->timeout_s;
     char *path = NULL;
@@ -90,8 +119,9 @@ static bool ask(struct fetching *f, const char *method, const char *what,
         return sp_fail(err, SP_ERR_MEMORY, f->id, "out of memory");
     bool ok;
     for (long pause_ms = POLL_MS;; pause_ms *= 2) {
-        ok = http_request(f->http, method, path, "*/*", NULL, response, err);
-        if (ok || !passes(response, err) || now_s() >= give_up_s)
+        ok = into ? http_fetch(f->http, path, "*/*", add_to_file, into, response, err)
+                  : http_request(f->http, method, path, "*/*", NULL, response, err);
+        if (ok || !may_try_again(into, response, err) || now_s() >= give_up_s)
             break;
         http_response_finish(response);
         if (!f->has_said)
@@ -111,8 +141,12 @@ static bool ask(struct fetching *f, const char *method, const char *what,
 /* GET of what a path made, into a file. */
 static bool fetch(struct fetching *f, const char *what, const char *file, struct sp_error *err) {
     struct http_response response = { 0 };
-    bool ok = ask(f, "GET", what, &response, err) &&
-              output_write(file, response.body ? response.body : "", response.size, err);
+    struct download d = { .f = f, .file = file, .err.code = SP_OK };
+    bool ok = ask(f, "GET", what, &d, &response, err);
+    ok = ok && (d.output.path || begin_file(&d)) && output_close(&d.output, &d.err);
+    if (d.err.code != SP_OK)
+        *err = d.err;
+    output_drop(&d.output);
     http_response_finish(&response);
     return ok;
 }
@@ -138,7 +172,7 @@ static bool fetch_frames(struct fetching *f, struct sp_error *err) {
 static proto_json *read_state(struct fetching *f, struct sp_error *err) {
     struct http_response response = { 0 };
     proto_json *state = NULL;
-    if (ask(f, "GET", "", &response, err))
+    if (ask(f, "GET", "", NULL, &response, err))
         state = proto_json_parse(response.body ? response.body : "", response.size, err);
     http_response_finish(&response);
     snprintf(f->format, sizeof f->format, "%s", text_of(state, "format"));
@@ -164,17 +198,6 @@ static bool follow(struct fetching *f, struct sp_error *err) {
             return false;
     }
     return f->is_done && (!f->is_movie || fetch(f, "/movie", f->options->out, err));
-}
-
-/* Frames need a folder. */
-static bool prepare_out(const struct fetching *f, struct sp_error *err) {
-    const char *out = f->options->out;
-    struct stat there;
-    if (!out || f->is_movie || mkdir(out, 0777) == 0)
-        return true;
-    int why = errno;
-    return (why == EEXIST && stat(out, &there) == 0 && S_ISDIR(there.st_mode)) ||
-           sp_fail(err, SP_ERR_IO, out, "cannot make this folder: %s", strerror(why));
 }
 
 /* The document of the command line as text; NULL with *err set. */
@@ -206,7 +229,8 @@ static bool set_id(struct fetching *f, const char *id, struct sp_error *err) {
 /* A new path, of the file on the command line. */
 static bool create(struct fetching *f, struct sp_error *err) {
     char *body = read_path(f->options, &f->is_movie, err);
-    bool ok = body && (f->http = connect_to_daemon(f->options, err)) && prepare_out(f, err);
+    bool ok = body && (f->http = connect_to_daemon(f->options, err)) &&
+              output_check(f->options->out, !f->is_movie, err);
     proto_json *state = ok ? http_json(f->http, "POST", "/paths", body, err) : NULL;
     ok = state && set_id(f, text_of(state, "id"), err);
     proto_json_free(&state);
@@ -222,7 +246,7 @@ static bool find(struct fetching *f, struct sp_error *err) {
     proto_json *state = http_json(f->http, "GET", f->path, NULL, err);
     f->is_gone = !state; /* or not to be asked for */
     f->is_movie = strcmp(text_of(state, "format"), "webm") == 0;
-    bool ok = state && prepare_out(f, err);
+    bool ok = state && (!f->options->out || output_check(f->options->out, !f->is_movie, err));
     if (ok && !f->options->out)
         ok = print_json(state, err);
     proto_json_free(&state);
@@ -233,7 +257,7 @@ static bool find(struct fetching *f, struct sp_error *err) {
 static void let_go(struct fetching *f) {
     struct http_response response = { 0 };
     struct sp_error err;
-    if (!ask(f, "DELETE", "", &response, &err) && !f->is_gone)
+    if (!ask(f, "DELETE", "", NULL, &response, &err) && !f->is_gone)
         fprintf(stderr, "splatctl: %s: all is fetched, but it cannot be removed: %s\n", f->id,
                 err.text);
     http_response_finish(&response);
@@ -285,6 +309,8 @@ static int draw_path(const struct options *options, struct sp_error *err) {
             let_go(&f);
         else
             say_how_to_go_on(&f);
+        if (!ok && f.has_folder)
+            rmdir(options->out);                    /* if there is nothing in it */
         sigprocmask(SIG_UNBLOCK, &f.signals, NULL); /* may end here */
         ok = ok && (!options->json || report(&f, err));
     }

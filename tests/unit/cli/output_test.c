@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A file that splatctl writes is on the disk before it has its name.
+ * A file that splatctl writes is on the disk before it has its name, and then the name is; nothing
+ * of it is left when it is given up.
  */
 #include <errno.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -49,6 +51,7 @@ static void a_name_stands_for_what_is_on_the_disk(void **state) {
     (void)state;
     char folder[] = "/tmp/splatctl-output-XXXXXX", path[64];
     struct sp_error err;
+    struct stat there;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/out", folder);
     disk.fails = true;
@@ -57,14 +60,69 @@ static void a_name_stands_for_what_is_on_the_disk(void **state) {
     assert_int_equal(rmdir(folder), 0); /* nothing is left */
     assert_int_equal(mkdir(folder, 0700), 0);
     disk.fails = false;
+    assert_int_equal(stat(folder, &there), 0);
     assert_true(output_write(path, "bytes", 5, &err));
+    assert_int_equal(disk.synced, there.st_ino);
     assert_true(output_write(path, "other", 5, &err));
     assert_int_equal(disk.renames, 2);
+    assert_int_equal(unlink(path), 0);
+    bool is_new;
+    snprintf(path, sizeof path, "%s/new", folder);
+    disk.synced = 0;
+    assert_true(output_make_folder(path, &is_new, &err) && is_new);
+    assert_int_equal(disk.synced, there.st_ino);
+    assert_true(output_make_folder(path, &is_new, &err) && !is_new);
+    assert_int_equal(rmdir(path), 0);
+    assert_int_equal(rmdir(folder), 0);
+}
+
+static volatile sig_atomic_t signals;
+
+static void on_signal(int number) {
+    signals += number == SIGINT;
+}
+
+static void pieces_are_one_file_or_none_whoever_interrupts(void **state) {
+    (void)state;
+    char folder[] = "/tmp/splatctl-output-XXXXXX", path[64], text[8] = "";
+    struct output output;
+    struct sp_error err;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/out", folder);
+    signal(SIGINT, on_signal);
+    for (int is_given_up = 1; is_given_up >= 0; is_given_up--) {
+        signals = 0;
+        assert_true(output_open(&output, path, &err));
+        assert_true(output_add(&output, "taken back", 10, &err));
+        raise(SIGINT);
+        assert_true(output_restart(&output));
+        assert_true(output_add(&output, "by", 2, &err) && output_add(&output, "tes", 3, &err));
+        assert_int_equal(access(path, F_OK), -1);
+        assert_int_equal(signals, 0);
+        if (is_given_up) {
+            output_drop(&output);
+            assert_int_equal(rmdir(folder), 0);
+            assert_int_equal(mkdir(folder, 0700), 0);
+        } else {
+            assert_true(output_close(&output, &err));
+        }
+        assert_int_equal(signals, 1);
+        assert_null(output.path);
+        output_drop(&output); /* nothing */
+    }
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    assert_non_null(fgets(text, sizeof text, file));
+    fclose(file);
+    assert_string_equal(text, "bytes");
     assert_int_equal(unlink(path), 0);
     assert_int_equal(rmdir(folder), 0);
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(a_name_stands_for_what_is_on_the_disk) };
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_name_stands_for_what_is_on_the_disk),
+        cmocka_unit_test(pieces_are_one_file_or_none_whoever_interrupts),
+    };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

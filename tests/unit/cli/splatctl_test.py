@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import unittest
 import zlib
 
@@ -167,7 +168,8 @@ class Local(unittest.TestCase):
 
 
 class Daemon(http.server.BaseHTTPRequestHandler):
-    """Answers as a daemon does; `answers` maps (method, path) to a list of answers, the last of which stays."""
+    """Answers as a daemon does; `answers` maps (method, path) to a list of answers, the last of which stays. Content that
+    is a list is sent piece by piece; what can be called among them is called then."""
     answers, seen, change = {}, [], threading.Condition()
 
     def do_any(self):
@@ -184,11 +186,16 @@ class Daemon(http.server.BaseHTTPRequestHandler):
             return  # the connection ends without an answer
         self.send_response(status)
         self.send_header('Content-Type', kind)
-        self.send_header('Content-Length', str(len(content) + headers.get('cut', 0)))
+        pieces = content if isinstance(content, list) else [content]
+        self.send_header('Content-Length', str(sum(len(p) for p in pieces if not callable(p)) + headers.get('cut', 0)))
         for name, value in ((n, v) for n, v in headers.items() if n != 'cut'):
             self.send_header(name, value)
         self.end_headers()
-        self.wfile.write(content)
+        for piece in pieces:
+            if callable(piece):
+                piece()
+            else:
+                self.wfile.write(piece)
 
     do_GET = do_POST = do_DELETE = do_any
 
@@ -447,6 +454,63 @@ class Remote(unittest.TestCase):
         self.assertIn(b'"splatctl path --id p1 --delete"', process.stderr.read())
         process.stderr.close()
         self.assertEqual((self.deleted(), self.frames()), ([], ['000000.png']))
+
+    def movie(self, *answers):
+        self.paths()
+        Daemon.answers['GET', '/api/v1/paths/p1'] = [answer(200, {**path('done', 3, 3), 'format': 'webm'})]
+        Daemon.answers['GET', '/api/v1/paths/p1/movie'] = [(200, 'video/webm', *a) for a in answers]
+        self.out = os.path.join(self.folder.name, 'movie.webm')
+
+    def until_it_lies_there(self):
+        """Until there are bytes in a file of the folder, which has not its name yet."""
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            names = os.listdir(self.folder.name)
+            if any(os.path.getsize(os.path.join(self.folder.name, name)) for name in names):
+                self.assertNotIn('movie.webm', names)
+                self.there.set()
+                return
+
+    def test_path_movie_goes_to_the_disk_as_it_comes(self):
+        self.there = threading.Event()
+        self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS, self.until_it_lies_there, PIXELS], {}))
+        result = self.run_at('path', '-', '--out', self.out, stdin=b'{"format": "webm"}')
+        self.assertEqual(result.returncode, 0, result)
+        self.assertTrue(self.there.is_set())
+        self.assertEqual(os.listdir(self.folder.name), ['movie.webm'])
+        with open(self.out, 'rb') as f:
+            self.assertEqual(f.read(), PIXELS * 2)
+        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
+
+    def test_path_movie_interrupted(self):
+        self.there, gone = threading.Event(), threading.Event()
+        self.movie(([PIXELS, self.until_it_lies_there, lambda: gone.wait(60)], {'cut': 9}))
+        process = subprocess.Popen([SPLATCTL, '--url', self.url, 'path', '-', '--out', self.out], stdin=subprocess.PIPE,
+                                   stderr=subprocess.PIPE)
+        process.stdin.write(b'{"format": "webm"}')
+        process.stdin.close()
+        self.assertTrue(self.there.wait(60))
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(60), -signal.SIGINT)
+        gone.set()
+        self.assertIn(b'"splatctl path --id p1 --delete"', process.stderr.read())
+        process.stderr.close()
+        self.assertEqual((self.deleted(), os.listdir(self.folder.name)), ([], []))
+
+    def test_path_movie_to_a_pipe_is_not_told_twice(self):
+        self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS], {}))
+        result = self.run_at('path', '-', '--out', '-', stdin=b'{"format": "webm"}')
+        self.assertEqual((result.returncode, result.stdout, self.deleted()), (1, PIXELS[:70000], []))
+
+    def test_path_that_is_refused_leaves_no_folder(self):
+        self.paths()
+        Daemon.answers['POST', '/api/v1/paths'] = [problem(422, 'too many', '/frames')]
+        self.assertEqual(self.run_at('path', '-', '--out', self.out, stdin=b'{}').returncode, 1)
+        for before in ([], [(200, 'image/png', PIXELS, {'cut': 9})]):
+            self.paths(('running', 1))
+            Daemon.answers['GET', '/api/v1/paths/p1/frames/0'] = before + [problem(401, 'who?')]
+            self.stays(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'who?')
+        self.assertEqual(os.listdir(self.folder.name), [])
 
     def test_path_by_id(self):
         self.paths(('running', 1))
