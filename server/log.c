@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "clock.h"
 
@@ -102,8 +103,9 @@ unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log
     return (unsigned)size;
 }
 
-static void write_line(const struct srv_log *log, enum sp_log_level level,
-                       const struct sp_log_field *fields, const char *line) {
+/* lines: for how many it counts if it is lost. */
+static void put_line(struct srv_log *log, enum sp_log_level level,
+                     const struct sp_log_field *fields, const char *line, unsigned lines) {
     char out[SRV_LOG_LINE], seconds[24], stamp[48];
     struct timespec now;
     struct tm utc;
@@ -111,8 +113,25 @@ static void write_line(const struct srv_log *log, enum sp_log_level level,
     gmtime_r(&now.tv_sec, &utc);
     strftime(seconds, sizeof seconds, "%Y-%m-%dT%H:%M:%S", &utc);
     snprintf(stamp, sizeof stamp, "%s.%03ldZ", seconds, now.tv_nsec / 1000000);
-    /* One call, one line: lines of several threads do not mix. */
-    fwrite(out, 1, srv_log_line(log->format, stamp, level, fields, line, out), stderr);
+    srv_log_ring_put(&log->ring, out, srv_log_line(log->format, stamp, level, fields, line, out),
+                     lines);
+}
+
+static const struct sp_log_field none = { NULL, NULL };
+
+static void tell_lost(struct srv_log *log) {
+    char line[128];
+    unsigned lost = srv_log_ring_take_lost(&log->ring);
+    if (lost == 0)
+        return;
+    snprintf(line, sizeof line, "%u lines were lost: who reads the log stood still", lost);
+    put_line(log, SP_LOG_WARN, &none, line, lost);
+}
+
+static void write_line(struct srv_log *log, enum sp_log_level level,
+                       const struct sp_log_field *fields, const char *line) {
+    tell_lost(log);
+    put_line(log, level, fields, line, 1);
 }
 
 static void sink(void *user, enum sp_log_level level, const char *kind,
@@ -136,13 +155,23 @@ void srv_log_tick(struct srv_log *log, double now_ms) {
     while ((kind = srv_log_bound_next(&log->bound, now_ms, &left_out))) {
         char line[1024];
         snprintf(line, sizeof line, "%u lines like this were left out: %.900s", left_out, kind);
-        write_line(log, SP_LOG_WARN, &(struct sp_log_field){ NULL, NULL }, line);
+        write_line(log, SP_LOG_WARN, &none, line);
     }
+    tell_lost(log);
 }
 
-void srv_log_init(struct srv_log *log, enum sp_log_level level, enum srv_log_format format) {
-    memset(log, 0, sizeof *log);
+bool srv_log_start(struct srv_log *log, enum sp_log_level level, enum srv_log_format format,
+                   struct sp_error *err) {
     log->format = format;
+    log->capture = false;
+    log->refusal_count = 0;
     srv_log_bound_init(&log->bound);
+    if (!srv_log_ring_start(&log->ring, STDERR_FILENO, err))
+        return false;
     sp_log_init(sink, log, level);
+    return true;
+}
+
+void srv_log_end(struct srv_log *log) {
+    srv_log_ring_end(&log->ring, SRV_LOG_END_MS);
 }

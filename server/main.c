@@ -95,11 +95,14 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     sigset_t signals;
     char text[256];
     srv_log_level_from(config->log_level, &level);
-    srv_log_init(&log, level, srv_log_format_from(config->log_format));
     block_signals(&signals);
-    struct srv_daemon *daemon = srv_daemon_start(config, &log, &err);
-    if (!daemon)
+    if (!srv_log_start(&log, level, srv_log_format_from(config->log_format), &err))
         return complain(&err);
+    struct srv_daemon *daemon = srv_daemon_start(config, &log, &err);
+    if (!daemon) {
+        srv_log_end(&log);
+        return complain(&err);
+    }
     srv_daemon_url(daemon, text, sizeof text);
     printf("splatd: listening on %s\n", text);
     fflush(stdout);
@@ -113,6 +116,7 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     srv_daemon_stop(&daemon);
     srv_log_tick(&log, INFINITY);
     sp_log(SP_LOG_INFO, "stopped");
+    srv_log_end(&log);
     return EXIT_OK;
 }
 

@@ -245,11 +245,7 @@ void srv_http_close(struct srv_http *http) {
 }
 
 void srv_http_drain(struct srv_http *http, double limit_ms) {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    long long ns = until.tv_nsec + (long long)(limit_ms * 1e6);
-    until.tv_sec += ns / 1000000000;
-    until.tv_nsec = ns % 1000000000;
+    struct timespec until = srv_clock_at(srv_clock_ms() + limit_ms);
     pthread_mutex_lock(&http->mutex);
     while (http->active > 0)
         if (pthread_cond_timedwait(&http->idle, &http->mutex, &until) == ETIMEDOUT)

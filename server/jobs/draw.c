@@ -484,8 +484,7 @@ static void wait(struct srv_jobs *jobs) {
         pthread_cond_wait(&jobs->wake, &jobs->mutex);
         return;
     }
-    struct timespec until = { .tv_sec = (time_t)(until_ms / 1e3) };
-    until.tv_nsec = (long)((until_ms - (double)until.tv_sec * 1e3) * 1e6);
+    struct timespec until = srv_clock_at(until_ms);
     pthread_cond_timedwait(&jobs->wake, &jobs->mutex, &until);
 }
 

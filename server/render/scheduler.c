@@ -99,11 +99,7 @@ struct srv_turn srv_lane_look(struct srv_scheduler *s, enum srv_lane_name name) 
 
 void srv_lane_wait(struct srv_scheduler *s, struct srv_lane *lane, uint64_t generation,
                    double wait_ms) {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    long long ns = until.tv_nsec + (long long)(wait_ms * 1e6) + 1;
-    until.tv_sec += ns / 1000000000;
-    until.tv_nsec = ns % 1000000000;
+    struct timespec until = srv_clock_at(srv_clock_ms() + wait_ms + 1e-6);
     pthread_mutex_lock(&s->mutex);
     while (lane->generation == generation && !s->stop)
         if (pthread_cond_timedwait(&lane->wake, &s->mutex, &until) == ETIMEDOUT)

@@ -136,8 +136,7 @@ static void answer(struct waiter *waiters, bool durable) {
 
 /* With the mutex held. */
 static void wait_until(struct srv_store *store, double until_ms) {
-    struct timespec until = { .tv_sec = (time_t)(until_ms / 1000) };
-    until.tv_nsec = (long)((until_ms - (double)until.tv_sec * 1000) * 1e6);
+    struct timespec until = srv_clock_at(until_ms);
     pthread_cond_timedwait(&store->wake, &store->mutex, &until);
 }
 

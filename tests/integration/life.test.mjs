@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Starting, limits, failing renders, and stopping.
 import assert from 'node:assert/strict';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
+import { closeSync, constants, mkdtempSync, openSync, rmSync, writeFileSync, writeSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -228,3 +229,21 @@ test('the first picture of a built-in volume', async () => {
   assert.equal(await daemon.stop(), 0);
 });
 
+
+test('a log that nobody reads stops neither requests nor the end', async () => {
+  const fifo = path.join(folder, 'log');
+  execFileSync('mkfifo', [fifo]);
+  const filler = openSync(fifo, constants.O_RDWR | constants.O_NONBLOCK);
+  try {
+    assert.throws(() => { for (;;) writeSync(filler, Buffer.alloc(4096)); }, { code: 'EAGAIN' });
+    const prefix = ['sh', '-c', `exec "$0" "$@" 2>'${fifo}'`];
+    const daemon = await Daemon.start(['--volume', 'demo:engine?size=8', '--log-level', 'debug'], { prefix });
+    await daemon.loaded('engine');
+    assert.equal((await daemon.post('/api/v1/sessions', {})).status, 201);
+    assert.equal((await daemon.fetch('/healthz')).status, 200);
+    daemon.kill('SIGTERM');
+    assert.equal(await within(daemon.ended, 'the end'), 0);
+  } finally {
+    closeSync(filler);
+  }
+});

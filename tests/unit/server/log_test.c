@@ -2,6 +2,7 @@
  *
  * Lines as they are written, and how many: by a clock that is played.
  */
+#include <fcntl.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -96,44 +97,120 @@ static void more_kinds_than_there_are_share_one_bound(void **state) {
     assert_int_equal(written, SRV_LOG_KINDS - 1 + SRV_LOG_AT_ONCE);
 }
 
-/* All lines on standard error until now, which are then gone. */
-static unsigned lines_written(FILE *file, char *last, size_t size) {
-    char line[SRV_LOG_LINE];
-    unsigned count = 0;
-    fflush(stderr);
-    rewind(file);
-    for (; fgets(line, sizeof line, file); count++)
-        snprintf(last, size, "%s", line);
-    assert_int_equal(ftruncate(fileno(file), 0), 0);
-    rewind(file);
-    return count;
-}
-
 static void the_log_leaves_out_and_says_so(void **state) {
     (void)state;
     static struct srv_log log;
-    char last[SRV_LOG_LINE] = "";
+    char line[SRV_LOG_LINE];
+    unsigned peers = 0, told = 0, frames = 0;
     FILE *file = tmpfile();
     int old = dup(2);
     assert_true(file && old >= 0 && dup2(fileno(file), 2) == 2);
-    srv_log_init(&log, SP_LOG_DEBUG, SRV_LOG_TEXT);
+    assert_true(srv_log_start(&log, SP_LOG_DEBUG, SRV_LOG_TEXT, NULL));
     for (int i = 0; i < SRV_LOG_AT_ONCE + 7; i++)
         sp_log(SP_LOG_WARN, "peer %d", i);
-    unsigned bounded = lines_written(file, last, sizeof last);
     srv_log_tick(&log, INFINITY);
-    unsigned told = lines_written(file, last, sizeof last);
     for (int i = 0; i < 2 * SRV_LOG_AT_ONCE; i++)
         sp_log(SP_LOG_DEBUG, "frame %d", i);
-    char debug[SRV_LOG_LINE];
-    unsigned all = lines_written(file, debug, sizeof debug);
+    srv_log_end(&log);
     sp_log_init(NULL, NULL, SP_LOG_INFO);
     dup2(old, 2);
     close(old);
+    for (rewind(file); fgets(line, sizeof line, file);) {
+        peers += strstr(line, " warn peer ") != NULL;
+        told += strstr(line, " warn 7 lines like this were left out: peer %d\n") != NULL;
+        frames += strstr(line, " debug frame ") != NULL;
+    }
     fclose(file);
-    assert_int_equal(bounded, SRV_LOG_AT_ONCE);
+    assert_int_equal(peers, SRV_LOG_AT_ONCE);
     assert_int_equal(told, 1);
-    assert_non_null(strstr(last, " warn 7 lines like this were left out: peer %d\n"));
-    assert_int_equal(all, 2 * SRV_LOG_AT_ONCE);
+    assert_int_equal(frames, 2 * SRV_LOG_AT_ONCE);
+}
+
+/* A pipe that takes no byte more: its reader stands still. */
+static void open_full_pipe(int pipes[2]) {
+    static const char page[4096];
+    assert_int_equal(pipe(pipes), 0);
+    assert_int_equal(fcntl(pipes[1], F_SETFL, O_NONBLOCK), 0);
+    while (write(pipes[1], page, sizeof page) > 0)
+        ;
+    assert_int_equal(fcntl(pipes[1], F_SETFL, 0), 0);
+}
+
+static void drain_page(int fd) {
+    char page[4096];
+    for (size_t got = 0; got < sizeof page;) {
+        ssize_t count = read(fd, page + got, sizeof page - got);
+        assert_true(count > 0);
+        got += (size_t)count;
+    }
+}
+
+/* Nobody who logs waits for it: this test would not end. Lines come in order, and where some are
+ * missing stands how many. */
+static void a_reader_that_stands_still_stops_nobody(void **state) {
+    (void)state;
+    enum { LINES = 1000 };
+    static struct srv_log log;
+    char line[SRV_LOG_LINE];
+    int pipes[2], old = dup(2), capacity;
+    open_full_pipe(pipes);
+    capacity = fcntl(pipes[1], F_GETPIPE_SZ);
+    assert_true(old >= 0 && dup2(pipes[1], 2) == 2);
+    close(pipes[1]);
+    assert_true(srv_log_start(&log, SP_LOG_DEBUG, SRV_LOG_TEXT, NULL));
+    for (int i = 0; i < LINES; i++)
+        sp_log(SP_LOG_DEBUG, "line %05d %500d", i, 0);
+    sp_log(SP_LOG_DEBUG, "short"); /* fits, but what is missing is told first */
+    /* The reader goes on; what was lost is told as soon as there is room. */
+    for (int i = 0; i < capacity / 4096; i++)
+        drain_page(pipes[0]);
+    FILE *file = fdopen(pipes[0], "r");
+    int next = 0, lost = 0, told = 0, number;
+    while (file && told == 0 && fgets(line, sizeof line, file)) {
+        const char *text = strchr(line, ' ') + 1;
+        srv_log_tick(&log, 0);
+        if (sscanf(text, "debug line %d", &number) == 1)
+            assert_int_equal(number, next++);
+        else if (sscanf(text, "warn %d lines were lost: who reads the log stood still", &lost) == 1)
+            told++;
+        else
+            fail_msg("%s", line);
+    }
+    sp_log(SP_LOG_DEBUG, "last");
+    srv_log_end(&log);
+    sp_log_init(NULL, NULL, SP_LOG_INFO);
+    dup2(old, 2);
+    close(old);
+    assert_non_null(fgets(line, sizeof line, file));
+    assert_non_null(strstr(line, " debug last\n"));
+    assert_null(fgets(line, sizeof line, file));
+    fclose(file);
+    assert_true(next > 0);
+    assert_int_equal(next + lost, LINES + 1);
+}
+
+static void the_last_lines_are_not_waited_for_for_ever(void **state) {
+    (void)state;
+    static struct srv_log_ring ring;
+    int pipes[2];
+    char page[4096];
+    open_full_pipe(pipes);
+    assert_true(srv_log_ring_start(&ring, pipes[1], NULL));
+    srv_log_ring_put(&ring, "one\n", 4, 1);
+    assert_false(srv_log_ring_end(&ring, 1));
+    assert_true(read(pipes[0], page, sizeof page) > 0); /* its thread ends by itself */
+}
+
+static void what_cannot_be_written_is_counted(void **state) {
+    (void)state;
+    static struct srv_log_ring ring;
+    int fd = open("/dev/full", O_WRONLY);
+    assert_true(fd >= 0 && srv_log_ring_start(&ring, fd, NULL));
+    srv_log_ring_put(&ring, "one\n", 4, 1);
+    srv_log_ring_put(&ring, "seven\n", 6, 7);
+    assert_true(srv_log_ring_end(&ring, 60000));
+    close(fd);
+    assert_int_equal(srv_log_ring_take_lost(&ring), 8);
 }
 
 int main(void) {
@@ -143,6 +220,9 @@ int main(void) {
         cmocka_unit_test(what_was_left_out_is_told_if_nothing_follows),
         cmocka_unit_test(more_kinds_than_there_are_share_one_bound),
         cmocka_unit_test(the_log_leaves_out_and_says_so),
+        cmocka_unit_test(a_reader_that_stands_still_stops_nobody),
+        cmocka_unit_test(the_last_lines_are_not_waited_for_for_ever),
+        cmocka_unit_test(what_cannot_be_written_is_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -64,7 +64,8 @@ static int set_up(void **state) {
     if (!mkdtemp(f.folder) || !srv_config_init(&f.config, NULL) ||
         !srv_config_parse(&f.config, (int)(sizeof argv / sizeof *argv) - 1, argv, NULL))
         return -1;
-    srv_log_init(&f.log, SP_LOG_ERROR, SRV_LOG_TEXT);
+    if (!srv_log_start(&f.log, SP_LOG_ERROR, SRV_LOG_TEXT, NULL))
+        return -1;
     f.daemon = srv_daemon_start(&f.config, &f.log, NULL);
     if (!f.daemon)
         return -1;
@@ -80,6 +81,7 @@ static int tear_down(void **state) {
     (void)state;
     char command[64];
     srv_daemon_stop(&f.daemon);
+    srv_log_end(&f.log);
     srv_config_finish(&f.config);
     snprintf(command, sizeof command, "rm -rf '%s'", f.folder);
     return system(command);
