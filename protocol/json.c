@@ -11,6 +11,47 @@
 #include "protocol/pointer.h"
 #include "protocol/scan.h"
 
+/* memory */
+
+/* The library does not look whether its buffer for a token grew: without memory for that it would
+ * lose a character, abort, or write past a block. So while a document is parsed the first
+ * allocation that fails is served from a spare block, which is larger than any such buffer can
+ * become; then the document ends for the library, and what it made is thrown away. */
+struct parse {
+    const char *at, *end;
+    void *spare;
+    size_t spare_size;
+    bool is_short;
+};
+static _Thread_local struct parse *parsing; /* NULL = this thread parses nothing */
+
+static void *allocate(size_t size) {
+    void *block = malloc(size);
+    if (block || !parsing || parsing->is_short)
+        return block;
+    parsing->is_short = true;
+    return size <= parsing->spare_size ? parsing->spare : NULL;
+}
+
+static void release(void *block) {
+    if (!parsing || block != parsing->spare)
+        free(block);
+}
+
+__attribute__((constructor)) static void use_this_memory(void) {
+    json_set_alloc_funcs(allocate, release);
+}
+
+/* A byte at a time, so that what follows a failed allocation is not read. */
+static size_t read_byte(void *buffer, size_t size, void *user) {
+    struct parse *parse = user;
+    (void)size;
+    if (parse->at == parse->end || parse->is_short)
+        return 0;
+    *(char *)buffer = *parse->at++;
+    return 1;
+}
+
 /* parsing */
 
 static void line_and_column(const char *bytes, size_t end, unsigned *line, unsigned *column) {
@@ -34,6 +75,26 @@ static proto_json *refuse_at(const char *bytes, size_t at, const char *text, str
     return NULL;
 }
 
+/* NULL: *error, unless it *is_short of memory. */
+static json_t *load(const char *bytes, size_t size, size_t flags, bool *is_short,
+                    json_error_t *error) {
+    enum { BUFFER_MIN = 64 };
+    struct parse parse = { .at = bytes, .end = bytes + size, .spare_size = 2 * size + BUFFER_MIN };
+    json_t *json = NULL;
+    if ((parse.spare = malloc(parse.spare_size))) {
+        parsing = &parse;
+        json = json_load_callback(read_byte, &parse, flags, error);
+        if (parse.is_short) {
+            json_decref(json);
+            json = NULL;
+        }
+        parsing = NULL;
+    }
+    *is_short = !parse.spare || parse.is_short;
+    free(parse.spare);
+    return json;
+}
+
 proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *err) {
     if (size > PROTO_BODY_MAX) {
         sp_fail(err, SP_ERR_FORMAT, "", "%zu bytes of JSON; the limit is %d", size, PROTO_BODY_MAX);
@@ -50,16 +111,15 @@ proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *er
         return NULL;
     }
     json_error_t error;
+    bool is_short;
     const size_t flags = JSON_REJECT_DUPLICATES | JSON_DECODE_ANY;
-    json_t *json = json_loadb(bytes, size, flags, &error);
+    json_t *json = load(bytes, size, flags, &is_short, &error);
     /* Only integers beyond 64 bits fail here and pass there: they are numbers like any other. */
-    if (!json && json_error_code(&error) == json_error_numeric_overflow)
-        json = json_loadb(bytes, size, flags | JSON_DECODE_INT_AS_REAL, &error);
+    if (!json && !is_short && json_error_code(&error) == json_error_numeric_overflow)
+        json = load(bytes, size, flags | JSON_DECODE_INT_AS_REAL, &is_short, &error);
     if (json)
         return json;
-    /* Out of memory the library fails without a text; when it was for a key or string, as if that
-     * were not expected, which cannot be told from a wrong document. */
-    if (json_error_code(&error) == json_error_out_of_memory || !error.text[0]) {
+    if (is_short) {
         sp_fail(err, SP_ERR_MEMORY, "", "no memory for %zu bytes of JSON", size);
         return NULL;
     }

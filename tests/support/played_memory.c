@@ -23,8 +23,8 @@ bool memory_come_back(void) {
     return atomic_load(&has_failed);
 }
 
-void memory_spare_thread(void) {
-    is_spared = true;
+void memory_spare_thread(bool spared) {
+    is_spared = spared;
 }
 
 size_t memory_take_largest(void) {

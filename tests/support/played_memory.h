@@ -19,8 +19,8 @@ void memory_run_out(long n, enum memory_end end);
 bool memory_come_back(void);
 /* The largest allocation since the last call. [bytes] */
 size_t memory_take_largest(void);
-/* The calling thread's allocations succeed, and do not count. */
-void memory_spare_thread(void);
+/* From here on the calling thread's allocations succeed, and do not count; false: as at first. */
+void memory_spare_thread(bool is_spared);
 
 /* For a library's own allocator: may it allocate once more? */
 bool memory_is_left(void);

@@ -580,7 +580,7 @@ int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(requests), cmocka_unit_test(paths),
                                         cmocka_unit_test(streams),
                                         cmocka_unit_test(of_who_has_no_token_no_body_is_kept) };
-    memory_spare_thread();
+    memory_spare_thread(true);
     signal(SIGPIPE, SIG_IGN);
     memory_play_sqlite();
     json_set_alloc_funcs(malloc, free); /* this program's, which runs out */
