@@ -15,6 +15,9 @@
 #include "session/hub_private.h"
 #include "session/policy.h"
 
+#define GRID_MS 20.601 /* between the grids of two sessions: they spread over any period */
+#define GRID_LATE 0.25 /* of a period: what is so close behind the last frame is left out */
+
 static struct srv_detail detail_of(const struct srv_job *job) {
     return (struct srv_detail){ .coarse = job->coarse,
                                 .size = { job->view.size[0], job->view.size[1] } };
@@ -87,6 +90,14 @@ static struct srv_target target_of(const struct srv_participant *p, const struct
                                          (job->sharp && srv_policy_is_final(p, &e)) };
 }
 
+/* When the next frame is due after one at now_ms. Each rate has a grid of time, the same one for all
+ * of a session: who looks on together asks together, whenever it joined, and our own delay is not
+ * added to every frame. The grids of sessions are apart. */
+static double next_due_ms(const struct srv_session *s, int max_fps, double now_ms) {
+    double period = 1000.0 / max_fps, start_ms = fmod((double)s->number * GRID_MS, 1000);
+    return start_ms + ceil((now_ms - start_ms) / period + GRID_LATE) * period;
+}
+
 static void take_job(struct srv_hub *hub, struct srv_session *s, struct srv_participant *p,
                      struct srv_job *job, double now_ms) {
     struct srv_target target = target_of(p, job);
@@ -100,9 +111,7 @@ static void take_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     p->ready_ms = 0;
     if (job->step == SRV_STEP_MOVING)
         p->waited_ms = p->spent_ms = 0;
-    /* Keep to the grid of the rate instead of adding our own delay to every frame. */
-    double period = 1000.0 / p->max_fps;
-    p->next_frame_ms = fmax(p->next_frame_ms + period, now_ms + period / 2);
+    p->next_frame_ms = next_due_ms(s, p->max_fps, now_ms);
 }
 
 static struct srv_participant *participant_of(struct srv_session *s, uint64_t id) {

@@ -43,7 +43,8 @@ struct stage {
     double once_ms;
     const struct client *dear; /* each picture of it takes so long to encode: */
     double encode_ms;
-    size_t bytes; /* of each */
+    size_t bytes;  /* of each */
+    unsigned jobs; /* delivered */
 };
 
 static void tell(struct stage *s, struct client *c, const char *method, const char *params) {
@@ -135,6 +136,7 @@ static void deliver(struct stage *s, struct srv_job *job, double render_ms) {
         srv_hub_deliver(s->f->hub, job, i, &header, blob);
     srv_blob_unref(&blob);
     srv_hub_job_done(s->f->hub, job, &result);
+    s->jobs++;
     for (int i = 0; i < CLIENTS; i++)
         if (s->clients[i].participant && !s->clients[i].is_stalled)
             take(s, &s->clients[i], true);
@@ -225,6 +227,7 @@ static void play(struct stage *s, double for_ms) {
 
 /* From here on is counted. */
 static void reset(struct stage *s) {
+    s->jobs = 0;
     for (int i = 0; i < CLIENTS; i++) {
         struct client *c = &s->clients[i];
         c->frames = c->finals = 0;
@@ -467,6 +470,22 @@ static void what_is_not_known_to_take_long_does_not_stop_the_others_either(void 
     play(s, 240000);
     assert_true(greedy->finals > 0);
     assert_in_range(moving->frames, 5 * alone * 9 / 10, 5 * alone);
+}
+
+/* Whenever they joined, and however often the view changes. */
+static void who_look_on_together_get_the_same_pictures(void **state) {
+    struct stage *s = *state;
+    s->fixed_ms = s->mpx_ms = 0.1;
+    join(s, 0, s->f->id, 7, "{\"max_fps\":1,\"size\":[16,16]}");
+    for (unsigned i = 1; i < CLIENTS; i++) {
+        join(s, i, s->f->id, 0, "{\"max_fps\":30,\"size\":[320,200]}");
+        play(s, 1011);
+    }
+    reset(s);
+    play(s, 10000);
+    for (int i = 1; i < CLIENTS; i++)
+        assert_in_range(s->clients[i].frames, 299, 301);
+    assert_in_range(s->jobs, 308, 312);
 }
 
 /* One whose every frame takes a long time, because it edits what takes long to derive. */
@@ -760,6 +779,7 @@ int main(void) {
         TEST(a_view_that_moves_now_and_then_leaves_room_between),
         TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
         TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
+        TEST(who_look_on_together_get_the_same_pictures),
         TEST(long_frames_stand_still_for_short_ones),
         TEST(long_frames_stand_still_for_short_ones_of_others_in_the_session),
         TEST(what_stands_still_has_its_share),
