@@ -51,9 +51,9 @@ static void on_progress(void *user, const char *id, const char *state, double pr
         srv_jobs_wake(jobs);
 }
 
-static void on_volume(void *user, const char *id, const struct srv_volume_request *request) {
+static bool on_volume(void *user, const char *id, const struct srv_volume_request *request) {
     struct srv_daemon *d = user;
-    srv_keep_volume(d->store, id, request);
+    return srv_keep_volume(d->store, id, request);
 }
 
 static void on_changed(void *user) {

@@ -94,12 +94,12 @@ bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub, double ran_
     return srv_hub_save(hub, srv_clock_ms(), put_session, store);
 }
 
-void srv_keep_volume(struct srv_store *store, const char *id,
+bool srv_keep_volume(struct srv_store *store, const char *id,
                      const struct srv_volume_request *request) {
     struct sp_error err;
     if (!request) {
         srv_store_remove(store, SRV_KIND_VOLUME, id);
-        return;
+        return true;
     }
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "source", request->source);
@@ -109,11 +109,13 @@ void srv_keep_volume(struct srv_store *store, const char *id,
     size_t size = 0;
     char *text = ok ? proto_json_to_text(json, &size) : NULL;
     if (!text)
-        sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory");
+        ok = sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory");
     else if (strcmp(source, request->source) != 0)
         ok = sp_fail(&err, SP_ERR_UNSUPPORTED, NULL, "its path is not UTF-8");
-    if (!text || !ok || !srv_store_put(store, SRV_KIND_VOLUME, id, text, size, &err))
+    ok = ok && srv_store_put(store, SRV_KIND_VOLUME, id, text, size, &err);
+    if (!ok)
         sp_log(SP_LOG_WARN, "volume %s will not be loaded again after a restart: %s", id, err.text);
     free(text);
     proto_json_free(&json);
+    return ok;
 }

@@ -21,9 +21,9 @@ double srv_keep_ran_ms(struct srv_store *store);
 /* Puts that, to the second, and the sessions that changed. False: not all of them. */
 bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms);
 
-/* Puts a volume's source; request NULL removes it. What cannot be put is logged, and is not in the
- * store. */
-void srv_keep_volume(struct srv_store *store, const char *id,
+/* Puts a volume's source; request NULL removes it. False: it cannot be put, which is logged, and is
+ * not in the store. */
+bool srv_keep_volume(struct srv_store *store, const char *id,
                      const struct srv_volume_request *request);
 
 #endif

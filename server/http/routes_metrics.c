@@ -3,6 +3,7 @@
  * What Prometheus scrapes: the counters, and gauges of how things stand now.
  */
 #include <dirent.h>
+#include <errno.h>
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -121,24 +122,33 @@ static void print_paths(const struct srv_request *request, FILE *out) {
           (double)request->app->config->path_bytes);
 }
 
-/* When the system started, seconds since 1970; 0 = not known. */
-static double boot_time(void) {
-    double seconds = 0;
+/* What the system does not tell is 0. These return false when out of memory. */
+
+static bool is_short(const void *opened) {
+    return !opened && errno == ENOMEM;
+}
+
+/* When the system started, seconds since 1970. */
+static bool boot_time(double *seconds) {
     char line[256];
     FILE *stat = fopen("/proc/stat", "re");
-    while (stat && seconds == 0 && fgets(line, sizeof line, stat))
-        if (sscanf(line, "btime %lf", &seconds) != 1)
-            seconds = 0;
+    bool ok = !is_short(stat);
+    *seconds = 0;
+    while (stat && *seconds == 0 && fgets(line, sizeof line, stat))
+        if (sscanf(line, "btime %lf", seconds) != 1)
+            *seconds = 0;
     if (stat)
         fclose(stat);
-    return seconds;
+    return ok;
 }
 
 /* The same of this process. */
-static double start_time(void) {
+static bool start_time(double *seconds) {
     char text[1024] = "";
-    double ticks = 0, boot = boot_time();
+    double ticks = 0, boot;
+    bool ok = boot_time(&boot);
     FILE *stat = fopen("/proc/self/stat", "re");
+    ok = ok && !is_short(stat);
     size_t size = stat ? fread(text, 1, sizeof text - 1, stat) : 0;
     if (stat)
         fclose(stat);
@@ -146,9 +156,28 @@ static double start_time(void) {
     const char *field = strrchr(text, ')'); /* the second one, a name */
     for (int i = 2; field && i < 22; i++)
         field = strchr(field + 1, ' ');
-    if (!field || sscanf(field, "%lf", &ticks) != 1)
-        return 0;
-    return boot > 0 ? boot + ticks / (double)sysconf(_SC_CLK_TCK) : 0;
+    bool is_known = boot > 0 && field && sscanf(field, "%lf", &ticks) == 1;
+    *seconds = is_known ? boot + ticks / (double)sysconf(_SC_CLK_TCK) : 0;
+    return ok;
+}
+
+/* Resident memory in pages, and open descriptors. */
+static bool sizes(long *resident_pages, long *files) {
+    long pages;
+    FILE *statm = fopen("/proc/self/statm", "re");
+    bool ok = !is_short(statm);
+    if (!statm || fscanf(statm, "%ld %ld", &pages, resident_pages) != 2)
+        *resident_pages = 0;
+    if (statm)
+        fclose(statm);
+    DIR *folder = opendir("/proc/self/fd");
+    ok = ok && !is_short(folder);
+    *files = folder ? -3 : 0; /* ".", "..", and the folder itself */
+    while (folder && readdir(folder))
+        ++*files;
+    if (folder)
+        closedir(folder);
+    return ok;
 }
 
 static double max_files(void) {
@@ -157,28 +186,22 @@ static double max_files(void) {
 }
 
 /* The usual names of what every process has. */
-static void print_process(FILE *out) {
+static bool print_process(FILE *out) {
     struct rusage usage;
-    long pages = 0, resident = 0, files = -3; /* ".", "..", and the folder itself */
-    FILE *statm = fopen("/proc/self/statm", "re");
-    if (statm && fscanf(statm, "%ld %ld", &pages, &resident) != 2)
-        resident = 0;
-    if (statm)
-        fclose(statm);
-    DIR *folder = opendir("/proc/self/fd");
-    while (folder && readdir(folder))
-        files++;
-    if (folder)
-        closedir(folder);
+    long resident, files;
+    double start;
+    bool ok = sizes(&resident, &files);
+    ok = start_time(&start) && ok;
     getrusage(RUSAGE_SELF, &usage);
     gauge(out, "process_resident_memory_bytes", "Resident memory",
           (double)resident * (double)sysconf(_SC_PAGESIZE));
-    gauge(out, "process_open_fds", "Open file descriptors", files > 0 ? (double)files : 0);
+    gauge(out, "process_open_fds", "Open file descriptors", (double)files);
     gauge(out, "process_max_fds", "How many there may be", max_files());
-    gauge(out, "process_start_time_seconds", "When it was started, since 1970", start_time());
+    gauge(out, "process_start_time_seconds", "When it was started, since 1970", start);
     counter(out, "process_cpu_seconds_total", "Processor time of all threads",
             (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
                 (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec) * 1e-6);
+    return ok;
 }
 
 static void print_build(const struct srv_request *request, FILE *out) {
@@ -194,6 +217,7 @@ static void print_build(const struct srv_request *request, FILE *out) {
 void srv_get_metrics(struct srv_request *request, struct srv_reply *reply) {
     char *text = NULL;
     size_t size = 0;
+    bool ok = false;
     FILE *out = open_memstream(&text, &size);
     if (out) {
         print_build(request, out);
@@ -202,9 +226,8 @@ void srv_get_metrics(struct srv_request *request, struct srv_reply *reply) {
         print_memory(request, out);
         print_store(request, out);
         print_paths(request, out);
-        print_process(out);
+        ok = print_process(out) && !ferror(out);
     }
-    bool ok = out && !ferror(out);
     if (!out || fclose(out) != 0 || !ok) {
         free(text);
         srv_reply_problem(reply, 503, NULL, "no memory for the metrics");

@@ -62,6 +62,21 @@ static bool resolve(struct srv_request *request, const proto_json *body,
     return false;
 }
 
+/* Who cannot be told of it has none. */
+static void reply_made(struct srv_request *request, proto_json *json, const char *id,
+                       struct srv_reply *reply) {
+    struct sp_error err;
+    srv_reply_json(reply, 202, json);
+    if (reply->status != 202) {
+        srv_jobs_remove(request->app->jobs, id, &err);
+        return;
+    }
+    srv_reply_header(reply, "Location", "paths/%s", id);
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", id }), "path %s created for %s", id,
+                srv_guard_peer(request->guarded));
+    srv_request_keep(request);
+}
+
 void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     struct srv_job_view view;
@@ -74,17 +89,12 @@ void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
         proto_json *json =
             srv_jobs_add(request->app->jobs, body, &view, owner.name, id, &is_full, &err);
         srv_catalog_release(request->app->catalog, view.volume);
-        if (json) {
-            srv_reply_json(reply, 202, json);
-            srv_reply_header(reply, "Location", "paths/%s", id);
-            sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", id }), "path %s created for %s", id,
-                        srv_guard_peer(request->guarded));
-            srv_request_keep(request);
-        } else if (is_full) {
+        if (json)
+            reply_made(request, json, id, reply);
+        else if (is_full)
             srv_reply_problem(reply, 507, NULL, "%s", err.text);
-        } else {
+        else
             srv_reply_error(reply, &err);
-        }
     }
     proto_json_free(&body);
 }
@@ -268,6 +278,8 @@ static ssize_t read_events(void *user, char *bytes, size_t size) {
             return SRV_FLOW_ASLEEP;
         case SRV_WATCH_OVER:
             return SRV_FLOW_END;
+        case SRV_WATCH_FAILED: /* cut off, so that nobody takes it for the end */
+            return SRV_FLOW_FAILED;
         case SRV_WATCH_EVENT:
             break;
         }

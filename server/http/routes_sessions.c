@@ -47,7 +47,8 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
     }
     if ((*owner = srv_kept_view(request->app->store, id, &err)))
         return *owner;
-    if ((*owner = srv_hub_session_get(request->app->hub, id, false, srv_clock_ms(), &err)))
+    if (err.code == SP_ERR_NOT_FOUND &&
+        (*owner = srv_hub_session_get(request->app->hub, id, false, srv_clock_ms(), &err)))
         return proto_json_get(*owner, "view");
     if (err.code == SP_ERR_NOT_FOUND)
         srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
@@ -90,34 +91,44 @@ static void owner_of(const struct srv_request *request, const proto_json *body,
                               owner);
 }
 
-void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
+/* Makes it; who cannot be told of it has none. */
+static void make_session(struct srv_request *request, const proto_json *body,
+                         const proto_json *view, struct srv_reply *reply) {
     struct sp_error err;
+    struct srv_owner owner;
     char id[SRV_SESSION_ID_BYTES];
+    owner_of(request, body, &owner);
+    proto_json *json = srv_hub_session_create_owned(
+        request->app->hub, view, &owner, !request->grant.rights, srv_clock_ms(), id, &err);
+    if (!json) {
+        srv_reply_view_error(reply, "/view", &err);
+        return;
+    }
+    srv_reply_json(reply, 201, json);
+    if (reply->status != 201) {
+        srv_hub_session_delete(request->app->hub, id, &err);
+        return;
+    }
+    srv_reply_header(reply, "Location", "sessions/%s", id);
+    sp_log_with(SP_LOG_INFO,
+                SP_LOG_FIELDS({ "session", id }, { "peer", srv_guard_peer(request->guarded) }),
+                "session %s created for %s", id, srv_guard_peer(request->guarded));
+    srv_request_keep(request);
+}
+
+void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     if (request->body_max && request->body_seen > request->body_max) {
         reply_unauthorized(reply, for_nobody);
         return;
     }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
     /* Who may not ask learns nothing about the question. */
-    bool ok = may_fork(request, body, reply) && body && only_known(body, for_new, reply);
+    bool is_short = !body && reply->status == 503;
+    bool ok =
+        !is_short && may_fork(request, body, reply) && body && only_known(body, for_new, reply);
     const proto_json *view = ok ? first_view(request, body, &owner, reply) : NULL;
-    if (view) {
-        struct srv_owner of;
-        owner_of(request, body, &of);
-        proto_json *json = srv_hub_session_create_owned(
-            request->app->hub, view, &of, !request->grant.rights, srv_clock_ms(), id, &err);
-        if (json) {
-            srv_reply_json(reply, 201, json);
-            srv_reply_header(reply, "Location", "sessions/%s", id);
-            sp_log_with(
-                SP_LOG_INFO,
-                SP_LOG_FIELDS({ "session", id }, { "peer", srv_guard_peer(request->guarded) }),
-                "session %s created for %s", id, srv_guard_peer(request->guarded));
-            srv_request_keep(request);
-        } else {
-            srv_reply_view_error(reply, "/view", &err);
-        }
-    }
+    if (view)
+        make_session(request, body, view, reply);
     proto_json_free(&owner);
     proto_json_free(&body);
 }

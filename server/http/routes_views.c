@@ -71,25 +71,34 @@ static bool add_record(struct srv_request *request, const char *id, const char *
     return ok;
 }
 
+/* {"id": id}; false: the reply is the problem. */
+static bool answer_with(const char *id, struct srv_reply *reply) {
+    proto_json *answer = proto_json_object();
+    if (!proto_json_set_string(answer, "id", id))
+        proto_json_free(&answer);
+    srv_reply_json(reply, 201, answer);
+    return reply->status == 201;
+}
+
 /* Answers with the view's id once it is kept. */
 static void keep_view(struct srv_request *request, const struct sp_view *view,
                       struct srv_reply *reply) {
     struct sp_error err;
     char id[SRV_KEPT_ID_BYTES];
     size_t size = 0;
-    proto_json *json = proto_view_encode(view), *answer = proto_json_object();
+    proto_json *json = proto_view_encode(view);
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
-    if (!text || !srv_kept_id(text, size, id) || !proto_json_set_string(answer, "id", id)) {
+    if (!text || !srv_kept_id(text, size, id)) {
         srv_reply_problem(reply, 503, NULL, "no memory for a view");
-    } else if (!add_record(request, id, text, &err)) {
-        srv_reply_error(reply, &err);
-    } else {
-        srv_reply_json(reply, 201, proto_json_ref(answer));
-        srv_reply_header(reply, "Location", "views/%s", id);
-        srv_request_keep(request);
+    } else if (answer_with(id, reply)) { /* first: who is refused keeps nothing */
+        if (add_record(request, id, text, &err)) {
+            srv_reply_header(reply, "Location", "views/%s", id);
+            srv_request_keep(request);
+        } else {
+            srv_reply_error(reply, &err);
+        }
     }
-    proto_json_free(&answer);
     free(text);
 }
 
@@ -176,16 +185,16 @@ void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
     char *record = srv_store_get(store, SRV_KIND_VIEW, request->param, NULL, &err);
     beginning_of(request, beginning);
     bool may = sees_all(request) || (record && strncmp(record, beginning, strlen(beginning)) == 0);
-    bool is_there = record != NULL || err.code != SP_ERR_NOT_FOUND;
+    bool is_there = record != NULL;
     free(record);
-    if (is_there && !may) {
+    if (!is_there && err.code != SP_ERR_NOT_FOUND) {
+        srv_reply_error(reply, &err);
+    } else if (is_there && !may) {
         srv_reply_problem(reply, 403, NULL, "another token keeps this view");
-        return;
-    }
-    if (!is_there || !srv_store_remove(store, SRV_KIND_VIEW, request->param)) {
+    } else if (!is_there || !srv_store_remove(store, SRV_KIND_VIEW, request->param)) {
         srv_reply_problem(reply, 404, NULL, "there is no kept view '%.64s'", request->param);
-        return;
+    } else {
+        reply->status = 204;
+        srv_request_keep(request);
     }
-    reply->status = 204;
-    srv_request_keep(request);
 }

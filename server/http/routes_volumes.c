@@ -161,9 +161,11 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
                 srv_reply_error(reply, &err);
         } else if (find(request, id, &status, reply)) {
             srv_reply_json(reply, existed ? 201 : 202, encode_volume(&status, false));
-            srv_reply_header(reply, "Location", "volumes/%s", id);
             sp_volume_unref(&status.volume);
-            keep_volume(request, id, reply);
+            if (reply->status < 400) {
+                srv_reply_header(reply, "Location", "volumes/%s", id);
+                keep_volume(request, id, reply);
+            }
         }
     }
     proto_json_free(&body);

@@ -128,9 +128,9 @@ struct srv_watch *srv_jobs_watch(struct srv_jobs *jobs, const char *id, const ch
                                  const struct srv_watcher *watcher, bool *is_over,
                                  struct sp_error *err);
 void srv_watch_end(struct srv_watch **watch); /* accepts NULL */
-enum srv_watched { SRV_WATCH_EVENT, SRV_WATCH_SLEEPS, SRV_WATCH_OVER };
+enum srv_watched { SRV_WATCH_EVENT, SRV_WATCH_SLEEPS, SRV_WATCH_OVER, SRV_WATCH_FAILED };
 /* The next event as text/event-stream has it, or a comment if nothing was told for long: malloc'ed,
- * the caller's. */
+ * the caller's. SRV_WATCH_FAILED: there is no memory to tell what is new. */
 enum srv_watched srv_watch_next(struct srv_watch *watch, char **text, size_t *size);
 /* Wakes those who are gone or have heard nothing for long; about ten times a second. */
 void srv_jobs_tick(struct srv_jobs *jobs, double now_ms);

@@ -149,7 +149,9 @@ enum srv_watched srv_watch_next(struct srv_watch *watch, char **text, size_t *si
         memcpy(watch->last, now, sizeof watch->last);
         watch->told_ms = now_ms;
         result = SRV_WATCH_EVENT;
-    } else if (!has_news && !is_over(job) && !atomic_load(&jobs->stop) &&
+    } else if (has_news) {
+        result = SRV_WATCH_FAILED;
+    } else if (!is_over(job) && !atomic_load(&jobs->stop) &&
                !watch->watcher.is_gone(watch->watcher.user)) {
         watch->watcher.sleep(watch->watcher.user);
         watch->is_asleep = true;

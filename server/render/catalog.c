@@ -23,7 +23,7 @@ struct srv_volume {
     struct srv_volume *next;
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
     char *source; /* resolved: the key */
-    bool confined;
+    bool confined, is_kept;
     enum srv_volume_state state;
     double progress, told_ms;
     struct sp_error error;
@@ -394,12 +394,17 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         link = &(*link)->next;
     *link = v;
     catalog->count++;
-    struct srv_volume_request kept = {
-        .source = v->source, .id = v->id, .name = v->name, .confined = request->confined
-    };
-    if (catalog->options.keep && !request->is_kept)
-        catalog->options.keep(catalog->options.user, v->id, &kept);
+    v->is_kept = request->is_kept;
     return v;
+}
+
+/* With the mutex held. */
+static void keep(struct srv_catalog *catalog, struct srv_volume *v) {
+    const struct srv_volume_request request = {
+        .source = v->source, .id = v->id, .name = v->name, .confined = v->confined
+    };
+    if (catalog->options.keep && !v->is_kept)
+        v->is_kept = catalog->options.keep(catalog->options.user, v->id, &request);
 }
 
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
@@ -442,6 +447,7 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
         v->progress = 0;
         pthread_cond_signal(&catalog->changed);
     }
+    keep(catalog, v);
     memcpy(id_out, v->id, sizeof v->id);
     pthread_mutex_unlock(&catalog->mutex);
     return true;

@@ -45,8 +45,9 @@ struct srv_catalog_options {
     void (*progress)(void *user, const char *id, const char *state, double progress,
                      const char *reason);
     /* There is an entry of this id from now on, with its resolved source, or (NULL) none any more.
-     * With a lock held: must not call the catalog. NULL = nothing is kept. */
-    void (*keep)(void *user, const char *id, const struct srv_volume_request *request);
+     * False: it cannot be kept; who adds it again has it tried again. With a lock held: must not
+     * call the catalog. NULL = nothing is kept. */
+    bool (*keep)(void *user, const char *id, const struct srv_volume_request *request);
     /* The entry is gone: forget what was derived; the callee unrefs. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };

@@ -69,8 +69,7 @@ static void parsing_what_is_long(void **state) {
     char digits[STRING_MAX];
     memset(digits, '1', sizeof digits);
     for (int length = 10; length <= STRING_MAX; length++) {
-        snprintf(text, sizeof text, "{\"%.*s\":\"%.*s\"}", length, digits, length / 2,
-                 digits);
+        snprintf(text, sizeof text, "{\"%.*s\":\"%.*s\"}", length, digits, length / 2, digits);
         assert_true(fail_each(parse, MEMORY_FAILS_ONCE) > 5);
         assert_true(fail_each(parse, MEMORY_STAYS_OUT) > 5);
     }

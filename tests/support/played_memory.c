@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "support/played_memory.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 static _Thread_local bool is_spared;
 static atomic_long left = -1; /* allocations that succeed before one does not; < 0 = all */
@@ -131,4 +133,63 @@ int __wrap___asprintf_chk(char **text, int flag, const char *format, ...) {
     int size = print(text, format, args);
     va_end(args);
     return size;
+}
+
+FILE *__real_fopen(const char *path, const char *mode);
+DIR *__real_opendir(const char *path);
+DIR *__real_fdopendir(int fd);
+FILE *__wrap_fopen(const char *path, const char *mode);
+DIR *__wrap_opendir(const char *path);
+DIR *__wrap_fdopendir(int fd);
+FILE *__wrap_open_memstream(char **text, size_t *size);
+
+static void *no_memory(void) {
+    errno = ENOMEM;
+    return NULL;
+}
+
+FILE *__wrap_fopen(const char *path, const char *mode) {
+    return memory_is_left() ? __real_fopen(path, mode) : no_memory();
+}
+
+DIR *__wrap_opendir(const char *path) {
+    return memory_is_left() ? __real_opendir(path) : no_memory();
+}
+
+DIR *__wrap_fdopendir(int fd) {
+    return memory_is_left() ? __real_fdopendir(fd) : no_memory();
+}
+
+struct stream { /* of open_memstream() */
+    char **text;
+    size_t *size;
+};
+
+/* As that grows: whoever writes is told when it cannot. */
+static ssize_t write_stream(void *user, const char *bytes, size_t size) {
+    struct stream *stream = user;
+    char *text = realloc(*stream->text, *stream->size + size + 1);
+    if (!text)
+        return 0;
+    memcpy(text + *stream->size, bytes, size);
+    *stream->text = text;
+    *stream->size += size;
+    text[*stream->size] = 0;
+    return (ssize_t)size;
+}
+
+static int close_stream(void *user) {
+    free(user);
+    return 0;
+}
+
+FILE *__wrap_open_memstream(char **text, size_t *size) {
+    struct stream *stream = malloc(sizeof *stream);
+    const cookie_io_functions_t functions = { .write = write_stream, .close = close_stream };
+    if (!stream)
+        return no_memory();
+    *stream = (struct stream){ text, size };
+    *text = NULL;
+    *size = 0;
+    return fopencookie(stream, "w", functions);
 }

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Camera paths without memory: from the request to the last file, and until those are gone.
+ */
+#include "oom.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <string.h>
+
+#include "support/played_memory.h"
+#include "support/sanitized.h"
+
+#define PATH(format)                                                                               \
+    "{\"frames\":1,\"size\":[8,8],\"format\":\"" format "\",\"keyframes\":[{\"frame\":0,"          \
+    "\"view\":{\"background\":[0.%ld,0,0,1]}}]}"
+
+static void make_path(const char *body, char id[64]) {
+    oom_must("POST", "paths", body, 202);
+    oom_member("id", id);
+}
+
+/* Follows the events of a path until it is done, or they end, or (unless it `is_patient`) it waits
+ * for memory; it waits for nothing else. */
+static bool is_done(const char *id, bool is_patient) {
+    char path[96];
+    const char *reason = NULL;
+    snprintf(path, sizeof path, "paths/%s/events", id);
+    oom_http.bytes[0] = 0;
+    oom_request("GET", path, "");
+    while (!strstr(oom_http.bytes, "event: done") && (is_patient || !reason)) {
+        if (!oom_hear(&oom_http))
+            break;
+        reason = strstr(oom_http.bytes, "\"reason\"");
+        if (reason && strstr(reason, "\n\n") && !strstr(reason, "memory"))
+            fail_msg("it waits for something else: %.600s", oom_http.bytes);
+    }
+    oom_hang_up(&oom_http);
+    if (strstr(oom_http.bytes, "event: failed"))
+        fail_msg("it is given up: %.600s", oom_http.bytes);
+    return strstr(oom_http.bytes, "event: done");
+}
+
+/* Whenever a path is deleted the others are tried again. */
+static void wait_until_done(const char *id) {
+    char text[512], other[64], path[96];
+    snprintf(text, sizeof text, PATH("jpeg"), 1L);
+    make_path(text, other);
+    snprintf(path, sizeof path, "paths/%s", other);
+    oom_must("DELETE", path, "", 204);
+    assert_true(is_done(id, true));
+}
+
+/* Each allocation from the request to the last file: what is missing then is waited for. */
+static void each_allocation_of_drawing(void) {
+    char text[512], id[64], path[128];
+    size_t whole = 0;
+    long n = 0;
+    const long step = TEST_SANITIZED ? 7 : 1;
+    for (bool refused = true; refused; n += step) {
+        snprintf(text, sizeof text, PATH("webm"), 5L);
+        memory_run_out(n, MEMORY_FAILS_ONCE);
+        int status = oom_ask("POST", "paths", text);
+        bool is_there = false;
+        if (status == 202) {
+            oom_member("id", id);
+            is_there = is_done(id, false);
+        }
+        refused = memory_come_back();
+        assert_true(status == 202 || (refused && oom_is_told(status)));
+        if (status != 202)
+            make_path(text, id);
+        if (!is_there)
+            wait_until_done(id);
+        snprintf(path, sizeof path, "paths/%s/movie", id);
+        oom_must("GET", path, "", 200);
+        whole = whole ? whole : oom_http.have;
+        assert_int_equal(oom_http.have, whole);
+        snprintf(path, sizeof path, "paths/%s", id);
+        oom_must("DELETE", path, "", 204);
+    }
+    print_message("drawing: %ld allocations, one in %ld tried\n", n - step, step);
+}
+
+static void each_allocation_of_deleting(void) {
+    char text[512], id[64], path[96];
+    long n = 0;
+    for (bool refused = true; refused; n++) {
+        snprintf(text, sizeof text, PATH("png"), n);
+        make_path(text, id);
+        wait_until_done(id);
+        snprintf(path, sizeof path, "paths/%s", id);
+        int status;
+        refused = oom_try(n, "DELETE", path, "", 204, &status);
+        int again = oom_ask("DELETE", path, "");
+        assert_true(again == 404 || (status != 204 && again == 204));
+    }
+    print_message("DELETE paths: %ld allocations\n", n - 1);
+    assert_true(n > 3);
+    oom_cover("DELETE", path);
+}
+
+void oom_paths(void **state) {
+    (void)state;
+    static const char *const of_frames[] = { "", "/frames/0", "/archive", "/events" };
+    char text[512], id[64], movie[64], path[128];
+    snprintf(text, sizeof text, PATH("png"), 5L);
+    make_path(text, id);
+    snprintf(text, sizeof text, PATH("webm"), 5L);
+    make_path(text, movie);
+    wait_until_done(id);
+    wait_until_done(movie);
+    oom_each_allocation("POST", "paths", PATH("png"), 202);
+    oom_each_allocation("GET", "paths", "", 200);
+    for (size_t i = 0; i < sizeof of_frames / sizeof *of_frames; i++) {
+        snprintf(path, sizeof path, "paths/%s%s", id, of_frames[i]);
+        oom_each_allocation("GET", path, "", 200);
+    }
+    snprintf(path, sizeof path, "paths/%s/movie", movie);
+    oom_each_allocation("GET", path, "", 200);
+    each_allocation_of_deleting();
+    each_allocation_of_drawing(); /* of a movie, which has all that pictures have but an image */
+}
