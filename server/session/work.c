@@ -90,9 +90,9 @@ static struct srv_target target_of(const struct srv_participant *p, const struct
                                          (job->sharp && srv_policy_is_final(p, &e)) };
 }
 
-/* When the next frame is due after one at now_ms. Each rate has a grid of time, the same one for all
- * of a session: who looks on together asks together, whenever it joined, and our own delay is not
- * added to every frame. The grids of sessions are apart. */
+/* When the next frame is due after one at now_ms. Each rate has a grid of time, the same one for
+ * all of a session: who looks on together asks together, whenever it joined, and our own delay is
+ * not added to every frame. The grids of sessions are apart. */
 static double next_due_ms(const struct srv_session *s, int max_fps, double now_ms) {
     double period = 1000.0 / max_fps, start_ms = fmod((double)s->number * GRID_MS, 1000);
     return start_ms + ceil((now_ms - start_ms) / period + GRID_LATE) * period;
