@@ -221,6 +221,17 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
     free(ws);
 }
 
+static bool is_sending(const struct srv_ws *ws) {
+    return ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 0;
+}
+
+/* The socket has its time for what is queued from then on. */
+static void begin_turn(struct srv_ws *ws, double now_ms) {
+    ws->now_ms = now_ms;
+    if (!is_sending(ws))
+        ws->progress_ms = now_ms;
+}
+
 /* After a frame that the library cannot parse it has queued a close without a code. When nothing
  * else is on its way, a close with the code is sent in its place. */
 static void refuse_frame(struct srv_ws *ws) {
@@ -241,7 +252,7 @@ static void refuse_frame(struct srv_ws *ws) {
 }
 
 void srv_ws_read(struct srv_ws *ws, double now_ms) {
-    ws->now_ms = now_ms;
+    begin_turn(ws, now_ms);
     if (!srv_ws_wants_read(ws))
         return;
     int failed = wslay_event_recv(ws->context);
@@ -330,19 +341,12 @@ static bool pull(struct srv_ws *ws) {
     return true;
 }
 
-static bool is_sending(const struct srv_ws *ws) {
-    return ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 0;
-}
-
 void srv_ws_write(struct srv_ws *ws, double now_ms) {
-    ws->now_ms = now_ms;
+    begin_turn(ws, now_ms);
     ws->is_behind = false;
     for (int i = 0; i < MESSAGES_BUDGET && !ws->broken; i++) {
-        if (!is_sending(ws) && !ws->closing) {
-            ws->progress_ms = now_ms;
-            if (!pull(ws))
-                return;
-        }
+        if (!is_sending(ws) && !ws->closing && !pull(ws))
+            return;
         if (!srv_ws_wants_write(ws))
             return;
         bool is_frame = ws->frame.blob;
@@ -359,7 +363,7 @@ void srv_ws_write(struct srv_ws *ws, double now_ms) {
 }
 
 void srv_ws_tick(struct srv_ws *ws, double now_ms) {
-    ws->now_ms = now_ms;
+    begin_turn(ws, now_ms);
     if (ws->closing) {
         if (now_ms - ws->close_ms > CLOSE_MS)
             ws->broken = true;
