@@ -315,11 +315,13 @@ SERVE_HEADS = {
     'what': '', 'clients': 'clients', 'px': 'px asked for', 'side': 'side drawn', 'coarse': 'coarse', 'fps_min': 'fps, least', 'fps_mean': 'fps, mean',
     'p50_ms': 'median ms', 'p95_ms': 'p95 ms', 'p99_ms': 'p99 ms', 'kbytes_frame': 'kB a frame', 'rss_mib': 'MiB of the daemon',
     'cpu_share': 'cores in use', 'change_percent': 'change, %', 'alone_fps': 'fps, alone', 'alone_p95_ms': 'p95 ms, alone', 'kib_each': 'KiB each',
-    'held': 'held', 'refused': 'refused', 'note': '',
+    'held': 'held', 'refused': 'refused', 'cpu_ms_frame': 'CPU ms a frame', 'cpu_rest_percent': 'CPU % at rest', 'note': '',
 }
 BESIDE = ('what', 'alone_fps', 'fps_mean', 'change_percent', 'alone_p95_ms', 'p95_ms', 'side', 'cpu_share')
 SERVE_TABLES = [  # part, its columns, and what they are
     ('overhead', ('what', 'px', 'side', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'cpu_share'), 'One user, and nothing to render.'),
+    ('awake', ('clients', 'what', 'fps_mean', 'p95_ms', 'cpu_ms_frame', 'cpu_rest_percent', 'rss_mib'),
+     'One user who moves, and nothing to render, beside others who look at sessions of their own that do nothing; and all when nobody moves.'),
     ('viewers', ('clients', 'what', 'side', 'coarse', 'fps_min', 'fps_mean', 'kbytes_frame', 'rss_mib', 'cpu_share'), 'Those who look at one shared view.'),
     ('sessions', ('clients', 'what', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame', 'rss_mib', 'cpu_share'),
      'Those who turn a view each, 512 px asked for. `side drawn` is the root of the mean picture\'s pixels; `coarse` n: 2ⁿ×2ⁿ×2ⁿ voxels were drawn as one, in the mean.'),

@@ -18,9 +18,9 @@ import { parseArgs } from 'node:util';
 import { CROWD, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 
-const PARTS = ['overhead', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
+const PARTS = ['overhead', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
 const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame',
-  'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'note'];
+  'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
 const SOAK_COLUMNS = ['minute', 'clients', 'sessions', 'rss_mib', 'descriptors', 'failed'];
 const WANTED_FPS = 10; // of a user, as the most of them are counted
 const { values: options } = parseArgs({
@@ -61,6 +61,24 @@ async function overhead() {
     client.drive(20);
     measured('overhead', 'from a change to its JPEG of quality 60, null backend', await watch(daemon, [client], seconds), { px });
     client.end();
+    await daemon.stop();
+  }
+}
+
+/** What a frame of one user costs, and what all cost when that one rests, beside others who look at sessions of their own that do
+ * nothing. The first of them is the user. */
+async function awake() {
+  for (const n of [1, 1000]) {
+    const room = String(n + 100);
+    const daemon = await start('null', ['--sessions', room, '--connections', room, '--connections-per-address', room]);
+    const clients = [];
+    while (clients.length < n) clients.push(await Client.open(daemon, await daemon.session(512)));
+    const rest = await watch(daemon, clients, seconds, Math.min(4, seconds)); // when all have their last picture
+    clients[0].configure({ max_fps: 120, progressive: false, quality: 60 });
+    clients[0].drive(20);
+    const seen = await watch(daemon, clients.slice(0, 1), seconds);
+    measured('awake', 'sessions, one of which moves, null backend', { ...seen, clients: n, cpu_rest_percent: round(100 * rest.cpu_share, 0) });
+    clients.forEach((client) => client.end());
     await daemon.stop();
   }
 }
@@ -281,7 +299,7 @@ async function measure(wanted) {
     process.exit(2);
   }
   for (const name of wanted) {
-    await { overhead, viewers, sessions, memory, hostile, idle, soak }[name]();
+    await { overhead, awake, viewers, sessions, memory, hostile, idle, soak }[name]();
     if (options.out) save();
   }
 }

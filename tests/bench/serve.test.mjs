@@ -37,6 +37,12 @@ test('users and memory', () => {
   for (const { kib_each: each } of rows.slice(-4)) assert.notEqual(each, '');
 });
 
+test('sessions that are awake', () => {
+  const rows = table('--only', 'awake');
+  assert.deepEqual(rows.map(({ clients }) => clients), ['1', '1000']);
+  for (const { cpu_rest_percent: rest } of rows) assert.notEqual(rest, '');
+});
+
 test('sessions, until there are too many', () => {
   const rows = table('--only', 'sessions');
   assert.deepEqual(rows.slice(0, 3).map(({ clients, what }) => [clients, what.startsWith('full')]), [['1', false], ['8', false], ['16', false]]);

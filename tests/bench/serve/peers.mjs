@@ -210,6 +210,7 @@ export async function watch(daemon, clients, seconds, warm = Math.min(1, seconds
   const begin = performance.now();
   await pause(1000 * seconds);
   const took = (performance.now() - begin) / 1000;
+  const spent = daemon.cpuMs() - cpu;
   const total = (what) => sum(clients.map((client) => client[what]));
   const fps = clients.map((client) => client.frames / took);
   const latencies = clients.flatMap((client) => client.latencies);
@@ -218,6 +219,6 @@ export async function watch(daemon, clients, seconds, warm = Math.min(1, seconds
     fps_min: round(Math.min(...fps)), fps_mean: round(mean(fps)),
     p50_ms: round(share(latencies, 0.5)), p95_ms: round(share(latencies, 0.95)), p99_ms: round(share(latencies, 0.99)),
     kbytes_frame: round(total('bytes') / total('frames') / 1000), rss_mib: round(daemon.rssMib()),
-    cpu_share: round((daemon.cpuMs() - cpu) / 1000 / took, 2), render_share: round(total('renderUs') / 1e6 / took, 3),
+    cpu_share: round(spent / 1000 / took, 2), cpu_ms_frame: round(spent / total('frames'), 2), render_share: round(total('renderUs') / 1e6 / took, 3),
   };
 }
