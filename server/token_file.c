@@ -49,11 +49,13 @@ static bool read_number(const char *value, unsigned max, unsigned *number) {
     return *number >= 1 && *number <= max;
 }
 
-static bool read_setting(const char *name, const char *value, uint64_t *number) {
-    struct sp_error ignored;
+/* A word that is written as the setting of its name, and has its range. */
+static bool read_setting(const char *name, const char *value, uint64_t *number, const char *place,
+                         struct sp_error *err) {
+    struct sp_error why;
     int64_t read;
-    if (!srv_config_number(name, value, &read, &ignored))
-        return false;
+    if (!srv_config_number(name, value, &read, &why))
+        return sp_fail(err, why.code, place, "%s: %s", name, why.text);
     *number = (uint64_t)read;
     return true;
 }
@@ -83,10 +85,9 @@ static const struct {
 static const struct {
     const char *name; /* as the setting's */
     size_t offset;    /* in struct srv_quota: a uint64_t */
-    const char *as;
 } sizes[] = {
-    { "path-bytes", AT(path_bytes), "bytes, or with K, M, G or T" },
-    { "frame-size", AT(frame_px), "px, or WIDTHxHEIGHT" },
+    { "path-bytes", AT(path_bytes) },
+    { "frame-size", AT(frame_px) },
 };
 
 static bool read_quota(const char *word, const char *value, struct srv_quota *quota,
@@ -103,9 +104,7 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
         uint64_t *number = (uint64_t *)((char *)quota + sizes[i].offset);
         if (strcmp(word, sizes[i].name) == 0)
             return is_first(!*number, word, place, err) &&
-                   (read_setting(word, value, number) ||
-                    sp_fail(err, SP_ERR_INVALID, place, "%s is as --%s: %s", word, word,
-                            sizes[i].as));
+                   read_setting(word, value, number, place, err);
     }
     return fail(err, place,
                 "known are role, name, sessions, stills, fps, views, paths, path-bytes and "

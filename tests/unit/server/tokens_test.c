@@ -118,6 +118,9 @@ static void wrong_lines_are_named(void **state) {
         assert_string_equal(err.place, "line 1");
         assert_null(list);
     }
+    assert_false(parse(A " frame-size=64x64\n", &list, &count, &err));
+    assert_string_equal(err.text, "frame-size: '64x64' is no number of pixels (a whole number, or "
+                                  "with K or M, or WIDTHxHEIGHT) in [256K, 64M]");
     assert_false(parse(B "\n\n" A " name=x\n" A "\n", &list, &count, &err));
     assert_string_equal(err.place, "line 4");
     assert_false(parse(B " name=x\n" A " name=x\n", &list, &count, &err));
