@@ -13,6 +13,7 @@
 #include "daemon.h"
 #include "probe.h"
 #include "service.h"
+#include "standard.h"
 
 enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_NO_GPU = 3 };
 
@@ -44,15 +45,10 @@ static void let_second_signal_end(const sigset_t *set) {
     pthread_sigmask(SIG_UNBLOCK, set, NULL);
 }
 
-static void describe(const struct srv_config *config, char text[256]) {
-    snprintf(text, 256, "listening on %.200s", config->listen);
-}
-
 static void reload(struct srv_daemon *daemon, const struct srv_config *config, int argc,
                    char **argv) {
     struct srv_config fresh;
     struct sp_error err = { .code = SP_OK };
-    char status[256];
     srv_service_reloading();
     if (!srv_config_init(&fresh, &err)) {
         sp_log(SP_LOG_ERROR, "not reloaded: %s", err.text);
@@ -63,8 +59,7 @@ static void reload(struct srv_daemon *daemon, const struct srv_config *config, i
             sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s: %s", err.place, err.text);
         srv_config_finish(&fresh);
     }
-    describe(config, status);
-    srv_service_ready(status);
+    srv_service_ready(config->listen);
 }
 
 /* Until a signal that ends the daemon; returns its number. */
@@ -88,26 +83,30 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
     }
 }
 
+/* Whoever waits for this line and does not get it would wait for ever: then there is no daemon. */
+static bool print_address(const struct srv_daemon *daemon, struct sp_error *err) {
+    char url[256];
+    srv_daemon_url(daemon, url, sizeof url);
+    printf("splatd: listening on %s\n", url);
+    return srv_standard_end(err);
+}
+
 static int run(const struct srv_config *config, int argc, char **argv) {
     static struct srv_log log; /* outlives every thread */
     struct sp_error err = { .code = SP_OK };
     enum sp_log_level level = SP_LOG_INFO;
     sigset_t signals;
-    char text[256];
     srv_log_level_from(config->log_level, &level);
     block_signals(&signals);
     if (!srv_log_start(&log, level, srv_log_format_from(config->log_format), &err))
         return complain(&err);
     struct srv_daemon *daemon = srv_daemon_start(config, &log, &err);
-    if (!daemon) {
+    if (!daemon || !print_address(daemon, &err)) {
+        srv_daemon_stop(&daemon);
         srv_log_end(&log);
         return complain(&err);
     }
-    srv_daemon_url(daemon, text, sizeof text);
-    printf("splatd: listening on %s\n", text);
-    fflush(stdout);
-    describe(config, text);
-    srv_service_ready(text);
+    srv_service_ready(config->listen);
     int number = serve(daemon, config, &signals, argc, argv);
     srv_service_stopping();
     sigdelset(&signals, SIGHUP);
@@ -120,22 +119,29 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     return EXIT_OK;
 }
 
+/* What is asked for in place of a daemon. */
+static int print(const struct srv_config *config, struct sp_error *err) {
+    int status = EXIT_OK;
+    if (config->help)
+        srv_config_print_help(stdout);
+    else if (config->version)
+        printf("splatd %s\n", SPLATD_VERSION);
+    else if (config->probe)
+        status = srv_probe(stdout) ? EXIT_OK : EXIT_NO_GPU;
+    else
+        srv_config_print(config, stdout);
+    return srv_standard_end(err) ? status : complain(err);
+}
+
 int main(int argc, char **argv) {
     struct srv_config config;
     struct sp_error err = { .code = SP_OK };
-    int status = EXIT_OK;
-    if (!srv_config_init(&config, &err))
-        return complain(&err);
-    if (!srv_config_parse(&config, argc, argv, &err))
+    int status;
+    srv_standard_hold();
+    if (!srv_config_init(&config, &err) || !srv_config_parse(&config, argc, argv, &err))
         status = complain(&err);
-    else if (config.help)
-        srv_config_print_help(stdout);
-    else if (config.version)
-        printf("splatd %s\n", SPLATD_VERSION);
-    else if (config.probe)
-        status = srv_probe(stdout) ? EXIT_OK : EXIT_NO_GPU;
-    else if (config.print_config)
-        srv_config_print(&config, stdout);
+    else if (config.help || config.version || config.probe || config.print_config)
+        status = print(&config, &err);
     else
         status = run(&config, argc, argv);
     srv_config_finish(&config);

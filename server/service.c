@@ -6,8 +6,8 @@
 #include <systemd/sd-daemon.h>
 #include <time.h>
 
-void srv_service_ready(const char *status) {
-    sd_notifyf(0, "READY=1\nSTATUS=%s", status);
+void srv_service_ready(const char *listen) {
+    sd_notifyf(0, "READY=1\nSTATUS=listening on %s", listen);
 }
 
 void srv_service_reloading(void) {

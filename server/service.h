@@ -6,8 +6,8 @@
 #ifndef SRV_SERVICE_H
 #define SRV_SERVICE_H
 
-/* At the start, and after each reload. `status` is shown by `systemctl status`. */
-void srv_service_ready(const char *status);
+/* At the start, and after each reload. `systemctl status` shows where it listens. */
+void srv_service_ready(const char *listen);
 void srv_service_reloading(void);
 void srv_service_stopping(void);
 

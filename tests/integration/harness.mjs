@@ -26,9 +26,13 @@ export function nrrd(voxels = Buffer.from([...Array(64).keys()])) {
   return Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n'), voxels]);
 }
 
+/** Before a command: runs it with its descriptors as a shell's redirection says. */
+export const redirected = (redirection) => ['/bin/sh', '-c', `exec "$0" "$@" ${redirection}`];
+
 /** Runs splatd to its end: {status, out, err}. */
-export async function runToEnd(args) {
-  const child = spawn(path.join(BIN, 'splatd'), args, { stdio: ['ignore', 'pipe', 'pipe'] });
+export async function runToEnd(args, { prefix = [] } = {}) {
+  const command = [...prefix, path.join(BIN, 'splatd'), ...args];
+  const child = spawn(command[0], command.slice(1), { stdio: ['ignore', 'pipe', 'pipe'] });
   let out = '';
   let err = '';
   child.stdout.on('data', (data) => { out += data; });

@@ -2,11 +2,11 @@
 // Starting, limits, failing renders, and stopping.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { closeSync, constants, mkdtempSync, openSync, rmSync, writeFileSync, writeSync } from 'node:fs';
+import { closeSync, constants, mkdtempSync, openSync, readlinkSync, rmSync, writeFileSync, writeSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { Daemon, Raw, runToEnd, Stream, within } from './harness.mjs';
+import { Daemon, Raw, redirected, runToEnd, Stream, within } from './harness.mjs';
 
 let folder;
 before(() => { folder = mkdtempSync(path.join(tmpdir(), 'splatd-life-')); });
@@ -29,6 +29,22 @@ test('--help, --version, --print-config', async () => {
   // What it prints, it reads.
   const again = await runToEnd(['--config', file('printed', printed.out), '--print-config']);
   assert.equal(again.out, printed.out);
+});
+
+test('what is printed and cannot be written is a failure, the ready line too', async () => {
+  for (const [redirection, why] of [['>/dev/full', 'No space left on device'], ['>&-', 'Bad file descriptor']]) {
+    for (const args of [['--help'], ['--version'], ['--print-config'], ['--probe'], ['--listen', '127.0.0.1:0', '--backend', 'null']]) {
+      const { status, err } = await runToEnd(args, { prefix: redirected(redirection) });
+      assert.equal(status, 1, `${args} ${redirection}: ${err}`);
+      assert.equal(err.trim().split('\n').at(-1), `splatd: standard output: cannot write: ${why}`);
+    }
+  }
+});
+
+test('no connection gets the number of a closed standard descriptor', async () => {
+  const daemon = await Daemon.start([], { prefix: redirected('<&- 2>&-') });
+  for (const fd of [0, 2]) assert.equal(readlinkSync(`/proc/${daemon.child.pid}/fd/${fd}`), '/dev/null');
+  assert.equal(await daemon.stop(), 0);
 });
 
 test('wrong use: status 2, and what is wrong', async () => {
