@@ -43,7 +43,8 @@ static const struct setting settings[] = {
     { "volume", VOLUME, 0, NULL, 0, 0, "PATH|demo:NAME", "load this volume; may be repeated" },
     { "data", TEXT, AT(data), NULL, 0, 0, "DIR", "folder from which clients may load volumes" },
     { "state", TEXT, AT(state), NULL, 0, 0, "DIR",
-      "keep volumes, sessions, views and presets here, so that they outlive the daemon" },
+      "keep volumes, sessions, views, presets and camera paths here, so that they outlive the "
+      "daemon" },
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "budget for volumes; 0 = half of the machine's memory" },
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",

@@ -26,7 +26,10 @@ bool srv_etag_matches(const char *if_none_match, const char *etag);
 /* The token of "Authorization: Bearer TOKEN", NULL if it is none. */
 const char *srv_bearer_token(const char *authorization);
 
-/* JSON? application/json, application/merge-patch+json, with parameters; NULL counts as JSON. */
+/* For an Accept-Patch header (RFC 5789, 3.1). */
+#define SRV_JSON_TYPES "application/json, application/merge-patch+json"
+
+/* JSON? One of SRV_JSON_TYPES, with parameters; NULL counts as JSON. */
 bool srv_is_json(const char *content_type);
 
 #endif

@@ -201,12 +201,19 @@ static enum MHD_Result dispatch(struct srv_request *request) {
 
 /* Checks before the body. */
 
+/* Where PATCH is one of the methods: what a patch may be (RFC 5789, 2.2 and 3.1). */
+static void tell_patches(struct srv_reply *reply, unsigned methods) {
+    if (methods & SRV_PATCH)
+        srv_reply_header(reply, "Accept-Patch", SRV_JSON_TYPES);
+}
+
 static void refuse_method(struct srv_request *request, unsigned allowed) {
     char allow[64];
     srv_methods_to_text(allowed, allow);
     srv_reply_problem(&request->reply, 405, NULL, "%.16s is not among the methods here: %s",
                       request->method, allow);
     srv_reply_header(&request->reply, "Allow", "%s", allow);
+    tell_patches(&request->reply, allowed);
 }
 
 static bool check_limits(struct srv_request *request) {
@@ -333,7 +340,9 @@ static bool check(struct srv_request *request) {
     }
     if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
         !srv_is_json(srv_request_header(request, "Content-Type"))) {
-        srv_reply_problem(reply, 415, NULL, "the body must be application/json");
+        srv_reply_problem(reply, 415, NULL,
+                          "the body must be application/json or application/merge-patch+json");
+        tell_patches(reply, method);
         return false;
     }
     const char *length = srv_request_header(request, "Content-Length");

@@ -8,6 +8,8 @@ import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { Daemon, nrrd, Raw } from './harness.mjs';
 
+const PATCHES = 'application/json, application/merge-patch+json';
+
 let daemon;
 let folder;
 
@@ -118,6 +120,7 @@ test('the paths and methods of the contract are those that the daemon has', asyn
     isProblem(answer, 405);
     const allowed = answer.headers.get('allow').split(', ').filter((m) => m !== 'HEAD');
     assert.deepEqual(allowed.sort(), methods.sort(), target);
+    assert.equal(answer.headers.get('accept-patch'), methods.includes('PATCH') ? PATCHES : null, target);
   }
 });
 
@@ -247,7 +250,9 @@ test('bodies that ask for no volume', async () => {
   isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:engine', id: '../x' }), 422);
   isProblem(await daemon.post('/api/v1/volumes', '[1]'), 422);
   isProblem(await daemon.post('/api/v1/volumes', '{"path": '), 400);
-  isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:engine' }, { headers: { 'Content-Type': 'text/plain' } }), 415);
+  const plain = await daemon.post('/api/v1/volumes', { uri: 'demo:engine' }, { headers: { 'Content-Type': 'text/plain' } });
+  isProblem(plain, 415, /application\/json or application\/merge-patch\+json/);
+  assert.equal(plain.headers.get('accept-patch'), null);
 });
 
 test('render: formats by Accept and by ?format=', async () => {
@@ -328,6 +333,9 @@ test('sessions: create, look, fork, and what the tokens allow', async () => {
   for (const text of [`{"view": [${'1,'.repeat(10000)}`, ' '.repeat(300)]) isProblem(await daemon.post('/api/v1/sessions', text, { token: 'wrong' }), 401);
   const patch = (token) => daemon.json(target, { token, method: 'PATCH', body: '{"view":{"size":[10,10]}}', headers: { 'Content-Type': 'application/json' } });
   isProblem(await patch(tokens.view), 403);
+  const text = await daemon.json(target, { method: 'PATCH', body: 'x', headers: { 'Content-Type': 'application/json-patch+json' } });
+  isProblem(text, 415);
+  assert.equal(text.headers.get('accept-patch'), PATCHES);
   assert.deepEqual((await patch(tokens.control)).json.view.size, [10, 10]);
   isProblem(await daemon.json(target, { method: 'DELETE', token: tokens.control }), 401);
   const fork = await daemon.post('/api/v1/sessions', { from: id });

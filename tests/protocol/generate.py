@@ -147,6 +147,8 @@ class Requests:
         query = {}
         for parameter in map(self.values.node, item.get('parameters', []) + operation.get('parameters', [])):
             self._parameter(made, query, parameter, ids)
+        if self.rng.random() < 0.3:  # to all: who answers 304 must say so
+            made['headers']['If-None-Match'] = self.rng.choice(['*', '"x"', 'W/"y", "z"', '', '"' * 50])
         if query:
             made['path'] += '?' + urllib.parse.urlencode(query)
         if 'requestBody' in operation:
@@ -174,8 +176,6 @@ class Requests:
             made['is_sound'] &= self.values.validator(schema).is_valid(seen)
             if not (content and text == 'null'):
                 query[name] = text
-        elif where == 'header' and name == 'If-None-Match' and self.rng.random() < 0.3:
-            made['headers'][name] = self.rng.choice(['*', '"x"', 'W/"y", "z"', '', '"' * 50])
         elif where == 'header' and name == 'Accept' and self.rng.random() < 0.3:
             made['headers'][name] = self.rng.choice(['image/png', 'image/*;q=0.5', '*/*', 'text/html', ';;,', 'image/webp;q=0, image/jpeg'])
 
