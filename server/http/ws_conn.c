@@ -14,9 +14,7 @@
 enum {
     REPLIES_MAX = 64,     /* messages that wait for the socket before reading stops */
     FRAGMENTS_MAX = 1024, /* of one message: each costs memory of its own */
-    /* What a client may make this thread do from one tick to the next. */
-    TICK_FRAMES = 32,
-    TICK_BYTES = 128 * 1024,
+    READ_BYTES = 8192,    /* a turn */
     PIECE_BYTES = 512,    /* the library takes all frames of a piece before it asks again */
     MESSAGES_BUDGET = 64, /* messages sent a turn */
 };
@@ -34,8 +32,8 @@ struct srv_ws {
     char peer[SRV_ADDRESS_TEXT];
     wslay_event_context_ptr context;
     struct srv_participant *participant;
-    unsigned frames_left; /* until the next tick */
-    size_t bytes_left;
+    struct srv_intake_stream intake;
+    size_t turn_left;   /* bytes */
     unsigned fragments; /* of the message that is arriving */
     struct out_frame frame;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
@@ -48,33 +46,25 @@ static bool has_replies(const struct srv_ws *ws) {
     return wslay_event_get_queued_msg_count(ws->context) >= REPLIES_MAX;
 }
 
-static bool has_allowance(const struct srv_ws *ws) {
-    return ws->frames_left > 0 && ws->bytes_left > 0;
-}
-
-static void refill(struct srv_ws *ws) {
-    ws->frames_left = TICK_FRAMES;
-    ws->bytes_left = TICK_BYTES;
-}
-
 static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t size, int flags,
                        void *user) {
     (void)flags;
     struct srv_ws *ws = user;
     ssize_t got = -1;
-    if (!has_allowance(ws) || has_replies(ws)) {
+    if (ws->turn_left == 0 || !srv_intake_has(&ws->intake) || has_replies(ws)) {
         wslay_event_set_error(context, WSLAY_ERR_WOULDBLOCK);
         return -1;
     }
     if (size > PIECE_BYTES)
         size = PIECE_BYTES;
-    if (size > ws->bytes_left)
-        size = ws->bytes_left;
+    if (size > ws->turn_left)
+        size = ws->turn_left;
     do
         got = ws->options.transport.recv(ws->options.transport.user, bytes, size);
     while (got < 0 && errno == EINTR);
     if (got > 0) {
-        ws->bytes_left -= (size_t)got;
+        ws->turn_left -= (size_t)got;
+        srv_intake_take(&ws->intake, (size_t)got);
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
         return got;
@@ -142,8 +132,7 @@ static void on_frame_start(wslay_event_context_ptr context,
                            const struct wslay_event_on_frame_recv_start_arg *frame, void *user) {
     (void)context;
     struct srv_ws *ws = user;
-    if (ws->frames_left > 0)
-        ws->frames_left--;
+    srv_intake_take(&ws->intake, SRV_INTAKE_FRAME);
     if (frame->opcode == WSLAY_CONNECTION_CLOSE && frame->payload_length == 1)
         srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close with half a code", ws->now_ms);
     if (wslay_is_ctrl_frame(frame->opcode))
@@ -198,9 +187,13 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
     strncpy(ws->peer, options->peer, sizeof ws->peer - 1);
     wslay_event_config_set_max_recv_msg_length(ws->context, options->message_bytes);
     ws->heard_ms = ws->pinged_ms = ws->progress_ms = ws->now_ms = now_ms;
-    refill(ws);
-    ws->participant = srv_hub_join(options->hub, options->session, options->role, options->token,
-                                   options->user, now_ms, err);
+    struct srv_owner owner;
+    srv_hub_session_owner(options->hub, options->session, &owner);
+    if (srv_intake_open(options->intake, owner.name, options->session, &ws->intake))
+        ws->participant = srv_hub_join(options->hub, options->session, options->role,
+                                       options->token, options->user, now_ms, err);
+    else
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a stream");
     if (ws->participant)
         srv_metrics_add(options->metrics, SRV_COUNT_JOINED, 1);
     else
@@ -216,6 +209,7 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
     if (ws->participant)
         count_end(ws, SRV_COUNT_END_LOST);
     srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
+    srv_intake_close(&ws->intake);
     wslay_event_context_free(ws->context);
     srv_blob_unref(&ws->frame.blob);
     free(ws);
@@ -255,6 +249,7 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
     begin_turn(ws, now_ms);
     if (!srv_ws_wants_read(ws))
         return;
+    ws->turn_left = READ_BYTES;
     int failed = wslay_event_recv(ws->context);
     if (failed == WSLAY_ERR_CALLBACK_FAILURE && !ws->end_of_file && !ws->closing)
         refuse_frame(ws);
@@ -372,7 +367,6 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     /* Who is not listened to is not silent; the stall limit is for this one. */
     if (!srv_ws_wants_read(ws))
         ws->heard_ms = now_ms;
-    refill(ws);
     double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
     if (is_sending(ws) && now_ms - ws->progress_ms > ws->options.stall_ms) {
         sp_log_with(SP_LOG_WARN,
@@ -402,8 +396,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
 double srv_ws_due_ms(const struct srv_ws *ws) {
     if (ws->closing)
         return ws->close_ms + CLOSE_MS;
-    if (ws->is_behind || !srv_ws_wants_read(ws) || ws->frames_left < TICK_FRAMES ||
-        ws->bytes_left < TICK_BYTES)
+    if (ws->is_behind || !srv_ws_wants_read(ws))
         return ws->now_ms;
     double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
     double due_ms = fmin(fmax(ws->heard_ms, ws->pinged_ms) + ws->options.ping_ms,
@@ -421,11 +414,11 @@ static bool listens(const struct srv_ws *ws) {
 }
 
 bool srv_ws_wants_read(const struct srv_ws *ws) {
-    return listens(ws) && has_allowance(ws);
+    return listens(ws) && srv_intake_has(&ws->intake);
 }
 
 bool srv_ws_is_paused(const struct srv_ws *ws) {
-    return listens(ws) && !has_allowance(ws);
+    return listens(ws) && !srv_intake_has(&ws->intake);
 }
 
 bool srv_ws_wants_write(const struct srv_ws *ws) {

@@ -135,7 +135,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (!json)
         abort();
     proto_json_free(&json);
+    struct srv_intake *intake = srv_intake_create(4096);
+    if (!intake)
+        abort();
     struct srv_ws_options ws_options = { .hub = hub,
+                                         .intake = intake,
                                          .token = "",
                                          .session = id,
                                          .role = SRV_ROLE_CONTROL,
@@ -152,11 +156,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         srv_ws_read(ws, now_ms);
         serve(hub, now_ms);
         srv_ws_write(ws, now_ms);
+        srv_intake_tick(intake);
         srv_ws_tick(ws, now_ms);
     }
     if (!ws || !srv_ws_is_over(ws))
         abort(); /* the end of the input ends the connection */
     srv_ws_destroy(&ws, now_ms);
+    srv_intake_destroy(&intake);
     srv_hub_destroy(&hub);
     return 0;
 }

@@ -12,6 +12,7 @@ import { fileURLToPath } from 'node:url';
 import { Client, Daemon, pause } from './peers.mjs';
 
 const HASTE_MS = 20; // between two changes of one who drags
+const MANY_STREAMS = 24; // of one client
 const DEAR = { size: [4096, 4096], format: 'png', quality: 100, max_fps: 60 };
 const clients = [];
 let served = 0;
@@ -54,6 +55,14 @@ export const plain = {
       setImmediate(send);
     };
     send();
+  },
+  [`flooding with large messages that are refused, on ${MANY_STREAMS} streams`]: async (daemon) => {
+    const session = await daemon.session(512);
+    for (let i = 0; i < MANY_STREAMS; i++) clients.push(await Client.open(daemon, session, { role: 'view' }));
+    const text = JSON.stringify({ jsonrpc: '2.0', method: 'view.update', params: { seq: 1, patch: { x: Array(30000).fill(0) } } });
+    setInterval(() => {
+      for (const { socket } of clients) while (socket.bufferedAmount < 2e5) socket.send(text);
+    }, HASTE_MS);
   },
   'flooding with requests': async (daemon) => again(4, () => daemon.ask('GET', 'volumes')),
   'flooding with pictures': async (daemon) => again(4, () => daemon.ask('POST', 'render', daemon.views[0])),
