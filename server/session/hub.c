@@ -149,7 +149,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         source->release(source->user, session->volume);
         session->volume = volume;
         session->volume_version = session->version + 1;
-        srv_pace_init(&session->pace);
+        srv_hub_first_pace(hub, session);
     }
     for (struct srv_participant *p = session->participants; p; p = p->next)
         if (p->taken_version == session->version)
@@ -217,7 +217,7 @@ static double end_of_use_ms(const struct srv_hub *hub, const struct srv_session 
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     session->version = session->cold_version = session->next_guest = 1;
     session->changed_ms = session->empty_ms = now_ms;
-    srv_pace_init(&session->pace);
+    srv_hub_first_pace(hub, session);
     session->number = ++hub->next_number;
     session->next = hub->sessions;
     session->link = &hub->sessions;

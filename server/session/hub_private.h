@@ -16,6 +16,7 @@
 #include "session/share.h"
 
 #define SRV_MOVING_MS 500.0 /* a session moves for so long after a moving frame */
+enum { SRV_PACES = 16 };    /* volumes of which it is known what their frames take */
 
 enum srv_note { /* what a participant has not been told yet */
                 SRV_NOTE_VIEW = 1,
@@ -161,7 +162,14 @@ struct srv_hub {
     unsigned volume_count;
     uint64_t volume_clock;
     char backend[32], device[SP_DEVICE_NAME]; /* that renders for sessions */
-    double clock_ms;                          /* of the sessions' shares */
+    /* What the frames of a volume took, as the session told that had one last: the first guess of
+     * the next session. The pointers are compared, and never used. */
+    struct srv_known_pace {
+        const void *volume;
+        struct srv_pace pace;
+    } paces[SRV_PACES];
+    unsigned next_pace;
+    double clock_ms;     /* of the sessions' shares */
     double rested_ms;    /* by that clock, the last end of those that are not busy any more */
     unsigned dear;       /* jobs under way that take long to encode */
     double now_ms;       /* when something was told or asked last */
@@ -269,6 +277,8 @@ bool srv_turn_moves(const struct srv_hub *hub);
 
 /* Is it no larger than --frame-size allows? SP_ERR_INVALID at "/size". */
 bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err);
+/* Of a session that has a volume, and no frame of it yet. */
+void srv_hub_first_pace(const struct srv_hub *hub, struct srv_session *session);
 /* What the next frame of a moving view is believed to take, with the detail that it would be drawn
  * with; 0 = nothing known yet. */
 double srv_hub_moving_ms(const struct srv_hub *hub, const struct srv_session *session,

@@ -8,6 +8,7 @@
 #define SLOW 2.0      /* times the expected time: something was in the way, or all has changed */
 #define FAST (2 / 3.) /* of the expected time: what was in the way is gone */
 #define RAISE 0.75    /* of the budget: detail comes back */
+#define HEARSAY 9.0   /* load_log of what was not seen here at all */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
 enum { SIDES = 8, SIDE_MIN = 2, SIDE_USEFUL = 4, FAILURES_MAX = 5 };
@@ -18,6 +19,21 @@ struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
 
 void srv_pace_init(struct srv_pace *pace) {
     memset(pace, 0, sizeof *pace);
+}
+
+void srv_pace_init_from(struct srv_pace *pace, const struct srv_pace *other) {
+    srv_pace_init(pace);
+    for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
+        const struct srv_pace_fit *fit = &other->fits[coarse];
+        pace->fits[coarse] = (struct srv_pace_fit){ .weight = fit->weight,
+                                                    .x = fit->x,
+                                                    .y = fit->y,
+                                                    .xx = fit->xx,
+                                                    .xy = fit->xy,
+                                                    .ratio = fit->ratio,
+                                                    .last_mpx = fit->last_mpx,
+                                                    .load_log = HEARSAY };
+    }
 }
 
 double srv_pace_budget_ms(int max_fps) {

@@ -59,6 +59,9 @@ struct srv_pace {
 };
 
 void srv_pace_init(struct srv_pace *pace);
+/* As init, with what frames of another view of the same volume took as a guess: the first frame of
+ * each level outweighs it. */
+void srv_pace_init_from(struct srv_pace *pace, const struct srv_pace *other);
 
 /* Longest that a frame should take while the view moves. */
 double srv_pace_budget_ms(int max_fps);

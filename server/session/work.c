@@ -373,6 +373,29 @@ static struct srv_session *end_job(struct srv_hub *hub, struct srv_job *job) {
     return s;
 }
 
+static struct srv_known_pace *pace_of(struct srv_hub *hub, const void *volume) {
+    for (unsigned i = 0; i < SRV_PACES; i++)
+        if (hub->paces[i].volume == volume)
+            return &hub->paces[i];
+    struct srv_known_pace *oldest = &hub->paces[hub->next_pace++ % SRV_PACES];
+    oldest->volume = volume;
+    return oldest;
+}
+
+static void note_pace(struct srv_hub *hub, struct srv_session *s, const struct srv_detail *drawn,
+                      const struct srv_job *job, double took_ms) {
+    bool moving = job->step == SRV_STEP_MOVING;
+    srv_pace_done(&s->pace, drawn, moving, job->budget_ms, took_ms);
+    pace_of(hub, s->volume)->pace = s->pace;
+}
+
+void srv_hub_first_pace(const struct srv_hub *hub, struct srv_session *s) {
+    srv_pace_init(&s->pace);
+    for (unsigned i = 0; i < SRV_PACES; i++)
+        if (hub->paces[i].volume == s->volume)
+            srv_pace_init_from(&s->pace, &hub->paces[i].pace);
+}
+
 void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
                       const struct srv_job_result *result) {
     pthread_mutex_lock(&hub->mutex);
@@ -385,7 +408,7 @@ void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
         s->must_finish = s->must_finish && !moving;
         s->done_version = s->done_version > job->version ? s->done_version : job->version;
         if (!result->again && job->version >= s->volume_version)
-            srv_pace_done(&s->pace, &drawn, moving, job->budget_ms, took_ms);
+            note_pace(hub, s, &drawn, job, took_ms);
         if (job->step == SRV_STEP_FINAL)
             srv_pace_rest(&s->pace, job->view.size);
         correct_share(s, job, (result->again ? 0 : result->render_ms) + result->encode_ms);

@@ -114,6 +114,26 @@ static void moving_then_final(void **state) {
     srv_hub_leave(f->hub, &p, 5020);
 }
 
+static void what_a_volume_takes_is_known_to_the_next_session(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    char id[SRV_SESSION_ID_BYTES];
+    struct srv_participant *p = join(f, 1000);
+    assert_true(next_job(f, 1000, &job));
+    uint64_t first = job.session;
+    finish(f, &job, 5);
+    proto_json *json = srv_hub_session_create(f->hub, NULL, 1010, id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+    struct srv_participant *next = srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, "", NULL, 1010, NULL);
+    assert_non_null(next);
+    assert_true(next_job(f, 1010, &job));
+    assert_true(job.session != first && job.sharp);
+    finish(f, &job, 20);
+    srv_hub_leave(f->hub, &next, 1030);
+    srv_hub_leave(f->hub, &p, 1030);
+}
+
 static void updates_coalesce_behind_a_job(void **state) {
     struct fixture *f = *state;
     struct srv_job first, second, none;
@@ -552,6 +572,7 @@ int main(void) {
         TEST(the_policy_is_told_with_its_reasons),
         TEST(a_png_has_no_quality_that_could_be_less),
         TEST(moving_then_final),
+        TEST(what_a_volume_takes_is_known_to_the_next_session),
         TEST(updates_coalesce_behind_a_job),
         TEST(a_cancelled_refinement_comes_again),
         TEST(moving_frames_are_given_up_late_and_never_twice_in_a_row),

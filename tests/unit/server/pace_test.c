@@ -149,6 +149,30 @@ static void pixels_are_given_up_before_voxels(void **state) {
     assert_int_equal(d.last.size[0], 1024);
 }
 
+/* The first frame is drawn with the detail that another view's frames had in the end; where that
+ * was wrong its own ones tell, at once. */
+static void what_another_view_took_is_the_first_guess(void **state) {
+    (void)state;
+    struct srv_detail detail;
+    struct srv_pace other, pace;
+    struct machine m = { 20, 5, 1 };
+    srv_pace_init(&other);
+    drag(&other, &m, 20);
+    srv_pace_init(&pace);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_int_equal(detail.size[0], 512);
+    srv_pace_init_from(&pace, &other);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_int_equal(detail.size[0], 1024);
+    assert_int_equal(detail.coarse, 0);
+    double guess_ms = srv_pace_expect_ms(&pace, &detail);
+    assert_true(guess_ms > 10 && guess_ms < 60);
+    srv_pace_done(&pace, &detail, true, BUDGET, 10 * guess_ms);
+    assert_float_equal(srv_pace_expect_ms(&pace, &detail), 10 * guess_ms, 1e-6);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_true(rank(&detail) > 0);
+}
+
 /* Loads from light to heavy and back: detail goes when the budget is missed and comes back during
  * the drag, without a rest. */
 static void detail_comes_back_when_the_load_goes(void **state) {
@@ -308,6 +332,7 @@ int main(void) {
         cmocka_unit_test(any_machine_settles),
         cmocka_unit_test(jitter_does_not_flicker),
         cmocka_unit_test(pixels_are_given_up_before_voxels),
+        cmocka_unit_test(what_another_view_took_is_the_first_guess),
         cmocka_unit_test(detail_comes_back_when_the_load_goes),
         cmocka_unit_test(between_keeping_and_raising_lies_a_band),
         cmocka_unit_test(one_slow_frame_changes_nothing_two_do),

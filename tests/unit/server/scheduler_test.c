@@ -264,9 +264,9 @@ static void a_refinement_gives_way_to_what_moves_in_another_session(void **state
     struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
     gate_await(&gate.cancelled, 1);
     gate_await(&gate.entered, 3);
-    assert_true(seen.size[0] < FULL);
-    gate_let_through(100);
+    gate_let_through(1);
     next_frame_of(f, other);
+    gate_let_through(100);
     while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is taken again */
     }
     srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
