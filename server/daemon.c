@@ -91,9 +91,9 @@ static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     srv_scheduler_interrupt(d->scheduler, of, why);
 }
 
-static bool on_quota(void *user, const char *name, struct srv_quota *quota) {
+static bool on_token(void *user, const char *name, unsigned *rights, struct srv_quota *quota) {
     struct srv_daemon *d = user;
-    return srv_tokens_quota(d->tokens, name, quota);
+    return srv_tokens_of_name(d->tokens, name, rights, quota);
 }
 
 static bool on_supports(void *user, const struct sp_view *view, struct sp_error *err) {
@@ -201,7 +201,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .work = on_work,
         .ready = on_ready,
         .interrupt = on_interrupt,
-        .quota = on_quota,
+        .token = on_token,
         .supports = on_supports,
         .changed = on_changed,
         .ended = on_ended,

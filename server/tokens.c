@@ -118,9 +118,12 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant) {
     grant->use = NULL;
 }
 
-bool srv_tokens_quota(struct srv_tokens *tokens, const char *name, struct srv_quota *quota) {
+bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,
+                        struct srv_quota *quota) {
     pthread_mutex_lock(&tokens->mutex);
     const struct entry *found = find_name(tokens, name);
+    if (found && rights)
+        *rights = found->token.rights;
     if (found)
         *quota = found->token.quota;
     pthread_mutex_unlock(&tokens->mutex);

@@ -33,8 +33,10 @@ bool srv_tokens_set(struct srv_tokens *tokens, struct srv_token *list, size_t co
  * `given` (NULL = none). */
 void srv_tokens_find(struct srv_tokens *tokens, const char *given, struct srv_grant *grant);
 void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant);
-/* What the token of this name allows; false, and nothing else: there is none of it. */
-bool srv_tokens_quota(struct srv_tokens *tokens, const char *name, struct srv_quota *quota);
+/* What the token of this name may do (enum srv_right; NULL = not asked) and is allowed; false, and
+ * nothing else: there is none of it. */
+bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,
+                        struct srv_quota *quota);
 
 /* One more picture by HTTP is under way with this grant. SP_ERR_BUDGET at SRV_PLACE_QUOTA: too many
  * are, or were within the last second. */

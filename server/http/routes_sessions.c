@@ -157,14 +157,11 @@ void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     srv_listing_reply(&page, "sessions", encode_item, NULL, reply);
 }
 
-/* Did the token of this request make the session? An admin's counts as if it made all. */
-static bool is_owner(const struct srv_request *request) {
+/* What the daemon's token of this request is in the session; false: nothing. */
+static bool role_of_grant(const struct srv_request *request, enum srv_role *role) {
     struct srv_owner owner;
-    if (request->grant.rights & SRV_RIGHT_ADMIN)
-        return true;
     srv_hub_session_owner(request->app->hub, request->param, &owner);
-    return request->grant.rights & SRV_RIGHT_CONTROL && owner.name[0] &&
-           strcmp(owner.name, request->grant.name) == 0;
+    return srv_owner_role(&owner, request->grant.name, request->grant.rights, role);
 }
 
 /* What a token is in the session: one of the session's what it says, the daemon's control in those
@@ -172,19 +169,16 @@ static bool is_owner(const struct srv_request *request) {
 static bool find_role(struct srv_request *request, enum srv_role *role, struct srv_reply *reply) {
     struct sp_error err;
     const char *token = srv_request_token(request);
-    unsigned rights = request->grant.rights;
     if (srv_hub_authorize(request->app->hub, request->param, token, role, &err))
         return true;
-    if (!rights) /* who has no valid token does not learn which sessions exist */
+    if (!request->grant.rights) /* who has no valid token does not learn which sessions exist */
         reply_unauthorized(reply, "give the daemon's token, or one of a session that is there");
-    else if (!(rights & SRV_RIGHT_VIEW))
+    else if (!role_of_grant(request, role))
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
     else if (err.code != SP_ERR_DENIED)
         srv_reply_error(reply, &err);
-    else {
-        *role = is_owner(request) ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
+    else
         return true;
-    }
     return false;
 }
 
@@ -220,8 +214,10 @@ bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    proto_json *json = srv_hub_session_get(request->app->hub, request->param, is_owner(request),
-                                           srv_clock_ms(), &err);
+    enum srv_role role;
+    bool is_owner = role_of_grant(request, &role) && role == SRV_ROLE_CONTROL;
+    proto_json *json =
+        srv_hub_session_get(request->app->hub, request->param, is_owner, srv_clock_ms(), &err);
     if (json)
         srv_reply_json(reply, 200, json);
     else

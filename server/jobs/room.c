@@ -18,7 +18,7 @@ static struct srv_path_owner **find_owner(struct srv_jobs *jobs, const char *nam
 /* What is of a token that is no more has no quota. */
 static struct srv_quota quota_of(struct srv_jobs *jobs, const char *owner) {
     struct srv_quota quota = { .paths = 0 };
-    srv_tokens_quota(jobs->options.tokens, owner, &quota);
+    srv_tokens_of_name(jobs->options.tokens, owner, NULL, &quota);
     return quota;
 }
 

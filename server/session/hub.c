@@ -136,7 +136,8 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         source->default_view(source->user, session->volume, &defaults);
     }
     if (!proto_view_apply(patch, &defaults, &view, err) || !can_show(hub, &view, err) ||
-        !srv_owner_allows_size(&session->owner, view.size, err)) {
+        (memcmp(view.size, session->view.size, sizeof view.size) != 0 &&
+         !srv_owner_allows_size(&session->owner, view.size, err))) {
         if (volume)
             source->release(source->user, volume);
         return false;
@@ -180,6 +181,7 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
                   uint32_t size[2]) {
     for (int i = 0; i < 2; i++)
         size[i] = participant->size[0] ? participant->size[i] : session->view.size[i];
+    srv_owner_fit_size(&session->owner, size); /* which may allow less than when it was set */
 }
 
 void srv_hub_ended(struct srv_hub *hub, const char *id) {
@@ -248,8 +250,9 @@ static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
 }
 
 bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner) {
-    return !hub->options.quota || !owner->name[0] ||
-           hub->options.quota(hub->options.user, owner->name, &owner->quota);
+    unsigned unused;
+    return !hub->options.token || !owner->name[0] ||
+           hub->options.token(hub->options.user, owner->name, &unused, &owner->quota);
 }
 
 static void tell_to_leave(struct srv_hub *hub, struct srv_participant *p, uint16_t code,
@@ -259,10 +262,16 @@ static void tell_to_leave(struct srv_hub *hub, struct srv_participant *p, uint16
     srv_hub_note(hub, p, SRV_NOTE_CLOSE);
 }
 
-static bool has_token(const struct srv_hub *hub, const struct srv_participant *p) {
+const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participant *p) {
     struct srv_quota unused;
-    return !hub->options.quota || !p->token[0] ||
-           hub->options.quota(hub->options.user, p->token, &unused);
+    unsigned rights;
+    enum srv_role role;
+    if (!hub->options.token || !p->token[0])
+        return NULL;
+    if (!hub->options.token(hub->options.user, p->token, &rights, &unused))
+        return "the token is not valid any more";
+    bool takes_part = srv_owner_role(&p->session->owner, p->token, rights, &role);
+    return takes_part && role >= p->role ? NULL : "the role of the token is a lower one";
 }
 
 void srv_hub_renew_tokens(struct srv_hub *hub) {
@@ -271,9 +280,11 @@ void srv_hub_renew_tokens(struct srv_hub *hub) {
         bool had_token = s->has_token;
         s->has_token = srv_hub_renew_quota(hub, &s->owner);
         for (struct srv_participant *p = s->participants; p; p = p->next) {
+            const char *why = srv_hub_denies(hub, p);
             p->max_fps = srv_owner_fps(&s->owner, p->wanted_fps);
-            if (!has_token(hub, p))
-                tell_to_leave(hub, p, 1008, "the token is not valid any more");
+            srv_hub_note(hub, p, SRV_NOTE_POLICY); /* of a size that may be another one */
+            if (why)
+                tell_to_leave(hub, p, 1008, why);
             else if (had_token && !s->has_token)
                 tell_to_leave(hub, p, 1008,
                               "the token that made the session is not valid any more");

@@ -36,7 +36,6 @@
 struct srv_hub;
 struct srv_participant;
 
-enum srv_role { SRV_ROLE_VIEW, SRV_ROLE_CONTROL };
 enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17, SRV_PERSON_BYTES = 65 };
 
 /* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
@@ -84,9 +83,9 @@ struct srv_hub_options {
     /* What was saved last of a session: malloc'ed, with a NUL behind it. NULL = nothing can be had
      * back, and sessions end instead of falling asleep. */
     char *(*recall)(void *user, const char *id, size_t *size, struct sp_error *err);
-    /* What the token of this name allows today; false: there is none of it any more, and what was
-     * known of it holds on. NULL = quotas do not change. */
-    bool (*quota)(void *user, const char *name, struct srv_quota *quota);
+    /* What the token of this name may do (enum srv_right) and is allowed today; false: there is
+     * none of it any more, and what was known of it holds on. NULL = neither changes. */
+    bool (*token)(void *user, const char *name, unsigned *rights, struct srv_quota *quota);
     /* Can it be drawn? NULL = everything can. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -117,7 +116,7 @@ proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *
                                          struct sp_error *err);
 /* The tokens have changed: what sessions that are awake were allowed is asked again. Of a name that
  * has none any more those who take part by its token, or in a session that it made, are told to
- * leave (1008). */
+ * leave (1008); so is who has a higher role by its token than that gives today. */
 void srv_hub_renew_tokens(struct srv_hub *hub);
 /* Whose session it is, awake or asleep; nobody's if there is none. */
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
@@ -182,8 +181,9 @@ void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers);
 
 /* Participants (stream thread). */
 
-/* SP_ERR_NOT_FOUND, SP_ERR_BUDGET (participants). `token`: the name of the daemon's token that it
- * came by; "" = one of the session's. `user` comes back from srv_hub_take_ready(). */
+/* SP_ERR_NOT_FOUND, SP_ERR_BUDGET (participants), SP_ERR_DENIED. `token`: the name of the daemon's
+ * token that it came by, which may have changed since; "" = one of the session's. `user` comes back
+ * from srv_hub_take_ready(). */
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
                                      const char *token, void *user, double now_ms,
                                      struct sp_error *err);

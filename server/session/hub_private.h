@@ -214,6 +214,8 @@ const char *srv_hub_sleeping_token(struct srv_hub *hub, const char *id, enum srv
 /* NULL: there is none, or it cannot wake yet. */
 struct srv_session *srv_hub_wake(struct srv_hub *hub, const char *id, double now_ms,
                                  struct sp_error *err);
+/* Why who came by a token of the daemon may not take part as it does today; NULL = it may. */
+const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participant *participant);
 /* What the owner's token allows today; false: it has none any more. */
 bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
 /* Is there room for one more awake? If need be one that nobody uses falls asleep. */
@@ -284,7 +286,8 @@ void srv_hub_first_pace(const struct srv_hub *hub, struct srv_session *session);
 double srv_hub_moving_ms(const struct srv_hub *hub, const struct srv_session *session,
                          const struct srv_participant *participant, double now_ms);
 
-/* The size that a participant wants. */
+/* The size of a participant's pictures at rest: what it wants, or the view's, as far as the owner's
+ * token allows that. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);
 

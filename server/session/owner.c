@@ -2,8 +2,17 @@
 #include "session/owner.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+bool srv_owner_role(const struct srv_owner *owner, const char *name, unsigned rights,
+                    enum srv_role *role) {
+    bool made_it = owner->name[0] && strcmp(owner->name, name) == 0;
+    bool controls = rights & SRV_RIGHT_ADMIN || (rights & SRV_RIGHT_CONTROL && made_it);
+    *role = controls ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
+    return rights & SRV_RIGHT_VIEW;
+}
 
 bool srv_owner_allows_size(const struct srv_owner *owner, const uint32_t size[2],
                            struct sp_error *err) {
@@ -12,6 +21,14 @@ bool srv_owner_allows_size(const struct srv_owner *owner, const uint32_t size[2]
            sp_fail(err, SP_ERR_INVALID, "/size",
                    "%u x %u are %" PRIu64 " px, and the token of %s allows %" PRIu64, size[0],
                    size[1], px, owner->name, most);
+}
+
+void srv_owner_fit_size(const struct srv_owner *owner, uint32_t size[2]) {
+    double px = (double)size[0] * size[1], most = (double)owner->quota.frame_px;
+    if (most == 0 || px <= most)
+        return;
+    for (int i = 0; i < 2; i++)
+        size[i] = (uint32_t)fmax(1, floor(size[i] * sqrt(most / px)));
 }
 
 int srv_owner_fps(const struct srv_owner *owner, int wanted) {

@@ -65,13 +65,16 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     srv_outbox_init(&p->outbox);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
-    if (session && !has_room(hub, session, err))
+    p->session = session;
+    const char *why = session ? srv_hub_denies(hub, p) : NULL;
+    if (why)
+        sp_fail(err, SP_ERR_DENIED, NULL, "%s", why);
+    if (why || (session && !has_room(hub, session, err)))
         session = NULL;
     if (session) {
         p->wanted_fps = FPS_DEFAULT;
         p->max_fps = srv_owner_fps(&session->owner, p->wanted_fps);
         p->id = ++hub->next_participant;
-        p->session = session;
         p->volume_start = hub->volume_clock;
         p->color = free_color(session);
         snprintf(p->name, sizeof p->name, "Guest %u", session->next_guest++);

@@ -207,7 +207,7 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   const [watching, inside, byAdmin] = [
     await daemon.stream({ session, token: of('other') }), await daemon.stream({ session: gone }), await daemon.stream({ session, token: of('admin') }),
   ];
-  fs.writeFileSync(file, `${of('admin')}\n${of('more')} role=metrics\n${of('fresh')} role=control name=ann fps=40\n`);
+  fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('more')} role=metrics\n${of('fresh')} role=control name=ann fps=40\n`);
   daemon.kill('SIGHUP');
   await daemon.untilLogged(/reloaded(?!,)/);
   assert.deepEqual([await status('metrics'), await status('more'), await status('admin')], [401, 200, 200]);
@@ -219,6 +219,18 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   assert.ok(await again.call('view.get', {}), 'a join token holds until the session is deleted');
   await Promise.all([byAdmin.end(), again.end()]);
   await stream.end();
+});
+
+test('SIGHUP: a role that is lowered takes the streams that have more with it', async () => {
+  const { json: session } = await post('/api/v1/sessions', {}, of('fresh'));
+  const streams = [await daemon.stream({ session, token: of('fresh') }), await daemon.stream({ session })];
+  fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('fresh')} role=view name=ann\n`);
+  daemon.kill('SIGHUP');
+  assert.deepEqual(await streams[0].until(() => streams[0].closed, 'the close'), { code: 1008, reason: 'the role of the token is a lower one' });
+  const watching = await daemon.stream({ session, token: of('fresh') });
+  await assert.rejects(watching.call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), (e) => e.code === -32004);
+  assert.ok(await streams[1].call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), 'a join token holds');
+  await Promise.all([streams[1].end(), watching.end()]);
 });
 
 test('a file that is wrong is no start', async () => {

@@ -61,6 +61,15 @@ static void count_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     }
 }
 
+static bool token(void *user, const char *name, unsigned *rights, struct srv_quota *quota) {
+    const struct fixture *f = user;
+    if (!f->quota || strcmp(name, "ann") != 0)
+        return false;
+    *rights = f->rights;
+    *quota = *f->quota;
+    return true;
+}
+
 int hub_set_up(void **state) {
     struct fixture *f = calloc(1, sizeof *f);
     if (!f)
@@ -75,6 +84,7 @@ int hub_set_up(void **state) {
     f->metrics = srv_metrics_create();
     struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view,
                                                     pick },
+                                       .token = token,
                                        .sessions_max = 2,
                                        .participants_max = 3,
                                        .session_idle_ms = 1000,

@@ -17,6 +17,8 @@ struct fixture {
     enum srv_interrupt why;      /* of the last interrupt */
     uint64_t of;
     char id[SRV_SESSION_ID_BYTES];
+    struct srv_quota *quota; /* of the token ann; NULL = there is none */
+    unsigned rights;         /* of it */
 };
 
 /* For cmocka; *state is a struct fixture. The tear-down fails when a use of a volume was not given

@@ -31,7 +31,7 @@ static struct fixture {
     char text[8192]; /* of the session that was saved last */
     size_t size;
     unsigned sessions_max;   /* 0 = 2 */
-    struct srv_quota *quota; /* of every owner; NULL = there is none of that name */
+    struct srv_quota *quota; /* of the token ann; NULL = there is none of that name */
     double ran_ms;           /* before this start */
     struct {
         char id[SRV_SESSION_ID_BYTES], *text;
@@ -113,9 +113,10 @@ static char *recall(void *user, const char *id, size_t *size, struct sp_error *e
     return copy;
 }
 
-static bool quota(void *user, const char *name, struct srv_quota *quota) {
+static bool token(void *user, const char *name, unsigned *rights, struct srv_quota *quota) {
     (void)user;
     assert_string_equal(name, "ann");
+    *rights = SRV_RIGHT_VIEW;
     if (f.quota)
         *quota = *f.quota;
     return f.quota != NULL;
@@ -135,7 +136,7 @@ static void create_hub(void) {
                                        .ready = played_ignore,
                                        .interrupt = played_ignore_interrupt,
                                        .recall = recall,
-                                       .quota = quota,
+                                       .token = token,
                                        .supports = supports,
                                        .changed = on_changed,
                                        .ended = on_ended };
@@ -577,43 +578,6 @@ static void idle_ones_make_room(void **state) {
     assert_true(is_asleep(one) && !is_asleep(two));
 }
 
-/* The code with which a participant is told to leave; 0 = it is not. */
-static unsigned close_code(struct srv_participant *p) {
-    struct srv_message message;
-    enum srv_message_kind kind;
-    while ((kind = srv_hub_next_message(f.hub, p, false, 0, &message)) == SRV_MESSAGE_TEXT)
-        free(message.text);
-    return kind == SRV_MESSAGE_CLOSE ? message.close_code : 0;
-}
-
-static void a_token_that_is_gone_takes_its_streams_with_it(void **state) {
-    (void)state;
-    const struct srv_owner ann = { .name = "ann" };
-    struct srv_quota today = { .sessions = 0 };
-    struct sp_error err;
-    struct srv_participant *p[4];
-    p[0] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err); /* of nobody's session */
-    p[1] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
-    assert_true(create(&ann, false, 0, &err));
-    p[2] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err);
-    p[3] = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
-    f.quota = &today;
-    for (int is_gone = 0; is_gone < 2; is_gone++) {
-        srv_hub_renew_tokens(f.hub);
-        for (int i = 0; i < 4; i++)
-            assert_int_equal(close_code(p[i]), is_gone && i > 0 ? 1008 : 0);
-        f.quota = NULL;
-    }
-    /* Who has a join token may come again; only the change tells them to leave. */
-    struct srv_participant *again = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 0, &err);
-    assert_non_null(again);
-    srv_hub_renew_tokens(f.hub);
-    assert_int_equal(close_code(again), 0);
-    srv_hub_leave(f.hub, &again, 0);
-    for (int i = 0; i < 4; i++)
-        srv_hub_leave(f.hub, &p[i], 0);
-}
-
 static void what_cannot_be_shown_sleeps_on(void **state) {
     (void)state;
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
@@ -699,8 +663,6 @@ int main(void) {
         cmocka_unit_test_setup_teardown(quotas_are_those_of_today, set_up, tear_down),
         cmocka_unit_test_setup_teardown(guests_leave_a_quarter_to_others, set_up, tear_down),
         cmocka_unit_test_setup_teardown(idle_ones_make_room, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_token_that_is_gone_takes_its_streams_with_it, set_up,
-                                        tear_down),
         cmocka_unit_test_setup_teardown(sleepers_have_a_limit_and_can_be_deleted, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(what_cannot_be_shown_sleeps_on, set_up, tear_down),

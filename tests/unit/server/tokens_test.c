@@ -315,21 +315,24 @@ static void quotas_outlive_a_reload(void **state) {
     srv_tokens_destroy(&tokens);
 }
 
-static void a_name_has_its_quota(void **state) {
+static void a_name_has_its_rights_and_quota(void **state) {
     (void)state;
     struct sp_error err;
     struct srv_tokens *tokens = srv_tokens_create(&err);
     struct srv_quota quota = { .path_bytes = 5 };
-    set(tokens, A " name=ann path-bytes=2K\n" B " name=bob\n");
-    assert_false(srv_tokens_quota(tokens, "eve", &quota));
+    set(tokens, A " name=ann path-bytes=2K\n" B " name=bob role=view\n");
+    assert_false(srv_tokens_of_name(tokens, "eve", NULL, &quota));
     assert_int_equal(quota.path_bytes, 5);
-    assert_true(srv_tokens_quota(tokens, "bob", &quota));
+    unsigned rights = 0;
+    assert_true(srv_tokens_of_name(tokens, "bob", &rights, &quota));
     assert_int_equal(quota.path_bytes, 0);
-    assert_true(srv_tokens_quota(tokens, "ann", &quota));
+    assert_int_equal(rights, SRV_RIGHT_VIEW);
+    assert_true(srv_tokens_of_name(tokens, "ann", &rights, &quota));
     assert_int_equal(quota.path_bytes, 2048);
+    assert_true(rights & SRV_RIGHT_ADMIN);
     set(tokens, A " name=eve path-bytes=3K\n");
-    assert_false(srv_tokens_quota(tokens, "ann", &quota));
-    assert_true(srv_tokens_quota(tokens, "eve", &quota));
+    assert_false(srv_tokens_of_name(tokens, "ann", NULL, &quota));
+    assert_true(srv_tokens_of_name(tokens, "eve", NULL, &quota));
     assert_int_equal(quota.path_bytes, 3072);
     srv_tokens_destroy(&tokens);
 }
@@ -363,7 +366,7 @@ int main(void) {
         cmocka_unit_test(found_wherever_it_stands),
         cmocka_unit_test(what_was_not_drawn_is_not_counted),
         cmocka_unit_test(quotas_outlive_a_reload),
-        cmocka_unit_test(a_name_has_its_quota),
+        cmocka_unit_test(a_name_has_its_rights_and_quota),
         cmocka_unit_test(pictures_a_second),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
