@@ -186,9 +186,35 @@ static enum MHD_Result queue(struct srv_request *request) {
     return result;
 }
 
+/* Has the token the right that the route needs? */
+static bool check_right(struct srv_request *request, enum srv_right needs) {
+    struct srv_reply *reply = &request->reply;
+    if (needs == SRV_RIGHT_SESSION)
+        return srv_session_admits(request, reply);
+    if (needs == SRV_RIGHT_NONE || request->grant.rights & needs)
+        return true;
+    if (request->grant.rights) {
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
+        return false;
+    }
+    srv_reply_problem(reply, 401, NULL,
+                      "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
+    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+    return false;
+}
+
+/* The body may have taken its time: what the token may do today. */
+static bool check_again(struct srv_request *request) {
+    if (request->body_seen == 0 || !request->route)
+        return true;
+    srv_tokens_give_back(request->app->tokens, &request->grant);
+    srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
+    return check_right(request, request->route->needs);
+}
+
 static enum MHD_Result dispatch(struct srv_request *request) {
     request->is_dispatched = true;
-    if (!request->is_refused) {
+    if (!request->is_refused && check_again(request)) {
         if (request->route)
             request->route->handle(request, &request->reply);
         /* From here on the reply of a suspended request belongs to whoever answers it. */
@@ -297,23 +323,6 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
         return false;
     srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
     return true;
-}
-
-/* Has the token the right that the route needs? */
-static bool check_right(struct srv_request *request, enum srv_right needs) {
-    struct srv_reply *reply = &request->reply;
-    if (needs == SRV_RIGHT_SESSION)
-        return srv_session_admits(request, reply);
-    if (needs == SRV_RIGHT_NONE || request->grant.rights & needs)
-        return true;
-    if (request->grant.rights) {
-        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
-        return false;
-    }
-    srv_reply_problem(reply, 401, NULL,
-                      "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
-    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
-    return false;
 }
 
 /* Routes and judges what the headers tell; false: the reply is set. */

@@ -66,7 +66,8 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
     srv_still_spend(s, work->still, result.encode_ms);
     if (!work->again)
         count_render(s, &work->frame->stats);
-    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
+    if (!known)
+        srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
     srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
     srv_still_answer(s, work->still, &result);
     srv_blob_unref(&known);
@@ -106,7 +107,8 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
     const struct srv_form form = srv_form_of(like->format, like->quality, like->chroma);
     double start_ms = srv_clock_ms();
     struct srv_blob *blob = srv_kept_bytes(s, work->frame, &form);
-    if (!blob) {
+    const bool is_known = blob != NULL;
+    if (!is_known) {
         blob = make_blob(encoder, work->frame, &form, err);
         if (!blob)
             return false;
@@ -114,7 +116,8 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
     }
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
-    srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, took_ms);
+    if (!is_known)
+        srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, took_ms);
     struct proto_frame_header header = {
         .codec = codec_of(like->format),
         .flags = like->format == SP_IMAGE_PNG ? PROTO_FRAME_LOSSLESS : 0,

@@ -309,6 +309,10 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
         return sp_fail(err, SP_ERR_BUDGET, NULL,
                        "%u sessions sleep and --sleeping-sessions allows%s %u; delete some",
                        hub->sleeper_count, whom, asleep_max);
+    if (is_guest && !srv_hub_renew_quota(hub, &session->owner))
+        return sp_fail(err, SP_ERR_DENIED, NULL,
+                       "the token that made the session is not valid any more; a fork needs one of "
+                       "the daemon's own");
     if (!has_quota(hub, &session->owner, err))
         return false;
     if (is_guest ? hub->session_count >= awake_max : !srv_hub_make_room(hub))

@@ -109,7 +109,8 @@ proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
 /* The same of an owner: SP_ERR_BUDGET at SRV_PLACE_QUOTA over its own limit, for which sessions
  * that sleep count, too. A guest, who has but a join token, is refused sooner: a quarter of all
- * sessions is for those who have a token of the daemon; and for it nothing falls asleep. */
+ * sessions is for those who have a token of the daemon; and for it nothing falls asleep.
+ * SP_ERR_DENIED for a guest where the owner has no token any more. */
 proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
                                          const struct srv_owner *owner, bool is_guest,
                                          double now_ms, char id[SRV_SESSION_ID_BYTES],

@@ -5,7 +5,7 @@ import fs from 'node:fs';
 import os from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { Daemon, runToEnd } from './harness.mjs';
+import { Daemon, Raw, runToEnd } from './harness.mjs';
 
 const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'splatd-tokens-'));
 const file = path.join(folder, 'tokens');
@@ -207,10 +207,24 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   const [watching, inside, byAdmin] = [
     await daemon.stream({ session, token: of('other') }), await daemon.stream({ session: gone }), await daemon.stream({ session, token: of('admin') }),
   ];
+  const slow = await Promise.all(['sessions', 'render'].map(async (what) => {
+    const raw = await Raw.connect(daemon.port);
+    raw.write(`POST /api/v1/${what} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${of('other')}\r\nContent-Type: application/json\r\n`
+      + 'Expect: 100-continue\r\nContent-Length: 2\r\n\r\n');
+    await raw.until(() => raw.text().includes('100 Continue'), 'that its headers are read');
+    return raw;
+  }));
   fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('more')} role=metrics\n${of('fresh')} role=control name=ann fps=40\n`);
   daemon.kill('SIGHUP');
   await daemon.untilLogged(/reloaded(?!,)/);
   assert.deepEqual([await status('metrics'), await status('more'), await status('admin')], [401, 200, 200]);
+  for (const raw of slow) {
+    raw.write('{}');
+    await raw.until(() => /HTTP\/1\.1 401/.test(raw.text()), 'that the token is none any more when the body has come');
+    raw.destroy();
+  }
+  const forked = async (one) => (await post('/api/v1/sessions', { from: one.id }, one.tokens.control)).status;
+  assert.equal(await forked(gone), 403, 'who has no token any more makes no sessions');
   assert.equal((await stream.call('stream.configure', {})).max_fps, 40, 'a session of ann has the quota of her token');
   assert.deepEqual(await watching.until(() => watching.closed, 'the close'), { code: 1008, reason: 'the token is not valid any more' });
   assert.deepEqual(await inside.until(() => inside.closed, 'the close'), { code: 1008, reason: 'the token that made the session is not valid any more' });

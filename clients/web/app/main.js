@@ -251,7 +251,7 @@ function showWaiting() {
 function showRefused(error) {
   if (error?.status === 401 && !connection.session?.isJoined) {
     banner.show({
-      kind: 'error', title: connection.api.token ? 'The token is not valid any more' : 'A token is needed',
+      kind: 'error', title: connection.api.token ? 'The token is not valid' : 'A token is needed',
       text: 'splatd prints an address with a token when it starts; each start makes a new one unless --token-file '
         + 'is given. Open that address, or paste it here.',
       asksToken: true,

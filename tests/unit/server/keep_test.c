@@ -437,7 +437,9 @@ static void sleepers_count_for_their_owner(void **state) {
     (void)state;
     const struct srv_owner ann = { .name = "ann", .quota = { .sessions = 1 } };
     const struct srv_owner bob = { .name = "bob", .quota = { .sessions = 1 } };
+    struct srv_quota today = { .sessions = 1 };
     struct sp_error err;
+    f.quota = &today;
     assert_true(srv_hub_session_delete(f.hub, f.id, NULL));
     assert_true(create(&ann, false, 0, &err));
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
@@ -460,6 +462,7 @@ static void sleepers_count_for_their_owner(void **state) {
     assert_int_equal(count_of("ann") + 10 * count_of("bob") + 100 * count_of(NULL), 211);
     assert_true(srv_hub_session_delete(f.hub, sleeper, NULL));
     assert_true(create(&ann, false, 5000, &err));
+    f.quota = NULL;
 }
 
 static int granted_fps(struct srv_participant *p) {

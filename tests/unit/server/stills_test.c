@@ -593,6 +593,7 @@ static void nor_encoded_again_in_the_same_form(void **state) {
     assert_true(ask(f, &other, 512, false));
     gate_await(&other.answers, 1);
     assert_int_equal(gate_count(&seen.encoded), encoded + 1);
+    assert_int_equal(counted_stages(f->lanes.metrics, "encode"), encoded + 1);
     assert_true(same.size > other.size && other.size > 0);
 }
 

@@ -44,7 +44,7 @@ test('without a token, and with a wrong one, the page asks for it', async (conte
   await it.banner('A token is needed');
   await it.page.fill('#token-input', 'wrong');
   await it.page.click('#token-form button');
-  await it.banner('The token is not valid any more');
+  await it.banner('The token is not valid');
   await shot(it.page, 'token');
   await it.page.fill('#token-input', it.daemon.url);
   await it.page.click('#token-form button');
