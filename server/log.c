@@ -29,10 +29,10 @@ enum srv_log_format srv_log_format_from(const char *name) {
     return (enum srv_log_format)format;
 }
 
-/* Bytes of the UTF-8 character at `c`; 0 = it is none (RFC 3629). */
+/* Bytes of the UTF-8 character at `c`; 0 = it is none (RFC 3629), or controls a terminal. */
 static unsigned character(const unsigned char *c) {
     if (c[0] < 0x80)
-        return 1;
+        return c[0] >= 0x20 && c[0] != 0x7f;
     unsigned size = c[0] >= 0xf0 ? 4 : c[0] >= 0xe0 ? 3 : 2;
     if (c[0] < 0xc2 || c[0] > 0xf4)
         return 0;
@@ -41,28 +41,30 @@ static unsigned character(const unsigned char *c) {
             return 0;
     bool overlong = (c[0] == 0xe0 && c[1] < 0xa0) || (c[0] == 0xf0 && c[1] < 0x90);
     bool outside = (c[0] == 0xed && c[1] > 0x9f) || (c[0] == 0xf4 && c[1] > 0x8f);
-    return overlong || outside ? 0 : size;
+    bool controls = c[0] == 0xc2 && c[1] < 0xa0; /* U+0080 to 9F */
+    return overlong || outside || controls ? 0 : size;
 }
 
-/* In quotes; what is not UTF-8, and control characters, become '?'. */
-static unsigned quote(const char *line, char *out, unsigned capacity) {
+/* What is not UTF-8, and control characters, become '?'. */
+static void copy(const char *line, bool in_quotes, char *out, unsigned capacity) {
     unsigned used = 0;
     const unsigned char *c = (const unsigned char *)line;
-    out[used++] = '"';
+    if (in_quotes)
+        out[used++] = '"';
     while (*c && used + 6 < capacity) {
         unsigned size = character(c);
-        if (*c == '"' || *c == '\\')
+        if (in_quotes && (*c == '"' || *c == '\\'))
             out[used++] = '\\';
-        if (size == 0 || *c < 0x20)
+        if (size == 0)
             out[used++] = '?';
         else
             memcpy(out + used, c, size);
-        used += size == 0 || *c < 0x20 ? 0 : size;
+        used += size;
         c += size == 0 ? 1 : size;
     }
-    out[used++] = '"';
+    if (in_quotes)
+        out[used++] = '"';
     out[used] = 0;
-    return used;
 }
 
 /* All fields, each behind a separator. */
@@ -72,7 +74,7 @@ static void write_fields(const struct sp_log_field *fields, bool json, char *out
     out[0] = 0;
     for (; fields->key; fields++) {
         char value[VALUE_BYTES];
-        quote(fields->value, value, sizeof value);
+        copy(fields->value, true, value, sizeof value);
         if (used + strlen(fields->key) + strlen(value) + 8 > capacity)
             break;
         used += (unsigned)snprintf(out + used, capacity - used, json ? "\"%s\":%s," : "%s=%s ",
@@ -82,22 +84,23 @@ static void write_fields(const struct sp_log_field *fields, bool json, char *out
 
 unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log_level level,
                       const struct sp_log_field *fields, const char *line, char out[SRV_LOG_LINE]) {
-    char quoted[SRV_LOG_LINE - FIELDS_BYTES - 128], about[FIELDS_BYTES];
-    quote(line, quoted, sizeof quoted);
+    char text[SRV_LOG_LINE - FIELDS_BYTES - 128], about[FIELDS_BYTES];
+    bool in_quotes = format == SRV_LOG_JSON || format == SRV_LOG_LOGFMT;
+    copy(line, in_quotes, text, sizeof text);
     write_fields(fields, format == SRV_LOG_JSON, about, sizeof about);
     int size = 0;
     switch (format) {
     case SRV_LOG_JSON:
         size = snprintf(out, SRV_LOG_LINE, "{\"time\":\"%s\",\"level\":\"%s\",%s\"msg\":%s}\n",
-                        stamp, levels[level], about, quoted);
+                        stamp, levels[level], about, text);
         break;
     case SRV_LOG_LOGFMT:
         size = snprintf(out, SRV_LOG_LINE, "time=%s level=%s %smsg=%s\n", stamp, levels[level],
-                        about, quoted);
+                        about, text);
         break;
     case SRV_LOG_TEXT:
     case SRV_LOG_FORMATS:
-        size = snprintf(out, SRV_LOG_LINE, "%s %s %.3900s\n", stamp, levels[level], line);
+        size = snprintf(out, SRV_LOG_LINE, "%s %s %s\n", stamp, levels[level], text);
         break;
     }
     return (unsigned)size;

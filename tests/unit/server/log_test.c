@@ -32,6 +32,11 @@ static void the_forms_of_a_line(void **state) {
     const struct sp_log_field *none = &(struct sp_log_field){ NULL, NULL };
     const struct sp_log_field *two = SP_LOG_FIELDS({ "session", "s" }, { "peer", "a\"b\\\xff" });
     assert_string_equal(line_of(SRV_LOG_TEXT, two, "it is"), STAMP " warn it is\n");
+    /* What controls a terminal (U+0085, CSI, DEL), and what is no UTF-8, in no form. */
+    assert_string_equal(line_of(SRV_LOG_TEXT, none, "a\xc2\x85\xc2\x9b\x7f\xff\"é"),
+                        STAMP " warn a??????\"é\n");
+    assert_string_equal(line_of(SRV_LOG_JSON, none, "a\xc2\x9b\x7f"),
+                        "{\"time\":\"" STAMP "\",\"level\":\"warn\",\"msg\":\"a???\"}\n");
     assert_string_equal(line_of(SRV_LOG_LOGFMT, none, "a \"b\" é\n\xc3"),
                         "time=" STAMP " level=warn msg=\"a \\\"b\\\" é??\"\n");
     assert_string_equal(line_of(SRV_LOG_LOGFMT, two, "it is"),
