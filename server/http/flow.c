@@ -24,7 +24,8 @@ static ssize_t on_read(void *user, uint64_t position, char *bytes, size_t size) 
     ssize_t n = body->flow.read(body->flow.user, bytes, size);
     if (n == SRV_FLOW_ASLEEP)
         return 0;
-    set_deadline(request, srv_clock_ms() + (double)request->app->config->request_time_ms);
+    if (!body->flow.is_one)
+        set_deadline(request, srv_clock_ms() + (double)request->app->config->request_time_ms);
     if (n > 0)
         srv_metrics_add(request->app->metrics, SRV_COUNT_HTTP_BYTES_OUT, (uint64_t)n);
     return n > 0               ? n

@@ -20,6 +20,7 @@ struct srv_flow {
      * early so that the client sees that something is missing, or was put to sleep. */
     ssize_t (*read)(void *user, char *bytes, size_t size);
     void (*finish)(void *user); /* once, whatever becomes of the body */
+    bool is_one;                /* bit: the whole must be taken within --request-time */
 };
 
 /* The reply's body, of `size` bytes in all. Takes over the flow, also when memory is out: then the

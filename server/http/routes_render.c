@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "form.h"
+#include "http/flow.h"
 #include "http/guard.h"
 #include "http/headers.h"
 #include "http/kept.h"
@@ -126,6 +127,36 @@ static void set_caching(struct srv_reply *reply, const char *etag, const char *c
     srv_reply_header(reply, "Vary", "Accept");
 }
 
+struct picture { /* on its way to the client */
+    struct srv_request *request;
+    size_t size, at;
+    uint8_t bytes[];
+};
+
+/* It is given back before the client can have all of it, who may ask for the next one then. */
+static ssize_t read_picture(void *user, char *bytes, size_t size) {
+    struct picture *picture = user;
+    const size_t left = picture->size - picture->at, n = left < size ? left : size;
+    memcpy(bytes, picture->bytes + picture->at, n);
+    picture->at += n;
+    if (picture->at == picture->size)
+        srv_request_end_still(picture->request);
+    return (ssize_t)n;
+}
+
+static void reply_picture(struct srv_request *request, const struct srv_still_result *result) {
+    struct picture *picture = malloc(sizeof *picture + result->size);
+    const struct srv_flow flow = { picture, read_picture, free, .is_one = true };
+    if (!picture) {
+        srv_reply_problem(&request->reply, 503, NULL, "no memory for an image of %zu bytes",
+                          result->size);
+        return;
+    }
+    *picture = (struct picture){ .request = request, .size = result->size };
+    memcpy(picture->bytes, result->bytes, result->size);
+    srv_reply_flow(request, &request->reply, result->size, &flow);
+}
+
 static void on_done(void *user, const struct srv_still_result *result) {
     struct render *render = user;
     struct srv_request *request = render->request;
@@ -139,14 +170,12 @@ static void on_done(void *user, const struct srv_still_result *result) {
             srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
         else
             srv_reply_error(reply, &result->err);
-    } else if (!(reply->owned = malloc(result->size))) {
-        srv_reply_problem(reply, 503, NULL, "no memory for an image of %zu bytes", result->size);
     } else {
-        memcpy(reply->owned, result->bytes, result->size);
+        reply_picture(request, result);
+    }
+    if (reply->flow) {
         reply->status = 200;
         reply->mime = sp_image_format_info(render->format)->mime;
-        reply->body = reply->owned;
-        reply->size = result->size;
         set_caching(reply, render->etag, render->caching);
         srv_reply_header(reply, "X-Render-Time", "%.3f", result->stats.render_ms);
         srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
@@ -154,7 +183,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
                          result->stats.isa[0] ? " " : "", result->stats.isa);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
-    srv_stills_change(request->app->stills, &request->still_bytes, reply->owned ? reply->size : 0);
+    srv_stills_change(request->app->stills, &request->still_bytes, reply->flow ? result->size : 0);
     free(render);
     srv_request_complete(request);
 }
