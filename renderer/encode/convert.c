@@ -44,26 +44,23 @@ bool sp_frame_is_opaque(const struct sp_frame *frame) {
 }
 
 /* One row as RGBA of 8 bit, alpha not associated or (over_black) multiplied in. */
-static void row_to_bytes(const struct sp_frame *frame, uint32_t y, bool over_black,
-                         uint32_t channels, uint8_t *out) {
+static void row_to_bytes(const struct sp_frame *frame, uint32_t y, bool over_black, uint8_t *out) {
     const uint8_t *in8 = row8(frame, y);
     const float *in32 = row32(frame, y);
-    for (uint32_t x = 0; x < frame->width; x++, out += channels) {
+    for (uint32_t x = 0; x < frame->width; x++, out += 4) {
         if (frame->format == SP_RGBA8) {
             unsigned alpha = in8[4 * x + 3];
             for (int c = 0; c < 3; c++) {
                 unsigned v = in8[4 * x + c];
                 out[c] = (uint8_t)(over_black ? (v * alpha + 127) / 255 : v);
             }
-            if (channels == 4)
-                out[3] = (uint8_t)alpha;
+            out[3] = (uint8_t)alpha;
         } else {
             float alpha = in32[4 * x + 3];
             float scale = over_black ? 1 : alpha > 0 ? 1 / alpha : 0;
             for (int c = 0; c < 3; c++)
                 out[c] = to_byte(in32[4 * x + c] * scale);
-            if (channels == 4)
-                out[3] = to_byte(alpha);
+            out[3] = to_byte(alpha);
         }
     }
 }
@@ -80,36 +77,35 @@ static void row_to_floats(const struct sp_frame *frame, uint32_t y, float *out) 
 }
 
 /* Whether the frame's own pixels are what `kind` asks for. */
-static bool serves(const struct sp_frame *frame, enum sp_raster_kind kind) {
+static bool serves(const struct sp_frame *frame, enum sp_raster_kind kind, bool is_opaque) {
     if (kind == SP_RASTER_RGBAF32)
         return frame->format == SP_RGBAF32;
     if (frame->format != SP_RGBA8)
         return false;
-    return kind == SP_RASTER_RGBA8 || (kind == SP_RASTER_RGBX8 && sp_frame_is_opaque(frame));
+    return kind == SP_RASTER_RGBA8 || is_opaque;
 }
 
 bool sp_frame_to_raster(struct sp_encoder *encoder, const struct sp_frame *frame,
                         enum sp_raster_kind kind, struct sp_raster *raster, struct sp_error *err) {
+    const bool is_float = kind == SP_RASTER_RGBAF32;
     *raster = (struct sp_raster){
         .pixels = frame->pixels,
         .width = frame->width,
         .height = frame->height,
-        .channels = kind == SP_RASTER_RGB8 ? 3 : 4,
         .stride = frame->stride_bytes,
-        .is_float = kind == SP_RASTER_RGBAF32,
+        .is_opaque = !is_float && sp_frame_is_opaque(frame),
     };
-    if (serves(frame, kind))
+    if (serves(frame, kind, raster->is_opaque))
         return true;
-    size_t stride =
-        (size_t)frame->width * raster->channels * (raster->is_float ? sizeof(float) : 1);
+    size_t stride = (size_t)frame->width * 4 * (is_float ? sizeof(float) : 1);
     if (!sp_buffer_reserve(&encoder->pixels, stride * frame->height, err))
         return false;
     for (uint32_t y = 0; y < frame->height; y++) {
         uint8_t *out = encoder->pixels.bytes + y * stride;
-        if (raster->is_float)
+        if (is_float)
             row_to_floats(frame, y, (float *)(void *)out);
         else
-            row_to_bytes(frame, y, kind == SP_RASTER_RGBX8, raster->channels, out);
+            row_to_bytes(frame, y, kind == SP_RASTER_RGBX8, out);
     }
     raster->pixels = encoder->pixels.bytes;
     raster->stride = stride;

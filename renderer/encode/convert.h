@@ -15,7 +15,6 @@ bool sp_frame_is_opaque(const struct sp_frame *frame);
 
 enum sp_raster_kind {
     SP_RASTER_RGBX8,  /* 4 bytes, over black; the fourth is not used */
-    SP_RASTER_RGB8,   /* 3 bytes; for opaque frames */
     SP_RASTER_RGBA8,  /* 4 bytes, alpha not associated */
     SP_RASTER_RGBAF32 /* 4 floats, alpha associated */
 };

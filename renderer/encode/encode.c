@@ -3,6 +3,7 @@
 
 #include <assert.h>
 #include <stdlib.h>
+#include <string.h>
 #include <strings.h>
 
 #include "encode/convert.h"
@@ -35,6 +36,7 @@ enum { KEEP_BYTES = 64 << 20 };
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err) {
     /* What one large image needed is not kept for many small ones. */
     size_t keep = capacity > KEEP_BYTES / 8 ? capacity * 8 : KEEP_BYTES;
+    buffer->size = 0;
     if (buffer->capacity >= capacity && buffer->capacity <= keep)
         return true;
     free(buffer->bytes);
@@ -42,6 +44,21 @@ bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_erro
     if (!buffer->bytes)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for an image of %zu bytes", capacity);
     buffer->capacity = capacity;
+    return true;
+}
+
+bool sp_buffer_append(struct sp_buffer *buffer, const void *bytes, size_t size) {
+    size_t needed = buffer->size + size;
+    if (needed > buffer->capacity) {
+        size_t capacity = needed > 2 * buffer->capacity ? needed : 2 * buffer->capacity;
+        uint8_t *grown = realloc(buffer->bytes, capacity);
+        if (!grown)
+            return false;
+        buffer->bytes = grown;
+        buffer->capacity = capacity;
+    }
+    memcpy(buffer->bytes + buffer->size, bytes, size);
+    buffer->size = needed;
     return true;
 }
 
@@ -63,25 +80,33 @@ void sp_encoder_destroy(struct sp_encoder **encoder) {
     *encoder = NULL;
 }
 
-static enum sp_raster_kind raster_kind(const struct sp_frame *frame, enum sp_image_format format) {
-    if (format == SP_IMAGE_JPEG)
-        return SP_RASTER_RGBX8;
-    if (format == SP_IMAGE_EXR)
-        return SP_RASTER_RGBAF32;
-    return sp_frame_is_opaque(frame) ? SP_RASTER_RGB8 : SP_RASTER_RGBA8;
+static bool encode_raster(struct sp_encoder *encoder, const struct sp_raster *raster,
+                          enum sp_image_format format, int quality, struct sp_error *err) {
+    switch (format) {
+    case SP_IMAGE_JPEG:
+        return sp_encode_jpeg(encoder, raster, quality, err);
+    case SP_IMAGE_PNG:
+        return sp_encode_png(encoder, raster, err);
+    case SP_IMAGE_WEBP:
+        return sp_encode_webp(encoder, raster, quality, err);
+    default:
+        return sp_encode_exr(encoder, raster, err);
+    }
 }
 
 bool sp_encode(struct sp_encoder *encoder, const struct sp_frame *frame,
                enum sp_image_format format, int quality, const uint8_t **bytes, size_t *size,
                struct sp_error *err) {
     assert(format < SP_IMAGE_FORMAT_COUNT && quality >= 1 && quality <= 100);
+    static const enum sp_raster_kind kinds[SP_IMAGE_FORMAT_COUNT] = {
+        [SP_IMAGE_JPEG] = SP_RASTER_RGBX8,
+        [SP_IMAGE_PNG] = SP_RASTER_RGBA8,
+        [SP_IMAGE_WEBP] = SP_RASTER_RGBA8,
+        [SP_IMAGE_EXR] = SP_RASTER_RGBAF32,
+    };
     struct sp_raster raster;
-    encoder->output.size = 0;
-    if (!sp_frame_to_raster(encoder, frame, raster_kind(frame, format), &raster, err))
-        return false;
-    if (!(format == SP_IMAGE_JPEG
-              ? sp_encode_jpeg(encoder, &raster, quality, err)
-              : sp_encode_oiio(encoder, &raster, &formats[format], quality, err)))
+    if (!sp_frame_to_raster(encoder, frame, kinds[format], &raster, err) ||
+        !encode_raster(encoder, &raster, format, quality, err))
         return false;
     *bytes = encoder->output.bytes;
     *size = encoder->output.size;

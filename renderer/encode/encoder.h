@@ -2,9 +2,10 @@
  *
  * Frame → bytes of an image file:
  *
- *   frame ─► convert (8 bit or float, alpha kept or not) ─┬─► jpeg.c   libjpeg-turbo, linked in
- *                                                         └─► oiio.c ─► splat-oiio.so
- * (oiio_bridge.cpp)
+ *   frame ─► convert (8 bit or float, alpha kept or not) ─┬─► jpeg.c   libjpeg-turbo
+ *                                                         ├─► png.c    libpng
+ *                                                         ├─► webp.c   libwebp
+ *                                                         └─► exr.c    exr_bridge.cpp, a module
  *
  * An encoder keeps its handle, its buffers and the loaded bridge from call to call; it has no state
  * outside itself, so that any number of threads may have one each.
@@ -12,7 +13,7 @@
 #ifndef ENCODE_ENCODER_H
 #define ENCODE_ENCODER_H
 
-#include "encode/oiio_bridge.h"
+#include "encode/exr_bridge.h"
 #include "sp/encode.h"
 
 struct sp_buffer { /* memory kept from image to image; {0} is empty */
@@ -27,25 +28,33 @@ struct sp_encoder {
     enum sp_chroma chroma; /* of JPEGs */
     sp_share_fn *share;    /* NULL = it makes all stripes of a JPEG itself */
     void *share_user;
-    sp_oiio_encode_fn *oiio; /* NULL until the first other image; the library is never unloaded */
+    sp_exr_encode_fn *exr; /* NULL until the first EXR; the library is never unloaded */
 };
 
-/* Pixels handed to a format: rows of `stride` bytes, from the top. */
+/* Pixels handed to a format: rows of `stride` bytes, from the top; four channels. */
 struct sp_raster {
     const void *pixels;
-    uint32_t width, height, channels; /* 3 or 4 */
+    uint32_t width, height;
     size_t stride;
-    bool is_float;
+    bool is_opaque; /* of 8 bit: the fourth channel is 255 everywhere, and can be left out */
 };
 
-/* Makes room for `capacity` bytes; the content is lost. */
+/* Empties it, with room for `capacity` bytes; what a far larger image left is given back. */
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err);
 
-/* Both write encoder->output. jpeg takes 4 channels of 8 bits and ignores the fourth. */
+/* Makes what room it lacks. False when out of memory; the content stays. */
+bool sp_buffer_append(struct sp_buffer *buffer, const void *bytes, size_t size);
+
+/* All write encoder->output. jpeg, png and webp take 8 bits, exr floats; jpeg ignores the fourth
+ * channel, png and webp leave it out if the raster is opaque. */
 bool sp_encode_jpeg(struct sp_encoder *encoder, const struct sp_raster *raster, int quality,
                     struct sp_error *err);
 void sp_encode_jpeg_finish(struct sp_encoder *encoder);
-bool sp_encode_oiio(struct sp_encoder *encoder, const struct sp_raster *raster,
-                    const struct sp_image_format_info *format, int quality, struct sp_error *err);
+bool sp_encode_png(struct sp_encoder *encoder, const struct sp_raster *raster,
+                   struct sp_error *err);
+bool sp_encode_webp(struct sp_encoder *encoder, const struct sp_raster *raster, int quality,
+                    struct sp_error *err);
+bool sp_encode_exr(struct sp_encoder *encoder, const struct sp_raster *raster,
+                   struct sp_error *err);
 
 #endif

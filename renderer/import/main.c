@@ -19,7 +19,7 @@
 #include "import/limits.h"
 
 #if defined(__SANITIZE_THREAD__)
-/* As in encode/oiio.c: OpenImageIO's spin locks, which TSan cannot see. This is a program of its
+/* As in encode/exr.c: OpenImageIO's spin locks, which TSan cannot see. This is a program of its
  * own. */
 __attribute__((visibility("default"))) const char *__tsan_default_suppressions(void);
 const char *__tsan_default_suppressions(void) {

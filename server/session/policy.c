@@ -39,7 +39,7 @@ bool srv_policy_is_final(const struct srv_participant *p, const struct srv_encod
 double srv_policy_encode_ms(const struct srv_encoding *e, const uint32_t size[2]) {
     static const double stills[SP_IMAGE_FORMAT_COUNT] = { [SP_IMAGE_JPEG] = 3.5e-6,
                                                           [SP_IMAGE_PNG] = 15e-6,
-                                                          [SP_IMAGE_WEBP] = 57e-6,
+                                                          [SP_IMAGE_WEBP] = 48e-6,
                                                           [SP_IMAGE_EXR] = 120e-6 };
     const double videos = 7.5e-6;
     double px_ms = e->video == SP_VIDEO_CODEC_COUNT ? stills[e->format] : videos;

@@ -52,6 +52,7 @@ THIRD_PARTY = [
     (r'teem|nrrd|air\.h|biff', ['renderer/import/']),
     (r'expat', ['renderer/import/']),
     (r'turbojpeg|jpeglib', ['renderer/encode/']),
+    (r'webp/', ['renderer/encode/']),
     (r'vpx/|x264', ['renderer/encode/', 'tests/unit/encode/', 'tests/unit/server/']),
     (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/', 'server/http/gzip.c']),
     (r'sqlite3', ['server/store/']),

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "encode/oiio_bridge.h"
+#include "encode/exr_bridge.h"
 
 #include <cstdio>
 #include <memory>
@@ -12,31 +12,22 @@
 
 namespace {
 
-OIIO::ImageSpec describe(const sp_oiio_image &image) {
-    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height),
-                         static_cast<int>(image.channels),
-                         image.is_float ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
-    if (image.is_float) {
-        spec.attribute("compression", "zip");
-        /* The values are meant for a display as they are; readers must not apply a curve again. */
-        spec.attribute("oiio:ColorSpace", "sRGB");
-        /* The library writes the time unless it is given one; equal frames are equal files. */
-        spec.attribute("DateTime", "1970:01:01 00:00:00");
-        spec.attribute("ImageDescription", "sRGB display values, associated alpha");
-    } else {
-        spec.attribute("oiio:UnassociatedAlpha", 1); /* as handed over: written as it is */
-        spec.attribute("png:compressionLevel", 1);   /* a tenth larger, several times faster */
-        spec.attribute("png:filter", 0x20);          /* "up": smaller and faster than none */
-        spec.attribute("CompressionQuality", image.quality);
-        spec.attribute("compression", "webp:" + std::to_string(image.quality));
-    }
+OIIO::ImageSpec describe(const sp_exr_image &image) {
+    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height), 4,
+                         OIIO::TypeDesc::FLOAT);
+    spec.attribute("compression", "zip");
+    /* The values are meant for a display as they are; readers must not apply a curve again. */
+    spec.attribute("oiio:ColorSpace", "sRGB");
+    /* The library writes the time unless it is given one; equal frames are equal files. */
+    spec.attribute("DateTime", "1970:01:01 00:00:00");
+    spec.attribute("ImageDescription", "sRGB display values, associated alpha");
     spec.attribute("Software", "splatd " SPLATD_VERSION);
     return spec;
 }
 
-std::string write(const sp_oiio_image &image, std::vector<unsigned char> &file) {
+std::string write(const sp_exr_image &image, std::vector<unsigned char> &file) {
     OIIO::Filesystem::IOVecOutput memory(file);
-    const std::string name = std::string("image") + image.extension;
+    const char *const name = "image.exr";
     std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(name);
     if (!output)
         return OIIO::geterror();
@@ -53,8 +44,8 @@ std::string write(const sp_oiio_image &image, std::vector<unsigned char> &file) 
 
 } // namespace
 
-sp_oiio_status splat_oiio_encode(const sp_oiio_image *image, sp_oiio_sink *sink, void *user,
-                                 char *error, size_t error_size) {
+sp_exr_status splat_exr_encode(const sp_exr_image *image, sp_exr_sink *sink, void *user,
+                               char *error, size_t error_size) {
     try {
         /* The caller's thread does the work: pools of the library's own would compete with the
          * renderer's threads. */
@@ -65,16 +56,16 @@ sp_oiio_status splat_oiio_encode(const sp_oiio_image *image, sp_oiio_sink *sink,
         std::string why = write(*image, file);
         if (!why.empty()) {
             std::snprintf(error, error_size, "%s", why.c_str());
-            return SP_OIIO_FAILED;
+            return SP_EXR_FAILED;
         }
-        return sink(user, file.data(), file.size()) ? SP_OIIO_DONE : SP_OIIO_MEMORY;
+        return sink(user, file.data(), file.size()) ? SP_EXR_DONE : SP_EXR_MEMORY;
     } catch (const std::bad_alloc &) {
         std::snprintf(error, error_size, "out of memory");
-        return SP_OIIO_MEMORY;
+        return SP_EXR_MEMORY;
     } catch (const std::exception &e) {
         std::snprintf(error, error_size, "%s", e.what());
     } catch (...) {
         std::snprintf(error, error_size, "unknown exception");
     }
-    return SP_OIIO_FAILED;
+    return SP_EXR_FAILED;
 }
