@@ -68,7 +68,7 @@ const address = readAddress();
 const element = (id) => document.getElementById(id);
 const notice = new Notice(element('notice'));
 const errors = [];
-const drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isVideo: false };
+const drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isLossless: false, isVideo: false };
 let hasPicture = false;
 
 function report(error) {
@@ -137,7 +137,7 @@ const order = new FrameOrder({
     screen.draw(picture);
     drawn.videos += Number(frame.isVideo);
     Object.assign(drawn, { frame: frame.frame, seq: frame.seq, width: frame.width, height: frame.height,
-      isFinal: frame.isFinal, isVideo: frame.isVideo, count: drawn.count + 1 });
+      isFinal: frame.isFinal, isLossless: frame.isLossless, isVideo: frame.isVideo, count: drawn.count + 1 });
     status.drew(frame, viewer.pace.show(frame.seq));
     notice.hide('render');
     if (!hasPicture) {
@@ -178,7 +178,8 @@ async function sendConfigure() {
 
 const moving = element('moving');
 const VIDEO_NAMES = { vp9: 'video, VP9', vp8: 'video, VP8', h264: 'video, H.264' };
-const wantedFormat = () => (moving.value === 'jpeg' ? {} : { format: [moving.value, 'jpeg'] });
+const lossless = element('lossless'); // of a view at rest
+const wantedFormat = () => ({ ...(moving.value === 'jpeg' ? {} : { format: [moving.value, 'jpeg'] }), lossless: lossless.checked });
 videoFormats(window.VideoDecoder).then((names) => {
   for (const name of names) moving.add(new Option(VIDEO_NAMES[name], name));
   const known = recall('moving');
@@ -199,6 +200,11 @@ async function setMoving(format) {
   }
 }
 moving.addEventListener('change', () => setMoving(moving.value));
+lossless.checked = recall('lossless') === 'yes';
+lossless.addEventListener('change', async () => {
+  remember('lossless', lossless.checked ? 'yes' : 'no');
+  if (connection.isLive) await connection.call('stream.configure', { lossless: lossless.checked }).catch((error) => connection.isLive && report(error));
+});
 
 // Connection.
 
@@ -436,6 +442,7 @@ Object.defineProperty(window, 'splatd', {
     get size() { return [drawn.width, drawn.height]; },
     get wanted() { return screen.size; },
     get isFinal() { return drawn.isFinal; },
+    get isLossless() { return drawn.isLossless; },
     get sent() { return viewer.pace.sent; },
     get isIdle() { return viewer.pace.isIdle; },
     get camera() { return structuredClone(viewer.camera); },
