@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon.h"
 
+#include <malloc.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -129,6 +130,7 @@ static uint64_t half_of_memory(void) {
 /* What the renderers of streams and stills may derive together is as much as all volumes may take,
  * but they must be able to work; that of the express lane has half of what one of them has. Each
  * has half of what there is on a GPU. */
+#define LARGE_BYTES (512 << 10)
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
 
 #define WRITE_PAUSE_MS 250.0
@@ -304,8 +306,17 @@ static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
     return jobs && srv_jobs_start(jobs, err);
 }
 
+/* Large blocks, as of video encoders that come and go, are given back to the system when they are
+ * freed. Left to itself the C library keeps ever larger ones, in a pool for each thread. */
+static void give_back_memory(void) {
+#ifdef __GLIBC__
+    mallopt(M_MMAP_THRESHOLD, LARGE_BYTES);
+#endif
+}
+
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
                                     struct sp_error *err) {
+    give_back_memory();
     struct srv_daemon *d = calloc(1, sizeof *d);
     if (!d || !(d->metrics = srv_metrics_create())) {
         free(d);
