@@ -203,7 +203,7 @@ class Report(unittest.TestCase):
                     self.serve('idle', 'within', wanted=10000, limit=12000, held=10000, refused=int(missed))]
             soak = [{'minute': m, 'rss_mib': mib, 'descriptors': 20 + 2 * missed * (m == 4)} for m, mib in ((1, 10), (2, 100), (3, 1), (4, 104.9 + missed))]
             self.write('serve.csv', SERVE_COLUMNS, *rows)
-            self.write('soak.csv', ['minute', 'clients', 'sessions', 'rss_mib', 'descriptors', 'failed'], *soak)
+            self.write('soak.csv', ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'], *soak)
             text = report.serve(self.folder.name)
             goals = text.split('###')[0]
             self.assertIn(f'{5 + missed / 10:.1f} % at worst (greedy)', goals)

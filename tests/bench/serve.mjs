@@ -17,11 +17,12 @@ import path from 'node:path';
 import { parseArgs } from 'node:util';
 import { CROWD, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
+import { soak } from './serve/soak.mjs';
 
 const PARTS = ['overhead', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
 const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame',
   'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
-const SOAK_COLUMNS = ['minute', 'clients', 'sessions', 'rss_mib', 'descriptors', 'failed'];
+const SOAK_COLUMNS = ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'];
 const WANTED_FPS = 10; // of a user, as the most of them are counted
 const { values: options } = parseArgs({
   options: {
@@ -256,38 +257,11 @@ async function idle() {
   }
 }
 
-/** People come and go, a fifth of them without ending their session; memory, sessions and descriptors at the end of each minute. */
-async function soak() {
-  const daemon = await start('auto', ['--session-time', '60']);
-  const clients = new Set();
-  const begin = performance.now();
-  let [minute, served, failed] = [0, 0, 0];
-  while (minute < Number(options.minutes)) {
-    if (clients.size < 12) {
-      const session = await daemon.session(256);
-      const client = await Client.open(daemon, session);
-      client.drive(50 + Math.random() * 200);
-      client.id = session.id;
-      client.until = performance.now() + 2000 + Math.random() * 15000;
-      clients.add(client);
-      served++;
-    }
-    for (const client of clients)
-      if (performance.now() > client.until) {
-        client.end();
-        clients.delete(client);
-        if (Math.random() < 0.8) await daemon.ask('DELETE', `sessions/${client.id}`);
-      }
-    await daemon.ask('POST', 'render?format=jpeg', { ...daemon.views[0], size: [128, 128] }).catch(() => { failed++; });
-    await pause(100);
-    if (performance.now() > begin + 60000 * (minute + 1)) {
-      minute++;
-      note({ minute, clients: served, sessions: await daemon.gauge('splatd_sessions'), rss_mib: round(daemon.rssMib()), descriptors: daemon.files(), failed });
-      if (options.out) save();
-    }
-  }
-  clients.forEach((client) => client.end());
-  await daemon.stop();
+async function soakMeasured() {
+  await soak((args) => start('auto', args), Number(options.minutes), ({ rss, ...seen }) => {
+    note({ ...seen, rss_mib: round(rss) });
+    if (options.out) save();
+  });
 }
 
 async function measure(wanted) {
@@ -299,7 +273,7 @@ async function measure(wanted) {
     process.exit(2);
   }
   for (const name of wanted) {
-    await { overhead, awake, viewers, sessions, memory, hostile, idle, soak }[name]();
+    await { overhead, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
     if (options.out) save();
   }
 }
