@@ -119,6 +119,8 @@ struct srv_session {
     struct srv_share share; /* of the stream lane, by the hub's clock */
     double clock_ms;        /* of its participants' shares */
     uint64_t taken_order;   /* of its newest job */
+    double taken_ms;        /* when that was made */
+    double slots_ms;        /* where a slot of each rate begins */
     struct srv_pace pace;
     /* The view in which the volume or the transfer function changed last, and the newest one that
      * a picture was finished of: before that, a picture begins with work that is done once. */

@@ -15,8 +15,8 @@
 #include "session/hub_private.h"
 #include "session/policy.h"
 
-#define GRID_MS 20.601 /* between the grids of two sessions: they spread over any period */
-#define GRID_LATE 0.25 /* of a period: what is so close behind the last frame is left out */
+enum { PAUSE_SLOTS = 2 }; /* without a frame: slots begin anew */
+#define ROUNDING 1e-6     /* of a time that is the beginning of a slot, in slots */
 
 static struct srv_detail detail_of(const struct srv_job *job) {
     return (struct srv_detail){ .coarse = job->coarse,
@@ -90,12 +90,15 @@ static struct srv_target target_of(const struct srv_participant *p, const struct
                                          (job->sharp && srv_policy_is_final(p, &e)) };
 }
 
-/* When the next frame is due after one at now_ms. Each rate has a grid of time, the same one for
- * all of a session: who looks on together asks together, whenever it joined, and our own delay is
- * not added to every frame. The grids of sessions are apart. */
+/* When the next frame is due after one at now_ms. For each rate time is cut into slots, the same
+ * for all of a session, and each has one frame: who looks on together asks together, whenever it
+ * joined, and our own delay is not added to every frame. The first frame after a pause is in the
+ * middle of its slot: whose changes come as often as frames are due does not wait with any of them.
+ */
 static double next_due_ms(const struct srv_session *s, int max_fps, double now_ms) {
-    double period = 1000.0 / max_fps, start_ms = fmod((double)s->number * GRID_MS, 1000);
-    return start_ms + ceil((now_ms - start_ms) / period + GRID_LATE) * period;
+    double slot_ms = 1000.0 / max_fps;
+    double at = (now_ms - s->slots_ms) / slot_ms + ROUNDING;
+    return s->slots_ms + (floor(at) + 1) * slot_ms;
 }
 
 static void take_job(struct srv_hub *hub, struct srv_session *s, struct srv_participant *p,
@@ -182,9 +185,12 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->target_count = 0;
     choose_detail(hub, s, job, first, max_fps, now_ms);
     job->keep_until_ms = keep_until_ms(s, job, now_ms);
+    if (now_ms - s->taken_ms > PAUSE_SLOTS * 1000.0 / max_fps)
+        s->slots_ms = now_ms - 500.0 / max_fps;
     for (uint32_t i = 0; i < count; i++)
         take_job(hub, s, takers[i], job, now_ms);
     s->taken_order = job->order;
+    s->taken_ms = now_ms;
     s->clock_ms = srv_share_start(&first->share, s->clock_ms);
     take_share(hub, s, job);
     s->jobs++;

@@ -194,6 +194,29 @@ static void tell(struct fixture *f, struct srv_participant *p, const char *metho
     free(answer);
 }
 
+/* Whatever lies between them and the first frame, and with some jitter. */
+static void changes_that_come_as_often_as_frames_are_due_do_not_wait(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    for (unsigned k = 1; k <= 10; k++) {
+        double begin_ms = 10000.0 * k;
+        struct srv_participant *p = join(f, begin_ms);
+        tell(f, p, "stream.configure", "{\"max_fps\":30}", begin_ms);
+        while (next_job(f, begin_ms++, &job)) {
+            finish(f, &job, 1);
+            ack(f, p, drain(f, p, begin_ms).frame, begin_ms);
+        }
+        for (unsigned i = 1; i <= 60; i++) {
+            double now_ms = begin_ms + 9.7 * k + i * 1000.0 / 30 + i % 3;
+            update(f, p, i, now_ms);
+            assert_true(next_job(f, now_ms, &job));
+            finish(f, &job, 1);
+            ack(f, p, drain(f, p, now_ms).frame, now_ms);
+        }
+        srv_hub_leave(f->hub, &p, begin_ms + 5000);
+    }
+}
+
 /* Updates, takes the job, finishes it after render_ms, acknowledges: one frame of a drag. */
 static struct srv_job drag(struct fixture *f, struct srv_participant *p, unsigned seq,
                            double now_ms, double render_ms) {
@@ -573,6 +596,7 @@ int main(void) {
         TEST(a_png_has_no_quality_that_could_be_less),
         TEST(moving_then_final),
         TEST(what_a_volume_takes_is_known_to_the_next_session),
+        TEST(changes_that_come_as_often_as_frames_are_due_do_not_wait),
         TEST(updates_coalesce_behind_a_job),
         TEST(a_cancelled_refinement_comes_again),
         TEST(moving_frames_are_given_up_late_and_never_twice_in_a_row),
