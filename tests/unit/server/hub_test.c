@@ -321,17 +321,23 @@ static void a_slow_sharp_picture_comes_in_steps(void **state) {
     srv_hub_leave(f->hub, &p, 20000);
 }
 
-static void a_moving_picture_that_cannot_get_better_is_the_final_one(void **state) {
-    struct fixture *f = *state;
+/* The first frame tells the time, the second one has all detail, and nothing comes after it. */
+static void move_until_final(struct fixture *f, struct srv_participant *p) {
     struct srv_job job;
-    struct srv_participant *p = join(f, 0);
-    tell(f, p, "stream.configure", "{\"quality\":60}", 0);
     assert_true(next_job(f, 0, &job));
     finish(f, &job, 5);
     ack(f, p, drain(f, p, 10).frame, 11);
     job = drag(f, p, 1, 100, 5);
     assert_true(job.step == SRV_STEP_MOVING && job.sharp && job.targets[0].final);
     assert_false(next_job(f, 5000, &job));
+}
+
+static void a_moving_picture_that_cannot_get_better_is_the_final_one(void **state) {
+    struct fixture *f = *state;
+    struct srv_job job;
+    struct srv_participant *p = join(f, 0);
+    tell(f, p, "stream.configure", "{\"quality\":60}", 0);
+    move_until_final(f, p);
     /* With a higher quality at rest there is something left to do. */
     tell(f, p, "stream.configure", "{\"quality\":61}", 6000);
     job = drag(f, p, 2, 6000, 5);
@@ -575,12 +581,7 @@ static void a_png_has_no_quality_that_could_be_less(void **state) {
     assert_non_null(strstr(policy, "\"moving\":{\"format\":\"png\"}"));
     assert_non_null(strstr(policy, "\"final\":{\"format\":\"png\",\"size\":[512,512],"));
     assert_non_null(strstr(policy, "\"why\":[]"));
-    assert_true(next_job(f, 0, &job));
-    finish(f, &job, 5);
-    ack(f, p, drain(f, p, 10).frame, 11);
-    job = drag(f, p, 1, 100, 5);
-    assert_true(job.step == SRV_STEP_MOVING && job.sharp && job.targets[0].final);
-    assert_false(next_job(f, 5000, &job));
+    move_until_final(f, p);
     /* With one at rest that would be the same there is nothing left to do, either. */
     tell(f, p, "stream.configure", "{\"lossless\":true}", 6000);
     job = drag(f, p, 2, 6000, 5);
