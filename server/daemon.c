@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "daemon.h"
+#include "server/daemon.h"
 
 #include <malloc.h>
 #include <stdatomic.h>
@@ -8,13 +8,13 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "clock.h"
+#include "common/clock.h"
 #include "http/listener.h"
 #include "http/origins.h"
 #include "http/streams.h"
-#include "jobs/jobs.h"
-#include "keep.h"
+#include "paths/paths.h"
 #include "render/catalog.h"
+#include "render/persistence.h"
 #include "render/scheduler.h"
 #include "session/hub.h"
 #include "store/store.h"

@@ -5,9 +5,9 @@
 #ifndef SRV_DAEMON_H
 #define SRV_DAEMON_H
 
-#include "config.h"
-#include "log.h"
-#include "secret.h"
+#include "config/config.h"
+#include "config/secret.h"
+#include "ops/log.h"
 #include "sp/status.h"
 
 struct srv_daemon;

@@ -8,12 +8,12 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "clock.h"
-#include "config.h"
-#include "daemon.h"
-#include "probe.h"
-#include "service.h"
-#include "standard.h"
+#include "common/clock.h"
+#include "config/config.h"
+#include "ops/probe.h"
+#include "ops/service.h"
+#include "ops/standard.h"
+#include "server/daemon.h"
 
 enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_NO_GPU = 3 };
 

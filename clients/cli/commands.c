@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "commands.h"
+#include "cli/commands.h"
 
 #include <inttypes.h>
 #include <stdio.h>

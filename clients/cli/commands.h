@@ -2,8 +2,8 @@
 #ifndef CLI_COMMANDS_H
 #define CLI_COMMANDS_H
 
-#include "http.h"
-#include "options.h"
+#include "cli/http.h"
+#include "cli/options.h"
 #include "sp/encode.h"
 
 /* A command returns the exit status: 0; 1 with *err set; 2 after it printed what was wrong with the

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "http.h"
+#include "cli/http.h"
 
 #include <curl/curl.h>
 #include <stdint.h>

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 static bool end_output(struct sp_error *err) {
     return (fflush(stdout) == 0 && !ferror(stdout)) ||

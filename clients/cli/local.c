@@ -4,7 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "commands.h"
+#include "cli/commands.h"
 #include "protocol/view.h"
 #include "sp/encode.h"
 #include "sp/renderer.h"

@@ -10,8 +10,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "commands.h"
-#include "output.h"
+#include "cli/commands.h"
+#include "cli/output.h"
 #include "protocol/limits.h"
 #include "sp/encode.h"
 

@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#include "config.h"
+#include "config/config.h"
 
 enum {
     SRV_SPARE_CONNECTIONS = 64, /* of each HTTP thread beyond --connections, to answer 503 */

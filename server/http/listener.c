@@ -10,7 +10,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "clock.h"
+#include "common/clock.h"
 #include "http/assets.h"
 #include "http/descriptors.h"
 #include "http/http.h"

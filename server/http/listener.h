@@ -14,17 +14,17 @@
 #include <microhttpd.h>
 #include <stdint.h>
 
-#include "config.h"
-#include "http/guard.h"
+#include "config/config.h"
+#include "config/tokens.h"
+#include "http/deadlines.h"
 #include "http/reply.h"
 #include "http/router.h"
-#include "http/stills.h"
+#include "http/smuggling.h"
+#include "http/snapshots.h"
 #include "http/streams.h"
-#include "http/strict.h"
-#include "jobs/jobs.h"
+#include "paths/paths.h"
 #include "render/scheduler.h"
 #include "store/store.h"
-#include "tokens.h"
 
 struct srv_http_options {
     const struct srv_config *config;

@@ -6,8 +6,8 @@
 #ifndef SRV_HTTP_LISTING_H
 #define SRV_HTTP_LISTING_H
 
+#include "common/page.h"
 #include "http/listener.h"
-#include "page.h"
 
 /* A page for items of so many bytes, as the query says. False: the reply is the problem. */
 bool srv_listing_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,

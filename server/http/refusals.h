@@ -6,7 +6,7 @@
 #ifndef SRV_HTTP_REFUSALS_H
 #define SRV_HTTP_REFUSALS_H
 
-#include "metrics.h"
+#include "ops/metrics.h"
 
 enum srv_refusal_reason {                      /* in the order of SRV_COUNT_REFUSED_… */
                           SRV_REFUSED_FULL,    /* --connections, or no memory or descriptors for one

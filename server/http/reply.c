@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tokens.h"
+#include "config/tokens.h"
 
 void srv_reply_finish(struct srv_reply *reply) {
     free(reply->owned);

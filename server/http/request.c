@@ -3,7 +3,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "clock.h"
+#include "common/clock.h"
 #include "http/answer.h"
 #include "http/headers.h"
 #include "http/http.h"

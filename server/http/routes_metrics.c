@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "http/listener.h"
-#include "metrics.h"
+#include "ops/metrics.h"
 
 /* Volumes that have a series of their own; the rest are added up as "*". */
 enum { VOLUMES_MAX = 64 };

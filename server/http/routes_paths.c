@@ -7,8 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "http/flow.h"
-#include "http/guard.h"
+#include "http/chunked_body.h"
+#include "http/deadlines.h"
 #include "http/headers.h"
 #include "http/listing.h"
 #include "http/values.h"

@@ -4,14 +4,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "form.h"
-#include "http/flow.h"
-#include "http/guard.h"
+#include "http/chunked_body.h"
+#include "http/deadlines.h"
+#include "http/durable_reply.h"
 #include "http/headers.h"
-#include "http/kept.h"
 #include "http/listener.h"
 #include "http/values.h"
 #include "protocol/view.h"
+#include "session/encode_params.h"
 #include "sp/log.h"
 
 enum { QUALITY_DEFAULT = 90, ETAG_BYTES = 40 };

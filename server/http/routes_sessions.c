@@ -2,10 +2,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "clock.h"
+#include "common/clock.h"
+#include "http/durable_reply.h"
 #include "http/handshake.h"
 #include "http/headers.h"
-#include "http/kept.h"
 #include "http/listener.h"
 #include "http/listing.h"
 #include "http/origins.h"

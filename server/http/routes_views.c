@@ -7,8 +7,8 @@
 #include <gnutls/crypto.h>
 #include <gnutls/gnutls.h>
 
+#include "http/durable_reply.h"
 #include "http/headers.h"
-#include "http/kept.h"
 #include "http/listener.h"
 #include "http/listing.h"
 #include "protocol/view.h"

@@ -13,8 +13,8 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include "clock.h"
-#include "due.h"
+#include "common/clock.h"
+#include "common/timer_heap.h"
 #include "http/address.h"
 #include "http/ws_conn.h"
 #include "sp/log.h"

@@ -30,7 +30,7 @@
 #include <sys/socket.h>
 
 #include "http/tls_keys.h"
-#include "metrics.h"
+#include "ops/metrics.h"
 #include "sp/status.h"
 
 struct srv_tls;

@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "config.h"
+#include "config/config.h"
 #include "sp/log.h"
 
 enum { PEM_BYTES_MAX = 1 << 20 };

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <wslay/wslay.h>
 
-#include "clock.h"
+#include "common/clock.h"
 #include "http/address.h"
 #include "sp/log.h"
 

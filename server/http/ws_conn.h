@@ -20,7 +20,7 @@
 #include <sys/types.h>
 #include <sys/uio.h>
 
-#include "http/intake.h"
+#include "http/ingress_quota.h"
 #include "session/hub.h"
 
 struct srv_ws;

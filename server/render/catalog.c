@@ -12,8 +12,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "clock.h"
-#include "render/shown.h"
+#include "common/clock.h"
+#include "render/redact.h"
 #include "sp/log.h"
 
 enum { ENTRIES_MAX = 1024 };

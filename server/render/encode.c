@@ -13,8 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "clock.h"
-#include "nice.h"
+#include "common/background.h"
+#include "common/clock.h"
 #include "render/scheduler_private.h"
 #include "sp/log.h"
 

@@ -7,7 +7,7 @@
 #ifndef SRV_RENDER_OWNERS_H
 #define SRV_RENDER_OWNERS_H
 
-#include "session/share.h"
+#include "schedule/fair_queue.h"
 
 enum {
     SRV_OWNER_BYTES = 40, /* of a name */

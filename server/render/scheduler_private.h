@@ -9,10 +9,10 @@
 
 #include <pthread.h>
 
-#include "form.h"
-#include "render/flights.h"
+#include "render/frame_queue.h"
 #include "render/scheduler.h"
 #include "render/video.h"
+#include "session/encode_params.h"
 
 enum {
     SRV_LANE_ENCODES = 2, /* no further job is begun while so many frames that are not dear wait */

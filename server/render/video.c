@@ -4,7 +4,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 
-#include "clock.h"
+#include "common/clock.h"
 #include "protocol/frame_header.h"
 #include "sp/log.h"
 #include "sp/video.h"

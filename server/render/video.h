@@ -31,7 +31,7 @@
 
 #include <stdint.h>
 
-#include "metrics.h"
+#include "ops/metrics.h"
 #include "session/hub.h"
 #include "sp/frame.h"
 

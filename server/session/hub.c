@@ -7,11 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "page.h"
+#include "common/page.h"
+#include "config/tokens.h"
 #include "protocol/view.h"
 #include "session/hub_private.h"
 #include "sp/log.h"
-#include "tokens.h"
 
 #define RETRY_MS 1000.0 /* where memory is short */
 

@@ -22,12 +22,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "metrics.h"
+#include "config/secret.h"
+#include "ops/metrics.h"
 #include "protocol/json.h"
-#include "secret.h"
+#include "schedule/quality.h"
 #include "session/outbox.h"
 #include "session/owner.h"
-#include "session/pace.h"
 #include "sp/encode.h"
 #include "sp/pick.h"
 #include "sp/video.h"

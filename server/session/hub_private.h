@@ -8,12 +8,12 @@
 
 #include <pthread.h>
 
-#include "due.h"
+#include "common/timer_heap.h"
 #include "protocol/rpc.h"
-#include "session/flow.h"
+#include "schedule/fair_queue.h"
+#include "schedule/quality.h"
 #include "session/hub.h"
-#include "session/pace.h"
-#include "session/share.h"
+#include "session/window.h"
 
 #define SRV_MOVING_MS 500.0 /* a session moves for so long after a moving frame */
 enum { SRV_PACES = 16 };    /* volumes of which it is known what their frames take */

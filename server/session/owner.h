@@ -9,9 +9,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "config/token_file.h"
 #include "protocol/json.h"
 #include "sp/status.h"
-#include "token_file.h"
 
 struct srv_owner {
     char name[SRV_TOKEN_NAME_BYTES]; /* of the token; empty = nobody's */

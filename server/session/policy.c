@@ -6,8 +6,8 @@
 
 #include <string.h>
 
-#include "form.h"
 #include "protocol/rpc.h"
+#include "session/encode_params.h"
 
 enum { QUALITY_MOVING = 60 };
 #define TELL_MS 500.0

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "clock.h"
-#include "page.h"
+#include "common/clock.h"
+#include "common/page.h"
 #include "sp/log.h"
 #include "store/database.h"
 #include "store/table.h"

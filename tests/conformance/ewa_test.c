@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "manifest.h"
+#include "conformance/manifest.h"
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/render.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "manifest.h"
+#include "conformance/manifest.h"
 
 #define EWA SP_FILTER_EWA
 #define ADAPTIVE SP_FILTER_ADAPTIVE

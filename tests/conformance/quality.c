@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "quality.h"
+#include "conformance/quality.h"
 
 #include <math.h>
 #include <stdarg.h>

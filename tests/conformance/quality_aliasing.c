@@ -33,7 +33,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 
 enum { MOVES_MAX = 8 };
 

@@ -16,7 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 
 static const double slabs[] = { 4, 2, 1, 0.5, 0.25 }, cutoffs[] = { 2, 3, 4, 5 };
 enum { SLABS = sizeof slabs / sizeof *slabs, CUTOFFS = sizeof cutoffs / sizeof *cutoffs };

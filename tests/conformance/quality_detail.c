@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 
 enum { VIEWS = 3 };
 

@@ -17,7 +17,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 #include "support/sample.h"
 
 static const struct {

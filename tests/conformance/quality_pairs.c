@@ -10,7 +10,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 
 enum { VIEWS = 3 };
 

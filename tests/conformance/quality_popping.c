@@ -15,7 +15,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 
 enum { FRAMES = 21 };
 #define STEP 0.002 /* degrees a frame; frame 10 lies at 45 */

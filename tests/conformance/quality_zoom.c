@@ -16,7 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "quality.h"
+#include "conformance/quality.h"
 
 /* Where one filter is nearly all of ewa they share their errors, and chance decides the rest. */
 #define TIE_DB 0.15

@@ -14,7 +14,7 @@
 #include "http/headers.h"
 #include "http/origins.h"
 #include "http/router.h"
-#include "http/strict.h"
+#include "http/smuggling.h"
 
 enum { TARGET_MAX = 256 };
 

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "jobs/path.h"
+#include "paths/path.h"
 #include "tests/protocol/fixture.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

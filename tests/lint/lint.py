@@ -16,7 +16,7 @@ import subprocess
 import sys
 
 # What tells people the time, and judges the dates of certificates.
-TIME_OF_DAY = {'server/log.c', 'server/http/tls_keys.c'}
+TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c'}
 
 # Rule 1: inside the renderer, a room includes itself and those named here ("sp" = the public headers).
 RENDERER = {
@@ -56,9 +56,9 @@ THIRD_PARTY = [
     (r'vpx/|x264', ['renderer/encode/', 'tests/unit/encode/', 'tests/unit/server/']),
     (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/', 'server/http/gzip.c']),
     (r'sqlite3', ['server/store/']),
-    (r'archive(_entry)?\.h', ['server/jobs/archive.c']),
-    (r'(ebml|matroska)/', ['server/jobs/webm_bridge.cpp']),
-    (r'systemd/', ['server/service.c']),
+    (r'archive(_entry)?\.h', ['server/paths/archive.c']),
+    (r'(ebml|matroska)/', ['server/paths/webm_bridge.cpp']),
+    (r'systemd/', ['server/ops/service.c']),
     (r'xxhash', ['server/render/fingerprint.c']),
     (r'curl/', ['clients/cli/']),
 ]

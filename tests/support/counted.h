@@ -2,7 +2,7 @@
 #ifndef TESTS_SUPPORT_COUNTED_H
 #define TESTS_SUPPORT_COUNTED_H
 
-#include "metrics.h"
+#include "ops/metrics.h"
 
 /* What Prometheus reads under a name, with its labels if it has some. Fails the test if there is
  * none of it. */

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "clock.h"
+#include "common/clock.h"
 
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {

@@ -6,7 +6,7 @@
 #ifndef TESTS_SUPPORT_LANES_H
 #define TESTS_SUPPORT_LANES_H
 
-#include "metrics.h"
+#include "ops/metrics.h"
 #include "render/scheduler.h"
 
 struct lanes {

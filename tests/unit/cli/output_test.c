@@ -17,7 +17,7 @@
 
 #include <cmocka.h>
 
-#include "output.h"
+#include "cli/output.h"
 
 static struct {
     ino_t synced;

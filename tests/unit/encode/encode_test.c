@@ -20,7 +20,7 @@
 #include <turbojpeg.h>
 
 #include "encode/convert.h"
-#include "read_image.h"
+#include "unit/encode/read_image.h"
 
 /* A frame of our own, odd-sized so that rows have padding, which is filled with rubbish. */
 static struct sp_frame make_frame(uint32_t width, uint32_t height, enum sp_pixel_format format) {

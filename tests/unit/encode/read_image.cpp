@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "read_image.h"
+#include "unit/encode/read_image.h"
 
 #include <cstdio>
 #include <cstdlib>

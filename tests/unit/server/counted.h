@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "metrics.h"
+#include "ops/metrics.h"
 
 /* What /metrics tells of `name{key="value"}`; -1 = nothing. */
 static inline long counted(const struct srv_metrics *metrics, const char *name, const char *key,

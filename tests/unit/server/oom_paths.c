@@ -2,7 +2,7 @@
  *
  * Camera paths without memory: from the request to the last file, and until those are gone.
  */
-#include "oom.h"
+#include "unit/server/oom.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

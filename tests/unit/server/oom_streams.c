@@ -2,7 +2,7 @@
  *
  * A stream without memory: joining, and each update of the view.
  */
-#include "oom.h"
+#include "unit/server/oom.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

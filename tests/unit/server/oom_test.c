@@ -19,8 +19,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "oom.h"
 #include "support/played_memory.h"
+#include "unit/server/oom.h"
 
 static char control[64]; /* the session's token */
 

@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/token_file.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "config/config.h"
+#include "sp/log.h"
+#include "sp/view.h"
+
+enum { LINE_BYTES = 512, TOKEN_MIN = 16, NUMBER_DIGITS = 6 };
+#define NAME_CHARACTERS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-"
+
+static const struct {
+    const char *name;
+    unsigned rights;
+} roles[] = {
+    { "admin",
+      SRV_RIGHT_METRICS | SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL | SRV_RIGHT_ADMIN },
+    { "control", SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL },
+    { "render", SRV_RIGHT_VIEW | SRV_RIGHT_RENDER },
+    { "view", SRV_RIGHT_VIEW },
+    { "metrics", SRV_RIGHT_METRICS },
+};
+
+static bool read_role(const char *value, struct srv_token *token) {
+    for (size_t i = 0; i < sizeof roles / sizeof *roles; i++)
+        if (strcmp(value, roles[i].name) == 0)
+            token->rights = roles[i].rights;
+    return token->rights != 0;
+}
+
+static bool read_name(const char *value, struct srv_token *token) {
+    size_t length = strlen(value);
+    if (length == 0 || length >= sizeof token->name || strspn(value, NAME_CHARACTERS) != length)
+        return false;
+    memcpy(token->name, value, length + 1);
+    return true;
+}
+
+static bool read_number(const char *value, unsigned max, unsigned *number) {
+    size_t length = strlen(value);
+    if (length == 0 || length > NUMBER_DIGITS || strspn(value, "0123456789") != length)
+        return false;
+    *number = (unsigned)strtoul(value, NULL, 10);
+    return *number >= 1 && *number <= max;
+}
+
+/* A word that is written as the setting of its name, and has its range. */
+static bool read_setting(const char *name, const char *value, uint64_t *number, const char *place,
+                         struct sp_error *err) {
+    struct sp_error why;
+    int64_t read;
+    if (!srv_config_number(name, value, &read, &why))
+        return sp_fail(err, why.code, place, "%s: %s", name, why.text);
+    *number = (uint64_t)read;
+    return true;
+}
+
+static bool fail(struct sp_error *err, const char *place, const char *what) {
+    return sp_fail(err, SP_ERR_INVALID, place, "%s", what);
+}
+
+static bool is_first(bool is_unset, const char *word, const char *place, struct sp_error *err) {
+    return is_unset || sp_fail(err, SP_ERR_INVALID, place, "%s stands there twice", word);
+}
+
+#define AT(field) offsetof(struct srv_quota, field)
+
+static const struct {
+    const char *name;
+    size_t offset; /* in struct srv_quota: an unsigned */
+    unsigned max;
+} numbers[] = {
+    { "sessions", AT(sessions), 100000 },
+    { "stills", AT(stills), 10000 },
+    { "views", AT(views), 100000 },
+    { "paths", AT(paths), 10000 },
+    { "fps", AT(fps), 120 },
+};
+
+static const struct {
+    const char *name; /* as the setting's */
+    size_t offset;    /* in struct srv_quota: a uint64_t */
+} sizes[] = {
+    { "path-bytes", AT(path_bytes) },
+    { "frame-size", AT(frame_px) },
+};
+
+static bool read_quota(const char *word, const char *value, struct srv_quota *quota,
+                       const char *place, struct sp_error *err) {
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        unsigned *number = (unsigned *)((char *)quota + numbers[i].offset);
+        if (strcmp(word, numbers[i].name) == 0)
+            return is_first(!*number, word, place, err) &&
+                   (read_number(value, numbers[i].max, number) ||
+                    sp_fail(err, SP_ERR_INVALID, place, "%s is a whole number in [1, %u]", word,
+                            numbers[i].max));
+    }
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        uint64_t *number = (uint64_t *)((char *)quota + sizes[i].offset);
+        if (strcmp(word, sizes[i].name) == 0)
+            return is_first(!*number, word, place, err) &&
+                   read_setting(word, value, number, place, err);
+    }
+    return fail(err, place,
+                "known are role, name, sessions, stills, fps, views, paths, path-bytes and "
+                "frame-size");
+}
+
+/* One word "key=value" behind the token. */
+static bool read_word(char *word, struct srv_token *token, const char *place,
+                      struct sp_error *err) {
+    char *value = strchr(word, '=');
+    if (!value)
+        return fail(err, place, "behind the token there is key=value, without blanks around =");
+    *value++ = 0;
+    if (strcmp(word, "role") == 0)
+        return is_first(!token->rights, word, place, err) &&
+               (read_role(value, token) ||
+                fail(err, place, "role is one of admin, control, render, view, metrics"));
+    if (strcmp(word, "name") == 0)
+        return is_first(!token->name[0], word, place, err) &&
+               (read_name(value, token) ||
+                fail(err, place, "name has 1 to 32 characters of [A-Za-z0-9._-]"));
+    return read_quota(word, value, &token->quota, place, err);
+}
+
+/* A line that has a token. */
+static bool read_line(char *line, const char *place, struct srv_token *token,
+                      struct sp_error *err) {
+    char *rest = NULL, *word = strtok_r(line, " \t", &rest);
+    size_t length = strlen(word);
+    *token = (struct srv_token){ .rights = 0 };
+    if (length < TOKEN_MIN || length >= SRV_TOKEN_BYTES ||
+        strspn(word, NAME_CHARACTERS "~") != length)
+        return fail(err, place,
+                    "a line begins with a token of 16 to 128 characters of [A-Za-z0-9._~-]");
+    memcpy(token->text, word, length + 1);
+    while ((word = strtok_r(NULL, " \t", &rest)))
+        if (!read_word(word, token, place, err))
+            return false;
+    if (!token->rights)
+        token->rights = roles[0].rights;
+    return true;
+}
+
+static bool is_new(const struct srv_token *list, size_t count, const struct srv_token *token,
+                   const char *place, struct sp_error *err) {
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(list[i].text, token->text) == 0 || strcmp(list[i].name, token->name) == 0)
+            return fail(err, place, "a line above has this token or name");
+    return true;
+}
+
+/* Adds the token of a line, if it has one. */
+static bool add(const char *text, size_t size, unsigned number, struct srv_token *list,
+                size_t *count, struct sp_error *err) {
+    char line[LINE_BYTES], place[32];
+    snprintf(place, sizeof place, "line %u", number);
+    while (size > 0 && strchr(" \t\r", text[size - 1]) && text[size - 1])
+        size--;
+    while (size > 0 && (*text == ' ' || *text == '\t')) {
+        text++;
+        size--;
+    }
+    if (size == 0 || *text == '#')
+        return true;
+    if (size >= sizeof line || memchr(text, 0, size))
+        return fail(err, place, "a line has at most 511 bytes, and no NUL");
+    if (*count == SRV_TOKENS_MAX)
+        return fail(err, place, "there are more than 1000 tokens");
+    memcpy(line, text, size);
+    line[size] = 0;
+    struct srv_token *token = &list[*count];
+    if (!read_line(line, place, token, err))
+        return false;
+    token->has_name = token->name[0] != 0;
+    if (!token->has_name)
+        snprintf(token->name, sizeof token->name, "token-%u", number);
+    if (!is_new(list, *count, token, place, err))
+        return false;
+    ++*count;
+    return true;
+}
+
+bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list, size_t *count,
+                          struct sp_error *err) {
+    size_t lines = 1;
+    for (size_t i = 0; i < size; i++)
+        lines += text[i] == '\n';
+    *count = 0;
+    *list = calloc(lines < SRV_TOKENS_MAX ? lines : SRV_TOKENS_MAX, sizeof **list);
+    bool ok = *list || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+    const char *end = text + size;
+    for (unsigned number = 1; ok && text < end; number++) {
+        const char *stop = memchr(text, '\n', (size_t)(end - text));
+        size_t length = (size_t)((stop ? stop : end) - text);
+        ok = add(text, length, number, *list, count, err);
+        text += length + 1;
+    }
+    if (ok && *count == 0)
+        ok = fail(err, "line 1", "there is no token");
+    if (!ok) {
+        free(*list);
+        *list = NULL;
+    }
+    return ok;
+}
+
+/* Who may write to it may do everything. Whoever may read it, too, but a container's user may have
+ * to; it is said. */
+static bool is_private(FILE *file, const char *path, struct sp_error *err) {
+    struct stat st;
+    if (fstat(fileno(file), &st) != 0)
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+    if (st.st_mode & (S_IWGRP | S_IWOTH))
+        return sp_fail(err, SP_ERR_DENIED, path,
+                       "others than its owner could change the tokens (mode %04o); chmod 600 it",
+                       (unsigned)(st.st_mode & 07777));
+    if (st.st_mode & S_IROTH)
+        sp_log(SP_LOG_WARN,
+               "%s: others than its owner can read the tokens (mode %04o); "
+               "chmod 600 it",
+               path, (unsigned)(st.st_mode & 07777));
+    return true;
+}
+
+/* Of roles that make what they own; an admin has that of all others anyway. */
+static void warn_of_lines(const char *path, const struct srv_token *list, size_t count) {
+    const char *first = NULL;
+    unsigned nameless = 0;
+    for (size_t i = 0; i < count; i++)
+        if (!list[i].has_name && list[i].rights & SRV_RIGHT_RENDER &&
+            !(list[i].rights & SRV_RIGHT_ADMIN)) {
+            first = first ? first : list[i].name;
+            nameless++;
+        }
+    if (nameless > 0)
+        sp_log(SP_LOG_WARN,
+               "%s: %u tokens of the roles control and render have no name, %s first: what they "
+               "make belongs to whatever token stands on their line; give each name=NAME",
+               path, nameless, first);
+}
+
+bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
+                         struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK };
+    FILE *file = srv_open_regular(path);
+    if (!file)
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+    if (!is_private(file, path, err)) {
+        fclose(file);
+        return false;
+    }
+    char *text = malloc(SRV_TOKEN_FILE_BYTES + 1);
+    size_t size = text ? fread(text, 1, SRV_TOKEN_FILE_BYTES + 1, file) : 0;
+    bool failed = ferror(file);
+    fclose(file);
+    bool ok = false;
+    if (!text)
+        sp_fail(err, SP_ERR_MEMORY, path, "no memory for the tokens");
+    else if (failed)
+        sp_fail(err, SP_ERR_IO, path, "cannot read the tokens");
+    else if (size > SRV_TOKEN_FILE_BYTES)
+        sp_fail(err, SP_ERR_INVALID, path, "it has more than %d bytes", SRV_TOKEN_FILE_BYTES);
+    else if (!(ok = srv_token_file_parse(text, size, list, count, &why)))
+        sp_fail(err, why.code, path, "%s%s%s", why.place, why.place[0] ? ": " : "", why.text);
+    if (ok)
+        warn_of_lines(path, *list, *count);
+    if (text)
+        explicit_bzero(text, SRV_TOKEN_FILE_BYTES + 1);
+    free(text);
+    return ok;
+}

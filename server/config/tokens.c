@@ -1,0 +1,172 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/tokens.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct srv_token_use {
+    unsigned holders; /* the list, and grants */
+    unsigned stills;
+    double used_ms; /* the share of pictures is used up to here */
+};
+
+struct entry {
+    struct srv_token token;
+    struct srv_token_use *use;
+};
+
+struct srv_tokens {
+    pthread_mutex_t mutex;
+    struct entry *list;
+    size_t count;
+};
+
+struct srv_tokens *srv_tokens_create(struct sp_error *err) {
+    struct srv_tokens *tokens = calloc(1, sizeof *tokens);
+    if (!tokens)
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+    else
+        pthread_mutex_init(&tokens->mutex, NULL);
+    return tokens;
+}
+
+static void drop(struct srv_token_use *use) {
+    if (use && --use->holders == 0)
+        free(use);
+}
+
+static void free_list(struct entry *list, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        drop(list[i].use);
+    if (list)
+        explicit_bzero(list, count * sizeof *list);
+    free(list);
+}
+
+void srv_tokens_destroy(struct srv_tokens **pointer) {
+    struct srv_tokens *tokens = *pointer;
+    *pointer = NULL;
+    if (!tokens)
+        return;
+    free_list(tokens->list, tokens->count);
+    pthread_mutex_destroy(&tokens->mutex);
+    free(tokens);
+}
+
+/* NULL = there is none. With the mutex held. */
+static const struct entry *find_name(const struct srv_tokens *tokens, const char *name) {
+    for (size_t i = 0; i < tokens->count; i++)
+        if (strcmp(tokens->list[i].token.name, name) == 0)
+            return &tokens->list[i];
+    return NULL;
+}
+
+/* Of the token with this name in the list that there is, else a new one. With the mutex held. */
+static struct srv_token_use *use_of(struct srv_tokens *tokens, const char *name) {
+    const struct entry *found = find_name(tokens, name);
+    struct srv_token_use *use = found ? found->use : calloc(1, sizeof *use);
+    if (use)
+        use->holders++;
+    return use;
+}
+
+bool srv_tokens_set(struct srv_tokens *tokens, struct srv_token *list, size_t count,
+                    struct sp_error *err) {
+    struct entry *fresh = calloc(count, sizeof *fresh);
+    bool ok = fresh != NULL;
+    pthread_mutex_lock(&tokens->mutex);
+    for (size_t i = 0; ok && i < count; i++) {
+        fresh[i].token = list[i];
+        ok = (fresh[i].use = use_of(tokens, list[i].name)) != NULL;
+    }
+    struct entry *old = ok ? tokens->list : fresh;
+    size_t old_count = ok ? tokens->count : count;
+    if (ok) {
+        tokens->list = fresh;
+        tokens->count = count;
+    }
+    if (old)
+        free_list(old, old_count);
+    pthread_mutex_unlock(&tokens->mutex);
+    explicit_bzero(list, count * sizeof *list);
+    free(list);
+    return ok || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+}
+
+void srv_tokens_find(struct srv_tokens *tokens, const char *given, struct srv_grant *grant) {
+    *grant = (struct srv_grant){ .rights = 0 };
+    pthread_mutex_lock(&tokens->mutex);
+    struct entry *found = NULL;
+    for (size_t i = 0; i < tokens->count; i++) /* all, whichever it is */
+        if (srv_secret_equal(tokens->list[i].token.text, given))
+            found = &tokens->list[i];
+    if (found) {
+        grant->rights = found->token.rights;
+        grant->quota = found->token.quota;
+        memcpy(grant->name, found->token.name, sizeof grant->name);
+        grant->use = found->use;
+        found->use->holders++;
+    }
+    pthread_mutex_unlock(&tokens->mutex);
+}
+
+void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant) {
+    pthread_mutex_lock(&tokens->mutex);
+    drop(grant->use);
+    pthread_mutex_unlock(&tokens->mutex);
+    grant->use = NULL;
+}
+
+bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,
+                        struct srv_quota *quota) {
+    pthread_mutex_lock(&tokens->mutex);
+    const struct entry *found = find_name(tokens, name);
+    if (found && rights)
+        *rights = found->token.rights;
+    if (found)
+        *quota = found->token.quota;
+    pthread_mutex_unlock(&tokens->mutex);
+    return found != NULL;
+}
+
+static bool is_within(struct srv_token_use *use, const struct srv_quota *quota, const char *name,
+                      double now_ms, struct sp_error *err) {
+    if (quota->stills && use->stills >= quota->stills)
+        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+                       "%u pictures are under way for %s, and its token allows %u", use->stills,
+                       name, quota->stills);
+    if (!quota->fps)
+        return true;
+    double from_ms = use->used_ms > now_ms - 1000 ? use->used_ms : now_ms - 1000;
+    double until_ms = from_ms + 1000.0 / quota->fps;
+    if (until_ms > now_ms + 1e-6)
+        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+                       "%s has drawn the %u pictures a second that its token allows", name,
+                       quota->fps);
+    use->used_ms = until_ms;
+    return true;
+}
+
+bool srv_tokens_begin_still(struct srv_tokens *tokens, const struct srv_grant *grant, double now_ms,
+                            struct sp_error *err) {
+    pthread_mutex_lock(&tokens->mutex);
+    bool ok = is_within(grant->use, &grant->quota, grant->name, now_ms, err);
+    grant->use->stills += ok;
+    pthread_mutex_unlock(&tokens->mutex);
+    return ok;
+}
+
+void srv_tokens_cancel_still(struct srv_tokens *tokens, const struct srv_grant *grant) {
+    pthread_mutex_lock(&tokens->mutex);
+    grant->use->stills--;
+    if (grant->quota.fps)
+        grant->use->used_ms -= 1000.0 / grant->quota.fps;
+    pthread_mutex_unlock(&tokens->mutex);
+}
+
+void srv_tokens_end_still(struct srv_tokens *tokens, const struct srv_grant *grant) {
+    pthread_mutex_lock(&tokens->mutex);
+    grant->use->stills--;
+    pthread_mutex_unlock(&tokens->mutex);
+}

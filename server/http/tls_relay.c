@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The carrier: brings the bytes of open connections between the client and the server's end. What
+ * it does in one go has a bound, whatever a client does.
+ */
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <unistd.h>
+
+#include "common/clock.h"
+#include "http/refusals.h"
+#include "http/tls_private.h"
+#include "sp/log.h"
+
+enum {
+    TURNS = 8,             /* buffers a turn, so that one client does not keep the thread */
+    PAIR_BYTES = 64 * 1024 /* on their way to us, where no newer frame replaces them */
+};
+#define STOP_MS 2000.0
+
+/* Bytes, one direction after the other. Each returns false when it has to wait. */
+
+static bool fill_up(struct srv_tls_connection *c) {
+    ssize_t got = gnutls_record_recv(c->session, c->up.bytes, SRV_TLS_BUFFER_BYTES);
+    if (got > 0) {
+        c->up.at = 0;
+        c->up.size = (size_t)got;
+        return true;
+    }
+    if (got == GNUTLS_E_AGAIN || got == GNUTLS_E_INTERRUPTED)
+        return false;
+    if (got == 0) {
+        c->up.is_ended = true;
+        return true;
+    }
+    /* An alert that is no error is over with that. Nobody may begin a handshake again. */
+    if (!gnutls_error_is_fatal((int)got) && got != GNUTLS_E_REHANDSHAKE)
+        return true;
+    bool is_cut = got == GNUTLS_E_PREMATURE_TERMINATION || got == GNUTLS_E_PULL_ERROR;
+    sp_log(is_cut ? SP_LOG_DEBUG : SP_LOG_INFO, "TLS connection of %s ended: %s", c->peer,
+           gnutls_strerror((int)got));
+    c->state = SRV_TLS_DEAD;
+    return false;
+}
+
+static bool drain_up(struct srv_tls_connection *c) {
+    struct srv_tls_half *up = &c->up;
+    ssize_t sent =
+        send(c->sides[SRV_TLS_SERVER].fd, up->bytes + up->at, up->size - up->at, MSG_NOSIGNAL);
+    if (sent < 0 && srv_tls_is_again(errno))
+        return false;
+    if (sent < 0) { /* the server's end was closed: what comes now is for nobody */
+        up->at = up->size = 0;
+        return true;
+    }
+    up->at += (size_t)sent;
+    return true;
+}
+
+static bool fill_down(struct srv_tls_connection *c) {
+    ssize_t got = recv(c->sides[SRV_TLS_SERVER].fd, c->down.bytes, SRV_TLS_BUFFER_BYTES, 0);
+    if (got < 0 && srv_tls_is_again(errno))
+        return false;
+    c->down.at = 0;
+    c->down.size = got > 0 ? (size_t)got : 0;
+    c->down.is_ended = got <= 0;
+    return true;
+}
+
+static bool drain_down(struct srv_tls_connection *c) {
+    struct srv_tls_half *down = &c->down;
+    ssize_t sent = down->is_retry ? gnutls_record_send(c->session, NULL, 0)
+                                  : gnutls_record_send(c->session, down->bytes + down->at,
+                                                       down->size - down->at);
+    down->is_retry = sent == GNUTLS_E_AGAIN || sent == GNUTLS_E_INTERRUPTED;
+    if (down->is_retry)
+        return false;
+    if (sent < 0) {
+        c->state = SRV_TLS_DEAD;
+        return false;
+    }
+    down->at += (size_t)sent;
+    return true;
+}
+
+/* Never stops while it holds bytes that could go on: nothing would wake it. */
+static void pump_up(struct srv_tls_connection *c) {
+    struct srv_tls_half *up = &c->up;
+    for (int turns = TURNS;; turns--) {
+        while (up->at < up->size)
+            if (!drain_up(c))
+                return;
+        if (up->is_ended && !up->is_done) {
+            shutdown(c->sides[SRV_TLS_SERVER].fd, SHUT_WR);
+            up->is_done = true;
+        }
+        if (up->is_done || turns == 0 || !fill_up(c))
+            return;
+    }
+}
+
+static void pump_down(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
+    struct srv_tls_half *down = &c->down;
+    for (int turns = TURNS; !down->is_ended; turns--) {
+        while (down->at < down->size)
+            if (!drain_down(c))
+                return;
+        if (turns == 0 || !fill_down(c))
+            return;
+    }
+    if (c->deadline_ms == 0)
+        c->deadline_ms = now_ms + tls->options.linger_ms;
+    int code = gnutls_bye(c->session, GNUTLS_SHUT_WR);
+    down->is_retry = code == GNUTLS_E_AGAIN || code == GNUTLS_E_INTERRUPTED;
+    if (!down->is_retry)
+        srv_tls_linger(c, now_ms);
+}
+
+static void watch_open(struct srv_tls_connection *c) {
+    bool up_waits = c->up.at < c->up.size, down_waits = c->down.at < c->down.size;
+    bool is_reading = !up_waits && !c->up.is_ended;
+    srv_tls_watch(c, SRV_TLS_CLIENT,
+                  (is_reading ? EPOLLIN : 0) | (c->down.is_retry ? EPOLLOUT : 0));
+    srv_tls_watch(c, SRV_TLS_SERVER,
+                  (!down_waits && !c->down.is_ended ? EPOLLIN : 0) | (up_waits ? EPOLLOUT : 0));
+}
+
+static void pump(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
+    pump_up(c);
+    if (c->state == SRV_TLS_OPEN)
+        pump_down(tls, c, now_ms);
+    if (c->state == SRV_TLS_OPEN)
+        watch_open(c);
+}
+
+/* Coming and going. */
+
+static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
+    int pair[2], bytes = PAIR_BYTES;
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) != 0) {
+        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                    "TLS connection of %s refused: no socket pair: %s", c->peer, strerror(errno));
+        c->state = SRV_TLS_DEAD;
+        return;
+    }
+    setsockopt(pair[1], SOL_SOCKET, SO_SNDBUF, &bytes, sizeof bytes);
+    c->sides[SRV_TLS_SERVER].fd = pair[0];
+    c->state = SRV_TLS_OPEN;
+    if (!tls->options.give(tls->options.user, pair[1], (const struct sockaddr *)&c->address,
+                           c->address_size)) {
+        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                    "TLS connection of %s refused: there is no room", c->peer);
+        c->state = SRV_TLS_DEAD;
+    }
+}
+
+/* Takes over what the gate has shaken hands with; a byte may wait in GnuTLS already. */
+static void take_arrivals(struct srv_tls *tls, double now_ms) {
+    srv_tls_woken(&tls->carrier);
+    pthread_mutex_lock(&tls->mutex); /* also while they are given: srv_tls_close() waits for that */
+    struct srv_tls_connection *list = tls->arrivals;
+    tls->arrivals = NULL;
+    for (struct srv_tls_connection *c = list; c; c = c->next_carried) {
+        if (tls->is_closed)
+            c->state = SRV_TLS_DEAD;
+        else
+            open_pair(tls, c);
+    }
+    pthread_mutex_unlock(&tls->mutex);
+    while (list) {
+        struct srv_tls_connection *c = list;
+        list = c->next_carried;
+        c->next_carried = tls->carried;
+        tls->carried = c;
+        if (c->state == SRV_TLS_OPEN)
+            pump(tls, c, now_ms);
+    }
+}
+
+/* The gate counts and frees them. */
+static void reap(struct srv_tls *tls) {
+    for (struct srv_tls_connection **link = &tls->carried; *link;) {
+        struct srv_tls_connection *c = *link;
+        if (c->state != SRV_TLS_DEAD) {
+            link = &c->next_carried;
+            continue;
+        }
+        *link = c->next_carried;
+        srv_tls_end(c);
+        atomic_store(&c->is_over, true);
+    }
+}
+
+/* While bytes wait for the client nobody reads the server's side, nor hears of its end. */
+static void look_for_end(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
+    struct pollfd look = { .fd = c->sides[SRV_TLS_SERVER].fd, .events = POLLRDHUP };
+    if (c->state == SRV_TLS_OPEN && c->deadline_ms == 0 && c->down.at < c->down.size &&
+        poll(&look, 1, 0) > 0)
+        c->deadline_ms = now_ms + tls->options.linger_ms;
+}
+
+static void tick(struct srv_tls *tls, double now_ms) {
+    for (struct srv_tls_connection *c = tls->carried; c; c = c->next_carried) {
+        look_for_end(tls, c, now_ms);
+        if (c->deadline_ms == 0 || now_ms < c->deadline_ms)
+            continue;
+        if (c->state == SRV_TLS_OPEN)
+            sp_log(SP_LOG_INFO,
+                   "TLS connection of %s closed: the rest was not read within --request-time",
+                   c->peer);
+        c->state = SRV_TLS_DEAD;
+    }
+}
+
+/* The thread. */
+
+/* True: it is dead, and may go at the end of the turn. */
+static bool on_event(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
+    if (c->state == SRV_TLS_OPEN)
+        pump(tls, c, now_ms);
+    else if (c->state == SRV_TLS_LINGERS)
+        srv_tls_discard(c);
+    return c->state == SRV_TLS_DEAD;
+}
+
+void *srv_tls_carrier_main(void *user) {
+    struct srv_tls *tls = user;
+    struct epoll_event events[SRV_TLS_EVENTS];
+    double last_tick_ms = 0, stop_ms = 0;
+    for (;;) {
+        bool is_last = atomic_load(&tls->carrier.stop), has_dead = false;
+        int count = epoll_wait(tls->carrier.epoll, events, SRV_TLS_EVENTS, (int)SRV_TLS_TICK_MS);
+        double now_ms = srv_clock_ms();
+        for (int i = 0; i < count; i++) {
+            if (events[i].data.ptr)
+                has_dead |=
+                    on_event(tls, ((struct srv_tls_side *)events[i].data.ptr)->connection, now_ms);
+            else
+                take_arrivals(tls, now_ms);
+        }
+        if (now_ms - last_tick_ms >= SRV_TLS_TICK_MS) {
+            tick(tls, now_ms);
+            last_tick_ms = now_ms;
+            has_dead = true;
+        }
+        if (has_dead)
+            reap(tls);
+        stop_ms = is_last && stop_ms == 0 ? now_ms + STOP_MS : stop_ms;
+        if (is_last && (!tls->carried || now_ms >= stop_ms))
+            break;
+    }
+    for (struct srv_tls_connection *c = tls->carried; c; c = c->next_carried)
+        c->state = SRV_TLS_DEAD;
+    reap(tls);
+    return NULL;
+}

@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ops/log.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "common/clock.h"
+
+enum { VALUE_BYTES = 256, FIELDS_BYTES = 1024 };
+
+static const char *const levels[] = { "error", "warn", "info", "debug" };
+static const char *const formats[SRV_LOG_FORMATS] = { "text", "logfmt", "json" };
+
+bool srv_log_level_from(const char *name, enum sp_log_level *level) {
+    for (unsigned i = 0; i < sizeof levels / sizeof *levels; i++)
+        if (strcmp(levels[i], name) == 0) {
+            *level = (enum sp_log_level)i;
+            return true;
+        }
+    return false;
+}
+
+enum srv_log_format srv_log_format_from(const char *name) {
+    int format = 0;
+    while (format < SRV_LOG_FORMATS && strcmp(formats[format], name) != 0)
+        format++;
+    return (enum srv_log_format)format;
+}
+
+/* Bytes of the UTF-8 character at `c`; 0 = it is none (RFC 3629), or controls a terminal. */
+static unsigned character(const unsigned char *c) {
+    if (c[0] < 0x80)
+        return c[0] >= 0x20 && c[0] != 0x7f;
+    unsigned size = c[0] >= 0xf0 ? 4 : c[0] >= 0xe0 ? 3 : 2;
+    if (c[0] < 0xc2 || c[0] > 0xf4)
+        return 0;
+    for (unsigned i = 1; i < size; i++)
+        if ((c[i] & 0xc0) != 0x80)
+            return 0;
+    bool overlong = (c[0] == 0xe0 && c[1] < 0xa0) || (c[0] == 0xf0 && c[1] < 0x90);
+    bool outside = (c[0] == 0xed && c[1] > 0x9f) || (c[0] == 0xf4 && c[1] > 0x8f);
+    bool controls = c[0] == 0xc2 && c[1] < 0xa0; /* U+0080 to 9F */
+    return overlong || outside || controls ? 0 : size;
+}
+
+/* What is not UTF-8, and control characters, become '?'. */
+static void copy(const char *line, bool in_quotes, char *out, unsigned capacity) {
+    unsigned used = 0;
+    const unsigned char *c = (const unsigned char *)line;
+    if (in_quotes)
+        out[used++] = '"';
+    while (*c && used + 6 < capacity) {
+        unsigned size = character(c);
+        if (in_quotes && (*c == '"' || *c == '\\'))
+            out[used++] = '\\';
+        if (size == 0)
+            out[used++] = '?';
+        else
+            memcpy(out + used, c, size);
+        used += size;
+        c += size == 0 ? 1 : size;
+    }
+    if (in_quotes)
+        out[used++] = '"';
+    out[used] = 0;
+}
+
+/* All fields, each behind a separator. */
+static void write_fields(const struct sp_log_field *fields, bool json, char *out,
+                         unsigned capacity) {
+    unsigned used = 0;
+    out[0] = 0;
+    for (; fields->key; fields++) {
+        char value[VALUE_BYTES];
+        copy(fields->value, true, value, sizeof value);
+        if (used + strlen(fields->key) + strlen(value) + 8 > capacity)
+            break;
+        used += (unsigned)snprintf(out + used, capacity - used, json ? "\"%s\":%s," : "%s=%s ",
+                                   fields->key, value);
+    }
+}
+
+unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log_level level,
+                      const struct sp_log_field *fields, const char *line, char out[SRV_LOG_LINE]) {
+    char text[SRV_LOG_LINE - FIELDS_BYTES - 128], about[FIELDS_BYTES];
+    bool in_quotes = format == SRV_LOG_JSON || format == SRV_LOG_LOGFMT;
+    copy(line, in_quotes, text, sizeof text);
+    write_fields(fields, format == SRV_LOG_JSON, about, sizeof about);
+    int size = 0;
+    switch (format) {
+    case SRV_LOG_JSON:
+        size = snprintf(out, SRV_LOG_LINE, "{\"time\":\"%s\",\"level\":\"%s\",%s\"msg\":%s}\n",
+                        stamp, levels[level], about, text);
+        break;
+    case SRV_LOG_LOGFMT:
+        size = snprintf(out, SRV_LOG_LINE, "time=%s level=%s %smsg=%s\n", stamp, levels[level],
+                        about, text);
+        break;
+    case SRV_LOG_TEXT:
+    case SRV_LOG_FORMATS:
+        size = snprintf(out, SRV_LOG_LINE, "%s %s %s\n", stamp, levels[level], text);
+        break;
+    }
+    return (unsigned)size;
+}
+
+/* lines: for how many it counts if it is lost. */
+static void put_line(struct srv_log *log, enum sp_log_level level,
+                     const struct sp_log_field *fields, const char *line, unsigned lines) {
+    char out[SRV_LOG_LINE], seconds[24], stamp[48];
+    struct timespec now;
+    struct tm utc;
+    clock_gettime(CLOCK_REALTIME, &now);
+    gmtime_r(&now.tv_sec, &utc);
+    strftime(seconds, sizeof seconds, "%Y-%m-%dT%H:%M:%S", &utc);
+    snprintf(stamp, sizeof stamp, "%s.%03ldZ", seconds, now.tv_nsec / 1000000);
+    srv_log_ring_put(&log->ring, out, srv_log_line(log->format, stamp, level, fields, line, out),
+                     lines);
+}
+
+static const struct sp_log_field none = { NULL, NULL };
+
+static void tell_lost(struct srv_log *log) {
+    char line[128];
+    unsigned lost = srv_log_ring_take_lost(&log->ring);
+    if (lost == 0)
+        return;
+    snprintf(line, sizeof line, "%u lines were lost: who reads the log stood still", lost);
+    put_line(log, SP_LOG_WARN, &none, line, lost);
+}
+
+static void write_line(struct srv_log *log, enum sp_log_level level,
+                       const struct sp_log_field *fields, const char *line) {
+    tell_lost(log);
+    put_line(log, level, fields, line, 1);
+}
+
+static void sink(void *user, enum sp_log_level level, const char *kind,
+                 const struct sp_log_field *fields, const char *line) {
+    struct srv_log *log = user;
+    char more[1200];
+    unsigned left_out = 0;
+    if (level != SP_LOG_DEBUG && !srv_log_bound_take(&log->bound, kind, srv_clock_ms(), &left_out))
+        return;
+    if (left_out > 0)
+        snprintf(more, sizeof more, "%s; %u more like it since the last such line", line, left_out);
+    write_line(log, level, fields, left_out > 0 ? more : line);
+    if (log->capture && level == SP_LOG_WARN && strncmp(line, "backend ", 8) == 0 &&
+        log->refusal_count < SRV_LOG_REFUSALS)
+        snprintf(log->refusals[log->refusal_count++], SRV_LOG_REFUSAL_BYTES, "%s", line);
+}
+
+void srv_log_tick(struct srv_log *log, double now_ms) {
+    const char *kind;
+    unsigned left_out;
+    while ((kind = srv_log_bound_next(&log->bound, now_ms, &left_out))) {
+        char line[1024];
+        snprintf(line, sizeof line, "%u lines like this were left out: %.900s", left_out, kind);
+        write_line(log, SP_LOG_WARN, &none, line);
+    }
+    tell_lost(log);
+}
+
+bool srv_log_start(struct srv_log *log, enum sp_log_level level, enum srv_log_format format,
+                   struct sp_error *err) {
+    log->format = format;
+    log->capture = false;
+    log->refusal_count = 0;
+    srv_log_bound_init(&log->bound);
+    if (!srv_log_ring_start(&log->ring, STDERR_FILENO, err))
+        return false;
+    sp_log_init(sink, log, level);
+    return true;
+}
+
+void srv_log_end(struct srv_log *log) {
+    srv_log_ring_end(&log->ring, SRV_LOG_END_MS);
+}

@@ -1,0 +1,169 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ops/metrics.h"
+
+#include <inttypes.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double bounds_s[] = { 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,
+                                   0.1,    0.25,  0.5,    1,     2.5,  5,     10 };
+enum { BOUNDS = sizeof bounds_s / sizeof *bounds_s };
+
+struct histogram {
+    _Atomic uint64_t buckets[BOUNDS + 1]; /* each time in one of them; the last has no bound */
+    _Atomic uint64_t sum_ns;
+};
+
+struct srv_metrics {
+    _Atomic uint64_t counters[SRV_COUNTERS];
+    struct histogram timings[SRV_TIMINGS];
+};
+
+static const char *const timing_names[SRV_TIMINGS] = { "queue",  "render", "readback",
+                                                       "encode", "send",   "round_trip" };
+
+struct family {
+    const char *name, *help, *label; /* NULL = one counter without a label */
+    enum srv_counter first;
+    unsigned count;
+    const char *values[6];
+};
+static const struct family families[] = {
+    { "splatd_frames_total", "Frames that streams were sent", NULL, SRV_COUNT_FRAMES, 1, { NULL } },
+    { "splatd_pictures_total", "Pictures drawn for requests", NULL, SRV_COUNT_PICTURES, 1, { 0 } },
+    { "splatd_drops_total",
+      "Frames that were begun and not sent",
+      "reason",
+      SRV_COUNT_DROP_REPLACED,
+      5,
+      { "replaced", "late", "outdated", "failed", "left" } },
+    { "splatd_streams_joined_total", "Streams that began", NULL, SRV_COUNT_JOINED, 1, { NULL } },
+    { "splatd_streams_ended_total",
+      "Streams that ended",
+      "reason",
+      SRV_COUNT_END_CLOSED,
+      5,
+      { "closed", "stalled", "silent", "protocol", "lost" } },
+    { "splatd_stream_bytes_total",
+      "Bytes on the sockets of streams",
+      "direction",
+      SRV_COUNT_BYTES_IN,
+      2,
+      { "in", "out" } },
+    { "splatd_http_requests_total",
+      "Requests by the class of their status",
+      "status",
+      SRV_COUNT_HTTP_1XX,
+      5,
+      { "1xx", "2xx", "3xx", "4xx", "5xx" } },
+    { "splatd_http_bytes_total",
+      "Bytes of the bodies of requests and answers",
+      "direction",
+      SRV_COUNT_HTTP_BYTES_IN,
+      2,
+      { "in", "out" } },
+    { "splatd_path_frames_total",
+      "Frames drawn for camera paths",
+      NULL,
+      SRV_COUNT_PATH_FRAMES,
+      1,
+      { NULL } },
+    { "splatd_path_waits_total",
+      "Frames of camera paths that were put off, each time",
+      "reason",
+      SRV_COUNT_PATH_WAIT_VOLUME,
+      5,
+      { "volume", "disk", "limit", "memory", "backend" } },
+    { "splatd_path_failures_total",
+      "Camera paths that failed for good",
+      NULL,
+      SRV_COUNT_PATH_FAILED,
+      1,
+      { NULL } },
+    { "splatd_connections_refused_total",
+      "Connections that were refused",
+      "reason",
+      SRV_COUNT_REFUSED_FULL,
+      4,
+      { "connections", "address", "handshakes", "tls" } },
+};
+
+struct srv_metrics *srv_metrics_create(void) {
+    return calloc(1, sizeof(struct srv_metrics));
+}
+
+void srv_metrics_destroy(struct srv_metrics **metrics) {
+    free(*metrics);
+    *metrics = NULL;
+}
+
+void srv_metrics_add(struct srv_metrics *metrics, enum srv_counter counter, uint64_t amount) {
+    if (metrics)
+        atomic_fetch_add_explicit(&metrics->counters[counter], amount, memory_order_relaxed);
+}
+
+void srv_metrics_time(struct srv_metrics *metrics, enum srv_timing timing, double ms) {
+    if (!metrics)
+        return;
+    struct histogram *h = &metrics->timings[timing];
+    unsigned bucket = 0;
+    ms = ms > 0 ? ms : 0;
+    while (bucket < BOUNDS && ms > bounds_s[bucket] * 1000)
+        bucket++;
+    atomic_fetch_add_explicit(&h->buckets[bucket], 1, memory_order_relaxed);
+    atomic_fetch_add_explicit(&h->sum_ns, (uint64_t)(ms * 1e6), memory_order_relaxed);
+}
+
+void srv_metrics_family(FILE *out, const char *name, const char *type, const char *help) {
+    fprintf(out, "# HELP %s %s\n# TYPE %s %s\n", name, help, name, type);
+}
+
+void srv_metrics_label(FILE *out, const char *value) {
+    fputc('"', out);
+    for (const char *c = value; *c; c++) {
+        if (*c == '"' || *c == '\\')
+            fputc('\\', out);
+        if (*c == '\n')
+            fputs("\\n", out);
+        else
+            fputc(*c, out);
+    }
+    fputc('"', out);
+}
+
+static void print_histogram(const struct histogram *h, const char *stage, FILE *out) {
+    uint64_t count = 0;
+    for (unsigned i = 0; i <= BOUNDS; i++) {
+        count += atomic_load_explicit(&h->buckets[i], memory_order_relaxed);
+        if (i < BOUNDS)
+            fprintf(out, "splatd_stage_seconds_bucket{stage=\"%s\",le=\"%g\"} %" PRIu64 "\n", stage,
+                    bounds_s[i], count);
+    }
+    fprintf(out, "splatd_stage_seconds_bucket{stage=\"%s\",le=\"+Inf\"} %" PRIu64 "\n", stage,
+            count);
+    fprintf(out, "splatd_stage_seconds_sum{stage=\"%s\"} %.9f\n", stage,
+            (double)atomic_load_explicit(&h->sum_ns, memory_order_relaxed) * 1e-9);
+    fprintf(out, "splatd_stage_seconds_count{stage=\"%s\"} %" PRIu64 "\n", stage, count);
+}
+
+void srv_metrics_print(const struct srv_metrics *metrics, FILE *out) {
+    for (size_t f = 0; f < sizeof families / sizeof *families; f++) {
+        const struct family *family = &families[f];
+        srv_metrics_family(out, family->name, "counter", family->help);
+        for (unsigned i = 0; i < family->count; i++) {
+            uint64_t value =
+                atomic_load_explicit(&metrics->counters[family->first + i], memory_order_relaxed);
+            if (family->label)
+                fprintf(out, "%s{%s=\"%s\"} %" PRIu64 "\n", family->name, family->label,
+                        family->values[i], value);
+            else
+                fprintf(out, "%s %" PRIu64 "\n", family->name, value);
+        }
+    }
+    srv_metrics_family(out, "splatd_stage_seconds", "histogram",
+                       "What frames and pictures spend their time with");
+    for (int t = 0; t < SRV_TIMINGS; t++)
+        print_histogram(&metrics->timings[t], timing_names[t], out);
+}

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ops/service.h"
+
+#include <inttypes.h>
+#include <stdint.h>
+#include <systemd/sd-daemon.h>
+#include <time.h>
+
+void srv_service_ready(const char *listen) {
+    sd_notifyf(0, "READY=1\nSTATUS=listening on %s", listen);
+}
+
+void srv_service_reloading(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRIu64 "\nSTATUS=reloading",
+               (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000);
+}
+
+void srv_service_stopping(void) {
+    sd_notify(0, "STOPPING=1\nSTATUS=finishing what is under way");
+}
+
+double srv_service_watchdog_ms(void) {
+    uint64_t us = 0;
+    return sd_watchdog_enabled(0, &us) > 0 ? (double)us / 1000 : 0;
+}
+
+void srv_service_alive(void) {
+    sd_notify(0, "WATCHDOG=1");
+}

@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "paths/folder.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static bool fail(const char *path, const char *what, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_IO, path, "cannot %s: %s", what, strerror(errno));
+}
+
+static bool make_folder(const char *path, struct sp_error *err) {
+    return mkdir(path, 0700) == 0 || errno == EEXIST || fail(path, "make this folder", err);
+}
+
+/* Private folders. Whoever holds the lock on one lives, or is removing it. */
+
+#define PRIVATE "splatd-frames-"
+enum { ID_CHARACTERS = 32, TRIES = 100 };
+
+static const char *temporary(void) {
+    const char *folder = getenv("TMPDIR");
+    return folder && *folder ? folder : "/tmp";
+}
+
+static bool is_id(const char *name) {
+    return strlen(name) == ID_CHARACTERS && strspn(name, "0123456789abcdef") == ID_CHARACTERS;
+}
+
+/* What is no job's is not ours to remove. */
+static void remove_jobs(const struct srv_folder *left) {
+    DIR *jobs = opendir(left->root);
+    for (struct dirent *job; jobs && (job = readdir(jobs));)
+        if (is_id(job->d_name))
+            srv_folder_remove(left, job->d_name, NULL);
+    if (jobs)
+        closedir(jobs);
+}
+
+/* Removes what a process has left that was killed: it is ours, and nobody holds the lock. */
+static void remove_left(int parent, const char *name, const char *parent_path) {
+    struct srv_folder left = { .lock = -1 };
+    struct stat st;
+    int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    int n = snprintf(left.root, sizeof left.root, "%s/%s", parent_path, name);
+    if (fd >= 0 && n > 0 && (size_t)n < sizeof left.root && fstat(fd, &st) == 0 &&
+        st.st_uid == geteuid() && flock(fd, LOCK_EX | LOCK_NB) == 0) {
+        remove_jobs(&left);
+        rmdir(left.root);
+    }
+    if (fd >= 0)
+        close(fd);
+}
+
+static void remove_all_left(const char *parent) {
+    DIR *folders = opendir(parent);
+    for (struct dirent *folder; folders && (folder = readdir(folders));)
+        if (strncmp(folder->d_name, PRIVATE, strlen(PRIVATE)) == 0)
+            remove_left(dirfd(folders), folder->d_name, parent);
+    if (folders)
+        closedir(folders);
+}
+
+/* A new folder with the lock on it; again if another process took it for one that was left. */
+static bool open_private(struct srv_folder *folder, struct sp_error *err) {
+    struct stat st;
+    remove_all_left(temporary());
+    for (int i = 0; i < TRIES; i++) {
+        int n = snprintf(folder->root, sizeof folder->root, "%s/" PRIVATE "XXXXXX", temporary());
+        if (n < 0 || (size_t)n >= sizeof folder->root)
+            return sp_fail(err, SP_ERR_INVALID, NULL, "the name of $TMPDIR is too long");
+        if (!mkdtemp(folder->root))
+            return fail(folder->root, "make a folder for frames", err);
+        folder->lock = open(folder->root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        if (folder->lock < 0)
+            continue;
+        flock(folder->lock, LOCK_EX); /* a disk that has no locks has none to remove it by */
+        if (fstat(folder->lock, &st) == 0 && st.st_nlink > 0)
+            return true;
+        close(folder->lock);
+    }
+    folder->lock = -1;
+    return fail(folder->root, "make a folder for frames", err);
+}
+
+bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_error *err) {
+    folder->is_private = state == NULL;
+    folder->lock = -1;
+    if (!state)
+        return open_private(folder, err);
+    int n = snprintf(folder->root, sizeof folder->root, "%s/paths", state);
+    if (n < 0 || (size_t)n >= sizeof folder->root)
+        return sp_fail(err, SP_ERR_INVALID, state, "the folder's name is too long");
+    return make_folder(folder->root, err);
+}
+
+void srv_folder_close(struct srv_folder *folder) {
+    if (folder->is_private && folder->root[0])
+        rmdir(folder->root); /* the jobs' folders are gone by now */
+    if (folder->is_private && folder->lock >= 0)
+        close(folder->lock);
+    folder->root[0] = 0;
+}
+
+void srv_folder_path(const struct srv_folder *folder, const char *id, const char *name,
+                     char path[SRV_FILE_BYTES]) {
+    snprintf(path, SRV_FILE_BYTES, "%s/%.64s%s%.32s", folder->root, id, *name ? "/" : "", name);
+}
+
+/* Renames and file names outlive a crash of the machine from here on. */
+static bool sync_folder(const char *path) {
+    int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    bool ok = fd >= 0 && fsync(fd) == 0;
+    if (fd >= 0)
+        close(fd);
+    return ok;
+}
+
+static bool write_all(int fd, const char *bytes, size_t size) {
+    while (size > 0) {
+        ssize_t n = write(fd, bytes, size);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return false;
+        bytes += n;
+        size -= (size_t)n;
+    }
+    return true;
+}
+
+bool srv_folder_take(const struct srv_folder *folder, const char *id, const char *part,
+                     const char *name, struct sp_error *err) {
+    char from[SRV_FILE_BYTES], to[SRV_FILE_BYTES], job[SRV_FILE_BYTES];
+    srv_folder_path(folder, id, part, from);
+    srv_folder_path(folder, id, name, to);
+    srv_folder_path(folder, id, "", job);
+    int fd = open(from, O_RDONLY | O_CLOEXEC);
+    bool is_renamed = fd >= 0 && fsync(fd) == 0 && rename(from, to) == 0;
+    bool ok = is_renamed && sync_folder(job);
+    if (!ok)
+        fail(to, "write", err);
+    if (fd >= 0)
+        close(fd);
+    if (!ok)
+        unlink(is_renamed ? to : from);
+    return ok;
+}
+
+bool srv_folder_write(const struct srv_folder *folder, const char *id, const char *name,
+                      const void *head, size_t head_size, const void *bytes, size_t size,
+                      struct sp_error *err) {
+    char path[SRV_FILE_BYTES], part[32];
+    srv_folder_path(folder, id, "", path);
+    bool is_new = mkdir(path, 0700) == 0;
+    if (is_new ? !sync_folder(folder->root) : errno != EEXIST) {
+        fail(path, "make this folder", err);
+        if (is_new)
+            rmdir(path);
+        return false;
+    }
+    snprintf(part, sizeof part, "%.24s.part", name);
+    srv_folder_path(folder, id, part, path);
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return fail(path, "write", err);
+    bool ok = write_all(fd, head, head_size) && write_all(fd, bytes, size);
+    if (!ok)
+        fail(path, "write", err);
+    if (close(fd) != 0 && ok)
+        ok = fail(path, "write", err);
+    if (!ok)
+        unlink(path);
+    return ok && srv_folder_take(folder, id, part, name, err);
+}
+
+bool srv_folder_size(const struct srv_folder *folder, const char *id, const char *name,
+                     uint64_t *size) {
+    char path[SRV_FILE_BYTES];
+    struct stat st;
+    srv_folder_path(folder, id, name, path);
+    if (stat(path, &st) != 0 || !S_ISREG(st.st_mode))
+        return false;
+    *size = (uint64_t)st.st_size;
+    return true;
+}
+
+void srv_folder_remove_file(const struct srv_folder *folder, const char *id, const char *name) {
+    char path[SRV_FILE_BYTES];
+    srv_folder_path(folder, id, name, path);
+    unlink(path);
+}
+
+void srv_folder_clean(const struct srv_folder *folder, const char *id,
+                      bool (*known)(void *user, const char *name), void *user) {
+    char path[SRV_FILE_BYTES];
+    srv_folder_path(folder, id, "", path);
+    DIR *files = opendir(path);
+    for (struct dirent *file; files && (file = readdir(files));)
+        if (strcmp(file->d_name, ".") != 0 && strcmp(file->d_name, "..") != 0 &&
+            !known(user, file->d_name))
+            unlinkat(dirfd(files), file->d_name, 0);
+    if (files)
+        closedir(files);
+}
+
+static bool is_none(void *user, const char *name) {
+    (void)user, (void)name;
+    return false;
+}
+
+bool srv_folder_remove(const struct srv_folder *folder, const char *id, struct sp_error *err) {
+    char path[SRV_FILE_BYTES];
+    srv_folder_clean(folder, id, is_none, NULL);
+    srv_folder_path(folder, id, "", path);
+    if (rmdir(path) != 0)
+        return errno == ENOENT || fail(path, "remove", err);
+    return sync_folder(folder->root) || fail(folder->root, "write", err);
+}
+
+/* Of the regular files in a folder; false: it is none. */
+static bool add_bytes(int parent, const char *name, uint64_t *bytes) {
+    struct stat st;
+    int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    DIR *files = fd >= 0 ? fdopendir(fd) : NULL;
+    if (!files && fd >= 0)
+        close(fd);
+    for (struct dirent *file; files && (file = readdir(files));)
+        if (fstatat(fd, file->d_name, &st, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(st.st_mode))
+            *bytes += (uint64_t)st.st_size;
+    if (files)
+        closedir(files);
+    return fd >= 0;
+}
+
+unsigned srv_folder_strays(const struct srv_folder *folder,
+                           bool (*known)(void *user, const char *id), void *user, uint64_t *bytes) {
+    unsigned count = 0;
+    DIR *jobs = opendir(folder->root);
+    *bytes = 0;
+    for (struct dirent *job; jobs && (job = readdir(jobs));)
+        if (is_id(job->d_name) && !known(user, job->d_name))
+            count += add_bytes(dirfd(jobs), job->d_name, bytes);
+    if (jobs)
+        closedir(jobs);
+    return count;
+}

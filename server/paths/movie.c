@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "paths/movie.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "paths/webm_bridge.h"
+
+#define PART "movie.part"
+
+/* A packet's file in memory, malloc'ed; NULL with *err set. */
+static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err) {
+    struct stat st;
+    uint8_t *bytes = NULL;
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    bool ok = fd >= 0 && fstat(fd, &st) == 0 && st.st_size > 1;
+    if (fd < 0) {
+        sp_fail(err, SP_ERR_IO, path, "cannot be read: %s", strerror(errno));
+        return NULL;
+    }
+    if (ok && !(bytes = malloc((size_t)st.st_size))) {
+        sp_fail(err, SP_ERR_MEMORY, path, "no memory for a packet");
+    } else {
+        size_t got = 0;
+        for (ssize_t n = 1; ok && n > 0 && got < (size_t)st.st_size; got += (size_t)(n > 0 ? n : 0))
+            n = read(fd, bytes + got, (size_t)st.st_size - got);
+        ok = ok && got == (size_t)st.st_size && bytes[0] <= SRV_PACKET_KEY;
+        *size = got;
+        if (!ok) {
+            sp_fail(err, SP_ERR_FORMAT, path, "this is no packet of video");
+            free(bytes);
+            bytes = NULL;
+        }
+    }
+    close(fd);
+    return bytes;
+}
+
+static bool add_packets(struct srv_webm *webm, const struct srv_folder *folder, const char *id,
+                        uint32_t frames, struct sp_error *err) {
+    char reason[SRV_WEBM_REASON];
+    for (uint32_t i = 0; i < frames; i++) {
+        char path[SRV_FILE_BYTES], name[32];
+        size_t size;
+        snprintf(name, sizeof name, "%06u.vp9", i);
+        srv_folder_path(folder, id, name, path);
+        uint8_t *bytes = read_packet(path, &size, err);
+        if (!bytes)
+            return false;
+        bool ok = srv_webm_add(webm, i, bytes + 1, size - 1, bytes[0] == SRV_PACKET_KEY, reason);
+        free(bytes);
+        if (!ok)
+            return sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
+    }
+    return srv_webm_finish(webm, reason) ||
+           sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
+}
+
+uint64_t srv_movie_room(uint64_t bytes, uint32_t packets) {
+    enum { FILE_BYTES = 512, PACKET_BYTES = 64 }; /* a packet may have a cluster and a cue */
+    return bytes + FILE_BYTES + (uint64_t)PACKET_BYTES * packets;
+}
+
+bool srv_movie_write(const struct srv_folder *folder, const char *id, const char *name,
+                     const struct srv_path_output *output, const uint32_t size[2], uint64_t *bytes,
+                     struct sp_error *err) {
+    char path[SRV_FILE_BYTES], reason[SRV_WEBM_REASON];
+    srv_folder_path(folder, id, PART, path);
+    struct srv_webm *webm =
+        srv_webm_create(path, size[0], size[1], output->fps, output->frames, reason);
+    if (!webm)
+        return sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
+    bool ok = add_packets(webm, folder, id, output->frames, err);
+    srv_webm_destroy(&webm);
+    if (!ok)
+        unlink(path);
+    if (!ok || !srv_folder_take(folder, id, PART, name, err))
+        return false;
+    return srv_folder_size(folder, id, name, bytes) ||
+           sp_fail(err, SP_ERR_IO, NULL, "the movie is not where it was written");
+}

@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "render/frame_queue.h"
+
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+static struct srv_flight *at(struct srv_flights *flights, unsigned i) {
+    return &flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX];
+}
+
+/* Of moving frames of one session the one behind another that was given up stays. */
+static bool follows_given_up(struct srv_flights *flights, const struct srv_job *job) {
+    for (unsigned i = 0; i < flights->count; i++) {
+        const struct srv_flight *f = at(flights, i);
+        if (f->job->session == job->session && f->job->step == SRV_STEP_MOVING &&
+            atomic_load(&f->cancel))
+            return job->step == SRV_STEP_MOVING;
+    }
+    return false;
+}
+
+struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job *job,
+                                     double now_ms) {
+    assert(flights->count < SP_IN_FLIGHT_MAX);
+    bool is_kept = follows_given_up(flights, job);
+    struct srv_flight *f = at(flights, flights->count++);
+    f->job = job;
+    atomic_store(&f->cancel, false);
+    f->is_outdated = f->yields = false;
+    f->begun_ms = now_ms;
+    f->keep_until_ms = is_kept ? INFINITY : job->keep_until_ms;
+    f->kept_ms = job->keep_until_ms - now_ms;
+    f->spent_ms = f->held_since_ms = f->stood_ms = 0;
+    atomic_store(&f->hold.wanted, false);
+    atomic_store(&f->hold.held_ms, 0);
+    return f;
+}
+
+struct srv_flight *srv_flights_oldest(struct srv_flights *flights) {
+    return flights->count ? at(flights, 0) : NULL;
+}
+
+void srv_flights_end(struct srv_flights *flights, double now_ms) {
+    assert(flights->count > 0);
+    flights->first = (flights->first + 1) % SP_IN_FLIGHT_MAX;
+    flights->count--;
+    struct srv_flight *f = srv_flights_oldest(flights);
+    if (!f)
+        return;
+    f->begun_ms = now_ms;
+    if (f->keep_until_ms > 0)
+        f->keep_until_ms = fmax(f->keep_until_ms, now_ms + f->kept_ms);
+}
+
+void srv_flights_undo(struct srv_flights *flights) {
+    assert(flights->count > 0);
+    flights->count--;
+}
+
+/* For half the time in which the processor was shared it did not run. */
+static double held_ms(const struct srv_flight *f, double now_ms) {
+    double before_ms = atomic_load(&f->hold.held_ms);
+    if (f->held_since_ms == 0)
+        return before_ms;
+    double shared_ms = (f->stood_ms > 0 ? f->stood_ms : now_ms) - f->held_since_ms;
+    return before_ms + now_ms - f->held_since_ms - shared_ms / 2;
+}
+
+double srv_flight_age_ms(const struct srv_flight *f, double now_ms) {
+    return now_ms - f->begun_ms - held_ms(f, now_ms);
+}
+
+void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms) {
+    struct srv_flight *f = srv_flights_oldest(flights);
+    if (!f || f->job->order != order || f->held_since_ms > 0)
+        return;
+    f->held_since_ms = now_ms;
+    f->stood_ms = 0;
+    atomic_store(&f->hold.wanted, true);
+}
+
+double srv_flight_stand(struct srv_flight *f, double now_ms) {
+    f->stood_ms = now_ms;
+    return (now_ms - f->held_since_ms) / 2;
+}
+
+void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms) {
+    struct srv_flight *f = srv_flights_oldest(flights);
+    if (!f || f->job->order != order || f->held_since_ms == 0)
+        return;
+    atomic_store(&f->hold.held_ms, held_ms(f, now_ms));
+    f->held_since_ms = 0;
+    atomic_store(&f->hold.wanted, false);
+}
+
+static void give_up(struct srv_flights *flights, unsigned i) {
+    struct srv_flight *f = at(flights, i);
+    atomic_store(&f->cancel, true);
+    for (unsigned k = i + 1; f->job->step == SRV_STEP_MOVING && k < flights->count; k++) {
+        struct srv_flight *next = at(flights, k);
+        if (next->job->session == f->job->session && next->job->step == SRV_STEP_MOVING &&
+            next->keep_until_ms > 0)
+            next->keep_until_ms = INFINITY;
+    }
+}
+
+void srv_flights_tick(struct srv_flights *flights, double now_ms) {
+    for (unsigned i = 0; i < flights->count; i++) {
+        struct srv_flight *f = at(flights, i);
+        double own_ms = now_ms - held_ms(f, now_ms);
+        bool is_over = f->keep_until_ms == 0 || (i == 0 && own_ms >= f->keep_until_ms);
+        bool yields = f->yields && own_ms - f->begun_ms >= f->job->yield_ms;
+        if ((yields || (f->is_outdated && is_over)) && !atomic_load(&f->cancel))
+            give_up(flights, i);
+    }
+}
+
+static bool concerns(const struct srv_flight *f, uint64_t of, enum srv_interrupt why) {
+    const struct srv_job *job = f->job;
+    if (why == SRV_MOVES)
+        return job->yield_ms < INFINITY;
+    if (why == SRV_NEWER_PICTURE) /* who else gets it still wants it */
+        return job->target_count == 1 && job->targets[0].participant == of;
+    return job->session == of;
+}
+
+void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_interrupt why,
+                           double now_ms) {
+    for (unsigned i = 0; i < flights->count; i++) {
+        struct srv_flight *f = at(flights, i);
+        if (!concerns(f, of, why))
+            continue;
+        if (why == SRV_MOVES)
+            f->yields = true;
+        else
+            f->is_outdated = true;
+        if (why == SRV_UNWANTED)
+            f->keep_until_ms = 0;
+    }
+    srv_flights_tick(flights, now_ms);
+}
+
+void srv_flights_cancel(struct srv_flights *flights) {
+    for (unsigned i = 0; i < flights->count; i++)
+        atomic_store(&at(flights, i)->cancel, true);
+}
+
+bool srv_flights_has_sharp(const struct srv_flights *flights, const struct srv_job *job) {
+    for (unsigned i = 0; i < flights->count; i++) {
+        const struct srv_job *other = flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX].job;
+        if (other->sharp && job->sharp && other->volume == job->volume &&
+            memcmp(&other->view, &job->view, sizeof job->view) == 0)
+            return true;
+    }
+    return false;
+}

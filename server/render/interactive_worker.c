@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The stream lane: renders what the hub wants.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/clock.h"
+#include "render/scheduler_private.h"
+#include "sp/log.h"
+
+#define KEPT_BYTES_MAX ((size_t)64 << 20)
+
+static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_frame *frame) {
+    if (job->sharp && frame->stride_bytes * frame->height <= KEPT_BYTES_MAX)
+        srv_kept_set(s, frame, job->volume, &job->view);
+}
+
+/* With the mutex held: a thread of the flight has come to a stand. */
+static void charge_half(struct srv_scheduler *s, struct srv_flight *flight) {
+    struct srv_flight *express = srv_flights_oldest(&s->lanes[SRV_LANE_EXPRESS].flights);
+    double shared_ms = srv_flight_stand(flight, srv_clock_ms());
+    if (express)
+        atomic_store(&express->hold.held_ms, shared_ms);
+}
+
+/* For struct sp_hold: what is given up goes on, to its end. */
+static void stand_still(void *user) {
+    struct srv_flight *flight = user;
+    struct srv_scheduler *s = flight->owner;
+    pthread_mutex_lock(&s->mutex);
+    if (atomic_load(&flight->hold.wanted))
+        charge_half(s, flight);
+    while (atomic_load(&flight->hold.wanted) && !atomic_load(&flight->cancel))
+        pthread_cond_wait(&s->go_on, &s->mutex);
+    pthread_mutex_unlock(&s->mutex);
+}
+
+static struct srv_flight *take_off(struct srv_scheduler *s, enum srv_lane_name name,
+                                   struct srv_job *job, double now_ms) {
+    struct srv_lane *lane = &s->lanes[name];
+    pthread_mutex_lock(&s->mutex);
+    struct srv_flight *flight = srv_flights_begin(&lane->flights, job, now_ms);
+    flight->owner = s;
+    flight->hold.wait = stand_still;
+    flight->hold.user = flight;
+    if (s->stop)
+        srv_flights_cancel(&lane->flights);
+    srv_stills_give_way(s);
+    if (name == SRV_LANE_STREAMS && !job->is_alone)
+        srv_lane_wake(&s->lanes[SRV_LANE_EXPRESS]);
+    pthread_mutex_unlock(&s->mutex);
+    return flight;
+}
+
+/* What the express lane cannot draw is left to the stream lane, from now on. */
+static void fail_job(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job,
+                     struct sp_error *err, double spent_ms) {
+    if (name == SRV_LANE_EXPRESS && err->code != SP_ERR_CANCELLED) {
+        srv_express_give_up(s, err);
+        sp_fail(err, SP_ERR_CANCELLED, NULL, "the stream lane draws it");
+    }
+    srv_job_fail(s, job, err, spent_ms);
+}
+
+/* From now on srv_scheduler_interrupt() reaches it. */
+void srv_job_begin(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job) {
+    struct sp_error err = { .code = SP_OK };
+    struct srv_lane *lane = &s->lanes[name];
+    double start_ms = srv_clock_ms();
+    struct srv_flight *flight = take_off(s, name, job, start_ms);
+    /* The view may have changed before the interruption could reach us, or another one. */
+    if (!srv_hub_is_newest(s->hub, job))
+        srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
+    if (job->yield_ms < INFINITY && srv_hub_moves(s->hub))
+        srv_scheduler_interrupt(s, 0, SRV_MOVES);
+    if (job->refinement)
+        sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
+    const struct sp_render_options options = {
+        .format = SP_RGBA8, .coarse = job->coarse, .cancel = &flight->cancel, .hold = &flight->hold
+    };
+    bool ok = sp_renderer_begin(lane->renderer, srv_volume_voxels(job->volume), &job->view, s->pool,
+                                &options, &err);
+    flight->spent_ms = srv_clock_ms() - start_ms;
+    if (ok)
+        return;
+    pthread_mutex_lock(&s->mutex);
+    srv_flights_undo(&lane->flights);
+    pthread_mutex_unlock(&s->mutex);
+    fail_job(s, name, job, &err, 0);
+}
+
+void srv_job_finish(struct srv_scheduler *s, enum srv_lane_name name) {
+    struct sp_error err = { .code = SP_OK };
+    struct srv_lane *lane = &s->lanes[name];
+    struct srv_flight *flight = srv_flights_oldest(&lane->flights);
+    struct srv_job *job = flight->job;
+    bool is_express = name == SRV_LANE_EXPRESS;
+    double start_ms = srv_clock_ms();
+    struct sp_frame *frame = sp_renderer_finish(lane->renderer, &err);
+    double now_ms = srv_clock_ms();
+    pthread_mutex_lock(&s->mutex);
+    srv_flights_go_on(&lane->flights, job->order, now_ms);
+    double spent_ms = flight->spent_ms + now_ms - start_ms - atomic_load(&flight->hold.held_ms);
+    srv_flights_end(&lane->flights, now_ms);
+    s->stream_ms = now_ms;
+    pthread_mutex_unlock(&s->mutex);
+    srv_lane_note_frame(s, name, job->volume);
+    if (frame) {
+        keep(s, job, frame);
+        srv_hub_job_drawn(s->hub, job, frame->stats.render_ms);
+        srv_encode_pass_on(
+            s, (struct srv_work){ .frame = frame, .job = job, .is_express = is_express });
+    } else {
+        fail_job(s, name, job, &err, spent_ms);
+    }
+}
+
+static void finish_jobs(struct srv_scheduler *s) {
+    while (s->lanes[SRV_LANE_STREAMS].flights.count > 0)
+        srv_job_finish(s, SRV_LANE_STREAMS);
+}
+
+/* Begins the job, unless its picture is there or on its way. */
+static void take_job(struct srv_scheduler *s, struct srv_job *job) {
+    if (srv_flights_has_sharp(&s->lanes[SRV_LANE_STREAMS].flights, job))
+        finish_jobs(s);
+    struct sp_frame *frame = job->sharp ? srv_kept_find(s, job->volume, &job->view) : NULL;
+    if (frame)
+        srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .job = job, .again = true });
+    else
+        srv_job_begin(s, SRV_LANE_STREAMS, job);
+}
+
+/* Keeps as many jobs begun as the renderer takes: the next one is prepared while the GPU draws the
+ * one before. */
+void *srv_stream_lane_main(void *user) {
+    struct srv_scheduler *s = user;
+    struct srv_lane *lane = &s->lanes[SRV_LANE_STREAMS];
+    struct srv_job *job = NULL;
+    for (;;) {
+        struct srv_turn turn = srv_lane_look(s, SRV_LANE_STREAMS);
+        if (turn.forget)
+            srv_kept_set(s, NULL, NULL, NULL);
+        srv_lane_forget(lane, turn.forget);
+        if (turn.stop)
+            break;
+        double wait_ms = 1000;
+        if (!job && !(job = malloc(sizeof *job)))
+            sp_log(SP_LOG_ERROR, "no memory for a render job");
+        bool takes = job && turn.room && lane->flights.count < sp_renderer_depth(lane->renderer);
+        if (takes && srv_hub_next_job(s->hub, srv_clock_ms(), job, &wait_ms)) {
+            take_job(s, job);
+            job = NULL;
+        } else if (lane->flights.count > 0) {
+            srv_job_finish(s, SRV_LANE_STREAMS);
+        } else {
+            srv_lane_wait(s, lane, turn.generation, turn.room ? wait_ms : 1000);
+        }
+    }
+    finish_jobs(s);
+    free(job);
+    return NULL;
+}

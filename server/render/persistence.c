@@ -1,0 +1,121 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "render/persistence.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/clock.h"
+#include "protocol/json.h"
+#include "sp/log.h"
+
+static bool restore_volume(struct srv_catalog *catalog, const char *id, const char *text,
+                           size_t size, struct sp_error *err) {
+    struct srv_volume_request request = { .id = id, .is_kept = true };
+    char given[SP_NAME_BYTES];
+    bool existed, conflict;
+    proto_json *json = proto_json_parse(text, size, err);
+    bool ok = json != NULL;
+    request.source = proto_json_string(proto_json_get(json, "source"));
+    request.name = proto_json_string(proto_json_get(json, "name"));
+    if (ok &&
+        (!request.source || !proto_json_bool(proto_json_get(json, "confined"), &request.confined)))
+        ok = sp_fail(err, SP_ERR_FORMAT, NULL, "this is no volume");
+    ok = ok && srv_catalog_add(catalog, &request, given, &existed, &conflict, err);
+    proto_json_free(&json);
+    return ok;
+}
+
+static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv_hub *hub,
+                         struct srv_catalog *catalog, struct sp_error *err) {
+    char *ids = srv_store_ids(store, kind);
+    if (!ids)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what was kept");
+    for (const char *id = ids; *id; id += strlen(id) + 1) {
+        struct sp_error why;
+        size_t size;
+        char *text = srv_store_get(store, kind, id, &size, &why);
+        bool ok = text && (kind == SRV_KIND_SESSION
+                               ? srv_hub_restore(hub, id, text, size, srv_clock_ms(), &why)
+                               : restore_volume(catalog, id, text, size, &why));
+        if (!ok)
+            sp_log(SP_LOG_ERROR, "the kept %s %s cannot come back: %s%s%s",
+                   kind == SRV_KIND_SESSION ? "session" : "volume", id, why.place,
+                   why.place[0] ? ": " : "", why.text);
+        free(text);
+    }
+    free(ids);
+    return true;
+}
+
+bool srv_keep_restore(struct srv_store *store, struct srv_hub *hub, struct srv_catalog *catalog,
+                      struct sp_error *err) {
+    return restore_kind(store, SRV_KIND_SESSION, hub, catalog, err) &&
+           restore_kind(store, SRV_KIND_VOLUME, hub, catalog, err);
+}
+
+static bool put_session(void *user, const char *id, const char *text, size_t size) {
+    struct sp_error err;
+    if (srv_store_put(user, SRV_KIND_SESSION, id, text, size, &err))
+        return true;
+    sp_log(SP_LOG_ERROR, "session %s is not kept: %s", id, err.text);
+    return false;
+}
+
+/* {"ran": seconds} */
+static const char clock_id[] = "daemon";
+
+double srv_keep_ran_ms(struct srv_store *store) {
+    struct sp_error err;
+    size_t size;
+    double ran_s = 0;
+    char *text = srv_store_get(store, SRV_KIND_CLOCK, clock_id, &size, &err);
+    proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
+    bool ok = proto_json_number(proto_json_get(json, "ran"), &ran_s) && ran_s > 0;
+    proto_json_free(&json);
+    free(text);
+    return ok ? ran_s * 1000 : 0;
+}
+
+/* What cannot be put now is put with the next write. */
+static void put_clock(struct srv_store *store, double ran_ms) {
+    struct sp_error err;
+    char text[64];
+    int size = snprintf(text, sizeof text, "{\"ran\":%.0f}", floor(ran_ms / 1000));
+    char *old = srv_store_get(store, SRV_KIND_CLOCK, clock_id, NULL, &err);
+    if (!old || strcmp(old, text) != 0)
+        srv_store_put(store, SRV_KIND_CLOCK, clock_id, text, (size_t)size, &err);
+    free(old);
+}
+
+bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms) {
+    put_clock(store, ran_ms);
+    return srv_hub_save(hub, srv_clock_ms(), put_session, store);
+}
+
+bool srv_keep_volume(struct srv_store *store, const char *id,
+                     const struct srv_volume_request *request) {
+    struct sp_error err;
+    if (!request) {
+        srv_store_remove(store, SRV_KIND_VOLUME, id);
+        return true;
+    }
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "source", request->source);
+    ok = proto_json_set_string(json, "name", request->name) && ok;
+    ok = proto_json_set_bool(json, "confined", request->confined) && ok;
+    const char *source = proto_json_string(proto_json_get(json, "source"));
+    size_t size = 0;
+    char *text = ok ? proto_json_to_text(json, &size) : NULL;
+    if (!text)
+        ok = sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory");
+    else if (strcmp(source, request->source) != 0)
+        ok = sp_fail(&err, SP_ERR_UNSUPPORTED, NULL, "its path is not UTF-8");
+    ok = ok && srv_store_put(store, SRV_KIND_VOLUME, id, text, size, &err);
+    if (!ok)
+        sp_log(SP_LOG_WARN, "volume %s will not be loaded again after a restart: %s", id, err.text);
+    free(text);
+    proto_json_free(&json);
+    return ok;
+}

@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/page.h"
+
+enum { IDS = 500, BYTES = 8 };
+
+static unsigned show(struct srv_page *page, const char *gone) {
+    unsigned at = 7;
+    for (int i = 0; i < IDS; i++) { /* every number once, in no order */
+        char id[BYTES];
+        at = (at + 211) % IDS;
+        snprintf(id, sizeof id, "%03u", at);
+        char *slot = strcmp(id, gone) == 0 ? NULL : srv_page_slot(page, id);
+        if (slot)
+            strcpy(slot, id);
+    }
+    return page->count;
+}
+
+/* Pages of every length hold each id once and in order, also when the last one of a page goes. */
+static void pages_hold_all_once(void **state) {
+    (void)state;
+    static char items[IDS + 1][BYTES];
+    for (unsigned max = 1; max <= IDS + 1; max += max < 9 ? 1 : 97) {
+        bool last_goes = max % 2;
+        char after[BYTES] = "", expected[BYTES];
+        unsigned seen = 0;
+        for (;;) {
+            struct srv_page page = {
+                .items = items, .item_bytes = BYTES, .max = max, .after = after
+            };
+            if (show(&page, last_goes ? after : "none") == 0)
+                break;
+            assert_true(page.count <= max);
+            for (unsigned i = 0; i < page.count; i++) {
+                snprintf(expected, sizeof expected, "%03u", seen++);
+                assert_string_equal(items[i], expected);
+            }
+            strcpy(after, items[page.count - 1]);
+        }
+        assert_int_equal(seen, IDS);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = { cmocka_unit_test(pages_hold_all_once) };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,373 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The file of tokens, and what is under way with each.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "config/tokens.h"
+#include "sp/log.h"
+
+#define A "0123456789abcdef"
+#define B "abcdef0123456789.~_-"
+
+enum {
+    ALL =
+        SRV_RIGHT_METRICS | SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL | SRV_RIGHT_ADMIN
+};
+
+static bool parse(const char *text, struct srv_token **list, size_t *count, struct sp_error *err) {
+    return srv_token_file_parse(text, strlen(text), list, count, err);
+}
+
+static void one_line_may_do_everything(void **state) {
+    (void)state;
+    static const char *const files[] = { A, A "\n", "\n# comment\n  " A " \r\n\n" };
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        struct srv_token *list;
+        struct sp_error err;
+        size_t count;
+        assert_true(parse(files[i], &list, &count, &err));
+        assert_int_equal(count, 1);
+        assert_string_equal(list->text, A);
+        assert_int_equal(list->rights, ALL);
+        assert_int_equal(list->quota.sessions + list->quota.stills + list->quota.fps, 0);
+        assert_int_equal(list->quota.frame_px, 0);
+        free(list);
+    }
+}
+
+static void lines_have_roles_and_quotas(void **state) {
+    (void)state;
+    struct srv_token *list;
+    struct sp_error err;
+    size_t count;
+    assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 views=7 paths=5 "
+                        "fps=24 path-bytes=500M frame-size=1024x512\n"
+                        "# the next has no name\n" B " role=metrics\n"
+                        "0123456789abcdef-view role=view\n0123456789abcdef-render role=render",
+                      &list, &count, &err));
+    assert_int_equal(count, 4);
+    assert_string_equal(list[0].name, "ann");
+    assert_int_equal(list[0].rights, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL);
+    assert_int_equal(list[0].quota.sessions, 3);
+    assert_int_equal(list[0].quota.stills, 2);
+    assert_int_equal(list[0].quota.views, 7);
+    assert_int_equal(list[0].quota.paths, 5);
+    assert_int_equal(list[0].quota.fps, 24);
+    assert_int_equal(list[0].quota.path_bytes, 500 << 20);
+    assert_int_equal(list[0].quota.frame_px, 1024 * 512);
+    assert_string_equal(list[1].name, "token-3");
+    assert_string_equal(list[1].text, B);
+    assert_int_equal(list[1].rights, SRV_RIGHT_METRICS);
+    assert_int_equal(list[2].rights, SRV_RIGHT_VIEW);
+    assert_int_equal(list[3].rights, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER);
+    free(list);
+}
+
+static void wrong_lines_are_named(void **state) {
+    (void)state;
+    static const char *const wrong[] = {
+        "",
+        "# nothing\n",
+        "short-token\n",
+        "0123456789abcde!\n",
+        A " role\n",
+        A " role=king\n",
+        A " role=\n",
+        A " role=view role=admin\n",
+        A " Role=view\n",
+        A " name=\n",
+        A " name=a,b\n",
+        A " name=123456789012345678901234567890123\n",
+        A " sessions=0\n",
+        A " paths=10001\n",
+        A " paths=1 paths=1\n",
+        A " sessions=-1\n",
+        A " sessions=100001\n",
+        A " sessions=1 sessions=2\n",
+        A " stills=1.5\n",
+        A " fps=121\n",
+        A " fps=9999999999999999\n",
+        A " path-bytes=1023\n",
+        A " path-bytes=65T\n",
+        A " path-bytes=2x2\n",
+        A " path-bytes=1M path-bytes=1M\n",
+        A " frame-size=8193x8192\n",
+        A " frame-size=some\n",
+        A " color=red\n",
+        A " =1\n",
+    };
+    struct srv_token *list;
+    struct sp_error err;
+    size_t count;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        err.code = SP_OK;
+        if (parse(wrong[i], &list, &count, &err))
+            fail_msg("taken: %s", wrong[i]);
+        assert_int_equal(err.code, SP_ERR_INVALID);
+        assert_string_equal(err.place, "line 1");
+        assert_null(list);
+    }
+    assert_false(parse(A " frame-size=64x64\n", &list, &count, &err));
+    assert_string_equal(err.text, "frame-size: '64x64' is no number of pixels (a whole number, or "
+                                  "with K or M, or WIDTHxHEIGHT) in [256K, 64M]");
+    assert_false(parse(B "\n\n" A " name=x\n" A "\n", &list, &count, &err));
+    assert_string_equal(err.place, "line 4");
+    assert_false(parse(B " name=x\n" A " name=x\n", &list, &count, &err));
+    assert_string_equal(err.place, "line 2");
+    assert_false(srv_token_file_parse(A "\n\0\n", 19, &list, &count, &err));
+    assert_string_equal(err.place, "line 2");
+    char longer[700];
+    memset(longer, ' ', sizeof longer);
+    memcpy(longer, A, 16);
+    longer[sizeof longer - 1] = 'x';
+    assert_false(srv_token_file_parse(longer, sizeof longer, &list, &count, &err));
+}
+
+static void there_is_a_bound(void **state) {
+    (void)state;
+    char *text = malloc(32 * (SRV_TOKENS_MAX + 1)), *end = text;
+    struct srv_token *list;
+    struct sp_error err;
+    size_t count;
+    for (int i = 0; i <= SRV_TOKENS_MAX; i++)
+        end += sprintf(end, A "-%d\n", i);
+    assert_false(srv_token_file_parse(text, (size_t)(end - text), &list, &count, &err));
+    assert_string_equal(err.place, "line 1001");
+    free(text);
+}
+
+static void files(void **state) {
+    (void)state;
+    char path[] = "/tmp/splatd-tokens-XXXXXX";
+    struct srv_token *list;
+    struct sp_error err;
+    size_t count;
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    assert_false(srv_token_file_read(path, &list, &count, &err));
+    assert_string_equal(err.place, path);
+    assert_int_equal(write(fd, A "\n" B "\n", 38), 38);
+    assert_true(srv_token_file_read(path, &list, &count, &err));
+    assert_int_equal(count, 2);
+    free(list);
+    static const mode_t writable[] = { 0620, 0602, 0666 }, others[] = { 0400, 0640, 0644 };
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(fchmod(fd, writable[i]), 0);
+        assert_false(srv_token_file_read(path, &list, &count, &err));
+        assert_int_equal(err.code, SP_ERR_DENIED);
+        assert_non_null(strstr(err.text, "chmod 600"));
+        assert_int_equal(fchmod(fd, others[i]), 0);
+        assert_true(srv_token_file_read(path, &list, &count, &err));
+        free(list);
+    }
+    assert_int_equal(write(fd, "no", 2), 2);
+    assert_false(srv_token_file_read(path, &list, &count, &err));
+    assert_non_null(strstr(err.text, "line 3"));
+    close(fd);
+    assert_int_equal(truncate(path, SRV_TOKEN_FILE_BYTES + 1), 0);
+    assert_false(srv_token_file_read(path, &list, &count, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    unlink(path);
+    assert_false(srv_token_file_read(path, &list, &count, &err));
+    assert_int_equal(err.code, SP_ERR_IO);
+}
+
+static void keep_line(void *user, enum sp_log_level level, const char *kind,
+                      const struct sp_log_field *fields, const char *line) {
+    (void)level, (void)kind, (void)fields;
+    snprintf(user, 512, "%s", line);
+}
+
+static void who_owns_by_a_line_alone_is_warned_of(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *warning; /* NULL = none */
+    } files[] = {
+        { A "\n" B " role=control\n", ": 1 tokens of the roles control and render have no name, "
+                                      "token-2 first: " },
+        { "\n" A " role=render\n" B " role=control name=b\n" A "-3 role=control",
+          ": 2 tokens of the roles control and render have no name, token-2 first: " },
+        { A "\n" B " role=admin\n" A "-3 role=view\n" A "-4 role=metrics\n", NULL },
+        { A " role=control name=a\n" B " role=render name=token-1\n", NULL },
+    };
+    char path[] = "/tmp/splatd-tokens-XXXXXX", said[512];
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    sp_log_init(keep_line, said, SP_LOG_WARN);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        struct srv_token *list;
+        size_t count, size = strlen(files[i].text);
+        said[0] = 0;
+        assert_int_equal(ftruncate(fd, 0), 0);
+        assert_int_equal(pwrite(fd, files[i].text, size, 0), size);
+        assert_true(srv_token_file_read(path, &list, &count, NULL));
+        if (files[i].warning)
+            assert_memory_equal(said + strlen(path), files[i].warning, strlen(files[i].warning));
+        else
+            assert_string_equal(said, "");
+        free(list);
+    }
+    sp_log_init(NULL, NULL, SP_LOG_INFO);
+    close(fd);
+    unlink(path);
+}
+
+static void set(struct srv_tokens *tokens, const char *text) {
+    struct srv_token *list;
+    struct sp_error err;
+    size_t count;
+    assert_true(parse(text, &list, &count, &err));
+    assert_true(srv_tokens_set(tokens, list, count, &err));
+}
+
+static void found_wherever_it_stands(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_grant grant;
+    set(tokens, A " role=view\n" B " role=metrics name=m\n" A B " role=render\n");
+    static const struct {
+        const char *given;
+        unsigned rights;
+    } cases[] = { { A, SRV_RIGHT_VIEW },
+                  { B, SRV_RIGHT_METRICS },
+                  { A B, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER },
+                  { B A, 0 },
+                  { "", 0 },
+                  { NULL, 0 },
+                  { A A, 0 } };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        srv_tokens_find(tokens, cases[i].given, &grant);
+        assert_int_equal(grant.rights, cases[i].rights);
+        srv_tokens_give_back(tokens, &grant);
+    }
+    srv_tokens_destroy(&tokens);
+}
+
+static bool begin(struct srv_tokens *tokens, const struct srv_grant *grant, double now_ms) {
+    struct sp_error err = { .code = SP_OK };
+    bool ok = srv_tokens_begin_still(tokens, grant, now_ms, &err);
+    if (!ok) {
+        assert_int_equal(err.code, SP_ERR_BUDGET);
+        assert_string_equal(err.place, SRV_PLACE_QUOTA);
+    }
+    return ok;
+}
+
+static void what_was_not_drawn_is_not_counted(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_grant grant;
+    set(tokens, A " name=ann stills=1 fps=2\n");
+    srv_tokens_find(tokens, A, &grant);
+    for (int i = 0; i < 5; i++) {
+        assert_true(begin(tokens, &grant, 5000));
+        assert_false(begin(tokens, &grant, 5000));
+        srv_tokens_cancel_still(tokens, &grant);
+    }
+    for (int i = 0; i < 2; i++) {
+        assert_true(begin(tokens, &grant, 5000));
+        srv_tokens_end_still(tokens, &grant);
+    }
+    assert_false(begin(tokens, &grant, 5000));
+    srv_tokens_give_back(tokens, &grant);
+    srv_tokens_destroy(&tokens);
+}
+
+static void quotas_outlive_a_reload(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_grant old, fresh, gone;
+    set(tokens, A " name=ann stills=2\n" B " name=bob fps=4\n");
+    srv_tokens_find(tokens, A, &old);
+    srv_tokens_find(tokens, B, &gone);
+    assert_true(begin(tokens, &old, 0));
+    assert_true(begin(tokens, &old, 0));
+    assert_false(begin(tokens, &old, 0));
+    set(tokens, B " name=ann stills=2\n"); /* a new token for ann; bob's is gone */
+    srv_tokens_find(tokens, B, &fresh);
+    assert_false(begin(tokens, &fresh, 0));
+    srv_tokens_end_still(tokens, &old);
+    assert_true(begin(tokens, &fresh, 0));
+    srv_tokens_end_still(tokens, &fresh);
+    srv_tokens_end_still(tokens, &old);
+    /* What bob has begun ends in its time. */
+    assert_true(begin(tokens, &gone, 1e6));
+    srv_tokens_end_still(tokens, &gone);
+    srv_tokens_give_back(tokens, &old);
+    srv_tokens_find(tokens, A, &old);
+    assert_int_equal(old.rights, 0);
+    srv_tokens_give_back(tokens, &gone);
+    srv_tokens_give_back(tokens, &fresh);
+    srv_tokens_destroy(&tokens);
+}
+
+static void a_name_has_its_rights_and_quota(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_quota quota = { .path_bytes = 5 };
+    set(tokens, A " name=ann path-bytes=2K\n" B " name=bob role=view\n");
+    assert_false(srv_tokens_of_name(tokens, "eve", NULL, &quota));
+    assert_int_equal(quota.path_bytes, 5);
+    unsigned rights = 0;
+    assert_true(srv_tokens_of_name(tokens, "bob", &rights, &quota));
+    assert_int_equal(quota.path_bytes, 0);
+    assert_int_equal(rights, SRV_RIGHT_VIEW);
+    assert_true(srv_tokens_of_name(tokens, "ann", &rights, &quota));
+    assert_int_equal(quota.path_bytes, 2048);
+    assert_true(rights & SRV_RIGHT_ADMIN);
+    set(tokens, A " name=eve path-bytes=3K\n");
+    assert_false(srv_tokens_of_name(tokens, "ann", NULL, &quota));
+    assert_true(srv_tokens_of_name(tokens, "eve", NULL, &quota));
+    assert_int_equal(quota.path_bytes, 3072);
+    srv_tokens_destroy(&tokens);
+}
+
+static void pictures_a_second(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct srv_tokens *tokens = srv_tokens_create(&err);
+    struct srv_grant grant;
+    unsigned drawn = 0;
+    set(tokens, A " fps=5\n");
+    srv_tokens_find(tokens, A, &grant);
+    for (double now_ms = 1e6; now_ms < 1e6 + 10000; now_ms += 20)
+        if (begin(tokens, &grant, now_ms)) {
+            srv_tokens_end_still(tokens, &grant);
+            drawn++;
+        }
+    assert_in_range(drawn, 53, 55); /* what was not used for a second, and 5 in each of ten */
+    srv_tokens_give_back(tokens, &grant);
+    srv_tokens_destroy(&tokens);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(one_line_may_do_everything),
+        cmocka_unit_test(lines_have_roles_and_quotas),
+        cmocka_unit_test(wrong_lines_are_named),
+        cmocka_unit_test(there_is_a_bound),
+        cmocka_unit_test(files),
+        cmocka_unit_test(who_owns_by_a_line_alone_is_warned_of),
+        cmocka_unit_test(found_wherever_it_stands),
+        cmocka_unit_test(what_was_not_drawn_is_not_counted),
+        cmocka_unit_test(quotas_outlive_a_reload),
+        cmocka_unit_test(a_name_has_its_rights_and_quota),
+        cmocka_unit_test(pictures_a_second),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

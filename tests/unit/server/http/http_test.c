@@ -1,0 +1,511 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+#include <zlib.h>
+
+#include "http/address.h"
+#include "http/gzip.h"
+#include "http/handshake.h"
+#include "http/headers.h"
+#include "http/host_rate.h"
+#include "http/http.h"
+#include "http/origins.h"
+#include "http/reply.h"
+#include "http/router.h"
+#include "http/smuggling.h"
+#include "http/values.h"
+
+static void nothing(struct srv_request *request, struct srv_reply *reply) {
+    (void)request;
+    (void)reply;
+}
+
+static const struct srv_route routes[] = {
+    { SRV_GET, "/a", SRV_RIGHT_NONE, nothing },
+    { SRV_POST, "/a", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a/{}/b/{}", SRV_RIGHT_NONE, nothing },
+};
+
+static void routing(void **state) {
+    (void)state;
+    char param[SRV_PARAM_BYTES];
+    unsigned allowed;
+    static const struct {
+        const char *method, *path;
+        int route; /* -1 = none */
+        const char *param;
+        unsigned allowed;
+    } cases[] = {
+        { "GET", "/a", 0, "", 0 },
+        { "HEAD", "/a", 0, "", 0 },
+        { "POST", "/a", 1, "", 0 },
+        { "PUT", "/a", -1, NULL, SRV_GET | SRV_POST },
+        { "get", "/a", -1, NULL, SRV_GET | SRV_POST },
+        { "GET", "/a/x", 2, "x", 0 },
+        { "DELETE", "/a/x.y-z", 3, "x.y-z", 0 },
+        { "POST", "/a/x", -1, NULL, SRV_GET | SRV_DELETE },
+        { "GET", "/a/x/view", 4, "x", 0 },
+        { "GET", "/a/", -1, NULL, 0 },
+        { "GET", "/a//view", -1, NULL, 0 },
+        { "GET", "/a/x/views", -1, NULL, 0 },
+        { "GET", "/a/x/y/view", -1, NULL, 0 },
+        { "GET", "", -1, NULL, 0 },
+        { "GET", "/b", -1, NULL, 0 },
+        { "GET", "/a/x/b/y", 5, "x/y", 0 },
+        { "POST", "/a/x/b/y", -1, NULL, SRV_GET },
+        { "GET", "/a/x/b/", -1, NULL, 0 },
+        { "GET", "/a/x/b/y/", -1, NULL, 0 },
+        { "GET", "/a//b/y", -1, NULL, 0 },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct srv_route *route =
+            srv_route_find(routes, 6, cases[i].method, cases[i].path, param, &allowed);
+        assert_ptr_equal(route, cases[i].route < 0 ? NULL : &routes[cases[i].route]);
+        if (route)
+            assert_string_equal(param, cases[i].param);
+        else
+            assert_int_equal(allowed, cases[i].allowed);
+    }
+    char path[SRV_PARAM_BYTES + 8] = "/a/";
+    memset(path + 3, 'x', SRV_PARAM_BYTES);
+    path[3 + SRV_PARAM_BYTES] = 0;
+    assert_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
+    path[3 + SRV_PARAM_BYTES - 1] = 0;
+    assert_non_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
+    memcpy(path + SRV_PARAM_BYTES, "/b/yy", sizeof "/b/yy"); /* with the "/" one too long */
+    assert_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
+    path[SRV_PARAM_BYTES + 4] = 0;
+    assert_non_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
+    char text[64];
+    srv_methods_to_text(SRV_GET | SRV_DELETE, text);
+    assert_string_equal(text, "GET, HEAD, DELETE");
+}
+
+static void origins(void **state) {
+    (void)state;
+    static const struct {
+        const char *origin, *host;
+        bool allowed;
+    } cases[] = {
+        { NULL, "a:1", true },
+        { NULL, NULL, true },
+        { "http://a:1", "a:1", true },
+        { "https://a:1", "a:1", true },
+        { "http://A.Example:1", "a.example:1", true },
+        { "http://a", "a", true },
+        { "http://a", "a:80", true },
+        { "http://a:80", "a", true },
+        { "https://a", "a:443", true },
+        { "http://[::1]:80", "[::1]", true },
+        { "https://a", "a:80", false },
+        { "http://a:2", "a:1", false },
+        { "http://b:1", "a:1", false },
+        { "http://a:1.evil", "a:1", false },
+        { "http://a:1/", "a:1", false },
+        { "http://evil/a:1", "a:1", false },
+        { "http://", "", false },
+        { "null", "null", false },
+        { "", "a:1", false },
+        { "ws://a:1", "a:1", false },
+        { "http://a:1", NULL, false },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_int_equal(srv_origin_is_allowed(cases[i].origin, cases[i].host), cases[i].allowed);
+}
+
+static void allowed_origins(void **state) {
+    (void)state;
+    struct sp_error err;
+    static const char *const good[] = { NULL, "http://a", "https://a.b-c:8443,http://[::1]:80" };
+    static const char *const bad[] = { "",           "*",
+                                       "null",       "a.b",
+                                       "ftp://a",    "http://",
+                                       "https://a/", "http://a,",
+                                       ",http://a",  "http://a, http://b",
+                                       "http://a b", "http://user@a" };
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+        assert_true(srv_origins_check(good[i], &err));
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        assert_false(srv_origins_check(bad[i], &err));
+        assert_string_equal(err.place, "--allow-origin");
+    }
+    static const char list[] = "https://a.b-c:8443,http://x";
+    assert_true(srv_origins_have(list, "https://a.b-c:8443"));
+    assert_true(srv_origins_have(list, "HTTP://X"));
+    assert_false(srv_origins_have(list, "http://x:80"));
+    assert_false(srv_origins_have(list, "https://x"));
+    assert_false(srv_origins_have(list, "http://x.evil"));
+    assert_false(srv_origins_have(list, "http://"));
+    assert_false(srv_origins_have(list, list));
+    assert_false(srv_origins_have(list, ""));
+    assert_false(srv_origins_have(list, NULL));
+    assert_false(srv_origins_have(NULL, "http://x"));
+}
+
+static void compression(void **state) {
+    (void)state;
+    char text[5000], back[5000];
+    size_t size;
+    for (size_t i = 0; i < sizeof text; i++)
+        text[i] = "splat "[i * i % 6];
+    assert_true(srv_gzip_is_for("application/json", sizeof text));
+    assert_true(srv_gzip_is_for("text/html; charset=utf-8", sizeof text));
+    assert_false(srv_gzip_is_for("application/json", 100));
+    assert_false(srv_gzip_is_for("image/png", sizeof text));
+    assert_false(srv_gzip_is_for(NULL, sizeof text));
+    void *gzip = srv_gzip(text, sizeof text, &size);
+    assert_non_null(gzip);
+    assert_true(size < sizeof text / 4);
+    z_stream z = { .next_in = gzip, .avail_in = (uInt)size };
+    z.next_out = (Bytef *)back;
+    z.avail_out = sizeof back;
+    assert_int_equal(inflateInit2(&z, 15 + 16), Z_OK);
+    assert_int_equal(inflate(&z, Z_FINISH), Z_STREAM_END);
+    assert_int_equal(z.total_out, sizeof text);
+    inflateEnd(&z);
+    assert_memory_equal(back, text, sizeof text);
+    free(gzip);
+    unsigned seed = 1;
+    for (size_t i = 0; i < sizeof text; i++)
+        text[i] = (char)((seed = seed * 1103515245u + 12345u) >> 16);
+    assert_null(srv_gzip(text, sizeof text, &size)); /* noise would become longer */
+}
+
+static void accepting(void **state) {
+    (void)state;
+    assert_float_equal(srv_accept_quality(NULL, "image/png"), 1, 0);
+    assert_float_equal(srv_accept_quality("*/*", "image/png"), 1, 0);
+    assert_float_equal(srv_accept_quality("text/html", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("image/*;q=0.5, */*;q=0.1", "image/png"), 0.5, 1e-9);
+    assert_float_equal(srv_accept_quality("image/*, image/png;q=0", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("image/png;q=0, image/*", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("IMAGE/PNG ; level=1 ; q=0.25", "image/png"), 0.25, 1e-9);
+    assert_float_equal(srv_accept_quality("image/png;q=2", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("image/pngx", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality("", "image/png"), 0, 0);
+    assert_float_equal(srv_accept_quality(",,;q=1,;", "image/png"), 0, 0);
+}
+
+static void tokens_and_types(void **state) {
+    (void)state;
+    assert_true(srv_header_has_token("keep-alive, Upgrade", "upgrade"));
+    assert_true(srv_header_has_token(" websocket ", "websocket"));
+    assert_false(srv_header_has_token("websocketx", "websocket"));
+    assert_false(srv_header_has_token("web socket", "websocket"));
+    assert_false(srv_header_has_token(NULL, "websocket"));
+    assert_true(srv_etag_matches("\"a\"", "\"a\""));
+    assert_true(srv_etag_matches("\"b\", W/\"a\"", "\"a\""));
+    assert_true(srv_etag_matches("*", "\"a\""));
+    assert_false(srv_etag_matches("\"ab\"", "\"a\""));
+    assert_false(srv_etag_matches(NULL, "\"a\""));
+    assert_string_equal(srv_bearer_token("Bearer xyz"), "xyz");
+    assert_string_equal(srv_bearer_token("bearer  xyz"), "xyz");
+    assert_null(srv_bearer_token("Basic xyz"));
+    assert_null(srv_bearer_token(NULL));
+    assert_true(srv_is_json(NULL));
+    assert_true(srv_is_json("application/json; charset=utf-8"));
+    assert_true(srv_is_json("Application/Merge-Patch+JSON"));
+    assert_false(srv_is_json("application/jsonx"));
+    assert_false(srv_is_json("text/plain"));
+}
+
+static void addresses(void **state) {
+    (void)state;
+    struct srv_address a, b;
+    char text[SRV_ADDRESS_TEXT];
+    static const struct {
+        const char *text, *shown;
+        bool loopback;
+    } good[] = {
+        { "127.0.0.1:8080", "127.0.0.1:8080", true },
+        { "127.3.2.1:0", "127.3.2.1:0", true },
+        { "localhost:1", "127.0.0.1:1", true },
+        { "0.0.0.0:65535", "0.0.0.0:65535", false },
+        { "10.1.2.3:80", "10.1.2.3:80", false },
+        { "[::1]:80", "[::1]:80", true },
+        { "[::]:80", "[::]:80", false },
+        { "[::ffff:127.0.0.1]:80", "[::ffff:127.0.0.1]:80", true },
+        { "[::ffff:10.0.0.1]:80", "[::ffff:10.0.0.1]:80", false },
+    };
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        assert_true(srv_address_parse(good[i].text, &a, NULL));
+        srv_address_to_text((const struct sockaddr *)&a.storage, text);
+        assert_string_equal(text, good[i].shown);
+        assert_int_equal(srv_address_is_loopback((struct sockaddr *)&a.storage), good[i].loopback);
+    }
+    static const char *const bad[] = { "",       "8080",      ":8080",      "127.0.0.1",
+                                       "a.b:80", "::1:80",    "[::1]",      "127.0.0.1:65536",
+                                       "[]:80",  "1.2.3.4:x", "1.2.3.4:-1", "1.2.3.4:80 " };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        assert_false(srv_address_parse(bad[i], &a, NULL));
+    static const struct {
+        const char *a, *b;
+        bool same;
+    } pairs[] = {
+        { "10.0.0.1:1", "10.0.0.1:2", true },
+        { "10.0.0.1:1", "10.0.0.2:1", false },
+        { "10.0.0.1:1", "[::1]:1", false },
+        { "[2001:db8::1]:1", "[2001:db8::ffff:0:0:2]:1", true },
+        { "[2001:db8::1]:1", "[2001:db8:0:1::1]:1", false },
+        { "[::ffff:10.0.0.1]:1", "[::ffff:10.0.0.1]:2", true },
+        { "[::ffff:10.0.0.1]:1", "[::ffff:10.0.0.2]:1", false },
+        { "[::ffff:10.0.0.1]:1", "[::1]:1", false },
+    };
+    for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
+        assert_true(srv_address_parse(pairs[i].a, &a, NULL));
+        assert_true(srv_address_parse(pairs[i].b, &b, NULL));
+        bool same =
+            srv_address_same_host((struct sockaddr *)&a.storage, (struct sockaddr *)&b.storage);
+        if (same != pairs[i].same)
+            fail_msg("%s and %s", pairs[i].a, pairs[i].b);
+    }
+}
+
+static void connections_from_one_host(void **state) {
+    (void)state;
+    static const struct {
+        const char *host;
+        int64_t connections, per_address;
+        unsigned from;
+    } cases[] = {
+        { "10.0.0.1:1", 256, 0, 64 },  { "127.0.0.1:1", 256, 0, 256 },
+        { "[::1]:1", 256, 0, 256 },    { "10.0.0.1:1", 1, 0, 1 },
+        { "10.0.0.1:1", 256, 20, 20 }, { "127.0.0.1:1", 256, 20, 20 },
+        { "10.0.0.1:1", 10, 200, 10 },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_address host;
+        struct srv_config config = { .connections_per_address = cases[i].per_address };
+        struct srv_http http = { .options.config = &config, .connections = cases[i].connections };
+        assert_true(srv_address_parse(cases[i].host, &host, NULL));
+        assert_int_equal(srv_connections_from(&http, (struct sockaddr *)&host.storage),
+                         cases[i].from);
+    }
+}
+
+static unsigned taken(struct srv_host_rate *rate, const char *host, unsigned tries, double now_ms) {
+    struct srv_address address;
+    unsigned count = 0;
+    assert_true(srv_address_parse(host, &address, NULL));
+    for (unsigned i = 0; i < tries; i++)
+        count += srv_host_rate_take(rate, &address.storage, now_ms);
+    return count;
+}
+
+static void how_often_a_host_may(void **state) {
+    (void)state;
+    struct srv_host_rate rate = { .per_second = 10 }, any = { .per_second = 0 };
+    assert_int_equal(taken(&any, "10.0.0.1:1", 100000, 0), 100000);
+    /* Sixteen seconds' worth at once, then by the second, whatever the port. */
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1000, 5000), 160);
+    assert_int_equal(taken(&rate, "10.0.0.1:2", 1000, 5050), 0);
+    assert_int_equal(taken(&rate, "10.0.0.1:3", 1000, 6000), 10);
+    for (unsigned i = 1; i <= 20; i++)
+        assert_int_equal(taken(&rate, "10.0.0.1:1", 7, 6000 + i * 1000), 7);
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1000, 1e6), 160);
+    /* Others have their own. */
+    assert_int_equal(taken(&rate, "10.0.0.2:1", 1000, 1e6), 160);
+    assert_int_equal(taken(&rate, "[2001:db8::1]:1", 90, 1e6), 90);
+    assert_int_equal(taken(&rate, "[2001:db8::ffff]:1", 90, 1e6), 70); /* one host may be both */
+    /* More hosts than are remembered do not make who owes most forgotten. */
+    for (unsigned i = 0; i < 2 * SRV_RATE_HOSTS; i++) {
+        char host[32];
+        snprintf(host, sizeof host, "10.1.%u.%u:1", i / 256, i % 256);
+        assert_int_equal(taken(&rate, host, 1, 1e6), 1);
+    }
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1, 1e6), 0);
+    assert_int_equal(taken(&rate, "10.0.0.1:1", 1, 1e6 + 101), 1);
+}
+
+static void values(void **state) {
+    (void)state;
+    static const char *const none[] = {
+        "", "0", "-1", "+1", "1.0", "1e1", " 1", "1 ", "0x1", "101", "18446744073709551617"
+    };
+    static const char *const sizes[] = { "",    "1",    "1,",   ",1",   "1,2,",     "1,2,3",
+                                         "1x2", " 1,2", "1, 2", "-1,2", "123456,1", "1,123456" };
+    unsigned number = 7;
+    uint32_t size[2] = { 7, 7 };
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        assert_false(srv_value_number(none[i], 100, &number));
+    assert_int_equal(number, 7);
+    assert_true(srv_value_number("1", 100, &number) && number == 1);
+    assert_true(srv_value_number("0100", 100, &number) && number == 100);
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        assert_false(srv_value_size(sizes[i], size));
+    assert_true(size[0] == 7 && size[1] == 7);
+    assert_true(srv_value_size("640,00480", size) && size[0] == 640 && size[1] == 480);
+}
+
+static void ranges(void **state) {
+    (void)state;
+    static const struct {
+        const char *range;
+        enum srv_range is;
+        uint64_t from, count;
+    } of_ten[] = {
+        { NULL, SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=0-0", SRV_RANGE_PART, 0, 1 },
+        { "bytes=3-", SRV_RANGE_PART, 3, 7 },
+        { "bytes=3-99", SRV_RANGE_PART, 3, 7 },
+        { "bytes=9-18446744073709551616", SRV_RANGE_PART, 9, 1 },
+        { "bytes=-3", SRV_RANGE_PART, 7, 3 },
+        { "bytes=-11", SRV_RANGE_PART, 0, 10 },
+        { "bytes=-18446744073709551616", SRV_RANGE_PART, 0, 10 },
+        { "bytes=10-", SRV_RANGE_NONE, 0, 10 },
+        { "bytes=18446744073709551616-", SRV_RANGE_NONE, 0, 10 },
+        { "bytes=-0", SRV_RANGE_NONE, 0, 10 },
+        { "bytes=18446744073709551616-5", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=5-4", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=-", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes=1-2,4-5", SRV_RANGE_WHOLE, 0, 10 },
+        { "bytes= 1-2", SRV_RANGE_WHOLE, 0, 10 },
+        { "lines=1-2", SRV_RANGE_WHOLE, 0, 10 },
+    };
+    uint64_t from, count;
+    for (size_t i = 0; i < sizeof of_ten / sizeof *of_ten; i++) {
+        assert_int_equal(srv_value_range(of_ten[i].range, NULL, "\"e\"", 10, &from, &count),
+                         of_ten[i].is);
+        assert_true(from == of_ten[i].from && count == of_ten[i].count);
+    }
+    assert_int_equal(srv_value_range("bytes=1-2", "\"e\"", "\"e\"", 10, &from, &count),
+                     SRV_RANGE_PART);
+    assert_int_equal(srv_value_range("bytes=1-2", "\"f\"", "\"e\"", 10, &from, &count),
+                     SRV_RANGE_WHOLE);
+    assert_int_equal(srv_value_range("bytes=0-", NULL, "\"e\"", 0, &from, &count), SRV_RANGE_NONE);
+}
+
+/* RFC 6455, 1.3; another one from `printf KEY258EAFA5-… | openssl sha1 -binary | base64`. */
+static void handshake(void **state) {
+    (void)state;
+    char accept[SRV_ACCEPT_BYTES];
+    assert_true(srv_websocket_accept("dGhlIHNhbXBsZSBub25jZQ==", accept));
+    assert_string_equal(accept, "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+    assert_true(srv_websocket_accept("x3JJHMbDL1EzLkh9GBhXDw==", accept));
+    assert_string_equal(accept, "HSmrc0sMlYUkAGmm5OPpG2HaGWk=");
+}
+
+static void problems(void **state) {
+    (void)state;
+    struct srv_reply reply = { .status = 0 };
+    struct sp_error err;
+    sp_fail(&err, SP_ERR_INVALID, "/camera/up", "say \"no\"\n");
+    srv_reply_error(&reply, &err);
+    assert_int_equal(reply.status, 422);
+    assert_string_equal(reply.mime, "application/problem+json");
+    assert_int_equal(reply.size, strlen(reply.body));
+    assert_non_null(strstr(reply.body, "\"pointer\":\"/camera/up\""));
+    assert_non_null(strstr(reply.body, "say \\\"no\\\"\\"));
+    srv_reply_finish(&reply);
+    sp_fail(&err, SP_ERR_BUDGET, NULL, "full");
+    srv_reply_error(&reply, &err);
+    assert_int_equal(reply.status, 503);
+    assert_string_equal(reply.headers[0].name, "Retry-After");
+    srv_reply_finish(&reply);
+    srv_reply_header(&reply, "X", "a\r\nY: b");
+    assert_string_equal(reply.headers[0].value, "a??Y: b");
+    srv_reply_finish(&reply);
+}
+
+static void targets(void **state) {
+    (void)state;
+    char fine[] = "/a&b%20c?x=1&y=%41&&z", nul[] = "/a?token=x%00y", many[256] = "/&?",
+         most[256] = "/?";
+    assert_int_equal(srv_strict_target(fine, 22).status, 0);
+    assert_string_equal(fine, "/a&b%20c?x=1&y=%41&&z");
+    assert_int_equal(srv_strict_target(nul, 100).status, 400);
+    for (int i = 0; i < SRV_ARGUMENTS_MAX; i++) {
+        strcat(most, "a&");
+        strcat(many, "a&");
+    }
+    assert_int_equal(srv_strict_target(most, 255).status, 0);
+    strcat(many, "b&");
+    assert_int_equal(srv_strict_target(many, 255).status, 414);
+    assert_string_equal(many, "/&?");
+    assert_int_equal(srv_strict_target(most, strlen(most) - 1).status, 414);
+    assert_string_equal(most, "/?");
+}
+
+static void framing(void **state) {
+    (void)state;
+    static const struct {
+        unsigned status;
+        const char *version, *headers[7]; /* name, value … */
+    } cases[] = {
+        { 0, "HTTP/1.1", { "Host", "x" } },
+        { 0, "HTTP/1.1", { "host", "x", "content-length", "5" } },
+        { 0, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "Chunked" } },
+        { 0, "HTTP/1.0", { "Accept", "x" } },
+        { 400, "HTTP/1.1", { "Accept", "x" } },
+        { 400, "HTTP/1.0", { "Host", "x", "Host", "x" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5", "Content-Length", "5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5, 5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "+5" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "10000000000000000000" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length", "5", "Transfer-Encoding", "chunked" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "gzip, chunked" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Transfer-Encoding", "identity" } },
+        { 400,
+          "HTTP/1.1",
+          { "Host", "x", "Transfer-Encoding", "chunked", "Transfer-Encoding", "chunked" } },
+        { 400, "HTTP/1.0", { "Host", "x", "Transfer-Encoding", "chunked" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Content-Length ", "5" } },
+        { 0, "HTTP/1.1", { "Host", "x", "Accept", "a\tb \xc3\xa9" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Accept", "a\x01" } },
+        { 400, "HTTP/1.1", { "Host", "x", "Accept", "a\x7f" } },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_framing seen = { .hosts = 0 };
+        for (int h = 0; cases[i].headers[h]; h += 2)
+            srv_framing_add(&seen, cases[i].headers[h], cases[i].headers[h + 1]);
+        struct srv_refusal refusal = srv_framing_check(&seen, cases[i].version);
+        if (refusal.status != cases[i].status)
+            fail_msg("case %zu: %u %s", i, refusal.status, refusal.detail);
+        assert_true(!refusal.detail == !refusal.status);
+    }
+}
+
+static void headers_have_a_number(void **state) {
+    (void)state;
+    struct srv_framing seen = { .hosts = 0 };
+    srv_framing_add(&seen, "Host", "x");
+    for (int i = 1; i < SRV_HEADERS_MAX; i++)
+        srv_framing_add(&seen, "A", NULL);
+    assert_int_equal(srv_framing_check(&seen, "HTTP/1.1").status, 0);
+    srv_framing_add(&seen, "A", "");
+    assert_int_equal(srv_framing_check(&seen, "HTTP/1.1").status, 431);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(routing),
+        cmocka_unit_test(origins),
+        cmocka_unit_test(allowed_origins),
+        cmocka_unit_test(compression),
+        cmocka_unit_test(accepting),
+        cmocka_unit_test(tokens_and_types),
+        cmocka_unit_test(addresses),
+        cmocka_unit_test(values),
+        cmocka_unit_test(ranges),
+        cmocka_unit_test(handshake),
+        cmocka_unit_test(problems),
+        cmocka_unit_test(targets),
+        cmocka_unit_test(framing),
+        cmocka_unit_test(connections_from_one_host),
+        cmocka_unit_test(how_often_a_host_may),
+        cmocka_unit_test(headers_have_a_number),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

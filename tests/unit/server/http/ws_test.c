@@ -1,0 +1,588 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A client's stream over a transport in memory, with the clock in hand: what it may make the stream
+ * thread do.
+ */
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "http/ws_conn.h"
+#include "support/played_memory.h"
+#include "unit/server/session/hub_fixture.h"
+
+enum { ROOM = 1 << 20 };
+
+struct wire { /* what the client sent, and what it was sent */
+    uint8_t *in, *out;
+    size_t in_size, in_at, out_size;
+    bool is_full; /* takes nothing */
+    size_t piece; /* takes so many bytes every other time that it is asked; 0 = all, always */
+    bool took;
+};
+
+struct stream {
+    void *fixture;
+    struct srv_intake *intake;
+    struct wire wire;
+    struct srv_ws *ws;
+};
+
+static ssize_t wire_recv(void *user, uint8_t *bytes, size_t size) {
+    struct wire *wire = user;
+    size_t left = wire->in_size - wire->in_at;
+    errno = EAGAIN;
+    if (left == 0)
+        return -1;
+    if (size > left)
+        size = left;
+    memcpy(bytes, wire->in + wire->in_at, size);
+    wire->in_at += size;
+    return (ssize_t)size;
+}
+
+static ssize_t wire_send(void *user, const struct iovec *parts, size_t count, bool is_more) {
+    struct wire *wire = user;
+    size_t left = wire->piece ? wire->piece : ROOM, all = 0;
+    (void)is_more;
+    wire->took = !wire->took;
+    errno = EAGAIN;
+    if (wire->is_full || (wire->piece && !wire->took))
+        return -1;
+    for (size_t i = 0; i < count; i++) {
+        size_t size = parts[i].iov_len < left ? parts[i].iov_len : left;
+        assert_true(wire->out_size + size <= ROOM);
+        memcpy(wire->out + wire->out_size, parts[i].iov_base, size);
+        wire->out_size += size;
+        left -= size;
+        all += size;
+    }
+    return (ssize_t)all;
+}
+
+struct sent { /* one frame of RFC 6455 */
+    uint8_t first;
+    const uint8_t *bytes;
+    size_t size;
+};
+
+/* The frame at *at, which moves behind it; false at the end, where it has to end. */
+static bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
+    const uint8_t *from = wire->out + *at;
+    if (*at == wire->out_size)
+        return false;
+    assert_true(*at + 2 <= wire->out_size);
+    size_t more = from[1] == 126 ? 2 : from[1] == 127 ? 8 : 0;
+    *sent = (struct sent){ from[0], from + 2 + more, more ? 0 : from[1] };
+    for (size_t i = 0; i < more; i++)
+        sent->size = sent->size << 8 | from[2 + i];
+    assert_true(more != 2 || sent->size >= 126); /* in the shortest form */
+    assert_true(more != 8 || sent->size > UINT16_MAX);
+    *at += 2 + more + sent->size;
+    assert_true(*at <= wire->out_size);
+    return true;
+}
+
+/* One more client of a session of the fixture's hub. */
+static struct srv_ws *join(struct stream *s, const char *session, struct wire *wire) {
+    struct fixture *f = s->fixture;
+    *wire = (struct wire){ .in = malloc(ROOM), .out = malloc(ROOM) };
+    struct srv_ws_options options = { .hub = f->hub,
+                                      .intake = s->intake,
+                                      .token = "",
+                                      .session = session,
+                                      .role = SRV_ROLE_CONTROL,
+                                      .user = s,
+                                      .peer = "test",
+                                      .message_bytes = ROOM,
+                                      .ping_ms = 15000,
+                                      .stall_ms = 20000,
+                                      .transport = { wire, wire_recv, wire_send } };
+    struct srv_ws *ws = srv_ws_create(&options, 0, NULL);
+    assert_true(wire->in && wire->out && ws);
+    return ws;
+}
+
+static int set_up(void **state) {
+    struct stream *s = calloc(1, sizeof *s);
+    assert_non_null(s);
+    assert_int_equal(hub_set_up(&s->fixture), 0);
+    s->intake = srv_intake_create(ROOM);
+    assert_non_null(s->intake);
+    s->ws = join(s, ((struct fixture *)s->fixture)->id, &s->wire);
+    *state = s;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct stream *s = *state;
+    srv_ws_destroy(&s->ws, 0);
+    int failed = hub_tear_down(&s->fixture);
+    srv_intake_destroy(&s->intake);
+    free(s->wire.in);
+    free(s->wire.out);
+    free(s);
+    return failed;
+}
+
+/* A masked text frame; the mask is zero. */
+static void say(struct wire *wire, const char *text, size_t size) {
+    uint8_t *at = wire->in + wire->in_size;
+    size_t head = size < 126 ? 2 : 10;
+    assert_true(wire->in_size + head + 4 + size <= ROOM);
+    at[0] = 0x81;
+    at[1] = (uint8_t)(0x80 | (size < 126 ? size : 127));
+    for (size_t i = 0; head == 10 && i < 8; i++)
+        at[2 + i] = (uint8_t)((uint64_t)size >> (56 - 8 * i));
+    memset(at + head, 0, 4);
+    memcpy(at + head + 4, text, size);
+    wire->in_size += head + 4 + size;
+}
+
+static void say_pings(struct wire *wire, unsigned count) {
+    for (unsigned i = 0; i < count; i++) {
+        char text[64];
+        int size =
+            snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":%u,\"method\":\"ping\"}", i);
+        say(wire, text, (size_t)size);
+    }
+}
+
+/* Answers to requests so far. */
+static unsigned answers(const struct wire *wire) {
+    static const char answer[] = "\"result\":{}";
+    unsigned count = 0;
+    for (size_t at = 0; at + sizeof answer <= wire->out_size; at++)
+        count += memcmp(wire->out + at, answer, sizeof answer - 1) == 0;
+    return count;
+}
+
+static void tick(struct stream *s, double now_ms) {
+    srv_intake_tick(s->intake);
+    srv_ws_tick(s->ws, now_ms);
+}
+
+/* Whatever happens before the next tick: the thread reads while that is wanted. */
+static void run(struct stream *s, double now_ms) {
+    for (int i = 0; i < 1000; i++) {
+        if (srv_ws_wants_read(s->ws))
+            srv_ws_read(s->ws, now_ms);
+        srv_ws_write(s->ws, now_ms);
+    }
+}
+
+/* One alone may say what all may, until it has said as much as a long message has. */
+static void a_flood_is_read_bit_by_bit_and_nothing_is_lost(void **state) {
+    struct stream *s = *state;
+    enum { PINGS = 2500, COST = SRV_INTAKE_FRAME + 47, BURST_TICKS = ROOM / SRV_INTAKE_ALL };
+    /* What a piece is too much in one tick is owed in the next. */
+    enum { FIRST = SRV_INTAKE_ALL / COST + 12, THEN = SRV_INTAKE_STREAM / COST + 12 };
+    say_pings(&s->wire, PINGS);
+    unsigned before = 0, ticks = 0;
+    for (; before < PINGS; ticks++) {
+        s->wire.out_size = 0; /* those that were counted */
+        run(s, 100.0 * ticks);
+        unsigned now = before + answers(&s->wire);
+        if (now < PINGS) {
+            assert_true(srv_ws_is_paused(s->ws));
+            assert_in_range(now - before, 1, ticks <= BURST_TICKS ? FIRST : THEN);
+        }
+        before = now;
+        tick(s, 100.0 * ticks + 99);
+        assert_true(srv_ws_wants_read(s->ws));
+    }
+    assert_int_equal(before, PINGS);
+    assert_true(ticks > 10);
+}
+
+/* One that is heard in vain, as long as may be. */
+static void say_much(struct wire *wire, size_t size) {
+    char *text = malloc(size);
+    assert_non_null(text);
+    int used = snprintf(text, size, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"ping\"}");
+    memset(text + used, ' ', size - (size_t)used);
+    say(wire, text, size);
+    free(text);
+}
+
+static void a_turn_reads_a_few_kib(void **state) {
+    struct stream *s = *state;
+    say_much(&s->wire, 100000);
+    srv_ws_read(s->ws, 1);
+    assert_int_equal(s->wire.in_at, 8192);
+    assert_true(srv_ws_wants_read(s->ws));
+}
+
+static void a_long_message_comes_at_once(void **state) {
+    struct stream *s = *state;
+    say_much(&s->wire, SRV_INTAKE_ALL / 2);
+    run(s, 1);
+    assert_int_equal(answers(&s->wire), 1);
+}
+
+/* What all streams of one session send holds up nobody else: not the other session, even if it is
+ * read last. */
+static void many_streams_of_one_session_take_no_time_of_another(void **state) {
+    enum { CROWD = 3, TICKS = 6, A_DRAG = 180 }; /* more than a quarter of what is shared out */
+    struct stream *s = *state;
+    struct fixture *f = s->fixture;
+    struct wire wires[CROWD];
+    struct srv_ws *crowd[CROWD];
+    char id[SRV_SESSION_ID_BYTES];
+    proto_json *json = srv_hub_session_create(f->hub, NULL, 0, id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+    for (int i = 0; i < CROWD; i++) {
+        crowd[i] = join(s, id, &wires[i]);
+        say_much(&wires[i], ROOM - 100);
+    }
+    size_t before = 0;
+    for (unsigned now = 1; now <= TICKS; now++) {
+        for (bool more = true; more;) {
+            more = false;
+            for (int i = 0; i < CROWD; i++) {
+                srv_ws_read(crowd[i], 100.0 * now);
+                more = more || srv_ws_wants_read(crowd[i]);
+            }
+        }
+        size_t all = 0;
+        for (int i = 0; i < CROWD; i++)
+            all += wires[i].in_at;
+        assert_in_range(all - before, SRV_INTAKE_ALL / 2, SRV_INTAKE_ALL);
+        before = all;
+        say_pings(&s->wire, A_DRAG);
+        run(s, 100.0 * now);
+        assert_int_equal(answers(&s->wire), now * A_DRAG);
+        tick(s, 100.0 * now + 99);
+    }
+    for (int i = 0; i < CROWD; i++) {
+        srv_ws_destroy(&crowd[i], 0);
+        free(wires[i].in);
+        free(wires[i].out);
+    }
+}
+
+static void who_does_not_read_is_not_read(void **state) {
+    struct stream *s = *state;
+    enum { PINGS = 2500 }; /* more than are read at once */
+    say_pings(&s->wire, PINGS);
+    run(s, 1);
+    unsigned first = answers(&s->wire);
+    s->wire.is_full = true;
+    for (int now = 1; now <= 20; now++) {
+        tick(s, 100.0 * now);
+        run(s, 100.0 * now + 1);
+    }
+    assert_false(srv_ws_wants_read(s->ws));
+    assert_false(srv_ws_is_paused(s->ws)); /* no tick helps */
+    size_t read = s->wire.in_at;
+    assert_true(read < s->wire.in_size);
+    s->wire.is_full = false;
+    for (int now = 21; now <= 40; now++) {
+        tick(s, 100.0 * now);
+        run(s, 100.0 * now + 1);
+    }
+    assert_true(first < PINGS);
+    assert_int_equal(answers(&s->wire), PINGS);
+}
+
+/* The code of the close frame that was sent, the last one of all; 0 = none was. */
+static unsigned close_code(const struct wire *wire) {
+    struct sent sent;
+    unsigned code = 0;
+    for (size_t at = 0; next_sent(wire, &at, &sent);) {
+        assert_int_equal(code, 0);
+        if (sent.first == 0x88)
+            code = sent.bytes[0] * 256u + sent.bytes[1];
+    }
+    return code;
+}
+
+/* A picture of so many bytes for the participant; the caller's reference. */
+static struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
+    struct fixture *f = s->fixture;
+    static struct srv_job job;
+    double wait_ms;
+    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 300, .height = 200 };
+    struct srv_job_result result = { .width = 300, .height = 200, .render_ms = 1 };
+    uint8_t *bytes = malloc(size);
+    for (size_t i = 0; i < size; i++)
+        bytes[i] = (uint8_t)(i * 7 + i / 251);
+    struct srv_blob *blob = srv_blob_create(bytes, size);
+    free(bytes);
+    assert_non_null(blob);
+    assert_true(srv_hub_next_job(f->hub, now_ms, &job, &wait_ms));
+    srv_hub_deliver(f->hub, &job, 0, &header, blob);
+    srv_hub_job_done(f->hub, &job, &result);
+    return blob;
+}
+
+/* The picture is there once, whole, and all else is text; the number of other frames. */
+static unsigned check_picture(const struct wire *wire, const struct srv_blob *blob) {
+    struct sent sent;
+    struct proto_frame_header header;
+    unsigned pictures = 0, others = 0;
+    for (size_t at = 0; next_sent(wire, &at, &sent);) {
+        if (sent.first != 0x82) {
+            assert_int_equal(sent.first, 0x81);
+            others++;
+            continue;
+        }
+        pictures++;
+        assert_true(proto_frame_header_decode(sent.bytes, sent.size, &header));
+        assert_int_equal(header.payload_bytes, blob->size);
+        assert_int_equal(header.width, 300);
+        assert_int_equal(sent.size, PROTO_FRAME_HEADER_BYTES + blob->size);
+        assert_memory_equal(sent.bytes + PROTO_FRAME_HEADER_BYTES, blob->bytes, blob->size);
+    }
+    assert_int_equal(pictures, 1);
+    return others;
+}
+
+/* Also where the length of a frame takes another form, and when answers come meanwhile. */
+static void a_picture_arrives_whole_by_any_pieces(void **state) {
+    static const size_t sizes[] = { 1, 93, 94, 65503, 65504, 300000 };
+    (void)state;
+    for (size_t i = 0; i < 2 * sizeof sizes / sizeof *sizes; i++) {
+        void *one = NULL;
+        assert_int_equal(set_up(&one), 0);
+        struct stream *s = one;
+        run(s, 1); /* who is there, and the like */
+        s->wire.out_size = 0;
+        struct srv_blob *blob = deliver(s, sizes[i / 2], 2);
+        s->wire.piece = i % 2 ? 0 : sizes[i / 2] < 100 ? 1 : 999;
+        srv_ws_write(s->ws, 2);
+        say_pings(&s->wire, 3);
+        run(s, 3);
+        assert_int_equal(answers(&s->wire), 3);
+        assert_true(check_picture(&s->wire, blob) >= 3);
+        assert_int_equal(close_code(&s->wire), 0);
+        srv_blob_unref(&blob);
+        assert_int_equal(tear_down(&one), 0);
+    }
+}
+
+static void a_picture_is_sent_from_where_it_lies(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.out_size = 0;
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    memory_run_out(0, MEMORY_STAYS_OUT);
+    for (int i = 0; i < 100 && s->wire.out_size < 90000; i++) {
+        srv_ws_write(s->ws, 2);
+        assert_int_equal(atomic_load(&blob->references), 2);
+    }
+    assert_false(memory_come_back());
+    run(s, 3);
+    assert_int_equal(atomic_load(&blob->references), 1);
+    check_picture(&s->wire, blob);
+    srv_blob_unref(&blob);
+}
+
+static void a_close_waits_for_the_picture_before_it(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.out_size = 0;
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 2);
+    srv_ws_close(s->ws, 1001, "bye", 3);
+    s->wire.is_full = true;
+    run(s, 3);
+    assert_true(srv_ws_wants_write(s->ws));
+    assert_false(srv_ws_is_over(s->ws));
+    s->wire.is_full = false;
+    run(s, 4);
+    assert_true(srv_ws_is_over(s->ws));
+    assert_int_equal(close_code(&s->wire), 1001);
+    s->wire.out_size -= 2 + 2 + 3;
+    assert_int_equal(check_picture(&s->wire, blob), 0);
+    srv_blob_unref(&blob);
+}
+
+static void garbage_meanwhile_does_not_get_into_the_picture(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.out_size = 0;
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 2);
+    static const uint8_t ping[2] = { 0x89, 0xfe }; /* of more than 125 bytes, which may not be */
+    memcpy(s->wire.in + s->wire.in_size, ping, sizeof ping);
+    s->wire.in_size += sizeof ping;
+    run(s, 3);
+    assert_true(srv_ws_is_over(s->ws));
+    struct sent sent = { .size = 0 };
+    size_t at = 0;
+    assert_true(next_sent(&s->wire, &at, &sent));
+    assert_int_equal(sent.first, 0x82);
+    assert_memory_equal(sent.bytes + PROTO_FRAME_HEADER_BYTES, blob->bytes, blob->size);
+    assert_true(next_sent(&s->wire, &at, &sent));
+    assert_int_equal(sent.first, 0x88);
+    assert_false(next_sent(&s->wire, &at, &sent));
+    srv_blob_unref(&blob);
+}
+
+static void who_takes_half_a_picture_has_stalled(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    struct srv_blob *blob = deliver(s, 100000, 2);
+    s->wire.piece = 30000;
+    srv_ws_write(s->ws, 2);
+    s->wire.is_full = true;
+    for (double now_ms = 102; now_ms < 19900; now_ms += 100) {
+        run(s, now_ms);
+        srv_ws_tick(s->ws, now_ms);
+        say_pings(&s->wire, 1); /* it is not silent */
+    }
+    assert_false(srv_ws_is_lost(s->ws));
+    srv_ws_tick(s->ws, 20100);
+    assert_true(srv_ws_is_lost(s->ws));
+    srv_blob_unref(&blob);
+}
+
+/* Ticks when something is due, and at no other time: what is due at `due_ms` happens then, and a
+ * tick just before it does nothing. */
+static void tick_when_due(struct stream *s, double due_ms) {
+    assert_true(srv_ws_due_ms(s->ws) == due_ms);
+    s->wire.out_size = 0;
+    for (int late = 0; late < 2; late++) {
+        assert_false(srv_ws_is_over(s->ws));
+        assert_int_equal(s->wire.out_size, 0);
+        srv_ws_tick(s->ws, due_ms + (late ? 1 : -1));
+        srv_ws_write(s->ws, due_ms + (late ? 1 : -1));
+    }
+}
+
+static void who_is_silent_is_due_twice_and_lost(void **state) {
+    struct stream *s = *state;
+    run(s, 10);
+    for (int i = 0; i < 2; i++) {
+        struct sent sent;
+        size_t at = 0;
+        tick_when_due(s, 15000 + 15001 * i);
+        assert_true(next_sent(&s->wire, &at, &sent));
+        assert_int_equal(sent.first, 0x89);
+    }
+    tick_when_due(s, 45000);
+    assert_true(srv_ws_is_lost(s->ws));
+}
+
+static void what_is_heard_puts_off_the_ping_and_who_says_too_much_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 10);
+    say_pings(&s->wire, 1);
+    run(s, 5000);
+    assert_true(srv_ws_due_ms(s->ws) == 20000);
+    say_pings(&s->wire, 2500); /* more than are read at once */
+    run(s, 6000);
+    assert_true(srv_ws_is_paused(s->ws) && srv_ws_due_ms(s->ws) <= 6000);
+}
+
+static void a_picture_that_is_not_acknowledged_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    say_pings(&s->wire, 1);
+    run(s, 12000); /* it is not silent */
+    srv_ws_tick(s->ws, 12050);
+    struct srv_blob *blob = deliver(s, 100, 12100);
+    run(s, 12100);
+    assert_true(srv_ws_due_ms(s->ws) == 27000);
+    srv_ws_tick(s->ws, 27001); /* it is asked whether it is there */
+    run(s, 27001);
+    say_pings(&s->wire, 1);
+    run(s, 31000);
+    srv_ws_tick(s->ws, 31050);
+    tick_when_due(s, 32100);
+    assert_int_equal(close_code(&s->wire), 1008);
+    srv_blob_unref(&blob);
+}
+
+static void what_the_socket_does_not_take_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.is_full = true;
+    say_pings(&s->wire, 1);
+    run(s, 12000); /* the answer waits, and all that follows */
+    srv_ws_tick(s->ws, 12050);
+    assert_true(srv_ws_due_ms(s->ws) == 27000);
+    srv_ws_tick(s->ws, 27001);
+    srv_ws_write(s->ws, 27001);
+    tick_when_due(s, 32000);
+    assert_true(srv_ws_is_lost(s->ws));
+}
+
+static void a_close_that_is_not_taken_is_due(void **state) {
+    struct stream *s = *state;
+    run(s, 1);
+    s->wire.is_full = true;
+    srv_ws_close(s->ws, 1001, "good-bye", 100);
+    srv_ws_write(s->ws, 100);
+    tick_when_due(s, 2100);
+    assert_true(srv_ws_is_lost(s->ws));
+}
+
+/* Memory runs out at each allocation that a message costs, one after the other: the stream goes on,
+ * says why not, or is over. */
+static void out_of_memory(void **state) {
+    static const char update[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\","
+                                 "\"params\":{\"seq\":1,\"patch\":{\"background\":[1,0,0,1]}}}";
+    unsigned closed = 0;
+    bool answered = false;
+    (void)state;
+    for (unsigned n = 0; !answered; n++) {
+        void *one = NULL;
+        assert_int_equal(set_up(&one), 0);
+        struct stream *s = one;
+        run(s, 1); /* who is there, and the like */
+        s->wire.out_size = 0;
+        say(&s->wire, update, sizeof update - 1);
+        memory_run_out(n, MEMORY_STAYS_OUT);
+        srv_ws_read(s->ws, 2);
+        answered = !memory_come_back();
+        run(s, 3);
+        unsigned code = close_code(&s->wire);
+        assert_true(code == 0 || code == 1011);
+        assert_true(code == 1011 || s->wire.out_size > 0 || srv_ws_is_lost(s->ws));
+        assert_int_equal(srv_ws_is_over(s->ws), code == 1011 || srv_ws_is_lost(s->ws));
+        closed += code == 1011;
+        assert_int_equal(tear_down(&one), 0);
+        assert_true(n < 10000);
+    }
+    assert_true(closed > 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_flood_is_read_bit_by_bit_and_nothing_is_lost, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_turn_reads_a_few_kib, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_long_message_comes_at_once, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(many_streams_of_one_session_take_no_time_of_another, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(who_does_not_read_is_not_read, set_up, tear_down),
+        cmocka_unit_test(a_picture_arrives_whole_by_any_pieces),
+        cmocka_unit_test_setup_teardown(a_picture_is_sent_from_where_it_lies, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_close_waits_for_the_picture_before_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(garbage_meanwhile_does_not_get_into_the_picture, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(who_is_silent_is_due_twice_and_lost, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(
+            what_is_heard_puts_off_the_ping_and_who_says_too_much_is_due, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_picture_that_is_not_acknowledged_is_due, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(what_the_socket_does_not_take_is_due, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_close_that_is_not_taken_is_due, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(who_takes_half_a_picture_has_stalled, set_up, tear_down),
+        cmocka_unit_test(out_of_memory),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

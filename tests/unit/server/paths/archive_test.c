@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Archives of frames: what libarchive reads of them, and what is left of one that is given up.
+ */
+#include <malloc.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <archive.h>
+#include <archive_entry.h>
+#include <cmocka.h>
+
+#include "paths/archive.h"
+
+#define ID "0123456789abcdef0123456789abcdef"
+enum { FRAMES = 3, FRAME_BYTES = 200000, ALL_BYTES = FRAMES * (FRAME_BYTES + 1024) + 1024 };
+
+struct fixture {
+    struct srv_folder folder;
+    char parent[32];
+    char frame[FRAME_BYTES];
+};
+
+static int set_up(void **state) {
+    struct fixture *f = calloc(1, sizeof *f);
+    strcpy(f->parent, "/tmp/splatd-archive-XXXXXX");
+    if (!mkdtemp(f->parent) || !srv_folder_open(&f->folder, f->parent, NULL))
+        return -1;
+    for (int i = 0; i < FRAMES; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "%06d.png", i);
+        memset(f->frame, 'a' + i, sizeof f->frame);
+        if (!srv_folder_write(&f->folder, ID, name, "", 0, f->frame, sizeof f->frame, NULL))
+            return -1;
+    }
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct fixture *f = *state;
+    srv_folder_remove(&f->folder, ID, NULL);
+    rmdir(f->folder.root);
+    srv_folder_close(&f->folder);
+    rmdir(f->parent);
+    free(f);
+    return 0;
+}
+
+static void all_frames_are_in_it(void **state) {
+    struct fixture *f = *state;
+    char *bytes = malloc(ALL_BYTES), *read = malloc(FRAME_BYTES);
+    size_t size = 0;
+    ssize_t n;
+    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, NULL);
+    assert_non_null(a);
+    while ((n = srv_archive_read(a, bytes + size, ALL_BYTES - size)) > 0)
+        size += (size_t)n;
+    assert_int_equal(n, 0);
+    srv_archive_destroy(&a);
+    struct archive *tar = archive_read_new();
+    struct archive_entry *entry;
+    archive_read_support_format_tar(tar);
+    assert_int_equal(archive_read_open_memory(tar, bytes, size), ARCHIVE_OK);
+    for (int i = 0; i < FRAMES; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "%06d.png", i);
+        memset(f->frame, 'a' + i, sizeof f->frame);
+        assert_int_equal(archive_read_next_header(tar, &entry), ARCHIVE_OK);
+        assert_string_equal(archive_entry_pathname(entry), name);
+        assert_int_equal(archive_entry_size(entry), FRAME_BYTES);
+        assert_int_equal(archive_read_data(tar, read, FRAME_BYTES), FRAME_BYTES);
+        assert_memory_equal(read, f->frame, FRAME_BYTES);
+    }
+    assert_int_equal(archive_read_next_header(tar, &entry), ARCHIVE_EOF);
+    archive_read_free(tar);
+    free(read);
+    free(bytes);
+}
+
+/* By the C library's own count, since libarchive's memory is not ours to count. */
+static void one_that_is_given_up_leaves_nothing(void **state) {
+    const struct fixture *f = *state;
+    enum { TRIES = 1000 };
+    char bytes[1000];
+    size_t before = 0;
+    for (int i = 0; i < 2 * TRIES; i++) {
+        if (i == TRIES)
+            before = mallinfo2().uordblks;
+        struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES, NULL);
+        assert_non_null(a);
+        /* Before the first byte, in a header and in a frame. */
+        for (int part = 0; part < i % 3; part++)
+            assert_true(srv_archive_read(a, bytes, sizeof bytes) > 0);
+        srv_archive_destroy(&a);
+        assert_null(a);
+    }
+    assert_true(mallinfo2().uordblks < before + TRIES);
+}
+
+/* A frame that was removed ends it; so does what it had begun. */
+static void without_a_frame_it_breaks_off(void **state) {
+    struct fixture *f = *state;
+    char *bytes = malloc(ALL_BYTES);
+    ssize_t n;
+    struct srv_archive *a = srv_archive_create(&f->folder, ID, ".png", FRAMES + 1, NULL);
+    assert_non_null(a);
+    size_t size = 0;
+    while ((n = srv_archive_read(a, bytes, ALL_BYTES)) > 0)
+        size += (size_t)n;
+    assert_int_equal(n, -1);
+    assert_true(size >= FRAMES * FRAME_BYTES);
+    srv_archive_destroy(&a);
+    free(bytes);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(all_frames_are_in_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(one_that_is_given_up_leaves_nothing, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(without_a_frame_it_breaks_off, set_up, tear_down),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

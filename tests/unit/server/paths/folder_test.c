@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Files of jobs are there whole or not at all, whichever call fails and whenever the machine stops.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "paths/folder.h"
+
+#define ID "0123456789abcdef0123456789abcdef"
+#define HEAD "the head"
+#define BODY "and many bytes behind it"
+static const char name[] = "000001.png", whole[] = HEAD BODY;
+
+/* The calls that reach the disk, by name: each looks at what is there, and one may fail. */
+
+static struct {
+    bool is_watching;
+    char final[SRV_FILE_BYTES], job[SRV_FILE_BYTES], root[SRV_FOLDER_BYTES];
+    unsigned calls, fails_at;  /* from 1; 0 = none fails */
+    const char *failed;        /* the call that did */
+    ino_t written;             /* with bytes that are not on the disk */
+    bool is_renamed, is_known; /* known: for good, by the folder */
+} disk;
+
+static bool is_there(const char *path) {
+    struct stat st;
+    return stat(path, &st) == 0;
+}
+
+static bool is_whole(const char *path) {
+    char bytes[64] = "";
+    FILE *file = fopen(path, "rb");
+    size_t size = file ? fread(bytes, 1, sizeof bytes - 1, file) : 0;
+    if (file)
+        fclose(file);
+    return size == strlen(whole) && strcmp(bytes, whole) == 0;
+}
+
+/* False: it fails. */
+static bool call(const char *what) {
+    if (!disk.is_watching)
+        return true;
+    int before = errno;
+    disk.is_watching = false; /* what it takes to look is not looked at */
+    assert_true(!is_there(disk.final) || (disk.is_renamed && is_whole(disk.final)));
+    disk.is_watching = true;
+    errno = before;
+    if (++disk.calls != disk.fails_at)
+        return true;
+    disk.failed = what;
+    errno = ENOSPC;
+    return false;
+}
+
+static ino_t inode_of(int fd) {
+    struct stat st;
+    return fstat(fd, &st) == 0 ? st.st_ino : 0;
+}
+
+static ino_t inode_at(const char *path) {
+    struct stat st;
+    return stat(path, &st) == 0 ? st.st_ino : 0;
+}
+
+ssize_t __real_write(int fd, const void *bytes, size_t size);
+ssize_t __wrap_write(int fd, const void *bytes, size_t size);
+int __real_fsync(int fd);
+int __wrap_fsync(int fd);
+int __real_close(int fd);
+int __wrap_close(int fd);
+int __real_rename(const char *from, const char *to);
+int __wrap_rename(const char *from, const char *to);
+int __real_mkdir(const char *path, mode_t mode);
+int __wrap_mkdir(const char *path, mode_t mode);
+
+/* No more than seven bytes at a time, as a disk may. */
+ssize_t __wrap_write(int fd, const void *bytes, size_t size) {
+    if (!disk.is_watching)
+        return __real_write(fd, bytes, size);
+    if (!call("write"))
+        return -1;
+    disk.written = inode_of(fd);
+    return __real_write(fd, bytes, size < 7 ? size : 7);
+}
+
+int __wrap_fsync(int fd) {
+    if (!call("fsync"))
+        return -1;
+    if (inode_of(fd) == disk.written)
+        disk.written = 0;
+    if (inode_of(fd) == inode_at(disk.job))
+        disk.is_known = disk.is_renamed;
+    return __real_fsync(fd);
+}
+
+int __wrap_close(int fd) {
+    bool ok = call("close");
+    int result = __real_close(fd);
+    if (!ok)
+        errno = ENOSPC;
+    return ok ? result : -1;
+}
+
+int __wrap_rename(const char *from, const char *to) {
+    if (!call("rename"))
+        return -1;
+    if (disk.is_watching) {
+        /* A machine that stops after this must find the bytes behind the name. */
+        assert_string_equal(to, disk.final);
+        assert_int_equal(disk.written, 0);
+        disk.is_renamed = true;
+    }
+    return __real_rename(from, to);
+}
+
+int __wrap_mkdir(const char *path, mode_t mode) {
+    return call("mkdir") ? __real_mkdir(path, mode) : -1;
+}
+
+/* Fixtures. */
+
+static int set_up(void **state) {
+    struct srv_folder *folder = calloc(1, sizeof *folder);
+    char parent[] = "/tmp/splatd-folder-XXXXXX";
+    memset(&disk, 0, sizeof disk);
+    if (!folder || !mkdtemp(parent) || !srv_folder_open(folder, parent, NULL))
+        return -1;
+    srv_folder_path(folder, ID, "", disk.job);
+    srv_folder_path(folder, ID, name, disk.final);
+    snprintf(disk.root, sizeof disk.root, "%s", parent);
+    *state = folder;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct srv_folder *folder = *state;
+    char path[SRV_FOLDER_BYTES];
+    disk.is_watching = false;
+    srv_folder_remove(folder, ID, NULL);
+    snprintf(path, sizeof path, "%s", folder->root);
+    srv_folder_close(folder);
+    rmdir(path);
+    rmdir(disk.root);
+    free(folder);
+    return 0;
+}
+
+static bool watched_write(const struct srv_folder *folder, unsigned fails_at,
+                          struct sp_error *err) {
+    disk.calls = 0;
+    disk.fails_at = fails_at;
+    disk.failed = NULL;
+    disk.is_renamed = disk.is_known = false;
+    disk.is_watching = true;
+    bool ok = srv_folder_write(folder, ID, name, HEAD, strlen(HEAD), BODY, strlen(BODY), err);
+    disk.is_watching = false;
+    return ok;
+}
+
+static unsigned count_files(const char *path) {
+    unsigned count = 0;
+    char command[SRV_FILE_BYTES + 64];
+    snprintf(command, sizeof command, "find %s -type f 2>/dev/null", path);
+    FILE *files = popen(command, "r");
+    assert_non_null(files);
+    for (int c; (c = fgetc(files)) != EOF;)
+        count += c == '\n';
+    pclose(files);
+    return count;
+}
+
+/* Tests. */
+
+static void a_name_stands_for_all_bytes(void **state) {
+    struct sp_error err;
+    assert_true(watched_write(*state, 0, &err));
+    assert_true(is_whole(disk.final));
+    assert_int_equal(count_files(disk.job), 1);
+    assert_int_equal(disk.written, 0);
+    assert_true(disk.is_known);
+}
+
+/* Only what close() says of folders and of what is synchronised already does not matter. */
+static void each_failure_leaves_nothing(void **state) {
+    const struct srv_folder *folder = *state;
+    unsigned failures = 0;
+    for (unsigned at = 1;; at++) {
+        struct sp_error err = { .code = SP_OK };
+        bool ok = watched_write(folder, at, &err);
+        if (!disk.failed) {
+            assert_true(ok);
+            break;
+        }
+        assert_int_equal(count_files(disk.job), ok ? 1 : 0);
+        assert_true(!ok || (is_whole(disk.final) && strcmp(disk.failed, "close") == 0));
+        if (!ok) {
+            failures++;
+            assert_int_equal(err.code, SP_ERR_IO);
+            assert_non_null(strstr(err.text, strerror(ENOSPC)));
+        }
+        srv_folder_remove(folder, ID, NULL);
+    }
+    assert_true(failures >= 10);
+}
+
+static void what_was_written_elsewhere_is_taken_whole(void **state) {
+    const struct srv_folder *folder = *state;
+    char part[SRV_FILE_BYTES];
+    srv_folder_path(folder, ID, "movie.part", part);
+    for (unsigned at = 1;; at++) {
+        __real_mkdir(disk.job, 0700);
+        int fd = open(part, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+        assert_int_equal(__real_write(fd, whole, strlen(whole)), strlen(whole));
+        disk.written = inode_of(fd);
+        __real_close(fd);
+        disk.calls = 0;
+        disk.fails_at = at;
+        disk.failed = NULL;
+        disk.is_renamed = disk.is_known = false;
+        disk.is_watching = true;
+        bool ok = srv_folder_take(folder, ID, "movie.part", name, NULL);
+        disk.is_watching = false;
+        assert_int_equal(count_files(disk.job), ok ? 1 : 0);
+        assert_true(!ok || is_whole(disk.final));
+        if (!disk.failed) {
+            assert_true(ok);
+            break;
+        }
+        srv_folder_remove(folder, ID, NULL);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_name_stands_for_all_bytes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(each_failure_leaves_nothing, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(what_was_written_elsewhere_is_taken_whole, set_up,
+                                        tear_down),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Volumes that are removed while they load, and what clients are told of where files lie. A load
+ * goes on here until it is told to end.
+ */
+#include <pthread.h>
+#include <sched.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "render/catalog.h"
+#include "render/redact.h"
+
+enum { BYTES = 1000 };
+#define ENDLESS "demo:phantom?size=9"
+
+static struct {
+    pthread_mutex_t mutex;
+    pthread_cond_t changed;
+    bool is_under_way;
+    unsigned given_up, unloaded;
+    char told[64]; /* the state that was told last, of the id "v" */
+} seen = { .mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER };
+
+struct sp_volume *__real_sp_volume_load(const char *path, const struct sp_load_options *options,
+                                        struct sp_error *err);
+struct sp_volume *__wrap_sp_volume_load(const char *path, const struct sp_load_options *options,
+                                        struct sp_error *err);
+
+struct sp_volume *__wrap_sp_volume_load(const char *path, const struct sp_load_options *options,
+                                        struct sp_error *err) {
+    if (strcmp(path, ENDLESS) != 0)
+        return __real_sp_volume_load(path, options, err);
+    assert_true(options->reserve(options->user, BYTES, err));
+    pthread_mutex_lock(&seen.mutex);
+    seen.is_under_way = true;
+    pthread_cond_broadcast(&seen.changed);
+    pthread_mutex_unlock(&seen.mutex);
+    while (options->progress(options->user, 0.5))
+        sched_yield();
+    assert_false(options->reserve(options->user, BYTES, err)); /* what goes takes nothing more */
+    pthread_mutex_lock(&seen.mutex);
+    seen.given_up++;
+    pthread_mutex_unlock(&seen.mutex);
+    sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
+    return NULL;
+}
+
+static void on_progress(void *user, const char *id, const char *state, double progress,
+                        const char *reason) {
+    (void)user, (void)progress, (void)reason;
+    assert_string_equal(id, "v");
+    pthread_mutex_lock(&seen.mutex);
+    /* Of one that is gone nothing is told, until the next one of its name begins. */
+    snprintf(seen.told, sizeof seen.told, "%s", state);
+    seen.unloaded += strcmp(state, SRV_VOLUME_UNLOADED) == 0;
+    pthread_cond_broadcast(&seen.changed);
+    pthread_mutex_unlock(&seen.mutex);
+}
+
+static void on_unloaded(void *user, struct sp_volume *volume) {
+    (void)user;
+    sp_volume_unref(&volume);
+}
+
+static void wait_told(const char *state) {
+    pthread_mutex_lock(&seen.mutex);
+    while (strcmp(seen.told, state) != 0)
+        pthread_cond_wait(&seen.changed, &seen.mutex);
+    pthread_mutex_unlock(&seen.mutex);
+}
+
+static void add(struct srv_catalog *catalog, const char *source) {
+    const struct srv_volume_request request = { .source = source, .id = "v" };
+    char id[SP_NAME_BYTES];
+    bool existed, conflict;
+    assert_true(srv_catalog_add(catalog, &request, id, &existed, &conflict, NULL));
+    assert_false(existed);
+}
+
+static uint64_t used_bytes(struct srv_catalog *catalog) {
+    uint64_t used, budget;
+    srv_catalog_memory(catalog, &used, &budget);
+    return used;
+}
+
+static void one_that_loads_can_be_given_up(void **state) {
+    (void)state;
+    const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
+                                                 .progress = on_progress,
+                                                 .unloaded = on_unloaded };
+    struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
+    struct srv_volume_status status;
+    bool conflict;
+    assert_non_null(catalog);
+    for (unsigned round = 1; round <= 3; round++) {
+        seen.is_under_way = false;
+        add(catalog, ENDLESS);
+        pthread_mutex_lock(&seen.mutex);
+        while (!seen.is_under_way)
+            pthread_cond_wait(&seen.changed, &seen.mutex);
+        pthread_mutex_unlock(&seen.mutex);
+        assert_int_equal(used_bytes(catalog), BYTES);
+        assert_true(srv_catalog_remove(catalog, "v", &conflict, NULL));
+        assert_false(srv_catalog_find(catalog, "v", &status));
+        assert_int_equal(used_bytes(catalog), 0);
+        /* Another one of this name waits for the thread, and is loaded. */
+        add(catalog, "demo:phantom?size=8");
+        wait_told("ready");
+        assert_int_equal(seen.given_up, round);
+        assert_int_equal(used_bytes(catalog), 8 * 8 * 8 * sizeof(float));
+        assert_true(srv_catalog_remove(catalog, "v", &conflict, NULL));
+        assert_int_equal(seen.unloaded, 2 * round);
+        assert_int_equal(used_bytes(catalog), 0);
+    }
+    /* So it goes at the end, too. */
+    add(catalog, ENDLESS);
+    srv_catalog_destroy(&catalog);
+}
+
+static void folders_are_not_shown(void **state) {
+    (void)state;
+    static const struct {
+        const char *data, *source, *shown, *text, *told;
+    } cases[] = {
+        { "/srv/data", "/srv/data/a/b.vti", "a/b.vti",
+          "/srv/data/a/b.vti: lies outside the folder /srv/data that files are read from",
+          "a/b.vti: lies outside the folder --data that files are read from" },
+        { "/srv/data", "/home/x/b.vti", "b.vti", "/home/x/b.vti: cannot open '/home/x/c.raw'",
+          "b.vti: cannot open 'c.raw'" },
+        { "/srv/data", "/srv/database/b.vti", "b.vti", "/srv/database/b.vti is bad",
+          "b.vti is bad" },
+        { "/srv/data", "demo:engine?size=8", "demo:engine?size=8", "demo:engine", "demo:engine" },
+        { NULL, "/b.vti", "b.vti", "/b.vti: no", "/b.vti: no" },
+        { "/", "/srv/b.vti", "b.vti", "/srv/b.vti in /srv", "b.vti in its folder" },
+        { "/d", "/d/x.vti", "x.vti", "1/d/x.vti and /d/x.vti", "1/d/x.vti and x.vti" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[128], shown[128];
+        srv_shown_source(cases[i].data, cases[i].source, shown, sizeof shown);
+        assert_string_equal(shown, cases[i].shown);
+        snprintf(text, sizeof text, "%s", cases[i].text);
+        srv_shown_text(cases[i].data, cases[i].source, text, sizeof text);
+        assert_string_equal(text, cases[i].told);
+    }
+    char small[8];
+    srv_hide_folder("/a", "--data", "in /a /a/bcdefghij", small, sizeof small);
+    assert_string_equal(small, "in --da");
+    srv_hide_folder("/a", "x", "/a/bcdefghij", small, sizeof small);
+    assert_string_equal(small, "bcdefgh");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = { cmocka_unit_test(one_that_loads_can_be_given_up),
+                                        cmocka_unit_test(folders_are_not_shown) };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,548 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The stream lane between a real hub and a renderer behind a gate: the linker puts the gate in the
+ * place of sp_renderer_begin() and sp_renderer_finish(). A render that is finished waits there
+ * until the test lets it through or its cancel flag is set, so that "while it is being rendered" is
+ * a state, not a moment. What a renderer says of itself comes from the gate as well.
+ */
+#include <math.h>
+#include <pthread.h>
+#include <sched.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/clock.h"
+#include "support/gate.h"
+#include "support/lanes.h"
+
+enum {
+    FULL = 512, /* px a side of a view as it is by default */
+    FPS = 30    /* frames a second that a participant gets by default */
+};
+
+struct render { /* that was begun and not finished */
+    const struct sp_renderer *renderer;
+    struct sp_hold *hold;
+    uint32_t size[2];
+    const atomic_bool *cancel;
+    struct sp_frame *frame;
+};
+
+static struct {                            /* guarded by the gate's mutex */
+    unsigned ended;                        /* jobs, for the hub: it may make further ones */
+    unsigned sharp;                        /* renders that entered with all voxels at full size */
+    unsigned depth;                        /* of the renderer */
+    struct render begun[SP_IN_FLIGHT_MAX]; /* oldest first */
+    unsigned begun_count;
+    unsigned held, expressed;        /* times that one stood still; of the express lane's */
+    bool stops_express;              /* those wait at the gate, too */
+    const struct sp_renderer *first; /* the stream lane's */
+    uint32_t size[2];                /* of the newest render */
+    unsigned coarse;
+    struct sp_renderer_info info; /* as a renderer tells it after its next render */
+} seen;
+
+unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer);
+unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer) {
+    (void)renderer;
+    return seen.depth;
+}
+
+bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
+                              const struct sp_view *view, struct sp_frame_pool *pool,
+                              const struct sp_render_options *options, struct sp_error *err);
+bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
+                              const struct sp_view *view, struct sp_frame_pool *pool,
+                              const struct sp_render_options *options, struct sp_error *err) {
+    (void)volume;
+    struct sp_frame *frame =
+        sp_frame_create(pool, view->size[0], view->size[1], options->format, err);
+    assert_non_null(frame);
+    memset(frame->pixels, 0, frame->stride_bytes * frame->height);
+    frame->stats = (struct sp_frame_stats){ .backend = "gate", .render_ms = 2 };
+    pthread_mutex_lock(&gate.mutex);
+    if (!seen.first)
+        seen.first = renderer;
+    assert_true(seen.begun_count < seen.depth || renderer != seen.first);
+    seen.expressed += renderer != seen.first;
+    seen.begun[seen.begun_count++] = (struct render){
+        renderer, options->hold, { view->size[0], view->size[1] }, options->cancel, frame
+    };
+    gate.entered++;
+    seen.coarse = options->coarse;
+    seen.sharp += options->coarse == 0 && view->size[0] == FULL;
+    memcpy(seen.size, view->size, sizeof seen.size);
+    pthread_mutex_unlock(&gate.mutex);
+    return true;
+}
+
+struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
+/* The oldest of this renderer. With the mutex held. */
+static unsigned find_render(const struct sp_renderer *renderer) {
+    unsigned i = 0;
+    while (i < seen.begun_count && seen.begun[i].renderer != renderer)
+        i++;
+    assert_true(i < seen.begun_count);
+    return i;
+}
+
+static void stand_still(void *user) {
+    struct sp_hold *hold = user;
+    if (!atomic_load(&hold->wanted))
+        return;
+    pthread_mutex_lock(&gate.mutex);
+    seen.held++;
+    pthread_mutex_unlock(&gate.mutex);
+    hold->wait(hold->user);
+}
+
+struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
+    pthread_mutex_lock(&gate.mutex);
+    struct render render = seen.begun[find_render(renderer)];
+    bool is_free = renderer != seen.first && !seen.stops_express;
+    pthread_mutex_unlock(&gate.mutex);
+    if (!is_free && !gate_pass(render.cancel, stand_still, render.hold)) {
+        sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        sp_frame_unref(&render.frame);
+    }
+    pthread_mutex_lock(&gate.mutex);
+    unsigned i = find_render(renderer);
+    seen.begun_count--;
+    memmove(seen.begun + i, seen.begun + i + 1, (seen.begun_count - i) * sizeof seen.begun[0]);
+    pthread_mutex_unlock(&gate.mutex);
+    return render.frame;
+}
+
+void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info);
+void __wrap_sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_info *info) {
+    (void)renderer;
+    pthread_mutex_lock(&gate.mutex);
+    *info = seen.info;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+static void count_end(void) {
+    pthread_mutex_lock(&gate.mutex);
+    seen.ended++;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+void __real_srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
+                             const struct srv_job_result *result);
+void __wrap_srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
+                             const struct srv_job_result *result);
+void __wrap_srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
+                             const struct srv_job_result *result) {
+    __real_srv_hub_job_done(hub, job, result);
+    count_end();
+}
+
+void __real_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms);
+void __wrap_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms);
+void __wrap_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms) {
+    __real_srv_hub_job_cancelled(hub, job, elapsed_ms);
+    count_end();
+}
+
+struct fixture {
+    struct lanes lanes;
+    struct srv_participant *participant;
+    char id[SRV_SESSION_ID_BYTES];
+};
+
+/* A session, its views come to rest after rest_ms, and a renderer of `depth` frames. */
+static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
+    gate_reset();
+    seen.ended = seen.sharp = seen.begun_count = seen.held = seen.expressed = 0;
+    seen.stops_express = false;
+    seen.first = NULL;
+    seen.depth = depth;
+    seen.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
+    lanes_begin(&f->lanes, &(struct lanes_options){ .queue_max = 1, .rest_ms = rest_ms });
+    lanes_load(&f->lanes, "demo:engine?size=8");
+    lanes_session(&f->lanes, f->id);
+    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+}
+
+static void begin(struct fixture *f, double rest_ms) {
+    begin_deep(f, rest_ms, 1);
+}
+
+static int set_up(void **state) {
+    *state = calloc(1, sizeof(struct fixture));
+    return *state ? 0 : -1;
+}
+
+static int tear_down(void **state) {
+    struct fixture *f = *state;
+    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
+    lanes_end(&f->lanes);
+    free(f);
+    return 0;
+}
+
+static void tell_by(struct fixture *f, struct srv_participant *participant, const char *text) {
+    char *answer;
+    size_t size;
+    assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
+                                &answer, &size));
+    assert_true(!answer || strstr(answer, "\"result\""));
+    free(answer);
+}
+
+static void tell(struct fixture *f, const char *text) {
+    tell_by(f, f->participant, text);
+}
+
+static void update_by(struct fixture *f, struct srv_participant *participant, unsigned seq) {
+    char text[160];
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
+             "\"patch\":{\"background\":[0.%u,0,0,1]}}}",
+             seq, seq);
+    tell_by(f, participant, text);
+}
+
+static void update(struct fixture *f, unsigned seq) {
+    update_by(f, f->participant, seq);
+}
+
+/* The next frame that arrives, acknowledged. */
+static struct proto_frame_header next_frame_of(struct fixture *f,
+                                               struct srv_participant *participant) {
+    for (;; sched_yield()) {
+        struct srv_message message;
+        char text[120];
+        enum srv_message_kind kind =
+            srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message);
+        free(message.text);
+        srv_blob_unref(&message.blob);
+        if (kind != SRV_MESSAGE_FRAME)
+            continue;
+        snprintf(text, sizeof text,
+                 "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
+                 message.header.frame);
+        tell_by(f, participant, text);
+        return message.header;
+    }
+}
+
+static struct proto_frame_header next_frame(struct fixture *f) {
+    return next_frame_of(f, f->participant);
+}
+
+static void a_newer_view_gives_up_the_refinement_of_an_older_one(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1);
+    gate_let_through(1);
+    assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
+    gate_await(&gate.entered, 2); /* the sharp picture is on its way */
+    assert_int_equal(seen.size[0], FULL);
+    assert_int_equal(gate_count(&gate.cancelled), 0);
+    update(f, 7);
+    gate_await(&gate.cancelled, 1);
+    gate_let_through(100);
+    assert_int_equal(next_frame(f).seq, 7); /* of the old view nothing more is seen */
+}
+
+static void a_refinement_gives_way_to_what_moves_in_another_session(void **state) {
+    struct fixture *f = *state;
+    char id[SRV_SESSION_ID_BYTES];
+    begin(f, 1);
+    gate_let_through(1);
+    assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
+    gate_await(&gate.entered, 2); /* the sharp picture is on its way */
+    assert_int_equal(seen.size[0], FULL);
+    lanes_session(&f->lanes, id);
+    struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    gate_await(&gate.cancelled, 1);
+    gate_await(&gate.entered, 3);
+    gate_let_through(1);
+    next_frame_of(f, other);
+    gate_let_through(100);
+    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is taken again */
+    }
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1e6);
+    gate_let_through(1); /* the first one does what is done once */
+    next_frame(f);
+    update(f, 1);
+    gate_await(&gate.entered, 2);
+    uint32_t pixels = seen.size[0] * seen.size[1];
+    unsigned seq = 1, coarse = seen.coarse;
+    while (gate_count(&gate.cancelled) == 0)
+        update(f, ++seq);
+    gate_await(&gate.entered, 3);
+    assert_true(seen.coarse > coarse || seen.size[0] * seen.size[1] < pixels);
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
+    while (srv_clock_ms() < long_ago_ms)
+        update(f, ++seq);
+    assert_int_equal(gate_count(&gate.cancelled), 1);
+    gate_let_through(1);
+    assert_true(next_frame(f).seq >= 2);
+    gate_await(&gate.entered, 4); /* and on with the newest */
+}
+
+static void the_tick_gives_up_what_nobody_interrupts_any_more(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1e6);
+    gate_let_through(1);
+    next_frame(f);
+    update(f, 1);
+    gate_await(&gate.entered, 2);
+    update(f, 2); /* the last one: it comes while the frame is within its budget */
+    while (gate_count(&gate.cancelled) == 0) {
+        srv_scheduler_tick(f->lanes.scheduler);
+        sched_yield();
+    }
+    gate_let_through(1);
+    assert_int_equal(next_frame(f).seq, 2);
+}
+
+static void a_sharp_moving_picture_is_encoded_again_not_rendered(void **state) {
+    struct fixture *f = *state;
+    begin(f, 200);
+    gate_let_through(1000);
+    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* the first ones are small */
+    }
+    for (unsigned seq = 1; seq <= 3; seq++) {
+        struct proto_frame_header header;
+        unsigned before = gate_count(&seen.sharp);
+        update(f, seq);
+        do {
+            header = next_frame(f);
+            assert_int_equal(header.seq, seq);
+        } while (!(header.flags & PROTO_FRAME_FINAL));
+        assert_int_equal(header.width, FULL);
+        assert_int_equal(gate_count(&seen.sharp), before + 1);
+    }
+    tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+            "{\"lossless\":true}}");
+    unsigned before = gate_count(&seen.sharp);
+    while (!(next_frame(f).flags & PROTO_FRAME_LOSSLESS)) {
+    }
+    assert_int_equal(gate_count(&seen.sharp), before); /* that view's sharp picture is there */
+}
+
+static void what_nobody_wants_is_given_up(void **state) {
+    struct fixture *f = *state;
+    begin(f, 1e6);
+    gate_await(&gate.entered, 1);
+    tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":1,"
+            "\"patch\":{\"volume\":\"engine\"}}}"); /* of another volume nothing can be used */
+    gate_await(&gate.cancelled, 1);
+    gate_await(&gate.entered, 2);
+    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
+    gate_await(&gate.cancelled, 2);
+}
+
+/* The next stream.stats that arrives; the caller frees it. */
+static char *next_stats(struct fixture *f) {
+    for (;; sched_yield()) {
+        struct srv_message message;
+        srv_hub_next_message(f->lanes.hub, f->participant, false, srv_clock_ms(), &message);
+        if (message.text && strstr(message.text, "\"stream.stats\""))
+            return message.text;
+        free(message.text);
+    }
+}
+
+static void a_backend_that_is_given_up_is_told_at_once(void **state) {
+    struct fixture *f = *state;
+    struct sp_renderer_info info[SRV_RENDERERS];
+    begin(f, 1e6);
+    srv_scheduler_info(f->lanes.scheduler, info);
+    assert_string_equal(info[0].backend, "gate");
+    assert_string_equal(info[0].given_up, "");
+    assert_null(info[1].backend); /* there was no still yet */
+    gate_await(&gate.entered, 1);
+    pthread_mutex_lock(&gate.mutex);
+    seen.info = (struct sp_renderer_info){
+        .backend = "fence", .isa = "", .device = "a hedge", .given_up = "the gate is stuck"
+    };
+    pthread_mutex_unlock(&gate.mutex);
+    gate_let_through(1);
+    char *stats = next_stats(f);
+    assert_non_null(strstr(stats, "\"backend\":\"fence\""));
+    assert_non_null(strstr(stats, "\"device\":\"a hedge\""));
+    free(stats);
+    srv_scheduler_info(f->lanes.scheduler, info);
+    assert_string_equal(info[0].backend, "fence");
+    assert_string_equal(info[0].given_up, "the gate is stuck");
+}
+
+/* Nothing is under way, and as much time has passed as there is between two frames of a
+ * participant: whoever wants a picture of the next view wants it as soon as it is there. Without
+ * that the lane may find one of two who want one, and waits for that picture as it should. */
+static void settle_rate(void) {
+    double next_ms = srv_clock_ms() + 1000.0 / FPS;
+    while (srv_clock_ms() < next_ms)
+        sched_yield();
+}
+
+static void settle(void) {
+    gate_await(&seen.ended, gate_count(&gate.entered));
+    settle_rate();
+}
+
+/* A renderer of two frames at a time, and a participant who wants pictures of another size: each
+ * change of the view makes two jobs at once. */
+static struct srv_participant *begin_with_two(struct fixture *f) {
+    begin_deep(f, 1e6, 2);
+    struct srv_participant *other = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
+    tell_by(f, other,
+            "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+            "{\"size\":[100,100]}}");
+    gate_let_through(1000);
+    next_frame(f);
+    while (next_frame_of(f, other).width > 100) { /* before it was told */
+    }
+    settle();
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes = gate.cancelled = 0;
+    pthread_mutex_unlock(&gate.mutex);
+    return other;
+}
+
+static void frames_are_begun_while_others_are_drawn(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_two(f);
+    for (unsigned seq = 2; seq <= 4; seq++) {
+        unsigned entered = gate_count(&gate.entered);
+        update(f, seq);
+        gate_await(&gate.entered, entered + 2); /* nothing was let through */
+        gate_let_through(2);
+        assert_int_equal(next_frame(f).seq, seq);
+        next_frame_of(f, other);
+        settle();
+    }
+    assert_int_equal(gate_count(&gate.cancelled), 0);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void of_two_frames_in_flight_one_is_always_finished(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_two(f);
+    unsigned entered = gate_count(&gate.entered), seq = 2;
+    update(f, seq);
+    gate_await(&gate.entered, entered + 2);
+    while (gate_count(&gate.cancelled) == 0)
+        update(f, ++seq); /* both are outdated, and the first is over its budget */
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
+    while (srv_clock_ms() < long_ago_ms) {
+        update(f, ++seq);
+        srv_scheduler_tick(f->lanes.scheduler);
+    }
+    assert_int_equal(gate_count(&gate.cancelled), 1);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void a_daemon_may_stop_with_frames_in_flight(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_two(f);
+    unsigned entered = gate_count(&gate.entered);
+    update(f, 2);
+    gate_await(&gate.entered, entered + 2);
+    lanes_stop(&f->lanes);
+    assert_int_equal(gate_count(&gate.cancelled), 2);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+/* A second session, whose frames are known to be short, and a frame of the first one at the gate,
+ * which the other one's wait for. */
+static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool holds) {
+    char id[SRV_SESSION_ID_BYTES];
+    begin(f, 1e6);
+    pthread_mutex_lock(&gate.mutex);
+    seen.info.backend = "null"; /* of which the express lane makes one for itself */
+    seen.info.holds = holds;
+    pthread_mutex_unlock(&gate.mutex);
+    gate_let_through(1000);
+    next_frame(f);
+    lanes_session(&f->lanes, id);
+    struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    tell_by(f, other,
+            "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+            "{\"size\":[16,16]}}");              /* so that encoding takes no time */
+    while (next_frame_of(f, other).width > 16) { /* before it was told */
+    }
+    update_by(f, other, 2);
+    next_frame_of(f, other);
+    settle();
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes = 0;
+    unsigned entered = gate.entered;
+    pthread_mutex_unlock(&gate.mutex);
+    update(f, 3);
+    gate_await(&gate.entered, entered + 1);
+    update_by(f, other, 4);
+    return other;
+}
+
+static void a_long_frame_stands_still_for_a_short_one(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    assert_int_equal(next_frame_of(f, other).seq, 4); /* nothing was let through */
+    assert_int_equal(gate_count(&seen.expressed), 1);
+    assert_int_equal(gate_count(&gate.cancelled), 0);
+    gate_let_through(1); /* it goes on */
+    assert_int_equal(next_frame(f).seq, 3);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void what_stands_still_can_be_given_up(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    assert_int_equal(next_frame_of(f, other).seq, 4);
+    pthread_mutex_lock(&gate.mutex);
+    seen.stops_express = true;
+    seen.held = 0;
+    pthread_mutex_unlock(&gate.mutex);
+    update_by(f, other, 5);
+    gate_await(&seen.held, 1); /* and nothing ends that */
+    lanes_stop(&f->lanes);
+    assert_int_equal(gate_count(&gate.cancelled), 2);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+static void what_cannot_stand_still_is_waited_for(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *other = begin_with_a_long_frame(f, false);
+    settle_rate();
+    assert_int_equal(gate_count(&seen.expressed), 0);
+    gate_let_through(2);
+    assert_int_equal(next_frame_of(f, other).seq, 4);
+    assert_int_equal(gate_count(&seen.expressed), 0);
+    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+        TEST(a_newer_view_gives_up_the_refinement_of_an_older_one),
+        TEST(a_refinement_gives_way_to_what_moves_in_another_session),
+        TEST(a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row),
+        TEST(the_tick_gives_up_what_nobody_interrupts_any_more),
+        TEST(a_sharp_moving_picture_is_encoded_again_not_rendered),
+        TEST(what_nobody_wants_is_given_up),
+        TEST(a_backend_that_is_given_up_is_told_at_once),
+        TEST(frames_are_begun_while_others_are_drawn),
+        TEST(of_two_frames_in_flight_one_is_always_finished),
+        TEST(a_daemon_may_stop_with_frames_in_flight),
+        TEST(a_long_frame_stands_still_for_a_short_one),
+        TEST(what_stands_still_can_be_given_up),
+        TEST(what_cannot_stand_still_is_waited_for),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

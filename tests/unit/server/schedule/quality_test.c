@@ -1,0 +1,346 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How much detail a moving view gets, and the steps at rest, driven by given times.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "schedule/quality.h"
+
+/* What a frame takes here: fixed work an eighth with each level, work a megapixel, and how much the
+ * machine is slowed by others. */
+struct machine {
+    double fixed_ms, pixel_ms, load;
+};
+
+static const uint32_t full[2] = { 1024, 1024 };
+#define BUDGET SRV_PACE_ENOUGH_MS
+
+static double time_on(const struct machine *m, const struct srv_detail *d) {
+    double mpx = (double)d->size[0] * d->size[1] * 1e-6;
+    return m->load * (m->fixed_ms / (1 << 3 * d->coarse) + m->pixel_ms * mpx);
+}
+
+/* Rank of a detail in the order of the ladder, 0 = finest. */
+static unsigned rank(const struct srv_detail *d) {
+    return d->coarse * 8 + (8 - d->size[0] * 8 / full[0]);
+}
+
+struct drag {
+    struct srv_detail last;
+    double last_ms, worst_ms;
+    unsigned changes; /* frames with another detail than the one before */
+    unsigned misses;  /* frames over the budget */
+};
+
+static struct drag drag(struct srv_pace *pace, const struct machine *m, int frames) {
+    struct drag result = { .last_ms = 0 };
+    for (int i = 0; i < frames; i++) {
+        struct srv_detail detail;
+        srv_pace_moving(pace, full, BUDGET, &detail);
+        double ms = time_on(m, &detail);
+        srv_pace_done(pace, &detail, true, BUDGET, ms);
+        result.changes += i > 0 && rank(&detail) != rank(&result.last);
+        result.misses += ms > BUDGET;
+        result.worst_ms = ms > result.worst_ms ? ms : result.worst_ms;
+        result.last = detail;
+        result.last_ms = ms;
+    }
+    return result;
+}
+
+static double rest(struct srv_pace *pace, const struct machine *m) {
+    struct srv_detail sharp = { .size = { full[0], full[1] } };
+    double ms = time_on(m, &sharp);
+    srv_pace_done(pace, &sharp, false, BUDGET, ms);
+    srv_pace_rest(pace, full);
+    return ms;
+}
+
+static void the_budget_is_fifteen_a_second_or_what_is_asked_for(void **state) {
+    (void)state;
+    assert_true(srv_pace_budget_ms(120) == SRV_PACE_ENOUGH_MS);
+    assert_true(srv_pace_budget_ms(30) == SRV_PACE_ENOUGH_MS);
+    assert_true(srv_pace_budget_ms(5) == 200);
+}
+
+static void frames_within_the_budget_keep_all_detail(void **state) {
+    (void)state;
+    static const struct machine machines[] = { { 2, 1, 1 }, { 20, 10, 1 }, { 5, 40, 1 } };
+    for (size_t i = 0; i < sizeof machines / sizeof *machines; i++) {
+        struct srv_pace pace;
+        srv_pace_init(&pace);
+        drag(&pace, &machines[i], 2); /* the first picture is small: nothing is known */
+        struct drag d = drag(&pace, &machines[i], 100);
+        assert_int_equal(rank(&d.last), 0);
+        assert_int_equal(d.changes, 0);
+    }
+}
+
+/* Whatever a machine is like: the drag settles within a few frames, stays within the budget if
+ * anything can, and does not go to and fro. */
+static void any_machine_settles(void **state) {
+    (void)state;
+    static const double fixed[] = { 0.5, 5, 30, 60, 90, 200, 400, 1500, 5000 };
+    static const double pixel[] = { 0.5, 5, 20, 60, 100, 300, 800 };
+    for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
+        for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
+            struct machine m = { fixed[f], pixel[p], 1 };
+            struct srv_pace pace;
+            srv_pace_init(&pace);
+            drag(&pace, &m, 8);
+            struct drag d = drag(&pace, &m, 400);
+            struct srv_detail least = { .coarse = SP_COARSE_MAX,
+                                        .size = { full[0] / 4, full[1] / 4 } };
+            bool possible = time_on(&m, &least) <= BUDGET * 0.7;
+            if (possible && (d.misses > 8 || d.last_ms > 2 * BUDGET))
+                fail_msg("fixed %g pixel %g: %u frames over the budget", fixed[f], pixel[p],
+                         d.misses);
+            if (d.changes > 16)
+                fail_msg("fixed %g pixel %g: %u changes", fixed[f], pixel[p], d.changes);
+        }
+}
+
+/* Frames that differ by a quarter from one to the next: detail may look for its place, but not go
+ * to and fro all the time. */
+static void jitter_does_not_flicker(void **state) {
+    (void)state;
+    static const double fixed[] = { 5, 30, 60, 90, 200, 400, 1500 };
+    static const double pixel[] = { 5, 20, 60, 100, 300 };
+    uint32_t random = 1;
+    for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
+        for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
+            struct machine m = { fixed[f], pixel[p], 1 };
+            struct srv_pace pace;
+            struct srv_detail last = { .coarse = 9 };
+            unsigned changes = 0;
+            srv_pace_init(&pace);
+            drag(&pace, &m, 20);
+            for (int i = 0; i < 300; i++) {
+                random = random * 1664525u + 1013904223u;
+                m.load = 0.88 + (random >> 8) * (0.24 / (1 << 24));
+                struct drag d = drag(&pace, &m, 1);
+                changes += last.coarse != 9 && rank(&d.last) != rank(&last);
+                last = d.last;
+            }
+            if (changes > 20)
+                fail_msg("fixed %g pixel %g: %u changes in 300 frames", fixed[f], pixel[p],
+                         changes);
+        }
+}
+
+static void pixels_are_given_up_before_voxels(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct machine m = { 10, 100, 1 };
+    srv_pace_init(&pace);
+    struct drag d = drag(&pace, &m, 50);
+    assert_int_equal(d.last.coarse, 0);
+    assert_in_range(d.last.size[0], 512, 1000);
+    m = (struct machine){ 320, 4, 1 }; /* here fewer pixels gain nothing */
+    srv_pace_init(&pace);
+    d = drag(&pace, &m, 50);
+    assert_int_equal(d.last.coarse, 1);
+    assert_int_equal(d.last.size[0], 1024);
+}
+
+/* The first frame is drawn with the detail that another view's frames had in the end; where that
+ * was wrong its own ones tell, at once. */
+static void what_another_view_took_is_the_first_guess(void **state) {
+    (void)state;
+    struct srv_detail detail;
+    struct srv_pace other, pace;
+    struct machine m = { 20, 5, 1 };
+    srv_pace_init(&other);
+    drag(&other, &m, 20);
+    srv_pace_init(&pace);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_int_equal(detail.size[0], 512);
+    srv_pace_init_from(&pace, &other);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_int_equal(detail.size[0], 1024);
+    assert_int_equal(detail.coarse, 0);
+    double guess_ms = srv_pace_expect_ms(&pace, &detail);
+    assert_true(guess_ms > 10 && guess_ms < 60);
+    srv_pace_done(&pace, &detail, true, BUDGET, 10 * guess_ms);
+    assert_float_equal(srv_pace_expect_ms(&pace, &detail), 10 * guess_ms, 1e-6);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_true(rank(&detail) > 0);
+}
+
+/* Loads from light to heavy and back: detail goes when the budget is missed and comes back during
+ * the drag, without a rest. */
+static void detail_comes_back_when_the_load_goes(void **state) {
+    (void)state;
+    static const struct machine machines[] = { { 20, 5, 1 }, { 5, 25, 1 }, { 25, 0.5, 1 } };
+    for (size_t i = 0; i < sizeof machines / sizeof *machines; i++)
+        for (double load = 1.5; load <= 24; load *= 2) {
+            struct srv_pace pace;
+            struct machine m = machines[i];
+            srv_pace_init(&pace);
+            struct drag d = drag(&pace, &m, 20);
+            assert_int_equal(rank(&d.last), 0);
+            m.load = load;
+            drag(&pace, &m, 40);
+            d = drag(&pace, &m, 60);
+            assert_true(d.misses <= 3 || d.last.coarse == SP_COARSE_MAX);
+            m.load = 1;
+            d = drag(&pace, &m, 100);
+            if (rank(&d.last) != 0)
+                fail_msg("machine %zu after a load of %g: still at rank %u", i, load,
+                         rank(&d.last));
+        }
+}
+
+static void between_keeping_and_raising_lies_a_band(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct machine m = { 30, 8, 1 };
+    srv_pace_init(&pace);
+    drag(&pace, &m, 10);
+    m.load = 1.5; /* 58 ms: within the budget */
+    struct drag d = drag(&pace, &m, 50);
+    assert_int_equal(rank(&d.last), 0);
+    assert_int_equal(d.changes, 0);
+    m.load = 2;
+    for (int i = 0; i < 20 && rank(&d.last) == 0; i++)
+        d = drag(&pace, &m, 1);
+    unsigned low = rank(&d.last);
+    assert_true(low > 0);
+    m.load = 1.5; /* the same, from below: it would fit, but barely */
+    d = drag(&pace, &m, 5);
+    assert_int_equal(rank(&d.last), low);
+    m.load = 1;
+    d = drag(&pace, &m, 20);
+    assert_int_equal(rank(&d.last), 0);
+}
+
+static void one_slow_frame_changes_nothing_two_do(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct machine m = { 10, 5, 1 }, slow = { 10, 5, 40 };
+    srv_pace_init(&pace);
+    drag(&pace, &m, 20);
+    drag(&pace, &slow, 1);
+    struct drag d = drag(&pace, &m, 10);
+    assert_int_equal(d.changes, 0);
+    assert_int_equal(rank(&d.last), 0);
+    drag(&pace, &slow, 2);
+    struct srv_detail detail;
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_true(rank(&detail) > 0);
+}
+
+/* 90 ms: doubt tries it again, in vain, and each time later. */
+static void what_was_too_slow_is_tried_ever_more_rarely(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct machine m = { 90, 0.5, 1 };
+    srv_pace_init(&pace);
+    drag(&pace, &m, 4);
+    unsigned tries[3];
+    for (int i = 0; i < 3; i++)
+        tries[i] = drag(&pace, &m, 200).misses;
+    assert_in_range(tries[0], 1, 4);
+    assert_true(tries[2] <= 1);
+    struct machine hopeless = { 400, 0.5, 1 }; /* more than twice too slow */
+    srv_pace_init(&pace);
+    drag(&pace, &hopeless, 4);
+    assert_int_equal(drag(&pace, &hopeless, 400).misses, 0);
+}
+
+static void a_rest_gives_slow_levels_another_chance(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct machine m = { 320, 1, 1 }, jammed = { 320, 1, 100 };
+    srv_pace_init(&pace);
+    assert_int_equal(drag(&pace, &m, 20).last.coarse, 1);
+    assert_int_equal(drag(&pace, &jammed, 3).last.coarse, 2);
+    rest(&pace, &m);
+    assert_int_equal(drag(&pace, &m, 1).last.coarse, 1);
+    /* What is known to be fast is not forgotten: the next drag begins as the last one ended. */
+    struct drag before = drag(&pace, &m, 20);
+    rest(&pace, &m);
+    assert_int_equal(rank(&before.last), rank(&(struct srv_detail){ 1, { 1024, 1024 } }));
+    assert_int_equal(drag(&pace, &m, 20).changes, 0);
+}
+
+static void what_was_given_up_took_at_least_so_long(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct machine m = { 40, 4, 1 };
+    struct srv_detail detail, next;
+    srv_pace_init(&pace);
+    drag(&pace, &m, 20);
+    srv_pace_moving(&pace, full, BUDGET, &detail);
+    assert_int_equal(rank(&detail), 0);
+    srv_pace_given_up(&pace, &detail, 10); /* says nothing */
+    srv_pace_moving(&pace, full, BUDGET, &next);
+    assert_int_equal(rank(&next), 0);
+    srv_pace_given_up(&pace, &detail, 140);
+    srv_pace_moving(&pace, full, BUDGET, &next);
+    assert_true(rank(&next) > 0);
+}
+
+static void a_sharp_picture_that_takes_long_is_led_up_to(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    struct srv_detail middle;
+    struct machine quick = { 100, 50, 1 }, voxels = { 1600, 20, 1 }, pixels = { 10, 2000, 1 };
+    srv_pace_init(&pace);
+    assert_false(srv_pace_middle(&pace, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
+    struct drag d = drag(&pace, &quick, 50);
+    assert_false(srv_pace_middle(&pace, full, &d.last, &middle)); /* it is there soon */
+    srv_pace_init(&pace);
+    d = drag(&pace, &voxels, 50);
+    rest(&pace, &voxels);
+    assert_int_equal(d.last.coarse, 2);
+    assert_true(srv_pace_middle(&pace, full, &d.last, &middle));
+    assert_int_equal(middle.coarse, 1);
+    assert_int_equal(middle.size[0], 1024);
+    assert_false(srv_pace_middle(&pace, full, &middle, &middle)); /* it is shown already */
+    srv_pace_init(&pace);
+    d = drag(&pace, &pixels, 50);
+    double sharp_ms = rest(&pace, &pixels);
+    assert_true(srv_pace_middle(&pace, full, &d.last, &middle));
+    assert_true(middle.size[0] > d.last.size[0] || middle.coarse < d.last.coarse);
+    assert_true(time_on(&pixels, &middle) <= sharp_ms / 3);
+}
+
+static void tiny_pictures_have_a_size(void **state) {
+    (void)state;
+    struct srv_pace pace;
+    static const uint32_t tiny[2] = { 1, 3 };
+    struct srv_detail detail;
+    srv_pace_init(&pace);
+    for (int i = 0; i < 20; i++) {
+        srv_pace_moving(&pace, tiny, BUDGET, &detail);
+        assert_true(detail.size[0] == 1 && detail.size[1] >= 1 && detail.size[1] <= 3);
+        srv_pace_done(&pace, &detail, true, BUDGET, 1e6);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_budget_is_fifteen_a_second_or_what_is_asked_for),
+        cmocka_unit_test(frames_within_the_budget_keep_all_detail),
+        cmocka_unit_test(any_machine_settles),
+        cmocka_unit_test(jitter_does_not_flicker),
+        cmocka_unit_test(pixels_are_given_up_before_voxels),
+        cmocka_unit_test(what_another_view_took_is_the_first_guess),
+        cmocka_unit_test(detail_comes_back_when_the_load_goes),
+        cmocka_unit_test(between_keeping_and_raising_lies_a_band),
+        cmocka_unit_test(one_slow_frame_changes_nothing_two_do),
+        cmocka_unit_test(what_was_too_slow_is_tried_ever_more_rarely),
+        cmocka_unit_test(a_rest_gives_slow_levels_another_chance),
+        cmocka_unit_test(what_was_given_up_took_at_least_so_long),
+        cmocka_unit_test(a_sharp_picture_that_takes_long_is_led_up_to),
+        cmocka_unit_test(tiny_pictures_have_a_size),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Control of a session's view by the clock: when it passes on, and to whom. --control-time is
+ * 500 ms.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "unit/server/session/hub_fixture.h"
+
+/* Sends a request; true if it was answered with a result that holds `text`. */
+static bool call(struct fixture *f, struct srv_participant *p, const char *method,
+                 const char *params, double now_ms, const char *text) {
+    char message[256], *answer;
+    size_t size;
+    snprintf(message, sizeof message,
+             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"%s\",\"params\":%s}", method, params);
+    assert_true(srv_hub_message(f->hub, p, message, strlen(message), now_ms, &answer, &size));
+    bool found = strstr(answer, "\"result\"") && strstr(answer, text);
+    free(answer);
+    return found;
+}
+
+static bool moves(struct fixture *f, struct srv_participant *p, double now_ms) {
+    return call(f, p, "view.update", "{\"seq\":1,\"patch\":{}}", now_ms, "seq");
+}
+
+static bool asks(struct fixture *f, struct srv_participant *p, double now_ms) {
+    return call(f, p, "session.request_control", "{}", now_ms, "true");
+}
+
+/* Does somebody ask, by the session's newest notification? */
+static bool is_told(struct fixture *f, struct srv_participant *p, const char *text, double now_ms) {
+    struct srv_message message;
+    bool found = false;
+    while (srv_hub_next_message(f->hub, p, true, now_ms, &message) == SRV_MESSAGE_TEXT) {
+        if (strstr(message.text, "session.control"))
+            found = strstr(message.text, text) != NULL;
+        free(message.text);
+    }
+    return found;
+}
+
+static void each_holder_has_the_whole_time(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_participant *c = hub_join(f, SRV_ROLE_CONTROL, 0);
+    assert_true(moves(f, a, 0));
+    assert_false(asks(f, b, 100));
+    assert_false(asks(f, c, 200));
+    assert_false(asks(f, b, 300)); /* again: keeps its place and its time */
+    assert_true(srv_hub_tick(f->hub, 590) <= 10);
+    assert_true(is_told(f, c, "\"seconds\":0.01}", 590));
+    assert_true(moves(f, a, 590));
+    srv_hub_tick(f->hub, 600);
+    assert_false(moves(f, a, 600));
+    assert_true(moves(f, b, 600));
+    srv_hub_tick(f->hub, 1099); /* c asked at 200, but b has been asked since 600 */
+    assert_true(moves(f, b, 1099));
+    srv_hub_tick(f->hub, 1100);
+    assert_true(moves(f, c, 1100));
+    srv_hub_leave(f->hub, &a, 1200);
+    srv_hub_leave(f->hub, &b, 1200);
+    srv_hub_leave(f->hub, &c, 1200);
+}
+
+/* One's own name must not write over those beside it. */
+static void names_have_no_controls(void **state) {
+    struct fixture *f = *state;
+    static const char *const bad[] = { "",
+                                       "a\\nb",
+                                       "a\\u0000b",
+                                       "a\x7f",
+                                       "a\xc2\x85",
+                                       "\xd8\x9c",
+                                       "\xe2\x80\x8f",
+                                       "\xe2\x80\xa8",
+                                       "\xe2\x80\xae",
+                                       "a\xe2\x81\xa6",
+                                       "\xe2\x81\xa9" };
+    static const char *const good[] = { "a",
+                                        "\xd8\x9b",
+                                        "\xd9\x8b\xd8\xa8",
+                                        "\xc2\xa0\xc3\xbc",
+                                        "\xe2\x80\x8d",
+                                        "\xe2\x80\x90",
+                                        "\xe2\x81\xaa",
+                                        "\xe2\x82\xac" };
+    char params[64];
+    struct srv_participant *p = hub_join(f, SRV_ROLE_VIEW, 0);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        snprintf(params, sizeof params, "{\"name\":\"%s\"}", bad[i]);
+        if (call(f, p, "stream.configure", params, 0, "name"))
+            fail_msg("bad name %zu is taken", i);
+    }
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        snprintf(params, sizeof params, "{\"name\":\"%s\"}", good[i]);
+        if (!call(f, p, "stream.configure", params, 0, good[i]))
+            fail_msg("name %zu is refused", i);
+    }
+    srv_hub_leave(f->hub, &p, 0);
+}
+
+static void an_unknown_member_is_named(void **state) {
+    struct fixture *f = *state;
+    static const char text[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.ack\","
+                               "\"params\":{\"frame\":1,\"a/b~\":2}}";
+    char *answer;
+    size_t size;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_VIEW, 0);
+    assert_true(srv_hub_message(f->hub, p, text, sizeof text - 1, 0, &answer, &size));
+    assert_non_null(strstr(answer, "\"code\":-32602"));
+    assert_non_null(strstr(answer, "\"pointer\":\"/a~1b~0\""));
+    assert_non_null(strstr(answer, "unknown member; known: "));
+    free(answer);
+    srv_hub_leave(f->hub, &p, 0);
+}
+
+static void watching_and_waiting_gives_nothing(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_participant *b = hub_join(f, SRV_ROLE_VIEW, 0);
+    assert_true(moves(f, a, 0));
+    assert_false(asks(f, b, 0));
+    assert_true(is_told(f, a, "\"seconds\":null", 0));
+    srv_hub_tick(f->hub, 1e9);
+    assert_false(moves(f, b, 1e9));
+    assert_true(moves(f, a, 1e9));
+    srv_hub_leave(f->hub, &a, 1e9);
+    assert_false(moves(f, b, 1e9));
+    srv_hub_tick(f->hub, 2e9);
+    assert_false(moves(f, b, 2e9));
+    srv_hub_leave(f->hub, &b, 2e9);
+}
+
+static void an_answer_stops_the_clock(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
+    char params[32];
+    assert_true(asks(f, a, 0));
+    assert_false(asks(f, b, 0));
+    snprintf(params, sizeof params, "{\"to\":%u}", (unsigned)srv_participant_id(b));
+    assert_true(call(f, a, "session.refuse_control", params, 400, "true"));
+    srv_hub_tick(f->hub, 5000);
+    assert_true(moves(f, a, 5000));
+    assert_false(asks(f, b, 5000));
+    assert_true(call(f, b, "session.release_control", "{}", 5100, "false")); /* withdrawn */
+    srv_hub_tick(f->hub, 9000);
+    assert_true(moves(f, a, 9000));
+    assert_false(asks(f, b, 9000));
+    srv_hub_leave(f->hub, &b, 9100); /* so is the request of who leaves */
+    assert_true(is_told(f, a, "\"requests\":[]", 9100));
+    srv_hub_leave(f->hub, &a, 9200);
+}
+
+static void picks_are_counted_out(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 10000);
+    unsigned answered = 0;
+    for (int i = 0; i < 100; i++)
+        answered += call(f, a, "pick", "{\"at\":[512,0]}", 10000, "\"position\":[1");
+    assert_int_equal(answered, 20);
+    for (int i = 0; i < 100; i++) /* a second later */
+        answered += call(f, a, "pick", "{\"at\":[0,0]}", 10010 + 10 * i, "\"position\":null");
+    assert_int_equal(answered, 40);
+    srv_hub_leave(f->hub, &a, 20000);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
+        TEST(names_have_no_controls),         TEST(an_unknown_member_is_named),
+        TEST(each_holder_has_the_whole_time), TEST(watching_and_waiting_gives_nothing),
+        TEST(an_answer_stops_the_clock),      TEST(picks_are_counted_out),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Tokens that change while sessions and streams of them are there.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "unit/server/session/hub_fixture.h"
+
+/* The fixture's session is the owner's from then on; the one of nobody stays. */
+static void create_owned(struct fixture *f, const struct srv_owner *owner) {
+    proto_json *json = srv_hub_session_create_owned(f->hub, NULL, owner, false, 0, f->id, NULL);
+    assert_non_null(json);
+    proto_json_free(&json);
+}
+
+/* The code with which a participant is told to leave; 0 = it is not. */
+static unsigned close_code(struct fixture *f, struct srv_participant *p) {
+    struct srv_message message;
+    enum srv_message_kind kind;
+    while ((kind = srv_hub_next_message(f->hub, p, false, 0, &message)) == SRV_MESSAGE_TEXT)
+        free(message.text);
+    return kind == SRV_MESSAGE_CLOSE ? message.close_code : 0;
+}
+
+static void a_token_that_is_gone_takes_its_streams_with_it(void **state) {
+    struct fixture *f = *state;
+    const struct srv_owner ann = { .name = "ann" };
+    struct srv_quota today = { .sessions = 0 };
+    struct sp_error err;
+    struct srv_participant *p[4];
+    p[0] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err); /* of nobody's session */
+    f->quota = &today;
+    f->rights = SRV_RIGHT_VIEW;
+    p[1] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
+    create_owned(f, &ann);
+    p[2] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err);
+    p[3] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
+    for (int is_gone = 0; is_gone < 2; is_gone++) {
+        srv_hub_renew_tokens(f->hub);
+        for (int i = 0; i < 4; i++)
+            assert_int_equal(close_code(f, p[i]), is_gone && i > 0 ? 1008 : 0);
+        f->quota = NULL;
+    }
+    /* Who has a join token may come again; only the change tells them to leave. */
+    struct srv_participant *again = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err);
+    assert_non_null(again);
+    srv_hub_renew_tokens(f->hub);
+    assert_int_equal(close_code(f, again), 0);
+    /* Nor does who was let in by a token that went before it came. */
+    assert_null(srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "ann", NULL, 0, &err));
+    assert_int_equal(err.code, SP_ERR_DENIED);
+    srv_hub_leave(f->hub, &again, 0);
+    for (int i = 0; i < 4; i++)
+        srv_hub_leave(f->hub, &p[i], 0);
+}
+
+/* What a stream has by a token is what that gives today: in a session of its own name, and in
+ * nobody's, where an admin has control. */
+static void a_role_that_is_lowered_takes_its_streams_with_it(void **state) {
+    struct fixture *f = *state;
+    enum { CONTROL = SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL };
+    static const struct {
+        bool is_own;
+        enum srv_role role;
+        unsigned before, after;
+        unsigned code;
+    } cases[] = {
+        { true, SRV_ROLE_CONTROL, CONTROL, CONTROL, 0 },
+        { true, SRV_ROLE_CONTROL, CONTROL, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER, 1008 },
+        { true, SRV_ROLE_VIEW, CONTROL, SRV_RIGHT_VIEW, 0 },
+        { true, SRV_ROLE_VIEW, SRV_RIGHT_VIEW, SRV_RIGHT_METRICS, 1008 },
+        { false, SRV_ROLE_CONTROL, CONTROL | SRV_RIGHT_ADMIN, CONTROL, 1008 },
+        { false, SRV_ROLE_VIEW, CONTROL, SRV_RIGHT_VIEW, 0 },
+    };
+    const struct srv_owner ann = { .name = "ann" };
+    struct srv_quota today = { .sessions = 0 };
+    struct sp_error err;
+    char of_nobody[sizeof f->id];
+    memcpy(of_nobody, f->id, sizeof f->id);
+    f->quota = &today;
+    create_owned(f, &ann);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const char *id = cases[i].is_own ? f->id : of_nobody;
+        f->rights = cases[i].before;
+        struct srv_participant *p = srv_hub_join(f->hub, id, cases[i].role, "ann", NULL, 0, &err);
+        struct srv_participant *joined =
+            srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, "", NULL, 0, &err);
+        assert_true(p && joined);
+        f->rights = cases[i].after;
+        srv_hub_renew_tokens(f->hub);
+        if (close_code(f, p) != cases[i].code || close_code(f, joined) != 0)
+            fail_msg("case %zu", i);
+        struct srv_participant *late =
+            srv_hub_join(f->hub, id, cases[i].role, "ann", NULL, 0, &err);
+        assert_int_equal(late == NULL, cases[i].code != 0);
+        srv_hub_leave(f->hub, &late, 0);
+        srv_hub_leave(f->hub, &joined, 0);
+        srv_hub_leave(f->hub, &p, 0);
+    }
+}
+
+/* The error's code of a patch, SP_OK = it was merged. */
+static enum sp_code patched(struct fixture *f, const char *text) {
+    struct sp_error err = { .code = SP_OK };
+    proto_json *patch = proto_json_parse(text, strlen(text), NULL);
+    proto_json *view = srv_hub_session_patch(f->hub, f->id, patch, 0, &err);
+    assert_int_equal(view == NULL, err.code != SP_OK);
+    proto_json_free(&view);
+    proto_json_free(&patch);
+    return err.code;
+}
+
+/* The size of the next picture for the only participant. */
+static void next_size(struct fixture *f, uint32_t size[2]) {
+    struct srv_job job;
+    double wait_ms;
+    static double now_ms = 1e6;
+    now_ms += 10000;
+    assert_true(srv_hub_next_job(f->hub, now_ms, &job, &wait_ms));
+    memcpy(size, job.full, sizeof job.full);
+    srv_hub_job_cancelled(f->hub, &job, 0);
+}
+
+/* A session larger than its owner's token allows today goes on, in pictures that it allows; only a
+ * size that is asked for is refused. The view keeps its own, for the day when there is more again.
+ */
+static void a_size_that_is_lowered_makes_pictures_smaller(void **state) {
+    struct fixture *f = *state;
+    const struct srv_owner ann = { .name = "ann" };
+    struct srv_quota today = { .sessions = 0 };
+    struct sp_error err;
+    uint32_t size[2];
+    f->quota = &today;
+    f->rights = SRV_RIGHT_VIEW;
+    create_owned(f, &ann);
+    assert_int_equal(patched(f, "{\"size\":[1600,400]}"), SP_OK);
+    struct srv_participant *p = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err);
+    assert_non_null(p);
+    next_size(f, size);
+    assert_true(size[0] == 1600 && size[1] == 400);
+    today.frame_px = 160000;
+    srv_hub_renew_tokens(f->hub);
+    assert_int_equal(patched(f, "{\"camera\":{\"fov_y\":33}}"), SP_OK);
+    next_size(f, size);
+    assert_true(size[0] == 800 && size[1] == 200);
+    assert_int_equal(patched(f, "{\"size\":[1600,401]}"), SP_ERR_INVALID);
+    assert_int_equal(patched(f, "{\"size\":[400,400]}"), SP_OK);
+    next_size(f, size);
+    assert_true(size[0] == 400 && size[1] == 400);
+    assert_int_equal(patched(f, "{\"size\":[1600,400]}"), SP_ERR_INVALID);
+    today.frame_px = 0;
+    srv_hub_renew_tokens(f->hub);
+    assert_int_equal(patched(f, "{\"size\":[1600,400]}"), SP_OK);
+    srv_hub_leave(f->hub, &p, 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_token_that_is_gone_takes_its_streams_with_it, hub_set_up,
+                                        hub_tear_down),
+        cmocka_unit_test_setup_teardown(a_role_that_is_lowered_takes_its_streams_with_it,
+                                        hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(a_size_that_is_lowered_makes_pictures_smaller, hub_set_up,
+                                        hub_tear_down),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
