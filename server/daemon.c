@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "common/clock.h"
+#include "http/cors.h"
 #include "http/listener.h"
-#include "http/origins.h"
 #include "http/streams.h"
 #include "paths/paths.h"
 #include "render/catalog.h"
@@ -24,7 +24,7 @@ struct srv_daemon {
     struct srv_log *log;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
-    struct srv_stills *stills;
+    struct srv_snapshot_memory *snapshot_memory;
     struct srv_tokens *tokens;
     char token[SRV_TOKEN_DIGITS + 1]; /* the only one, if there is no file */
     struct srv_hub *hub;
@@ -256,12 +256,13 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->catalog = d->catalog;
     o->scheduler = d->scheduler;
     o->streams = d->streams;
-    o->stills = d->stills;
+    o->snapshot_memory = d->snapshot_memory;
     o->tokens = d->tokens;
     o->store = d->store;
     o->jobs = atomic_load(&d->jobs);
     o->metrics = d->metrics;
-    if (!srv_origins_check(c->allow_origin, err) || !srv_address_parse(c->listen, &address, err))
+    if (!srv_cors_check_origins(c->allow_origin, err) ||
+        !srv_address_parse(c->listen, &address, err))
         return false;
     if (!srv_address_is_loopback((const struct sockaddr *)&address.storage) && !c->token_file &&
         !c->tls_cert)
@@ -336,7 +337,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .keep = on_volume,
         .unloaded = on_unloaded,
     };
-    if ((d->stills = srv_stills_create((uint64_t)config->render_bytes, err)) &&
+    if ((d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
         start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
         start_tokens(d, err) && start_jobs(d, err) && start_http(d, err))
@@ -407,7 +408,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
-    srv_stills_destroy(&d->stills);
+    srv_snapshot_memory_destroy(&d->snapshot_memory);
     atomic_store(&d->jobs, NULL);
     srv_jobs_destroy(&jobs);
     srv_hub_destroy(&d->hub);

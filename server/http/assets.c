@@ -15,8 +15,8 @@ static uint64_t hash(const struct srv_asset *asset) {
     return h;
 }
 
-struct srv_packed *srv_assets_pack(struct sp_error *err) {
-    struct srv_packed *packed = calloc(srv_asset_count + 1, sizeof *packed);
+struct srv_packed_asset *srv_assets_pack(struct sp_error *err) {
+    struct srv_packed_asset *packed = calloc(srv_asset_count + 1, sizeof *packed);
     if (!packed) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the page");
         return NULL;
@@ -31,7 +31,7 @@ struct srv_packed *srv_assets_pack(struct sp_error *err) {
     return packed;
 }
 
-void srv_assets_release(struct srv_packed **packed) {
+void srv_assets_release(struct srv_packed_asset **packed) {
     for (size_t i = 0; *packed && i < srv_asset_count; i++)
         free((*packed)[i].gzip);
     free(*packed);

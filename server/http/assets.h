@@ -20,13 +20,13 @@ extern const struct srv_asset srv_assets[];
 extern const size_t srv_asset_count;
 
 /* What answers need of each asset, made once: an array beside srv_assets. */
-struct srv_packed {
+struct srv_packed_asset {
     char etag[20]; /* of its bytes, in quotes */
     void *gzip;    /* NULL = it is served as it is */
     size_t gzip_size;
 };
 /* NULL with *err set. */
-struct srv_packed *srv_assets_pack(struct sp_error *err);
-void srv_assets_release(struct srv_packed **packed);
+struct srv_packed_asset *srv_assets_pack(struct sp_error *err);
+void srv_assets_release(struct srv_packed_asset **packed);
 
 #endif

@@ -11,8 +11,8 @@
 #include "common/timer_heap.h"
 #include "sp/log.h"
 
-struct srv_guarded {
-    struct srv_guarded *next, *previous;
+struct srv_connection {
+    struct srv_connection *next, *previous;
     int socket;
     struct sockaddr_storage address;
     char peer[SRV_ADDRESS_TEXT];
@@ -21,38 +21,39 @@ struct srv_guarded {
     unsigned requests;
 };
 
-struct srv_guard {
+struct srv_deadlines {
     pthread_mutex_t mutex;
-    struct srv_guarded *list;
+    struct srv_connection *list;
     struct srv_dues dues;
     size_t count;
 };
 
-struct srv_guard *srv_guard_create(struct sp_error *err) {
-    struct srv_guard *guard = calloc(1, sizeof *guard);
-    if (!guard)
+struct srv_deadlines *srv_deadlines_create(struct sp_error *err) {
+    struct srv_deadlines *deadlines = calloc(1, sizeof *deadlines);
+    if (!deadlines)
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the list of connections");
     else
-        pthread_mutex_init(&guard->mutex, NULL);
-    return guard;
+        pthread_mutex_init(&deadlines->mutex, NULL);
+    return deadlines;
 }
 
-void srv_guard_destroy(struct srv_guard **guard) {
-    if (*guard)
-        pthread_mutex_destroy(&(*guard)->mutex);
-    free(*guard);
-    *guard = NULL;
+void srv_deadlines_destroy(struct srv_deadlines **deadlines) {
+    if (*deadlines)
+        pthread_mutex_destroy(&(*deadlines)->mutex);
+    free(*deadlines);
+    *deadlines = NULL;
 }
 
 /* With the mutex held. 0 = none. */
-static void set_deadline(struct srv_guard *guard, struct srv_guarded *c, double deadline_ms) {
+static void set_deadline(struct srv_deadlines *deadlines, struct srv_connection *c,
+                         double deadline_ms) {
     c->deadline_ms = deadline_ms > 0 ? deadline_ms : INFINITY;
-    srv_due_set_by(&guard->dues, &c->due, c->deadline_ms);
+    srv_due_set_by(&deadlines->dues, &c->due, c->deadline_ms);
 }
 
-struct srv_guarded *srv_guard_open(struct srv_guard *guard, int socket, const struct sockaddr *peer,
-                                   double deadline_ms) {
-    struct srv_guarded *c = calloc(1, sizeof *c);
+struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int socket,
+                                          const struct sockaddr *peer, double deadline_ms) {
+    struct srv_connection *c = calloc(1, sizeof *c);
     if (!c)
         return NULL;
     c->socket = socket;
@@ -62,42 +63,43 @@ struct srv_guarded *srv_guard_open(struct srv_guard *guard, int socket, const st
                peer->sa_family == AF_INET6 ? sizeof(struct sockaddr_in6)
                                            : sizeof(struct sockaddr_in));
     srv_address_to_text((const struct sockaddr *)&c->address, c->peer);
-    pthread_mutex_lock(&guard->mutex);
-    c->next = guard->list;
+    pthread_mutex_lock(&deadlines->mutex);
+    c->next = deadlines->list;
     if (c->next)
         c->next->previous = c;
-    guard->list = c;
-    guard->count++;
-    set_deadline(guard, c, deadline_ms);
-    pthread_mutex_unlock(&guard->mutex);
+    deadlines->list = c;
+    deadlines->count++;
+    set_deadline(deadlines, c, deadline_ms);
+    pthread_mutex_unlock(&deadlines->mutex);
     return c;
 }
 
-void srv_guard_close(struct srv_guard *guard, struct srv_guarded *c) {
-    pthread_mutex_lock(&guard->mutex);
+void srv_deadlines_close(struct srv_deadlines *deadlines, struct srv_connection *c) {
+    pthread_mutex_lock(&deadlines->mutex);
     if (c->previous)
         c->previous->next = c->next;
     else
-        guard->list = c->next;
+        deadlines->list = c->next;
     if (c->next)
         c->next->previous = c->previous;
-    guard->count--;
-    srv_due_clear(&guard->dues, &c->due);
-    pthread_mutex_unlock(&guard->mutex);
+    deadlines->count--;
+    srv_due_clear(&deadlines->dues, &c->due);
+    pthread_mutex_unlock(&deadlines->mutex);
     free(c);
 }
 
-void srv_guard_set_deadline(struct srv_guard *guard, struct srv_guarded *c, double deadline_ms) {
-    pthread_mutex_lock(&guard->mutex);
-    set_deadline(guard, c, deadline_ms);
-    pthread_mutex_unlock(&guard->mutex);
+void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *c,
+                       double deadline_ms) {
+    pthread_mutex_lock(&deadlines->mutex);
+    set_deadline(deadlines, c, deadline_ms);
+    pthread_mutex_unlock(&deadlines->mutex);
 }
 
-void srv_guard_sweep(struct srv_guard *guard, double now_ms) {
-    pthread_mutex_lock(&guard->mutex);
-    for (struct srv_guarded *c; (c = srv_due_take(&guard->dues, now_ms));) {
+void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms) {
+    pthread_mutex_lock(&deadlines->mutex);
+    for (struct srv_connection *c; (c = srv_due_take(&deadlines->dues, now_ms));) {
         if (c->deadline_ms > now_ms) {
-            srv_due_set(&guard->dues, &c->due, c->deadline_ms);
+            srv_due_set(&deadlines->dues, &c->due, c->deadline_ms);
             continue;
         }
         sp_log(SP_LOG_INFO,
@@ -105,40 +107,40 @@ void srv_guard_sweep(struct srv_guard *guard, double now_ms) {
                c->peer);
         shutdown(c->socket, SHUT_RDWR);
     }
-    pthread_mutex_unlock(&guard->mutex);
+    pthread_mutex_unlock(&deadlines->mutex);
 }
 
-void srv_guard_count(struct srv_guard *guard, const struct sockaddr *host, size_t *all,
-                     size_t *same_host) {
+void srv_deadlines_count(struct srv_deadlines *deadlines, const struct sockaddr *host, size_t *all,
+                         size_t *same_host) {
     *same_host = 0;
-    pthread_mutex_lock(&guard->mutex);
-    *all = guard->count;
-    for (const struct srv_guarded *c = guard->list; c; c = c->next)
+    pthread_mutex_lock(&deadlines->mutex);
+    *all = deadlines->count;
+    for (const struct srv_connection *c = deadlines->list; c; c = c->next)
         if (srv_address_same_host((const struct sockaddr *)&c->address, host))
             (*same_host)++;
-    pthread_mutex_unlock(&guard->mutex);
+    pthread_mutex_unlock(&deadlines->mutex);
 }
 
-size_t srv_guard_all(struct srv_guard *guard) {
-    pthread_mutex_lock(&guard->mutex);
-    size_t all = guard->count;
-    pthread_mutex_unlock(&guard->mutex);
+size_t srv_deadlines_connections(struct srv_deadlines *deadlines) {
+    pthread_mutex_lock(&deadlines->mutex);
+    size_t all = deadlines->count;
+    pthread_mutex_unlock(&deadlines->mutex);
     return all;
 }
 
-bool srv_guard_is_gone(const struct srv_guarded *connection) {
+bool srv_connection_is_gone(const struct srv_connection *connection) {
     struct pollfd look = { .fd = connection->socket, .events = POLLRDHUP };
     return poll(&look, 1, 0) > 0 && look.revents & (POLLRDHUP | POLLHUP | POLLERR);
 }
 
-unsigned srv_guard_count_request(struct srv_guarded *connection) {
+unsigned srv_connection_count_request(struct srv_connection *connection) {
     return ++connection->requests;
 }
 
-const char *srv_guard_peer(const struct srv_guarded *connection) {
+const char *srv_connection_peer(const struct srv_connection *connection) {
     return connection->peer;
 }
 
-const struct sockaddr_storage *srv_guard_address(const struct srv_guarded *connection) {
+const struct sockaddr_storage *srv_connection_address(const struct srv_connection *connection) {
     return &connection->address;
 }

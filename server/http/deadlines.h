@@ -9,8 +9,8 @@
  *
  * A connection past its deadline is shut down. All functions are thread-safe.
  */
-#ifndef SRV_HTTP_GUARD_H
-#define SRV_HTTP_GUARD_H
+#ifndef SRV_HTTP_DEADLINES_H
+#define SRV_HTTP_DEADLINES_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -19,34 +19,35 @@
 #include "http/address.h"
 #include "sp/status.h"
 
-struct srv_guard;
-struct srv_guarded; /* one connection */
+struct srv_deadlines;
+struct srv_connection; /* one connection */
 
-struct srv_guard *srv_guard_create(struct sp_error *err);
-void srv_guard_destroy(struct srv_guard **guard); /* after the last connection was closed */
+struct srv_deadlines *srv_deadlines_create(struct sp_error *err);
+void srv_deadlines_destroy(
+    struct srv_deadlines **deadlines); /* after the last connection was closed */
 
 /* NULL when out of memory. */
-struct srv_guarded *srv_guard_open(struct srv_guard *guard, int socket, const struct sockaddr *peer,
-                                   double deadline_ms);
-void srv_guard_close(struct srv_guard *guard, struct srv_guarded *connection);
+struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int socket,
+                                          const struct sockaddr *peer, double deadline_ms);
+void srv_deadlines_close(struct srv_deadlines *deadlines, struct srv_connection *connection);
 /* Did the peer close its side, or is it gone altogether? Does not read what it sent. */
-bool srv_guard_is_gone(const struct srv_guarded *connection);
+bool srv_connection_is_gone(const struct srv_connection *connection);
 /* 0 = none. */
-void srv_guard_set_deadline(struct srv_guard *guard, struct srv_guarded *connection,
-                            double deadline_ms);
+void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *connection,
+                       double deadline_ms);
 /* Shuts down what is past its deadline. */
-void srv_guard_sweep(struct srv_guard *guard, double now_ms);
+void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms);
 /* Open connections, and those from this host. */
-void srv_guard_count(struct srv_guard *guard, const struct sockaddr *host, size_t *all,
-                     size_t *same_host);
+void srv_deadlines_count(struct srv_deadlines *deadlines, const struct sockaddr *host, size_t *all,
+                         size_t *same_host);
 
-size_t srv_guard_all(struct srv_guard *guard);
+size_t srv_deadlines_connections(struct srv_deadlines *deadlines);
 
 /* Constant while the connection is open. */
 /* Counts one more request of a connection; returns how many there were with it. For the thread that
  * has the connection. */
-unsigned srv_guard_count_request(struct srv_guarded *connection);
-const char *srv_guard_peer(const struct srv_guarded *connection);
-const struct sockaddr_storage *srv_guard_address(const struct srv_guarded *connection);
+unsigned srv_connection_count_request(struct srv_connection *connection);
+const char *srv_connection_peer(const struct srv_connection *connection);
+const struct sockaddr_storage *srv_connection_address(const struct srv_connection *connection);
 
 #endif

@@ -10,7 +10,7 @@ static void on_kept(void *user, bool durable) {
     srv_request_complete(request);
 }
 
-void srv_request_keep(struct srv_request *request) {
+void srv_request_reply_when_durable(struct srv_request *request) {
     struct srv_store *store = request->app->store;
     srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */

@@ -9,7 +9,7 @@
 #include <gnutls/crypto.h>
 #include <gnutls/gnutls.h>
 
-bool srv_websocket_accept(const char *key, char accept[SRV_ACCEPT_BYTES]) {
+bool srv_header_websocket_accept(const char *key, char accept[SRV_WEBSOCKET_ACCEPT_BYTES]) {
     enum { SHA1_BYTES = 20 };
     char text[128];
     uint8_t digest[SHA1_BYTES];
@@ -20,7 +20,7 @@ bool srv_websocket_accept(const char *key, char accept[SRV_ACCEPT_BYTES]) {
     gnutls_datum_t from = { digest, sizeof digest }, encoded;
     if (gnutls_base64_encode2(&from, &encoded) != 0)
         return false;
-    assert(encoded.size == SRV_ACCEPT_BYTES - 1);
+    assert(encoded.size == SRV_WEBSOCKET_ACCEPT_BYTES - 1);
     memcpy(accept, encoded.data, encoded.size);
     accept[encoded.size] = 0;
     gnutls_free(encoded.data);

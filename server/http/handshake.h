@@ -7,10 +7,10 @@
 
 #include <stdbool.h>
 
-enum { SRV_ACCEPT_BYTES = 29 };
+enum { SRV_WEBSOCKET_ACCEPT_BYTES = 29 };
 
 /* Sec-WebSocket-Accept for a Sec-WebSocket-Key of at most 64 bytes. False when GnuTLS gives no
  * SHA-1 or memory runs out. Thread-safe. */
-bool srv_websocket_accept(const char *key, char accept[SRV_ACCEPT_BYTES]);
+bool srv_header_websocket_accept(const char *key, char accept[SRV_WEBSOCKET_ACCEPT_BYTES]);
 
 #endif

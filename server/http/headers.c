@@ -53,7 +53,7 @@ static double q_of(const char *parameters, size_t length) {
     return 1;
 }
 
-double srv_accept_quality(const char *accept, const char *mime) {
+double srv_header_accept_quality(const char *accept, const char *mime) {
     if (!accept)
         return 1;
     int best = 0;
@@ -71,7 +71,7 @@ double srv_accept_quality(const char *accept, const char *mime) {
     return quality;
 }
 
-bool srv_origin_is_allowed(const char *origin, const char *host) {
+bool srv_cors_is_same_origin(const char *origin, const char *host) {
     if (!origin)
         return true;
     if (!host)
@@ -89,7 +89,7 @@ bool srv_origin_is_allowed(const char *origin, const char *host) {
     return a == b && a > 0 && strncasecmp(given, host, a) == 0;
 }
 
-bool srv_etag_matches(const char *if_none_match, const char *etag) {
+bool srv_header_has_etag(const char *if_none_match, const char *etag) {
     for (const char *at = if_none_match; at && *at;) {
         at = skip(at);
         if (strncmp(at, "W/", 2) == 0)
@@ -102,13 +102,13 @@ bool srv_etag_matches(const char *if_none_match, const char *etag) {
     return false;
 }
 
-const char *srv_bearer_token(const char *authorization) {
+const char *srv_header_bearer_token(const char *authorization) {
     if (!authorization || strncasecmp(authorization, "Bearer ", 7) != 0)
         return NULL;
     return skip(authorization + 7);
 }
 
-bool srv_is_json(const char *content_type) {
+bool srv_header_is_json(const char *content_type) {
     static const char *const types[] = { "application/json", "application/merge-patch+json" };
     if (!content_type)
         return true;

@@ -4,24 +4,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HALF = SRV_INTAKE_ALL / 2 };
+enum { HALF = SRV_INGRESS_TICK_BYTES / 2 };
 
-struct srv_intake_node { /* all, an owner, or a session */
-    struct srv_intake_node *parent, *next, *first;
+struct srv_ingress_node { /* all, an owner, or a session */
+    struct srv_ingress_node *parent, *next, *first;
     int64_t children; /* nodes, or streams */
     char name[];
 };
 
-struct srv_intake {
-    struct srv_intake_node *all;
+struct srv_ingress {
+    struct srv_ingress_node *all;
     uint64_t tick;
     int64_t burst; /* of one stream */
     int64_t open;  /* of the half for who comes first, what is left; less than 0: owed */
 };
 
-static struct srv_intake_node *node_create(struct srv_intake_node *parent, const char *name) {
+static struct srv_ingress_node *node_create(struct srv_ingress_node *parent, const char *name) {
     const size_t size = strlen(name) + 1;
-    struct srv_intake_node *node = calloc(1, sizeof *node + size);
+    struct srv_ingress_node *node = calloc(1, sizeof *node + size);
     if (!node)
         return NULL;
     memcpy(node->name, name, size);
@@ -34,17 +34,17 @@ static struct srv_intake_node *node_create(struct srv_intake_node *parent, const
     return node;
 }
 
-static struct srv_intake_node *find(struct srv_intake_node *parent, const char *name) {
-    struct srv_intake_node *node = parent->first;
+static struct srv_ingress_node *find(struct srv_ingress_node *parent, const char *name) {
+    struct srv_ingress_node *node = parent->first;
     while (node && strcmp(node->name, name) != 0)
         node = node->next;
     return node ? node : node_create(parent, name);
 }
 
 /* Ends nodes that have no children, from here upwards, but for the one of all. */
-static void prune(struct srv_intake_node *node) {
+static void prune(struct srv_ingress_node *node) {
     while (node->parent && node->children == 0) {
-        struct srv_intake_node *parent = node->parent, **link = &parent->first;
+        struct srv_ingress_node *parent = node->parent, **link = &parent->first;
         while (*link != node)
             link = &(*link)->next;
         *link = node->next;
@@ -54,88 +54,89 @@ static void prune(struct srv_intake_node *node) {
     }
 }
 
-struct srv_intake *srv_intake_create(size_t message_bytes) {
-    struct srv_intake *intake = calloc(1, sizeof *intake);
-    if (!intake)
+struct srv_ingress *srv_ingress_create(size_t message_bytes) {
+    struct srv_ingress *ingress = calloc(1, sizeof *ingress);
+    if (!ingress)
         return NULL;
-    intake->all = node_create(NULL, "");
-    intake->open = HALF;
-    intake->burst = message_bytes > SRV_INTAKE_STREAM ? (int64_t)message_bytes : SRV_INTAKE_STREAM;
-    if (!intake->all)
-        srv_intake_destroy(&intake);
-    return intake;
+    ingress->all = node_create(NULL, "");
+    ingress->open = HALF;
+    ingress->burst = message_bytes > SRV_INGRESS_STREAM_BYTES ? (int64_t)message_bytes
+                                                              : SRV_INGRESS_STREAM_BYTES;
+    if (!ingress->all)
+        srv_ingress_destroy(&ingress);
+    return ingress;
 }
 
-void srv_intake_destroy(struct srv_intake **intake) {
-    if (*intake)
-        free((*intake)->all);
-    free(*intake);
-    *intake = NULL;
+void srv_ingress_destroy(struct srv_ingress **ingress) {
+    if (*ingress)
+        free((*ingress)->all);
+    free(*ingress);
+    *ingress = NULL;
 }
 
-void srv_intake_tick(struct srv_intake *intake) {
-    intake->tick++;
-    intake->open = intake->open > 0 ? HALF : intake->open + HALF;
+void srv_ingress_tick(struct srv_ingress *ingress) {
+    ingress->tick++;
+    ingress->open = ingress->open > 0 ? HALF : ingress->open + HALF;
 }
 
-bool srv_intake_open(struct srv_intake *intake, const char *owner, const char *session,
-                     struct srv_intake_stream *stream) {
-    struct srv_intake_node *above = find(intake->all, owner);
-    struct srv_intake_node *node = above ? find(above, session) : NULL;
+bool srv_ingress_open(struct srv_ingress *ingress, const char *owner, const char *session,
+                      struct srv_ingress_stream *stream) {
+    struct srv_ingress_node *above = find(ingress->all, owner);
+    struct srv_ingress_node *node = above ? find(above, session) : NULL;
     if (!node) {
         if (above)
             prune(above);
         return false;
     }
     node->children++;
-    *stream = (struct srv_intake_stream){
-        .intake = intake, .session = node, .tick = intake->tick, .left = intake->burst
+    *stream = (struct srv_ingress_stream){
+        .ingress = ingress, .session = node, .tick = ingress->tick, .left = ingress->burst
     };
     return true;
 }
 
-void srv_intake_close(struct srv_intake_stream *stream) {
-    if (!stream->intake)
+void srv_ingress_close(struct srv_ingress_stream *stream) {
+    if (!stream->ingress)
         return;
     stream->session->children--;
     prune(stream->session);
-    stream->intake = NULL;
+    stream->ingress = NULL;
 }
 
 /* As it is in this tick. */
-static struct srv_intake_stream renewed(const struct srv_intake_stream *stream) {
-    const struct srv_intake *intake = stream->intake;
-    const uint64_t ticks = intake->tick - stream->tick;
-    struct srv_intake_stream now = *stream;
+static struct srv_ingress_stream renewed(const struct srv_ingress_stream *stream) {
+    const struct srv_ingress *ingress = stream->ingress;
+    const uint64_t ticks = ingress->tick - stream->tick;
+    struct srv_ingress_stream now = *stream;
     if (ticks == 0)
         return now;
-    const int64_t missing = intake->burst - stream->left;
-    now.left = ticks > (uint64_t)(missing / SRV_INTAKE_STREAM)
-                   ? intake->burst
-                   : stream->left + (int64_t)ticks * SRV_INTAKE_STREAM;
+    const int64_t missing = ingress->burst - stream->left;
+    now.left = ticks > (uint64_t)(missing / SRV_INGRESS_STREAM_BYTES)
+                   ? ingress->burst
+                   : stream->left + (int64_t)ticks * SRV_INGRESS_STREAM_BYTES;
     now.sure = 0;
-    now.tick = intake->tick;
+    now.tick = ingress->tick;
     return now;
 }
 
 /* What is left of its own part of the half that is shared out. */
-static int64_t sure_left(const struct srv_intake_stream *stream) {
+static int64_t sure_left(const struct srv_ingress_stream *stream) {
     int64_t part = HALF;
-    for (const struct srv_intake_node *node = stream->session; node; node = node->parent)
+    for (const struct srv_ingress_node *node = stream->session; node; node = node->parent)
         part /= node->children;
     return part > stream->sure ? part - stream->sure : 0;
 }
 
-bool srv_intake_has(const struct srv_intake_stream *stream) {
-    const struct srv_intake_stream now = renewed(stream);
-    return now.left > 0 && (now.intake->open > 0 || sure_left(&now) > 0);
+bool srv_ingress_has(const struct srv_ingress_stream *stream) {
+    const struct srv_ingress_stream now = renewed(stream);
+    return now.left > 0 && (now.ingress->open > 0 || sure_left(&now) > 0);
 }
 
-void srv_intake_take(struct srv_intake_stream *stream, size_t bytes) {
+void srv_ingress_take(struct srv_ingress_stream *stream, size_t bytes) {
     *stream = renewed(stream);
     const int64_t size = (int64_t)bytes, sure = sure_left(stream);
     const int64_t own = size < sure ? size : sure;
     stream->left -= size;
     stream->sure += own;
-    stream->intake->open -= size - own;
+    stream->ingress->open -= size - own;
 }

@@ -13,7 +13,7 @@
 #include "common/clock.h"
 #include "http/assets.h"
 #include "http/descriptors.h"
-#include "http/http.h"
+#include "http/http_private.h"
 #include "http/tls.h"
 #include "sp/log.h"
 
@@ -24,7 +24,7 @@ enum {
 
 /* Connections. */
 
-unsigned srv_connections_from(const struct srv_http *http, const struct sockaddr *host) {
+unsigned srv_http_connections_from(const struct srv_http *http, const struct sockaddr *host) {
     int64_t all = http->connections, few = http->options.config->connections_per_address;
     if (few == 0)
         few = srv_address_is_loopback(host) ? all : (all + 3) / 4;
@@ -35,7 +35,7 @@ unsigned srv_connections_from(const struct srv_http *http, const struct sockaddr
  * all places. */
 static unsigned accepted_from(void *user, const struct sockaddr *host) {
     const struct srv_http *http = user;
-    return srv_connections_from(http, host) + SPARE_FROM_HOST;
+    return srv_http_connections_from(http, host) + SPARE_FROM_HOST;
 }
 
 static enum MHD_Result on_accept(void *user, const struct sockaddr *peer, socklen_t size) {
@@ -43,12 +43,13 @@ static enum MHD_Result on_accept(void *user, const struct sockaddr *peer, sockle
     struct srv_http *http = user;
     size_t all, same_host;
     char text[SRV_ADDRESS_TEXT];
-    srv_guard_count(http->guard, peer, &all, &same_host);
+    srv_deadlines_count(http->deadlines, peer, &all, &same_host);
     if (same_host < accepted_from(http, peer))
         return MHD_YES;
     srv_address_to_text(peer, text);
-    srv_refused(http->options.metrics, SRV_REFUSED_ADDRESS,
-                "%s refused: it has %zu connections (--connections-per-address)", text, same_host);
+    srv_connection_refused(http->options.metrics, SRV_REFUSED_ADDRESS,
+                           "%s refused: it has %zu connections (--connections-per-address)", text,
+                           same_host);
     return MHD_NO;
 }
 
@@ -57,7 +58,7 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     struct srv_http *http = user;
     if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
         if (*context)
-            srv_guard_close(http->guard, *context);
+            srv_deadlines_close(http->deadlines, *context);
         *context = NULL;
         return;
     }
@@ -65,9 +66,9 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
     const union MHD_ConnectionInfo *peer =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    *context =
-        srv_guard_open(http->guard, fd ? fd->connect_fd : -1, peer ? peer->client_addr : NULL,
-                       srv_clock_ms() + (double)http->options.config->header_time_ms);
+    *context = srv_deadlines_open(http->deadlines, fd ? fd->connect_fd : -1,
+                                  peer ? peer->client_addr : NULL,
+                                  srv_clock_ms() + (double)http->options.config->header_time_ms);
 }
 
 __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char *format,
@@ -207,8 +208,8 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_cond_init(&http->idle, &monotonic);
     pthread_condattr_destroy(&monotonic);
-    http->guard = srv_guard_create(err);
-    http->packed = http->guard ? srv_assets_pack(err) : NULL;
+    http->deadlines = srv_deadlines_create(err);
+    http->packed = http->deadlines ? srv_assets_pack(err) : NULL;
     int fd = http->packed ? open_socket(&address, options->config, err) : -1;
     bool ok = fd >= 0;
     if (ok) {
@@ -228,12 +229,12 @@ const char *srv_http_address(const struct srv_http *http) {
 }
 
 size_t srv_http_connections(struct srv_http *http) {
-    return srv_guard_all(http->guard);
+    return srv_deadlines_connections(http->deadlines);
 }
 
 void srv_http_tick(void *user, double now_ms) {
     struct srv_http *http = user;
-    srv_guard_sweep(http->guard, now_ms);
+    srv_deadlines_sweep(http->deadlines, now_ms);
 }
 
 /* MHD_quiesce_daemon is not for a pool of threads: they take the listening socket in and out of
@@ -265,7 +266,7 @@ void srv_http_destroy(struct srv_http **http_pointer) {
     if (http->daemon)
         MHD_stop_daemon(http->daemon);
     srv_tls_destroy(&http->tls);
-    srv_guard_destroy(&http->guard);
+    srv_deadlines_destroy(&http->deadlines);
     srv_assets_release(&http->packed);
     pthread_cond_destroy(&http->idle);
     pthread_mutex_destroy(&http->mutex);

@@ -2,7 +2,7 @@
  *
  * HTTP: accepts, checks, routes, answers.
  *
- *   accept ─► guard ─► token ─► route ─► body (counted) ─► handler ─► reply
+ *   accept ─► deadlines ─► token ─► route ─► body (counted) ─► handler ─► reply
  *                                                            └─ pending: the connection sleeps
  * until srv_request_complete()
  *
@@ -20,7 +20,7 @@
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/smuggling.h"
-#include "http/snapshots.h"
+#include "http/snapshot_memory.h"
 #include "http/streams.h"
 #include "paths/paths.h"
 #include "render/scheduler.h"
@@ -31,7 +31,7 @@ struct srv_http_options {
     struct srv_hub *hub;
     struct srv_catalog *catalog;
     struct srv_scheduler *scheduler;
-    struct srv_stills *stills;
+    struct srv_snapshot_memory *snapshot_memory;
     struct srv_tokens *tokens;
     struct srv_streams *streams;
     struct srv_store *store;
@@ -69,25 +69,25 @@ size_t srv_http_connections(struct srv_http *http);
 struct srv_request {
     struct srv_http *http;
     const struct srv_http_options *app;
-    struct MHD_Connection *connection;
-    struct srv_guarded *guarded;
+    struct MHD_Connection *mhd;
+    struct srv_connection *connection;
     const struct srv_route *route;
     const char *method, *path;
     char param[SRV_PARAM_BYTES]; /* what stands for {} in the pattern */
     char *body;                  /* NUL-terminated; NULL = empty */
     size_t body_size;
-    struct srv_grant grant; /* of the daemon's token that was given, if it is one */
-    bool has_still;         /* a picture is under way for it */
-    uint64_t still_bytes;   /* taken from app->stills */
+    struct srv_grant grant;  /* of the daemon's token that was given, if it is one */
+    bool has_snapshot;       /* a picture is under way for it */
+    uint64_t snapshot_bytes; /* taken from app->snapshot_memory */
     struct srv_reply reply;
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
     size_t body_max;  /* kept of the body at most; the handler refuses more. 0 = --body-size */
     size_t body_seen; /* with what was not kept */
     size_t body_capacity;
-    struct srv_joined *joined; /* of headers that came in several lines */
-    struct srv_refusal target; /* what is wrong with the address */
-    bool is_last;              /* of its connection */
+    struct srv_joined_header *joined; /* of headers that came in several lines */
+    struct srv_rejection target;      /* what is wrong with the address */
+    bool is_last;                     /* of its connection */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
 
@@ -111,13 +111,13 @@ void srv_request_complete(struct srv_request *request);
 /* Instead of both, last in a handler that has filled its reply: the answer goes out when what was
  * put into the store is on the disk. Its header X-Durable says whether it is, or is kept in memory
  * alone (no --state, a full disk). */
-void srv_request_keep(struct srv_request *request);
-/* What a picture takes (stills.h, tokens.h), until srv_request_end_still() or the request's end.
+void srv_request_reply_when_durable(struct srv_request *request);
+/* What a picture takes (stills.h, tokens.h), until srv_request_end_snapshot() or the request's end.
  * False: *err is over a bound or a quota. */
-bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct sp_error *err);
-void srv_request_end_still(struct srv_request *request);
+bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err);
+void srv_request_end_snapshot(struct srv_request *request);
 /* The same for one that is refused after all: it uses up nothing. */
-void srv_request_cancel_still(struct srv_request *request);
+void srv_request_cancel_snapshot(struct srv_request *request);
 /* The handler queued an upgrade itself: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);
 

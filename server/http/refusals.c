@@ -5,8 +5,8 @@
 
 #include "sp/log.h"
 
-void srv_refused(struct srv_metrics *metrics, enum srv_refusal_reason reason, const char *format,
-                 ...) {
+void srv_connection_refused(struct srv_metrics *metrics, enum srv_refusal_reason reason,
+                            const char *format, ...) {
     va_list args;
     srv_metrics_add(metrics, SRV_COUNT_REFUSED_FULL + reason, 1);
     va_start(args, format);

@@ -16,7 +16,8 @@ enum srv_refusal_reason {                      /* in the order of SRV_COUNT_REFU
                           SRV_REFUSED_TLS        /* no handshake came about */
 };
 
-__attribute__((format(printf, 3, 4))) void
-srv_refused(struct srv_metrics *metrics, enum srv_refusal_reason reason, const char *format, ...);
+__attribute__((format(printf, 3, 4))) void srv_connection_refused(struct srv_metrics *metrics,
+                                                                  enum srv_refusal_reason reason,
+                                                                  const char *format, ...);
 
 #endif

@@ -12,8 +12,8 @@
 
 void srv_reply_finish(struct srv_reply *reply) {
     free(reply->owned);
-    if (reply->flow)
-        MHD_destroy_response(reply->flow);
+    if (reply->chunked_body)
+        MHD_destroy_response(reply->chunked_body);
     memset(reply, 0, sizeof *reply);
 }
 

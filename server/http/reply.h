@@ -24,7 +24,8 @@ struct srv_reply {
     const void
         *gzip; /* the same, compressed, for a constant body; NULL = it is compressed if asked for */
     size_t gzip_size;
-    struct MHD_Response *flow; /* instead of a body: gives one bit by bit (http/flow.h); owned */
+    struct MHD_Response
+        *chunked_body; /* instead of a body: gives one bit by bit (http/flow.h); owned */
     struct {
         const char *name;
         char value[SRV_REPLY_VALUE];

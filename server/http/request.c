@@ -4,9 +4,9 @@
 #include <strings.h>
 
 #include "common/clock.h"
-#include "http/answer.h"
 #include "http/headers.h"
-#include "http/http.h"
+#include "http/http_private.h"
+#include "http/response.h"
 #include "sp/log.h"
 
 enum {
@@ -55,8 +55,8 @@ static const struct srv_route routes[] = {
 enum { ROUTES = sizeof routes / sizeof *routes };
 
 /* The lines of a header that came more than once, as one list. */
-struct srv_joined {
-    struct srv_joined *next;
+struct srv_joined_header {
+    struct srv_joined_header *next;
     const char *name; /* the library's */
     char text[];
 };
@@ -64,20 +64,20 @@ struct srv_joined {
 /* What handlers ask. */
 
 const char *srv_request_header(const struct srv_request *request, const char *name) {
-    const struct srv_joined *joined = request->joined;
+    const struct srv_joined_header *joined = request->joined;
     while (joined && strcasecmp(joined->name, name) != 0)
         joined = joined->next;
     if (joined)
         return joined->text;
-    return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
+    return MHD_lookup_connection_value(request->mhd, MHD_HEADER_KIND, name);
 }
 
 const char *srv_request_query(const struct srv_request *request, const char *key) {
-    return MHD_lookup_connection_value(request->connection, MHD_GET_ARGUMENT_KIND, key);
+    return MHD_lookup_connection_value(request->mhd, MHD_GET_ARGUMENT_KIND, key);
 }
 
 const char *srv_request_token(const struct srv_request *request) {
-    const char *bearer = srv_bearer_token(srv_request_header(request, "Authorization"));
+    const char *bearer = srv_header_bearer_token(srv_request_header(request, "Authorization"));
     return bearer ? bearer : srv_request_query(request, "token");
 }
 
@@ -100,44 +100,44 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
     return json;
 }
 
-bool srv_request_begin_still(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
+bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
     const struct srv_http_options *app = request->app;
     if (!srv_tokens_begin_still(app->tokens, &request->grant, srv_clock_ms(), err))
         return false;
-    if (!srv_stills_take(app->stills, bytes, err)) {
+    if (!srv_snapshot_memory_reserve(app->snapshot_memory, bytes, err)) {
         srv_tokens_cancel_still(app->tokens, &request->grant);
         return false;
     }
-    request->has_still = true;
-    request->still_bytes = bytes;
+    request->has_snapshot = true;
+    request->snapshot_bytes = bytes;
     return true;
 }
 
-static void end_still(struct srv_request *request,
-                      void (*end)(struct srv_tokens *tokens, const struct srv_grant *grant)) {
-    if (!request->has_still)
+static void end_snapshot(struct srv_request *request,
+                         void (*end)(struct srv_tokens *tokens, const struct srv_grant *grant)) {
+    if (!request->has_snapshot)
         return;
-    request->has_still = false;
+    request->has_snapshot = false;
     end(request->app->tokens, &request->grant);
-    srv_stills_change(request->app->stills, &request->still_bytes, 0);
+    srv_snapshot_memory_change(request->app->snapshot_memory, &request->snapshot_bytes, 0);
 }
 
-void srv_request_end_still(struct srv_request *request) {
-    end_still(request, srv_tokens_end_still);
+void srv_request_end_snapshot(struct srv_request *request) {
+    end_snapshot(request, srv_tokens_end_still);
 }
 
-void srv_request_cancel_still(struct srv_request *request) {
-    end_still(request, srv_tokens_cancel_still);
+void srv_request_cancel_snapshot(struct srv_request *request) {
+    end_snapshot(request, srv_tokens_cancel_still);
 }
 
 void srv_request_suspend(struct srv_request *request) {
     request->is_suspended = true;
-    srv_guard_set_deadline(request->http->guard, request->guarded, 0);
-    MHD_suspend_connection(request->connection);
+    srv_deadlines_set(request->http->deadlines, request->connection, 0);
+    MHD_suspend_connection(request->mhd);
 }
 
 void srv_request_complete(struct srv_request *request) {
-    MHD_resume_connection(request->connection);
+    MHD_resume_connection(request->mhd);
 }
 
 /* Answers. */
@@ -160,7 +160,7 @@ static bool is_over_limit(const struct srv_request *request) {
 }
 
 static void log_refusal(const struct srv_request *request) {
-    const char *peer = srv_guard_peer(request->guarded);
+    const char *peer = srv_connection_peer(request->connection);
     sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "peer", peer }), "%s: %s %.100s refused: %u, %s", peer,
                 request->method, request->path, request->reply.status, request->reply.detail);
 }
@@ -168,21 +168,21 @@ static void log_refusal(const struct srv_request *request) {
 static enum MHD_Result queue(struct srv_request *request) {
     const struct srv_reply *reply = &request->reply;
     const struct srv_config *config = request->app->config;
-    struct MHD_Response *response = srv_answer_create(request);
+    struct MHD_Response *response = srv_response_create(request);
     if (!response)
         return MHD_NO;
     if (request->is_last)
         MHD_add_response_header(response, "Connection", "close");
-    sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_guard_peer(request->guarded),
+    sp_log(SP_LOG_DEBUG, "%s %s %s: %u, %zu bytes", srv_connection_peer(request->connection),
            request->method, request->path, reply->status, reply->size);
     if (is_over_limit(request))
         log_refusal(request);
-    enum MHD_Result result = MHD_queue_response(request->connection, reply->status, response);
+    enum MHD_Result result = MHD_queue_response(request->mhd, reply->status, response);
     count_answer(request, reply->status, reply->size);
     MHD_destroy_response(response);
     request->is_answered = true;
-    srv_guard_set_deadline(request->http->guard, request->guarded,
-                           srv_clock_ms() + (double)config->request_time_ms);
+    srv_deadlines_set(request->http->deadlines, request->connection,
+                      srv_clock_ms() + (double)config->request_time_ms);
     return result;
 }
 
@@ -244,21 +244,22 @@ static void refuse_method(struct srv_request *request, unsigned allowed) {
 
 static bool check_limits(struct srv_request *request) {
     long long connections = request->http->connections;
-    const struct sockaddr *host = (const struct sockaddr *)srv_guard_address(request->guarded);
-    unsigned from_host = srv_connections_from(request->http, host);
+    const struct sockaddr *host =
+        (const struct sockaddr *)srv_connection_address(request->connection);
+    unsigned from_host = srv_http_connections_from(request->http, host);
     size_t all, same_host;
-    srv_guard_count(request->http->guard, host, &all, &same_host);
+    srv_deadlines_count(request->http->deadlines, host, &all, &same_host);
     if (all > (size_t)connections) {
-        srv_refused(request->app->metrics, SRV_REFUSED_FULL,
-                    "%s refused: %zu connections, --connections %lld",
-                    srv_guard_peer(request->guarded), all, connections);
+        srv_connection_refused(request->app->metrics, SRV_REFUSED_FULL,
+                               "%s refused: %zu connections, --connections %lld",
+                               srv_connection_peer(request->connection), all, connections);
         srv_reply_problem(&request->reply, 503, NULL,
                           "%zu connections are open and --connections allows %lld; try again later",
                           all, connections);
     } else if (same_host > from_host) {
-        srv_refused(request->app->metrics, SRV_REFUSED_ADDRESS,
-                    "%s refused: %zu connections, --connections-per-address %u",
-                    srv_guard_peer(request->guarded), same_host, from_host);
+        srv_connection_refused(request->app->metrics, SRV_REFUSED_ADDRESS,
+                               "%s refused: %zu connections, --connections-per-address %u",
+                               srv_connection_peer(request->connection), same_host, from_host);
         srv_reply_problem(&request->reply, 429, NULL,
                           "%zu connections from your address are open and "
                           "--connections-per-address allows %u",
@@ -273,22 +274,22 @@ static bool check_limits(struct srv_request *request) {
 
 struct reading {
     struct srv_request *request;
-    struct srv_framing framing;
+    struct srv_smuggling smuggling;
     bool has_memory;
 };
 
 /* One more line behind those of the same name. */
 static bool join_header(struct srv_request *request, const char *name, const char *value) {
-    struct srv_joined **at = &request->joined;
+    struct srv_joined_header **at = &request->joined;
     while (*at && strcasecmp((*at)->name, name) != 0)
         at = &(*at)->next;
     const char *before = srv_request_header(request, name);
     size_t had = before ? strlen(before) : 0, size = had + 2 + strlen(value) + 1;
-    struct srv_joined *joined = realloc(*at, sizeof *joined + size);
+    struct srv_joined_header *joined = realloc(*at, sizeof *joined + size);
     if (!joined)
         return false;
     if (!*at) {
-        *joined = (struct srv_joined){ .name = name };
+        *joined = (struct srv_joined_header){ .name = name };
         memcpy(joined->text, before ? before : "", had);
     }
     snprintf(joined->text + had, size - had, ", %s", value);
@@ -300,25 +301,25 @@ static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char
                                  const char *value) {
     struct reading *reading = user;
     struct srv_request *request = reading->request;
-    srv_framing_add(&reading->framing, name, value);
-    bool is_first = MHD_lookup_connection_value(request->connection, kind, name) == value;
-    if (!is_first && value && reading->framing.all <= SRV_HEADERS_MAX)
+    srv_smuggling_add_header(&reading->smuggling, name, value);
+    bool is_first = MHD_lookup_connection_value(request->mhd, kind, name) == value;
+    if (!is_first && value && reading->smuggling.all <= SRV_HEADERS_MAX)
         reading->has_memory = join_header(request, name, value) && reading->has_memory;
     return MHD_YES;
 }
 
 /* True: the answer, which is the last on its connection, need not wait for the body. */
 static bool is_turned_away(struct srv_request *request, const char *version) {
-    struct srv_refusal refusal = request->target;
+    struct srv_rejection refusal = request->target;
     if (!refusal.status) {
         struct reading reading = { .request = request, .has_memory = true };
-        MHD_get_connection_values(request->connection, MHD_HEADER_KIND, on_header, &reading);
-        refusal = srv_framing_check(&reading.framing, version);
+        MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &reading);
+        refusal = srv_smuggling_check_headers(&reading.smuggling, version);
         if (!refusal.status && !reading.has_memory)
-            refusal = (struct srv_refusal){ 503, "no memory for the headers" };
+            refusal = (struct srv_rejection){ 503, "no memory for the headers" };
     }
     if (!refusal.status && !request->is_counted)
-        refusal = (struct srv_refusal){ 503, "the daemon is shutting down" };
+        refusal = (struct srv_rejection){ 503, "the daemon is shutting down" };
     if (!refusal.status)
         return false;
     srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
@@ -334,8 +335,8 @@ static bool check(struct srv_request *request) {
     srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
     request->route =
         srv_route_find(routes, ROUTES, request->method, request->path, request->param, &allowed);
-    if (allowed && srv_is_preflight(request)) {
-        srv_reply_preflight(reply, allowed);
+    if (allowed && srv_cors_is_preflight(request)) {
+        srv_cors_reply_preflight(reply, allowed);
         return false;
     }
     bool is_api = strncmp(request->path, "/api/", 5) == 0;
@@ -348,7 +349,7 @@ static bool check(struct srv_request *request) {
         return false;
     }
     if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
-        !srv_is_json(srv_request_header(request, "Content-Type"))) {
+        !srv_header_is_json(srv_request_header(request, "Content-Type"))) {
         srv_reply_problem(reply, 415, NULL,
                           "the body must be application/json or application/merge-patch+json");
         tell_patches(reply, method);
@@ -378,11 +379,11 @@ void *srv_on_target(void *user, const char *target, struct MHD_Connection *conne
     }
     request->http = http;
     request->app = &http->options;
-    request->connection = connection;
-    request->guarded = info->socket_context;
+    request->mhd = connection;
+    request->connection = info->socket_context;
     if (target)
-        request->target = srv_strict_target((char *)(uintptr_t)target,
-                                            (size_t)http->options.config->header_size / 4);
+        request->target = srv_smuggling_check_target((char *)(uintptr_t)target,
+                                                     (size_t)http->options.config->header_size / 4);
     return request;
 }
 
@@ -400,11 +401,11 @@ static enum MHD_Result on_headers(struct srv_request *request, const char *versi
     request->is_begun = true;
     count(request);
     bool is_over = is_turned_away(request, version);
-    request->is_last = is_over || srv_guard_count_request(request->guarded) >=
+    request->is_last = is_over || srv_connection_count_request(request->connection) >=
                                       (unsigned)request->app->config->connection_requests;
     request->is_refused = is_over || !check(request);
-    srv_guard_set_deadline(request->http->guard, request->guarded,
-                           srv_clock_ms() + (double)request->app->config->request_time_ms);
+    srv_deadlines_set(request->http->deadlines, request->connection,
+                      srv_clock_ms() + (double)request->app->config->request_time_ms);
     /* A client that waits for permission to send its body gets the answer instead. */
     const char *length = srv_request_header(request, "Content-Length");
     bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
@@ -490,7 +491,7 @@ static void uncount(struct srv_request *request) {
 void srv_request_upgraded(struct srv_request *request) {
     count_answer(request, MHD_HTTP_SWITCHING_PROTOCOLS, 0);
     request->is_answered = true;
-    srv_guard_set_deadline(request->http->guard, request->guarded, 0);
+    srv_deadlines_set(request->http->deadlines, request->connection, 0);
     uncount(request);
 }
 
@@ -502,17 +503,17 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
     *state = NULL;
     if (!request)
         return;
-    srv_guard_set_deadline(http->guard, request->guarded,
-                           code == MHD_REQUEST_TERMINATED_COMPLETED_OK
-                               ? srv_clock_ms() + (double)http->options.config->idle_time_ms
-                               : 0);
+    srv_deadlines_set(http->deadlines, request->connection,
+                      code == MHD_REQUEST_TERMINATED_COMPLETED_OK
+                          ? srv_clock_ms() + (double)http->options.config->idle_time_ms
+                          : 0);
     if (request->is_counted)
         uncount(request);
     srv_reply_finish(&request->reply);
-    srv_request_end_still(request);
+    srv_request_end_snapshot(request);
     srv_tokens_give_back(request->app->tokens, &request->grant);
     while (request->joined) {
-        struct srv_joined *joined = request->joined;
+        struct srv_joined_header *joined = request->joined;
         request->joined = joined->next;
         free(joined);
     }

@@ -10,8 +10,8 @@
 #include "http/chunked_body.h"
 #include "http/deadlines.h"
 #include "http/headers.h"
-#include "http/listing.h"
-#include "http/values.h"
+#include "http/paging.h"
+#include "http/query.h"
 #include "sp/log.h"
 
 /* Making one. */
@@ -73,8 +73,8 @@ static void reply_made(struct srv_request *request, proto_json *json, const char
     }
     srv_reply_header(reply, "Location", "paths/%s", id);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", id }), "path %s created for %s", id,
-                srv_guard_peer(request->guarded));
-    srv_request_keep(request);
+                srv_connection_peer(request->connection));
+    srv_request_reply_when_durable(request);
 }
 
 void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
@@ -108,10 +108,10 @@ static proto_json *encode_item(void *user, const void *item) {
 void srv_get_paths(struct srv_request *request, struct srv_reply *reply) {
     bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
     struct srv_page page;
-    if (!srv_listing_begin(request, sizeof(struct srv_job_note), &page, reply))
+    if (!srv_paging_begin(request, sizeof(struct srv_job_note), &page, reply))
         return;
     srv_jobs_list(request->app->jobs, sees_all ? NULL : request->grant.name, &page);
-    srv_listing_reply(&page, "paths", encode_item, NULL, reply);
+    srv_paging_reply(&page, "paths", encode_item, NULL, reply);
 }
 
 void srv_get_path(struct srv_request *request, struct srv_reply *reply) {
@@ -130,7 +130,7 @@ void srv_delete_path(struct srv_request *request, struct srv_reply *reply) {
         return;
     }
     reply->status = 204;
-    srv_request_keep(request);
+    srv_request_reply_when_durable(request);
 }
 
 /* Files. */
@@ -161,9 +161,9 @@ static void reply_file(struct srv_request *request, const struct srv_job_file *m
     snprintf(etag, sizeof etag, "\"%.32s-%.32s\"", request->param, name);
     uint64_t from, count;
     enum srv_range range =
-        srv_value_range(srv_request_header(request, "Range"),
-                        srv_request_header(request, "If-Range"), etag, made->size, &from, &count);
-    bool has_it = srv_etag_matches(srv_request_header(request, "If-None-Match"), etag);
+        srv_header_range(srv_request_header(request, "Range"),
+                         srv_request_header(request, "If-Range"), etag, made->size, &from, &count);
+    bool has_it = srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag);
     if (!file || has_it || range == SRV_RANGE_NONE || lseek(made->fd, (off_t)from, SEEK_SET) < 0) {
         close(made->fd);
         if (has_it)
@@ -178,8 +178,9 @@ static void reply_file(struct srv_request *request, const struct srv_job_file *m
         *file = (struct file){ .fd = made->fd, .left = count };
         reply->status = range == SRV_RANGE_PART ? 206 : 200;
         reply->mime = made->mime;
-        srv_reply_flow(request, reply, count,
-                       &(struct srv_flow){ .user = file, .read = read_file, .finish = close_file });
+        srv_reply_chunked_body(
+            request, reply, count,
+            &(struct srv_chunked_body){ .user = file, .read = read_file, .finish = close_file });
     }
     if (reply->status < 400) {
         srv_reply_header(reply, "ETag", "%s", etag);
@@ -238,9 +239,9 @@ void srv_get_path_archive(struct srv_request *request, struct srv_reply *reply) 
     reply->mime = "application/x-tar";
     srv_reply_header(reply, "Content-Disposition", "attachment; filename=\"%.32s.tar\"",
                      request->param);
-    srv_reply_flow(
-        request, reply, SRV_FLOW_UNKNOWN,
-        &(struct srv_flow){ .user = archive, .read = read_archive, .finish = close_archive });
+    srv_reply_chunked_body(request, reply, SRV_BODY_SIZE_UNKNOWN,
+                           &(struct srv_chunked_body){
+                               .user = archive, .read = read_archive, .finish = close_archive });
 }
 
 /* Events. */
@@ -254,17 +255,17 @@ struct watching { /* one answer of events */
 
 static void on_sleep(void *user) {
     struct watching *w = user;
-    srv_flow_sleep(w->request);
+    srv_chunked_body_pause(w->request);
 }
 
 static void on_wake(void *user) {
     struct watching *w = user;
-    srv_flow_wake(w->request);
+    srv_chunked_body_resume(w->request);
 }
 
 static bool has_left(void *user) {
     struct watching *w = user;
-    return srv_guard_is_gone(w->request->guarded);
+    return srv_connection_is_gone(w->request->connection);
 }
 
 static ssize_t read_events(void *user, char *bytes, size_t size) {
@@ -275,11 +276,11 @@ static ssize_t read_events(void *user, char *bytes, size_t size) {
         w->at = w->size = 0;
         switch (srv_watch_next(w->watch, &w->text, &w->size)) {
         case SRV_WATCH_SLEEPS:
-            return SRV_FLOW_ASLEEP;
+            return SRV_BODY_PAUSED;
         case SRV_WATCH_OVER:
-            return SRV_FLOW_END;
+            return SRV_BODY_END;
         case SRV_WATCH_FAILED: /* cut off, so that nobody takes it for the end */
-            return SRV_FLOW_FAILED;
+            return SRV_BODY_FAILED;
         case SRV_WATCH_EVENT:
             break;
         }
@@ -320,6 +321,7 @@ void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
     reply->mime = "text/event-stream";
     srv_reply_header(reply, "Cache-Control", "no-store");
     srv_reply_header(reply, "X-Accel-Buffering", "no"); /* nginx: each event at once */
-    srv_reply_flow(request, reply, SRV_FLOW_UNKNOWN,
-                   &(struct srv_flow){ .user = w, .read = read_events, .finish = end_events });
+    srv_reply_chunked_body(
+        request, reply, SRV_BODY_SIZE_UNKNOWN,
+        &(struct srv_chunked_body){ .user = w, .read = read_events, .finish = end_events });
 }

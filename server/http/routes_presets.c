@@ -81,7 +81,7 @@ static void put(struct srv_request *request, const proto_json *patch, struct srv
         reply->status = old ? 204 : 201;
         if (!old)
             srv_reply_header(reply, "Location", "presets/%s", request->param);
-        srv_request_keep(request);
+        srv_request_reply_when_durable(request);
     }
     free(old);
     free(text);
@@ -109,5 +109,5 @@ void srv_delete_preset(struct srv_request *request, struct srv_reply *reply) {
         return;
     }
     reply->status = 204;
-    srv_request_keep(request);
+    srv_request_reply_when_durable(request);
 }

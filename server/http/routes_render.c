@@ -6,10 +6,10 @@
 
 #include "http/chunked_body.h"
 #include "http/deadlines.h"
-#include "http/durable_reply.h"
 #include "http/headers.h"
 #include "http/listener.h"
-#include "http/values.h"
+#include "http/query.h"
+#include "http/saved_views.h"
 #include "protocol/view.h"
 #include "session/encode_params.h"
 #include "sp/log.h"
@@ -27,8 +27,8 @@ static enum sp_image_format choose_format(struct srv_request *request, struct sr
         best = sp_image_format_find(name);
     } else {
         for (int f = 0; f < SP_IMAGE_FORMAT_COUNT; f++) {
-            double q =
-                srv_accept_quality(accept, sp_image_format_info((enum sp_image_format)f)->mime);
+            double q = srv_header_accept_quality(
+                accept, sp_image_format_info((enum sp_image_format)f)->mime);
             if (q > best_quality) {
                 best = (enum sp_image_format)f;
                 best_quality = q;
@@ -48,7 +48,7 @@ static bool read_quality(struct srv_request *request, int *quality, struct srv_r
     if (!text)
         return true;
     unsigned value;
-    if (srv_value_number(text, 100, &value)) {
+    if (srv_query_number(text, 100, &value)) {
         *quality = (int)value;
         return true;
     }
@@ -140,13 +140,13 @@ static ssize_t read_picture(void *user, char *bytes, size_t size) {
     memcpy(bytes, picture->bytes + picture->at, n);
     picture->at += n;
     if (picture->at == picture->size)
-        srv_request_end_still(picture->request);
+        srv_request_end_snapshot(picture->request);
     return (ssize_t)n;
 }
 
 static void reply_picture(struct srv_request *request, const struct srv_still_result *result) {
     struct picture *picture = malloc(sizeof *picture + result->size);
-    const struct srv_flow flow = { picture, read_picture, free, .is_one = true };
+    const struct srv_chunked_body body = { picture, read_picture, free, .has_one_deadline = true };
     if (!picture) {
         srv_reply_problem(&request->reply, 503, NULL, "no memory for an image of %zu bytes",
                           result->size);
@@ -154,7 +154,7 @@ static void reply_picture(struct srv_request *request, const struct srv_still_re
     }
     *picture = (struct picture){ .request = request, .size = result->size };
     memcpy(picture->bytes, result->bytes, result->size);
-    srv_reply_flow(request, &request->reply, result->size, &flow);
+    srv_reply_chunked_body(request, &request->reply, result->size, &body);
 }
 
 static void on_done(void *user, const struct srv_still_result *result) {
@@ -164,7 +164,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
     if (!result->ok) {
         if (result->err.code == SP_ERR_CANCELLED)
             sp_log(SP_LOG_INFO, "a picture for %s is not drawn: %s",
-                   srv_guard_peer(request->guarded), result->err.text);
+                   srv_connection_peer(request->connection), result->err.text);
         /* More than the renderer may keep: waiting does not help, another view does. */
         if (result->err.code == SP_ERR_BUDGET)
             srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
@@ -173,7 +173,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
     } else {
         reply_picture(request, result);
     }
-    if (reply->flow) {
+    if (reply->chunked_body) {
         reply->status = 200;
         reply->mime = sp_image_format_info(render->format)->mime;
         set_caching(reply, render->etag, render->caching);
@@ -183,7 +183,8 @@ static void on_done(void *user, const struct srv_still_result *result) {
                          result->stats.isa[0] ? " " : "", result->stats.isa);
         srv_reply_header(reply, "X-Splats", "%" PRIu64, result->stats.splats);
     }
-    srv_stills_change(request->app->stills, &request->still_bytes, reply->flow ? result->size : 0);
+    srv_snapshot_memory_change(request->app->snapshot_memory, &request->snapshot_bytes,
+                               reply->chunked_body ? result->size : 0);
     free(render);
     srv_request_complete(request);
 }
@@ -191,7 +192,7 @@ static void on_done(void *user, const struct srv_still_result *result) {
 /* While it sleeps its connection stays open for us, whatever the client does. */
 static bool has_left(void *user) {
     const struct render *render = user;
-    return srv_guard_is_gone(render->request->guarded);
+    return srv_connection_is_gone(render->request->connection);
 }
 
 /* Who pays for its pictures: its token, or where all have the same one that has no name, its host.
@@ -202,7 +203,7 @@ static void set_owner(const struct srv_request *request, struct srv_still *still
     if (owner.name[0])
         snprintf(still->owner, sizeof still->owner, "%s", owner.name);
     else
-        srv_address_to_host((const struct sockaddr *)srv_guard_address(request->guarded),
+        srv_address_to_host((const struct sockaddr *)srv_connection_address(request->connection),
                             still->owner);
 }
 
@@ -210,11 +211,11 @@ static void set_owner(const struct srv_request *request, struct srv_still *still
 static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
                    const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    uint64_t bytes = srv_stills_bytes(still->view.size, still->format);
+    uint64_t bytes = srv_snapshot_memory_of(still->view.size, still->format);
     struct render *render = malloc(sizeof *render);
     if (!render)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory for a render request");
-    if (!render || !srv_request_begin_still(request, bytes, &err)) {
+    if (!render || !srv_request_begin_snapshot(request, bytes, &err)) {
         srv_catalog_release(request->app->catalog, still->volume);
         srv_reply_error(reply, &err);
         free(render);
@@ -233,7 +234,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     if (srv_scheduler_submit(request->app->scheduler, still, &err))
         return;
     free(render);
-    srv_request_cancel_still(request);
+    srv_request_cancel_snapshot(request);
     srv_reply_error(reply, &err);
     srv_request_complete(request);
 }
@@ -266,7 +267,7 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
     } else if (!make_etag(request, &still, etag)) {
         srv_catalog_release(request->app->catalog, still.volume);
         srv_reply_problem(reply, 503, NULL, "no memory for a render request");
-    } else if (srv_etag_matches(srv_request_header(request, "If-None-Match"), etag)) {
+    } else if (srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag)) {
         srv_catalog_release(request->app->catalog, still.volume);
         reply->status = 304;
         set_caching(reply, etag, caching);
@@ -306,7 +307,7 @@ static bool read_size(struct srv_request *request, proto_json *patch, struct srv
     uint32_t px[2];
     if (!text)
         return true;
-    if (!srv_value_size(text, px)) {
+    if (!srv_query_size(text, px)) {
         srv_reply_problem(reply, 400, NULL, "?size= must be WIDTH,HEIGHT, whole numbers of px");
         return false;
     }
@@ -320,7 +321,7 @@ static bool read_size(struct srv_request *request, proto_json *patch, struct srv
 
 void srv_get_render(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    proto_json *view = srv_kept_view(request->app->store, request->param, &err);
+    proto_json *view = srv_saved_view_get(request->app->store, request->param, &err);
     proto_json *patch = proto_json_object();
     if (!view)
         srv_reply_error(reply, &err);

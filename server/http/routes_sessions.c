@@ -3,12 +3,12 @@
 #include <string.h>
 
 #include "common/clock.h"
-#include "http/durable_reply.h"
+#include "http/cors.h"
 #include "http/handshake.h"
 #include "http/headers.h"
 #include "http/listener.h"
-#include "http/listing.h"
-#include "http/origins.h"
+#include "http/paging.h"
+#include "http/saved_views.h"
 #include "sp/log.h"
 
 enum { KEY_CHARACTERS = 24 };
@@ -45,7 +45,7 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
                              : "must be the id of a session or kept view");
         return NULL;
     }
-    if ((*owner = srv_kept_view(request->app->store, id, &err)))
+    if ((*owner = srv_saved_view_get(request->app->store, id, &err)))
         return *owner;
     if (err.code == SP_ERR_NOT_FOUND &&
         (*owner = srv_hub_session_get(request->app->hub, id, false, srv_clock_ms(), &err)))
@@ -110,10 +110,11 @@ static void make_session(struct srv_request *request, const proto_json *body,
         return;
     }
     srv_reply_header(reply, "Location", "sessions/%s", id);
-    sp_log_with(SP_LOG_INFO,
-                SP_LOG_FIELDS({ "session", id }, { "peer", srv_guard_peer(request->guarded) }),
-                "session %s created for %s", id, srv_guard_peer(request->guarded));
-    srv_request_keep(request);
+    sp_log_with(
+        SP_LOG_INFO,
+        SP_LOG_FIELDS({ "session", id }, { "peer", srv_connection_peer(request->connection) }),
+        "session %s created for %s", id, srv_connection_peer(request->connection));
+    srv_request_reply_when_durable(request);
 }
 
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
@@ -150,11 +151,11 @@ static proto_json *encode_item(void *user, const void *item) {
 
 void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     struct srv_page page;
-    if (!srv_listing_begin(request, sizeof(struct srv_session_note), &page, reply))
+    if (!srv_paging_begin(request, sizeof(struct srv_session_note), &page, reply))
         return;
     bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
     srv_hub_list(request->app->hub, sees_all ? NULL : request->grant.name, srv_clock_ms(), &page);
-    srv_listing_reply(&page, "sessions", encode_item, NULL, reply);
+    srv_paging_reply(&page, "sessions", encode_item, NULL, reply);
 }
 
 /* What the daemon's token of this request is in the session; false: nothing. */
@@ -251,7 +252,7 @@ void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
         return;
     if (srv_hub_session_delete(request->app->hub, request->param, &err)) {
         reply->status = 204;
-        srv_request_keep(request);
+        srv_request_reply_when_durable(request);
     } else {
         srv_reply_error(reply, &err);
     }
@@ -281,7 +282,8 @@ static void on_upgrade(void *user, struct MHD_Connection *connection, void *stat
     upgrade->start.close = close_upgraded;
     srv_request_upgraded(request);
     if (!srv_streams_add(upgrade->streams, &upgrade->start)) {
-        sp_log(SP_LOG_ERROR, "no memory for the stream of %s", srv_guard_peer(request->guarded));
+        sp_log(SP_LOG_ERROR, "no memory for the stream of %s",
+               srv_connection_peer(request->connection));
         close_upgraded(handle);
     }
 }
@@ -303,10 +305,10 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
                           KEY_CHARACTERS);
     } else if (offered && !srv_header_has_token(offered, subprotocol)) {
         srv_reply_problem(reply, 400, NULL, "the subprotocol is %s", subprotocol);
-    } else if (!srv_origin_is_allowed(origin, srv_request_header(request, "Host")) &&
-               !srv_origins_have(request->app->config->allow_origin, origin)) {
+    } else if (!srv_cors_is_same_origin(origin, srv_request_header(request, "Host")) &&
+               !srv_cors_allows(request->app->config->allow_origin, origin)) {
         sp_log(SP_LOG_WARN, "stream of %s refused: Origin %.200s is not this host",
-               srv_guard_peer(request->guarded), origin);
+               srv_connection_peer(request->connection), origin);
         srv_reply_problem(reply, 403, NULL, "a page of another origin may not open a stream");
     } else {
         return true;
@@ -323,8 +325,8 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_error(reply, &err);
         return;
     }
-    char accept[SRV_ACCEPT_BYTES];
-    if (!srv_websocket_accept(srv_request_header(request, "Sec-WebSocket-Key"), accept)) {
+    char accept[SRV_WEBSOCKET_ACCEPT_BYTES];
+    if (!srv_header_websocket_accept(srv_request_header(request, "Sec-WebSocket-Key"), accept)) {
         srv_reply_problem(reply, 503, NULL, "no memory for a handshake");
         return;
     }
@@ -339,14 +341,13 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     upgrade->streams = request->app->streams;
     upgrade->start.role = role;
     snprintf(upgrade->start.token, sizeof upgrade->start.token, "%s", request->grant.name);
-    upgrade->start.peer = *srv_guard_address(request->guarded);
+    upgrade->start.peer = *srv_connection_address(request->connection);
     snprintf(upgrade->start.session, sizeof upgrade->start.session, "%.16s", request->param);
     MHD_add_response_header(response, "Upgrade", "websocket");
     MHD_add_response_header(response, "Sec-WebSocket-Accept", accept);
     if (srv_request_header(request, "Sec-WebSocket-Protocol"))
         MHD_add_response_header(response, "Sec-WebSocket-Protocol", subprotocol);
-    if (MHD_queue_response(request->connection, MHD_HTTP_SWITCHING_PROTOCOLS, response) ==
-        MHD_YES) {
+    if (MHD_queue_response(request->mhd, MHD_HTTP_SWITCHING_PROTOCOLS, response) == MHD_YES) {
         request->is_answered = true;
     } else {
         srv_reply_problem(reply, 500, NULL, "the connection cannot be upgraded");

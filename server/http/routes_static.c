@@ -3,7 +3,7 @@
 
 #include "http/assets.h"
 #include "http/headers.h"
-#include "http/http.h"
+#include "http/http_private.h"
 
 /* The page loads nothing from elsewhere, is framed by nobody and talks to this daemon alone. */
 static const char policy[] =
@@ -20,7 +20,7 @@ static const struct srv_asset *find(const char *path) {
 
 static void serve(struct srv_request *request, const struct srv_asset *asset,
                   struct srv_reply *reply) {
-    const struct srv_packed *packed = &request->http->packed[asset - srv_assets];
+    const struct srv_packed_asset *packed = &request->http->packed[asset - srv_assets];
     srv_reply_static(reply, asset->mime, asset->begin, (size_t)(asset->end - asset->begin));
     reply->gzip = packed->gzip;
     reply->gzip_size = packed->gzip_size;

@@ -7,18 +7,18 @@
 #include <gnutls/crypto.h>
 #include <gnutls/gnutls.h>
 
-#include "http/durable_reply.h"
 #include "http/headers.h"
 #include "http/listener.h"
-#include "http/listing.h"
+#include "http/paging.h"
+#include "http/saved_views.h"
 #include "protocol/view.h"
 
-bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]) {
+bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_BYTES]) {
     enum { SHA256_BYTES = 32 };
     uint8_t digest[SHA256_BYTES];
     if (gnutls_hash_fast(GNUTLS_DIG_SHA256, text, size, digest) != 0)
         return false;
-    for (size_t i = 0; i < (SRV_KEPT_ID_BYTES - 1) / 2; i++)
+    for (size_t i = 0; i < (SRV_SAVED_VIEW_ID_BYTES - 1) / 2; i++)
         snprintf(id + 2 * i, 3, "%02x", digest[i]);
     return true;
 }
@@ -43,7 +43,7 @@ static proto_json *read_record(struct srv_store *store, const char *id, struct s
     return json;
 }
 
-proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err) {
+proto_json *srv_saved_view_get(struct srv_store *store, const char *id, struct sp_error *err) {
     proto_json *record = read_record(store, id, err);
     proto_json *view = (proto_json *)(uintptr_t)proto_json_get(record, "view");
     if (!view)
@@ -84,17 +84,17 @@ static bool answer_with(const char *id, struct srv_reply *reply) {
 static void keep_view(struct srv_request *request, const struct sp_view *view,
                       struct srv_reply *reply) {
     struct sp_error err;
-    char id[SRV_KEPT_ID_BYTES];
+    char id[SRV_SAVED_VIEW_ID_BYTES];
     size_t size = 0;
     proto_json *json = proto_view_encode(view);
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
-    if (!text || !srv_kept_id(text, size, id)) {
+    if (!text || !srv_saved_view_id(text, size, id)) {
         srv_reply_problem(reply, 503, NULL, "no memory for a view");
     } else if (answer_with(id, reply)) { /* first: who is refused keeps nothing */
         if (add_record(request, id, text, &err)) {
             srv_reply_header(reply, "Location", "views/%s", id);
-            srv_request_keep(request);
+            srv_request_reply_when_durable(request);
         } else {
             srv_reply_error(reply, &err);
         }
@@ -121,12 +121,12 @@ void srv_post_view(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    proto_json *json = srv_kept_view(request->app->store, request->param, &err);
+    proto_json *json = srv_saved_view_get(request->app->store, request->param, &err);
     if (!json) {
         srv_reply_error(reply, &err);
         return;
     }
-    char etag[SRV_KEPT_ID_BYTES + 2];
+    char etag[SRV_SAVED_VIEW_ID_BYTES + 2];
     snprintf(etag, sizeof etag, "\"%.32s\"", request->param);
     srv_reply_json(reply, 200, json);
     srv_reply_header(reply, "ETag", "%s", etag);
@@ -169,13 +169,13 @@ static bool sees_all(const struct srv_request *request) {
 
 void srv_get_views(struct srv_request *request, struct srv_reply *reply) {
     struct srv_page page;
-    if (!srv_listing_begin(request, SRV_STORE_ID_MAX + 1, &page, reply))
+    if (!srv_paging_begin(request, SRV_STORE_ID_MAX + 1, &page, reply))
         return;
     char beginning[BEGINNING_BYTES] = "";
     if (!sees_all(request))
         beginning_of(request, beginning);
     srv_store_page(request->app->store, SRV_KIND_VIEW, beginning, &page);
-    srv_listing_reply(&page, "views", encode_item, request, reply);
+    srv_paging_reply(&page, "views", encode_item, request, reply);
 }
 
 void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
@@ -195,6 +195,6 @@ void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_problem(reply, 404, NULL, "there is no kept view '%.64s'", request->param);
     } else {
         reply->status = 204;
-        srv_request_keep(request);
+        srv_request_reply_when_durable(request);
     }
 }

@@ -138,7 +138,7 @@ static void keep_volume(struct srv_request *request, const char *id, struct srv_
     struct sp_error err;
     char *kept = srv_store_get(request->app->store, SRV_KIND_VOLUME, id, NULL, &err);
     if (kept)
-        srv_request_keep(request);
+        srv_request_reply_when_durable(request);
     else
         srv_reply_header(reply, "X-Durable", "no");
     free(kept);
@@ -176,7 +176,7 @@ void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
     bool conflict;
     if (srv_catalog_remove(request->app->catalog, request->param, &conflict, &err)) {
         reply->status = 204;
-        srv_request_keep(request);
+        srv_request_reply_when_durable(request);
     } else if (conflict) {
         srv_reply_problem(reply, 409, NULL, "%s", err.text);
     } else {

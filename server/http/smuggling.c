@@ -4,21 +4,22 @@
 #include <string.h>
 #include <strings.h>
 
-struct srv_refusal srv_strict_target(char *target, size_t limit) {
+struct srv_rejection srv_smuggling_check_target(char *target, size_t limit) {
     char *query = strchr(target, '?');
     unsigned count = 0;
     for (const char *c = query; c && *c; c++)
         count += *c == '&';
     bool is_long = strlen(target) > limit;
-    if (query && (is_long || count > SRV_ARGUMENTS_MAX))
+    if (query && (is_long || count > SRV_QUERY_AMPERSANDS_MAX))
         memset(query + 1, 0, strlen(query + 1));
     if (is_long)
-        return (struct srv_refusal){ 414, "the address is longer than a quarter of --header-size" };
-    if (count > SRV_ARGUMENTS_MAX)
-        return (struct srv_refusal){ 414, "the query has more than 16 '&'" };
+        return (struct srv_rejection){ 414,
+                                       "the address is longer than a quarter of --header-size" };
+    if (count > SRV_QUERY_AMPERSANDS_MAX)
+        return (struct srv_rejection){ 414, "the query has more than 16 '&'" };
     if (strstr(target, "%00"))
-        return (struct srv_refusal){ 400, "%00 in an address means nothing here" };
-    return (struct srv_refusal){ 0, NULL };
+        return (struct srv_rejection){ 400, "%00 in an address means nothing here" };
+    return (struct srv_rejection){ 0, NULL };
 }
 
 static bool is_name(const char *name) {
@@ -35,46 +36,48 @@ static bool is_text(const char *value) {
     return true;
 }
 
-void srv_framing_add(struct srv_framing *framing, const char *name, const char *value) {
+void srv_smuggling_add_header(struct srv_smuggling *smuggling, const char *name,
+                              const char *value) {
     const char *text = value ? value : "";
-    framing->all++;
+    smuggling->all++;
     if (!is_name(name))
-        framing->is_not_name = true;
+        smuggling->is_not_name = true;
     if (!is_text(text))
-        framing->is_not_text = true;
+        smuggling->is_not_text = true;
     if (strcasecmp(name, "Host") == 0)
-        framing->hosts++;
+        smuggling->hosts++;
     if (strcasecmp(name, "Content-Length") == 0) {
-        framing->lengths++;
+        smuggling->lengths++;
         size_t digits = strspn(text, "0123456789");
-        framing->is_not_number |= digits < 1 || digits > 19 || text[digits];
+        smuggling->is_not_number |= digits < 1 || digits > 19 || text[digits];
     }
     if (strcasecmp(name, "Transfer-Encoding") == 0) {
-        framing->encodings++;
-        framing->is_not_chunked |= strcasecmp(text, "chunked") != 0;
+        smuggling->encodings++;
+        smuggling->is_not_chunked |= strcasecmp(text, "chunked") != 0;
     }
 }
 
-struct srv_refusal srv_framing_check(const struct srv_framing *framing, const char *version) {
+struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smuggling,
+                                                 const char *version) {
     bool is_old = strcmp(version, "HTTP/1.0") == 0;
     const char *detail = NULL;
-    if (framing->all > SRV_HEADERS_MAX)
-        return (struct srv_refusal){ 431, "a request has at most 128 headers" };
-    if (framing->is_not_name)
+    if (smuggling->all > SRV_HEADERS_MAX)
+        return (struct srv_rejection){ 431, "a request has at most 128 headers" };
+    if (smuggling->is_not_name)
         detail = "a header's name has characters that none may have";
-    else if (framing->is_not_text)
+    else if (smuggling->is_not_text)
         detail = "a header's value has a control character";
-    else if (framing->hosts > 1 || (framing->hosts == 0 && !is_old))
+    else if (smuggling->hosts > 1 || (smuggling->hosts == 0 && !is_old))
         detail = "a request has one Host header";
-    else if (framing->lengths > 1)
+    else if (smuggling->lengths > 1)
         detail = "a request has at most one Content-Length header";
-    else if (framing->is_not_number)
+    else if (smuggling->is_not_number)
         detail = "Content-Length must be a number of at most 19 digits";
-    else if (framing->encodings > 0 && framing->lengths > 0)
+    else if (smuggling->encodings > 0 && smuggling->lengths > 0)
         detail = "a request has either Transfer-Encoding or Content-Length";
-    else if (framing->encodings > 1 || framing->is_not_chunked)
+    else if (smuggling->encodings > 1 || smuggling->is_not_chunked)
         detail = "Transfer-Encoding must be chunked";
-    else if (framing->encodings > 0 && is_old)
+    else if (smuggling->encodings > 0 && is_old)
         detail = "there is no Transfer-Encoding in HTTP/1.0";
-    return (struct srv_refusal){ detail ? 400 : 0, detail };
+    return (struct srv_rejection){ detail ? 400 : 0, detail };
 }

@@ -3,18 +3,18 @@
  * Requests that two programs could understand differently are refused: behind a reverse proxy such
  * a difference lets a client smuggle a request past it (RFC 9112, sections 6.3 and 11.2).
  */
-#ifndef SRV_HTTP_STRICT_H
-#define SRV_HTTP_STRICT_H
+#ifndef SRV_HTTP_SMUGGLING_H
+#define SRV_HTTP_SMUGGLING_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 enum {
-    SRV_ARGUMENTS_MAX = 16, /* '&' in a query */
-    SRV_HEADERS_MAX = 128   /* of a request */
+    SRV_QUERY_AMPERSANDS_MAX = 16, /* '&' in a query */
+    SRV_HEADERS_MAX = 128          /* of a request */
 };
 
-struct srv_refusal {
+struct srv_rejection {
     unsigned status;    /* 0 = none */
     const char *detail; /* constant */
 };
@@ -22,16 +22,17 @@ struct srv_refusal {
 /* Judges the target of a request line before it is decoded; at most `limit` bytes. A query that is
  * too much is erased: the HTTP library would fill its memory with the arguments and have none left
  * for the answer. */
-struct srv_refusal srv_strict_target(char *target, size_t limit);
+struct srv_rejection srv_smuggling_check_target(char *target, size_t limit);
 
 /* What the headers say about where the request ends. */
-struct srv_framing {
+struct srv_smuggling {
     unsigned all, hosts, lengths, encodings;
     bool is_not_number, is_not_chunked, is_not_name, is_not_text;
 };
 /* value NULL = empty. */
-void srv_framing_add(struct srv_framing *framing, const char *name, const char *value);
+void srv_smuggling_add_header(struct srv_smuggling *smuggling, const char *name, const char *value);
 /* version: "HTTP/1.1" … */
-struct srv_refusal srv_framing_check(const struct srv_framing *framing, const char *version);
+struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smuggling,
+                                                 const char *version);
 
 #endif

@@ -16,7 +16,7 @@
 #include "common/clock.h"
 #include "common/timer_heap.h"
 #include "http/address.h"
-#include "http/ws_conn.h"
+#include "http/websocket.h"
 #include "sp/log.h"
 
 enum { EVENTS = 8, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
@@ -43,7 +43,7 @@ struct srv_streams {
     struct srv_streams_options options;
     pthread_t thread;
     int epoll, wake;
-    struct srv_intake *intake; /* the thread's */
+    struct srv_ingress *ingress; /* the thread's */
     pthread_mutex_t mutex;
     pthread_cond_t gone;
     struct stream *inbox; /* guarded by mutex */
@@ -175,7 +175,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     /* What waits in the kernel cannot be replaced by a newer frame. */
     setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
     struct srv_ws_options options = { .hub = s->options.hub,
-                                      .intake = s->intake,
+                                      .ingress = s->ingress,
                                       .metrics = s->options.metrics,
                                       .session = stream->start.session,
                                       .role = stream->start.role,
@@ -239,12 +239,12 @@ static void tick_stream(struct srv_streams *s, struct stream *stream, double now
     bool has_extra = stream->extra_at < stream->extra_size;
     double due_ms = !stream->ws ? stream->linger_ms + LINGER_MS
                     : has_extra ? now_ms
-                                : srv_ws_due_ms(stream->ws);
+                                : srv_ws_deadline_ms(stream->ws);
     srv_due_set(&s->dues, &stream->due, fmax(due_ms, now_ms + TICK_MS));
 }
 
 static void tick(struct srv_streams *s, double now_ms) {
-    srv_intake_tick(s->intake);
+    srv_ingress_tick(s->ingress);
     for (struct stream *stream; (stream = srv_due_take(&s->dues, now_ms));)
         if (!stream->dead)
             tick_stream(s, stream, now_ms);
@@ -319,7 +319,7 @@ static void *stream_main(void *user) {
 struct srv_streams *srv_streams_create(const struct srv_streams_options *options,
                                        struct sp_error *err) {
     struct srv_streams *s = calloc(1, sizeof *s);
-    if (!s || !(s->intake = srv_intake_create(options->message_bytes))) {
+    if (!s || !(s->ingress = srv_ingress_create(options->message_bytes))) {
         free(s);
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the stream thread");
         return NULL;
@@ -345,7 +345,7 @@ struct srv_streams *srv_streams_create(const struct srv_streams_options *options
         close(s->epoll);
     if (s->wake >= 0)
         close(s->wake);
-    srv_intake_destroy(&s->intake);
+    srv_ingress_destroy(&s->ingress);
     free(s);
     return NULL;
 }
@@ -402,6 +402,6 @@ void srv_streams_destroy(struct srv_streams **streams) {
     close(s->wake);
     pthread_cond_destroy(&s->gone);
     pthread_mutex_destroy(&s->mutex);
-    srv_intake_destroy(&s->intake);
+    srv_ingress_destroy(&s->ingress);
     free(s);
 }

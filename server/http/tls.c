@@ -108,8 +108,8 @@ static void release(struct srv_tls *tls) {
         srv_tls_keys_unref(&c->keys);
         free(c);
     }
-    const int descriptors[] = { tls->gate.epoll, tls->gate.wake, tls->carrier.epoll,
-                                tls->carrier.wake, tls->spare };
+    const int descriptors[] = { tls->acceptor.epoll, tls->acceptor.wake, tls->relay.epoll,
+                                tls->relay.wake, tls->spare };
     for (size_t i = 0; i < sizeof descriptors / sizeof *descriptors; i++)
         if (descriptors[i] >= 0)
             close(descriptors[i]);
@@ -126,13 +126,13 @@ struct srv_tls *srv_tls_create(const struct srv_tls_options *options, struct sp_
     assert(options->handshakes_max >= 1 && options->give);
     tls->options = *options;
     tls->rate.per_second = options->handshakes_per_s;
-    tls->gate = tls->carrier = (struct srv_tls_thread){ .epoll = -1, .wake = -1 };
+    tls->acceptor = tls->relay = (struct srv_tls_thread){ .epoll = -1, .wake = -1 };
     pthread_mutex_init(&tls->mutex, NULL);
     tls->spare = open("/dev/null", O_RDONLY | O_CLOEXEC);
-    if (start(tls, &tls->carrier, srv_tls_carrier_main, err) &&
-        start(tls, &tls->gate, srv_tls_gate_main, err))
+    if (start(tls, &tls->relay, srv_tls_relay_main, err) &&
+        start(tls, &tls->acceptor, srv_tls_acceptor_main, err))
         return tls;
-    stop(&tls->carrier);
+    stop(&tls->relay);
     release(tls);
     return NULL;
 }
@@ -145,7 +145,7 @@ void srv_tls_set_keys(struct srv_tls *tls, struct srv_tls_keys *keys) {
 }
 
 void srv_tls_close(struct srv_tls *tls) {
-    stop(&tls->gate);
+    stop(&tls->acceptor);
     pthread_mutex_lock(&tls->mutex);
     tls->is_closed = true;
     pthread_mutex_unlock(&tls->mutex);
@@ -157,7 +157,7 @@ void srv_tls_destroy(struct srv_tls **tls_pointer) {
     if (!tls)
         return;
     srv_tls_close(tls);
-    stop(&tls->carrier);
+    stop(&tls->relay);
     close(tls->options.socket);
     srv_tls_keys_unref(&tls->options.keys);
     release(tls);

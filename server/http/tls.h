@@ -6,14 +6,14 @@
  *   client ◄──TCP──► GnuTLS ◄── 16 KiB up, 16 KiB down ──► one end │ other end ──► give()
  *                                                            └──────┘ socket pair
  *
- *   the gate      accepted ──► handshake ──► failed, plain HTTP ──► lingers ──► closed
+ *   the acceptor      accepted ──► handshake ──► failed, plain HTTP ──► lingers ──► closed
  *                                │
- *   the carrier                  └──► open ──► lingers ──► closed
+ *   the relay                  └──► open ──► lingers ──► closed
  *
  * Two threads, since a handshake costs a hundred times what it costs to carry a picture's buffer,
- * and whoever likes may begin one: the gate is nice, one for all handshakes, which take turns. So
- * who floods it takes a share of the processor that a nice thread gets, and from open connections
- * nothing else: none of their bytes waits for a handshake.
+ * and whoever likes may begin one: the acceptor is nice, one for all handshakes, which take turns.
+ * So who floods it takes a share of the processor that a nice thread gets, and from open
+ * connections nothing else: none of their bytes waits for a handshake.
  *
  * Bounded: a connection costs two buffers and GnuTLS's session; a handshake has a deadline; of too
  * many handshakes the oldest ends, so that clients which dawdle keep nobody out; beyond
@@ -47,9 +47,9 @@ struct srv_tls_options {
     struct srv_metrics *metrics; /* not owned; NULL = what is refused is not counted */
     void *user;
     /* Connections that one host may have at a time, as connections_max; NULL = any number. On the
-     * gate. */
+     * acceptor. */
     unsigned (*accepted_from)(void *user, const struct sockaddr *host);
-    /* Takes the other end over, also when false: then the connection ends. On the carrier. */
+    /* Takes the other end over, also when false: then the connection ends. On the relay. */
     bool (*give)(void *user, int socket, const struct sockaddr *peer, socklen_t size);
 };
 

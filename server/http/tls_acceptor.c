@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The gate: accepts, shakes hands, hands over. Nice: what it does for those who come takes nothing
- * from those who are there. It holds no lock that others wait for but to hand over.
+ * The acceptor: accepts, shakes hands, hands over. Nice: what it does for those who come takes
+ * nothing from those who are there. It holds no lock that others wait for but to hand over.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -28,7 +28,7 @@ static void listen_again(struct srv_tls *tls, bool on) {
     struct epoll_event event = { .events = EPOLLIN, .data.ptr = tls };
     int operation = on ? EPOLL_CTL_ADD : EPOLL_CTL_DEL;
     if (on != tls->is_listening &&
-        epoll_ctl(tls->gate.epoll, operation, tls->options.socket, &event) == 0)
+        epoll_ctl(tls->acceptor.epoll, operation, tls->options.socket, &event) == 0)
         tls->is_listening = on;
 }
 
@@ -38,19 +38,19 @@ static bool shakes(const struct srv_tls_connection *c) {
 
 /* Handshakes. */
 
-/* From here on it is the carrier's. */
+/* From here on it is the relay's. */
 static void hand_over(struct srv_tls *tls, struct srv_tls_connection *c) {
     srv_tls_watch(c, SRV_TLS_CLIENT, 0);
     c->deadline_ms = 0;
-    c->epoll = tls->carrier.epoll;
+    c->epoll = tls->relay.epoll;
     c->is_handed_over = true;
     sp_log(SP_LOG_DEBUG, "TLS connection of %s: %s", c->peer,
            gnutls_protocol_get_name(gnutls_protocol_get_version(c->session)));
     pthread_mutex_lock(&tls->mutex);
-    c->next_carried = tls->arrivals;
+    c->next_relayed = tls->arrivals;
     tls->arrivals = c;
     pthread_mutex_unlock(&tls->mutex);
-    srv_tls_wake(&tls->carrier);
+    srv_tls_wake(&tls->relay);
 }
 
 static void shake(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
@@ -61,8 +61,8 @@ static void shake(struct srv_tls *tls, struct srv_tls_connection *c, double now_
         bool writes = gnutls_record_get_direction(c->session) == 1;
         srv_tls_watch(c, SRV_TLS_CLIENT, writes ? EPOLLOUT : EPOLLIN);
     } else {
-        srv_refused(tls->options.metrics, SRV_REFUSED_TLS, "no TLS with %s: %s", c->peer,
-                    gnutls_strerror(code));
+        srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS, "no TLS with %s: %s", c->peer,
+                               gnutls_strerror(code));
         gnutls_alert_send_appropriate(c->session, code);
         srv_tls_linger(c, now_ms);
     }
@@ -84,8 +84,8 @@ static void tell_plain(struct srv_tls *tls, struct srv_tls_connection *c, double
                         "Connection: close\r\nContent-Length: %zu\r\n\r\n%s",
                         sizeof body - 1, body);
     ssize_t sent = send(c->sides[SRV_TLS_CLIENT].fd, answer, (size_t)size, MSG_NOSIGNAL);
-    srv_refused(tls->options.metrics, SRV_REFUSED_TLS, "no TLS with %s: it speaks plain HTTP",
-                c->peer);
+    srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS,
+                           "no TLS with %s: it speaks plain HTTP", c->peer);
     if (sent == size)
         srv_tls_linger(c, now_ms);
     else
@@ -107,7 +107,7 @@ static void on_event(struct srv_tls *tls, struct srv_tls_connection *c, double n
 
 /* The list. */
 
-/* Also what the carrier is done with. */
+/* Also what the relay is done with. */
 static void reap(struct srv_tls *tls) {
     for (struct srv_tls_connection **link = &tls->list; *link;) {
         struct srv_tls_connection *c = *link;
@@ -132,9 +132,9 @@ static void end_oldest_handshake(struct srv_tls *tls) {
     }
     if (handshakes <= tls->options.handshakes_max)
         return;
-    srv_refused(tls->options.metrics, SRV_REFUSED_HANDSHAKE,
-                "no TLS with %s: more than %u handshakes at a time (--handshakes)", oldest->peer,
-                tls->options.handshakes_max);
+    srv_connection_refused(tls->options.metrics, SRV_REFUSED_HANDSHAKE,
+                           "no TLS with %s: more than %u handshakes at a time (--handshakes)",
+                           oldest->peer, tls->options.handshakes_max);
     oldest->state = SRV_TLS_DEAD;
 }
 
@@ -146,16 +146,17 @@ static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const cha
         same_host += is_there && srv_address_same_host((const struct sockaddr *)&c->address, host);
     }
     if (all >= tls->options.connections_max) {
-        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                    "TLS connection of %s refused: --connections (%u are open)", peer, all);
+        srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                               "TLS connection of %s refused: --connections (%u are open)", peer,
+                               all);
         return false;
     }
     if (!tls->options.accepted_from ||
         same_host < tls->options.accepted_from(tls->options.user, host))
         return true;
-    srv_refused(tls->options.metrics, SRV_REFUSED_ADDRESS,
-                "TLS connection of %s refused: it has %u (--connections-per-address)", peer,
-                same_host);
+    srv_connection_refused(tls->options.metrics, SRV_REFUSED_ADDRESS,
+                           "TLS connection of %s refused: it has %u (--connections-per-address)",
+                           peer, same_host);
     return false;
 }
 
@@ -166,10 +167,11 @@ static bool is_in_time(struct srv_tls *tls, const struct sockaddr_storage *host,
     if ((tls->options.spares_loopback && srv_address_is_loopback((const struct sockaddr *)host)) ||
         srv_host_rate_take(&tls->rate, host, now_ms))
         return true;
-    srv_refused(tls->options.metrics, SRV_REFUSED_HANDSHAKE,
-                "TLS connection of %s refused: its address began more than %.0f a second "
-                "(--handshake-rate)",
-                peer, tls->options.handshakes_per_s);
+    srv_connection_refused(
+        tls->options.metrics, SRV_REFUSED_HANDSHAKE,
+        "TLS connection of %s refused: its address began more than %.0f a second "
+        "(--handshake-rate)",
+        peer, tls->options.handshakes_per_s);
     return false;
 }
 
@@ -183,8 +185,8 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     struct srv_tls_connection *c = has ? calloc(1, sizeof *c) : NULL;
     if (!c) {
         if (has)
-            srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                        "TLS connection of %s refused: no memory", peer);
+            srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                                   "TLS connection of %s refused: no memory", peer);
         close(fd);
         return;
     }
@@ -193,7 +195,7 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     for (int i = 0; i < SRV_TLS_SIDES; i++)
         c->sides[i] = (struct srv_tls_side){ .connection = c, .fd = i == SRV_TLS_CLIENT ? fd : -1 };
     c->state = SRV_TLS_HANDSHAKE;
-    c->epoll = tls->gate.epoll;
+    c->epoll = tls->acceptor.epoll;
     c->deadline_ms = now_ms + tls->options.handshake_ms;
     c->address = *address;
     c->address_size = size;
@@ -214,8 +216,8 @@ static bool refuse_one(struct srv_tls *tls, int reason) {
         close(tls->spare);
     int fd = accept4(tls->options.socket, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), code = errno;
     if (fd >= 0) {
-        srv_refused(tls->options.metrics, SRV_REFUSED_FULL, "TLS connection refused: %s",
-                    strerror(reason));
+        srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL, "TLS connection refused: %s",
+                               strerror(reason));
         close(fd);
     }
     tls->spare = open("/dev/null", O_RDONLY | O_CLOEXEC);
@@ -241,8 +243,8 @@ static void accept_all(struct srv_tls *tls, double now_ms) {
         if (is_exhausted(errno) && refuse_one(tls, errno))
             continue;
         if (is_exhausted(errno)) {
-            srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                        "no connection can be accepted for now: %s", strerror(errno));
+            srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                                   "no connection can be accepted for now: %s", strerror(errno));
             listen_again(tls, false); /* until the next tick */
             return;
         }
@@ -258,30 +260,30 @@ static void tick(struct srv_tls *tls, double now_ms) {
         if (c->is_handed_over || c->deadline_ms == 0 || now_ms < c->deadline_ms)
             continue;
         if (c->state == SRV_TLS_HANDSHAKE)
-            srv_refused(tls->options.metrics, SRV_REFUSED_TLS,
-                        "no TLS with %s: no handshake within --header-time", c->peer);
+            srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS,
+                                   "no TLS with %s: no handshake within --header-time", c->peer);
         c->state = SRV_TLS_DEAD;
     }
     listen_again(tls, true);
     reap(tls);
 }
 
-void *srv_tls_gate_main(void *user) {
+void *srv_tls_acceptor_main(void *user) {
     struct srv_tls *tls = user;
     struct epoll_event events[SRV_TLS_EVENTS];
     double last_tick_ms = 0;
     srv_be_nice("the thread for TLS handshakes");
     listen_again(tls, true);
-    while (!atomic_load(&tls->gate.stop)) {
-        int count = epoll_wait(tls->gate.epoll, events, SRV_TLS_EVENTS, (int)SRV_TLS_TICK_MS);
+    while (!atomic_load(&tls->acceptor.stop)) {
+        int count = epoll_wait(tls->acceptor.epoll, events, SRV_TLS_EVENTS, (int)SRV_TLS_TICK_MS);
         double now_ms = srv_clock_ms();
-        for (int i = 0; i < count && !atomic_load(&tls->gate.stop); i++) {
+        for (int i = 0; i < count && !atomic_load(&tls->acceptor.stop); i++) {
             if (events[i].data.ptr == tls)
                 accept_all(tls, now_ms);
             else if (events[i].data.ptr)
                 on_event(tls, ((struct srv_tls_side *)events[i].data.ptr)->connection, now_ms);
             else
-                srv_tls_woken(&tls->gate);
+                srv_tls_woken(&tls->acceptor);
         }
         if (now_ms - last_tick_ms >= SRV_TLS_TICK_MS) {
             tick(tls, now_ms);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the two threads of the TLS acceptor share (tls.h). A connection belongs to the gate until it
- * is handed over, and from then on to the carrier; who has it alone touches it. The gate counts and
- * frees all of them: the carrier says by `is_over` that it is done with one.
+ * What the two threads of the TLS acceptor share (tls.h). A connection belongs to the acceptor
+ * until it is handed over, and from then on to the relay; who has it alone touches it. The acceptor
+ * counts and frees all of them: the relay says by `is_over` that it is done with one.
  */
 #ifndef SRV_HTTP_TLS_PRIVATE_H
 #define SRV_HTTP_TLS_PRIVATE_H
@@ -40,16 +40,16 @@ struct srv_tls_half { /* one direction */
 };
 
 struct srv_tls_connection {
-    /* The gate's, all the time. */
+    /* The acceptor's, all the time. */
     struct srv_tls_connection *next;
     bool is_handed_over;
-    atomic_bool is_over;             /* the carrier will not touch it again */
+    atomic_bool is_over;             /* the relay will not touch it again */
     struct sockaddr_storage address; /* constant, as is what follows */
     socklen_t address_size;
     char peer[SRV_ADDRESS_TEXT];
     struct srv_tls_keys *keys; /* its session's */
     /* Of the one who has it. */
-    struct srv_tls_connection *next_carried; /* in `arrivals`, then in `carried` */
+    struct srv_tls_connection *next_relayed; /* in `arrivals`, then in `relayed` */
     enum srv_tls_state state;
     int epoll; /* of the one who has it */
     struct srv_tls_side sides[SRV_TLS_SIDES];
@@ -67,21 +67,21 @@ struct srv_tls_thread {
 
 struct srv_tls {
     struct srv_tls_options options; /* its keys are guarded by mutex */
-    struct srv_tls_thread gate, carrier;
+    struct srv_tls_thread acceptor, relay;
     pthread_mutex_t mutex;
-    struct srv_tls_connection *arrivals; /* on their way to the carrier; guarded by mutex */
+    struct srv_tls_connection *arrivals; /* on their way to the relay; guarded by mutex */
     bool is_closed;                      /* give() is not called any more; guarded by mutex */
-    /* The gate's. */
+    /* The acceptor's. */
     struct srv_tls_connection *list; /* all there are, newest first */
     struct srv_host_rate rate;
     int spare; /* a descriptor to refuse with when there are no others */
     bool is_listening;
-    /* The carrier's. */
-    struct srv_tls_connection *carried;
+    /* The relay's. */
+    struct srv_tls_connection *relayed;
 };
 
-void *srv_tls_gate_main(void *tls);
-void *srv_tls_carrier_main(void *tls);
+void *srv_tls_acceptor_main(void *tls);
+void *srv_tls_relay_main(void *tls);
 
 /* Tells a thread that there is something to look at. Any thread. */
 void srv_tls_wake(struct srv_tls_thread *thread);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The carrier: brings the bytes of open connections between the client and the server's end. What
+ * The relay: brings the bytes of open connections between the client and the server's end. What
  * it does in one go has a bound, whatever a client does.
  */
 #include <errno.h>
@@ -140,8 +140,9 @@ static void pump(struct srv_tls *tls, struct srv_tls_connection *c, double now_m
 static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
     int pair[2], bytes = PAIR_BYTES;
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) != 0) {
-        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                    "TLS connection of %s refused: no socket pair: %s", c->peer, strerror(errno));
+        srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                               "TLS connection of %s refused: no socket pair: %s", c->peer,
+                               strerror(errno));
         c->state = SRV_TLS_DEAD;
         return;
     }
@@ -150,19 +151,19 @@ static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
     c->state = SRV_TLS_OPEN;
     if (!tls->options.give(tls->options.user, pair[1], (const struct sockaddr *)&c->address,
                            c->address_size)) {
-        srv_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                    "TLS connection of %s refused: there is no room", c->peer);
+        srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
+                               "TLS connection of %s refused: there is no room", c->peer);
         c->state = SRV_TLS_DEAD;
     }
 }
 
-/* Takes over what the gate has shaken hands with; a byte may wait in GnuTLS already. */
+/* Takes over what the acceptor has shaken hands with; a byte may wait in GnuTLS already. */
 static void take_arrivals(struct srv_tls *tls, double now_ms) {
-    srv_tls_woken(&tls->carrier);
+    srv_tls_woken(&tls->relay);
     pthread_mutex_lock(&tls->mutex); /* also while they are given: srv_tls_close() waits for that */
     struct srv_tls_connection *list = tls->arrivals;
     tls->arrivals = NULL;
-    for (struct srv_tls_connection *c = list; c; c = c->next_carried) {
+    for (struct srv_tls_connection *c = list; c; c = c->next_relayed) {
         if (tls->is_closed)
             c->state = SRV_TLS_DEAD;
         else
@@ -171,23 +172,23 @@ static void take_arrivals(struct srv_tls *tls, double now_ms) {
     pthread_mutex_unlock(&tls->mutex);
     while (list) {
         struct srv_tls_connection *c = list;
-        list = c->next_carried;
-        c->next_carried = tls->carried;
-        tls->carried = c;
+        list = c->next_relayed;
+        c->next_relayed = tls->relayed;
+        tls->relayed = c;
         if (c->state == SRV_TLS_OPEN)
             pump(tls, c, now_ms);
     }
 }
 
-/* The gate counts and frees them. */
+/* The acceptor counts and frees them. */
 static void reap(struct srv_tls *tls) {
-    for (struct srv_tls_connection **link = &tls->carried; *link;) {
+    for (struct srv_tls_connection **link = &tls->relayed; *link;) {
         struct srv_tls_connection *c = *link;
         if (c->state != SRV_TLS_DEAD) {
-            link = &c->next_carried;
+            link = &c->next_relayed;
             continue;
         }
-        *link = c->next_carried;
+        *link = c->next_relayed;
         srv_tls_end(c);
         atomic_store(&c->is_over, true);
     }
@@ -202,7 +203,7 @@ static void look_for_end(struct srv_tls *tls, struct srv_tls_connection *c, doub
 }
 
 static void tick(struct srv_tls *tls, double now_ms) {
-    for (struct srv_tls_connection *c = tls->carried; c; c = c->next_carried) {
+    for (struct srv_tls_connection *c = tls->relayed; c; c = c->next_relayed) {
         look_for_end(tls, c, now_ms);
         if (c->deadline_ms == 0 || now_ms < c->deadline_ms)
             continue;
@@ -225,13 +226,13 @@ static bool on_event(struct srv_tls *tls, struct srv_tls_connection *c, double n
     return c->state == SRV_TLS_DEAD;
 }
 
-void *srv_tls_carrier_main(void *user) {
+void *srv_tls_relay_main(void *user) {
     struct srv_tls *tls = user;
     struct epoll_event events[SRV_TLS_EVENTS];
     double last_tick_ms = 0, stop_ms = 0;
     for (;;) {
-        bool is_last = atomic_load(&tls->carrier.stop), has_dead = false;
-        int count = epoll_wait(tls->carrier.epoll, events, SRV_TLS_EVENTS, (int)SRV_TLS_TICK_MS);
+        bool is_last = atomic_load(&tls->relay.stop), has_dead = false;
+        int count = epoll_wait(tls->relay.epoll, events, SRV_TLS_EVENTS, (int)SRV_TLS_TICK_MS);
         double now_ms = srv_clock_ms();
         for (int i = 0; i < count; i++) {
             if (events[i].data.ptr)
@@ -248,10 +249,10 @@ void *srv_tls_carrier_main(void *user) {
         if (has_dead)
             reap(tls);
         stop_ms = is_last && stop_ms == 0 ? now_ms + STOP_MS : stop_ms;
-        if (is_last && (!tls->carried || now_ms >= stop_ms))
+        if (is_last && (!tls->relayed || now_ms >= stop_ms))
             break;
     }
-    for (struct srv_tls_connection *c = tls->carried; c; c = c->next_carried)
+    for (struct srv_tls_connection *c = tls->relayed; c; c = c->next_relayed)
         c->state = SRV_TLS_DEAD;
     reap(tls);
     return NULL;

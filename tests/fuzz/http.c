@@ -10,9 +10,9 @@
 #include <strings.h>
 
 #include "http/address.h"
+#include "http/cors.h"
 #include "http/handshake.h"
 #include "http/headers.h"
-#include "http/origins.h"
 #include "http/router.h"
 #include "http/smuggling.h"
 
@@ -69,14 +69,14 @@ static void judge_address(const char *text) {
 
 static void judge_origin(const char *value) {
     struct sp_error err;
-    srv_origin_is_allowed(value, "splat.example:8080");
-    srv_origin_is_allowed("https://splat.example", value);
-    if (srv_origins_check(value, &err) && !strchr(value, ','))
-        must(srv_origins_have(value, value));
+    srv_cors_is_same_origin(value, "splat.example:8080");
+    srv_cors_is_same_origin("https://splat.example", value);
+    if (srv_cors_check_origins(value, &err) && !strchr(value, ','))
+        must(srv_cors_allows(value, value));
 }
 
 static void judge_etags(const char *value) {
-    bool any = srv_etag_matches(value, "\"0123456789abcdef\"");
+    bool any = srv_header_has_etag(value, "\"0123456789abcdef\"");
     must(!any || strchr(value, '*') || strstr(value, "0123456789abcdef"));
 }
 
@@ -84,16 +84,17 @@ static void judge_token(const char *value, const char *token) {
     must(!srv_header_has_token(value, token) || strcasestr(value, token));
 }
 
-static void judge_header(struct srv_framing *framing, const char *name, const char *value) {
+static void judge_header(struct srv_smuggling *smuggling, const char *name, const char *value) {
     static const char *const types[] = { "image/jpeg", "image/png", "gzip", "application/json" };
-    char accept[SRV_ACCEPT_BYTES];
-    srv_framing_add(framing, name, value);
+    char accept[SRV_WEBSOCKET_ACCEPT_BYTES];
+    srv_smuggling_add_header(smuggling, name, value);
     if (strcasecmp(name, "Accept") == 0 || strcasecmp(name, "Accept-Encoding") == 0)
         for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
-            double quality = srv_accept_quality(value, types[i]);
+            double quality = srv_header_accept_quality(value, types[i]);
             must(quality >= 0 && quality <= 1);
         }
-    const char *token = strcasecmp(name, "Authorization") == 0 ? srv_bearer_token(value) : NULL;
+    const char *token =
+        strcasecmp(name, "Authorization") == 0 ? srv_header_bearer_token(value) : NULL;
     must(!token || (token >= value + 7 && token <= value + strlen(value)));
     if (strcasecmp(name, "If-None-Match") == 0)
         judge_etags(value);
@@ -102,7 +103,7 @@ static void judge_header(struct srv_framing *framing, const char *name, const ch
     if (strcasecmp(name, "Host") == 0)
         judge_address(value);
     if (strcasecmp(name, "Content-Type") == 0)
-        srv_is_json(value);
+        srv_header_is_json(value);
     if (strcasecmp(name, "Connection") == 0)
         judge_token(value, "upgrade");
     if (strcasecmp(name, "Upgrade") == 0)
@@ -110,7 +111,8 @@ static void judge_header(struct srv_framing *framing, const char *name, const ch
     if (strcasecmp(name, "Sec-WebSocket-Protocol") == 0)
         judge_token(value, "splatd.v1");
     if (strcasecmp(name, "Sec-WebSocket-Key") == 0 && strlen(value) == 24)
-        must(!srv_websocket_accept(value, accept) || strlen(accept) == SRV_ACCEPT_BYTES - 1);
+        must(!srv_header_websocket_accept(value, accept) ||
+             strlen(accept) == SRV_WEBSOCKET_ACCEPT_BYTES - 1);
 }
 
 /* METHOD TARGET VERSION; returns the version. The target is judged, and cut, in place. */
@@ -122,7 +124,7 @@ static const char *judge_line(char *line) {
     if (*version)
         *version++ = 0;
     size_t size = strlen(target);
-    struct srv_refusal refusal = srv_strict_target(target, TARGET_MAX);
+    struct srv_rejection refusal = srv_smuggling_check_target(target, TARGET_MAX);
     must(!refusal.status == !refusal.detail);
     must(size <= TARGET_MAX || refusal.status == 414);
     target[strcspn(target, "?")] = 0;
@@ -152,17 +154,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     memcpy(text, data, size);
     text[size] = 0; /* bytes after a NUL are not looked at: the library takes them for no text */
     while ((line = next_line(&at))) {
-        struct srv_framing framing = { .hosts = 0 };
+        struct srv_smuggling smuggling = { .hosts = 0 };
         const char *version = judge_line(line);
         while ((line = next_line(&at)) && *line) {
             char *value = line + strcspn(line, ":");
             if (*value)
                 *value++ = 0;
-            judge_header(&framing, line, value + strspn(value, " \t"));
+            judge_header(&smuggling, line, value + strspn(value, " \t"));
         }
-        struct srv_refusal refusal = srv_framing_check(&framing, version);
+        struct srv_rejection refusal = srv_smuggling_check_headers(&smuggling, version);
         must(!refusal.status == !refusal.detail);
-        must(refusal.status || (framing.hosts < 2 && framing.lengths < 2));
+        must(refusal.status || (smuggling.hosts < 2 && smuggling.lengths < 2));
     }
     free(text);
     return 0;

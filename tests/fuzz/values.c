@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "http/values.h"
+#include "http/query.h"
 #include "sp/encode.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -27,12 +27,12 @@ static void judge_number(const char *text) {
     static const unsigned most[] = { 1, 100, 1000, UINT32_MAX };
     const char *rest = shortest(text);
     size_t length = strlen(rest);
-    bool is_one = length > 0 && strspn(rest, "0123456789") == length &&
-                  (length < 10 || (length == 10 && strcmp(rest, "4294967295") <= 0));
+    bool has_one_deadline = length > 0 && strspn(rest, "0123456789") == length &&
+                            (length < 10 || (length == 10 && strcmp(rest, "4294967295") <= 0));
     for (int i = 0; i < 4; i++) {
         unsigned number = 0;
-        bool ok = srv_value_number(text, most[i], &number);
-        must(ok == (is_one && strtoull(rest, NULL, 10) <= most[i]));
+        bool ok = srv_query_number(text, most[i], &number);
+        must(ok == (has_one_deadline && strtoull(rest, NULL, 10) <= most[i]));
         must(!ok || number == strtoull(rest, NULL, 10));
     }
 }
@@ -47,7 +47,7 @@ static bool says(const char *text, unsigned number, char end) {
 
 static void judge_size(const char *text) {
     uint32_t px[2];
-    if (!srv_value_size(text, px))
+    if (!srv_query_size(text, px))
         return;
     must(says(text, px[0], ',') && says(strchr(text, ',') + 1, px[1], 0));
 }
@@ -55,19 +55,19 @@ static void judge_size(const char *text) {
 static void judge_range(const char *text, uint64_t size) {
     char again[64];
     uint64_t from, count, more[2];
-    enum srv_range range = srv_value_range(text, NULL, "\"e\"", size, &from, &count);
+    enum srv_range range = srv_header_range(text, NULL, "\"e\"", size, &from, &count);
     if (range != SRV_RANGE_PART) {
         must(from == 0 && count == size);
         must(range == SRV_RANGE_WHOLE || strchr(text, '-'));
         return;
     }
     must(count > 0 && from < size && count <= size - from);
-    must(srv_value_range(text, "\"e\"", "\"e\"", size, &more[0], &more[1]) == range);
+    must(srv_header_range(text, "\"e\"", "\"e\"", size, &more[0], &more[1]) == range);
     must(more[0] == from && more[1] == count);
-    must(srv_value_range(text, "\"f\"", "\"e\"", size, &more[0], &more[1]) == SRV_RANGE_WHOLE);
+    must(srv_header_range(text, "\"f\"", "\"e\"", size, &more[0], &more[1]) == SRV_RANGE_WHOLE);
     snprintf(again, sizeof again, "bytes=%llu-%llu", (unsigned long long)from,
              (unsigned long long)(from + count - 1));
-    must(srv_value_range(again, NULL, "", size, &more[0], &more[1]) == range);
+    must(srv_header_range(again, NULL, "", size, &more[0], &more[1]) == range);
     must(more[0] == from && more[1] == count);
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Bytes of a client's WebSocket connection: framing, JSON-RPC, and what the messages do to a
+ * Bytes of a client's WebSocket connection: smuggling, JSON-RPC, and what the messages do to a
  * session, over a transport in memory. The input is handed out in pieces whose lengths are taken
  * from it; what the daemon sends goes nowhere.
  */
@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "http/ws_conn.h"
+#include "http/websocket.h"
 #include "sp/log.h"
 #include "sp/volume.h"
 
@@ -135,11 +135,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (!json)
         abort();
     proto_json_free(&json);
-    struct srv_intake *intake = srv_intake_create(4096);
-    if (!intake)
+    struct srv_ingress *ingress = srv_ingress_create(4096);
+    if (!ingress)
         abort();
     struct srv_ws_options ws_options = { .hub = hub,
-                                         .intake = intake,
+                                         .ingress = ingress,
                                          .token = "",
                                          .session = id,
                                          .role = SRV_ROLE_CONTROL,
@@ -156,13 +156,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         srv_ws_read(ws, now_ms);
         serve(hub, now_ms);
         srv_ws_write(ws, now_ms);
-        srv_intake_tick(intake);
+        srv_ingress_tick(ingress);
         srv_ws_tick(ws, now_ms);
     }
     if (!ws || !srv_ws_is_over(ws))
         abort(); /* the end of the input ends the connection */
     srv_ws_destroy(&ws, now_ms);
-    srv_intake_destroy(&intake);
+    srv_ingress_destroy(&ingress);
     srv_hub_destroy(&hub);
     return 0;
 }

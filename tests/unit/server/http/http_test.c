@@ -11,16 +11,16 @@
 #include <zlib.h>
 
 #include "http/address.h"
+#include "http/cors.h"
 #include "http/gzip.h"
 #include "http/handshake.h"
 #include "http/headers.h"
 #include "http/host_rate.h"
-#include "http/http.h"
-#include "http/origins.h"
+#include "http/http_private.h"
+#include "http/query.h"
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/smuggling.h"
-#include "http/values.h"
 
 static void nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
@@ -120,7 +120,7 @@ static void origins(void **state) {
         { "http://a:1", NULL, false },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        assert_int_equal(srv_origin_is_allowed(cases[i].origin, cases[i].host), cases[i].allowed);
+        assert_int_equal(srv_cors_is_same_origin(cases[i].origin, cases[i].host), cases[i].allowed);
 }
 
 static void allowed_origins(void **state) {
@@ -134,22 +134,22 @@ static void allowed_origins(void **state) {
                                        ",http://a",  "http://a, http://b",
                                        "http://a b", "http://user@a" };
     for (size_t i = 0; i < sizeof good / sizeof *good; i++)
-        assert_true(srv_origins_check(good[i], &err));
+        assert_true(srv_cors_check_origins(good[i], &err));
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_false(srv_origins_check(bad[i], &err));
+        assert_false(srv_cors_check_origins(bad[i], &err));
         assert_string_equal(err.place, "--allow-origin");
     }
     static const char list[] = "https://a.b-c:8443,http://x";
-    assert_true(srv_origins_have(list, "https://a.b-c:8443"));
-    assert_true(srv_origins_have(list, "HTTP://X"));
-    assert_false(srv_origins_have(list, "http://x:80"));
-    assert_false(srv_origins_have(list, "https://x"));
-    assert_false(srv_origins_have(list, "http://x.evil"));
-    assert_false(srv_origins_have(list, "http://"));
-    assert_false(srv_origins_have(list, list));
-    assert_false(srv_origins_have(list, ""));
-    assert_false(srv_origins_have(list, NULL));
-    assert_false(srv_origins_have(NULL, "http://x"));
+    assert_true(srv_cors_allows(list, "https://a.b-c:8443"));
+    assert_true(srv_cors_allows(list, "HTTP://X"));
+    assert_false(srv_cors_allows(list, "http://x:80"));
+    assert_false(srv_cors_allows(list, "https://x"));
+    assert_false(srv_cors_allows(list, "http://x.evil"));
+    assert_false(srv_cors_allows(list, "http://"));
+    assert_false(srv_cors_allows(list, list));
+    assert_false(srv_cors_allows(list, ""));
+    assert_false(srv_cors_allows(list, NULL));
+    assert_false(srv_cors_allows(NULL, "http://x"));
 }
 
 static void compression(void **state) {
@@ -183,17 +183,19 @@ static void compression(void **state) {
 
 static void accepting(void **state) {
     (void)state;
-    assert_float_equal(srv_accept_quality(NULL, "image/png"), 1, 0);
-    assert_float_equal(srv_accept_quality("*/*", "image/png"), 1, 0);
-    assert_float_equal(srv_accept_quality("text/html", "image/png"), 0, 0);
-    assert_float_equal(srv_accept_quality("image/*;q=0.5, */*;q=0.1", "image/png"), 0.5, 1e-9);
-    assert_float_equal(srv_accept_quality("image/*, image/png;q=0", "image/png"), 0, 0);
-    assert_float_equal(srv_accept_quality("image/png;q=0, image/*", "image/png"), 0, 0);
-    assert_float_equal(srv_accept_quality("IMAGE/PNG ; level=1 ; q=0.25", "image/png"), 0.25, 1e-9);
-    assert_float_equal(srv_accept_quality("image/png;q=2", "image/png"), 0, 0);
-    assert_float_equal(srv_accept_quality("image/pngx", "image/png"), 0, 0);
-    assert_float_equal(srv_accept_quality("", "image/png"), 0, 0);
-    assert_float_equal(srv_accept_quality(",,;q=1,;", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality(NULL, "image/png"), 1, 0);
+    assert_float_equal(srv_header_accept_quality("*/*", "image/png"), 1, 0);
+    assert_float_equal(srv_header_accept_quality("text/html", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality("image/*;q=0.5, */*;q=0.1", "image/png"), 0.5,
+                       1e-9);
+    assert_float_equal(srv_header_accept_quality("image/*, image/png;q=0", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality("image/png;q=0, image/*", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality("IMAGE/PNG ; level=1 ; q=0.25", "image/png"), 0.25,
+                       1e-9);
+    assert_float_equal(srv_header_accept_quality("image/png;q=2", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality("image/pngx", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality("", "image/png"), 0, 0);
+    assert_float_equal(srv_header_accept_quality(",,;q=1,;", "image/png"), 0, 0);
 }
 
 static void tokens_and_types(void **state) {
@@ -203,20 +205,20 @@ static void tokens_and_types(void **state) {
     assert_false(srv_header_has_token("websocketx", "websocket"));
     assert_false(srv_header_has_token("web socket", "websocket"));
     assert_false(srv_header_has_token(NULL, "websocket"));
-    assert_true(srv_etag_matches("\"a\"", "\"a\""));
-    assert_true(srv_etag_matches("\"b\", W/\"a\"", "\"a\""));
-    assert_true(srv_etag_matches("*", "\"a\""));
-    assert_false(srv_etag_matches("\"ab\"", "\"a\""));
-    assert_false(srv_etag_matches(NULL, "\"a\""));
-    assert_string_equal(srv_bearer_token("Bearer xyz"), "xyz");
-    assert_string_equal(srv_bearer_token("bearer  xyz"), "xyz");
-    assert_null(srv_bearer_token("Basic xyz"));
-    assert_null(srv_bearer_token(NULL));
-    assert_true(srv_is_json(NULL));
-    assert_true(srv_is_json("application/json; charset=utf-8"));
-    assert_true(srv_is_json("Application/Merge-Patch+JSON"));
-    assert_false(srv_is_json("application/jsonx"));
-    assert_false(srv_is_json("text/plain"));
+    assert_true(srv_header_has_etag("\"a\"", "\"a\""));
+    assert_true(srv_header_has_etag("\"b\", W/\"a\"", "\"a\""));
+    assert_true(srv_header_has_etag("*", "\"a\""));
+    assert_false(srv_header_has_etag("\"ab\"", "\"a\""));
+    assert_false(srv_header_has_etag(NULL, "\"a\""));
+    assert_string_equal(srv_header_bearer_token("Bearer xyz"), "xyz");
+    assert_string_equal(srv_header_bearer_token("bearer  xyz"), "xyz");
+    assert_null(srv_header_bearer_token("Basic xyz"));
+    assert_null(srv_header_bearer_token(NULL));
+    assert_true(srv_header_is_json(NULL));
+    assert_true(srv_header_is_json("application/json; charset=utf-8"));
+    assert_true(srv_header_is_json("Application/Merge-Patch+JSON"));
+    assert_false(srv_header_is_json("application/jsonx"));
+    assert_false(srv_header_is_json("text/plain"));
 }
 
 static void addresses(void **state) {
@@ -288,7 +290,7 @@ static void connections_from_one_host(void **state) {
         struct srv_config config = { .connections_per_address = cases[i].per_address };
         struct srv_http http = { .options.config = &config, .connections = cases[i].connections };
         assert_true(srv_address_parse(cases[i].host, &host, NULL));
-        assert_int_equal(srv_connections_from(&http, (struct sockaddr *)&host.storage),
+        assert_int_equal(srv_http_connections_from(&http, (struct sockaddr *)&host.storage),
                          cases[i].from);
     }
 }
@@ -337,14 +339,14 @@ static void values(void **state) {
     unsigned number = 7;
     uint32_t size[2] = { 7, 7 };
     for (size_t i = 0; i < sizeof none / sizeof *none; i++)
-        assert_false(srv_value_number(none[i], 100, &number));
+        assert_false(srv_query_number(none[i], 100, &number));
     assert_int_equal(number, 7);
-    assert_true(srv_value_number("1", 100, &number) && number == 1);
-    assert_true(srv_value_number("0100", 100, &number) && number == 100);
+    assert_true(srv_query_number("1", 100, &number) && number == 1);
+    assert_true(srv_query_number("0100", 100, &number) && number == 100);
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
-        assert_false(srv_value_size(sizes[i], size));
+        assert_false(srv_query_size(sizes[i], size));
     assert_true(size[0] == 7 && size[1] == 7);
-    assert_true(srv_value_size("640,00480", size) && size[0] == 640 && size[1] == 480);
+    assert_true(srv_query_size("640,00480", size) && size[0] == 640 && size[1] == 480);
 }
 
 static void ranges(void **state) {
@@ -375,24 +377,24 @@ static void ranges(void **state) {
     };
     uint64_t from, count;
     for (size_t i = 0; i < sizeof of_ten / sizeof *of_ten; i++) {
-        assert_int_equal(srv_value_range(of_ten[i].range, NULL, "\"e\"", 10, &from, &count),
+        assert_int_equal(srv_header_range(of_ten[i].range, NULL, "\"e\"", 10, &from, &count),
                          of_ten[i].is);
         assert_true(from == of_ten[i].from && count == of_ten[i].count);
     }
-    assert_int_equal(srv_value_range("bytes=1-2", "\"e\"", "\"e\"", 10, &from, &count),
+    assert_int_equal(srv_header_range("bytes=1-2", "\"e\"", "\"e\"", 10, &from, &count),
                      SRV_RANGE_PART);
-    assert_int_equal(srv_value_range("bytes=1-2", "\"f\"", "\"e\"", 10, &from, &count),
+    assert_int_equal(srv_header_range("bytes=1-2", "\"f\"", "\"e\"", 10, &from, &count),
                      SRV_RANGE_WHOLE);
-    assert_int_equal(srv_value_range("bytes=0-", NULL, "\"e\"", 0, &from, &count), SRV_RANGE_NONE);
+    assert_int_equal(srv_header_range("bytes=0-", NULL, "\"e\"", 0, &from, &count), SRV_RANGE_NONE);
 }
 
 /* RFC 6455, 1.3; another one from `printf KEY258EAFA5-… | openssl sha1 -binary | base64`. */
 static void handshake(void **state) {
     (void)state;
-    char accept[SRV_ACCEPT_BYTES];
-    assert_true(srv_websocket_accept("dGhlIHNhbXBsZSBub25jZQ==", accept));
+    char accept[SRV_WEBSOCKET_ACCEPT_BYTES];
+    assert_true(srv_header_websocket_accept("dGhlIHNhbXBsZSBub25jZQ==", accept));
     assert_string_equal(accept, "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
-    assert_true(srv_websocket_accept("x3JJHMbDL1EzLkh9GBhXDw==", accept));
+    assert_true(srv_header_websocket_accept("x3JJHMbDL1EzLkh9GBhXDw==", accept));
     assert_string_equal(accept, "HSmrc0sMlYUkAGmm5OPpG2HaGWk=");
 }
 
@@ -422,22 +424,22 @@ static void targets(void **state) {
     (void)state;
     char fine[] = "/a&b%20c?x=1&y=%41&&z", nul[] = "/a?token=x%00y", many[256] = "/&?",
          most[256] = "/?";
-    assert_int_equal(srv_strict_target(fine, 22).status, 0);
+    assert_int_equal(srv_smuggling_check_target(fine, 22).status, 0);
     assert_string_equal(fine, "/a&b%20c?x=1&y=%41&&z");
-    assert_int_equal(srv_strict_target(nul, 100).status, 400);
-    for (int i = 0; i < SRV_ARGUMENTS_MAX; i++) {
+    assert_int_equal(srv_smuggling_check_target(nul, 100).status, 400);
+    for (int i = 0; i < SRV_QUERY_AMPERSANDS_MAX; i++) {
         strcat(most, "a&");
         strcat(many, "a&");
     }
-    assert_int_equal(srv_strict_target(most, 255).status, 0);
+    assert_int_equal(srv_smuggling_check_target(most, 255).status, 0);
     strcat(many, "b&");
-    assert_int_equal(srv_strict_target(many, 255).status, 414);
+    assert_int_equal(srv_smuggling_check_target(many, 255).status, 414);
     assert_string_equal(many, "/&?");
-    assert_int_equal(srv_strict_target(most, strlen(most) - 1).status, 414);
+    assert_int_equal(srv_smuggling_check_target(most, strlen(most) - 1).status, 414);
     assert_string_equal(most, "/?");
 }
 
-static void framing(void **state) {
+static void smuggling(void **state) {
     (void)state;
     static const struct {
         unsigned status;
@@ -467,10 +469,10 @@ static void framing(void **state) {
         { 400, "HTTP/1.1", { "Host", "x", "Accept", "a\x7f" } },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct srv_framing seen = { .hosts = 0 };
+        struct srv_smuggling seen = { .hosts = 0 };
         for (int h = 0; cases[i].headers[h]; h += 2)
-            srv_framing_add(&seen, cases[i].headers[h], cases[i].headers[h + 1]);
-        struct srv_refusal refusal = srv_framing_check(&seen, cases[i].version);
+            srv_smuggling_add_header(&seen, cases[i].headers[h], cases[i].headers[h + 1]);
+        struct srv_rejection refusal = srv_smuggling_check_headers(&seen, cases[i].version);
         if (refusal.status != cases[i].status)
             fail_msg("case %zu: %u %s", i, refusal.status, refusal.detail);
         assert_true(!refusal.detail == !refusal.status);
@@ -479,13 +481,13 @@ static void framing(void **state) {
 
 static void headers_have_a_number(void **state) {
     (void)state;
-    struct srv_framing seen = { .hosts = 0 };
-    srv_framing_add(&seen, "Host", "x");
+    struct srv_smuggling seen = { .hosts = 0 };
+    srv_smuggling_add_header(&seen, "Host", "x");
     for (int i = 1; i < SRV_HEADERS_MAX; i++)
-        srv_framing_add(&seen, "A", NULL);
-    assert_int_equal(srv_framing_check(&seen, "HTTP/1.1").status, 0);
-    srv_framing_add(&seen, "A", "");
-    assert_int_equal(srv_framing_check(&seen, "HTTP/1.1").status, 431);
+        srv_smuggling_add_header(&seen, "A", NULL);
+    assert_int_equal(srv_smuggling_check_headers(&seen, "HTTP/1.1").status, 0);
+    srv_smuggling_add_header(&seen, "A", "");
+    assert_int_equal(srv_smuggling_check_headers(&seen, "HTTP/1.1").status, 431);
 }
 
 int main(void) {
@@ -502,7 +504,7 @@ int main(void) {
         cmocka_unit_test(handshake),
         cmocka_unit_test(problems),
         cmocka_unit_test(targets),
-        cmocka_unit_test(framing),
+        cmocka_unit_test(smuggling),
         cmocka_unit_test(connections_from_one_host),
         cmocka_unit_test(how_often_a_host_may),
         cmocka_unit_test(headers_have_a_number),

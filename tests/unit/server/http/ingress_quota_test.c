@@ -12,66 +12,67 @@
 
 #include "http/ingress_quota.h"
 
-enum { HALF = SRV_INTAKE_ALL / 2, MESSAGE = 4 * SRV_INTAKE_STREAM, PIECE = 512 };
+enum { HALF = SRV_INGRESS_TICK_BYTES / 2, MESSAGE = 4 * SRV_INGRESS_STREAM_BYTES, PIECE = 512 };
 
 /* Reads until it may not; how much that was. */
-static size_t drain(struct srv_intake_stream *stream) {
+static size_t drain(struct srv_ingress_stream *stream) {
     size_t all = 0;
-    for (; srv_intake_has(stream); all += PIECE)
-        srv_intake_take(stream, PIECE);
+    for (; srv_ingress_has(stream); all += PIECE)
+        srv_ingress_take(stream, PIECE);
     return all;
 }
 
 /* One stream has room for a long message, then for so much a tick, and saves up no more. */
 static void a_stream_has_a_bound_of_its_own(void **state) {
     (void)state;
-    struct srv_intake *intake = srv_intake_create(MESSAGE);
-    struct srv_intake_stream stream;
-    assert_true(srv_intake_open(intake, "ann", "s", &stream));
+    struct srv_ingress *ingress = srv_ingress_create(MESSAGE);
+    struct srv_ingress_stream stream;
+    assert_true(srv_ingress_open(ingress, "ann", "s", &stream));
     assert_int_equal(drain(&stream), MESSAGE);
     for (int i = 0; i < 3; i++) {
-        srv_intake_tick(intake);
-        assert_int_equal(drain(&stream), SRV_INTAKE_STREAM);
+        srv_ingress_tick(ingress);
+        assert_int_equal(drain(&stream), SRV_INGRESS_STREAM_BYTES);
     }
-    srv_intake_tick(intake);
-    srv_intake_tick(intake);
-    assert_int_equal(drain(&stream), 2 * SRV_INTAKE_STREAM);
+    srv_ingress_tick(ingress);
+    srv_ingress_tick(ingress);
+    assert_int_equal(drain(&stream), 2 * SRV_INGRESS_STREAM_BYTES);
     for (int i = 0; i < 1000; i++)
-        srv_intake_tick(intake);
+        srv_ingress_tick(ingress);
     assert_int_equal(drain(&stream), MESSAGE);
-    srv_intake_tick(intake);
-    srv_intake_take(&stream, 2 * SRV_INTAKE_STREAM); /* what was too much is owed */
-    assert_false(srv_intake_has(&stream));
-    srv_intake_tick(intake);
-    assert_false(srv_intake_has(&stream));
-    srv_intake_tick(intake);
-    assert_int_equal(drain(&stream), SRV_INTAKE_STREAM);
-    srv_intake_close(&stream);
-    srv_intake_destroy(&intake);
+    srv_ingress_tick(ingress);
+    srv_ingress_take(&stream, 2 * SRV_INGRESS_STREAM_BYTES); /* what was too much is owed */
+    assert_false(srv_ingress_has(&stream));
+    srv_ingress_tick(ingress);
+    assert_false(srv_ingress_has(&stream));
+    srv_ingress_tick(ingress);
+    assert_int_equal(drain(&stream), SRV_INGRESS_STREAM_BYTES);
+    srv_ingress_close(&stream);
+    srv_ingress_destroy(&ingress);
 }
 
 static void the_sum_has_a_bound_whatever_their_number(void **state) {
     enum { STREAMS = 256 };
     (void)state;
-    struct srv_intake *intake = srv_intake_create(SRV_INTAKE_ALL);
-    struct srv_intake_stream streams[STREAMS];
+    struct srv_ingress *ingress = srv_ingress_create(SRV_INGRESS_TICK_BYTES);
+    struct srv_ingress_stream streams[STREAMS];
     for (int i = 0; i < STREAMS; i++) {
         char owner[8], session[8];
         snprintf(owner, sizeof owner, "%d", i % 3);
         snprintf(session, sizeof session, "%d", i % 21);
-        assert_true(srv_intake_open(intake, owner, session, &streams[i]));
+        assert_true(srv_ingress_open(ingress, owner, session, &streams[i]));
     }
     for (int tick = 0; tick < 20; tick++) {
         size_t all = 0;
         for (int i = 0; i < STREAMS; i++)
             all += drain(&streams[i]);
         /* Each takes whole pieces, the last one of which is more than there was. */
-        assert_in_range(all, SRV_INTAKE_ALL - 2 * PIECE, SRV_INTAKE_ALL + STREAMS * PIECE);
-        srv_intake_tick(intake);
+        assert_in_range(all, SRV_INGRESS_TICK_BYTES - 2 * PIECE,
+                        SRV_INGRESS_TICK_BYTES + STREAMS * PIECE);
+        srv_ingress_tick(ingress);
     }
     for (int i = 0; i < STREAMS; i++)
-        srv_intake_close(&streams[i]);
-    srv_intake_destroy(&intake);
+        srv_ingress_close(&streams[i]);
+    srv_ingress_destroy(&ingress);
 }
 
 /* Ann has one session with one stream; bob has three, of which one has many streams. All but one
@@ -88,21 +89,21 @@ static void nobody_uses_up_the_part_of_another(void **state) {
     };
     (void)state;
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
-        struct srv_intake *intake = srv_intake_create(SRV_INTAKE_ALL);
-        struct srv_intake_stream streams[LAST + 1];
+        struct srv_ingress *ingress = srv_ingress_create(SRV_INGRESS_TICK_BYTES);
+        struct srv_ingress_stream streams[LAST + 1];
         for (int i = 0; i < CROWD; i++)
-            assert_true(srv_intake_open(intake, "bob", "a", &streams[i]));
-        assert_true(srv_intake_open(intake, "ann", "d", &streams[CROWD]));
-        assert_true(srv_intake_open(intake, "bob", "b", &streams[CROWD + 1]));
-        assert_true(srv_intake_open(intake, "bob", "c", &streams[LAST]));
+            assert_true(srv_ingress_open(ingress, "bob", "a", &streams[i]));
+        assert_true(srv_ingress_open(ingress, "ann", "d", &streams[CROWD]));
+        assert_true(srv_ingress_open(ingress, "bob", "b", &streams[CROWD + 1]));
+        assert_true(srv_ingress_open(ingress, "bob", "c", &streams[LAST]));
         for (int i = 0; i <= LAST; i++)
             if (i != cases[c].last)
                 drain(&streams[i]);
         size_t got = drain(&streams[cases[c].last]);
         assert_in_range(got, cases[c].part, cases[c].part + PIECE);
         for (int i = 0; i <= LAST; i++)
-            srv_intake_close(&streams[i]);
-        srv_intake_destroy(&intake);
+            srv_ingress_close(&streams[i]);
+        srv_ingress_destroy(&ingress);
     }
 }
 
@@ -110,26 +111,26 @@ static void nobody_uses_up_the_part_of_another(void **state) {
 static void parts_go_with_who_has_them(void **state) {
     enum { OTHERS = 40 };
     (void)state;
-    struct srv_intake *intake = srv_intake_create(2 * SRV_INTAKE_ALL);
-    struct srv_intake_stream stream, others[OTHERS];
-    assert_true(srv_intake_open(intake, "", "1", &stream));
+    struct srv_ingress *ingress = srv_ingress_create(2 * SRV_INGRESS_TICK_BYTES);
+    struct srv_ingress_stream stream, others[OTHERS];
+    assert_true(srv_ingress_open(ingress, "", "1", &stream));
     for (int i = 0; i < OTHERS; i++) {
         char name[8];
         snprintf(name, sizeof name, "%d", i / 2);
-        assert_true(srv_intake_open(intake, name, "2", &others[i]));
+        assert_true(srv_ingress_open(ingress, name, "2", &others[i]));
         if (i % 3 == 0) {
-            srv_intake_close(&others[i]);
-            assert_true(srv_intake_open(intake, name, "3", &others[i]));
+            srv_ingress_close(&others[i]);
+            assert_true(srv_ingress_open(ingress, name, "3", &others[i]));
         }
     }
     size_t beside = drain(&stream);
     assert_in_range(beside, HALF + HALF / 21, HALF + HALF / 21 + PIECE);
     for (int i = 0; i < OTHERS; i++)
-        srv_intake_close(&others[i]);
-    srv_intake_tick(intake);
-    assert_int_equal(drain(&stream), SRV_INTAKE_ALL);
-    srv_intake_close(&stream);
-    srv_intake_destroy(&intake);
+        srv_ingress_close(&others[i]);
+    srv_ingress_tick(ingress);
+    assert_int_equal(drain(&stream), SRV_INGRESS_TICK_BYTES);
+    srv_ingress_close(&stream);
+    srv_ingress_destroy(&ingress);
 }
 
 int main(void) {

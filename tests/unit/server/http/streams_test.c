@@ -19,7 +19,7 @@
 
 #include "common/clock.h"
 #include "http/streams.h"
-#include "http/ws_conn.h"
+#include "http/websocket.h"
 #include "protocol/json.h"
 #include "unit/server/session/hub_fixture.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The TLS acceptor: what handshakes may not hold up, how it closes, and what happens without
+ * The TLS gate: what handshakes may not hold up, how it closes, and what happens without
  * descriptors. The daemon's handshakes stand still on request.
  */
 #include <arpa/inet.h>
@@ -84,7 +84,7 @@ static bool give(void *user, int socket, const struct sockaddr *peer, socklen_t 
     return has_room;
 }
 
-/* The acceptor. */
+/* The gate. */
 
 static void write_file(const char *path, const gnutls_datum_t *text) {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
@@ -132,7 +132,7 @@ static struct srv_tls_keys *make_keys(void) {
     return keys;
 }
 
-struct acceptor {
+struct gate {
     struct srv_tls *tls;
     struct srv_metrics *metrics;
     struct sockaddr_in address;
@@ -140,7 +140,7 @@ struct acceptor {
 };
 
 static int begin(void **state) {
-    struct acceptor *a = calloc(1, sizeof *a);
+    struct gate *a = calloc(1, sizeof *a);
     socklen_t size = sizeof a->address;
     assert_non_null(a);
     a->address.sin_family = AF_INET;
@@ -168,7 +168,7 @@ static int begin(void **state) {
 }
 
 static int end(void **state) {
-    struct acceptor *a = *state;
+    struct gate *a = *state;
     shut(false);
     srv_tls_close(a->tls);
     for (unsigned i = 0; i < gate.count; i++)
@@ -188,7 +188,7 @@ struct client {
     gnutls_session_t session;
 };
 
-static void call(const struct acceptor *a, struct client *c) {
+static void call(const struct gate *a, struct client *c) {
     assert_int_equal(connect(c->fd, (const struct sockaddr *)&a->address, sizeof a->address), 0);
 }
 
@@ -201,7 +201,7 @@ static ssize_t hear(gnutls_transport_ptr_t client, void *bytes, size_t size) {
 }
 
 /* With its greeting on the way, and nothing read. */
-static void greet(const struct acceptor *a, struct client *c) {
+static void greet(const struct gate *a, struct client *c) {
     c->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     call(a, c);
     assert_int_equal(fcntl(c->fd, F_SETFL, O_NONBLOCK), 0);
@@ -263,7 +263,7 @@ static void until_ended(const struct client *c) {
 /* Tests. */
 
 static void a_handshake_that_stands_still_and_a_queue_of_them_hold_up_no_bytes(void **state) {
-    struct acceptor *a = *state;
+    struct gate *a = *state;
     enum { MANY = 20 };
     struct client open, more[MANY];
     greet(a, &open);
@@ -291,7 +291,7 @@ static void a_handshake_that_stands_still_and_a_queue_of_them_hold_up_no_bytes(v
 }
 
 static void closing_ends_handshakes_and_leaves_open_connections(void **state) {
-    struct acceptor *a = *state;
+    struct gate *a = *state;
     struct client open, half;
     greet(a, &open);
     shake(&open);
@@ -315,7 +315,7 @@ static int count_retry(gnutls_session_t session, unsigned type, unsigned when, u
 
 /* As browsers greet: several groups, and a share for the first of them. */
 static void who_greets_with_a_share_of_x25519_is_not_asked_for_another(void **state) {
-    struct acceptor *a = *state;
+    struct gate *a = *state;
     static const char *const groups[] = { "+GROUP-X25519:+GROUP-SECP256R1:+GROUP-SECP384R1",
                                           "+GROUP-SECP384R1", "+GROUP-SECP256R1" };
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
@@ -341,7 +341,7 @@ static void who_greets_with_a_share_of_x25519_is_not_asked_for_another(void **st
 }
 
 static void without_descriptors_a_client_is_refused_and_does_not_hang(void **state) {
-    struct acceptor *a = *state;
+    struct gate *a = *state;
     struct rlimit limit, none;
     struct client first, refused, later;
     greet(a, &first);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "http/values.h"
+#include "http/query.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 
 static const char digits[] = "0123456789";
 
-bool srv_value_number(const char *text, unsigned max, unsigned *number) {
+bool srv_query_number(const char *text, unsigned max, unsigned *number) {
     unsigned long value = strtoul(text, NULL, 10); /* too many digits: the largest */
     bool ok = *text && !text[strspn(text, digits)] && value >= 1 && value <= max;
     if (ok)
@@ -15,7 +15,7 @@ bool srv_value_number(const char *text, unsigned max, unsigned *number) {
     return ok;
 }
 
-bool srv_value_size(const char *text, uint32_t size[2]) {
+bool srv_query_size(const char *text, uint32_t size[2]) {
     unsigned width, height;
     char end;
     if (text[strspn(text, "0123456789,")] || sscanf(text, "%5u,%5u%c", &width, &height, &end) != 2)
@@ -34,8 +34,8 @@ static bool read_digits(const char **text, uint64_t *number) {
     return count > 0;
 }
 
-enum srv_range srv_value_range(const char *range, const char *if_range, const char *etag,
-                               uint64_t size, uint64_t *from, uint64_t *count) {
+enum srv_range srv_header_range(const char *range, const char *if_range, const char *etag,
+                                uint64_t size, uint64_t *from, uint64_t *count) {
     uint64_t first, last;
     *from = 0;
     *count = size;

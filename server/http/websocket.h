@@ -5,14 +5,14 @@
  *   open ──(close queued, peer closed, error)──► closing ──(sent)──► over
  *
  * Bounded: reading stops while 64 messages wait to be sent, and until the next tick when the client
- * has said as much as it may (intake.h); a turn reads a few KiB, so that frames go out between two
+ * has said as much as it may (ingress.h); a turn reads a few KiB, so that frames go out between two
  * turns of a flood; one frame is in the socket's hands and one in the outbox, both shared with all
  * who get the same picture. The library frames and queues messages of text; a picture goes out
  * beside it, from where it lies, when all else was sent, and whole before anything else is. One
  * thread at a time.
  */
-#ifndef SRV_HTTP_WS_CONN_H
-#define SRV_HTTP_WS_CONN_H
+#ifndef SRV_HTTP_WEBSOCKET_H
+#define SRV_HTTP_WEBSOCKET_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -34,7 +34,7 @@ struct srv_ws_transport { /* like recv() and sendmsg() on a non-blocking socket,
 
 struct srv_ws_options {
     struct srv_hub *hub;
-    struct srv_intake *intake;
+    struct srv_ingress *ingress;
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     const char *session;
     enum srv_role role;
@@ -53,11 +53,11 @@ void srv_ws_destroy(struct srv_ws **ws, double now_ms); /* leaves the session */
 
 void srv_ws_read(struct srv_ws *ws, double now_ms);  /* the transport may have bytes */
 void srv_ws_write(struct srv_ws *ws, double now_ms); /* it may take bytes, or there is something */
-/* Pings and time limits; after srv_intake_tick(). */
+/* Pings and time limits; after srv_ingress_tick(). */
 void srv_ws_tick(struct srv_ws *ws, double now_ms);
 /* When srv_ws_tick() has something to do if nothing else happens until then; a time that has
  * passed: at the next tick. After anything that happens it is the next tick at the latest. */
-double srv_ws_due_ms(const struct srv_ws *ws);
+double srv_ws_deadline_ms(const struct srv_ws *ws);
 /* Says good-bye; `reason` is a constant string of at most 123 bytes. */
 void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms);
 

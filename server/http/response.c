@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "http/answer.h"
+#include "http/response.h"
 
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "http/cors.h"
 #include "http/gzip.h"
 #include "http/headers.h"
-#include "http/origins.h"
 
 static const char headers_taken[] = "Authorization, Content-Type, If-None-Match, "
                                     "If-Range, Last-Event-ID, Range";
@@ -17,16 +17,16 @@ static const char headers_told[] =
     "X-Encode-Time, X-Backend, X-Splats, X-Durable";
 
 static bool is_foreign(const struct srv_request *request) {
-    return srv_origins_have(request->app->config->allow_origin,
-                            srv_request_header(request, "Origin"));
+    return srv_cors_allows(request->app->config->allow_origin,
+                           srv_request_header(request, "Origin"));
 }
 
-bool srv_is_preflight(const struct srv_request *request) {
+bool srv_cors_is_preflight(const struct srv_request *request) {
     return strcmp(request->method, "OPTIONS") == 0 &&
            srv_request_header(request, "Access-Control-Request-Method") && is_foreign(request);
 }
 
-void srv_reply_preflight(struct srv_reply *reply, unsigned allowed) {
+void srv_cors_reply_preflight(struct srv_reply *reply, unsigned allowed) {
     char methods[64];
     srv_methods_to_text(allowed, methods);
     reply->status = 204;
@@ -40,7 +40,7 @@ static bool compress(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     const char *accepted = srv_request_header(request, "Accept-Encoding");
     size_t size;
-    if (!accepted || srv_accept_quality(accepted, "gzip") <= 0)
+    if (!accepted || srv_header_accept_quality(accepted, "gzip") <= 0)
         return false;
     if (reply->gzip) {
         reply->body = reply->gzip;
@@ -89,7 +89,7 @@ static bool is_known(const struct srv_request *request) {
     const char *known = srv_request_header(request, "If-None-Match");
     for (unsigned i = 0; known && reply->status == 200 && i < reply->header_count; i++)
         if (strcmp(reply->headers[i].name, "ETag") == 0)
-            return srv_etag_matches(known, reply->headers[i].value);
+            return srv_header_has_etag(known, reply->headers[i].value);
     return false;
 }
 
@@ -101,14 +101,14 @@ static void drop_body(struct srv_reply *reply) {
     reply->size = 0;
 }
 
-struct MHD_Response *srv_answer_create(struct srv_request *request) {
+struct MHD_Response *srv_response_create(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     bool may_gzip = srv_gzip_is_for(reply->mime, reply->size);
     bool is_gzip = may_gzip && compress(request);
-    if (!reply->flow && is_known(request))
+    if (!reply->chunked_body && is_known(request))
         drop_body(reply);
     struct MHD_Response *response =
-        reply->flow ? reply->flow
+        reply->chunked_body ? reply->chunked_body
         : reply->owned
             ? MHD_create_response_from_buffer(reply->size, reply->owned, MHD_RESPMEM_MUST_FREE)
             : MHD_create_response_from_buffer(reply->size, (void *)(uintptr_t)reply->body,
@@ -116,7 +116,7 @@ struct MHD_Response *srv_answer_create(struct srv_request *request) {
     if (!response)
         return NULL;
     reply->owned = NULL;
-    reply->flow = NULL;
+    reply->chunked_body = NULL;
     add_headers(response, request, is_gzip, may_gzip);
     return response;
 }

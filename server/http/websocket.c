@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "http/ws_conn.h"
+#include "http/websocket.h"
 
 #include <errno.h>
 #include <math.h>
@@ -32,7 +32,7 @@ struct srv_ws {
     char peer[SRV_ADDRESS_TEXT];
     wslay_event_context_ptr context;
     struct srv_participant *participant;
-    struct srv_intake_stream intake;
+    struct srv_ingress_stream ingress;
     size_t turn_left;   /* bytes */
     unsigned fragments; /* of the message that is arriving */
     struct out_frame frame;
@@ -51,7 +51,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     (void)flags;
     struct srv_ws *ws = user;
     ssize_t got = -1;
-    if (ws->turn_left == 0 || !srv_intake_has(&ws->intake) || has_replies(ws)) {
+    if (ws->turn_left == 0 || !srv_ingress_has(&ws->ingress) || has_replies(ws)) {
         wslay_event_set_error(context, WSLAY_ERR_WOULDBLOCK);
         return -1;
     }
@@ -64,7 +64,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     while (got < 0 && errno == EINTR);
     if (got > 0) {
         ws->turn_left -= (size_t)got;
-        srv_intake_take(&ws->intake, (size_t)got);
+        srv_ingress_take(&ws->ingress, (size_t)got);
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
         return got;
@@ -132,7 +132,7 @@ static void on_frame_start(wslay_event_context_ptr context,
                            const struct wslay_event_on_frame_recv_start_arg *frame, void *user) {
     (void)context;
     struct srv_ws *ws = user;
-    srv_intake_take(&ws->intake, SRV_INTAKE_FRAME);
+    srv_ingress_take(&ws->ingress, SRV_INGRESS_FRAME_BYTES);
     if (frame->opcode == WSLAY_CONNECTION_CLOSE && frame->payload_length == 1)
         srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close with half a code", ws->now_ms);
     if (wslay_is_ctrl_frame(frame->opcode))
@@ -189,7 +189,7 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
     ws->heard_ms = ws->pinged_ms = ws->progress_ms = ws->now_ms = now_ms;
     struct srv_owner owner;
     srv_hub_session_owner(options->hub, options->session, &owner);
-    if (srv_intake_open(options->intake, owner.name, options->session, &ws->intake))
+    if (srv_ingress_open(options->ingress, owner.name, options->session, &ws->ingress))
         ws->participant = srv_hub_join(options->hub, options->session, options->role,
                                        options->token, options->user, now_ms, err);
     else
@@ -209,7 +209,7 @@ void srv_ws_destroy(struct srv_ws **ws_pointer, double now_ms) {
     if (ws->participant)
         count_end(ws, SRV_COUNT_END_LOST);
     srv_hub_leave(ws->options.hub, &ws->participant, now_ms);
-    srv_intake_close(&ws->intake);
+    srv_ingress_close(&ws->ingress);
     wslay_event_context_free(ws->context);
     srv_blob_unref(&ws->frame.blob);
     free(ws);
@@ -393,7 +393,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     }
 }
 
-double srv_ws_due_ms(const struct srv_ws *ws) {
+double srv_ws_deadline_ms(const struct srv_ws *ws) {
     if (ws->closing)
         return ws->close_ms + CLOSE_MS;
     if (ws->is_behind || !srv_ws_wants_read(ws))
@@ -414,11 +414,11 @@ static bool listens(const struct srv_ws *ws) {
 }
 
 bool srv_ws_wants_read(const struct srv_ws *ws) {
-    return listens(ws) && srv_intake_has(&ws->intake);
+    return listens(ws) && srv_ingress_has(&ws->ingress);
 }
 
 bool srv_ws_is_paused(const struct srv_ws *ws) {
-    return listens(ws) && !srv_intake_has(&ws->intake);
+    return listens(ws) && !srv_ingress_has(&ws->ingress);
 }
 
 bool srv_ws_wants_write(const struct srv_ws *ws) {

@@ -3,19 +3,19 @@
  * Kept views: the canonical text of a whole view, named by its SHA-256, and who kept it first:
  * {"owner": NAME, "view": {…}}. Earlier versions kept the view alone, which was nobody's.
  */
-#ifndef SRV_HTTP_KEPT_H
-#define SRV_HTTP_KEPT_H
+#ifndef SRV_HTTP_SAVED_VIEWS_H
+#define SRV_HTTP_SAVED_VIEWS_H
 
 #include "protocol/json.h"
 #include "store/store.h"
 
-enum { SRV_KEPT_ID_BYTES = 33 };
+enum { SRV_SAVED_VIEW_ID_BYTES = 33 };
 
 /* The id of a text: the first 128 bits of its SHA-256, as hexadecimal digits. False when out of
  * memory. */
-bool srv_kept_id(const char *text, size_t size, char id[SRV_KEPT_ID_BYTES]);
+bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_BYTES]);
 
 /* The view of that id; the caller's. NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
-proto_json *srv_kept_view(struct srv_store *store, const char *id, struct sp_error *err);
+proto_json *srv_saved_view_get(struct srv_store *store, const char *id, struct sp_error *err);
 
 #endif

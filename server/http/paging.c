@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "http/listing.h"
+#include "http/paging.h"
 
 #include <stdlib.h>
 
-#include "http/values.h"
+#include "http/query.h"
 
 enum { LIMIT_DEFAULT = 100, LIMIT_MAX = 1000 };
 
-bool srv_listing_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,
-                       struct srv_reply *reply) {
+bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,
+                      struct srv_reply *reply) {
     const char *after = srv_request_query(request, "after");
     const char *text = srv_request_query(request, "limit");
     unsigned limit = LIMIT_DEFAULT;
-    if (text && !srv_value_number(text, LIMIT_MAX, &limit)) {
+    if (text && !srv_query_number(text, LIMIT_MAX, &limit)) {
         srv_reply_problem(reply, 400, NULL, "?limit= must be a whole number in [1, %d]", LIMIT_MAX);
         return false;
     }
@@ -26,9 +26,9 @@ bool srv_listing_begin(struct srv_request *request, size_t item_bytes, struct sr
     return page->items != NULL;
 }
 
-void srv_listing_reply(struct srv_page *page, const char *name,
-                       proto_json *(*encode)(void *user, const void *item), void *user,
-                       struct srv_reply *reply) {
+void srv_paging_reply(struct srv_page *page, const char *name,
+                      proto_json *(*encode)(void *user, const void *item), void *user,
+                      struct srv_reply *reply) {
     const char *items = page->items;
     bool has_next = page->count == page->max, ok = true;
     unsigned count = has_next ? page->max - 1 : page->count;

@@ -14,7 +14,7 @@
 
 #include <cmocka.h>
 
-#include "http/ws_conn.h"
+#include "http/websocket.h"
 #include "support/played_memory.h"
 #include "unit/server/session/hub_fixture.h"
 
@@ -30,7 +30,7 @@ struct wire { /* what the client sent, and what it was sent */
 
 struct stream {
     void *fixture;
-    struct srv_intake *intake;
+    struct srv_ingress *ingress;
     struct wire wire;
     struct srv_ws *ws;
 };
@@ -95,7 +95,7 @@ static struct srv_ws *join(struct stream *s, const char *session, struct wire *w
     struct fixture *f = s->fixture;
     *wire = (struct wire){ .in = malloc(ROOM), .out = malloc(ROOM) };
     struct srv_ws_options options = { .hub = f->hub,
-                                      .intake = s->intake,
+                                      .ingress = s->ingress,
                                       .token = "",
                                       .session = session,
                                       .role = SRV_ROLE_CONTROL,
@@ -114,8 +114,8 @@ static int set_up(void **state) {
     struct stream *s = calloc(1, sizeof *s);
     assert_non_null(s);
     assert_int_equal(hub_set_up(&s->fixture), 0);
-    s->intake = srv_intake_create(ROOM);
-    assert_non_null(s->intake);
+    s->ingress = srv_ingress_create(ROOM);
+    assert_non_null(s->ingress);
     s->ws = join(s, ((struct fixture *)s->fixture)->id, &s->wire);
     *state = s;
     return 0;
@@ -125,7 +125,7 @@ static int tear_down(void **state) {
     struct stream *s = *state;
     srv_ws_destroy(&s->ws, 0);
     int failed = hub_tear_down(&s->fixture);
-    srv_intake_destroy(&s->intake);
+    srv_ingress_destroy(&s->ingress);
     free(s->wire.in);
     free(s->wire.out);
     free(s);
@@ -165,7 +165,7 @@ static unsigned answers(const struct wire *wire) {
 }
 
 static void tick(struct stream *s, double now_ms) {
-    srv_intake_tick(s->intake);
+    srv_ingress_tick(s->ingress);
     srv_ws_tick(s->ws, now_ms);
 }
 
@@ -181,9 +181,16 @@ static void run(struct stream *s, double now_ms) {
 /* One alone may say what all may, until it has said as much as a long message has. */
 static void a_flood_is_read_bit_by_bit_and_nothing_is_lost(void **state) {
     struct stream *s = *state;
-    enum { PINGS = 2500, COST = SRV_INTAKE_FRAME + 47, BURST_TICKS = ROOM / SRV_INTAKE_ALL };
+    enum {
+        PINGS = 2500,
+        COST = SRV_INGRESS_FRAME_BYTES + 47,
+        BURST_TICKS = ROOM / SRV_INGRESS_TICK_BYTES
+    };
     /* What a piece is too much in one tick is owed in the next. */
-    enum { FIRST = SRV_INTAKE_ALL / COST + 12, THEN = SRV_INTAKE_STREAM / COST + 12 };
+    enum {
+        FIRST = SRV_INGRESS_TICK_BYTES / COST + 12,
+        THEN = SRV_INGRESS_STREAM_BYTES / COST + 12
+    };
     say_pings(&s->wire, PINGS);
     unsigned before = 0, ticks = 0;
     for (; before < PINGS; ticks++) {
@@ -222,7 +229,7 @@ static void a_turn_reads_a_few_kib(void **state) {
 
 static void a_long_message_comes_at_once(void **state) {
     struct stream *s = *state;
-    say_much(&s->wire, SRV_INTAKE_ALL / 2);
+    say_much(&s->wire, SRV_INGRESS_TICK_BYTES / 2);
     run(s, 1);
     assert_int_equal(answers(&s->wire), 1);
 }
@@ -255,7 +262,7 @@ static void many_streams_of_one_session_take_no_time_of_another(void **state) {
         size_t all = 0;
         for (int i = 0; i < CROWD; i++)
             all += wires[i].in_at;
-        assert_in_range(all - before, SRV_INTAKE_ALL / 2, SRV_INTAKE_ALL);
+        assert_in_range(all - before, SRV_INGRESS_TICK_BYTES / 2, SRV_INGRESS_TICK_BYTES);
         before = all;
         say_pings(&s->wire, A_DRAG);
         run(s, 100.0 * now);
@@ -452,7 +459,7 @@ static void who_takes_half_a_picture_has_stalled(void **state) {
 /* Ticks when something is due, and at no other time: what is due at `due_ms` happens then, and a
  * tick just before it does nothing. */
 static void tick_when_due(struct stream *s, double due_ms) {
-    assert_true(srv_ws_due_ms(s->ws) == due_ms);
+    assert_true(srv_ws_deadline_ms(s->ws) == due_ms);
     s->wire.out_size = 0;
     for (int late = 0; late < 2; late++) {
         assert_false(srv_ws_is_over(s->ws));
@@ -481,10 +488,10 @@ static void what_is_heard_puts_off_the_ping_and_who_says_too_much_is_due(void **
     run(s, 10);
     say_pings(&s->wire, 1);
     run(s, 5000);
-    assert_true(srv_ws_due_ms(s->ws) == 20000);
+    assert_true(srv_ws_deadline_ms(s->ws) == 20000);
     say_pings(&s->wire, 2500); /* more than are read at once */
     run(s, 6000);
-    assert_true(srv_ws_is_paused(s->ws) && srv_ws_due_ms(s->ws) <= 6000);
+    assert_true(srv_ws_is_paused(s->ws) && srv_ws_deadline_ms(s->ws) <= 6000);
 }
 
 static void a_picture_that_is_not_acknowledged_is_due(void **state) {
@@ -495,7 +502,7 @@ static void a_picture_that_is_not_acknowledged_is_due(void **state) {
     srv_ws_tick(s->ws, 12050);
     struct srv_blob *blob = deliver(s, 100, 12100);
     run(s, 12100);
-    assert_true(srv_ws_due_ms(s->ws) == 27000);
+    assert_true(srv_ws_deadline_ms(s->ws) == 27000);
     srv_ws_tick(s->ws, 27001); /* it is asked whether it is there */
     run(s, 27001);
     say_pings(&s->wire, 1);
@@ -513,7 +520,7 @@ static void what_the_socket_does_not_take_is_due(void **state) {
     say_pings(&s->wire, 1);
     run(s, 12000); /* the answer waits, and all that follows */
     srv_ws_tick(s->ws, 12050);
-    assert_true(srv_ws_due_ms(s->ws) == 27000);
+    assert_true(srv_ws_deadline_ms(s->ws) == 27000);
     srv_ws_tick(s->ws, 27001);
     srv_ws_write(s->ws, 27001);
     tick_when_due(s, 32000);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "http/origins.h"
+#include "http/cors.h"
 
 #include <string.h>
 #include <strings.h>
@@ -19,7 +19,7 @@ static bool is_origin(const char *text, size_t length) {
     return false;
 }
 
-bool srv_origins_check(const char *list, struct sp_error *err) {
+bool srv_cors_check_origins(const char *list, struct sp_error *err) {
     for (const char *at = list; at;) {
         size_t length = strcspn(at, ",");
         if (!is_origin(at, length))
@@ -32,6 +32,6 @@ bool srv_origins_check(const char *list, struct sp_error *err) {
     return true;
 }
 
-bool srv_origins_have(const char *list, const char *origin) {
+bool srv_cors_allows(const char *list, const char *origin) {
     return list && origin && *origin && srv_header_has_token(list, origin);
 }
