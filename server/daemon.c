@@ -15,7 +15,7 @@
 #include "paths/paths.h"
 #include "render/catalog.h"
 #include "render/persistence.h"
-#include "render/scheduler.h"
+#include "render/render_pool.h"
 #include "session/hub.h"
 #include "store/store.h"
 
@@ -23,7 +23,7 @@ struct srv_daemon {
     const struct srv_config *config;
     struct srv_log *log;
     struct srv_catalog *catalog;
-    struct srv_scheduler *scheduler;
+    struct srv_render_pool *render_pool;
     struct srv_snapshot_memory *snapshot_memory;
     struct srv_tokens *tokens;
     char token[SRV_TOKEN_DIGITS + 1]; /* the only one, if there is no file */
@@ -54,7 +54,7 @@ static void on_progress(void *user, const char *id, const char *state, double pr
 
 static bool on_volume(void *user, const char *id, const struct srv_volume_request *request) {
     struct srv_daemon *d = user;
-    return srv_keep_volume(d->store, id, request);
+    return srv_persistence_put_volume(d->store, id, request);
 }
 
 static void on_changed(void *user) {
@@ -69,7 +69,7 @@ static void on_ended(void *user, const char *id) {
 
 static bool on_collect(void *user) {
     struct srv_daemon *d = user;
-    return srv_keep_sessions(d->store, d->hub, d->ran_ms + srv_clock_ms());
+    return srv_persistence_save_sessions(d->store, d->hub, d->ran_ms + srv_clock_ms());
 }
 
 static char *on_recall(void *user, const char *id, size_t *size, struct sp_error *err) {
@@ -79,17 +79,17 @@ static char *on_recall(void *user, const char *id, size_t *size, struct sp_error
 
 static void on_unloaded(void *user, struct sp_volume *volume) {
     struct srv_daemon *d = user;
-    srv_scheduler_forget(d->scheduler, volume);
+    srv_render_pool_evict(d->render_pool, volume);
 }
 
 static void on_work(void *user) {
     struct srv_daemon *d = user;
-    srv_scheduler_wake(d->scheduler);
+    srv_render_pool_wake(d->render_pool);
 }
 
 static void on_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     struct srv_daemon *d = user;
-    srv_scheduler_interrupt(d->scheduler, of, why);
+    srv_render_pool_interrupt(d->render_pool, of, why);
 }
 
 static bool on_token(void *user, const char *name, unsigned *rights, struct srv_quota *quota) {
@@ -99,7 +99,7 @@ static bool on_token(void *user, const char *name, unsigned *rights, struct srv_
 
 static bool on_supports(void *user, const struct sp_view *view, struct sp_error *err) {
     struct srv_daemon *d = user;
-    return srv_scheduler_supports(d->scheduler, view, err);
+    return srv_render_pool_supports(d->render_pool, view, err);
 }
 
 static void on_ready(void *user) {
@@ -115,7 +115,7 @@ static void on_tick(void *user, double now_ms) {
     struct srv_jobs *jobs = atomic_load(&d->jobs);
     if (jobs)
         srv_jobs_tick(jobs, now_ms);
-    srv_scheduler_tick(d->scheduler);
+    srv_render_pool_tick(d->render_pool);
     srv_log_tick(d->log, now_ms);
     atomic_store(&d->alive_ms, now_ms);
 }
@@ -146,7 +146,7 @@ static bool open_store(struct srv_daemon *d, struct sp_error *err) {
     };
     if (!(d->store = srv_store_create(&store, err)))
         return false;
-    d->ran_ms = srv_keep_ran_ms(d->store) - srv_clock_ms();
+    d->ran_ms = srv_persistence_ran_ms(d->store) - srv_clock_ms();
     return true;
 }
 
@@ -171,16 +171,16 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
         d->refusals[i] = log->refusals[i];
     d->http_options.refusals = d->refusals;
     d->http_options.refusal_count = log->refusal_count;
-    struct srv_scheduler_options scheduler = { .catalog = d->catalog,
-                                               .metrics = d->metrics,
-                                               .queue_max = (unsigned)c->render_queue,
-                                               .encode_threads = (unsigned)c->encode_threads,
-                                               .video_px = (uint64_t)c->video_px,
-                                               .stills = options };
-    d->scheduler = srv_scheduler_create(&scheduler, &renderer, err);
-    if (!d->scheduler)
+    struct srv_render_pool_options pool = { .catalog = d->catalog,
+                                            .metrics = d->metrics,
+                                            .queue_max = (unsigned)c->render_queue,
+                                            .encode_threads = (unsigned)c->encode_threads,
+                                            .video_px = (uint64_t)c->video_px,
+                                            .stills = options };
+    d->render_pool = srv_render_pool_create(&pool, &renderer, err);
+    if (!d->render_pool)
         sp_renderer_destroy(&renderer);
-    return d->scheduler != NULL;
+    return d->render_pool != NULL;
 }
 
 static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
@@ -219,7 +219,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
                                            .user = d,
                                            .tick = on_tick };
     return (d->streams = srv_streams_create(&streams, err)) != NULL &&
-           srv_scheduler_start(d->scheduler, d->hub, err);
+           srv_render_pool_start(d->render_pool, d->hub, err);
 }
 
 /* Those of the file, or a random one. */
@@ -254,7 +254,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->config = c;
     o->hub = d->hub;
     o->catalog = d->catalog;
-    o->scheduler = d->scheduler;
+    o->render_pool = d->render_pool;
     o->streams = d->streams;
     o->snapshot_memory = d->snapshot_memory;
     o->tokens = d->tokens;
@@ -278,7 +278,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
 }
 
 static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
-    if (!srv_keep_restore(d->store, d->hub, d->catalog, err))
+    if (!srv_persistence_restore(d->store, d->hub, d->catalog, err))
         return false;
     for (unsigned i = 0; i < d->config->volume_count; i++) {
         struct srv_volume_request request = { .source = d->config->volumes[i] };
@@ -293,7 +293,7 @@ static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
 static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_jobs_options options = { .catalog = d->catalog,
-                                        .scheduler = d->scheduler,
+                                        .render_pool = d->render_pool,
                                         .store = d->store,
                                         .metrics = d->metrics,
                                         .tokens = d->tokens,
@@ -399,8 +399,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_catalog_stop(d->catalog);
     if (d->streams)
         srv_streams_drain(d->streams);
-    if (d->scheduler)
-        srv_scheduler_stop(d->scheduler);
+    if (d->render_pool)
+        srv_render_pool_stop(d->render_pool);
     if (d->store)
         srv_store_stop(d->store);
     /* Both woke every request that still waited for them. */
@@ -413,7 +413,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_jobs_destroy(&jobs);
     srv_hub_destroy(&d->hub);
     srv_tokens_destroy(&d->tokens);
-    srv_scheduler_destroy(&d->scheduler);
+    srv_render_pool_destroy(&d->render_pool);
     srv_catalog_destroy(&d->catalog);
     srv_store_destroy(&d->store);
     srv_metrics_destroy(&d->metrics);

@@ -23,14 +23,14 @@
 #include "http/snapshot_memory.h"
 #include "http/streams.h"
 #include "paths/paths.h"
-#include "render/scheduler.h"
+#include "render/render_pool.h"
 #include "store/store.h"
 
 struct srv_http_options {
     const struct srv_config *config;
     struct srv_hub *hub;
     struct srv_catalog *catalog;
-    struct srv_scheduler *scheduler;
+    struct srv_render_pool *render_pool;
     struct srv_snapshot_memory *snapshot_memory;
     struct srv_tokens *tokens;
     struct srv_streams *streams;

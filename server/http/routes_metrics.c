@@ -38,7 +38,7 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
     gauge(out, "splatd_connections", "Open connections, streams among them",
           (double)srv_http_connections(request->http));
     gauge(out, "splatd_pictures_waiting", "Pictures that were asked for and not answered yet",
-          srv_scheduler_waiting(request->app->scheduler));
+          srv_render_pool_unanswered(request->app->render_pool));
 }
 
 static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
@@ -71,10 +71,10 @@ static void print_volumes(const struct srv_request *request, bool voxels,
         sp_volume_unref(&status.volume);
         rest += i < VOLUMES_MAX ? 0 : status.voxel_bytes;
         for (int l = 0; l < SRV_RENDERERS; l++)
-            derived_rest[l] += i < VOLUMES_MAX ? 0 : status.derived_of[l];
+            derived_rest[l] += i < VOLUMES_MAX ? 0 : status.cached_per_renderer[l];
         if (i < VOLUMES_MAX)
-            print_volume(out, status.id, voxels ? &status.voxel_bytes : NULL, status.derived_of,
-                         info);
+            print_volume(out, status.id, voxels ? &status.voxel_bytes : NULL,
+                         status.cached_per_renderer, info);
     }
     if (i > VOLUMES_MAX)
         print_volume(out, "*", voxels ? &rest : NULL, derived_rest, info);
@@ -83,7 +83,7 @@ static void print_volumes(const struct srv_request *request, bool voxels,
 static void print_memory(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
     uint64_t used, budget;
-    srv_scheduler_info(request->app->scheduler, info);
+    srv_render_pool_info(request->app->render_pool, info);
     srv_catalog_memory(request->app->catalog, &used, &budget);
     gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
     gauge(out, "splatd_memory_budget_bytes", "What --memory allows", (double)budget);
@@ -206,7 +206,7 @@ static bool print_process(FILE *out) {
 
 static void print_build(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
-    srv_scheduler_info(request->app->scheduler, info);
+    srv_render_pool_info(request->app->render_pool, info);
     srv_metrics_family(out, "splatd_build_info", "gauge", "1; what runs here");
     fprintf(out, "splatd_build_info{version=\"" SPLATD_VERSION "\",backend=\"%s\",device=",
             info[0].backend);

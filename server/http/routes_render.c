@@ -71,11 +71,11 @@ static struct srv_part part_of(const char *text) {
 }
 
 /* Of all of them: who draws a picture is not known before. */
-static struct srv_fingerprint of_renderers(struct srv_scheduler *scheduler) {
+static struct srv_fingerprint of_renderers(struct srv_render_pool *render_pool) {
     enum { PARTS = 3 };
     struct sp_renderer_info info[SRV_RENDERERS];
     struct srv_part parts[SRV_RENDERERS * PARTS];
-    srv_scheduler_info(scheduler, info);
+    srv_render_pool_info(render_pool, info);
     for (int l = 0; l < SRV_RENDERERS; l++) {
         if (!info[l].backend) /* which begins as the first one did */
             info[l] = info[0];
@@ -87,7 +87,7 @@ static struct srv_fingerprint of_renderers(struct srv_scheduler *scheduler) {
 }
 
 /* Of all that decides the bytes: program, renderers, volume, view and form. */
-static bool make_etag(const struct srv_request *request, const struct srv_still *still,
+static bool make_etag(const struct srv_request *request, const struct srv_snapshot *still,
                       char etag[ETAG_BYTES]) {
     const struct srv_http_options *app = request->app;
     char digits[SRV_FINGERPRINT_TEXT];
@@ -99,7 +99,7 @@ static bool make_etag(const struct srv_request *request, const struct srv_still 
         return false;
     struct srv_form like = srv_form_of(still->format, still->quality, still->chroma);
     int32_t form[3] = { (int32_t)like.format, like.quality, (int32_t)like.chroma };
-    struct srv_fingerprint renderers = of_renderers(app->scheduler);
+    struct srv_fingerprint renderers = of_renderers(app->render_pool);
     const struct srv_part parts[] = {
         { &app->program, sizeof app->program },
         { &renderers, sizeof renderers },
@@ -144,7 +144,7 @@ static ssize_t read_picture(void *user, char *bytes, size_t size) {
     return (ssize_t)n;
 }
 
-static void reply_picture(struct srv_request *request, const struct srv_still_result *result) {
+static void reply_picture(struct srv_request *request, const struct srv_snapshot_result *result) {
     struct picture *picture = malloc(sizeof *picture + result->size);
     const struct srv_chunked_body body = { picture, read_picture, free, .has_one_deadline = true };
     if (!picture) {
@@ -157,7 +157,7 @@ static void reply_picture(struct srv_request *request, const struct srv_still_re
     srv_reply_chunked_body(request, &request->reply, result->size, &body);
 }
 
-static void on_done(void *user, const struct srv_still_result *result) {
+static void on_done(void *user, const struct srv_snapshot_result *result) {
     struct render *render = user;
     struct srv_request *request = render->request;
     struct srv_reply *reply = &request->reply;
@@ -197,7 +197,7 @@ static bool has_left(void *user) {
 
 /* Who pays for its pictures: its token, or where all have the same one that has no name, its host.
  */
-static void set_owner(const struct srv_request *request, struct srv_still *still) {
+static void set_owner(const struct srv_request *request, struct srv_snapshot *still) {
     struct srv_owner owner;
     srv_request_owner(request, &owner);
     if (owner.name[0])
@@ -208,7 +208,7 @@ static void set_owner(const struct srv_request *request, struct srv_still *still
 }
 
 /* Puts the request to sleep and queues its frame. Takes over the use of the volume. */
-static void submit(struct srv_request *request, struct srv_still *still, const char *etag,
+static void submit(struct srv_request *request, struct srv_snapshot *still, const char *etag,
                    const char *caching, struct srv_reply *reply) {
     struct sp_error err;
     uint64_t bytes = srv_snapshot_memory_of(still->view.size, still->format);
@@ -231,7 +231,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
     set_owner(request, still);
     srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */
-    if (srv_scheduler_submit(request->app->scheduler, still, &err))
+    if (srv_render_pool_submit(request->app->render_pool, still, &err))
         return;
     free(render);
     srv_request_cancel_snapshot(request);
@@ -243,7 +243,7 @@ static void submit(struct srv_request *request, struct srv_still *still, const c
 static void draw(struct srv_request *request, const proto_json *base, const proto_json *patch,
                  const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    struct srv_still still = { .quality = 0 };
+    struct srv_snapshot still = { .quality = 0 };
     struct srv_owner owner;
     void *volume = NULL;
     char etag[ETAG_BYTES];

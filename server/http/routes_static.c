@@ -88,7 +88,7 @@ static proto_json *encode_state(struct srv_store *store) {
 void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     struct sp_renderer_info info[SRV_RENDERERS];
     const struct sp_renderer_info *backend = &info[0];
-    srv_scheduler_info(request->app->scheduler, info);
+    srv_render_pool_info(request->app->render_pool, info);
     proto_json *json = proto_json_object(), *refused = proto_json_array();
     proto_json *vectorised = proto_json_array();
     bool ok = proto_json_set_string(json, "status", "ready");

@@ -14,9 +14,9 @@ static proto_json *encode_memory(const struct srv_volume_status *status) {
     double samples = (double)dims[0] * dims[1] * dims[2];
     proto_json *memory = proto_json_object();
     bool ok = proto_json_set_integer(memory, "voxels", (int64_t)info->voxel_bytes);
-    ok = proto_json_set_integer(memory, "derived", (int64_t)status->derived_bytes) && ok;
+    ok = proto_json_set_integer(memory, "derived", (int64_t)status->cached_bytes) && ok;
     ok = proto_json_set_number(memory, "derived_per_voxel",
-                               (double)status->derived_bytes / samples) &&
+                               (double)status->cached_bytes / samples) &&
          ok;
     if (!ok)
         proto_json_free(&memory);

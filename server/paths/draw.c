@@ -205,7 +205,7 @@ struct answer {
     struct sp_error err;
 };
 
-static void on_done(void *user, const struct srv_still_result *result) {
+static void on_done(void *user, const struct srv_snapshot_result *result) {
     struct answer *answer = user;
     struct srv_jobs *jobs = answer->jobs;
     pthread_mutex_lock(&jobs->mutex);
@@ -229,19 +229,19 @@ static bool is_given_up(void *user) {
 static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
                                struct srv_volume *volume, struct sp_error *err) {
     struct answer answer = { .jobs = d->jobs, .job = d->job };
-    struct srv_still still = { .view = *view,
-                               .volume = volume,
-                               .format = d->job->output.format,
-                               .background = true,
-                               .expected_ms = d->job->frame_ms,
-                               .wants_frame = true,
-                               .done = on_done,
-                               .is_gone = is_given_up,
-                               .user = &answer };
+    struct srv_snapshot still = { .view = *view,
+                                  .volume = volume,
+                                  .format = d->job->output.format,
+                                  .background = true,
+                                  .expected_ms = d->job->frame_ms,
+                                  .wants_frame = true,
+                                  .done = on_done,
+                                  .is_gone = is_given_up,
+                                  .user = &answer };
     if (d->job->output.is_movie)
         still.format = SP_IMAGE_PNG;
     snprintf(still.owner, sizeof still.owner, "%s", d->job->owner);
-    if (!srv_scheduler_submit(d->jobs->options.scheduler, &still, err))
+    if (!srv_render_pool_submit(d->jobs->options.render_pool, &still, err))
         return NULL;
     pthread_mutex_lock(&d->jobs->mutex);
     while (!answer.is_there)

@@ -329,7 +329,7 @@ static bool check_support(struct srv_jobs *jobs, const struct srv_path *path,
     struct sp_error why;
     const struct sp_view *view;
     for (unsigned i = 0; (view = srv_path_key(path, i)); i++) {
-        if (srv_scheduler_supports(jobs->options.scheduler, view, &why))
+        if (srv_render_pool_supports(jobs->options.render_pool, view, &why))
             continue;
         *err = why;
         if (i == 0)

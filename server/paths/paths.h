@@ -35,7 +35,7 @@
 #include "paths/path.h"
 #include "protocol/json.h"
 #include "render/catalog.h"
-#include "render/scheduler.h"
+#include "render/render_pool.h"
 #include "store/store.h"
 
 struct srv_jobs;
@@ -44,7 +44,7 @@ enum { SRV_JOB_ID_BYTES = 33 };
 
 struct srv_jobs_options {
     struct srv_catalog *catalog;
-    struct srv_scheduler *scheduler;
+    struct srv_render_pool *render_pool;
     struct srv_store *store;
     struct srv_metrics *metrics;
     struct srv_tokens *tokens; /* whose quotas hold; asked whenever room is taken */

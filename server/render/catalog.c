@@ -30,7 +30,7 @@ struct srv_volume {
     struct sp_volume *volume;           /* NULL unless ready; constant while used */
     struct sp_view view;                /* default; constant while used */
     struct srv_fingerprint fingerprint; /* constant while used */
-    uint64_t reserved_bytes, derived_bytes[SRV_RENDERERS];
+    uint64_t reserved_bytes, cached_bytes[SRV_RENDERERS];
     unsigned uses;
     bool is_removed; /* while it is being loaded: the load thread frees it */
 };
@@ -120,8 +120,8 @@ static void log_failure(const struct srv_volume *v, const struct sp_error *err) 
 /* Clients are told of it. */
 static void hide_folders(const struct srv_catalog *catalog, const struct srv_volume *v,
                          struct sp_error *err) {
-    srv_shown_text(catalog->data, v->source, err->place, sizeof err->place);
-    srv_shown_text(catalog->data, v->source, err->text, sizeof err->text);
+    srv_redact_text(catalog->data, v->source, err->place, sizeof err->place);
+    srv_redact_text(catalog->data, v->source, err->text, sizeof err->text);
 }
 
 static void entry_free(struct srv_volume *v) {
@@ -495,16 +495,16 @@ static void status_of(const struct srv_catalog *catalog, const struct srv_volume
                       struct srv_volume_status *status) {
     memcpy(status->id, v->id, sizeof v->id);
     memcpy(status->name, v->name, sizeof v->name);
-    srv_shown_source(catalog->data, v->source, status->source, sizeof status->source);
+    srv_redact_source(catalog->data, v->source, status->source, sizeof status->source);
     status->state = v->state;
     status->progress = v->progress;
     status->error = v->error;
     status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
-    status->derived_bytes = 0;
+    status->cached_bytes = 0;
     status->voxel_bytes = v->reserved_bytes;
-    memcpy(status->derived_of, v->derived_bytes, sizeof status->derived_of);
+    memcpy(status->cached_per_renderer, v->cached_bytes, sizeof status->cached_per_renderer);
     for (int l = 0; l < SRV_RENDERERS; l++)
-        status->derived_bytes += v->derived_bytes[l];
+        status->cached_bytes += v->cached_bytes[l];
     status->uses = v->uses;
 }
 
@@ -604,10 +604,10 @@ const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *vo
     return &volume->fingerprint;
 }
 
-void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
-                             uint64_t bytes) {
+void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
+                            uint64_t bytes) {
     assert(lane < SRV_RENDERERS);
     pthread_mutex_lock(&catalog->mutex);
-    volume->derived_bytes[lane] = bytes;
+    volume->cached_bytes[lane] = bytes;
     pthread_mutex_unlock(&catalog->mutex);
 }

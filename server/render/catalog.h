@@ -79,8 +79,8 @@ struct srv_volume_status {
     struct sp_error error;    /* of a failed load */
     struct sp_volume *volume; /* a reference of the caller's if ready, else NULL */
     uint64_t voxel_bytes;     /* reserved for it */
-    uint64_t derived_bytes;   /* kept by the renderers */
-    uint64_t derived_of[SRV_RENDERERS];
+    uint64_t cached_bytes;    /* kept by the renderers */
+    uint64_t cached_per_renderer[SRV_RENDERERS];
     unsigned uses;
 };
 /* Entry i in the order of adding; false past the end. Or by id. Unref status->volume. */
@@ -101,7 +101,7 @@ void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);
 /* What renderer `lane` < SRV_RENDERERS keeps of the volume. */
-void srv_catalog_set_derived(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
-                             uint64_t bytes);
+void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
+                            uint64_t bytes);
 
 #endif

@@ -5,9 +5,9 @@
  * which so is there sooner; when all have work of their own each does its own.
  *
  * Nothing stops an encoder. So that nobody's frame waits for long behind another's, what takes long
- * has threads of its own, which are nice: stills, and the dear frames of sessions (SRV_DEAR_MS), if
- * those are not for the only participant that there is. And a session has one thread while another
- * one's frame waits.
+ * has threads of its own, which are nice: stills, and the dear frames of sessions
+ * (SRV_SLOW_ENCODE_MS), if those are not for the only participant that there is. And a session has
+ * one thread while another one's frame waits.
  */
 #include <assert.h>
 #include <stdlib.h>
@@ -15,11 +15,11 @@
 
 #include "common/background.h"
 #include "common/clock.h"
-#include "render/scheduler_private.h"
+#include "render/render_pool_private.h"
 #include "sp/log.h"
 
 /* elapsed_ms: of rendering that was cancelled. */
-void srv_job_fail(struct srv_scheduler *s, struct srv_job *job, const struct sp_error *err,
+void srv_job_fail(struct srv_render_pool *s, struct srv_job *job, const struct sp_error *err,
                   double elapsed_ms) {
     if (err->code == SP_ERR_CANCELLED) {
         sp_log(SP_LOG_DEBUG, "%s given up after %.1f ms: %s",
@@ -40,19 +40,19 @@ static double stage_ms(const struct sp_frame_stats *stats, const char *name) {
     return 0;
 }
 
-static void count_render(struct srv_scheduler *s, const struct sp_frame_stats *stats) {
+static void count_render(struct srv_render_pool *s, const struct sp_frame_stats *stats) {
     srv_metrics_time(s->options.metrics, SRV_TIME_RENDER, stats->render_ms);
     srv_metrics_time(s->options.metrics, SRV_TIME_READBACK,
                      stage_ms(stats, "resolve") + stage_ms(stats, "read"));
 }
 
-static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
-                         struct srv_work *work) {
-    struct srv_still_result result = { .stats = work->frame->stats };
-    const struct srv_still *still = &work->still->still;
+static void encode_still(struct srv_render_pool *s, struct sp_encoder *encoder,
+                         struct srv_encode_task *work) {
+    struct srv_snapshot_result result = { .stats = work->frame->stats };
+    const struct srv_snapshot *still = &work->still->still;
     const struct srv_form form = srv_form_of(still->format, still->quality, still->chroma);
     double start_ms = srv_clock_ms();
-    struct srv_blob *known = srv_kept_bytes(s, work->frame, &form);
+    struct srv_blob *known = srv_frame_cache_bytes(s, work->frame, &form);
     if (known) {
         result.ok = true;
         result.bytes = known->bytes;
@@ -63,13 +63,13 @@ static void encode_still(struct srv_scheduler *s, struct sp_encoder *encoder,
                               &result.size, &result.err);
     }
     result.encode_ms = srv_clock_ms() - start_ms;
-    srv_still_spend(s, work->still, result.encode_ms);
+    srv_snapshot_charge(s, work->still, result.encode_ms);
     if (!work->again)
         count_render(s, &work->frame->stats);
     if (!known)
         srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
     srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
-    srv_still_answer(s, work->still, &result);
+    srv_snapshot_answer(s, work->still, &result);
     srv_blob_unref(&known);
 }
 
@@ -99,20 +99,21 @@ static struct srv_blob *make_blob(struct sp_encoder *encoder, const struct sp_fr
 
 /* Encodes once for all targets of the set `stills` with the format and quality of the first, if
  * that has not been done for another session. Takes them out of the set. */
-static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, struct srv_work *work,
-                         uint64_t *stills, double *encode_ms, struct sp_error *err) {
+static bool encode_group(struct srv_render_pool *s, struct sp_encoder *encoder,
+                         struct srv_encode_task *work, uint64_t *stills, double *encode_ms,
+                         struct sp_error *err) {
     uint32_t first = (uint32_t)__builtin_ctzll(*stills);
     struct srv_job *job = work->job;
     const struct srv_target *like = &job->targets[first];
     const struct srv_form form = srv_form_of(like->format, like->quality, like->chroma);
     double start_ms = srv_clock_ms();
-    struct srv_blob *blob = srv_kept_bytes(s, work->frame, &form);
+    struct srv_blob *blob = srv_frame_cache_bytes(s, work->frame, &form);
     const bool is_known = blob != NULL;
     if (!is_known) {
         blob = make_blob(encoder, work->frame, &form, err);
         if (!blob)
             return false;
-        srv_kept_set_bytes(s, work->frame, &form, blob);
+        srv_frame_cache_set_bytes(s, work->frame, &form, blob);
     }
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
@@ -136,12 +137,14 @@ static bool encode_group(struct srv_scheduler *s, struct sp_encoder *encoder, st
 }
 
 /* An encoder cannot be stopped: look before each. */
-static bool still_wanted(struct srv_scheduler *s, const struct srv_job *job, struct sp_error *err) {
+static bool still_wanted(struct srv_render_pool *s, const struct srv_job *job,
+                         struct sp_error *err) {
     return !job->refinement || srv_hub_is_newest(s->hub, job) ||
            sp_fail(err, SP_ERR_CANCELLED, NULL, "a newer view exists");
 }
 
-static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, struct srv_work *work) {
+static void encode_job(struct srv_render_pool *s, struct sp_encoder *encoder,
+                       struct srv_encode_task *work) {
     static const char *const step_words[] = { "", " middle", " final" };
     struct srv_job *job = work->job;
     struct srv_job_result result = { .width = work->frame->width,
@@ -159,7 +162,7 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
     if (!work->again)
         count_render(s, &work->frame->stats);
     uint64_t stills =
-        ok ? srv_videos_encode(s->videos, s->hub, job, work->frame, &result.encode_ms) : 0;
+        ok ? srv_video_encoders_encode(s->videos, s->hub, job, work->frame, &result.encode_ms) : 0;
     while (ok && stills)
         ok = still_wanted(s, job, &err) &&
              encode_group(s, encoder, work, &stills, &result.encode_ms, &err);
@@ -176,7 +179,7 @@ static void encode_job(struct srv_scheduler *s, struct sp_encoder *encoder, stru
 
 /* Takes the next stripe, encodes it, and looks whether all are there. With the mutex held, and held
  * again after; false if all are taken. */
-static bool make_stripe(struct srv_scheduler *s, struct srv_picture *picture,
+static bool make_stripe(struct srv_render_pool *s, struct srv_striped_image *picture,
                         struct sp_encoder *with) {
     if (picture->taken == picture->count)
         return false;
@@ -192,10 +195,10 @@ static bool make_stripe(struct srv_scheduler *s, struct srv_picture *picture,
 static void share_stripes(void *user, struct sp_encoder *own, unsigned count, sp_stripe_fn *stripe,
                           void *of) {
     struct srv_encode_thread *thread = user;
-    struct srv_scheduler *s = thread->scheduler;
-    struct srv_picture *picture = &thread->picture;
+    struct srv_render_pool *s = thread->render_pool;
+    struct srv_striped_image *picture = &thread->picture;
     pthread_mutex_lock(&s->mutex);
-    *picture = (struct srv_picture){ .count = count, .stripe = stripe, .of = of };
+    *picture = (struct srv_striped_image){ .count = count, .stripe = stripe, .of = of };
     pthread_cond_broadcast(&s->encode);
     while (make_stripe(s, picture, own))
         ;
@@ -206,7 +209,7 @@ static void share_stripes(void *user, struct sp_encoder *own, unsigned count, sp
 
 /* A stripe of another's picture, if there is one. As make_stripe(). */
 static bool lend_hand(struct srv_encode_thread *thread) {
-    struct srv_scheduler *s = thread->scheduler;
+    struct srv_render_pool *s = thread->render_pool;
     for (unsigned i = 0; i < s->encode_thread_count; i++) {
         struct srv_encode_thread *other = &s->encode_threads[i];
         /* A stripe for which others wait would wait for a nice thread. */
@@ -218,30 +221,30 @@ static bool lend_hand(struct srv_encode_thread *thread) {
     return false;
 }
 
-static struct srv_lane *lane_of(struct srv_scheduler *s, const struct srv_work *work) {
-    return &s->lanes[work->still        ? SRV_LANE_STILLS
-                     : work->is_express ? SRV_LANE_EXPRESS
-                                        : SRV_LANE_STREAMS];
+static struct srv_worker *lane_of(struct srv_render_pool *s, const struct srv_encode_task *work) {
+    return &s->lanes[work->still        ? SRV_WORKER_SNAPSHOT
+                     : work->is_express ? SRV_WORKER_PREEMPTION
+                                        : SRV_WORKER_INTERACTIVE];
 }
 
-static bool is_dear(const struct srv_work *work) {
-    return work->job && work->job->is_dear;
+static bool is_slow_to_encode(const struct srv_encode_task *work) {
+    return work->job && work->job->is_slow_to_encode;
 }
 
-static bool may_take(const struct srv_encode_thread *thread, const struct srv_work *work) {
-    bool is_long = work->still || (is_dear(work) && !work->job->is_alone);
+static bool may_take(const struct srv_encode_thread *thread, const struct srv_encode_task *work) {
+    bool is_long = work->still || (is_slow_to_encode(work) && !work->job->is_alone);
     return thread->is_nice == is_long;
 }
 
 /* Is another frame of its session being encoded? */
-static bool has_thread(const struct srv_scheduler *s, const struct srv_work *work) {
+static bool has_thread(const struct srv_render_pool *s, const struct srv_encode_task *work) {
     bool has = false;
     for (unsigned t = 0; work->job && t < s->encode_thread_count; t++)
         has = has || s->encode_threads[t].session == work->job->session;
     return has;
 }
 
-static bool has_video(const struct srv_work *work) {
+static bool has_video(const struct srv_encode_task *work) {
     for (uint32_t i = 0; work->job && i < work->job->target_count; i++)
         if (work->job->targets[i].video != SP_VIDEO_CODEC_COUNT)
             return true;
@@ -251,10 +254,10 @@ static bool has_video(const struct srv_work *work) {
 /* The oldest work that this thread may do, of a session that has no thread before others, where
  * video would but wait for the frame before it; encode_count if there is none. */
 static unsigned find_work(const struct srv_encode_thread *thread) {
-    const struct srv_scheduler *s = thread->scheduler;
+    const struct srv_render_pool *s = thread->render_pool;
     unsigned found = s->encode_count;
     for (unsigned i = 0; i < s->encode_count; i++) {
-        const struct srv_work *work = &s->encode_queue[i];
+        const struct srv_encode_task *work = &s->encode_queue[i];
         if (!may_take(thread, work))
             continue;
         if (!has_thread(s, work))
@@ -266,8 +269,8 @@ static unsigned find_work(const struct srv_encode_thread *thread) {
 }
 
 /* With the mutex held; false if there is nothing to take. */
-static bool take_work(struct srv_encode_thread *thread, struct srv_work *work) {
-    struct srv_scheduler *s = thread->scheduler;
+static bool take_work(struct srv_encode_thread *thread, struct srv_encode_task *work) {
+    struct srv_render_pool *s = thread->render_pool;
     unsigned found = find_work(thread);
     if (found == s->encode_count)
         return false;
@@ -275,30 +278,30 @@ static bool take_work(struct srv_encode_thread *thread, struct srv_work *work) {
     s->encode_count--;
     memmove(s->encode_queue + found, s->encode_queue + found + 1,
             (s->encode_count - found) * sizeof *work);
-    struct srv_lane *lane = lane_of(s, work);
-    lane->encodes -= !is_dear(work); /* there is room */
-    srv_lane_wake(lane);
+    struct srv_worker *lane = lane_of(s, work);
+    lane->encodes -= !is_slow_to_encode(work); /* there is room */
+    srv_worker_wake(lane);
     thread->at_still = work->still;
     thread->session = work->job ? work->job->session : 0;
     return true;
 }
 
 /* With the scheduler's mutex held, and held again after. */
-static void give_back_videos(struct srv_scheduler *s) {
+static void give_back_videos(struct srv_render_pool *s) {
     s->videos_due = false;
     pthread_mutex_unlock(&s->mutex);
-    srv_videos_tick(s->videos, srv_clock_ms());
+    srv_video_encoders_tick(s->videos, srv_clock_ms());
     pthread_mutex_lock(&s->mutex);
 }
 
 static void *encode_main(void *user) {
     struct srv_encode_thread *thread = user;
-    struct srv_scheduler *s = thread->scheduler;
+    struct srv_render_pool *s = thread->render_pool;
     if (thread->is_nice)
         srv_be_nice("an encode thread");
     pthread_mutex_lock(&s->mutex);
     for (;;) {
-        struct srv_work work;
+        struct srv_encode_task work;
         if (!take_work(thread, &work)) {
             if (lend_hand(thread))
                 continue;
@@ -325,21 +328,21 @@ static void *encode_main(void *user) {
     return NULL;
 }
 
-void srv_encode_pass_on(struct srv_scheduler *s, struct srv_work work) {
+void srv_encode_submit(struct srv_render_pool *s, struct srv_encode_task work) {
     pthread_mutex_lock(&s->mutex);
-    lane_of(s, &work)->encodes += !is_dear(&work);
+    lane_of(s, &work)->encodes += !is_slow_to_encode(&work);
     assert(s->encode_count < SRV_ENCODE_QUEUE);
     s->encode_queue[s->encode_count++] = work;
     pthread_cond_broadcast(&s->encode); /* not every thread takes it */
     pthread_mutex_unlock(&s->mutex);
 }
 
-bool srv_encode_create(struct srv_scheduler *s, struct sp_error *err) {
+bool srv_encode_create(struct srv_render_pool *s, struct sp_error *err) {
     const unsigned streams = s->options.encode_threads, count = streams > 1 ? 2 * streams - 1 : 2;
     s->encode_thread_count = count;
     for (unsigned i = 0; i < count; i++) {
         struct srv_encode_thread *thread = &s->encode_threads[i];
-        thread->scheduler = s;
+        thread->render_pool = s;
         thread->is_nice = i >= streams;
         thread->is_first = i == 0 && streams > 1;
         thread->encoder = sp_encoder_create(err);
@@ -351,7 +354,7 @@ bool srv_encode_create(struct srv_scheduler *s, struct sp_error *err) {
     return true;
 }
 
-bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err) {
+bool srv_encode_start(struct srv_render_pool *s, struct sp_error *err) {
     for (unsigned i = 0; i < s->encode_thread_count; i++) {
         struct srv_encode_thread *thread = &s->encode_threads[i];
         int failed = pthread_create(&thread->thread, NULL, encode_main, thread);
@@ -363,7 +366,7 @@ bool srv_encode_start(struct srv_scheduler *s, struct sp_error *err) {
     return true;
 }
 
-void srv_encode_stop(struct srv_scheduler *s) {
+void srv_encode_stop(struct srv_render_pool *s) {
     pthread_mutex_lock(&s->mutex);
     s->encode_stop = true;
     pthread_cond_broadcast(&s->encode);
@@ -376,7 +379,7 @@ void srv_encode_stop(struct srv_scheduler *s) {
     }
 }
 
-void srv_encode_destroy(struct srv_scheduler *s) {
+void srv_encode_destroy(struct srv_render_pool *s) {
     for (unsigned i = 0; i < s->encode_thread_count; i++)
         sp_encoder_destroy(&s->encode_threads[i].encoder);
 }

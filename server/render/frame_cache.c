@@ -5,15 +5,15 @@
  */
 #include <string.h>
 
-#include "render/scheduler_private.h"
+#include "render/render_pool_private.h"
 
 enum { BLOB_BYTES_MAX = 4 << 20 };
 
-void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, const struct srv_volume *volume,
-                  const struct sp_view *view) {
+void srv_frame_cache_set(struct srv_render_pool *s, struct sp_frame *frame,
+                         const struct srv_volume *volume, const struct sp_view *view) {
     pthread_mutex_lock(&s->mutex);
     sp_frame_unref(&s->kept.frame);
-    for (unsigned i = 0; i < SRV_KEPT_FORMS; i++)
+    for (unsigned i = 0; i < SRV_FRAME_CACHE_ENCODINGS; i++)
         srv_blob_unref(&s->kept.encoded[i].blob);
     if (frame) {
         s->kept.frame = sp_frame_ref(frame);
@@ -23,8 +23,8 @@ void srv_kept_set(struct srv_scheduler *s, struct sp_frame *frame, const struct 
     pthread_mutex_unlock(&s->mutex);
 }
 
-struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume *volume,
-                               const struct sp_view *view) {
+struct sp_frame *srv_frame_cache_find(struct srv_render_pool *s, const struct srv_volume *volume,
+                                      const struct sp_view *view) {
     pthread_mutex_lock(&s->mutex);
     bool same = s->kept.frame &&
                 srv_fingerprint_equal(&s->kept.of, srv_volume_fingerprint(volume)) &&
@@ -34,22 +34,22 @@ struct sp_frame *srv_kept_find(struct srv_scheduler *s, const struct srv_volume 
     return frame;
 }
 
-struct srv_blob *srv_kept_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
-                                const struct srv_form *form) {
+struct srv_blob *srv_frame_cache_bytes(struct srv_render_pool *s, const struct sp_frame *frame,
+                                       const struct srv_form *form) {
     struct srv_blob *found = NULL;
     pthread_mutex_lock(&s->mutex);
-    for (unsigned i = 0; !found && frame == s->kept.frame && i < SRV_KEPT_FORMS; i++)
+    for (unsigned i = 0; !found && frame == s->kept.frame && i < SRV_FRAME_CACHE_ENCODINGS; i++)
         if (s->kept.encoded[i].blob && srv_form_is_same(&s->kept.encoded[i].form, form))
             found = srv_blob_ref(s->kept.encoded[i].blob);
     pthread_mutex_unlock(&s->mutex);
     return found;
 }
 
-void srv_kept_set_bytes(struct srv_scheduler *s, const struct sp_frame *frame,
-                        const struct srv_form *form, struct srv_blob *blob) {
+void srv_frame_cache_set_bytes(struct srv_render_pool *s, const struct sp_frame *frame,
+                               const struct srv_form *form, struct srv_blob *blob) {
     pthread_mutex_lock(&s->mutex);
     if (frame == s->kept.frame && blob->size <= BLOB_BYTES_MAX) {
-        unsigned i = s->kept.next++ % SRV_KEPT_FORMS;
+        unsigned i = s->kept.next++ % SRV_FRAME_CACHE_ENCODINGS;
         srv_blob_unref(&s->kept.encoded[i].blob);
         s->kept.encoded[i].blob = srv_blob_ref(blob);
         s->kept.encoded[i].form = *form;

@@ -5,14 +5,14 @@
 #include <math.h>
 #include <string.h>
 
-static struct srv_flight *at(struct srv_flights *flights, unsigned i) {
+static struct srv_inflight *at(struct srv_frame_queue *flights, unsigned i) {
     return &flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX];
 }
 
 /* Of moving frames of one session the one behind another that was given up stays. */
-static bool follows_given_up(struct srv_flights *flights, const struct srv_job *job) {
+static bool follows_given_up(struct srv_frame_queue *flights, const struct srv_job *job) {
     for (unsigned i = 0; i < flights->count; i++) {
-        const struct srv_flight *f = at(flights, i);
+        const struct srv_inflight *f = at(flights, i);
         if (f->job->session == job->session && f->job->step == SRV_STEP_MOVING &&
             atomic_load(&f->cancel))
             return job->step == SRV_STEP_MOVING;
@@ -20,11 +20,11 @@ static bool follows_given_up(struct srv_flights *flights, const struct srv_job *
     return false;
 }
 
-struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job *job,
-                                     double now_ms) {
+struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights, struct srv_job *job,
+                                           double now_ms) {
     assert(flights->count < SP_IN_FLIGHT_MAX);
     bool is_kept = follows_given_up(flights, job);
-    struct srv_flight *f = at(flights, flights->count++);
+    struct srv_inflight *f = at(flights, flights->count++);
     f->job = job;
     atomic_store(&f->cancel, false);
     f->is_outdated = f->yields = false;
@@ -37,15 +37,15 @@ struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job
     return f;
 }
 
-struct srv_flight *srv_flights_oldest(struct srv_flights *flights) {
+struct srv_inflight *srv_frame_queue_oldest(struct srv_frame_queue *flights) {
     return flights->count ? at(flights, 0) : NULL;
 }
 
-void srv_flights_end(struct srv_flights *flights, double now_ms) {
+void srv_frame_queue_pop(struct srv_frame_queue *flights, double now_ms) {
     assert(flights->count > 0);
     flights->first = (flights->first + 1) % SP_IN_FLIGHT_MAX;
     flights->count--;
-    struct srv_flight *f = srv_flights_oldest(flights);
+    struct srv_inflight *f = srv_frame_queue_oldest(flights);
     if (!f)
         return;
     f->begun_ms = now_ms;
@@ -53,13 +53,13 @@ void srv_flights_end(struct srv_flights *flights, double now_ms) {
         f->keep_until_ms = fmax(f->keep_until_ms, now_ms + f->kept_ms);
 }
 
-void srv_flights_undo(struct srv_flights *flights) {
+void srv_frame_queue_undo(struct srv_frame_queue *flights) {
     assert(flights->count > 0);
     flights->count--;
 }
 
 /* For half the time in which the processor was shared it did not run. */
-static double held_ms(const struct srv_flight *f, double now_ms) {
+static double held_ms(const struct srv_inflight *f, double now_ms) {
     double before_ms = atomic_load(&f->hold.held_ms);
     if (f->held_since_ms == 0)
         return before_ms;
@@ -67,12 +67,12 @@ static double held_ms(const struct srv_flight *f, double now_ms) {
     return before_ms + now_ms - f->held_since_ms - shared_ms / 2;
 }
 
-double srv_flight_age_ms(const struct srv_flight *f, double now_ms) {
+double srv_inflight_age_ms(const struct srv_inflight *f, double now_ms) {
     return now_ms - f->begun_ms - held_ms(f, now_ms);
 }
 
-void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms) {
-    struct srv_flight *f = srv_flights_oldest(flights);
+void srv_frame_queue_pause(struct srv_frame_queue *flights, uint64_t order, double now_ms) {
+    struct srv_inflight *f = srv_frame_queue_oldest(flights);
     if (!f || f->job->order != order || f->held_since_ms > 0)
         return;
     f->held_since_ms = now_ms;
@@ -80,13 +80,13 @@ void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms
     atomic_store(&f->hold.wanted, true);
 }
 
-double srv_flight_stand(struct srv_flight *f, double now_ms) {
+double srv_inflight_paused(struct srv_inflight *f, double now_ms) {
     f->stood_ms = now_ms;
     return (now_ms - f->held_since_ms) / 2;
 }
 
-void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms) {
-    struct srv_flight *f = srv_flights_oldest(flights);
+void srv_frame_queue_resume(struct srv_frame_queue *flights, uint64_t order, double now_ms) {
+    struct srv_inflight *f = srv_frame_queue_oldest(flights);
     if (!f || f->job->order != order || f->held_since_ms == 0)
         return;
     atomic_store(&f->hold.held_ms, held_ms(f, now_ms));
@@ -94,20 +94,20 @@ void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_m
     atomic_store(&f->hold.wanted, false);
 }
 
-static void give_up(struct srv_flights *flights, unsigned i) {
-    struct srv_flight *f = at(flights, i);
+static void give_up(struct srv_frame_queue *flights, unsigned i) {
+    struct srv_inflight *f = at(flights, i);
     atomic_store(&f->cancel, true);
     for (unsigned k = i + 1; f->job->step == SRV_STEP_MOVING && k < flights->count; k++) {
-        struct srv_flight *next = at(flights, k);
+        struct srv_inflight *next = at(flights, k);
         if (next->job->session == f->job->session && next->job->step == SRV_STEP_MOVING &&
             next->keep_until_ms > 0)
             next->keep_until_ms = INFINITY;
     }
 }
 
-void srv_flights_tick(struct srv_flights *flights, double now_ms) {
+void srv_frame_queue_tick(struct srv_frame_queue *flights, double now_ms) {
     for (unsigned i = 0; i < flights->count; i++) {
-        struct srv_flight *f = at(flights, i);
+        struct srv_inflight *f = at(flights, i);
         double own_ms = now_ms - held_ms(f, now_ms);
         bool is_over = f->keep_until_ms == 0 || (i == 0 && own_ms >= f->keep_until_ms);
         bool yields = f->yields && own_ms - f->begun_ms >= f->job->yield_ms;
@@ -116,7 +116,7 @@ void srv_flights_tick(struct srv_flights *flights, double now_ms) {
     }
 }
 
-static bool concerns(const struct srv_flight *f, uint64_t of, enum srv_interrupt why) {
+static bool concerns(const struct srv_inflight *f, uint64_t of, enum srv_interrupt why) {
     const struct srv_job *job = f->job;
     if (why == SRV_MOVES)
         return job->yield_ms < INFINITY;
@@ -125,10 +125,10 @@ static bool concerns(const struct srv_flight *f, uint64_t of, enum srv_interrupt
     return job->session == of;
 }
 
-void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_interrupt why,
-                           double now_ms) {
+void srv_frame_queue_interrupt(struct srv_frame_queue *flights, uint64_t of, enum srv_interrupt why,
+                               double now_ms) {
     for (unsigned i = 0; i < flights->count; i++) {
-        struct srv_flight *f = at(flights, i);
+        struct srv_inflight *f = at(flights, i);
         if (!concerns(f, of, why))
             continue;
         if (why == SRV_MOVES)
@@ -138,15 +138,15 @@ void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_in
         if (why == SRV_UNWANTED)
             f->keep_until_ms = 0;
     }
-    srv_flights_tick(flights, now_ms);
+    srv_frame_queue_tick(flights, now_ms);
 }
 
-void srv_flights_cancel(struct srv_flights *flights) {
+void srv_frame_queue_cancel(struct srv_frame_queue *flights) {
     for (unsigned i = 0; i < flights->count; i++)
         atomic_store(&at(flights, i)->cancel, true);
 }
 
-bool srv_flights_has_sharp(const struct srv_flights *flights, const struct srv_job *job) {
+bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights, const struct srv_job *job) {
     for (unsigned i = 0; i < flights->count; i++) {
         const struct srv_job *other = flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX].job;
         if (other->sharp && job->sharp && other->volume == job->volume &&

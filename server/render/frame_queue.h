@@ -15,15 +15,15 @@
  * have come to that, the two share the processor, and each is charged half. No clock, no lock:
  * whoever calls holds the lane's.
  */
-#ifndef SRV_RENDER_FLIGHTS_H
-#define SRV_RENDER_FLIGHTS_H
+#ifndef SRV_RENDER_FRAME_QUEUE_H
+#define SRV_RENDER_FRAME_QUEUE_H
 
 #include <stdatomic.h>
 
 #include "session/hub.h"
 #include "sp/renderer.h"
 
-struct srv_flight {
+struct srv_inflight {
     struct srv_job *job;           /* the lane's */
     atomic_bool cancel;            /* of its rendering */
     bool is_outdated;              /* a newer view waits */
@@ -37,39 +37,40 @@ struct srv_flight {
     void *owner;          /* the lane's */
 };
 
-struct srv_flights {
-    struct srv_flight ring[SP_IN_FLIGHT_MAX];
+struct srv_frame_queue {
+    struct srv_inflight ring[SP_IN_FLIGHT_MAX];
     unsigned first, count;
 };
 
 /* Begins a job behind the others, of which there are fewer than SP_IN_FLIGHT_MAX. It stays where it
  * is until it is taken out. */
-struct srv_flight *srv_flights_begin(struct srv_flights *flights, struct srv_job *job,
-                                     double now_ms);
+struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights, struct srv_job *job,
+                                           double now_ms);
 
-struct srv_flight *srv_flights_oldest(struct srv_flights *flights); /* NULL = there is none */
+struct srv_inflight *
+srv_frame_queue_oldest(struct srv_frame_queue *flights); /* NULL = there is none */
 /* Takes out the oldest: the next one's clock starts. */
-void srv_flights_end(struct srv_flights *flights, double now_ms);
+void srv_frame_queue_pop(struct srv_frame_queue *flights, double now_ms);
 /* Takes out the newest, which was not begun after all. */
-void srv_flights_undo(struct srv_flights *flights);
+void srv_frame_queue_undo(struct srv_frame_queue *flights);
 
 /* How long the flight has been drawn, without what it stood still. */
-double srv_flight_age_ms(const struct srv_flight *flight, double now_ms);
+double srv_inflight_age_ms(const struct srv_inflight *flight, double now_ms);
 /* The oldest stands still from now on, if it is the job of that order; and goes on. */
-void srv_flights_hold(struct srv_flights *flights, uint64_t order, double now_ms);
-void srv_flights_go_on(struct srv_flights *flights, uint64_t order, double now_ms);
+void srv_frame_queue_pause(struct srv_frame_queue *flights, uint64_t order, double now_ms);
+void srv_frame_queue_resume(struct srv_frame_queue *flights, uint64_t order, double now_ms);
 /* A thread of a flight that is to stand still does; the last one counts. Returns what is taken from
  * the time of the one for which it stands still, ms so far. */
-double srv_flight_stand(struct srv_flight *flight, double now_ms);
+double srv_inflight_paused(struct srv_inflight *flight, double now_ms);
 
 /* Something begun is no longer what is wanted first: as struct srv_hub_options says. What may be
  * given up then is. */
-void srv_flights_interrupt(struct srv_flights *flights, uint64_t of, enum srv_interrupt why,
-                           double now_ms);
-void srv_flights_tick(struct srv_flights *flights, double now_ms);
-void srv_flights_cancel(struct srv_flights *flights); /* all of them */
+void srv_frame_queue_interrupt(struct srv_frame_queue *flights, uint64_t of, enum srv_interrupt why,
+                               double now_ms);
+void srv_frame_queue_tick(struct srv_frame_queue *flights, double now_ms);
+void srv_frame_queue_cancel(struct srv_frame_queue *flights); /* all of them */
 
 /* Is this job's picture, a sharp one, among them? For whatever session. */
-bool srv_flights_has_sharp(const struct srv_flights *flights, const struct srv_job *job);
+bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights, const struct srv_job *job);
 
 #endif

@@ -7,28 +7,28 @@
 #include <string.h>
 
 #include "common/clock.h"
-#include "render/scheduler_private.h"
+#include "render/render_pool_private.h"
 #include "sp/log.h"
 
 #define KEPT_BYTES_MAX ((size_t)64 << 20)
 
-static void keep(struct srv_scheduler *s, const struct srv_job *job, struct sp_frame *frame) {
+static void keep(struct srv_render_pool *s, const struct srv_job *job, struct sp_frame *frame) {
     if (job->sharp && frame->stride_bytes * frame->height <= KEPT_BYTES_MAX)
-        srv_kept_set(s, frame, job->volume, &job->view);
+        srv_frame_cache_set(s, frame, job->volume, &job->view);
 }
 
 /* With the mutex held: a thread of the flight has come to a stand. */
-static void charge_half(struct srv_scheduler *s, struct srv_flight *flight) {
-    struct srv_flight *express = srv_flights_oldest(&s->lanes[SRV_LANE_EXPRESS].flights);
-    double shared_ms = srv_flight_stand(flight, srv_clock_ms());
+static void charge_half(struct srv_render_pool *s, struct srv_inflight *flight) {
+    struct srv_inflight *express = srv_frame_queue_oldest(&s->lanes[SRV_WORKER_PREEMPTION].flights);
+    double shared_ms = srv_inflight_paused(flight, srv_clock_ms());
     if (express)
         atomic_store(&express->hold.held_ms, shared_ms);
 }
 
 /* For struct sp_hold: what is given up goes on, to its end. */
 static void stand_still(void *user) {
-    struct srv_flight *flight = user;
-    struct srv_scheduler *s = flight->owner;
+    struct srv_inflight *flight = user;
+    struct srv_render_pool *s = flight->owner;
     pthread_mutex_lock(&s->mutex);
     if (atomic_load(&flight->hold.wanted))
         charge_half(s, flight);
@@ -37,44 +37,44 @@ static void stand_still(void *user) {
     pthread_mutex_unlock(&s->mutex);
 }
 
-static struct srv_flight *take_off(struct srv_scheduler *s, enum srv_lane_name name,
-                                   struct srv_job *job, double now_ms) {
-    struct srv_lane *lane = &s->lanes[name];
+static struct srv_inflight *take_off(struct srv_render_pool *s, enum srv_worker_name name,
+                                     struct srv_job *job, double now_ms) {
+    struct srv_worker *lane = &s->lanes[name];
     pthread_mutex_lock(&s->mutex);
-    struct srv_flight *flight = srv_flights_begin(&lane->flights, job, now_ms);
+    struct srv_inflight *flight = srv_frame_queue_begin(&lane->flights, job, now_ms);
     flight->owner = s;
     flight->hold.wait = stand_still;
     flight->hold.user = flight;
     if (s->stop)
-        srv_flights_cancel(&lane->flights);
-    srv_stills_give_way(s);
-    if (name == SRV_LANE_STREAMS && !job->is_alone)
-        srv_lane_wake(&s->lanes[SRV_LANE_EXPRESS]);
+        srv_frame_queue_cancel(&lane->flights);
+    srv_snapshots_yield(s);
+    if (name == SRV_WORKER_INTERACTIVE && !job->is_alone)
+        srv_worker_wake(&s->lanes[SRV_WORKER_PREEMPTION]);
     pthread_mutex_unlock(&s->mutex);
     return flight;
 }
 
 /* What the express lane cannot draw is left to the stream lane, from now on. */
-static void fail_job(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job,
+static void fail_job(struct srv_render_pool *s, enum srv_worker_name name, struct srv_job *job,
                      struct sp_error *err, double spent_ms) {
-    if (name == SRV_LANE_EXPRESS && err->code != SP_ERR_CANCELLED) {
-        srv_express_give_up(s, err);
+    if (name == SRV_WORKER_PREEMPTION && err->code != SP_ERR_CANCELLED) {
+        srv_preemption_disable(s, err);
         sp_fail(err, SP_ERR_CANCELLED, NULL, "the stream lane draws it");
     }
     srv_job_fail(s, job, err, spent_ms);
 }
 
-/* From now on srv_scheduler_interrupt() reaches it. */
-void srv_job_begin(struct srv_scheduler *s, enum srv_lane_name name, struct srv_job *job) {
+/* From now on srv_render_pool_interrupt() reaches it. */
+void srv_job_begin(struct srv_render_pool *s, enum srv_worker_name name, struct srv_job *job) {
     struct sp_error err = { .code = SP_OK };
-    struct srv_lane *lane = &s->lanes[name];
+    struct srv_worker *lane = &s->lanes[name];
     double start_ms = srv_clock_ms();
-    struct srv_flight *flight = take_off(s, name, job, start_ms);
+    struct srv_inflight *flight = take_off(s, name, job, start_ms);
     /* The view may have changed before the interruption could reach us, or another one. */
     if (!srv_hub_is_newest(s->hub, job))
-        srv_scheduler_interrupt(s, job->session, SRV_NEWER_VIEW);
+        srv_render_pool_interrupt(s, job->session, SRV_NEWER_VIEW);
     if (job->yield_ms < INFINITY && srv_hub_moves(s->hub))
-        srv_scheduler_interrupt(s, 0, SRV_MOVES);
+        srv_render_pool_interrupt(s, 0, SRV_MOVES);
     if (job->refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
     const struct sp_render_options options = {
@@ -86,64 +86,64 @@ void srv_job_begin(struct srv_scheduler *s, enum srv_lane_name name, struct srv_
     if (ok)
         return;
     pthread_mutex_lock(&s->mutex);
-    srv_flights_undo(&lane->flights);
+    srv_frame_queue_undo(&lane->flights);
     pthread_mutex_unlock(&s->mutex);
     fail_job(s, name, job, &err, 0);
 }
 
-void srv_job_finish(struct srv_scheduler *s, enum srv_lane_name name) {
+void srv_job_finish(struct srv_render_pool *s, enum srv_worker_name name) {
     struct sp_error err = { .code = SP_OK };
-    struct srv_lane *lane = &s->lanes[name];
-    struct srv_flight *flight = srv_flights_oldest(&lane->flights);
+    struct srv_worker *lane = &s->lanes[name];
+    struct srv_inflight *flight = srv_frame_queue_oldest(&lane->flights);
     struct srv_job *job = flight->job;
-    bool is_express = name == SRV_LANE_EXPRESS;
+    bool is_express = name == SRV_WORKER_PREEMPTION;
     double start_ms = srv_clock_ms();
     struct sp_frame *frame = sp_renderer_finish(lane->renderer, &err);
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&s->mutex);
-    srv_flights_go_on(&lane->flights, job->order, now_ms);
+    srv_frame_queue_resume(&lane->flights, job->order, now_ms);
     double spent_ms = flight->spent_ms + now_ms - start_ms - atomic_load(&flight->hold.held_ms);
-    srv_flights_end(&lane->flights, now_ms);
+    srv_frame_queue_pop(&lane->flights, now_ms);
     s->stream_ms = now_ms;
     pthread_mutex_unlock(&s->mutex);
-    srv_lane_note_frame(s, name, job->volume);
+    srv_worker_note_frame(s, name, job->volume);
     if (frame) {
         keep(s, job, frame);
         srv_hub_job_drawn(s->hub, job, frame->stats.render_ms);
-        srv_encode_pass_on(
-            s, (struct srv_work){ .frame = frame, .job = job, .is_express = is_express });
+        srv_encode_submit(
+            s, (struct srv_encode_task){ .frame = frame, .job = job, .is_express = is_express });
     } else {
         fail_job(s, name, job, &err, spent_ms);
     }
 }
 
-static void finish_jobs(struct srv_scheduler *s) {
-    while (s->lanes[SRV_LANE_STREAMS].flights.count > 0)
-        srv_job_finish(s, SRV_LANE_STREAMS);
+static void finish_jobs(struct srv_render_pool *s) {
+    while (s->lanes[SRV_WORKER_INTERACTIVE].flights.count > 0)
+        srv_job_finish(s, SRV_WORKER_INTERACTIVE);
 }
 
 /* Begins the job, unless its picture is there or on its way. */
-static void take_job(struct srv_scheduler *s, struct srv_job *job) {
-    if (srv_flights_has_sharp(&s->lanes[SRV_LANE_STREAMS].flights, job))
+static void take_job(struct srv_render_pool *s, struct srv_job *job) {
+    if (srv_frame_queue_has_sharp(&s->lanes[SRV_WORKER_INTERACTIVE].flights, job))
         finish_jobs(s);
-    struct sp_frame *frame = job->sharp ? srv_kept_find(s, job->volume, &job->view) : NULL;
+    struct sp_frame *frame = job->sharp ? srv_frame_cache_find(s, job->volume, &job->view) : NULL;
     if (frame)
-        srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .job = job, .again = true });
+        srv_encode_submit(s, (struct srv_encode_task){ .frame = frame, .job = job, .again = true });
     else
-        srv_job_begin(s, SRV_LANE_STREAMS, job);
+        srv_job_begin(s, SRV_WORKER_INTERACTIVE, job);
 }
 
 /* Keeps as many jobs begun as the renderer takes: the next one is prepared while the GPU draws the
  * one before. */
-void *srv_stream_lane_main(void *user) {
-    struct srv_scheduler *s = user;
-    struct srv_lane *lane = &s->lanes[SRV_LANE_STREAMS];
+void *srv_interactive_worker_main(void *user) {
+    struct srv_render_pool *s = user;
+    struct srv_worker *lane = &s->lanes[SRV_WORKER_INTERACTIVE];
     struct srv_job *job = NULL;
     for (;;) {
-        struct srv_turn turn = srv_lane_look(s, SRV_LANE_STREAMS);
+        struct srv_worker_round turn = srv_worker_look(s, SRV_WORKER_INTERACTIVE);
         if (turn.forget)
-            srv_kept_set(s, NULL, NULL, NULL);
-        srv_lane_forget(lane, turn.forget);
+            srv_frame_cache_set(s, NULL, NULL, NULL);
+        srv_worker_evict(lane, turn.forget);
         if (turn.stop)
             break;
         double wait_ms = 1000;
@@ -154,9 +154,9 @@ void *srv_stream_lane_main(void *user) {
             take_job(s, job);
             job = NULL;
         } else if (lane->flights.count > 0) {
-            srv_job_finish(s, SRV_LANE_STREAMS);
+            srv_job_finish(s, SRV_WORKER_INTERACTIVE);
         } else {
-            srv_lane_wait(s, lane, turn.generation, turn.room ? wait_ms : 1000);
+            srv_worker_wait(s, lane, turn.generation, turn.room ? wait_ms : 1000);
         }
     }
     finish_jobs(s);

@@ -49,8 +49,8 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
     return true;
 }
 
-bool srv_keep_restore(struct srv_store *store, struct srv_hub *hub, struct srv_catalog *catalog,
-                      struct sp_error *err) {
+bool srv_persistence_restore(struct srv_store *store, struct srv_hub *hub,
+                             struct srv_catalog *catalog, struct sp_error *err) {
     return restore_kind(store, SRV_KIND_SESSION, hub, catalog, err) &&
            restore_kind(store, SRV_KIND_VOLUME, hub, catalog, err);
 }
@@ -66,7 +66,7 @@ static bool put_session(void *user, const char *id, const char *text, size_t siz
 /* {"ran": seconds} */
 static const char clock_id[] = "daemon";
 
-double srv_keep_ran_ms(struct srv_store *store) {
+double srv_persistence_ran_ms(struct srv_store *store) {
     struct sp_error err;
     size_t size;
     double ran_s = 0;
@@ -89,13 +89,13 @@ static void put_clock(struct srv_store *store, double ran_ms) {
     free(old);
 }
 
-bool srv_keep_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms) {
+bool srv_persistence_save_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms) {
     put_clock(store, ran_ms);
     return srv_hub_save(hub, srv_clock_ms(), put_session, store);
 }
 
-bool srv_keep_volume(struct srv_store *store, const char *id,
-                     const struct srv_volume_request *request) {
+bool srv_persistence_put_volume(struct srv_store *store, const char *id,
+                                const struct srv_volume_request *request) {
     struct sp_error err;
     if (!request) {
         srv_store_remove(store, SRV_KIND_VOLUME, id);

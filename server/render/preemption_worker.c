@@ -13,16 +13,16 @@
 #include <stdlib.h>
 
 #include "common/clock.h"
-#include "render/scheduler_private.h"
+#include "render/render_pool_private.h"
 #include "sp/log.h"
 
 #define LONG_MS 10.0 /* what is drawn for so long stands still for others */
 
 /* What the stream lane draws, if that is long. *wait_ms: until it is. */
-static bool find_long(struct srv_scheduler *s, struct srv_running *running, double *wait_ms) {
-    struct srv_lane *streams = &s->lanes[SRV_LANE_STREAMS];
+static bool find_long(struct srv_render_pool *s, struct srv_running *running, double *wait_ms) {
+    struct srv_worker *streams = &s->lanes[SRV_WORKER_INTERACTIVE];
     pthread_mutex_lock(&s->mutex);
-    const struct srv_flight *f = srv_flights_oldest(&streams->flights);
+    const struct srv_inflight *f = srv_frame_queue_oldest(&streams->flights);
     bool found = f && streams->info.holds && !s->has_no_express && !atomic_load(&f->cancel);
     if (found)
         *running = (struct srv_running){ .session = f->job->session,
@@ -30,7 +30,7 @@ static bool find_long(struct srv_scheduler *s, struct srv_running *running, doub
                                          .start_ms = f->job->start_ms,
                                          .part_start_ms = f->job->part_start_ms,
                                          .expected_ms = f->job->expected_ms,
-                                         .drawn_ms = srv_flight_age_ms(f, srv_clock_ms()) };
+                                         .drawn_ms = srv_inflight_age_ms(f, srv_clock_ms()) };
     pthread_mutex_unlock(&s->mutex);
     if (found && running->drawn_ms < LONG_MS) {
         *wait_ms = LONG_MS - running->drawn_ms;
@@ -39,7 +39,7 @@ static bool find_long(struct srv_scheduler *s, struct srv_running *running, doub
     return found;
 }
 
-void srv_express_give_up(struct srv_scheduler *s, const struct sp_error *err) {
+void srv_preemption_disable(struct srv_render_pool *s, const struct sp_error *err) {
     sp_log(SP_LOG_WARN,
            "no renderer for short frames, which wait for long ones from now on: %s%s%s", err->place,
            err->place[0] ? ": " : "", err->text);
@@ -49,49 +49,49 @@ void srv_express_give_up(struct srv_scheduler *s, const struct sp_error *err) {
 }
 
 /* The same as the stream lane's is at the moment, with half the memory of the still lane's. */
-static bool make_renderer(struct srv_scheduler *s, struct sp_error *err) {
-    struct srv_lane *lane = &s->lanes[SRV_LANE_EXPRESS];
+static bool make_renderer(struct srv_render_pool *s, struct sp_error *err) {
+    struct srv_worker *lane = &s->lanes[SRV_WORKER_PREEMPTION];
     struct sp_renderer_options options = s->options.stills;
     pthread_mutex_lock(&s->mutex);
-    options.backend = s->lanes[SRV_LANE_STREAMS].info.backend;
+    options.backend = s->lanes[SRV_WORKER_INTERACTIVE].info.backend;
     pthread_mutex_unlock(&s->mutex);
     options.memory_bytes /= 2;
     return lane->renderer || (lane->renderer = sp_renderer_create(&options, err));
 }
 
-static void stand_still(struct srv_scheduler *s, uint64_t order, bool still) {
-    struct srv_flights *flights = &s->lanes[SRV_LANE_STREAMS].flights;
+static void stand_still(struct srv_render_pool *s, uint64_t order, bool still) {
+    struct srv_frame_queue *flights = &s->lanes[SRV_WORKER_INTERACTIVE].flights;
     pthread_mutex_lock(&s->mutex);
     if (still)
-        srv_flights_hold(flights, order, srv_clock_ms());
+        srv_frame_queue_pause(flights, order, srv_clock_ms());
     else
-        srv_flights_go_on(flights, order, srv_clock_ms());
+        srv_frame_queue_resume(flights, order, srv_clock_ms());
     pthread_cond_broadcast(&s->go_on);
     pthread_mutex_unlock(&s->mutex);
 }
 
-static void draw_before(struct srv_scheduler *s, uint64_t order, struct srv_job *job) {
+static void draw_before(struct srv_render_pool *s, uint64_t order, struct srv_job *job) {
     struct sp_error err = { .code = SP_OK };
     if (!make_renderer(s, &err)) {
-        srv_express_give_up(s, &err);
+        srv_preemption_disable(s, &err);
         sp_fail(&err, SP_ERR_CANCELLED, NULL, "the stream lane draws it");
         srv_job_fail(s, job, &err, 0);
         return;
     }
     stand_still(s, order, true);
-    srv_job_begin(s, SRV_LANE_EXPRESS, job);
-    if (s->lanes[SRV_LANE_EXPRESS].flights.count > 0)
-        srv_job_finish(s, SRV_LANE_EXPRESS);
+    srv_job_begin(s, SRV_WORKER_PREEMPTION, job);
+    if (s->lanes[SRV_WORKER_PREEMPTION].flights.count > 0)
+        srv_job_finish(s, SRV_WORKER_PREEMPTION);
     stand_still(s, order, false);
 }
 
-void *srv_express_lane_main(void *user) {
-    struct srv_scheduler *s = user;
-    struct srv_lane *lane = &s->lanes[SRV_LANE_EXPRESS];
+void *srv_preemption_worker_main(void *user) {
+    struct srv_render_pool *s = user;
+    struct srv_worker *lane = &s->lanes[SRV_WORKER_PREEMPTION];
     struct srv_job *job = NULL;
     for (;;) {
-        struct srv_turn turn = srv_lane_look(s, SRV_LANE_EXPRESS);
-        srv_lane_forget(lane, turn.forget);
+        struct srv_worker_round turn = srv_worker_look(s, SRV_WORKER_PREEMPTION);
+        srv_worker_evict(lane, turn.forget);
         if (turn.stop)
             break;
         struct srv_running running;
@@ -103,7 +103,7 @@ void *srv_express_lane_main(void *user) {
             draw_before(s, running.order, job);
             job = NULL;
         } else {
-            srv_lane_wait(s, lane, turn.generation, wait_ms);
+            srv_worker_wait(s, lane, turn.generation, wait_ms);
         }
     }
     free(job);

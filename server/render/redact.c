@@ -11,7 +11,8 @@ static bool is_edge(char c) {
     return !c || strchr(" :,;()'\"\n", c) != NULL;
 }
 
-void srv_hide_folder(const char *folder, const char *as, const char *text, char *out, size_t size) {
+void srv_redact_folder(const char *folder, const char *as, const char *text, char *out,
+                       size_t size) {
     size_t length = folder ? strlen(folder) : 0, used = 0;
     for (const char *c = text; *c && used + 1 < size;) {
         bool found = length > 1 && (c == text || is_edge(c[-1])) && strncmp(c, folder, length) == 0;
@@ -34,11 +35,11 @@ static char *folder_of(const char *source) {
     return slash && slash > source ? strndup(source, (size_t)(slash - source)) : NULL;
 }
 
-void srv_shown_text(const char *data, const char *source, char *text, size_t size) {
+void srv_redact_text(const char *data, const char *source, char *text, size_t size) {
     char *folder = folder_of(source), *once = malloc(size);
     if (once) {
-        srv_hide_folder(data, "--data", text, once, size);
-        srv_hide_folder(folder, "its folder", once, text, size);
+        srv_redact_folder(data, "--data", text, once, size);
+        srv_redact_folder(folder, "its folder", once, text, size);
     } else {
         snprintf(text, size, "out of memory");
     }
@@ -46,8 +47,8 @@ void srv_shown_text(const char *data, const char *source, char *text, size_t siz
     free(once);
 }
 
-void srv_shown_source(const char *data, const char *source, char *out, size_t size) {
-    srv_hide_folder(data, "--data", source, out, size);
+void srv_redact_source(const char *data, const char *source, char *out, size_t size) {
+    srv_redact_folder(data, "--data", source, out, size);
     const char *slash = *out == '/' ? strrchr(out, '/') : NULL;
     if (slash)
         memmove(out, slash + 1, strlen(slash + 1) + 1);

@@ -10,35 +10,36 @@
 
 #include "common/background.h"
 #include "common/clock.h"
-#include "render/scheduler_private.h"
+#include "render/render_pool_private.h"
 #include "schedule/fair_queue.h"
 #include "sp/log.h"
 
 #define QUIET_MS 100.0 /* the stream lane has nothing to do: so long after its last frame */
 
 /* Takes it out of the list: nobody joins it from now on. With the mutex held. */
-static void take_out(struct srv_scheduler *s, struct srv_still_item *item) {
-    struct srv_still_item **link = &s->stills;
+static void take_out(struct srv_render_pool *s, struct srv_snapshot_entry *item) {
+    struct srv_snapshot_entry **link = &s->stills;
     while (*link != item)
         link = &(*link)->next;
     *link = item->next;
     if (!s->stills)
-        srv_owners_forget(&s->owners);
-    srv_lane_wake(&s->lanes[SRV_LANE_STILLS]); /* its owner may have another one drawn */
+        srv_fair_owners_reset(&s->owners);
+    srv_worker_wake(&s->lanes[SRV_WORKER_SNAPSHOT]); /* its owner may have another one drawn */
 }
 
-void srv_still_spend(struct srv_scheduler *s, const struct srv_still_item *item, double ms) {
+void srv_snapshot_charge(struct srv_render_pool *s, const struct srv_snapshot_entry *item,
+                         double ms) {
     pthread_mutex_lock(&s->mutex);
     if (!item->still.background)
-        srv_owners_spend(&s->owners, item->still.owner, ms);
+        srv_fair_owners_charge(&s->owners, item->still.owner, ms);
     pthread_mutex_unlock(&s->mutex);
 }
 
 /* Calls those who ask for nothing but this result; the item is no longer in the list. */
-static void answer(struct srv_scheduler *s, struct srv_ask *asks,
-                   const struct srv_still_result *result) {
+static void answer(struct srv_render_pool *s, struct srv_snapshot_waiter *asks,
+                   const struct srv_snapshot_result *result) {
     while (asks) {
-        struct srv_ask *next = asks->next;
+        struct srv_snapshot_waiter *next = asks->next;
         asks->done(asks->user, result);
         free(asks);
         pthread_mutex_lock(&s->mutex);
@@ -48,13 +49,14 @@ static void answer(struct srv_scheduler *s, struct srv_ask *asks,
     }
 }
 
-static void fail_asks(struct srv_scheduler *s, struct srv_ask *asks, const struct sp_error *err) {
-    struct srv_still_result result = { .ok = false, .err = *err };
+static void fail_asks(struct srv_render_pool *s, struct srv_snapshot_waiter *asks,
+                      const struct sp_error *err) {
+    struct srv_snapshot_result result = { .ok = false, .err = *err };
     bool is_cancelled = err->code == SP_ERR_CANCELLED;
     pthread_mutex_lock(&s->mutex);
     bool counts = !s->stop; /* what the end of the daemon takes away is not counted */
     pthread_mutex_unlock(&s->mutex);
-    for (const struct srv_ask *ask = asks; ask && counts; ask = ask->next)
+    for (const struct srv_snapshot_waiter *ask = asks; ask && counts; ask = ask->next)
         srv_metrics_add(s->options.metrics,
                         is_cancelled ? SRV_COUNT_DROP_LEFT : SRV_COUNT_DROP_FAILED, 1);
     answer(s, asks, &result);
@@ -62,23 +64,24 @@ static void fail_asks(struct srv_scheduler *s, struct srv_ask *asks, const struc
 
 /* It is no longer in the list, and its volume no longer in use: before anybody is answered, who may
  * then unload it. Returns who asked. */
-static struct srv_ask *free_item(struct srv_scheduler *s, struct srv_still_item *item) {
-    struct srv_ask *asks = item->asks;
+static struct srv_snapshot_waiter *free_item(struct srv_render_pool *s,
+                                             struct srv_snapshot_entry *item) {
+    struct srv_snapshot_waiter *asks = item->asks;
     srv_catalog_release(s->options.catalog, item->still.volume);
     free(item);
     return asks;
 }
 
-void srv_still_answer(struct srv_scheduler *s, struct srv_still_item *item,
-                      const struct srv_still_result *result) {
+void srv_snapshot_answer(struct srv_render_pool *s, struct srv_snapshot_entry *item,
+                         const struct srv_snapshot_result *result) {
     pthread_mutex_lock(&s->mutex);
     take_out(s, item);
     pthread_mutex_unlock(&s->mutex);
     answer(s, free_item(s, item), result);
 }
 
-void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
-                    const struct sp_error *err) {
+void srv_snapshot_fail(struct srv_render_pool *s, struct srv_snapshot_entry *item,
+                       const struct sp_error *err) {
     pthread_mutex_lock(&s->mutex);
     take_out(s, item);
     pthread_mutex_unlock(&s->mutex);
@@ -86,7 +89,7 @@ void srv_still_fail(struct srv_scheduler *s, struct srv_still_item *item,
 }
 
 /* What is in the background gives way to streams and to other stills. With the mutex held. */
-static bool gives_way(struct srv_still_item *item, double now_ms) {
+static bool gives_way(struct srv_snapshot_entry *item, double now_ms) {
     if (!item->still.background)
         return false;
     if (item->patient_ms == 0)
@@ -95,41 +98,42 @@ static bool gives_way(struct srv_still_item *item, double now_ms) {
                               fmax(item->still.expected_ms, 2 * item->spent_ms)) == 0;
 }
 
-void srv_stills_give_way(struct srv_scheduler *s) {
+void srv_snapshots_yield(struct srv_render_pool *s) {
     if (s->still_now && gives_way(s->still_now, srv_clock_ms()))
         atomic_store(&s->still_now->cancel, true);
 }
 
-void srv_stills_cancel(struct srv_scheduler *s) {
+void srv_snapshots_cancel(struct srv_render_pool *s) {
     if (s->still_now)
         atomic_store(&s->still_now->cancel, true);
 }
 
 /* Are so many of its owner's drawn and not answered yet that the others' have to come first? What
  * waits to be encoded stops the lane. */
-static bool has_enough(const struct srv_scheduler *s, const struct srv_still_item *item) {
+static bool has_enough(const struct srv_render_pool *s, const struct srv_snapshot_entry *item) {
     unsigned drawn = 0, nice = s->encode_thread_count - s->options.encode_threads;
-    for (const struct srv_still_item *i = s->stills; i; i = i->next)
+    for (const struct srv_snapshot_entry *i = s->stills; i; i = i->next)
         drawn +=
             !i->waits && !i->still.background && strcmp(i->still.owner, item->still.owner) == 0;
     return !item->still.background && drawn > nice;
 }
 
-static bool is_before(const struct srv_scheduler *s, const struct srv_still_item *a,
-                      const struct srv_still_item *b) {
+static bool is_before(const struct srv_render_pool *s, const struct srv_snapshot_entry *a,
+                      const struct srv_snapshot_entry *b) {
     if (a->still.background != b->still.background)
         return b->still.background;
-    return !a->still.background && srv_owners_start(&s->owners, a->still.owner) <
-                                       srv_owners_start(&s->owners, b->still.owner);
+    return !a->still.background && srv_fair_owners_start(&s->owners, a->still.owner) <
+                                       srv_fair_owners_start(&s->owners, b->still.owner);
 }
 
 /* The next still becomes still_now; NULL if there is none, until *wait_ms at the latest. */
-static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_ms) {
-    struct srv_still_item *item = NULL;
+static struct srv_snapshot_entry *take_still(struct srv_render_pool *s, double *wait_ms) {
+    struct srv_snapshot_entry *item = NULL;
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&s->mutex);
-    bool quiet = s->lanes[SRV_LANE_STREAMS].flights.count == 0 && now_ms - s->stream_ms >= QUIET_MS;
-    for (struct srv_still_item *i = s->stills; i; i = i->next) {
+    bool quiet =
+        s->lanes[SRV_WORKER_INTERACTIVE].flights.count == 0 && now_ms - s->stream_ms >= QUIET_MS;
+    for (struct srv_snapshot_entry *i = s->stills; i; i = i->next) {
         bool may = i->waits && !has_enough(s, i) && (quiet || !gives_way(i, now_ms));
         if (i->waits && !may)
             *wait_ms = QUIET_MS;
@@ -138,7 +142,7 @@ static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_m
     }
     if (item) {
         if (!item->still.background)
-            srv_owners_take(&s->owners, item->still.owner);
+            srv_fair_owners_begin(&s->owners, item->still.owner);
         item->waits = false;
         atomic_store(&item->cancel, s->stop);
         s->still_now = item;
@@ -148,22 +152,22 @@ static struct srv_still_item *take_still(struct srv_scheduler *s, double *wait_m
 }
 
 /* The frame to who encodes it himself. */
-static void hand_over(struct srv_scheduler *s, struct srv_still_item *item, struct sp_frame *frame,
-                      double drawn_ms) {
-    struct srv_still_result result = {
+static void hand_over(struct srv_render_pool *s, struct srv_snapshot_entry *item,
+                      struct sp_frame *frame, double drawn_ms) {
+    struct srv_snapshot_result result = {
         .ok = true, .frame = frame, .stats = frame->stats, .drawn_ms = drawn_ms
     };
-    srv_still_answer(s, item, &result);
+    srv_snapshot_answer(s, item, &result);
     sp_frame_unref(&frame);
 }
 
 /* *is_kept: it was there. */
-static struct sp_frame *draw(struct srv_scheduler *s, struct srv_still_item *item, bool *is_kept,
-                             struct sp_error *err) {
-    struct srv_lane *lane = &s->lanes[SRV_LANE_STILLS];
+static struct sp_frame *draw(struct srv_render_pool *s, struct srv_snapshot_entry *item,
+                             bool *is_kept, struct sp_error *err) {
+    struct srv_worker *lane = &s->lanes[SRV_WORKER_SNAPSHOT];
     bool wants_float = sp_image_format_info(item->still.format)->wants_float;
     struct sp_frame *frame =
-        wants_float ? NULL : srv_kept_find(s, item->still.volume, &item->still.view);
+        wants_float ? NULL : srv_frame_cache_find(s, item->still.volume, &item->still.view);
     *is_kept = frame != NULL;
     if (frame)
         return frame;
@@ -173,22 +177,22 @@ static struct sp_frame *draw(struct srv_scheduler *s, struct srv_still_item *ite
                                                .cancel = &item->cancel };
     frame = sp_renderer_render(lane->renderer, srv_volume_voxels(item->still.volume),
                                &item->still.view, s->pool, &options, err);
-    srv_lane_note_frame(s, SRV_LANE_STILLS, item->still.volume);
+    srv_worker_note_frame(s, SRV_WORKER_SNAPSHOT, item->still.volume);
     return frame;
 }
 
-static bool is_gone(const struct srv_ask *ask) {
+static bool is_gone(const struct srv_snapshot_waiter *ask) {
     return ask->is_gone && ask->is_gone(ask->user);
 }
 
-static bool all_gone(const struct srv_still_item *item) {
-    for (const struct srv_ask *ask = item->asks; ask; ask = ask->next)
+static bool all_gone(const struct srv_snapshot_entry *item) {
+    for (const struct srv_snapshot_waiter *ask = item->asks; ask; ask = ask->next)
         if (!is_gone(ask))
             return false;
     return true;
 }
 
-static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
+static void render_still(struct srv_render_pool *s, struct srv_snapshot_entry *item) {
     struct sp_error err = { .code = SP_OK };
     double start_ms = srv_clock_ms();
     if (item->spent_ms == 0 && !item->still.background) /* which is there to wait */
@@ -196,7 +200,7 @@ static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     bool is_kept = false;
     struct sp_frame *frame = draw(s, item, &is_kept, &err);
     double drawn_ms = is_kept ? 0 : srv_clock_ms() - start_ms;
-    srv_still_spend(s, item, drawn_ms);
+    srv_snapshot_charge(s, item, drawn_ms);
     pthread_mutex_lock(&s->mutex);
     s->still_now = NULL;
     item->spent_ms = fmax(item->spent_ms, drawn_ms);
@@ -206,35 +210,37 @@ static void render_still(struct srv_scheduler *s, struct srv_still_item *item) {
     if (frame && item->still.wants_frame)
         hand_over(s, item, frame, drawn_ms);
     else if (frame)
-        srv_encode_pass_on(s, (struct srv_work){ .frame = frame, .still = item, .again = is_kept });
+        srv_encode_submit(
+            s, (struct srv_encode_task){ .frame = frame, .still = item, .again = is_kept });
     else if (!again)
-        srv_still_fail(s, item, &err);
+        srv_snapshot_fail(s, item, &err);
 }
 
-void *srv_still_lane_main(void *user) {
-    struct srv_scheduler *s = user;
-    struct srv_lane *lane = &s->lanes[SRV_LANE_STILLS];
+void *srv_snapshot_worker_main(void *user) {
+    struct srv_render_pool *s = user;
+    struct srv_worker *lane = &s->lanes[SRV_WORKER_SNAPSHOT];
     srv_be_nice("the still lane"); /* and so are the renderer's threads, which it will start */
     for (;;) {
-        struct srv_turn turn = srv_lane_look(s, SRV_LANE_STILLS);
-        srv_lane_forget(lane, turn.forget);
+        struct srv_worker_round turn = srv_worker_look(s, SRV_WORKER_SNAPSHOT);
+        srv_worker_evict(lane, turn.forget);
         if (turn.stop)
             break;
         double wait_ms = 1000;
-        struct srv_still_item *item = turn.room ? take_still(s, &wait_ms) : NULL;
+        struct srv_snapshot_entry *item = turn.room ? take_still(s, &wait_ms) : NULL;
         if (item)
             render_still(s, item);
         else
-            srv_lane_wait(s, lane, turn.generation, wait_ms);
+            srv_worker_wait(s, lane, turn.generation, wait_ms);
     }
     return NULL;
 }
 
 /* One in flight of the same bytes that may still be joined. With the mutex held. */
-static struct srv_still_item *find_equal(struct srv_scheduler *s, const struct srv_still *still) {
+static struct srv_snapshot_entry *find_equal(struct srv_render_pool *s,
+                                             const struct srv_snapshot *still) {
     const struct srv_form form = srv_form_of(still->format, still->quality, still->chroma);
-    for (struct srv_still_item *i = s->stills; i; i = i->next) {
-        const struct srv_still *other = &i->still;
+    for (struct srv_snapshot_entry *i = s->stills; i; i = i->next) {
+        const struct srv_snapshot *other = &i->still;
         const struct srv_form theirs = srv_form_of(other->format, other->quality, other->chroma);
         bool same = other->volume == still->volume && other->wants_frame == still->wants_frame &&
                     srv_form_is_same(&theirs, &form) &&
@@ -245,19 +251,20 @@ static struct srv_still_item *find_equal(struct srv_scheduler *s, const struct s
     return NULL;
 }
 
-static void join(struct srv_still_item *item, struct srv_ask *ask, bool background) {
-    struct srv_ask **end = &item->asks;
+static void join(struct srv_snapshot_entry *item, struct srv_snapshot_waiter *ask,
+                 bool background) {
+    struct srv_snapshot_waiter **end = &item->asks;
     while (*end)
         end = &(*end)->next;
     *end = ask;
     item->still.background = item->still.background && background;
 }
 
-static bool has_room(const struct srv_scheduler *s, const struct srv_still *still,
+static bool has_room(const struct srv_render_pool *s, const struct srv_snapshot *still,
                      struct sp_error *err) {
     const unsigned most = s->options.queue_max, most_own = most - most / 4;
     unsigned waiting = 0, own = 0;
-    for (const struct srv_still_item *i = s->stills; i; i = i->next) {
+    for (const struct srv_snapshot_entry *i = s->stills; i; i = i->next) {
         bool counts = i->waits && i->still.background == still->background;
         waiting += counts;
         own += counts && strcmp(i->still.owner, still->owner) == 0;
@@ -273,39 +280,39 @@ static bool has_room(const struct srv_scheduler *s, const struct srv_still *stil
                    own, most, most_own);
 }
 
-static void append(struct srv_scheduler *s, struct srv_still_item *item) {
-    struct srv_still_item **end = &s->stills;
+static void append(struct srv_render_pool *s, struct srv_snapshot_entry *item) {
+    struct srv_snapshot_entry **end = &s->stills;
     while (*end)
         end = &(*end)->next;
     *end = item;
     if (!item->still.background)
-        srv_stills_give_way(s);
+        srv_snapshots_yield(s);
 }
 
-bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still,
-                          struct sp_error *err) {
-    struct srv_ask *ask = malloc(sizeof *ask);
-    struct srv_still_item *item = malloc(sizeof *item);
+bool srv_render_pool_submit(struct srv_render_pool *s, const struct srv_snapshot *still,
+                            struct sp_error *err) {
+    struct srv_snapshot_waiter *ask = malloc(sizeof *ask);
+    struct srv_snapshot_entry *item = malloc(sizeof *item);
     bool ok = (ask && item) || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a render request");
     pthread_mutex_lock(&s->mutex);
     if (ok && s->stop)
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
-    struct srv_still_item *equal = ok ? find_equal(s, still) : NULL;
+    struct srv_snapshot_entry *equal = ok ? find_equal(s, still) : NULL;
     ok = ok && (equal || has_room(s, still, err));
     if (ok) {
-        *ask = (struct srv_ask){ NULL, still->done, still->is_gone, still->user };
+        *ask = (struct srv_snapshot_waiter){ NULL, still->done, still->is_gone, still->user };
         s->still_unanswered++;
     }
     if (ok && equal) {
         join(equal, ask, still->background);
     } else if (ok) {
-        *item = (struct srv_still_item){
+        *item = (struct srv_snapshot_entry){
             .still = *still, .asks = ask, .waits = true, .queued_ms = srv_clock_ms()
         };
         append(s, item);
     }
     if (ok)
-        srv_lane_wake(&s->lanes[SRV_LANE_STILLS]);
+        srv_worker_wake(&s->lanes[SRV_WORKER_SNAPSHOT]);
     pthread_mutex_unlock(&s->mutex);
     if (!ok)
         free(ask);
@@ -317,9 +324,9 @@ bool srv_scheduler_submit(struct srv_scheduler *s, const struct srv_still *still
 }
 
 /* Moves those who left from *asks to *gone. */
-static void part(struct srv_ask **asks, struct srv_ask **gone) {
+static void part(struct srv_snapshot_waiter **asks, struct srv_snapshot_waiter **gone) {
     while (*asks) {
-        struct srv_ask *ask = *asks;
+        struct srv_snapshot_waiter *ask = *asks;
         if (is_gone(ask)) {
             *asks = ask->next;
             ask->next = *gone;
@@ -331,21 +338,21 @@ static void part(struct srv_ask **asks, struct srv_ask **gone) {
 }
 
 /* Frees items that wait and that nobody asks for any more. */
-static void free_unasked(struct srv_scheduler *s, struct srv_still_item *list) {
+static void free_unasked(struct srv_render_pool *s, struct srv_snapshot_entry *list) {
     while (list) {
-        struct srv_still_item *next = list->next;
+        struct srv_snapshot_entry *next = list->next;
         free_item(s, list);
         list = next;
     }
 }
 
-void srv_stills_tick(struct srv_scheduler *s) {
-    struct srv_ask *gone = NULL;
-    struct srv_still_item *unasked = NULL;
+void srv_snapshots_tick(struct srv_render_pool *s) {
+    struct srv_snapshot_waiter *gone = NULL;
+    struct srv_snapshot_entry *unasked = NULL;
     struct sp_error err;
     pthread_mutex_lock(&s->mutex);
-    for (struct srv_still_item **at = &s->stills; *at;) {
-        struct srv_still_item *item = *at;
+    for (struct srv_snapshot_entry **at = &s->stills; *at;) {
+        struct srv_snapshot_entry *item = *at;
         if (item->waits)
             part(&item->asks, &gone);
         if (item->asks) {
@@ -364,17 +371,17 @@ void srv_stills_tick(struct srv_scheduler *s) {
     free_unasked(s, unasked);
 }
 
-void srv_stills_drop(struct srv_scheduler *s) {
+void srv_snapshots_drop(struct srv_render_pool *s) {
     struct sp_error err;
     sp_fail(&err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
     for (;;) {
         pthread_mutex_lock(&s->mutex);
-        struct srv_still_item *item = s->stills;
+        struct srv_snapshot_entry *item = s->stills;
         while (item && !item->waits)
             item = item->next;
         pthread_mutex_unlock(&s->mutex);
         if (!item)
             return;
-        srv_still_fail(s, item, &err);
+        srv_snapshot_fail(s, item, &err);
     }
 }

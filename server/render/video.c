@@ -30,7 +30,7 @@ struct encoder {
     double key_ms;
 };
 
-struct srv_videos {
+struct srv_video_encoders {
     struct srv_metrics *metrics;
     pthread_mutex_t mutex;
     struct encoder *list;
@@ -38,9 +38,9 @@ struct srv_videos {
     uint64_t epochs;     /* so far */
 };
 
-struct srv_videos *srv_videos_create(uint64_t px, struct srv_metrics *metrics,
-                                     struct sp_error *err) {
-    struct srv_videos *videos = calloc(1, sizeof *videos);
+struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_metrics *metrics,
+                                                     struct sp_error *err) {
+    struct srv_video_encoders *videos = calloc(1, sizeof *videos);
     if (!videos) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for video");
         return NULL;
@@ -73,7 +73,7 @@ static bool is_idle(const struct encoder *encoder, double until_ms) {
 
 /* Takes those out of the list that were not used since `until_ms`. With the mutex held; the caller
  * destroys what it gets without it. */
-static struct encoder *take_idle(struct srv_videos *videos, double until_ms) {
+static struct encoder *take_idle(struct srv_video_encoders *videos, double until_ms) {
     struct encoder *idle = NULL;
     for (struct encoder **link = &videos->list; *link;) {
         struct encoder *encoder = *link;
@@ -97,7 +97,7 @@ static void destroy_all(struct encoder *list) {
     }
 }
 
-bool srv_videos_are_idle(struct srv_videos *videos, double now_ms) {
+bool srv_video_encoders_are_idle(struct srv_video_encoders *videos, double now_ms) {
     bool idle = false;
     pthread_mutex_lock(&videos->mutex);
     for (const struct encoder *e = videos->list; e && !idle; e = e->next)
@@ -106,15 +106,15 @@ bool srv_videos_are_idle(struct srv_videos *videos, double now_ms) {
     return idle;
 }
 
-void srv_videos_tick(struct srv_videos *videos, double now_ms) {
+void srv_video_encoders_tick(struct srv_video_encoders *videos, double now_ms) {
     pthread_mutex_lock(&videos->mutex);
     struct encoder *idle = take_idle(videos, now_ms - IDLE_MS);
     pthread_mutex_unlock(&videos->mutex);
     destroy_all(idle);
 }
 
-void srv_videos_destroy(struct srv_videos **pointer) {
-    struct srv_videos *videos = *pointer;
+void srv_video_encoders_destroy(struct srv_video_encoders **pointer) {
+    struct srv_video_encoders *videos = *pointer;
     *pointer = NULL;
     if (!videos)
         return;
@@ -141,7 +141,7 @@ static struct encoder *create(const struct srv_job *job, enum sp_video_codec cod
 }
 
 /* The encoder of a job's picture, in use until give_back(); NULL if there is none to be had. */
-static struct encoder *borrow(struct srv_videos *videos, const struct srv_job *job,
+static struct encoder *borrow(struct srv_video_encoders *videos, const struct srv_job *job,
                               enum sp_video_codec codec) {
     pthread_mutex_lock(&videos->mutex);
     struct encoder *encoder = videos->list;
@@ -165,7 +165,7 @@ static struct encoder *borrow(struct srv_videos *videos, const struct srv_job *j
     return encoder;
 }
 
-static void give_back(struct srv_videos *videos, struct encoder *encoder) {
+static void give_back(struct srv_video_encoders *videos, struct encoder *encoder) {
     pthread_mutex_lock(&videos->mutex);
     encoder->users--;
     encoder->used_ms = srv_clock_ms();
@@ -220,7 +220,7 @@ static int best_quality(const struct srv_job *job, uint64_t set) {
 }
 
 /* The mark of the frame that is encoded now, which is a key frame or not. */
-static void advance(struct srv_videos *videos, struct encoder *encoder, bool is_key,
+static void advance(struct srv_video_encoders *videos, struct encoder *encoder, bool is_key,
                     double now_ms) {
     if (!is_key)
         return;
@@ -232,9 +232,9 @@ static void advance(struct srv_videos *videos, struct encoder *encoder, bool is_
 }
 
 /* One packet for all takers. False: nobody got anything. With the encoder locked. */
-static bool encode(struct srv_videos *videos, struct srv_hub *hub, const struct srv_job *job,
-                   const struct sp_frame *frame, struct encoder *encoder, uint64_t set, bool key,
-                   double *encode_ms) {
+static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
+                   const struct srv_job *job, const struct sp_frame *frame, struct encoder *encoder,
+                   uint64_t set, bool key, double *encode_ms) {
     struct sp_video_packet packet;
     struct sp_error err;
     double start_ms = srv_clock_ms();
@@ -267,7 +267,7 @@ static bool encode(struct srv_videos *videos, struct srv_hub *hub, const struct 
 }
 
 /* Returns those of the set who shall get a still. */
-static uint64_t encode_set(struct srv_videos *videos, struct srv_hub *hub,
+static uint64_t encode_set(struct srv_video_encoders *videos, struct srv_hub *hub,
                            const struct srv_job *job, const struct sp_frame *frame,
                            enum sp_video_codec codec, uint64_t set, double *encode_ms) {
     struct encoder *encoder = borrow(videos, job, codec);
@@ -285,9 +285,9 @@ static uint64_t encode_set(struct srv_videos *videos, struct srv_hub *hub,
     return takers.stills;
 }
 
-uint64_t srv_videos_encode(struct srv_videos *videos, struct srv_hub *hub,
-                           const struct srv_job *job, const struct sp_frame *frame,
-                           double *encode_ms) {
+uint64_t srv_video_encoders_encode(struct srv_video_encoders *videos, struct srv_hub *hub,
+                                   const struct srv_job *job, const struct sp_frame *frame,
+                                   double *encode_ms) {
     uint64_t sets[SP_VIDEO_CODEC_COUNT + 1] = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++)
         sets[job->targets[i].video] |= UINT64_C(1) << i;

@@ -35,26 +35,26 @@
 #include "session/hub.h"
 #include "sp/frame.h"
 
-struct srv_videos;
+struct srv_video_encoders;
 
 /* px: bound on the pictures of all encoders together, by their size at rest; each counts for at
  * least SRV_VIDEO_PX_MIN. metrics: may be NULL. */
 enum { SRV_VIDEO_PX_MIN = 256 * 1024 };
-struct srv_videos *srv_videos_create(uint64_t px, struct srv_metrics *metrics,
-                                     struct sp_error *err);
+struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_metrics *metrics,
+                                                     struct sp_error *err);
 /* After the threads that encode. */
-void srv_videos_destroy(struct srv_videos **videos);
+void srv_video_encoders_destroy(struct srv_video_encoders **videos);
 
 /* Encodes the job's frame for those of its targets who want video, and delivers it. Returns who
  * shall get a still, a bit each: those who did not ask for video, and those who cannot have it now.
  * Adds to *encode_ms. Encode threads. */
-uint64_t srv_videos_encode(struct srv_videos *videos, struct srv_hub *hub,
-                           const struct srv_job *job, const struct sp_frame *frame,
-                           double *encode_ms);
+uint64_t srv_video_encoders_encode(struct srv_video_encoders *videos, struct srv_hub *hub,
+                                   const struct srv_job *job, const struct sp_frame *frame,
+                                   double *encode_ms);
 
 /* Are there encoders that were not used for a while? Any thread; never waits long. */
-bool srv_videos_are_idle(struct srv_videos *videos, double now_ms);
+bool srv_video_encoders_are_idle(struct srv_video_encoders *videos, double now_ms);
 /* Gives them back, which takes its time: their threads end. Encode threads. */
-void srv_videos_tick(struct srv_videos *videos, double now_ms);
+void srv_video_encoders_tick(struct srv_video_encoders *videos, double now_ms);
 
 #endif

@@ -228,10 +228,10 @@ struct srv_target {
 };
 /* A picture that takes longer than this to encode is dear. An encode thread cannot be interrupted,
  * so that dear ones have threads of their own, unless they are for the only participant that there
- * is; of a session at most one is under way (two for who is alone), and SRV_DEAR_JOBS in all. Who
- * gets cheap pictures has no part in jobs of dear ones. */
-#define SRV_DEAR_MS 30.0
-enum { SRV_DEAR_JOBS = 4 };
+ * is; of a session at most one is under way (two for who is alone), and SRV_SLOW_ENCODE_JOBS in
+ * all. Who gets cheap pictures has no part in jobs of dear ones. */
+#define SRV_SLOW_ENCODE_MS 30.0
+enum { SRV_SLOW_ENCODE_JOBS = 4 };
 /* What comes first. */
 enum srv_rank {
     SRV_RANK_INTERACTION, /* the view is newer than what is seen of it */
@@ -248,12 +248,12 @@ struct srv_job {
     uint64_t session, version; /* of the view */
     uint64_t order;            /* rises from job to job */
     enum srv_step step;
-    bool refinement;      /* worthless as soon as a newer view exists */
-    double yield_ms;      /* gives way to whatever moves when it was drawn for so long: is given up,
-                             and taken again; INFINITY = it does not */
-    bool is_alone;        /* for the one participant that there is, of whatever session */
-    bool is_dear;         /* takes long to encode (SRV_DEAR_MS) */
-    bool sharp;           /* full size and all voxels: only the encoding can get better */
+    bool refinement; /* worthless as soon as a newer view exists */
+    double yield_ms; /* gives way to whatever moves when it was drawn for so long: is given up,
+                        and taken again; INFINITY = it does not */
+    bool is_alone;   /* for the one participant that there is, of whatever session */
+    bool is_slow_to_encode; /* takes long to encode (SRV_SLOW_ENCODE_MS) */
+    bool sharp;             /* full size and all voxels: only the encoding can get better */
     double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
     double budget_ms;     /* for which its detail was chosen */
     /* Of its session's and its participants' shares: where they started, by the clocks of those

@@ -259,7 +259,7 @@ struct srv_wish {
     enum srv_step step;
     enum srv_rank rank;
     bool refinement; /* as in struct srv_job, and the next two */
-    bool is_dear;
+    bool is_slow_to_encode;
     double yield_ms, deadline_ms;
     double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
 };

@@ -21,9 +21,9 @@
  * as many of its own, never give way.
  *
  * Shares are of time that rendering and encoding take. An encode thread does not stand still for
- * anything: see SRV_DEAR_MS for what takes one for long. Who holds control of a session counts for
- * as much as all its other participants: however many look on, its view turns at half the speed at
- * worst.
+ * anything: see SRV_SLOW_ENCODE_MS for what takes one for long. Who holds control of a session
+ * counts for as much as all its other participants: however many look on, its view turns at half
+ * the speed at worst.
  *
  * All that is done for a frame looks at busy sessions alone: those where somebody wants a picture,
  * or will by time. A session is busy from each event on that may change that (srv_hub_work()).
@@ -78,19 +78,20 @@ static bool wants(const struct srv_hub *hub, const struct srv_session *s,
 
 /* Would what it gets next take long to encode? Of a moving view the last one tells its size, or
  * else what is tried first. */
-static bool is_dear(const struct srv_session *s, const struct srv_participant *p,
-                    enum srv_step step) {
+static bool is_slow_to_encode(const struct srv_session *s, const struct srv_participant *p,
+                              enum srv_step step) {
     const struct srv_encoding encoding = srv_policy_encoding(p, step);
     uint32_t size[2];
     srv_hub_size(s, p, size);
     if (step == SRV_STEP_MOVING)
         for (int i = 0; i < 2; i++)
             size[i] = p->moving.full[i] == size[i] ? p->moving.detail.size[i] : size[i] / 2;
-    return srv_policy_encode_ms(&encoding, size) > SRV_DEAR_MS;
+    return srv_policy_encode_ms(&encoding, size) > SRV_SLOW_ENCODE_MS;
 }
 
 static bool has_room_for_dear(const struct srv_hub *hub, const struct srv_session *s) {
-    return s->dear < (hub->participant_count == 1 ? DEAR_ALONE : 1) && hub->dear < SRV_DEAR_JOBS;
+    return s->dear < (hub->participant_count == 1 ? DEAR_ALONE : 1) &&
+           hub->dear < SRV_SLOW_ENCODE_JOBS;
 }
 
 /* How long a refinement that can be drawn now has waited. */
@@ -134,8 +135,8 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
         wish.step = next_step(s, p);
     else
         wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
-    wish.is_dear = is_dear(s, p, wish.step);
-    if (wish.is_dear && !has_room_for_dear(hub, s))
+    wish.is_slow_to_encode = is_slow_to_encode(s, p, wish.step);
+    if (wish.is_slow_to_encode && !has_room_for_dear(hub, s))
         wish.wanted = false;
     wish.yield_ms = newer && p->progressive ? INFINITY : yield_ms(s, p, now_ms);
     wish.rank = wish.yield_ms == 0 ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;

@@ -163,8 +163,8 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     int max_fps = 1;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
         struct srv_wish other = srv_turn_wish(hub, s, p, now_ms);
-        if (!other.wanted || other.step != wish->step || other.is_dear != wish->is_dear ||
-            !same_picture(s, first, p))
+        if (!other.wanted || other.step != wish->step ||
+            other.is_slow_to_encode != wish->is_slow_to_encode || !same_picture(s, first, p))
             continue;
         takers[count++] = p;
         max_fps = p->max_fps > max_fps ? p->max_fps : max_fps;
@@ -177,7 +177,7 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     job->refinement = wish->refinement;
     job->yield_ms = wish->yield_ms;
     job->is_alone = hub->participant_count == 1;
-    job->is_dear = wish->is_dear;
+    job->is_slow_to_encode = wish->is_slow_to_encode;
     job->view = s->view;
     srv_hub_size(s, first, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
@@ -194,8 +194,8 @@ static void make_job(struct srv_hub *hub, struct srv_session *s, struct srv_part
     s->clock_ms = srv_share_start(&first->share, s->clock_ms);
     take_share(hub, s, job);
     s->jobs++;
-    s->dear += job->is_dear;
-    hub->dear += job->is_dear;
+    s->dear += job->is_slow_to_encode;
+    hub->dear += job->is_slow_to_encode;
     hub->giving_way += job->yield_ms < INFINITY;
     if (job->step == SRV_STEP_MOVING) {
         s->moved_ms = now_ms;
@@ -371,10 +371,10 @@ static struct srv_session *end_job(struct srv_hub *hub, struct srv_job *job) {
     hub->options.volumes.release(hub->options.volumes.user, job->volume);
     job->volume = NULL;
     hub->giving_way -= job->yield_ms < INFINITY;
-    hub->dear -= job->is_dear;
+    hub->dear -= job->is_slow_to_encode;
     if (s) {
         s->jobs--;
-        s->dear -= job->is_dear;
+        s->dear -= job->is_slow_to_encode;
     }
     return s;
 }

@@ -9,7 +9,7 @@
 
 #include "session/hub.h"
 #include "sp/log.h"
-#include "support/played_volumes.h"
+#include "support/fake_volumes.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -49,15 +49,15 @@ static bool drop(void *user, const char *id, const char *text, size_t size) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static const char id[] = "0123456789abcdef";
-    struct played_volumes volumes = { .uses = 0 };
+    struct fake_volumes volumes = { .uses = 0 };
     struct input input = { (const char *)data, size };
-    struct srv_hub_options options = { .volumes = played_source(&volumes),
+    struct srv_hub_options options = { .volumes = fake_volume_source(&volumes),
                                        .sessions_max = 1,
                                        .participants_max = 1,
                                        .user = &input,
-                                       .work = played_ignore,
-                                       .ready = played_ignore,
-                                       .interrupt = played_ignore_interrupt,
+                                       .work = fake_ignore,
+                                       .ready = fake_ignore,
+                                       .interrupt = fake_ignore_interrupt,
                                        .recall = recall };
     struct sp_error err;
     sp_log_init(ignore_line, NULL, SP_LOG_ERROR);

@@ -23,7 +23,7 @@ from generate import Requests
 
 MALFORMED = {400, 406, 422}
 REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
-# What no request brings about by itself: failures (integration.life, unit.server_scheduler), and sessions of
+# What no request brings about by itself: failures (integration.life, unit.server_interactive_worker), and sessions of
 # an earlier run that wait for their volume (integration.state); a full disk (integration.paths).
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
 

@@ -9,8 +9,8 @@
 #include "ops/metrics.h"
 
 /* What /metrics tells of `name{key="value"}`; -1 = nothing. */
-static inline long counted(const struct srv_metrics *metrics, const char *name, const char *key,
-                           const char *value) {
+static inline long metric_value(const struct srv_metrics *metrics, const char *name,
+                                const char *key, const char *value) {
     char *text = NULL, series[96];
     size_t size;
     FILE *out = open_memstream(&text, &size);
@@ -25,12 +25,12 @@ static inline long counted(const struct srv_metrics *metrics, const char *name, 
 
 /* Frames that were dropped for this reason. */
 static inline long counted_drops(const struct srv_metrics *metrics, const char *reason) {
-    return counted(metrics, "splatd_drops_total", "reason", reason);
+    return metric_value(metrics, "splatd_drops_total", "reason", reason);
 }
 
 /* Times that this stage was timed. */
 static inline long counted_stages(const struct srv_metrics *metrics, const char *stage) {
-    return counted(metrics, "splatd_stage_seconds_count", "stage", stage);
+    return metric_value(metrics, "splatd_stage_seconds_count", "stage", stage);
 }
 
 #endif

@@ -24,7 +24,7 @@
 #include <gnutls/x509.h>
 
 #include "http/tls.h"
-#include "support/counted.h"
+#include "support/metric_value.h"
 
 enum { LIMIT_MS = 30000 /* of what must not be waited for at all */, GIVEN = 64 };
 
@@ -358,7 +358,7 @@ static void without_descriptors_a_client_is_refused_and_does_not_hang(void **sta
     until_ended(&refused);
     assert_int_equal(setrlimit(RLIMIT_NOFILE, &limit), 0);
     assert_int_equal(
-        counted(a->metrics, "splatd_connections_refused_total{reason=\"connections\"}"), 1);
+        metric_value(a->metrics, "splatd_connections_refused_total{reason=\"connections\"}"), 1);
     talk(&first, gate.given[0]);
     greet(a, &later);
     shake(&later);

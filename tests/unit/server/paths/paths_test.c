@@ -23,8 +23,8 @@
 #include <unistd.h>
 
 #include "paths/paths_private.h"
-#include "support/counted.h"
-#include "support/lanes.h"
+#include "support/metric_value.h"
+#include "support/render_fixture.h"
 
 enum { FRAMES = 3, MEMORY = 8000 };
 #define SMALL "demo:phantom?size=8" /* 2048 bytes of MEMORY */
@@ -112,7 +112,7 @@ static struct fixture {
     char state[32];
     struct srv_store *store;
     struct srv_tokens *tokens;
-    struct lanes lanes;
+    struct render_fixture render;
     struct srv_jobs *jobs;
     _Atomic(struct srv_jobs *) told; /* of volumes */
 } f;
@@ -182,12 +182,12 @@ static void on_volume(const char *id, const char *state) {
 }
 
 static enum srv_volume_state load(const char *id, const char *source) {
-    return lanes_try(&f.lanes, id, source);
+    return render_fixture_try(&f.render, id, source);
 }
 
 static void unload(const char *id) {
     bool conflict;
-    while (!srv_catalog_remove(f.lanes.catalog, id, &conflict, NULL)) { /* between two frames */
+    while (!srv_catalog_remove(f.render.catalog, id, &conflict, NULL)) { /* between two frames */
         assert_true(conflict);
         sched_yield();
     }
@@ -205,20 +205,20 @@ static struct srv_store *open_store(void) {
 
 /* No volume is there. */
 static void begin_lanes(void) {
-    struct lanes_options options = {
+    struct render_fixture_options options = {
         .queue_max = 4, .memory_bytes = MEMORY, .is_empty = true, .volume = on_volume
     };
     f.store = open_store();
     f.tokens = srv_tokens_create(NULL);
     assert_non_null(f.tokens);
-    lanes_begin(&f.lanes, &options);
+    render_fixture_begin(&f.render, &options);
 }
 
 static void begin_jobs(void) {
-    struct srv_jobs_options jobs = { .catalog = f.lanes.catalog,
-                                     .scheduler = f.lanes.scheduler,
+    struct srv_jobs_options jobs = { .catalog = f.render.catalog,
+                                     .render_pool = f.render.render_pool,
                                      .store = f.store,
-                                     .metrics = f.lanes.metrics,
+                                     .metrics = f.render.metrics,
                                      .tokens = f.tokens,
                                      .state = f.state,
                                      .jobs_max = 8,
@@ -243,12 +243,12 @@ static void begin(void) {
 
 static void end(void) {
     srv_jobs_close(f.jobs);
-    lanes_stop(&f.lanes);
+    render_fixture_stop(&f.render);
     srv_store_stop(f.store);
     atomic_store(&f.told, NULL);
     srv_jobs_destroy(&f.jobs);
     srv_tokens_destroy(&f.tokens);
-    lanes_end(&f.lanes);
+    render_fixture_end(&f.render);
     srv_store_destroy(&f.store);
 }
 
@@ -284,15 +284,15 @@ static void add(char id[SRV_JOB_ID_BYTES]) {
     struct srv_job_view view;
     bool is_full;
     proto_json *body = proto_json_parse(text, sizeof text - 1, &err);
-    view.volume = srv_catalog_acquire(f.lanes.catalog, "v", &err);
+    view.volume = srv_catalog_acquire(f.render.catalog, "v", &err);
     assert_true(body && view.volume);
-    srv_catalog_default_view(f.lanes.catalog, view.volume, &view.view);
+    srv_catalog_default_view(f.render.catalog, view.volume, &view.view);
     view.view.size[0] = view.view.size[1] = 16;
     view.defaults = view.view;
     proto_json *json = srv_jobs_add(f.jobs, body, &view, "ann", id, &is_full, &err);
     if (!json)
         fail_msg("%s: %s", err.place, err.text);
-    srv_catalog_release(f.lanes.catalog, view.volume);
+    srv_catalog_release(f.render.catalog, view.volume);
     proto_json_free(&json);
     proto_json_free(&body);
 }
@@ -368,7 +368,10 @@ static void put_record(const char *id, const char *text) {
 }
 
 /* Of this run. */
-#define WAITS(reason) counted(f.lanes.metrics, "splatd_path_waits_total{reason=\"" reason "\"}")
+static unsigned long long metric(const char *name) {
+    return metric_value(f.render.metrics, name);
+}
+#define WAITS(reason) metric("splatd_path_waits_total{reason=\"" reason "\"}")
 static unsigned long long waits(void) {
     return WAITS("volume") + WAITS("disk") + WAITS("limit") + WAITS("memory") + WAITS("backend");
 }
@@ -577,14 +580,13 @@ static void a_full_disk_is_waited_for(void **state) {
     for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++) {
         struct srv_jobs_numbers numbers;
         add_and_draw(other);
-        unsigned long long put_off = WAITS("disk"),
-                           drawn = counted(f.lanes.metrics, "splatd_path_frames_total");
+        unsigned long long put_off = WAITS("disk"), drawn = metric("splatd_path_frames_total");
         atomic_store(&disk_left, (long long)rooms[i]);
         add(id);
         note = wait_for_reason(id);
         assert_int_equal(note.done, rooms[i] / frame);
         assert_true(WAITS("disk") > put_off && waits() == WAITS("disk"));
-        assert_int_equal(counted(f.lanes.metrics, "splatd_path_frames_total"), drawn + note.done);
+        assert_int_equal(metric("splatd_path_frames_total"), drawn + note.done);
         assert_int_equal(waiting(), 1);
         assert_int_equal(note.bytes, note.done * frame);
         srv_jobs_numbers(f.jobs, &numbers);
@@ -594,7 +596,7 @@ static void a_full_disk_is_waited_for(void **state) {
         atomic_store(&disk_left, -1);
         assert_true(srv_jobs_remove(f.jobs, other, NULL)); /* which is when it is tried again */
         assert_int_equal(wait_until(id, "done").done, FRAMES);
-        assert_int_equal(counted(f.lanes.metrics, "splatd_path_frames_total"), drawn + FRAMES);
+        assert_int_equal(metric("splatd_path_frames_total"), drawn + FRAMES);
         assert_int_equal(waiting(), 0);
         has_frames_of(id, whole, FRAMES);
         assert_true(srv_jobs_remove(f.jobs, id, NULL));
@@ -699,7 +701,7 @@ static void a_volume_that_loads_is_waited_for(void **state) {
     draw_one_frame(id);
     atomic_store(&gate.hold_loads, true);
     begin_lanes();
-    lanes_queue(&f.lanes, "v", SMALL);
+    render_fixture_queue(&f.render, "v", SMALL);
     begin_jobs();
     assert_int_equal(wait_for(id, "waiting", "the volume 'v' is still loading").done, 1);
     atomic_store(&gate.hold_loads, false);
@@ -727,13 +729,13 @@ static void another_volume_of_the_name_ends_it(void **state) {
     assert_int_equal(load("v", OTHER), SRV_VOLUME_READY);
     static const char reason[] = "the volume 'v' is not the one that the path was made for";
     assert_int_equal(wait_for(id, "failed", reason).done, 1);
-    assert_int_equal(counted(f.lanes.metrics, "splatd_path_failures_total"), 1);
+    assert_int_equal(metric("splatd_path_failures_total"), 1);
     assert_int_equal(waiting(), 0);
     assert_true(has_folder(id));
     end();
     begin(); /* for good, also when the right one is there */
     assert_int_equal(wait_for(id, "failed", reason).done, 1);
-    assert_int_equal(counted(f.lanes.metrics, "splatd_path_failures_total"), 0); /* in this run */
+    assert_int_equal(metric("splatd_path_failures_total"), 0); /* in this run */
 }
 
 static void unloading_a_volume_ends_its_paths_for_good(void **state) {

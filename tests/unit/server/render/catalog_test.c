@@ -145,16 +145,16 @@ static void folders_are_not_shown(void **state) {
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char text[128], shown[128];
-        srv_shown_source(cases[i].data, cases[i].source, shown, sizeof shown);
+        srv_redact_source(cases[i].data, cases[i].source, shown, sizeof shown);
         assert_string_equal(shown, cases[i].shown);
         snprintf(text, sizeof text, "%s", cases[i].text);
-        srv_shown_text(cases[i].data, cases[i].source, text, sizeof text);
+        srv_redact_text(cases[i].data, cases[i].source, text, sizeof text);
         assert_string_equal(text, cases[i].told);
     }
     char small[8];
-    srv_hide_folder("/a", "--data", "in /a /a/bcdefghij", small, sizeof small);
+    srv_redact_folder("/a", "--data", "in /a /a/bcdefghij", small, sizeof small);
     assert_string_equal(small, "in --da");
-    srv_hide_folder("/a", "x", "/a/bcdefghij", small, sizeof small);
+    srv_redact_folder("/a", "x", "/a/bcdefghij", small, sizeof small);
     assert_string_equal(small, "bcdefgh");
 }
 

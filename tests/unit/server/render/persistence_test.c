@@ -17,14 +17,14 @@
 #include "common/page.h"
 #include "config/tokens.h"
 #include "session/hub.h"
-#include "support/played_volumes.h"
+#include "support/fake_volumes.h"
 
 /* The JSON library's own hook; its header belongs to protocol/json.c. */
 void json_set_alloc_funcs(void *(*allocate)(size_t), void (*release)(void *));
 
 static struct fixture {
     struct srv_hub *hub;
-    struct played_volumes volumes;
+    struct fake_volumes volumes;
     int saves, changes, ends;
     bool is_refused, refuses_save;
     char ended[32], id[SRV_SESSION_ID_BYTES];
@@ -123,7 +123,7 @@ static bool token(void *user, const char *name, unsigned *rights, struct srv_quo
 }
 
 static void create_hub(void) {
-    struct srv_hub_options options = { .volumes = played_source(&f.volumes),
+    struct srv_hub_options options = { .volumes = fake_volume_source(&f.volumes),
                                        .sessions_max = f.sessions_max ? f.sessions_max : 2,
                                        .sleep_ms = 50000,
                                        .ran_ms = f.ran_ms,
@@ -132,9 +132,9 @@ static void create_hub(void) {
                                        .session_idle_ms = 1000,
                                        .rest_ms = 100,
                                        .stream_bytes = 1 << 20,
-                                       .work = played_ignore,
-                                       .ready = played_ignore,
-                                       .interrupt = played_ignore_interrupt,
+                                       .work = fake_ignore,
+                                       .ready = fake_ignore,
+                                       .interrupt = fake_ignore_interrupt,
                                        .recall = recall,
                                        .token = token,
                                        .supports = supports,

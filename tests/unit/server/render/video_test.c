@@ -40,7 +40,7 @@ struct flying {
 
 struct world {
     struct fixture *f;
-    struct srv_videos *videos;
+    struct srv_video_encoders *videos;
     struct person people[PEOPLE];
     struct flying flying[FLYING];
     unsigned flying_count, seq;
@@ -190,7 +190,7 @@ static void finish_job(struct world *w, unsigned which) {
     w->flying[which] = w->flying[--w->flying_count];
     double encode_ms = 0;
     uint64_t stills =
-        srv_videos_encode(w->videos, w->f->hub, &flying.job, &flying.frame, &encode_ms);
+        srv_video_encoders_encode(w->videos, w->f->hub, &flying.job, &flying.frame, &encode_ms);
     struct srv_blob *blob = srv_blob_create((const uint8_t *)&flying.job.version, 8);
     for (uint32_t i = 0; i < flying.job.target_count; i++)
         if (stills >> i & 1)
@@ -202,7 +202,7 @@ static void finish_job(struct world *w, unsigned which) {
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
     *w = (struct world){ .f = f, .random = seed, .now_ms = 1 };
-    w->videos = srv_videos_create(VIDEO_PX, NULL, NULL);
+    w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL);
     for (int i = 0; i < PEOPLE; i++)
         join(w, &w->people[i]);
 }
@@ -212,7 +212,7 @@ static void tear_down(struct world *w) {
         finish_job(w, 0);
     for (int i = 0; i < PEOPLE; i++)
         leave(w, &w->people[i]);
-    srv_videos_destroy(&w->videos);
+    srv_video_encoders_destroy(&w->videos);
 }
 
 /* Until nobody wants anything any more. */
@@ -366,18 +366,18 @@ static void one_frame(struct world *w) {
 static void idle(void **state) {
     struct world w;
     set_up(&w, *state, 1);
-    assert_false(srv_videos_are_idle(w.videos, srv_clock_ms() + 1e6));
+    assert_false(srv_video_encoders_are_idle(w.videos, srv_clock_ms() + 1e6));
     one_frame(&w);
     one_frame(&w);
     one_frame(&w);
     unsigned keys = w.people[0].keys;
-    assert_false(srv_videos_are_idle(w.videos, 0));
-    srv_videos_tick(w.videos, 0);
+    assert_false(srv_video_encoders_are_idle(w.videos, 0));
+    srv_video_encoders_tick(w.videos, 0);
     one_frame(&w);
     assert_int_equal(w.people[0].keys, keys);
-    assert_true(srv_videos_are_idle(w.videos, srv_clock_ms() + 11000));
-    srv_videos_tick(w.videos, srv_clock_ms() + 11000);
-    assert_false(srv_videos_are_idle(w.videos, srv_clock_ms() + 1e6));
+    assert_true(srv_video_encoders_are_idle(w.videos, srv_clock_ms() + 11000));
+    srv_video_encoders_tick(w.videos, srv_clock_ms() + 11000);
+    assert_false(srv_video_encoders_are_idle(w.videos, srv_clock_ms() + 1e6));
     one_frame(&w);
     assert_int_equal(w.people[0].keys, keys + 1);
     tear_down(&w);

@@ -711,9 +711,10 @@ static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void *
     turn(s, driver); /* of one size, and to be encoded in 15 and in 63 ms */
     assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &one, &wait_ms));
     assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &other, &wait_ms));
-    struct srv_job *dear = one.is_dear ? &one : &other, *cheap = one.is_dear ? &other : &one;
-    assert_true(dear->is_dear && is_for(dear, viewer) && !is_for(dear, driver));
-    assert_true(!cheap->is_dear && is_for(cheap, driver) && !is_for(cheap, viewer));
+    struct srv_job *dear = one.is_slow_to_encode ? &one : &other,
+                   *cheap = one.is_slow_to_encode ? &other : &one;
+    assert_true(dear->is_slow_to_encode && is_for(dear, viewer) && !is_for(dear, driver));
+    assert_true(!cheap->is_slow_to_encode && is_for(cheap, driver) && !is_for(cheap, viewer));
     deliver(s, cheap, 1);
     s->now_ms += 10;
     turn(s, driver);
@@ -723,7 +724,7 @@ static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void *
     deliver(s, &next, 1);
     deliver(s, dear, 1);
     assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &next, &wait_ms));
-    assert_true(next.is_dear && is_for(&next, viewer));
+    assert_true(next.is_slow_to_encode && is_for(&next, viewer));
     deliver(s, &next, 1);
 }
 

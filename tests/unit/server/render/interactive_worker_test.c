@@ -20,7 +20,7 @@
 
 #include "common/clock.h"
 #include "support/gate.h"
-#include "support/lanes.h"
+#include "support/render_fixture.h"
 
 enum {
     FULL = 512, /* px a side of a view as it is by default */
@@ -152,7 +152,7 @@ void __wrap_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, doub
 }
 
 struct fixture {
-    struct lanes lanes;
+    struct render_fixture render;
     struct srv_participant *participant;
     char id[SRV_SESSION_ID_BYTES];
 };
@@ -165,10 +165,11 @@ static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
     seen.first = NULL;
     seen.depth = depth;
     seen.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
-    lanes_begin(&f->lanes, &(struct lanes_options){ .queue_max = 1, .rest_ms = rest_ms });
-    lanes_load(&f->lanes, "demo:engine?size=8");
-    lanes_session(&f->lanes, f->id);
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    render_fixture_begin(&f->render,
+                         &(struct render_fixture_options){ .queue_max = 1, .rest_ms = rest_ms });
+    render_fixture_load(&f->render, "demo:engine?size=8");
+    render_fixture_session(&f->render, f->id);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
 }
 
 static void begin(struct fixture *f, double rest_ms) {
@@ -182,8 +183,8 @@ static int set_up(void **state) {
 
 static int tear_down(void **state) {
     struct fixture *f = *state;
-    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
-    lanes_end(&f->lanes);
+    srv_hub_leave(f->render.hub, &f->participant, srv_clock_ms());
+    render_fixture_end(&f->render);
     free(f);
     return 0;
 }
@@ -191,7 +192,7 @@ static int tear_down(void **state) {
 static void tell_by(struct fixture *f, struct srv_participant *participant, const char *text) {
     char *answer;
     size_t size;
-    assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
+    assert_true(srv_hub_message(f->render.hub, participant, text, strlen(text), srv_clock_ms(),
                                 &answer, &size));
     assert_true(!answer || strstr(answer, "\"result\""));
     free(answer);
@@ -221,7 +222,7 @@ static struct proto_frame_header next_frame_of(struct fixture *f,
         struct srv_message message;
         char text[120];
         enum srv_message_kind kind =
-            srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message);
+            srv_hub_next_message(f->render.hub, participant, true, srv_clock_ms(), &message);
         free(message.text);
         srv_blob_unref(&message.blob);
         if (kind != SRV_MESSAGE_FRAME)
@@ -260,8 +261,8 @@ static void a_refinement_gives_way_to_what_moves_in_another_session(void **state
     assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
     gate_await(&gate.entered, 2); /* the sharp picture is on its way */
     assert_int_equal(seen.size[0], FULL);
-    lanes_session(&f->lanes, id);
-    struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    render_fixture_session(&f->render, id);
+    struct srv_participant *other = render_fixture_join(&f->render, id, SRV_ROLE_CONTROL);
     gate_await(&gate.cancelled, 1);
     gate_await(&gate.entered, 3);
     gate_let_through(1);
@@ -269,7 +270,7 @@ static void a_refinement_gives_way_to_what_moves_in_another_session(void **state
     gate_let_through(100);
     while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is taken again */
     }
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(void **state) {
@@ -303,7 +304,7 @@ static void the_tick_gives_up_what_nobody_interrupts_any_more(void **state) {
     gate_await(&gate.entered, 2);
     update(f, 2); /* the last one: it comes while the frame is within its budget */
     while (gate_count(&gate.cancelled) == 0) {
-        srv_scheduler_tick(f->lanes.scheduler);
+        srv_render_pool_tick(f->render.render_pool);
         sched_yield();
     }
     gate_let_through(1);
@@ -343,7 +344,7 @@ static void what_nobody_wants_is_given_up(void **state) {
             "\"patch\":{\"volume\":\"engine\"}}}"); /* of another volume nothing can be used */
     gate_await(&gate.cancelled, 1);
     gate_await(&gate.entered, 2);
-    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &f->participant, srv_clock_ms());
     gate_await(&gate.cancelled, 2);
 }
 
@@ -351,7 +352,7 @@ static void what_nobody_wants_is_given_up(void **state) {
 static char *next_stats(struct fixture *f) {
     for (;; sched_yield()) {
         struct srv_message message;
-        srv_hub_next_message(f->lanes.hub, f->participant, false, srv_clock_ms(), &message);
+        srv_hub_next_message(f->render.hub, f->participant, false, srv_clock_ms(), &message);
         if (message.text && strstr(message.text, "\"stream.stats\""))
             return message.text;
         free(message.text);
@@ -362,7 +363,7 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     struct fixture *f = *state;
     struct sp_renderer_info info[SRV_RENDERERS];
     begin(f, 1e6);
-    srv_scheduler_info(f->lanes.scheduler, info);
+    srv_render_pool_info(f->render.render_pool, info);
     assert_string_equal(info[0].backend, "gate");
     assert_string_equal(info[0].given_up, "");
     assert_null(info[1].backend); /* there was no still yet */
@@ -377,7 +378,7 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     assert_non_null(strstr(stats, "\"backend\":\"fence\""));
     assert_non_null(strstr(stats, "\"device\":\"a hedge\""));
     free(stats);
-    srv_scheduler_info(f->lanes.scheduler, info);
+    srv_render_pool_info(f->render.render_pool, info);
     assert_string_equal(info[0].backend, "fence");
     assert_string_equal(info[0].given_up, "the gate is stuck");
 }
@@ -400,7 +401,7 @@ static void settle(void) {
  * change of the view makes two jobs at once. */
 static struct srv_participant *begin_with_two(struct fixture *f) {
     begin_deep(f, 1e6, 2);
-    struct srv_participant *other = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
+    struct srv_participant *other = render_fixture_join(&f->render, f->id, SRV_ROLE_VIEW);
     tell_by(f, other,
             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
             "{\"size\":[100,100]}}");
@@ -428,7 +429,7 @@ static void frames_are_begun_while_others_are_drawn(void **state) {
         settle();
     }
     assert_int_equal(gate_count(&gate.cancelled), 0);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void of_two_frames_in_flight_one_is_always_finished(void **state) {
@@ -442,10 +443,10 @@ static void of_two_frames_in_flight_one_is_always_finished(void **state) {
     double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
     while (srv_clock_ms() < long_ago_ms) {
         update(f, ++seq);
-        srv_scheduler_tick(f->lanes.scheduler);
+        srv_render_pool_tick(f->render.render_pool);
     }
     assert_int_equal(gate_count(&gate.cancelled), 1);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void a_daemon_may_stop_with_frames_in_flight(void **state) {
@@ -454,9 +455,9 @@ static void a_daemon_may_stop_with_frames_in_flight(void **state) {
     unsigned entered = gate_count(&gate.entered);
     update(f, 2);
     gate_await(&gate.entered, entered + 2);
-    lanes_stop(&f->lanes);
+    render_fixture_stop(&f->render);
     assert_int_equal(gate_count(&gate.cancelled), 2);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 /* A second session, whose frames are known to be short, and a frame of the first one at the gate,
@@ -470,8 +471,8 @@ static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool h
     pthread_mutex_unlock(&gate.mutex);
     gate_let_through(1000);
     next_frame(f);
-    lanes_session(&f->lanes, id);
-    struct srv_participant *other = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    render_fixture_session(&f->render, id);
+    struct srv_participant *other = render_fixture_join(&f->render, id, SRV_ROLE_CONTROL);
     tell_by(f, other,
             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
             "{\"size\":[16,16]}}");              /* so that encoding takes no time */
@@ -498,7 +499,7 @@ static void a_long_frame_stands_still_for_a_short_one(void **state) {
     assert_int_equal(gate_count(&gate.cancelled), 0);
     gate_let_through(1); /* it goes on */
     assert_int_equal(next_frame(f).seq, 3);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void what_stands_still_can_be_given_up(void **state) {
@@ -511,9 +512,9 @@ static void what_stands_still_can_be_given_up(void **state) {
     pthread_mutex_unlock(&gate.mutex);
     update_by(f, other, 5);
     gate_await(&seen.held, 1); /* and nothing ends that */
-    lanes_stop(&f->lanes);
+    render_fixture_stop(&f->render);
     assert_int_equal(gate_count(&gate.cancelled), 2);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void what_cannot_stand_still_is_waited_for(void **state) {
@@ -524,7 +525,7 @@ static void what_cannot_stand_still_is_waited_for(void **state) {
     gate_let_through(2);
     assert_int_equal(next_frame_of(f, other).seq, 4);
     assert_int_equal(gate_count(&seen.expressed), 0);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 int main(void) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "support/counted.h"
+#include "support/metric_value.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-unsigned long long counted(const struct srv_metrics *metrics, const char *name) {
+unsigned long long metric_value(const struct srv_metrics *metrics, const char *name) {
     char *text = NULL;
     size_t size, length = strlen(name);
     FILE *out = open_memstream(&text, &size);

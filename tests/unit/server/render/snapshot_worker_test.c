@@ -18,7 +18,7 @@
 
 #include "common/clock.h"
 #include "support/gate.h"
-#include "support/lanes.h"
+#include "support/render_fixture.h"
 #include "unit/server/counted.h"
 
 enum {
@@ -27,7 +27,7 @@ enum {
     STREAM_THREADS = 3, /* that encode */
     ENCODE_THREADS = 5, /* with the nice ones */
     STRIPES = 8,
-    DEAR_PX = 2500000 /* a PNG of so many is dear (SRV_DEAR_MS) */
+    DEAR_PX = 2500000 /* a PNG of so many is dear (SRV_SLOW_ENCODE_MS) */
 };
 
 static struct { /* guarded by the gate's mutex */
@@ -144,7 +144,7 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec *t) {
 }
 
 struct fixture {
-    struct lanes lanes;
+    struct render_fixture render;
     struct srv_participant *participant; /* NULL until somebody joins */
     char id[SRV_SESSION_ID_BYTES];
 };
@@ -161,7 +161,7 @@ struct asker { /* of a still, as JPEG if nothing is said */
     atomic_bool left;
 };
 
-static void on_done(void *user, const struct srv_still_result *result) {
+static void on_done(void *user, const struct srv_snapshot_result *result) {
     struct asker *asker = user;
     pthread_mutex_lock(&gate.mutex);
     asker->pictures += result->ok;
@@ -184,9 +184,9 @@ static int set_up_threads(void **state, unsigned threads) {
     gate_reset();
     memset(&seen, 0, sizeof seen);
     atomic_store(&ahead_s, 0);
-    lanes_begin(&f->lanes,
-                &(struct lanes_options){ .queue_max = QUEUE, .encode_threads = threads });
-    lanes_session(&f->lanes, f->id);
+    render_fixture_begin(&f->render, &(struct render_fixture_options){ .queue_max = QUEUE,
+                                                                       .encode_threads = threads });
+    render_fixture_session(&f->render, f->id);
     return 0;
 }
 
@@ -205,28 +205,28 @@ static int set_up_sharing(void **state) {
 static int tear_down(void **state) {
     struct fixture *f = *state;
     hold_png(0);
-    srv_hub_leave(f->lanes.hub, &f->participant, srv_clock_ms());
-    lanes_end(&f->lanes);
+    srv_hub_leave(f->render.hub, &f->participant, srv_clock_ms());
+    render_fixture_end(&f->render);
     free(f);
     return 0;
 }
 
 static bool ask(struct fixture *f, struct asker *asker, unsigned width, bool background) {
-    struct srv_still still = { .format = asker->format,
-                               .quality = asker->quality ? asker->quality : SHARP,
-                               .background = background,
-                               .expected_ms = asker->expected_ms,
-                               .wants_frame = asker->wants_frame,
-                               .done = on_done,
-                               .is_gone = has_left,
-                               .user = asker };
+    struct srv_snapshot still = { .format = asker->format,
+                                  .quality = asker->quality ? asker->quality : SHARP,
+                                  .background = background,
+                                  .expected_ms = asker->expected_ms,
+                                  .wants_frame = asker->wants_frame,
+                                  .done = on_done,
+                                  .is_gone = has_left,
+                                  .user = asker };
     struct sp_error err;
     snprintf(still.owner, sizeof still.owner, "%s", asker->owner ? asker->owner : "somebody");
-    still.volume = srv_catalog_acquire(f->lanes.catalog, "phantom", &err);
+    still.volume = srv_catalog_acquire(f->render.catalog, "phantom", &err);
     assert_non_null(still.volume);
-    srv_catalog_default_view(f->lanes.catalog, still.volume, &still.view);
+    srv_catalog_default_view(f->render.catalog, still.volume, &still.view);
     still.view.size[0] = width;
-    return srv_scheduler_submit(f->lanes.scheduler, &still, &err);
+    return srv_render_pool_submit(f->render.render_pool, &still, &err);
 }
 
 static void equal_stills_are_drawn_and_encoded_once(void **state) {
@@ -281,15 +281,15 @@ static void a_still_is_drawn_while_anybody_wants_it(void **state) {
     assert_true(ask(f, &b, 100, false));
     atomic_store(&a.left, true);
     for (int i = 0; i < 100; i++)
-        srv_scheduler_tick(f->lanes.scheduler);
+        srv_render_pool_tick(f->render.render_pool);
     assert_int_equal(gate_count(&gate.cancelled), 0);
     atomic_store(&b.left, true);
-    srv_scheduler_tick(f->lanes.scheduler);
+    srv_render_pool_tick(f->render.render_pool);
     gate_await(&gate.cancelled, 1);
     gate_await(&a.answers, 1);
     gate_await(&b.answers, 1);
     assert_int_equal(a.pictures + b.pictures, 0);
-    assert_int_equal(counted_drops(f->lanes.metrics, "left"), 2);
+    assert_int_equal(counted_drops(f->render.metrics, "left"), 2);
 }
 
 static void of_those_that_wait_who_left_goes_alone(void **state) {
@@ -300,13 +300,13 @@ static void of_those_that_wait_who_left_goes_alone(void **state) {
     assert_true(ask(f, &a, 200, false));
     assert_true(ask(f, &b, 200, false));
     atomic_store(&a.left, true);
-    srv_scheduler_tick(f->lanes.scheduler);
+    srv_render_pool_tick(f->render.render_pool);
     assert_int_equal(gate_count(&a.answers), 1);
     assert_int_equal(gate_count(&b.answers), 0);
     gate_let_through(2);
     gate_await(&b.answers, 1);
     assert_int_equal(b.pictures, 1);
-    assert_int_equal(counted_drops(f->lanes.metrics, "left"), 1);
+    assert_int_equal(counted_drops(f->render.metrics, "left"), 1);
 }
 
 static void the_end_answers_all_and_counts_none_as_left(void **state) {
@@ -315,11 +315,11 @@ static void the_end_answers_all_and_counts_none_as_left(void **state) {
     assert_true(ask(f, &now, 100, false));
     gate_await(&gate.entered, 1);
     assert_true(ask(f, &waits, 200, false));
-    srv_scheduler_stop(f->lanes.scheduler);
+    srv_render_pool_stop(f->render.render_pool);
     assert_int_equal(now.answers + waits.answers, 2);
     assert_int_equal(now.pictures + waits.pictures, 0);
-    assert_int_equal(counted_drops(f->lanes.metrics, "left"), 0);
-    assert_int_equal(counted_drops(f->lanes.metrics, "failed"), 0);
+    assert_int_equal(counted_drops(f->render.metrics, "left"), 0);
+    assert_int_equal(counted_drops(f->render.metrics, "failed"), 0);
 }
 
 /* However many of one wait, another's comes next; and they do not fill the queue. */
@@ -376,25 +376,25 @@ static void encoding_is_paid_for_by_the_owner(void **state) {
 
 static void owners_pay_what_theirs_took(void **state) {
     (void)state;
-    struct srv_owners owners = { .count = 0 };
-    char name[SRV_OWNER_BYTES];
-    srv_owners_take(&owners, "ann");
-    srv_owners_spend(&owners, "ann", 30);
-    srv_owners_spend(&owners, "ann", 10);
-    assert_true(srv_owners_start(&owners, "ann") == 40);
-    assert_true(srv_owners_start(&owners, "bob") == 0);
-    srv_owners_spend(&owners, "bob", 50);
-    srv_owners_take(&owners, "ann");
-    assert_true(srv_owners_start(&owners, "new") == 40); /* nobody saves up a share */
-    assert_true(srv_owners_start(&owners, "bob") == 50);
-    for (int i = 0; i < 2 * SRV_OWNERS_MAX; i++) {
+    struct srv_fair_owners owners = { .count = 0 };
+    char name[SRV_FAIR_OWNER_BYTES];
+    srv_fair_owners_begin(&owners, "ann");
+    srv_fair_owners_charge(&owners, "ann", 30);
+    srv_fair_owners_charge(&owners, "ann", 10);
+    assert_true(srv_fair_owners_start(&owners, "ann") == 40);
+    assert_true(srv_fair_owners_start(&owners, "bob") == 0);
+    srv_fair_owners_charge(&owners, "bob", 50);
+    srv_fair_owners_begin(&owners, "ann");
+    assert_true(srv_fair_owners_start(&owners, "new") == 40); /* nobody saves up a share */
+    assert_true(srv_fair_owners_start(&owners, "bob") == 50);
+    for (int i = 0; i < 2 * SRV_FAIR_OWNERS_MAX; i++) {
         snprintf(name, sizeof name, "host %d", i);
-        srv_owners_spend(&owners, name, 1);
+        srv_fair_owners_charge(&owners, name, 1);
     }
-    assert_int_equal(owners.count, SRV_OWNERS_MAX);
-    assert_true(srv_owners_start(&owners, "bob") == 50); /* those with least are dropped */
-    srv_owners_forget(&owners);
-    assert_true(srv_owners_start(&owners, "bob") == 0);
+    assert_int_equal(owners.count, SRV_FAIR_OWNERS_MAX);
+    assert_true(srv_fair_owners_start(&owners, "bob") == 50); /* those with least are dropped */
+    srv_fair_owners_reset(&owners);
+    assert_true(srv_fair_owners_start(&owners, "bob") == 0);
 }
 
 static void the_background_is_drawn_after_all_others(void **state) {
@@ -412,7 +412,7 @@ static void the_background_is_drawn_after_all_others(void **state) {
     assert_int_equal(seen.width[1], 300);
     for (unsigned i = 0; i < QUEUE; i++)
         assert_int_equal(seen.width[2 + i], 200 + i);
-    assert_int_equal(counted_stages(f->lanes.metrics, "queue"), 2); /* that wait is no queue */
+    assert_int_equal(counted_stages(f->render.metrics, "queue"), 2); /* that wait is no queue */
 }
 
 static void the_background_gives_way_and_is_taken_again(void **state) {
@@ -435,7 +435,7 @@ static void the_background_gives_way_to_streams(void **state) {
     struct asker background = { 0 };
     assert_true(ask(f, &background, 200, true));
     gate_await(&gate.entered, 1);
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     gate_await(&gate.cancelled, 1);
     gate_let_through(1000); /* it may give way again: to the picture that follows at rest */
     gate_await(&background.answers, 1);
@@ -487,7 +487,7 @@ static void tell(struct fixture *f, struct srv_participant *participant, const c
     size_t size;
     snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"method\":\"%s\",\"params\":%s}", method,
              params);
-    assert_true(srv_hub_message(f->lanes.hub, participant, text, strlen(text), srv_clock_ms(),
+    assert_true(srv_hub_message(f->render.hub, participant, text, strlen(text), srv_clock_ms(),
                                 &answer, &size));
     free(answer);
 }
@@ -497,7 +497,7 @@ static struct proto_frame_header next_frame(struct fixture *f,
                                             struct srv_participant *participant) {
     struct srv_message message = { .text = NULL };
     char params[40];
-    while (srv_hub_next_message(f->lanes.hub, participant, true, srv_clock_ms(), &message) !=
+    while (srv_hub_next_message(f->render.hub, participant, true, srv_clock_ms(), &message) !=
            SRV_MESSAGE_FRAME) {
         free(message.text);
         sched_yield();
@@ -519,12 +519,12 @@ static void see_the_sharp_one(struct fixture *f, struct srv_participant *partici
 static void dear_pictures_leave_a_thread_to_the_others(void **state) {
     struct fixture *f = *state;
     char id[SRV_SESSION_ID_BYTES], params[60];
-    lanes_session(&f->lanes, id);
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    render_fixture_session(&f->render, id);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
     hold_png(DEAR_PX);
-    struct srv_participant *hog = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
-    struct srv_participant *hogs = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    struct srv_participant *hog = render_fixture_join(&f->render, f->id, SRV_ROLE_VIEW);
+    struct srv_participant *hogs = render_fixture_join(&f->render, id, SRV_ROLE_CONTROL);
     tell(f, hog, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
     tell(f, hogs, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
     for (uint32_t seq = 1; seq <= 20; seq++) {
@@ -539,15 +539,15 @@ static void dear_pictures_leave_a_thread_to_the_others(void **state) {
     hold_png(0);
     see_the_sharp_one(f, hog);
     see_the_sharp_one(f, hogs);
-    srv_hub_leave(f->lanes.hub, &hog, srv_clock_ms());
-    srv_hub_leave(f->lanes.hub, &hogs, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &hog, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &hogs, srv_clock_ms());
 }
 
 /* Who is alone keeps nobody from anything: all threads are his. */
 static void who_is_alone_has_all_threads(void **state) {
     struct fixture *f = *state;
     char params[60];
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     tell(f, f->participant, "stream.configure", "{\"format\":\"png\",\"size\":[4096,4096]}");
     see_the_sharp_one(f, f->participant);
     hold_png(DEAR_PX);
@@ -564,14 +564,14 @@ static void who_is_alone_has_all_threads(void **state) {
 static void a_sessions_sharp_picture_is_not_drawn_again(void **state) {
     struct fixture *f = *state;
     struct asker asker = { 0 };
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
-    long renders = counted_stages(f->lanes.metrics, "render");
+    long renders = counted_stages(f->render.metrics, "render");
     assert_true(renders > 0);
     assert_true(ask(f, &asker, 512, false));
     gate_await(&asker.answers, 1);
     assert_int_equal(asker.pictures, 1);
-    assert_int_equal(counted_stages(f->lanes.metrics, "render"), renders);
+    assert_int_equal(counted_stages(f->render.metrics, "render"), renders);
     assert_int_equal(gate_count(&gate.entered), 0);
 }
 
@@ -579,13 +579,13 @@ static void nor_encoded_again_in_the_same_form(void **state) {
     struct fixture *f = *state;
     struct asker same = { 0 }, other = { .quality = 17 };
     char id[SRV_SESSION_ID_BYTES];
-    lanes_session(&f->lanes, id);
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    render_fixture_session(&f->render, id);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
     assert_int_equal(gate_count(&seen.sharp), 1);
-    struct srv_participant *elsewhere = lanes_join(&f->lanes, id, SRV_ROLE_CONTROL);
+    struct srv_participant *elsewhere = render_fixture_join(&f->render, id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, elsewhere);
-    srv_hub_leave(f->lanes.hub, &elsewhere, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &elsewhere, srv_clock_ms());
     assert_true(ask(f, &same, 512, false));
     gate_await(&same.answers, 1);
     assert_int_equal(gate_count(&seen.sharp), 1);
@@ -593,15 +593,15 @@ static void nor_encoded_again_in_the_same_form(void **state) {
     assert_true(ask(f, &other, 512, false));
     gate_await(&other.answers, 1);
     assert_int_equal(gate_count(&seen.encoded), encoded + 1);
-    assert_int_equal(counted_stages(f->lanes.metrics, "encode"), encoded + 1);
+    assert_int_equal(counted_stages(f->render.metrics, "encode"), encoded + 1);
     assert_true(same.size > other.size && other.size > 0);
 }
 
 /* A PNG has no quality: of all who want one it is the same. */
 static void what_a_format_does_not_have_makes_no_difference(void **state) {
     struct fixture *f = *state;
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
-    struct srv_participant *other = lanes_join(&f->lanes, f->id, SRV_ROLE_VIEW);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
+    struct srv_participant *other = render_fixture_join(&f->render, f->id, SRV_ROLE_VIEW);
     see_the_sharp_one(f, f->participant);
     see_the_sharp_one(f, other);
     tell(f, other, "stream.configure",
@@ -611,7 +611,7 @@ static void what_a_format_does_not_have_makes_no_difference(void **state) {
     tell(f, f->participant, "stream.configure", "{\"format\":\"png\",\"quality\":80}");
     see_the_sharp_one(f, f->participant);
     assert_int_equal(gate_count(&seen.pngs), 1);
-    srv_hub_leave(f->lanes.hub, &other, srv_clock_ms());
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void share_by(unsigned together) {
@@ -643,7 +643,7 @@ static void idle_threads_make_stripes_of_a_still_but_not_the_streams(void **stat
 static void idle_threads_that_are_not_nice_make_stripes_of_a_streams_picture(void **state) {
     struct fixture *f = *state;
     share_by(STREAM_THREADS);
-    f->participant = lanes_join(&f->lanes, f->id, SRV_ROLE_CONTROL);
+    f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     see_the_sharp_one(f, f->participant);
     for (int i = 0; i < STRIPES; i++)
         assert_int_equal(seen.made[i], gate_count(&seen.encoded));

@@ -35,17 +35,17 @@
  * stream lane had nothing to do for a moment, and gives way as soon as there is something, for
  * twenty times its own time (session/share.h).
  */
-#ifndef SRV_RENDER_SCHEDULER_H
-#define SRV_RENDER_SCHEDULER_H
+#ifndef SRV_RENDER_RENDER_POOL_H
+#define SRV_RENDER_RENDER_POOL_H
 
 #include "render/catalog.h"
-#include "render/owners.h"
+#include "schedule/fair_owners.h"
 #include "session/hub.h"
 #include "sp/renderer.h"
 
-struct srv_scheduler;
+struct srv_render_pool;
 
-struct srv_still_result {
+struct srv_snapshot_result {
     bool ok;
     struct sp_error err;  /* if not ok */
     const uint8_t *bytes; /* valid during the call */
@@ -55,10 +55,10 @@ struct srv_still_result {
     struct sp_frame_stats stats;
     double encode_ms;
 };
-struct srv_still {
+struct srv_snapshot {
     struct sp_view view;
-    struct srv_volume *volume;   /* a use, taken over by submit */
-    char owner[SRV_OWNER_BYTES]; /* who pays for it (owners.h) */
+    struct srv_volume *volume;        /* a use, taken over by submit */
+    char owner[SRV_FAIR_OWNER_BYTES]; /* who pays for it (owners.h) */
     enum sp_image_format format;
     int quality;
     enum sp_chroma chroma; /* of a JPEG */
@@ -66,14 +66,14 @@ struct srv_still {
     double expected_ms; /* what drawing it is expected to take, in the background; 0 = not known */
     bool wants_frame;   /* encodes it itself; `format` says whether of bytes or floats */
     /* Called once, from another thread. */
-    void (*done)(void *user, const struct srv_still_result *result);
+    void (*done)(void *user, const struct srv_snapshot_result *result);
     /* Has who asked for it left? Asked now and then from another thread until shortly before
      * done(); then the still is dropped. Must not call the scheduler. NULL = never. */
     bool (*is_gone)(void *user);
     void *user;
 };
 
-struct srv_scheduler_options {
+struct srv_render_pool_options {
     struct srv_catalog *catalog;
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     unsigned queue_max;          /* stills that wait, of each class; but for those in the background
@@ -85,32 +85,33 @@ struct srv_scheduler_options {
 };
 
 /* Takes over *renderer, the stream lane's, on success. NULL with *err set. */
-struct srv_scheduler *srv_scheduler_create(const struct srv_scheduler_options *options,
-                                           struct sp_renderer **renderer, struct sp_error *err);
+struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_options *options,
+                                               struct sp_renderer **renderer, struct sp_error *err);
 /* Threads start with the hub that they serve. */
-bool srv_scheduler_start(struct srv_scheduler *scheduler, struct srv_hub *hub,
-                         struct sp_error *err);
+bool srv_render_pool_start(struct srv_render_pool *render_pool, struct srv_hub *hub,
+                           struct sp_error *err);
 /* Cancels what is under way; waiting stills are answered with SP_ERR_CANCELLED. */
-void srv_scheduler_stop(struct srv_scheduler *scheduler);
-void srv_scheduler_destroy(struct srv_scheduler **scheduler); /* stops first */
+void srv_render_pool_stop(struct srv_render_pool *render_pool);
+void srv_render_pool_destroy(struct srv_render_pool **render_pool); /* stops first */
 
 /* Any thread; done() may be called at once. False with SP_ERR_BUDGET when the queue is full or
  * SP_ERR_CANCELLED when stopping; the volume is released then and done() is not called. */
-bool srv_scheduler_submit(struct srv_scheduler *scheduler, const struct srv_still *still,
-                          struct sp_error *err);
+bool srv_render_pool_submit(struct srv_render_pool *render_pool, const struct srv_snapshot *still,
+                            struct sp_error *err);
 /* Drops the stills of those who left, and moving frames that go over their budget while a newer
  * view waits; about ten times a second. */
-void srv_scheduler_tick(struct srv_scheduler *scheduler);
+void srv_render_pool_tick(struct srv_render_pool *render_pool);
 /* What renders for sessions, for stills, and in the express lane; backend NULL: nothing yet, in the
  * last two. Any thread. */
-void srv_scheduler_info(struct srv_scheduler *scheduler,
-                        struct sp_renderer_info info[SRV_RENDERERS]);
-unsigned srv_scheduler_waiting(struct srv_scheduler *scheduler); /* stills not yet answered */
+void srv_render_pool_info(struct srv_render_pool *render_pool,
+                          struct sp_renderer_info info[SRV_RENDERERS]);
+unsigned
+srv_render_pool_unanswered(struct srv_render_pool *render_pool); /* stills not yet answered */
 
 /* For srv_hub_options and srv_catalog_options; `user` is the scheduler. */
-void srv_scheduler_wake(void *scheduler);
-void srv_scheduler_interrupt(void *scheduler, uint64_t of, enum srv_interrupt why);
-void srv_scheduler_forget(void *scheduler, struct sp_volume *volume);
-bool srv_scheduler_supports(void *scheduler, const struct sp_view *view, struct sp_error *err);
+void srv_render_pool_wake(void *render_pool);
+void srv_render_pool_interrupt(void *render_pool, uint64_t of, enum srv_interrupt why);
+void srv_render_pool_evict(void *render_pool, struct sp_volume *volume);
+bool srv_render_pool_supports(void *render_pool, const struct sp_view *view, struct sp_error *err);
 
 #endif

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "support/played_volumes.h"
+#include "support/fake_volumes.h"
 
 #include <string.h>
 
 #include "sp/volume.h"
 
 static void *acquire(void *user, const char *id, struct sp_error *err) {
-    struct played_volumes *volumes = user;
+    struct fake_volumes *volumes = user;
     bool is_there = !volumes->only || !id || !*id || strcmp(id, volumes->only) == 0;
     if (volumes->is_loading || !is_there) {
         sp_fail(err, volumes->is_loading ? SP_ERR_TIMEOUT : SP_ERR_NOT_FOUND, "/volume",
@@ -18,13 +18,13 @@ static void *acquire(void *user, const char *id, struct sp_error *err) {
 }
 
 static void *add_use(void *user, void *volume) {
-    ((struct played_volumes *)user)->uses++;
+    ((struct fake_volumes *)user)->uses++;
     return volume;
 }
 
 static void release(void *user, void *volume) {
     (void)volume;
-    ((struct played_volumes *)user)->uses--;
+    ((struct fake_volumes *)user)->uses--;
 }
 
 static void default_view(void *user, void *volume, struct sp_view *view) {
@@ -38,15 +38,15 @@ static void default_view(void *user, void *volume, struct sp_view *view) {
     sp_view_init(view, &info, "v");
 }
 
-struct srv_volume_source played_source(struct played_volumes *volumes) {
+struct srv_volume_source fake_volume_source(struct fake_volumes *volumes) {
     return (struct srv_volume_source){ volumes, acquire, add_use, release, default_view, NULL };
 }
 
-void played_ignore(void *user) {
+void fake_ignore(void *user) {
     (void)user;
 }
 
-void played_ignore_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
+void fake_ignore_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
     (void)user;
     (void)session;
     (void)why;
