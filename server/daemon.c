@@ -31,9 +31,9 @@ struct srv_daemon {
     struct srv_store *store;
     struct srv_metrics *metrics;
     struct srv_streams *streams;
-    _Atomic(struct srv_jobs *) jobs; /* the load and stream threads look at it, too */
-    _Atomic(struct srv_http *) http; /* the stream thread looks at it while it is being made */
-    _Atomic double alive_ms;         /* when the stream thread ticked last */
+    _Atomic(struct srv_paths *) paths; /* the load and stream threads look at it, too */
+    _Atomic(struct srv_http *) http;   /* the stream thread looks at it while it is being made */
+    _Atomic double alive_ms;           /* when the stream thread ticked last */
     double ran_ms; /* with the clock: for how long daemons ran with this store; constant */
     struct srv_http_options http_options;
     const char *refusals[SRV_LOG_REFUSALS];
@@ -45,11 +45,11 @@ static void on_progress(void *user, const char *id, const char *state, double pr
                         const char *reason) {
     struct srv_daemon *d = user;
     srv_hub_volume_progress(d->hub, id, state, progress, reason);
-    struct srv_jobs *jobs = atomic_load(&d->jobs);
-    if (jobs && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
-        srv_jobs_unloaded(jobs, id);
-    else if (jobs && strcmp(state, srv_volume_state_name(SRV_VOLUME_LOADING)) != 0)
-        srv_jobs_wake(jobs);
+    struct srv_paths *paths = atomic_load(&d->paths);
+    if (paths && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
+        srv_paths_unloaded(paths, id);
+    else if (paths && strcmp(state, srv_volume_state_name(SRV_VOLUME_LOADING)) != 0)
+        srv_paths_wake(paths);
 }
 
 static bool on_volume(void *user, const char *id, const struct srv_volume_request *request) {
@@ -112,9 +112,9 @@ static void on_tick(void *user, double now_ms) {
     struct srv_http *http = atomic_load(&d->http);
     if (http)
         srv_http_tick(http, now_ms);
-    struct srv_jobs *jobs = atomic_load(&d->jobs);
-    if (jobs)
-        srv_jobs_tick(jobs, now_ms);
+    struct srv_paths *paths = atomic_load(&d->paths);
+    if (paths)
+        srv_paths_tick(paths, now_ms);
     srv_render_pool_tick(d->render_pool);
     srv_log_tick(d->log, now_ms);
     atomic_store(&d->alive_ms, now_ms);
@@ -259,7 +259,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->snapshot_memory = d->snapshot_memory;
     o->tokens = d->tokens;
     o->store = d->store;
-    o->jobs = atomic_load(&d->jobs);
+    o->paths = atomic_load(&d->paths);
     o->metrics = d->metrics;
     if (!srv_cors_check_origins(c->allow_origin, err) ||
         !srv_address_parse(c->listen, &address, err))
@@ -290,21 +290,21 @@ static bool start_volumes(struct srv_daemon *d, struct sp_error *err) {
     return srv_store_start(d->store, on_collect, d, err);
 }
 
-static bool start_jobs(struct srv_daemon *d, struct sp_error *err) {
+static bool start_paths(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
-    struct srv_jobs_options options = { .catalog = d->catalog,
-                                        .render_pool = d->render_pool,
-                                        .store = d->store,
-                                        .metrics = d->metrics,
-                                        .tokens = d->tokens,
-                                        .state = c->state,
-                                        .jobs_max = (unsigned)c->paths,
-                                        .frames_max = (uint32_t)c->path_frames,
-                                        .bytes_max = (uint64_t)c->path_bytes,
-                                        .video_px = (uint64_t)c->video_px };
-    struct srv_jobs *jobs = srv_jobs_create(&options, err);
-    atomic_store(&d->jobs, jobs);
-    return jobs && srv_jobs_start(jobs, err);
+    struct srv_paths_options options = { .catalog = d->catalog,
+                                         .render_pool = d->render_pool,
+                                         .store = d->store,
+                                         .metrics = d->metrics,
+                                         .tokens = d->tokens,
+                                         .state = c->state,
+                                         .paths_max = (unsigned)c->paths,
+                                         .frames_max = (uint32_t)c->path_frames,
+                                         .bytes_max = (uint64_t)c->path_bytes,
+                                         .video_px = (uint64_t)c->video_px };
+    struct srv_paths *paths = srv_paths_create(&options, err);
+    atomic_store(&d->paths, paths);
+    return paths && srv_paths_start(paths, err);
 }
 
 /* Large blocks, as of video encoders that come and go, are given back to the system when they are
@@ -327,7 +327,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     d->config = config;
     d->log = log;
     atomic_init(&d->http, NULL);
-    atomic_init(&d->jobs, NULL);
+    atomic_init(&d->paths, NULL);
     atomic_init(&d->alive_ms, srv_clock_ms());
     struct srv_catalog_options catalog = {
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
@@ -340,7 +340,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     if ((d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
         start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
-        start_tokens(d, err) && start_jobs(d, err) && start_http(d, err))
+        start_tokens(d, err) && start_paths(d, err) && start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -366,7 +366,7 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
         sp_log_set_level(level);
     bool is_whole = srv_http_reload(atomic_load(&d->http), &err);
     srv_hub_renew_tokens(d->hub);
-    srv_jobs_wake(atomic_load(&d->jobs)); /* which may have room */
+    srv_paths_wake(atomic_load(&d->paths)); /* which may have room */
     if (is_whole)
         sp_log(SP_LOG_INFO, "reloaded");
     else
@@ -388,9 +388,9 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     struct srv_http *http = atomic_load(&d->http);
     if (http)
         srv_http_close(http); /* before anybody is told */
-    struct srv_jobs *jobs = atomic_load(&d->jobs);
-    if (jobs)
-        srv_jobs_close(jobs); /* answers of events end now */
+    struct srv_paths *paths = atomic_load(&d->paths);
+    if (paths)
+        srv_paths_close(paths); /* answers of events end now */
     if (d->hub)
         srv_hub_drain(d->hub);
     if (http)
@@ -409,8 +409,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);
     srv_snapshot_memory_destroy(&d->snapshot_memory);
-    atomic_store(&d->jobs, NULL);
-    srv_jobs_destroy(&jobs);
+    atomic_store(&d->paths, NULL);
+    srv_paths_destroy(&paths);
     srv_hub_destroy(&d->hub);
     srv_tokens_destroy(&d->tokens);
     srv_render_pool_destroy(&d->render_pool);

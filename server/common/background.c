@@ -10,7 +10,7 @@
 
 enum { BACKGROUND_NICE = 10 };
 
-void srv_be_nice(const char *who) {
+void srv_background_thread_enter(const char *who) {
     id_t thread = (id_t)gettid();
     errno = 0;
     int niceness = getpriority(PRIO_PROCESS, thread);

@@ -5,11 +5,11 @@
 #include <stddef.h>
 
 /* Of two heaps one; each may be NULL. */
-static struct srv_due *meld(struct srv_due *a, struct srv_due *b) {
+static struct srv_timer *meld(struct srv_timer *a, struct srv_timer *b) {
     if (!a || !b)
         return a ? a : b;
     if (b->at < a->at) {
-        struct srv_due *least = b;
+        struct srv_timer *least = b;
         b = a;
         a = least;
     }
@@ -22,10 +22,10 @@ static struct srv_due *meld(struct srv_due *a, struct srv_due *b) {
 }
 
 /* Of a row of heaps one: in pairs from the left, and these from the right. */
-static struct srv_due *meld_row(struct srv_due *row) {
-    struct srv_due *pairs = NULL, *all = NULL;
+static struct srv_timer *meld_row(struct srv_timer *row) {
+    struct srv_timer *pairs = NULL, *all = NULL;
     while (row) {
-        struct srv_due *a = row, *b = row->next;
+        struct srv_timer *a = row, *b = row->next;
         row = b ? b->next : NULL;
         a->next = a->before = NULL;
         if (b)
@@ -35,7 +35,7 @@ static struct srv_due *meld_row(struct srv_due *row) {
         pairs = a;
     }
     while (pairs) {
-        struct srv_due *pair = pairs;
+        struct srv_timer *pair = pairs;
         pairs = pair->next;
         pair->next = NULL;
         all = meld(all, pair);
@@ -43,10 +43,10 @@ static struct srv_due *meld_row(struct srv_due *row) {
     return all;
 }
 
-void srv_due_clear(struct srv_dues *dues, struct srv_due *due) {
+void srv_timer_clear(struct srv_timer_heap *dues, struct srv_timer *due) {
     if (!due->is_set)
         return;
-    struct srv_due *below = meld_row(due->child);
+    struct srv_timer *below = meld_row(due->child);
     if (due == dues->first) {
         dues->first = below;
     } else {
@@ -58,11 +58,11 @@ void srv_due_clear(struct srv_dues *dues, struct srv_due *due) {
             due->next->before = due->before;
         dues->first = meld(dues->first, below);
     }
-    *due = (struct srv_due){ .of = due->of };
+    *due = (struct srv_timer){ .of = due->of };
 }
 
-void srv_due_set(struct srv_dues *dues, struct srv_due *due, double at) {
-    srv_due_clear(dues, due);
+void srv_timer_set(struct srv_timer_heap *dues, struct srv_timer *due, double at) {
+    srv_timer_clear(dues, due);
     if (at == INFINITY)
         return;
     due->at = at;
@@ -70,19 +70,19 @@ void srv_due_set(struct srv_dues *dues, struct srv_due *due, double at) {
     dues->first = meld(dues->first, due);
 }
 
-void srv_due_set_by(struct srv_dues *dues, struct srv_due *due, double at) {
+void srv_timer_set_by(struct srv_timer_heap *dues, struct srv_timer *due, double at) {
     if (!due->is_set || at < due->at)
-        srv_due_set(dues, due, at);
+        srv_timer_set(dues, due, at);
 }
 
-void *srv_due_take(struct srv_dues *dues, double now) {
-    struct srv_due *due = dues->first;
+void *srv_timer_take(struct srv_timer_heap *dues, double now) {
+    struct srv_timer *due = dues->first;
     if (!due || due->at > now)
         return NULL;
-    srv_due_clear(dues, due);
+    srv_timer_clear(dues, due);
     return due->of;
 }
 
-double srv_due_next(const struct srv_dues *dues) {
+double srv_timer_next(const struct srv_timer_heap *dues) {
     return dues->first ? dues->first->at : INFINITY;
 }

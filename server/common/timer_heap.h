@@ -10,31 +10,31 @@
  *
  * Instead of a time it may be any number that rises. All of one heap is guarded by its owner.
  */
-#ifndef SRV_DUE_H
-#define SRV_DUE_H
+#ifndef SRV_COMMON_TIMER_HEAP_H
+#define SRV_COMMON_TIMER_HEAP_H
 
 #include <stdbool.h>
 
-struct srv_due { /* zeroed but for `of`: waits for nothing */
-    void *of;    /* the caller's: what waits */
+struct srv_timer { /* zeroed but for `of`: waits for nothing */
+    void *of;      /* the caller's: what waits */
     double at;
     bool is_set;
-    struct srv_due *child, *next; /* the first one below it; the next one beside it */
-    struct srv_due *before;       /* the one beside it, or for the first one, above it */
+    struct srv_timer *child, *next; /* the first one below it; the next one beside it */
+    struct srv_timer *before;       /* the one beside it, or for the first one, above it */
 };
 
-struct srv_dues { /* zeroed: empty */
-    struct srv_due *first;
+struct srv_timer_heap { /* zeroed: empty */
+    struct srv_timer *first;
 };
 
 /* At another time than before, if it was set already; INFINITY = never: cleared. */
-void srv_due_set(struct srv_dues *dues, struct srv_due *due, double at);
+void srv_timer_set(struct srv_timer_heap *dues, struct srv_timer *due, double at);
 /* No later than that. */
-void srv_due_set_by(struct srv_dues *dues, struct srv_due *due, double at);
-void srv_due_clear(struct srv_dues *dues, struct srv_due *due);
+void srv_timer_set_by(struct srv_timer_heap *dues, struct srv_timer *due, double at);
+void srv_timer_clear(struct srv_timer_heap *dues, struct srv_timer *due);
 /* What waits for the least time, if that is no later than `now`: it is cleared. NULL = nothing. */
-void *srv_due_take(struct srv_dues *dues, double now);
+void *srv_timer_take(struct srv_timer_heap *dues, double now);
 /* The least time; INFINITY = none is set. */
-double srv_due_next(const struct srv_dues *dues);
+double srv_timer_next(const struct srv_timer_heap *dues);
 
 #endif

@@ -76,7 +76,7 @@ static const struct {
     unsigned max;
 } numbers[] = {
     { "sessions", AT(sessions), 100000 },
-    { "stills", AT(stills), 10000 },
+    { "stills", AT(snapshots), 10000 },
     { "views", AT(views), 100000 },
     { "paths", AT(paths), 10000 },
     { "fps", AT(fps), 120 },

@@ -33,7 +33,7 @@ enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 
 /* 0 = no limit but the daemon's. */
 struct srv_quota {
     unsigned sessions;   /* that it made, awake or asleep */
-    unsigned stills;     /* pictures by HTTP under way */
+    unsigned snapshots;  /* pictures by HTTP under way */
     unsigned views;      /* that it keeps */
     unsigned paths;      /* camera paths, drawn or not */
     unsigned fps;        /* pictures by HTTP, and frames to each participant of its sessions */

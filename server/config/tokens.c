@@ -7,7 +7,7 @@
 
 struct srv_token_use {
     unsigned holders; /* the list, and grants */
-    unsigned stills;
+    unsigned snapshots;
     double used_ms; /* the share of pictures is used up to here */
 };
 
@@ -132,10 +132,10 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
 
 static bool is_within(struct srv_token_use *use, const struct srv_quota *quota, const char *name,
                       double now_ms, struct sp_error *err) {
-    if (quota->stills && use->stills >= quota->stills)
+    if (quota->snapshots && use->snapshots >= quota->snapshots)
         return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                       "%u pictures are under way for %s, and its token allows %u", use->stills,
-                       name, quota->stills);
+                       "%u pictures are under way for %s, and its token allows %u", use->snapshots,
+                       name, quota->snapshots);
     if (!quota->fps)
         return true;
     double from_ms = use->used_ms > now_ms - 1000 ? use->used_ms : now_ms - 1000;
@@ -148,25 +148,25 @@ static bool is_within(struct srv_token_use *use, const struct srv_quota *quota, 
     return true;
 }
 
-bool srv_tokens_begin_still(struct srv_tokens *tokens, const struct srv_grant *grant, double now_ms,
-                            struct sp_error *err) {
+bool srv_tokens_begin_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant,
+                               double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&tokens->mutex);
     bool ok = is_within(grant->use, &grant->quota, grant->name, now_ms, err);
-    grant->use->stills += ok;
+    grant->use->snapshots += ok;
     pthread_mutex_unlock(&tokens->mutex);
     return ok;
 }
 
-void srv_tokens_cancel_still(struct srv_tokens *tokens, const struct srv_grant *grant) {
+void srv_tokens_cancel_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant) {
     pthread_mutex_lock(&tokens->mutex);
-    grant->use->stills--;
+    grant->use->snapshots--;
     if (grant->quota.fps)
         grant->use->used_ms -= 1000.0 / grant->quota.fps;
     pthread_mutex_unlock(&tokens->mutex);
 }
 
-void srv_tokens_end_still(struct srv_tokens *tokens, const struct srv_grant *grant) {
+void srv_tokens_end_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant) {
     pthread_mutex_lock(&tokens->mutex);
-    grant->use->stills--;
+    grant->use->snapshots--;
     pthread_mutex_unlock(&tokens->mutex);
 }

@@ -40,10 +40,10 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
 
 /* One more picture by HTTP is under way with this grant. SP_ERR_BUDGET at SRV_PLACE_QUOTA: too many
  * are, or were within the last second. */
-bool srv_tokens_begin_still(struct srv_tokens *tokens, const struct srv_grant *grant, double now_ms,
-                            struct sp_error *err);
+bool srv_tokens_begin_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant,
+                               double now_ms, struct sp_error *err);
 /* It ends before it was begun in earnest: it does not count for the last second either. */
-void srv_tokens_cancel_still(struct srv_tokens *tokens, const struct srv_grant *grant);
-void srv_tokens_end_still(struct srv_tokens *tokens, const struct srv_grant *grant);
+void srv_tokens_cancel_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant);
+void srv_tokens_end_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant);
 
 #endif

@@ -16,15 +16,15 @@ struct srv_connection {
     int socket;
     struct sockaddr_storage address;
     char peer[SRV_ADDRESS_TEXT];
-    double deadline_ms; /* INFINITY = none */
-    struct srv_due due; /* the sweep looks at it no later than that */
+    double deadline_ms;   /* INFINITY = none */
+    struct srv_timer due; /* the sweep looks at it no later than that */
     unsigned requests;
 };
 
 struct srv_deadlines {
     pthread_mutex_t mutex;
     struct srv_connection *list;
-    struct srv_dues dues;
+    struct srv_timer_heap dues;
     size_t count;
 };
 
@@ -48,7 +48,7 @@ void srv_deadlines_destroy(struct srv_deadlines **deadlines) {
 static void set_deadline(struct srv_deadlines *deadlines, struct srv_connection *c,
                          double deadline_ms) {
     c->deadline_ms = deadline_ms > 0 ? deadline_ms : INFINITY;
-    srv_due_set_by(&deadlines->dues, &c->due, c->deadline_ms);
+    srv_timer_set_by(&deadlines->dues, &c->due, c->deadline_ms);
 }
 
 struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int socket,
@@ -83,7 +83,7 @@ void srv_deadlines_close(struct srv_deadlines *deadlines, struct srv_connection 
     if (c->next)
         c->next->previous = c->previous;
     deadlines->count--;
-    srv_due_clear(&deadlines->dues, &c->due);
+    srv_timer_clear(&deadlines->dues, &c->due);
     pthread_mutex_unlock(&deadlines->mutex);
     free(c);
 }
@@ -97,9 +97,9 @@ void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *c
 
 void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms) {
     pthread_mutex_lock(&deadlines->mutex);
-    for (struct srv_connection *c; (c = srv_due_take(&deadlines->dues, now_ms));) {
+    for (struct srv_connection *c; (c = srv_timer_take(&deadlines->dues, now_ms));) {
         if (c->deadline_ms > now_ms) {
-            srv_due_set(&deadlines->dues, &c->due, c->deadline_ms);
+            srv_timer_set(&deadlines->dues, &c->due, c->deadline_ms);
             continue;
         }
         sp_log(SP_LOG_INFO,

@@ -35,7 +35,7 @@ struct srv_http_options {
     struct srv_tokens *tokens;
     struct srv_streams *streams;
     struct srv_store *store;
-    struct srv_jobs *jobs;
+    struct srv_paths *paths;
     struct srv_metrics *metrics;
     const char *const *refusals; /* why other backends were not taken at the start */
     unsigned refusal_count;

@@ -6,7 +6,7 @@
 #ifndef SRV_HTTP_PAGING_H
 #define SRV_HTTP_PAGING_H
 
-#include "common/page.h"
+#include "common/pagination.h"
 #include "http/listener.h"
 
 /* A page for items of so many bytes, as the query says. False: the reply is the problem. */

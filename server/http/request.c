@@ -102,10 +102,10 @@ proto_json *srv_request_json(const struct srv_request *request, struct srv_reply
 
 bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
     const struct srv_http_options *app = request->app;
-    if (!srv_tokens_begin_still(app->tokens, &request->grant, srv_clock_ms(), err))
+    if (!srv_tokens_begin_snapshot(app->tokens, &request->grant, srv_clock_ms(), err))
         return false;
     if (!srv_snapshot_memory_reserve(app->snapshot_memory, bytes, err)) {
-        srv_tokens_cancel_still(app->tokens, &request->grant);
+        srv_tokens_cancel_snapshot(app->tokens, &request->grant);
         return false;
     }
     request->has_snapshot = true;
@@ -123,11 +123,11 @@ static void end_snapshot(struct srv_request *request,
 }
 
 void srv_request_end_snapshot(struct srv_request *request) {
-    end_snapshot(request, srv_tokens_end_still);
+    end_snapshot(request, srv_tokens_end_snapshot);
 }
 
 void srv_request_cancel_snapshot(struct srv_request *request) {
-    end_snapshot(request, srv_tokens_cancel_still);
+    end_snapshot(request, srv_tokens_cancel_snapshot);
 }
 
 void srv_request_suspend(struct srv_request *request) {

@@ -112,9 +112,9 @@ static void print_store(const struct srv_request *request, FILE *out) {
 }
 
 static void print_paths(const struct srv_request *request, FILE *out) {
-    struct srv_jobs_numbers n;
-    srv_jobs_numbers(request->app->jobs, &n);
-    gauge(out, "splatd_paths", "Camera paths, drawn or not", n.jobs);
+    struct srv_paths_stats n;
+    srv_paths_stats(request->app->paths, &n);
+    gauge(out, "splatd_paths", "Camera paths, drawn or not", n.paths);
     gauge(out, "splatd_paths_unfinished", "Those that are drawn or wait for it", n.unfinished);
     gauge(out, "splatd_paths_waiting", "Those of them that something is missing for", n.waiting);
     gauge(out, "splatd_path_bytes", "Their files", (double)n.bytes);

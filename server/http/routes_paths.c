@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Camera paths: jobs (jobs/jobs.h) and what they make.
+ * Camera paths: jobs (paths/paths.h) and what they make.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +41,7 @@ static proto_json *view_patch(const proto_json *body, struct srv_reply *reply) {
 
 /* On success view->volume is in use. */
 static bool resolve(struct srv_request *request, const proto_json *body,
-                    const struct srv_owner *owner, struct srv_job_view *view,
+                    const struct srv_owner *owner, struct srv_path_request *view,
                     struct srv_reply *reply) {
     struct sp_error err;
     void *volume = NULL;
@@ -68,7 +68,7 @@ static void reply_made(struct srv_request *request, proto_json *json, const char
     struct sp_error err;
     srv_reply_json(reply, 202, json);
     if (reply->status != 202) {
-        srv_jobs_remove(request->app->jobs, id, &err);
+        srv_paths_remove(request->app->paths, id, &err);
         return;
     }
     srv_reply_header(reply, "Location", "paths/%s", id);
@@ -79,15 +79,15 @@ static void reply_made(struct srv_request *request, proto_json *json, const char
 
 void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    struct srv_job_view view;
+    struct srv_path_request view;
     struct srv_owner owner;
-    char id[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES];
     bool is_full;
     proto_json *body = srv_request_json(request, reply);
     srv_request_owner(request, &owner);
     if (body && resolve(request, body, &owner, &view, reply)) {
         proto_json *json =
-            srv_jobs_add(request->app->jobs, body, &view, owner.name, id, &is_full, &err);
+            srv_paths_add(request->app->paths, body, &view, owner.name, id, &is_full, &err);
         srv_catalog_release(request->app->catalog, view.volume);
         if (json)
             reply_made(request, json, id, reply);
@@ -101,22 +101,22 @@ void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
 
 static proto_json *encode_item(void *user, const void *item) {
     (void)user;
-    return srv_job_note_encode(item);
+    return srv_path_info_encode(item);
 }
 
 /* Who may everything sees all paths, others their own. */
 void srv_get_paths(struct srv_request *request, struct srv_reply *reply) {
     bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
     struct srv_page page;
-    if (!srv_paging_begin(request, sizeof(struct srv_job_note), &page, reply))
+    if (!srv_paging_begin(request, sizeof(struct srv_path_info), &page, reply))
         return;
-    srv_jobs_list(request->app->jobs, sees_all ? NULL : request->grant.name, &page);
+    srv_paths_list(request->app->paths, sees_all ? NULL : request->grant.name, &page);
     srv_paging_reply(&page, "paths", encode_item, NULL, reply);
 }
 
 void srv_get_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    proto_json *json = srv_jobs_get(request->app->jobs, request->param, &err);
+    proto_json *json = srv_paths_get(request->app->paths, request->param, &err);
     if (json)
         srv_reply_json(reply, 200, json);
     else
@@ -125,7 +125,7 @@ void srv_get_path(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_path(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (!srv_jobs_remove(request->app->jobs, request->param, &err)) {
+    if (!srv_paths_remove(request->app->paths, request->param, &err)) {
         srv_reply_error(reply, &err);
         return;
     }
@@ -154,7 +154,7 @@ static void close_file(void *user) {
 }
 
 /* What a job made never changes. `name` tells it from the job's other results. */
-static void reply_file(struct srv_request *request, const struct srv_job_file *made,
+static void reply_file(struct srv_request *request, const struct srv_path_file *made,
                        const char *name, struct srv_reply *reply) {
     char etag[96];
     struct file *file = malloc(sizeof *file);
@@ -196,24 +196,24 @@ static void reply_file(struct srv_request *request, const struct srv_job_file *m
 
 void srv_get_path_frame(struct srv_request *request, struct srv_reply *reply) {
     enum { DIGITS_MAX = 9 };
-    struct srv_job_file file;
+    struct srv_path_file file;
     struct sp_error err;
     char *number = strchr(request->param, '/');
     *number++ = 0; /* the parameters are "ID/N" */
     size_t digits = strspn(number, "0123456789");
     if (number[digits] || digits > DIGITS_MAX)
         srv_reply_problem(reply, 404, NULL, "'%.32s' is no number of a frame", number);
-    else if (srv_jobs_open_frame(request->app->jobs, request->param,
-                                 (uint32_t)strtoul(number, NULL, 10), &file, &err))
+    else if (srv_paths_open_frame(request->app->paths, request->param,
+                                  (uint32_t)strtoul(number, NULL, 10), &file, &err))
         reply_file(request, &file, number, reply);
     else
         srv_reply_error(reply, &err);
 }
 
 void srv_get_path_movie(struct srv_request *request, struct srv_reply *reply) {
-    struct srv_job_file file;
+    struct srv_path_file file;
     struct sp_error err;
-    if (srv_jobs_open_movie(request->app->jobs, request->param, &file, &err))
+    if (srv_paths_open_movie(request->app->paths, request->param, &file, &err))
         reply_file(request, &file, "movie", reply);
     else
         srv_reply_error(reply, &err);
@@ -230,7 +230,7 @@ static void close_archive(void *user) {
 
 void srv_get_path_archive(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    struct srv_archive *archive = srv_jobs_open_archive(request->app->jobs, request->param, &err);
+    struct srv_archive *archive = srv_paths_open_archive(request->app->paths, request->param, &err);
     if (!archive) {
         srv_reply_error(reply, &err);
         return;
@@ -248,7 +248,7 @@ void srv_get_path_archive(struct srv_request *request, struct srv_reply *reply) 
 
 struct watching { /* one answer of events */
     struct srv_request *request;
-    struct srv_watch *watch;
+    struct srv_path_watch *watch;
     char *text; /* what is being sent; NULL = nothing */
     size_t size, at;
 };
@@ -274,8 +274,8 @@ static ssize_t read_events(void *user, char *bytes, size_t size) {
         free(w->text);
         w->text = NULL;
         w->at = w->size = 0;
-        switch (srv_watch_next(w->watch, &w->text, &w->size)) {
-        case SRV_WATCH_SLEEPS:
+        switch (srv_path_watch_next(w->watch, &w->text, &w->size)) {
+        case SRV_WATCH_WAITING:
             return SRV_BODY_PAUSED;
         case SRV_WATCH_OVER:
             return SRV_BODY_END;
@@ -293,7 +293,7 @@ static ssize_t read_events(void *user, char *bytes, size_t size) {
 
 static void end_events(void *user) {
     struct watching *w = user;
-    srv_watch_end(&w->watch);
+    srv_path_watch_end(&w->watch);
     free(w->text);
     free(w);
 }
@@ -303,11 +303,11 @@ void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
     struct watching *w = calloc(1, sizeof *w);
     bool is_over = false;
     if (w) {
-        const struct srv_watcher watcher = { w, on_sleep, on_wake, has_left };
+        const struct srv_path_watcher watcher = { w, on_sleep, on_wake, has_left };
         w->request = request;
         w->watch =
-            srv_jobs_watch(request->app->jobs, request->param,
-                           srv_request_header(request, "Last-Event-ID"), &watcher, &is_over, &err);
+            srv_paths_watch(request->app->paths, request->param,
+                            srv_request_header(request, "Last-Event-ID"), &watcher, &is_over, &err);
     }
     if (!w || !w->watch) {
         free(w);

@@ -29,7 +29,7 @@ enum { EVENTS = 8, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
 struct stream {
     struct stream *next, **link; /* of the list; `link` is what points to it */
     struct stream *next_dead;
-    struct srv_due due; /* a tick looks at it then */
+    struct srv_timer due; /* a tick looks at it then */
     struct srv_stream_start start;
     struct srv_ws *ws; /* NULL = lingers */
     uint8_t *extra;
@@ -51,7 +51,7 @@ struct srv_streams {
     bool drain, stop;     /* guarded by mutex */
     /* The thread's: nothing that happens to a stream, and no tick, looks at all of them. */
     struct stream *list, *dead;
-    struct srv_dues dues;
+    struct srv_timer_heap dues;
 };
 
 static void wake(struct srv_streams *s) {
@@ -130,7 +130,7 @@ static void send_and_watch(struct srv_streams *s, struct stream *stream, double 
 /* After anything happened to a stream. What is due of it is seen at the next tick. */
 static void settle(struct srv_streams *s, struct stream *stream, double now_ms) {
     send_and_watch(s, stream, now_ms);
-    srv_due_set_by(&s->dues, &stream->due, now_ms);
+    srv_timer_set_by(&s->dues, &stream->due, now_ms);
 }
 
 static void discard(struct srv_streams *s, struct stream *stream) {
@@ -209,7 +209,7 @@ static void reap(struct srv_streams *s, double now_ms) {
         *stream->link = stream->next;
         if (stream->next)
             stream->next->link = stream->link;
-        srv_due_clear(&s->dues, &stream->due);
+        srv_timer_clear(&s->dues, &stream->due);
         srv_ws_destroy(&stream->ws, now_ms);
         if (stream->events)
             epoll_ctl(s->epoll, EPOLL_CTL_DEL, stream->start.socket, NULL);
@@ -240,12 +240,12 @@ static void tick_stream(struct srv_streams *s, struct stream *stream, double now
     double due_ms = !stream->ws ? stream->linger_ms + LINGER_MS
                     : has_extra ? now_ms
                                 : srv_ws_deadline_ms(stream->ws);
-    srv_due_set(&s->dues, &stream->due, fmax(due_ms, now_ms + TICK_MS));
+    srv_timer_set(&s->dues, &stream->due, fmax(due_ms, now_ms + TICK_MS));
 }
 
 static void tick(struct srv_streams *s, double now_ms) {
     srv_ingress_tick(s->ingress);
-    for (struct stream *stream; (stream = srv_due_take(&s->dues, now_ms));)
+    for (struct stream *stream; (stream = srv_timer_take(&s->dues, now_ms));)
         if (!stream->dead)
             tick_stream(s, stream, now_ms);
     srv_hub_tick(s->options.hub, now_ms);

@@ -32,7 +32,7 @@ struct family {
 };
 static const struct family families[] = {
     { "splatd_frames_total", "Frames that streams were sent", NULL, SRV_COUNT_FRAMES, 1, { NULL } },
-    { "splatd_pictures_total", "Pictures drawn for requests", NULL, SRV_COUNT_PICTURES, 1, { 0 } },
+    { "splatd_pictures_total", "Pictures drawn for requests", NULL, SRV_COUNT_SNAPSHOTS, 1, { 0 } },
     { "splatd_drops_total",
       "Frames that were begun and not sent",
       "reason",

@@ -19,14 +19,14 @@ enum srv_timing {
     SRV_TIME_RENDER,   /* all of it, with the next one */
     SRV_TIME_READBACK, /* resolving to pixels in memory */
     SRV_TIME_ENCODE,
-    SRV_TIME_SEND, /* until the socket took all of it */
-    SRV_TIME_TRIP, /* from the begin of sending to its acknowledgement */
+    SRV_TIME_SEND,       /* until the socket took all of it */
+    SRV_TIME_ROUND_TRIP, /* from the begin of sending to its acknowledgement */
     SRV_TIMINGS
 };
 
 enum srv_counter {
-    SRV_COUNT_FRAMES,   /* to streams */
-    SRV_COUNT_PICTURES, /* to requests */
+    SRV_COUNT_FRAMES,    /* to streams */
+    SRV_COUNT_SNAPSHOTS, /* to requests */
     /* Frames that were begun and not sent, but for what the end of the daemon takes away: */
     SRV_COUNT_DROP_REPLACED, /* a newer one came before the socket was free */
     SRV_COUNT_DROP_LATE,     /* a newer one was there already */

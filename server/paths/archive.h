@@ -3,8 +3,8 @@
  * All frames of a job as one tar, made while it is read: nothing is held but the file at hand. The
  * only file that knows libarchive is archive.c.
  */
-#ifndef SRV_JOBS_ARCHIVE_H
-#define SRV_JOBS_ARCHIVE_H
+#ifndef SRV_PATHS_ARCHIVE_H
+#define SRV_PATHS_ARCHIVE_H
 
 #include <stdint.h>
 #include <sys/types.h>

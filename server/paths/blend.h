@@ -15,8 +15,8 @@
  *                      lists of different lengths, are a until u = 1
  *   c_min, c_max       a until u = 1 if one of them is automatic
  */
-#ifndef SRV_JOBS_BLEND_H
-#define SRV_JOBS_BLEND_H
+#ifndef SRV_PATHS_BLEND_H
+#define SRV_PATHS_BLEND_H
 
 #include "sp/view.h"
 

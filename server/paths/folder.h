@@ -4,8 +4,8 @@
  * all: it is written beside itself, synchronised and then renamed, so that what is found after a
  * crash can be used. Functions without a lock; one thread writes.
  */
-#ifndef SRV_JOBS_FOLDER_H
-#define SRV_JOBS_FOLDER_H
+#ifndef SRV_PATHS_FOLDER_H
+#define SRV_PATHS_FOLDER_H
 
 #include <stdbool.h>
 #include <stddef.h>

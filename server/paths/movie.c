@@ -61,7 +61,7 @@ static bool add_packets(struct srv_webm *webm, const struct srv_folder *folder, 
            sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
 }
 
-uint64_t srv_movie_room(uint64_t bytes, uint32_t packets) {
+uint64_t srv_movie_bytes_max(uint64_t bytes, uint32_t packets) {
     enum { FILE_BYTES = 512, PACKET_BYTES = 64 }; /* a packet may have a cluster and a cue */
     return bytes + FILE_BYTES + (uint64_t)PACKET_BYTES * packets;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the store has of jobs: {"owner", "view", "defaults", "content", "keyframes", "frames",
+ * What the store has of paths: {"owner", "view", "defaults", "content", "keyframes", "frames",
  * "fps", "format", "quality", "failed"?}, "content" being the fingerprint of the volume; or, of one
  * whose files are to be removed, {"removed": true}.
  */
@@ -24,70 +24,70 @@ static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_e
     return proto_view_apply(json, &defaults, view, err);
 }
 
-struct srv_path *srv_record_path(const proto_json *record, struct sp_error *err) {
+struct srv_keyframes *srv_path_record_keyframes(const proto_json *record, struct sp_error *err) {
     struct sp_view view, defaults;
     return read_whole(proto_json_get(record, "view"), &view, err) &&
                    read_whole(proto_json_get(record, "defaults"), &defaults, err)
-               ? srv_path_read(record, &view, &defaults, UINT32_MAX, err)
+               ? srv_keyframes_read(record, &view, &defaults, UINT32_MAX, err)
                : NULL;
 }
 
-proto_json *srv_record_read(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+proto_json *srv_path_record_read(struct srv_paths *paths, const char *id, struct sp_error *err) {
     size_t size;
-    pthread_mutex_lock(&jobs->records);
-    char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, err);
-    pthread_mutex_unlock(&jobs->records);
+    pthread_mutex_lock(&paths->records);
+    char *text = srv_store_get(paths->options.store, SRV_KIND_PATH, id, &size, err);
+    pthread_mutex_unlock(&paths->records);
     proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
     free(text);
     return record;
 }
 
-bool srv_record_put(struct srv_jobs *jobs, const struct srv_path_job *job,
-                    const struct srv_path *path, const proto_json *body,
-                    const struct sp_view *defaults, struct sp_error *err) {
+bool srv_path_record_put(struct srv_paths *paths, const struct srv_path *path,
+                         const struct srv_keyframes *keyframes, const proto_json *body,
+                         const struct sp_view *defaults, struct sp_error *err) {
     char content[SRV_FINGERPRINT_TEXT];
-    const struct srv_path_output *output = srv_path_output(path);
+    const struct srv_path_output *output = srv_keyframes_output(keyframes);
     proto_json *record = proto_json_object();
     proto_json *keys = (proto_json *)(uintptr_t)proto_json_get(body, "keyframes");
-    srv_fingerprint_encode(&job->content, content);
-    bool ok = proto_json_set_string(record, "owner", job->owner);
-    ok = proto_json_set(record, "view", proto_view_encode(srv_path_key(path, 0))) && ok;
+    srv_fingerprint_encode(&path->content, content);
+    bool ok = proto_json_set_string(record, "owner", path->owner);
+    ok = proto_json_set(record, "view", proto_view_encode(srv_keyframes_key(keyframes, 0))) && ok;
     ok = proto_json_set(record, "defaults", proto_view_encode(defaults)) && ok;
     ok = proto_json_set_string(record, "content", content) && ok;
     ok = proto_json_set(record, "keyframes", proto_json_ref(keys)) && ok;
     ok = proto_json_set_integer(record, "frames", output->frames) && ok;
     ok = proto_json_set_number(record, "fps", output->fps) && ok;
-    ok = proto_json_set_string(record, "format", srv_path_format(output)) && ok;
+    ok = proto_json_set_string(record, "format", srv_path_format_name(output)) && ok;
     ok = proto_json_set_integer(record, "quality", output->quality) && ok;
     size_t size = 0;
     char *text = ok ? proto_json_to_text(record, &size) : NULL;
-    ok = text ? srv_store_put(jobs->options.store, SRV_KIND_PATH, job->id, text, size, err)
+    ok = text ? srv_store_put(paths->options.store, SRV_KIND_PATH, path->id, text, size, err)
               : sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
     proto_json_free(&record);
     free(text);
     return ok;
 }
 
-void srv_record_fail(struct srv_jobs *jobs, const char *id, const char *reason) {
+void srv_path_record_fail(struct srv_paths *paths, const char *id, const char *reason) {
     struct sp_error err;
     size_t size = 0;
-    char *text = srv_store_get(jobs->options.store, SRV_KIND_PATH, id, &size, &err);
+    char *text = srv_store_get(paths->options.store, SRV_KIND_PATH, id, &size, &err);
     proto_json *json = text ? proto_json_parse(text, size, &err) : NULL;
     free(text);
     text = proto_json_set_string(json, "failed", reason) ? proto_json_to_text(json, &size) : NULL;
-    if (!text || !srv_store_put(jobs->options.store, SRV_KIND_PATH, id, text, size, &err))
+    if (!text || !srv_store_put(paths->options.store, SRV_KIND_PATH, id, text, size, &err))
         sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
                     "path %s failed, and that cannot be kept", id);
     free(text);
     proto_json_free(&json);
 }
 
-bool srv_record_remove(struct srv_jobs *jobs, const char *id, struct sp_error *err) {
+bool srv_path_record_remove(struct srv_paths *paths, const char *id, struct sp_error *err) {
     static const char removed[] = "{\"removed\":true}";
-    return srv_store_put(jobs->options.store, SRV_KIND_PATH, id, removed, sizeof removed - 1, err);
+    return srv_store_put(paths->options.store, SRV_KIND_PATH, id, removed, sizeof removed - 1, err);
 }
 
-bool srv_record_is_removed(const proto_json *record) {
+bool srv_path_record_is_removed(const proto_json *record) {
     bool is_removed = false;
     return proto_json_bool(proto_json_get(record, "removed"), &is_removed) && is_removed;
 }

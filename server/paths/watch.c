@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Those who watch a job: each is told what holds now, and sleeps until that changes.
+ * Those who watch a path: each is told what holds now, and sleeps until that changes.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,82 +12,82 @@
 #define SILENCE_MS 15000.0 /* after which a comment keeps proxies from giving up */
 
 /* The id of the event that tells what holds now: of two reasons there are two. */
-static void event_id(const struct srv_path_job *job, char id[32]) {
+static void event_id(const struct srv_path *path, char id[32]) {
     uint32_t hash = 2166136261; /* FNV-1a */
-    for (const char *c = job->reason; *c; c++)
+    for (const char *c = path->reason; *c; c++)
         hash = (hash ^ (uint8_t)*c) * 16777619;
-    int n = snprintf(id, 32, "%s-%u", srv_job_state_name(job), job->done);
-    if (job->reason[0])
+    int n = snprintf(id, 32, "%s-%u", srv_path_state_name(path), path->done);
+    if (path->reason[0])
         snprintf(id + n, 32 - (size_t)n, "-%08x", hash);
 }
 
-static bool is_over(const struct srv_path_job *job) {
-    return job->state == SRV_JOB_DONE || job->state == SRV_JOB_FAILED ||
-           atomic_load(&job->is_removed);
+static bool is_over(const struct srv_path *path) {
+    return path->state == SRV_PATH_DONE || path->state == SRV_PATH_FAILED ||
+           atomic_load(&path->is_removed);
 }
 
 /* With the mutex held. */
-static void wake(struct srv_watch *watch) {
+static void wake(struct srv_path_watch *watch) {
     if (!watch->is_asleep)
         return;
     watch->is_asleep = false;
     watch->watcher.wake(watch->watcher.user);
 }
 
-void srv_jobs_tell(struct srv_jobs *jobs, const struct srv_path_job *job) {
-    for (struct srv_watch *watch = jobs->watches; watch; watch = watch->next)
-        if (watch->job == job)
+void srv_paths_tell(struct srv_paths *paths, const struct srv_path *path) {
+    for (struct srv_path_watch *watch = paths->watches; watch; watch = watch->next)
+        if (watch->path == path)
             wake(watch);
 }
 
-void srv_jobs_close(struct srv_jobs *jobs) {
-    pthread_mutex_lock(&jobs->mutex);
-    atomic_store(&jobs->stop, true);
-    for (struct srv_watch *watch = jobs->watches; watch; watch = watch->next)
+void srv_paths_close(struct srv_paths *paths) {
+    pthread_mutex_lock(&paths->mutex);
+    atomic_store(&paths->stop, true);
+    for (struct srv_path_watch *watch = paths->watches; watch; watch = watch->next)
         wake(watch);
-    pthread_cond_broadcast(&jobs->wake);
-    pthread_mutex_unlock(&jobs->mutex);
+    pthread_cond_broadcast(&paths->wake);
+    pthread_mutex_unlock(&paths->mutex);
 }
 
-void srv_jobs_tick(struct srv_jobs *jobs, double now_ms) {
-    pthread_mutex_lock(&jobs->mutex);
-    for (struct srv_watch *watch = jobs->watches; watch; watch = watch->next)
+void srv_paths_tick(struct srv_paths *paths, double now_ms) {
+    pthread_mutex_lock(&paths->mutex);
+    for (struct srv_path_watch *watch = paths->watches; watch; watch = watch->next)
         if (watch->is_asleep &&
             (now_ms - watch->told_ms >= SILENCE_MS || watch->watcher.is_gone(watch->watcher.user)))
             wake(watch);
-    pthread_mutex_unlock(&jobs->mutex);
+    pthread_mutex_unlock(&paths->mutex);
 }
 
-struct srv_watch *srv_jobs_watch(struct srv_jobs *jobs, const char *id, const char *after,
-                                 const struct srv_watcher *watcher, bool *over,
-                                 struct sp_error *err) {
-    struct srv_watch *watch = calloc(1, sizeof *watch);
+struct srv_path_watch *srv_paths_watch(struct srv_paths *paths, const char *id, const char *after,
+                                       const struct srv_path_watcher *watcher, bool *over,
+                                       struct sp_error *err) {
+    struct srv_path_watch *watch = calloc(1, sizeof *watch);
     *over = false;
     if (!watch) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to watch a path");
         return NULL;
     }
-    watch->jobs = jobs;
+    watch->paths = paths;
     watch->watcher = *watcher;
     watch->told_ms = srv_clock_ms();
     snprintf(watch->last, sizeof watch->last, "%s", after ? after : "");
-    pthread_mutex_lock(&jobs->mutex);
-    struct srv_path_job *job = jobs->list;
-    while (job && strcmp(job->id, id) != 0)
-        job = job->next;
-    if (job) {
+    pthread_mutex_lock(&paths->mutex);
+    struct srv_path *path = paths->list;
+    while (path && strcmp(path->id, id) != 0)
+        path = path->next;
+    if (path) {
         char now[32];
-        event_id(job, now);
-        *over = is_over(job) && strcmp(now, watch->last) == 0;
+        event_id(path, now);
+        *over = is_over(path) && strcmp(now, watch->last) == 0;
     }
-    if (job && !*over) {
-        job->refs++;
-        watch->job = job;
-        watch->next = jobs->watches;
-        jobs->watches = watch;
+    if (path && !*over) {
+        path->refs++;
+        watch->path = path;
+        watch->next = paths->watches;
+        paths->watches = watch;
     }
-    pthread_mutex_unlock(&jobs->mutex);
-    if (watch->job)
+    pthread_mutex_unlock(&paths->mutex);
+    if (watch->path)
         return watch;
     if (!*over)
         sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no path '%.64s'", id);
@@ -95,31 +95,31 @@ struct srv_watch *srv_jobs_watch(struct srv_jobs *jobs, const char *id, const ch
     return NULL;
 }
 
-void srv_watch_end(struct srv_watch **pointer) {
-    struct srv_watch *watch = *pointer;
+void srv_path_watch_end(struct srv_path_watch **pointer) {
+    struct srv_path_watch *watch = *pointer;
     *pointer = NULL;
     if (!watch)
         return;
-    struct srv_jobs *jobs = watch->jobs;
-    pthread_mutex_lock(&jobs->mutex);
-    struct srv_watch **at = &jobs->watches;
+    struct srv_paths *paths = watch->paths;
+    pthread_mutex_lock(&paths->mutex);
+    struct srv_path_watch **at = &paths->watches;
     while (*at != watch)
         at = &(*at)->next;
     *at = watch->next;
-    srv_job_unref(watch->job);
-    pthread_mutex_unlock(&jobs->mutex);
+    srv_path_unref(watch->path);
+    pthread_mutex_unlock(&paths->mutex);
     free(watch);
 }
 
 /* With the mutex held. */
-static char *event_text(const struct srv_path_job *job, const char *id, size_t *size) {
-    struct srv_job_note note;
-    srv_job_note(job, &note);
-    proto_json *json = srv_job_note_encode(&note);
+static char *event_text(const struct srv_path *path, const char *id, size_t *size) {
+    struct srv_path_info note;
+    srv_path_describe(path, &note);
+    proto_json *json = srv_path_info_encode(&note);
     char *data = proto_json_to_text(json, NULL), *text = NULL;
-    const char *name = atomic_load(&job->is_removed) ? "removed"
-                       : is_over(job)                ? srv_job_state_name(job)
-                                                     : "progress";
+    const char *name = atomic_load(&path->is_removed) ? "removed"
+                       : is_over(path)                ? srv_path_state_name(path)
+                                                      : "progress";
     int n = data ? asprintf(&text, "id: %s\nevent: %s\ndata: %s\n\n", id, name, data) : -1;
     *size = n < 0 ? 0 : (size_t)n;
     proto_json_free(&json);
@@ -127,21 +127,22 @@ static char *event_text(const struct srv_path_job *job, const char *id, size_t *
     return n < 0 ? NULL : text;
 }
 
-enum srv_watched srv_watch_next(struct srv_watch *watch, char **text, size_t *size) {
-    struct srv_jobs *jobs = watch->jobs;
-    struct srv_path_job *job = watch->job;
-    enum srv_watched result = SRV_WATCH_OVER;
+enum srv_path_watch_result srv_path_watch_next(struct srv_path_watch *watch, char **text,
+                                               size_t *size) {
+    struct srv_paths *paths = watch->paths;
+    struct srv_path *path = watch->path;
+    enum srv_path_watch_result result = SRV_WATCH_OVER;
     double now_ms = srv_clock_ms();
     char now[32];
     *text = NULL;
-    pthread_mutex_lock(&jobs->mutex);
-    event_id(job, now);
-    if (atomic_load(&job->is_removed))
+    pthread_mutex_lock(&paths->mutex);
+    event_id(path, now);
+    if (atomic_load(&path->is_removed))
         snprintf(now, sizeof now, "removed");
     bool has_news = strcmp(now, watch->last) != 0;
     if (has_news)
-        *text = event_text(job, now, size);
-    else if (!is_over(job) && now_ms - watch->told_ms >= SILENCE_MS)
+        *text = event_text(path, now, size);
+    else if (!is_over(path) && now_ms - watch->told_ms >= SILENCE_MS)
         *text = strdup(":\n\n"); /* a comment */
     if (*text && !has_news)
         *size = strlen(*text);
@@ -151,12 +152,12 @@ enum srv_watched srv_watch_next(struct srv_watch *watch, char **text, size_t *si
         result = SRV_WATCH_EVENT;
     } else if (has_news) {
         result = SRV_WATCH_FAILED;
-    } else if (!is_over(job) && !atomic_load(&jobs->stop) &&
+    } else if (!is_over(path) && !atomic_load(&paths->stop) &&
                !watch->watcher.is_gone(watch->watcher.user)) {
         watch->watcher.sleep(watch->watcher.user);
         watch->is_asleep = true;
-        result = SRV_WATCH_SLEEPS;
+        result = SRV_WATCH_WAITING;
     }
-    pthread_mutex_unlock(&jobs->mutex);
+    pthread_mutex_unlock(&paths->mutex);
     return result;
 }

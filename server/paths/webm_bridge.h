@@ -3,8 +3,8 @@
  * A WebM file of one VP9 track, written packet by packet. The only file that knows libmatroska is
  * webm_bridge.cpp.
  */
-#ifndef SRV_JOBS_WEBM_BRIDGE_H
-#define SRV_JOBS_WEBM_BRIDGE_H
+#ifndef SRV_PATHS_WEBM_BRIDGE_H
+#define SRV_PATHS_WEBM_BRIDGE_H
 
 #include <stdbool.h>
 #include <stddef.h>

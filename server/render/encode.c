@@ -68,7 +68,7 @@ static void encode_still(struct srv_render_pool *s, struct sp_encoder *encoder,
         count_render(s, &work->frame->stats);
     if (!known)
         srv_metrics_time(s->options.metrics, SRV_TIME_ENCODE, result.encode_ms);
-    srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_PICTURES : SRV_COUNT_DROP_FAILED, 1);
+    srv_metrics_add(s->options.metrics, result.ok ? SRV_COUNT_SNAPSHOTS : SRV_COUNT_DROP_FAILED, 1);
     srv_snapshot_answer(s, work->still, &result);
     srv_blob_unref(&known);
 }
@@ -298,7 +298,7 @@ static void *encode_main(void *user) {
     struct srv_encode_thread *thread = user;
     struct srv_render_pool *s = thread->render_pool;
     if (thread->is_nice)
-        srv_be_nice("an encode thread");
+        srv_background_thread_enter("an encode thread");
     pthread_mutex_lock(&s->mutex);
     for (;;) {
         struct srv_encode_task work;

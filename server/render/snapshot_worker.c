@@ -219,7 +219,8 @@ static void render_still(struct srv_render_pool *s, struct srv_snapshot_entry *i
 void *srv_snapshot_worker_main(void *user) {
     struct srv_render_pool *s = user;
     struct srv_worker *lane = &s->lanes[SRV_WORKER_SNAPSHOT];
-    srv_be_nice("the still lane"); /* and so are the renderer's threads, which it will start */
+    srv_background_thread_enter(
+        "the still lane"); /* and so are the renderer's threads, which it will start */
     for (;;) {
         struct srv_worker_round turn = srv_worker_look(s, SRV_WORKER_SNAPSHOT);
         srv_worker_evict(lane, turn.forget);

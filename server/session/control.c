@@ -112,8 +112,8 @@ bool srv_call_request_control(struct srv_call *call) {
     if (!srv_control_take(call->hub, p, call->now_ms) && !is_asking(p)) {
         p->asked = ++call->hub->next_request;
         p->asked_ms = call->now_ms;
-        srv_due_set_by(&call->hub->dues, &p->session->due,
-                       p->asked_ms + call->hub->options.control_ms);
+        srv_timer_set_by(&call->hub->dues, &p->session->due,
+                         p->asked_ms + call->hub->options.control_ms);
         srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_CONTROL);
     }
     return answer(call);

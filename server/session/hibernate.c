@@ -20,14 +20,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/page.h"
+#include "common/pagination.h"
 #include "protocol/view.h"
 #include "session/hub_private.h"
 #include "sp/log.h"
 
 struct srv_sleeper {
     struct srv_sleeper *next;
-    struct srv_due end; /* it has slept for too long then */
+    struct srv_timer end; /* it has slept for too long then */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
@@ -51,7 +51,7 @@ static bool is_saved(const struct srv_hub *hub, const struct srv_session *s, dou
 
 static void set_unsaved(struct srv_hub *hub, struct srv_session *session) {
     if (!session->unsaved.is_set)
-        srv_due_set(&hub->unsaved, &session->unsaved, (double)++hub->next_unsaved);
+        srv_timer_set(&hub->unsaved, &session->unsaved, (double)++hub->next_unsaved);
 }
 
 static void tell_unsaved(struct srv_hub *hub) {
@@ -90,7 +90,7 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
     const struct srv_session *next;
     pthread_mutex_lock(&hub->mutex);
     do
-        next = srv_due_take(&hub->unsaved, (double)last);
+        next = srv_timer_take(&hub->unsaved, (double)last);
     while (next && is_saved(hub, next, now_ms));
     if (next) {
         snapshot->number = next->number;
@@ -173,14 +173,14 @@ static void link_sleeper(struct srv_hub *hub, struct srv_sleeper *sleeper) {
     *bucket = sleeper;
     hub->sleeper_count++;
     sleeper->end.of = sleeper;
-    srv_due_set(&hub->sleeper_dues, &sleeper->end, sleeper->used_ms + hub->options.sleep_ms);
+    srv_timer_set(&hub->sleeper_dues, &sleeper->end, sleeper->used_ms + hub->options.sleep_ms);
 }
 
 static void unlink_sleeper(struct srv_hub *hub, struct srv_sleeper **link) {
     struct srv_sleeper *sleeper = *link;
     *link = sleeper->next;
     hub->sleeper_count--;
-    srv_due_clear(&hub->sleeper_dues, &sleeper->end);
+    srv_timer_clear(&hub->sleeper_dues, &sleeper->end);
     free(sleeper);
 }
 
@@ -319,14 +319,15 @@ bool srv_hub_forget_sleeper(struct srv_hub *hub, const char *id) {
 }
 
 double srv_hub_end_sleepers(struct srv_hub *hub, double now_ms) {
-    for (const struct srv_sleeper *sleeper; (sleeper = srv_due_take(&hub->sleeper_dues, now_ms));) {
+    for (const struct srv_sleeper *sleeper;
+         (sleeper = srv_timer_take(&hub->sleeper_dues, now_ms));) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", sleeper->id }),
                     "session %s ended: nobody asked for it for %.0f s (--sleep-time)", sleeper->id,
                     hub->options.sleep_ms / 1000);
         srv_hub_ended(hub, sleeper->id);
         unlink_sleeper(hub, find(hub, sleeper->id));
     }
-    return srv_due_next(&hub->sleeper_dues);
+    return srv_timer_next(&hub->sleeper_dues);
 }
 
 unsigned srv_hub_count_sleepers(const struct srv_hub *hub, const char *owner) {

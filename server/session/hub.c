@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/page.h"
+#include "common/pagination.h"
 #include "config/tokens.h"
 #include "protocol/view.h"
 #include "session/hub_private.h"
@@ -231,7 +231,7 @@ void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, doub
     *bucket = session;
     hub->session_count++;
     session->due.of = session->unsaved.of = session;
-    srv_due_set(&hub->dues, &session->due, end_of_use_ms(hub, session));
+    srv_timer_set(&hub->dues, &session->due, end_of_use_ms(hub, session));
 }
 
 /* May this owner have one more session, awake or asleep? */
@@ -408,8 +408,8 @@ static void session_unlink(struct srv_hub *hub, struct srv_session *session) {
         link = &(*link)->next_awake;
     *link = session->next_awake;
     hub->session_count--;
-    srv_due_clear(&hub->dues, &session->due);
-    srv_due_clear(&hub->unsaved, &session->unsaved);
+    srv_timer_clear(&hub->dues, &session->due);
+    srv_timer_clear(&hub->unsaved, &session->unsaved);
     srv_turn_rest(hub, session);
     srv_hub_abandon(hub, session);
 }
@@ -506,13 +506,13 @@ static void retire(struct srv_hub *hub, struct srv_session *session, double now_
     } else if (!is_saved(session)) {
         srv_hub_unsaved(hub, session);
     } else if (!fall_asleep(hub, session, why)) {
-        srv_due_set(&hub->dues, &session->due, now_ms + RETRY_MS);
+        srv_timer_set(&hub->dues, &session->due, now_ms + RETRY_MS);
     }
 }
 
 void srv_hub_saved(struct srv_hub *hub, struct srv_session *session) {
     if (session->participant_count == 0)
-        srv_due_set_by(&hub->dues, &session->due, end_of_use_ms(hub, session));
+        srv_timer_set_by(&hub->dues, &session->due, end_of_use_ms(hub, session));
 }
 
 /* Does what is due of it, and sets when something is next. */
@@ -520,16 +520,16 @@ static void look_at(struct srv_hub *hub, struct srv_session *session, double now
     bool is_used = session->participant_count > 0;
     double at_ms = is_used ? srv_control_tick(hub, session, now_ms) : end_of_use_ms(hub, session);
     if (at_ms > now_ms)
-        srv_due_set(&hub->dues, &session->due, at_ms);
+        srv_timer_set(&hub->dues, &session->due, at_ms);
     else
         retire(hub, session, now_ms);
 }
 
 double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
-    for (struct srv_session *s; (s = srv_due_take(&hub->dues, now_ms));)
+    for (struct srv_session *s; (s = srv_timer_take(&hub->dues, now_ms));)
         look_at(hub, s, now_ms);
-    double next_ms = fmin(srv_due_next(&hub->dues), srv_hub_end_sleepers(hub, now_ms));
+    double next_ms = fmin(srv_timer_next(&hub->dues), srv_hub_end_sleepers(hub, now_ms));
     srv_hub_note_time(hub, now_ms);
     pthread_mutex_unlock(&hub->mutex);
     return fmin(next_ms - now_ms, 1000);

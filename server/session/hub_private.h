@@ -99,11 +99,11 @@ struct srv_session {
     struct srv_session *next, **link; /* of the hub's list; `link` is what points to it */
     struct srv_session *next_awake;   /* of its bucket */
     struct srv_session *next_busy;
-    struct srv_due due;     /* when srv_hub_tick() looks at it */
-    struct srv_due unsaved; /* in the order of changes */
-    bool is_busy;           /* in the hub's list of those */
-    unsigned jobs, dear;    /* under way; the dear ones of them */
-    uint64_t number;        /* unique */
+    struct srv_timer due;     /* when srv_hub_tick() looks at it */
+    struct srv_timer unsaved; /* in the order of changes */
+    bool is_busy;             /* in the hub's list of those */
+    unsigned jobs, dear;      /* under way; the dear ones of them */
+    uint64_t number;          /* unique */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* by role */
     struct srv_owner owner;               /* its name is constant */
@@ -147,8 +147,8 @@ struct srv_hub {
     pthread_mutex_t mutex;
     struct srv_session *sessions;
     struct srv_session *awake[SRV_HUB_BUCKETS]; /* the same, by id */
-    struct srv_dues dues;    /* of sessions, when the time alone may change something of them */
-    struct srv_dues unsaved; /* sessions of which srv_hub_save() may have something to save */
+    struct srv_timer_heap dues; /* of sessions, when the time alone may change something of them */
+    struct srv_timer_heap unsaved; /* sessions of which srv_hub_save() may have something to save */
     uint64_t next_unsaved;
     struct srv_session *busy; /* those where a picture may be wanted, now or by time: nothing that
                                  is done for a frame looks at the others */
@@ -156,8 +156,8 @@ struct srv_hub {
     unsigned participant_count, role_counts[2];    /* in all, and by role */
     struct srv_sleeper *sleepers[SRV_HUB_BUCKETS]; /* keep.c */
     unsigned sleeper_count;
-    struct srv_dues sleeper_dues; /* their ends */
-    double noted_ms;              /* when the time of use was last to be saved */
+    struct srv_timer_heap sleeper_dues; /* their ends */
+    double noted_ms;                    /* when the time of use was last to be saved */
     uint64_t next_number, next_participant, next_order, next_request;
     struct srv_participant *ready_head, *ready_tail;
     struct srv_volume_note volumes[SRV_HUB_VOLUMES];

@@ -132,7 +132,7 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
         session->empty_ms = now_ms;
         if (session->participant_count == 0) {
             srv_hub_abandon(hub, session);
-            srv_due_set_by(&hub->dues, &session->due, now_ms + hub->options.session_idle_ms);
+            srv_timer_set_by(&hub->dues, &session->due, now_ms + hub->options.session_idle_ms);
         }
         srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
         srv_control_leave(hub, session, p, now_ms);

@@ -283,7 +283,7 @@ static bool stream_ack(struct srv_call *call) {
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
                                "must be the number of a frame that was sent");
     if (sent_ms > 0)
-        srv_metrics_time(call->hub->options.metrics, SRV_TIME_TRIP, call->now_ms - sent_ms);
+        srv_metrics_time(call->hub->options.metrics, SRV_TIME_ROUND_TRIP, call->now_ms - sent_ms);
     srv_hub_work(call->hub, p->session);
     call->result = proto_json_object();
     return true;

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "common/clock.h"
-#include "common/page.h"
+#include "common/pagination.h"
 #include "sp/log.h"
 #include "store/database.h"
 #include "store/table.h"

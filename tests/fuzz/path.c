@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "paths/path.h"
+#include "paths/keyframes.h"
 #include "tests/protocol/fixture.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -18,17 +18,17 @@ static void require(bool ok) {
         abort();
 }
 
-static void check_path(const struct srv_path *path) {
+static void check_path(const struct srv_keyframes *keyframes) {
     struct sp_error err;
     struct sp_view view;
-    uint32_t frames = srv_path_output(path)->frames;
-    require(frames >= 1 && srv_path_format(srv_path_output(path)) != NULL);
-    for (unsigned i = 0; srv_path_key(path, i); i++)
-        require(sp_view_validate(srv_path_key(path, i), &err));
+    uint32_t frames = srv_keyframes_output(keyframes)->frames;
+    require(frames >= 1 && srv_path_format_name(srv_keyframes_output(keyframes)) != NULL);
+    for (unsigned i = 0; srv_keyframes_key(keyframes, i); i++)
+        require(sp_view_validate(srv_keyframes_key(keyframes, i), &err));
     for (uint32_t n = 0; n <= 16; n++) {
         err.place[0] = 0;
         uint32_t frame = (uint32_t)((uint64_t)(frames - 1) * n / 16);
-        if (srv_path_view(path, frame, &view, &err))
+        if (srv_keyframes_view(keyframes, frame, &view, &err))
             require(sp_view_validate(&view, &err));
         else
             require(err.code == SP_ERR_INVALID && err.place[0] == '/' && err.text[0]);
@@ -41,12 +41,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         defaults = fixture_view();
     struct sp_error err = { 0 };
     proto_json *json = proto_json_parse((const char *)data, size, &err);
-    struct srv_path *path = json ? srv_path_read(json, &defaults, &defaults, 100000, &err) : NULL;
-    if (path)
-        check_path(path);
+    struct srv_keyframes *keyframes =
+        json ? srv_keyframes_read(json, &defaults, &defaults, 100000, &err) : NULL;
+    if (keyframes)
+        check_path(keyframes);
     else if (json)
         require(err.code == SP_ERR_INVALID && err.place[0] == '/' && err.text[0]);
-    srv_path_free(&path);
+    srv_keyframes_free(&keyframes);
     proto_json_free(&json);
     return 0;
 }

@@ -14,8 +14,8 @@
 
 enum { COUNT = 60, STEPS = 20000, TIMES = 50 };
 
-static struct srv_dues dues;
-static struct srv_due nodes[COUNT];
+static struct srv_timer_heap dues;
+static struct srv_timer nodes[COUNT];
 static double model[COUNT]; /* INFINITY = not set */
 
 static unsigned dice(unsigned sides) {
@@ -35,7 +35,7 @@ static double least(void) {
 
 static void take(double now) {
     double at = least();
-    struct srv_due *due = srv_due_take(&dues, now);
+    struct srv_timer *due = srv_timer_take(&dues, now);
     if (at > now) {
         assert_null(due);
         return;
@@ -53,19 +53,19 @@ static void what_is_due_comes_in_order(void **state) {
         nodes[i].of = &nodes[i];
         model[i] = INFINITY;
     }
-    assert_true(srv_due_next(&dues) == INFINITY);
+    assert_true(srv_timer_next(&dues) == INFINITY);
     unsigned most = 0;
     for (int step = 0; step < STEPS; step++) {
         unsigned i = dice(COUNT), what = dice(8);
         double at = dice(TIMES);
         if (what < 3) {
-            srv_due_set(&dues, &nodes[i], at);
+            srv_timer_set(&dues, &nodes[i], at);
             model[i] = at;
         } else if (what < 5) {
-            srv_due_set_by(&dues, &nodes[i], at);
+            srv_timer_set_by(&dues, &nodes[i], at);
             model[i] = fmin(model[i], at);
         } else if (what == 5) {
-            srv_due_clear(&dues, &nodes[i]);
+            srv_timer_clear(&dues, &nodes[i]);
             model[i] = INFINITY;
         } else {
             take(at / 4);
@@ -76,25 +76,25 @@ static void what_is_due_comes_in_order(void **state) {
             set += nodes[k].is_set;
         }
         most = set > most ? set : most;
-        assert_true(srv_due_next(&dues) == least());
+        assert_true(srv_timer_next(&dues) == least());
     }
     assert_true(most > COUNT / 2);
     while (least() < INFINITY)
         take(TIMES);
-    assert_null(srv_due_take(&dues, INFINITY));
+    assert_null(srv_timer_take(&dues, INFINITY));
 }
 
 static void never_is_not_set(void **state) {
     (void)state;
-    struct srv_due due = { .of = &due };
-    srv_due_set_by(&dues, &due, INFINITY);
+    struct srv_timer due = { .of = &due };
+    srv_timer_set_by(&dues, &due, INFINITY);
     assert_false(due.is_set);
-    srv_due_set(&dues, &due, 5);
-    srv_due_set_by(&dues, &due, INFINITY);
-    assert_true(srv_due_next(&dues) == 5);
-    srv_due_set(&dues, &due, INFINITY);
+    srv_timer_set(&dues, &due, 5);
+    srv_timer_set_by(&dues, &due, INFINITY);
+    assert_true(srv_timer_next(&dues) == 5);
+    srv_timer_set(&dues, &due, INFINITY);
     assert_false(due.is_set);
-    assert_null(srv_due_take(&dues, INFINITY));
+    assert_null(srv_timer_take(&dues, INFINITY));
 }
 
 int main(void) {

@@ -40,7 +40,7 @@ static void one_line_may_do_everything(void **state) {
         assert_int_equal(count, 1);
         assert_string_equal(list->text, A);
         assert_int_equal(list->rights, ALL);
-        assert_int_equal(list->quota.sessions + list->quota.stills + list->quota.fps, 0);
+        assert_int_equal(list->quota.sessions + list->quota.snapshots + list->quota.fps, 0);
         assert_int_equal(list->quota.frame_px, 0);
         free(list);
     }
@@ -60,7 +60,7 @@ static void lines_have_roles_and_quotas(void **state) {
     assert_string_equal(list[0].name, "ann");
     assert_int_equal(list[0].rights, SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL);
     assert_int_equal(list[0].quota.sessions, 3);
-    assert_int_equal(list[0].quota.stills, 2);
+    assert_int_equal(list[0].quota.snapshots, 2);
     assert_int_equal(list[0].quota.views, 7);
     assert_int_equal(list[0].quota.paths, 5);
     assert_int_equal(list[0].quota.fps, 24);
@@ -257,7 +257,7 @@ static void found_wherever_it_stands(void **state) {
 
 static bool begin(struct srv_tokens *tokens, const struct srv_grant *grant, double now_ms) {
     struct sp_error err = { .code = SP_OK };
-    bool ok = srv_tokens_begin_still(tokens, grant, now_ms, &err);
+    bool ok = srv_tokens_begin_snapshot(tokens, grant, now_ms, &err);
     if (!ok) {
         assert_int_equal(err.code, SP_ERR_BUDGET);
         assert_string_equal(err.place, SRV_PLACE_QUOTA);
@@ -275,11 +275,11 @@ static void what_was_not_drawn_is_not_counted(void **state) {
     for (int i = 0; i < 5; i++) {
         assert_true(begin(tokens, &grant, 5000));
         assert_false(begin(tokens, &grant, 5000));
-        srv_tokens_cancel_still(tokens, &grant);
+        srv_tokens_cancel_snapshot(tokens, &grant);
     }
     for (int i = 0; i < 2; i++) {
         assert_true(begin(tokens, &grant, 5000));
-        srv_tokens_end_still(tokens, &grant);
+        srv_tokens_end_snapshot(tokens, &grant);
     }
     assert_false(begin(tokens, &grant, 5000));
     srv_tokens_give_back(tokens, &grant);
@@ -300,13 +300,13 @@ static void quotas_outlive_a_reload(void **state) {
     set(tokens, B " name=ann stills=2\n"); /* a new token for ann; bob's is gone */
     srv_tokens_find(tokens, B, &fresh);
     assert_false(begin(tokens, &fresh, 0));
-    srv_tokens_end_still(tokens, &old);
+    srv_tokens_end_snapshot(tokens, &old);
     assert_true(begin(tokens, &fresh, 0));
-    srv_tokens_end_still(tokens, &fresh);
-    srv_tokens_end_still(tokens, &old);
+    srv_tokens_end_snapshot(tokens, &fresh);
+    srv_tokens_end_snapshot(tokens, &old);
     /* What bob has begun ends in its time. */
     assert_true(begin(tokens, &gone, 1e6));
-    srv_tokens_end_still(tokens, &gone);
+    srv_tokens_end_snapshot(tokens, &gone);
     srv_tokens_give_back(tokens, &old);
     srv_tokens_find(tokens, A, &old);
     assert_int_equal(old.rights, 0);
@@ -347,7 +347,7 @@ static void pictures_a_second(void **state) {
     srv_tokens_find(tokens, A, &grant);
     for (double now_ms = 1e6; now_ms < 1e6 + 10000; now_ms += 20)
         if (begin(tokens, &grant, now_ms)) {
-            srv_tokens_end_still(tokens, &grant);
+            srv_tokens_end_snapshot(tokens, &grant);
             drawn++;
         }
     assert_in_range(drawn, 53, 55); /* what was not used for a second, and 5 in each of ten */

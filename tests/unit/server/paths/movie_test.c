@@ -134,7 +134,7 @@ static uint64_t room_of(const char *id, uint32_t packets) {
         snprintf(name, sizeof name, "%06u.vp9", i);
         assert_true(srv_folder_size(&folder, id, name, &length));
     }
-    return srv_movie_room(bytes, packets);
+    return srv_movie_bytes_max(bytes, packets);
 }
 
 /* The movie, malloc'ed. */

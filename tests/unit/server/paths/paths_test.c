@@ -113,8 +113,8 @@ static struct fixture {
     struct srv_store *store;
     struct srv_tokens *tokens;
     struct render_fixture render;
-    struct srv_jobs *jobs;
-    _Atomic(struct srv_jobs *) told; /* of volumes */
+    struct srv_paths *paths;
+    _Atomic(struct srv_paths *) told; /* of volumes */
 } f;
 
 /* A path that fails while somebody deletes it: each of the two comes as far as it can while the
@@ -152,7 +152,7 @@ bool __wrap_srv_store_put(struct srv_store *store, enum srv_kind kind, const cha
 int __real_pthread_mutex_lock(pthread_mutex_t *mutex);
 int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex);
 int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex) {
-    bool is_records = race.order != NONE && f.jobs && mutex == &f.jobs->records;
+    bool is_records = race.order != NONE && f.paths && mutex == &f.paths->records;
     if (is_records && deletes)
         atomic_store(&race.is_at_records, true);
     if (is_records && !deletes && race.order == IS_DELETED_FIRST &&
@@ -166,19 +166,19 @@ int __wrap_pthread_mutex_lock(pthread_mutex_t *mutex) {
 
 static void *delete (void *id) {
     deletes = true;
-    assert_true(srv_jobs_remove(f.jobs, id, NULL));
+    assert_true(srv_paths_remove(f.paths, id, NULL));
     atomic_store(&race.is_deleted, true);
     return NULL;
 }
 
 static void on_volume(const char *id, const char *state) {
-    struct srv_jobs *jobs = atomic_load(&f.told);
+    struct srv_paths *paths = atomic_load(&f.told);
     while (strcmp(state, "loading") == 0 && atomic_load(&gate.hold_loads))
         sched_yield();
-    if (jobs && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
-        srv_jobs_unloaded(jobs, id);
-    else if (jobs)
-        srv_jobs_wake(jobs);
+    if (paths && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
+        srv_paths_unloaded(paths, id);
+    else if (paths)
+        srv_paths_wake(paths);
 }
 
 static enum srv_volume_state load(const char *id, const char *source) {
@@ -215,20 +215,20 @@ static void begin_lanes(void) {
 }
 
 static void begin_jobs(void) {
-    struct srv_jobs_options jobs = { .catalog = f.render.catalog,
-                                     .render_pool = f.render.render_pool,
-                                     .store = f.store,
-                                     .metrics = f.render.metrics,
-                                     .tokens = f.tokens,
-                                     .state = f.state,
-                                     .jobs_max = 8,
-                                     .frames_max = FRAMES,
-                                     .bytes_max = 1 << 20,
-                                     .video_px = 1 << 20 };
-    f.jobs = srv_jobs_create(&jobs, NULL);
-    assert_non_null(f.jobs);
-    atomic_store(&f.told, f.jobs);
-    assert_true(srv_jobs_start(f.jobs, NULL));
+    struct srv_paths_options paths = { .catalog = f.render.catalog,
+                                       .render_pool = f.render.render_pool,
+                                       .store = f.store,
+                                       .metrics = f.render.metrics,
+                                       .tokens = f.tokens,
+                                       .state = f.state,
+                                       .paths_max = 8,
+                                       .frames_max = FRAMES,
+                                       .bytes_max = 1 << 20,
+                                       .video_px = 1 << 20 };
+    f.paths = srv_paths_create(&paths, NULL);
+    assert_non_null(f.paths);
+    atomic_store(&f.told, f.paths);
+    assert_true(srv_paths_start(f.paths, NULL));
 }
 
 static void begin_empty(void) {
@@ -242,11 +242,11 @@ static void begin(void) {
 }
 
 static void end(void) {
-    srv_jobs_close(f.jobs);
+    srv_paths_close(f.paths);
     render_fixture_stop(&f.render);
     srv_store_stop(f.store);
     atomic_store(&f.told, NULL);
-    srv_jobs_destroy(&f.jobs);
+    srv_paths_destroy(&f.paths);
     srv_tokens_destroy(&f.tokens);
     render_fixture_end(&f.render);
     srv_store_destroy(&f.store);
@@ -269,7 +269,7 @@ static int tear_down(void **state) {
     (void)state;
     char command[64];
     atomic_store(&gate.hold_loads, false);
-    if (f.jobs)
+    if (f.paths)
         end();
     snprintf(command, sizeof command, "rm -rf '%s'", f.state);
     return system(command);
@@ -277,11 +277,11 @@ static int tear_down(void **state) {
 
 /* Paths. */
 
-static void add(char id[SRV_JOB_ID_BYTES]) {
+static void add(char id[SRV_PATH_ID_BYTES]) {
     static const char text[] = "{\"frames\": 3, \"format\": \"jpeg\","
                                " \"keyframes\": [{\"frame\": 2, \"view\": {}}]}";
     struct sp_error err;
-    struct srv_job_view view;
+    struct srv_path_request view;
     bool is_full;
     proto_json *body = proto_json_parse(text, sizeof text - 1, &err);
     view.volume = srv_catalog_acquire(f.render.catalog, "v", &err);
@@ -289,7 +289,7 @@ static void add(char id[SRV_JOB_ID_BYTES]) {
     srv_catalog_default_view(f.render.catalog, view.volume, &view.view);
     view.view.size[0] = view.view.size[1] = 16;
     view.defaults = view.view;
-    proto_json *json = srv_jobs_add(f.jobs, body, &view, "ann", id, &is_full, &err);
+    proto_json *json = srv_paths_add(f.paths, body, &view, "ann", id, &is_full, &err);
     if (!json)
         fail_msg("%s: %s", err.place, err.text);
     srv_catalog_release(f.render.catalog, view.volume);
@@ -298,10 +298,10 @@ static void add(char id[SRV_JOB_ID_BYTES]) {
 }
 
 /* False: there is none. */
-static bool look_at(const char *id, struct srv_job_note *note) {
-    struct srv_job_note notes[8];
+static bool look_at(const char *id, struct srv_path_info *note) {
+    struct srv_path_info notes[8];
     struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 8, .after = "" };
-    srv_jobs_list(f.jobs, NULL, &page);
+    srv_paths_list(f.paths, NULL, &page);
     for (unsigned i = 0; i < page.count; i++)
         if (strcmp(notes[i].id, id) == 0) {
             *note = notes[i];
@@ -311,8 +311,8 @@ static bool look_at(const char *id, struct srv_job_note *note) {
 }
 
 /* Until it is in this state, for this reason. */
-static struct srv_job_note wait_for(const char *id, const char *state, const char *reason) {
-    struct srv_job_note note;
+static struct srv_path_info wait_for(const char *id, const char *state, const char *reason) {
+    struct srv_path_info note;
     for (;; sched_yield()) {
         assert_true(look_at(id, &note));
         bool is_over = strcmp(note.state, "done") == 0 || strcmp(note.state, "failed") == 0;
@@ -323,19 +323,19 @@ static struct srv_job_note wait_for(const char *id, const char *state, const cha
     }
 }
 
-static struct srv_job_note wait_until(const char *id, const char *state) {
+static struct srv_path_info wait_until(const char *id, const char *state) {
     return wait_for(id, state, "");
 }
 
-static void add_and_draw(char id[SRV_JOB_ID_BYTES]) {
+static void add_and_draw(char id[SRV_PATH_ID_BYTES]) {
     add(id);
     assert_int_equal(wait_until(id, "done").done, FRAMES);
 }
 
 static const char *folder_of(const char *id) {
-    static char path[128];
-    snprintf(path, sizeof path, "%s/paths/%s", f.state, id);
-    return path;
+    static char keyframes[128];
+    snprintf(keyframes, sizeof keyframes, "%s/paths/%s", f.state, id);
+    return keyframes;
 }
 
 static bool has_folder(const char *id) {
@@ -343,9 +343,9 @@ static bool has_folder(const char *id) {
 }
 
 static void write_file(const char *id, const char *name, const char *bytes) {
-    char path[192];
-    snprintf(path, sizeof path, "%s/%s", folder_of(id), name);
-    FILE *file = fopen(path, "w");
+    char keyframes[192];
+    snprintf(keyframes, sizeof keyframes, "%s/%s", folder_of(id), name);
+    FILE *file = fopen(keyframes, "w");
     assert_non_null(file);
     fputs(bytes, file);
     fclose(file);
@@ -377,15 +377,15 @@ static unsigned long long waits(void) {
 }
 
 static unsigned waiting(void) {
-    struct srv_jobs_numbers numbers;
-    srv_jobs_numbers(f.jobs, &numbers);
+    struct srv_paths_stats numbers;
+    srv_paths_stats(f.paths, &numbers);
     return numbers.waiting;
 }
 
 static void no_file_comes_before_its_record(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES];
-    struct srv_job_note note;
+    char id[SRV_PATH_ID_BYTES], next[SRV_PATH_ID_BYTES];
+    struct srv_path_info note;
     atomic_store(&gate.hold, true);
     add(id);
     assert_int_equal(gate.count, 1);
@@ -400,12 +400,12 @@ static void no_file_comes_before_its_record(void **state) {
 
 static void no_file_goes_before_its_record_says_so(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES];
-    struct srv_job_note note;
+    char id[SRV_PATH_ID_BYTES], next[SRV_PATH_ID_BYTES];
+    struct srv_path_info note;
     add_and_draw(id);
     strcpy(gate.folder, folder_of(id));
     atomic_store(&gate.hold, true);
-    assert_true(srv_jobs_remove(f.jobs, id, NULL));
+    assert_true(srv_paths_remove(f.paths, id, NULL));
     atomic_store(&gate.hold, false);
     assert_false(look_at(id, &note));
     char *record = record_of(id);
@@ -421,7 +421,7 @@ static void no_file_goes_before_its_record_says_so(void **state) {
     assert_null(record_of(id));
     assert_true(has_folder(next));
     struct sp_error err;
-    assert_false(srv_jobs_remove(f.jobs, id, &err));
+    assert_false(srv_paths_remove(f.paths, id, &err));
     assert_int_equal(err.code, SP_ERR_NOT_FOUND);
 }
 
@@ -430,8 +430,8 @@ static void a_removal_that_was_begun_is_finished(void **state) {
     (void)state;
     char command[160];
     for (int moment = 0; moment < 3; moment++) {
-        char id[SRV_JOB_ID_BYTES];
-        struct srv_job_note note;
+        char id[SRV_PATH_ID_BYTES];
+        struct srv_path_info note;
         add_and_draw(id);
         end();
         put_record(id, removed_record);
@@ -450,11 +450,11 @@ static void a_removal_that_was_begun_is_finished(void **state) {
 
 static void what_cannot_be_removed_is_tried_again_by_the_next_run(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES], inner[160];
+    char id[SRV_PATH_ID_BYTES], next[SRV_PATH_ID_BYTES], inner[160];
     add_and_draw(id);
     snprintf(inner, sizeof inner, "%s/folder", folder_of(id));
     assert_int_equal(mkdir(inner, 0700), 0);
-    assert_true(srv_jobs_remove(f.jobs, id, NULL));
+    assert_true(srv_paths_remove(f.paths, id, NULL));
     add_and_draw(next);
     end();
     assert_true(has_folder(id));
@@ -468,11 +468,11 @@ static void what_cannot_be_removed_is_tried_again_by_the_next_run(void **state) 
 
 static void files_without_a_record_stay_and_count(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
-    struct srv_jobs_numbers numbers;
-    struct srv_job_note note;
+    char id[SRV_PATH_ID_BYTES];
+    struct srv_paths_stats numbers;
+    struct srv_path_info note;
     add_and_draw(id);
-    srv_jobs_numbers(f.jobs, &numbers);
+    srv_paths_stats(f.paths, &numbers);
     uint64_t bytes = numbers.bytes;
     assert_true(bytes > 0);
     for (int run = 0; run < 2; run++) {
@@ -483,23 +483,23 @@ static void files_without_a_record_stay_and_count(void **state) {
         }
         begin();
         assert_false(look_at(id, &note));
-        srv_jobs_numbers(f.jobs, &numbers);
-        assert_true(numbers.jobs == 0 && numbers.bytes == bytes + 5);
+        srv_paths_stats(f.paths, &numbers);
+        assert_true(numbers.paths == 0 && numbers.bytes == bytes + 5);
         assert_true(has_folder(id));
     }
 }
 
 static void files_of_a_record_that_cannot_be_read_stay(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
-    struct srv_jobs_numbers numbers;
+    char id[SRV_PATH_ID_BYTES];
+    struct srv_paths_stats numbers;
     add_and_draw(id);
     char *record = record_of(id);
     end();
     put_record(id, "{}");
     begin();
-    srv_jobs_numbers(f.jobs, &numbers);
-    assert_true(numbers.jobs == 0 && has_folder(id));
+    srv_paths_stats(f.paths, &numbers);
+    assert_true(numbers.paths == 0 && has_folder(id));
     end();
     put_record(id, record);
     free(record);
@@ -509,7 +509,7 @@ static void files_of_a_record_that_cannot_be_read_stay(void **state) {
 
 static void a_record_without_files_is_drawn(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES], command[160];
+    char id[SRV_PATH_ID_BYTES], command[160];
     add_and_draw(id);
     end();
     snprintf(command, sizeof command, "rm -r %s", folder_of(id));
@@ -522,8 +522,8 @@ static void a_record_without_files_is_drawn(void **state) {
 static void it_fails_while_it_is_deleted(void **state) {
     (void)state;
     for (int order = FAILS_FIRST; order <= IS_DELETED_FIRST; order++) {
-        char id[SRV_JOB_ID_BYTES];
-        struct srv_job_note note;
+        char id[SRV_PATH_ID_BYTES];
+        struct srv_path_info note;
         pthread_t deleter;
         atomic_store(&gate.hold, true);
         add(id);
@@ -558,8 +558,8 @@ static void has_frames_of(const char *id, const char *whole, unsigned count) {
     assert_int_equal(system(command), 0);
 }
 
-static struct srv_job_note wait_for_reason(const char *id) {
-    struct srv_job_note note;
+static struct srv_path_info wait_for_reason(const char *id) {
+    struct srv_path_info note;
     do {
         sched_yield();
         assert_true(look_at(id, &note));
@@ -572,13 +572,13 @@ static struct srv_job_note wait_for_reason(const char *id) {
 
 static void a_full_disk_is_waited_for(void **state) {
     (void)state;
-    char whole[SRV_JOB_ID_BYTES], id[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES];
+    char whole[SRV_PATH_ID_BYTES], id[SRV_PATH_ID_BYTES], other[SRV_PATH_ID_BYTES];
     add_and_draw(whole);
-    struct srv_job_note note = wait_until(whole, "done");
+    struct srv_path_info note = wait_until(whole, "done");
     uint64_t frame = note.bytes / FRAMES; /* they are all the same */
     const uint64_t rooms[] = { 0, 1, frame - 1, frame, frame + 1, 3 * frame - 1 };
     for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++) {
-        struct srv_jobs_numbers numbers;
+        struct srv_paths_stats numbers;
         add_and_draw(other);
         unsigned long long put_off = WAITS("disk"), drawn = metric("splatd_path_frames_total");
         atomic_store(&disk_left, (long long)rooms[i]);
@@ -589,17 +589,17 @@ static void a_full_disk_is_waited_for(void **state) {
         assert_int_equal(metric("splatd_path_frames_total"), drawn + note.done);
         assert_int_equal(waiting(), 1);
         assert_int_equal(note.bytes, note.done * frame);
-        srv_jobs_numbers(f.jobs, &numbers);
+        srv_paths_stats(f.paths, &numbers);
         assert_int_equal(numbers.bytes, (6 + note.done) * frame);
         if (note.done)
             has_frames_of(id, whole, note.done);
         atomic_store(&disk_left, -1);
-        assert_true(srv_jobs_remove(f.jobs, other, NULL)); /* which is when it is tried again */
+        assert_true(srv_paths_remove(f.paths, other, NULL)); /* which is when it is tried again */
         assert_int_equal(wait_until(id, "done").done, FRAMES);
         assert_int_equal(metric("splatd_path_frames_total"), drawn + FRAMES);
         assert_int_equal(waiting(), 0);
         has_frames_of(id, whole, FRAMES);
-        assert_true(srv_jobs_remove(f.jobs, id, NULL));
+        assert_true(srv_paths_remove(f.paths, id, NULL));
         while (atomic_load(&gate.removed) < 2 * (int)(i + 1))
             sched_yield();
     }
@@ -615,10 +615,10 @@ static bool stays(void *user) {
 }
 
 /* The next event has this text. */
-static void is_told(struct srv_watch *watch, const char *what) {
+static void is_told(struct srv_path_watch *watch, const char *what) {
     char *text;
     size_t size;
-    assert_int_equal(srv_watch_next(watch, &text, &size), SRV_WATCH_EVENT);
+    assert_int_equal(srv_path_watch_next(watch, &text, &size), SRV_WATCH_EVENT);
     if (!strstr(text, what))
         fail_msg("no %s: %s", what, text);
     free(text);
@@ -626,14 +626,14 @@ static void is_told(struct srv_watch *watch, const char *what) {
 
 static void why_it_waits_is_told_and_why_it_waits_then(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES], other[SRV_PATH_ID_BYTES];
     bool is_over;
-    struct srv_job_note note;
-    const struct srv_watcher watcher = { NULL, ignore, ignore, stays };
+    struct srv_path_info note;
+    const struct srv_path_watcher watcher = { NULL, ignore, ignore, stays };
     add_and_draw(other);
     atomic_store(&gate.hold, true);
     add(id);
-    struct srv_watch *watch = srv_jobs_watch(f.jobs, id, NULL, &watcher, &is_over, NULL);
+    struct srv_path_watch *watch = srv_paths_watch(f.paths, id, NULL, &watcher, &is_over, NULL);
     assert_non_null(watch);
     is_told(watch, "\"done\":0,\"bytes\":0}");
     atomic_store(&disk_left, 0);
@@ -642,17 +642,17 @@ static void why_it_waits_is_told_and_why_it_waits_then(void **state) {
     is_told(watch, "000000.jpg.part: cannot write: No space left on device");
     atomic_store(&disk_syncs, false);
     atomic_store(&disk_left, -1);
-    assert_true(srv_jobs_remove(f.jobs, other, NULL));
+    assert_true(srv_paths_remove(f.paths, other, NULL));
     do
         assert_true(look_at(id, &note));
     while (!strstr(note.reason, "000000.jpg: "));
     is_told(watch, "000000.jpg: cannot write: No space left on device");
-    srv_watch_end(&watch);
+    srv_path_watch_end(&watch);
 }
 
 static void what_the_disk_does_not_keep_is_no_frame(void **state) {
     (void)state;
-    char whole[SRV_JOB_ID_BYTES], other[SRV_JOB_ID_BYTES], id[SRV_JOB_ID_BYTES];
+    char whole[SRV_PATH_ID_BYTES], other[SRV_PATH_ID_BYTES], id[SRV_PATH_ID_BYTES];
     add_and_draw(whole);
     add_and_draw(other);
     atomic_store(&disk_syncs, false);
@@ -662,7 +662,7 @@ static void what_the_disk_does_not_keep_is_no_frame(void **state) {
     snprintf(file, sizeof file, "%s/000000.jpg", folder_of(id));
     assert_int_equal(access(file, F_OK), -1);
     atomic_store(&disk_syncs, true);
-    assert_true(srv_jobs_remove(f.jobs, other, NULL));
+    assert_true(srv_paths_remove(f.paths, other, NULL));
     wait_until(id, "done");
     has_frames_of(id, whole, FRAMES);
 }
@@ -670,22 +670,22 @@ static void what_the_disk_does_not_keep_is_no_frame(void **state) {
 /* Volumes. */
 
 /* A path of v's first frame, and the daemon's end. */
-static void draw_one_frame(char id[SRV_JOB_ID_BYTES]) {
-    char path[192];
+static void draw_one_frame(char id[SRV_PATH_ID_BYTES]) {
+    char keyframes[192];
     add_and_draw(id);
     end();
     for (int i = 1; i < FRAMES; i++) { /* as if it had been killed then */
-        snprintf(path, sizeof path, "%s/00000%d.jpg", folder_of(id), i);
-        assert_int_equal(unlink(path), 0);
+        snprintf(keyframes, sizeof keyframes, "%s/00000%d.jpg", folder_of(id), i);
+        assert_int_equal(unlink(keyframes), 0);
     }
 }
 
 static void a_volume_that_is_not_back_is_waited_for(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES];
     draw_one_frame(id);
     begin_empty();
-    struct srv_job_note note = wait_for(id, "waiting", "the volume 'v' is not there: load it");
+    struct srv_path_info note = wait_for(id, "waiting", "the volume 'v' is not there: load it");
     assert_int_equal(note.done, 1);
     assert_int_equal(waits(), 1);
     assert_int_equal(WAITS("volume"), 1);
@@ -697,7 +697,7 @@ static void a_volume_that_is_not_back_is_waited_for(void **state) {
 
 static void a_volume_that_loads_is_waited_for(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES];
     draw_one_frame(id);
     atomic_store(&gate.hold_loads, true);
     begin_lanes();
@@ -710,7 +710,7 @@ static void a_volume_that_loads_is_waited_for(void **state) {
 
 static void a_volume_that_could_not_be_loaded_is_waited_for(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES];
     draw_one_frame(id);
     begin_empty();
     assert_int_equal(load("large", LARGE), SRV_VOLUME_READY);
@@ -723,7 +723,7 @@ static void a_volume_that_could_not_be_loaded_is_waited_for(void **state) {
 
 static void another_volume_of_the_name_ends_it(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES];
     draw_one_frame(id);
     begin_empty();
     assert_int_equal(load("v", OTHER), SRV_VOLUME_READY);
@@ -740,8 +740,8 @@ static void another_volume_of_the_name_ends_it(void **state) {
 
 static void unloading_a_volume_ends_its_paths_for_good(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES], next[SRV_JOB_ID_BYTES];
-    struct srv_job_note note;
+    char id[SRV_PATH_ID_BYTES], next[SRV_PATH_ID_BYTES];
+    struct srv_path_info note;
     for (int is_back = 0; is_back < 2; is_back++) { /* before the path's turn comes */
         atomic_store(&gate.hold, true);
         add(id);
@@ -765,7 +765,7 @@ static void unloading_a_volume_ends_its_paths_for_good(void **state) {
 
 static void a_path_that_is_done_needs_no_volume(void **state) {
     (void)state;
-    char id[SRV_JOB_ID_BYTES];
+    char id[SRV_PATH_ID_BYTES];
     add_and_draw(id);
     unload("v");
     end();

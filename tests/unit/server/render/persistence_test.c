@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/page.h"
+#include "common/pagination.h"
 #include "config/tokens.h"
 #include "session/hub.h"
 #include "support/fake_volumes.h"

@@ -13,7 +13,7 @@
 
 #include <cmocka.h>
 
-#include "paths/path.h"
+#include "paths/keyframes.h"
 #include "protocol/view.h"
 #include "tests/protocol/fixture.h"
 
@@ -32,7 +32,7 @@ static int set_up(void **state) {
 }
 
 /* A path of frames 0 to 100 with these keyframes; NULL with *err set. */
-static struct srv_path *try_keys(const char *keys, struct sp_error *err) {
+static struct srv_keyframes *try_keys(const char *keys, struct sp_error *err) {
     static const char format[] = "{\"frames\": 101, \"fps\": 10, \"keyframes\": %s}";
     size_t room = sizeof format + strlen(keys);
     char *text = malloc(room);
@@ -40,24 +40,24 @@ static struct srv_path *try_keys(const char *keys, struct sp_error *err) {
     int n = snprintf(text, room, format, keys);
     proto_json *json = proto_json_parse(text, (size_t)n, err);
     assert_non_null(json);
-    struct srv_path *path = srv_path_read(json, &base, &base, 1000, err);
+    struct srv_keyframes *keyframes = srv_keyframes_read(json, &base, &base, 1000, err);
     proto_json_free(&json);
     free(text);
-    return path;
+    return keyframes;
 }
 
-static struct srv_path *read_keys(const char *keys) {
+static struct srv_keyframes *read_keys(const char *keys) {
     struct sp_error err = { .code = SP_OK };
-    struct srv_path *path = try_keys(keys, &err);
-    if (!path)
+    struct srv_keyframes *keyframes = try_keys(keys, &err);
+    if (!keyframes)
         fail_msg("%s: %s", err.place, err.text);
-    return path;
+    return keyframes;
 }
 
-static struct sp_view frame_of(const struct srv_path *path, uint32_t frame) {
+static struct sp_view frame_of(const struct srv_keyframes *keyframes, uint32_t frame) {
     struct sp_error err = { .code = SP_OK };
     struct sp_view view;
-    if (!srv_path_view(path, frame, &view, &err))
+    if (!srv_keyframes_view(keyframes, frame, &view, &err))
         fail_msg("frame %u: %s: %s", frame, err.place, err.text);
     return view;
 }
@@ -69,7 +69,7 @@ static void assert_near(double a, double b) {
 
 static void a_keyframe_is_met_to_the_bit(void **state) {
     (void)state;
-    struct srv_path *path = read_keys(
+    struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 30, \"view\": {\"camera\": {\"position\": [70, 20, 0.3], \"fov_y\": 41.7}, "
         "\"filter\": {\"sigma\": 1.1}, \"background\": [0.1, 0.2, 0.3, 1]}},"
         "{\"time\": 6, \"view\": {\"camera\": {\"up\": [0.3, 1, 0.1]}, \"transfer_function\": "
@@ -77,27 +77,27 @@ static void a_keyframe_is_met_to_the_bit(void **state) {
         "\"filter\": {}, \"background\": [0.7, 0, 0, 0.5]}}]");
     const uint32_t at[] = { 0, 30, 60 };
     for (unsigned i = 0; i < 3; i++) {
-        struct sp_view view = frame_of(path, at[i]);
-        const struct sp_view *key = srv_path_key(path, i);
+        struct sp_view view = frame_of(keyframes, at[i]);
+        const struct sp_view *key = srv_keyframes_key(keyframes, i);
         assert_memory_equal(&view.camera, &key->camera, sizeof view.camera);
         assert_memory_equal(&view.filter, &key->filter, sizeof view.filter);
         assert_memory_equal(view.background, key->background, sizeof view.background);
     }
-    struct sp_view last = frame_of(path, 60), held = frame_of(path, 100);
+    struct sp_view last = frame_of(keyframes, 60), held = frame_of(keyframes, 100);
     assert_int_equal(last.transfer_function.point_count, 1);
     assert_memory_equal(&last, &held, sizeof last);
-    assert_null(srv_path_key(path, 3));
-    srv_path_free(&path);
+    assert_null(srv_keyframes_key(keyframes, 3));
+    srv_keyframes_free(&keyframes);
 }
 
 static void the_camera_moves_on_an_arc(void **state) {
     (void)state;
     /* A quarter turn about the axis up, while the distance is quartered and the target moves. */
-    struct srv_path *path = read_keys(
+    struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 100, \"view\": {\"camera\": {\"position\": [45, 0, 0], \"target\": [20, 0, "
         "0], \"height\": 200, \"near\": 0.4, \"fov_y\": 50}}}]");
     for (uint32_t f = 0; f <= 100; f++) {
-        struct sp_camera c = frame_of(path, f).camera;
+        struct sp_camera c = frame_of(keyframes, f).camera;
         double u = f / 100.0, angle = u * M_PI / 2, distance = 100 * pow(0.25, u);
         assert_near(c.target[0], 20 * u);
         assert_near(c.position[0], 20 * u + distance * sin(angle));
@@ -108,7 +108,7 @@ static void the_camera_moves_on_an_arc(void **state) {
         assert_near(c.near, 0.1 * pow(4, u));
         assert_near(c.fov_y, 30 + 20 * u);
     }
-    srv_path_free(&path);
+    srv_keyframes_free(&keyframes);
 }
 
 static double dot(const double a[3], const double b[3]) {
@@ -130,9 +130,9 @@ static void axes_of(const struct sp_camera *c, double axes[3][3]) {
 }
 
 /* The angle of the one rotation that takes one frame's axes to the other's. */
-static double turn_between(const struct srv_path *path, uint32_t f, uint32_t g) {
+static double turn_between(const struct srv_keyframes *keyframes, uint32_t f, uint32_t g) {
     double a[3][3], b[3][3], trace = 0;
-    struct sp_view from = frame_of(path, f), to = frame_of(path, g);
+    struct sp_view from = frame_of(keyframes, f), to = frame_of(keyframes, g);
     axes_of(&from.camera, a);
     axes_of(&to.camera, b);
     for (int i = 0; i < 3; i++)
@@ -155,15 +155,15 @@ static void it_turns_at_constant_speed(void **state) {
                  "[{\"frame\": 100, \"view\": {\"camera\": {\"position\": [%g, %g, %g], \"up\": "
                  "[%g, %g, %g]}}}]",
                  to[i][0], to[i][1], to[i][2], to[i][3], to[i][4], to[i][5]);
-        struct srv_path *path = read_keys(keys);
-        double step = turn_between(path, 1, 2), sum = 0;
+        struct srv_keyframes *keyframes = read_keys(keys);
+        double step = turn_between(keyframes, 1, 2), sum = 0;
         for (uint32_t f = 0; f < 100; f++) {
-            double turn = turn_between(path, f, f + 1);
+            double turn = turn_between(keyframes, f, f + 1);
             sum += turn;
             assert_true(fabs(turn - step) < 1e-6);
         }
         assert_true(step > 0.001 && sum < M_PI + 1e-4); /* the shorter way */
-        srv_path_free(&path);
+        srv_keyframes_free(&keyframes);
     }
 }
 
@@ -188,7 +188,7 @@ static double scale_at(const struct sp_transfer_function *tf, double x) {
 
 static void a_transfer_function_is_the_mean_of_both_at_every_value(void **state) {
     (void)state;
-    struct srv_path *path = read_keys(
+    struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 0, \"view\": {\"transfer_function\": {\"points\": ["
         "{\"value\": 10, \"color\": [1, 0, 0], \"opacity\": 0.1},"
         "{\"value\": 50, \"color\": [0, 1, 0], \"opacity\": 0.9},"
@@ -198,10 +198,10 @@ static void a_transfer_function_is_the_mean_of_both_at_every_value(void **state)
         "{\"value\": 30, \"color\": [0, 0, 1], \"opacity\": 0.5},"
         "{\"value\": 50, \"color\": [1, 1, 1], \"opacity\": 0.2}],"
         "\"gradient\": [{\"magnitude\": 2, \"scale\": 0}, {\"magnitude\": 6, \"scale\": 1}]}}}]");
-    const struct sp_transfer_function *a = &srv_path_key(path, 1)->transfer_function;
-    const struct sp_transfer_function *b = &srv_path_key(path, 2)->transfer_function;
+    const struct sp_transfer_function *a = &srv_keyframes_key(keyframes, 1)->transfer_function;
+    const struct sp_transfer_function *b = &srv_keyframes_key(keyframes, 2)->transfer_function;
     for (uint32_t f = 10; f < 80; f += 10) {
-        struct sp_view view = frame_of(path, f);
+        struct sp_view view = frame_of(keyframes, f);
         assert_int_equal(view.transfer_function.point_count, 5); /* 50 is in both */
         for (double x = -20; x < 70; x += 0.5) {
             double u = f / 80.0;
@@ -212,41 +212,41 @@ static void a_transfer_function_is_the_mean_of_both_at_every_value(void **state)
         }
     }
     /* The colour at 30, between red at 10 and green at 50 on one side, blue on the other. */
-    struct sp_view view = frame_of(path, 40);
+    struct sp_view view = frame_of(keyframes, 40);
     const struct sp_tf_point *p = &view.transfer_function.points[2];
     assert_near(p->value, 30);
     const double color[3] = { 0.25, 0.25, 0.5 };
     for (int c = 0; c < 3; c++)
         assert_true(fabs((double)p->color[c] - color[c]) < 1e-6);
-    srv_path_free(&path);
+    srv_keyframes_free(&keyframes);
 }
 
 static void tracks_go_their_own_ways(void **state) {
     (void)state;
-    struct srv_path *path = read_keys(
+    struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 20, \"view\": {\"filter\": {\"sigma\": 1.7}}},"
         "{\"frame\": 50, \"view\": {\"filter\": {\"lowpass\": 3}, \"clip\": {\"box\": [[0, 0, 0], "
         "[1, 1, 0.5]]}}},"
         "{\"frame\": 100, \"view\": {\"camera\": {\"fov_y\": 130}}}]");
     for (uint32_t f = 0; f <= 100; f++) {
-        struct sp_view view = frame_of(path, f);
+        struct sp_view view = frame_of(keyframes, f);
         assert_near(view.camera.fov_y, 30 + f);
         assert_near(view.filter.sigma, f < 20 ? 0.7 + f / 20.0 : 1.7);
         assert_near(view.filter.lowpass, f < 20 ? 1 : f < 50 ? 1 + 2 * (f - 20) / 30.0 : 3);
         assert_near(view.clip.box[1][2], f < 50 ? 1 - f / 100.0 : 0.5);
     }
-    srv_path_free(&path);
+    srv_keyframes_free(&keyframes);
 }
 
 static void names_change_at_their_key(void **state) {
     (void)state;
-    struct srv_path *path = read_keys(
+    struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 40, \"view\": {\"transfer_function\": {\"order\": \"post\"}, "
         "\"compositing\": {\"mode\": \"slab\", \"slab\": 3}, \"camera\": {\"projection\": "
         "\"orthographic\"}, \"quality\": {\"level_of_detail\": \"off\"}, \"filter\": {\"kernel\": "
         "\"cubic\", \"c_max\": 7, \"c_min\": 3}}}]");
     for (uint32_t f = 0; f <= 100; f++) {
-        struct sp_view view = frame_of(path, f);
+        struct sp_view view = frame_of(keyframes, f);
         bool is_late = f >= 40;
         assert_int_equal(view.transfer_function.order, is_late ? SP_TF_POST : SP_TF_PRE);
         assert_int_equal(view.compositing.mode, is_late ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET);
@@ -257,39 +257,39 @@ static void names_change_at_their_key(void **state) {
         assert_int_equal(isnan(view.filter.c_max) != 0, !is_late);
         assert_near(view.filter.c_min, is_late ? 3 : base.filter.c_min);
     }
-    srv_path_free(&path);
+    srv_keyframes_free(&keyframes);
 }
 
 static void what_has_no_way_between_stays_until_the_key(void **state) {
     (void)state;
-    struct srv_path *path = read_keys(
+    struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 0, \"view\": {\"clip\": {\"planes\": [{\"normal\": [0, 0, 1], \"offset\": "
         "4}]}, \"shading\": {\"lights\": [{\"direction\": [1, 0, 0]}]}}},"
         "{\"frame\": 50, \"view\": {\"clip\": {\"planes\": [{\"normal\": [0, 0, -1], \"offset\": "
         "8}]}, \"shading\": {\"lights\": [{\"direction\": [0, 3, 0], \"color\": [3, 1, 1]}]}}},"
         "{\"frame\": 100, \"view\": {\"shading\": {\"lights\": []}}}]");
-    struct sp_view view = frame_of(path, 25);
+    struct sp_view view = frame_of(keyframes, 25);
     assert_near(view.clip.planes[0].normal[2], 1);
     assert_near(view.clip.planes[0].offset, 4);
     assert_near(view.shading.lights[0].direction[0], 2 * sqrt(0.5)); /* half way, length 2 */
     assert_near(view.shading.lights[0].direction[1], 2 * sqrt(0.5));
     assert_near((double)view.shading.lights[0].color[0], 2);
-    assert_near(frame_of(path, 50).clip.planes[0].normal[2], -1);
-    assert_int_equal(frame_of(path, 99).shading.light_count, 1);
-    assert_int_equal(frame_of(path, 100).shading.light_count, 0);
-    srv_path_free(&path);
+    assert_near(frame_of(keyframes, 50).clip.planes[0].normal[2], -1);
+    assert_int_equal(frame_of(keyframes, 99).shading.light_count, 1);
+    assert_int_equal(frame_of(keyframes, 100).shading.light_count, 0);
+    srv_keyframes_free(&keyframes);
 }
 
 static void a_key_may_be_come_to_smoothly_or_at_once(void **state) {
     (void)state;
-    struct srv_path *path =
+    struct srv_keyframes *keyframes =
         read_keys("[{\"frame\": 40, \"ease\": \"smooth\", \"view\": {\"camera\": {\"fov_y\": 70}}},"
                   "{\"frame\": 80, \"ease\": \"step\", \"view\": {\"camera\": {\"fov_y\": 90}}}]");
-    assert_near(frame_of(path, 10).camera.fov_y, 30 + 40 * 0.15625); /* 3u² − 2u³ at 1/4 */
-    assert_near(frame_of(path, 20).camera.fov_y, 50);
-    assert_near(frame_of(path, 79).camera.fov_y, 70);
-    assert_near(frame_of(path, 80).camera.fov_y, 90);
-    srv_path_free(&path);
+    assert_near(frame_of(keyframes, 10).camera.fov_y, 30 + 40 * 0.15625); /* 3u² − 2u³ at 1/4 */
+    assert_near(frame_of(keyframes, 20).camera.fov_y, 50);
+    assert_near(frame_of(keyframes, 79).camera.fov_y, 70);
+    assert_near(frame_of(keyframes, 80).camera.fov_y, 90);
+    srv_keyframes_free(&keyframes);
 }
 
 static void what_is_wrong_is_told_with_its_place(void **state) {
@@ -317,8 +317,8 @@ static void what_is_wrong_is_told_with_its_place(void **state) {
     };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         struct sp_error err = { .code = SP_OK };
-        struct srv_path *path = try_keys(wrong[i][0], &err);
-        if (path || err.code != SP_ERR_INVALID || strcmp(err.place, wrong[i][1]) != 0)
+        struct srv_keyframes *keyframes = try_keys(wrong[i][0], &err);
+        if (keyframes || err.code != SP_ERR_INVALID || strcmp(err.place, wrong[i][1]) != 0)
             fail_msg("%s: %s: %s", wrong[i][0], err.place, err.text);
     }
 }
@@ -341,8 +341,8 @@ static void what_a_path_makes_is_checked(void **state) {
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         struct sp_error err = { .code = SP_OK };
         proto_json *json = proto_json_parse(wrong[i][0], strlen(wrong[i][0]), &err);
-        struct srv_path *path = srv_path_read(json, &base, &base, 1000, &err);
-        if (path || err.code != SP_ERR_INVALID || strcmp(err.place, wrong[i][1]) != 0)
+        struct srv_keyframes *keyframes = srv_keyframes_read(json, &base, &base, 1000, &err);
+        if (keyframes || err.code != SP_ERR_INVALID || strcmp(err.place, wrong[i][1]) != 0)
             fail_msg("%s: %s: %s", wrong[i][0], err.place, err.text);
         proto_json_free(&json);
     }
@@ -378,13 +378,13 @@ static void points_of_both_must_have_room(void **state) {
                       cases[i].ease);
         at = many_points(at, cases[i].second);
         sprintf(at, "]}}}]");
-        struct srv_path *path = try_keys(keys, &err);
-        assert_int_equal(path == NULL, cases[i].place != NULL);
-        if (path)
-            frame_of(path, 25);
+        struct srv_keyframes *keyframes = try_keys(keys, &err);
+        assert_int_equal(keyframes == NULL, cases[i].place != NULL);
+        if (keyframes)
+            frame_of(keyframes, 25);
         else
             assert_string_equal(err.place, cases[i].place);
-        srv_path_free(&path);
+        srv_keyframes_free(&keyframes);
     }
     free(keys);
 }

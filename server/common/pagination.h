@@ -3,8 +3,8 @@
  * A page of a list in the order of its ids, so that one goes on where the last one ended whatever
  * came and went meanwhile: of all that is shown to it, the first `max` behind `after`.
  */
-#ifndef SRV_PAGE_H
-#define SRV_PAGE_H
+#ifndef SRV_COMMON_PAGINATION_H
+#define SRV_COMMON_PAGINATION_H
 
 #include <stddef.h>
 

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/page.h"
+#include "common/pagination.h"
 
 enum { IDS = 500, BYTES = 8 };
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "paths/path.h"
+#include "paths/keyframes.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -37,7 +37,7 @@ struct key {
     struct sp_view view; /* all that holds from then on */
 };
 
-struct srv_path {
+struct srv_keyframes {
     struct srv_path_output output;
     unsigned count;
     struct key keys[]; /* the first is the path's view: all tracks, at 0 */
@@ -189,12 +189,12 @@ static bool read_key(const proto_json *json, unsigned i, const struct sp_view *d
 }
 
 /* The last key of a track at or before a frame, and the next one; NULL = there is none behind. */
-static const struct key *find(const struct srv_path *path, enum track track, double frame,
+static const struct key *find(const struct srv_keyframes *keyframes, enum track track, double frame,
                               const struct key **next) {
-    const struct key *last = &path->keys[0];
+    const struct key *last = &keyframes->keys[0];
     *next = NULL;
-    for (unsigned i = 1; i < path->count && !*next; i++) {
-        const struct key *key = &path->keys[i];
+    for (unsigned i = 1; i < keyframes->count && !*next; i++) {
+        const struct key *key = &keyframes->keys[i];
         if (!(key->tracks >> track & 1))
             continue;
         if (key->at <= frame)
@@ -206,12 +206,12 @@ static const struct key *find(const struct srv_path *path, enum track track, dou
 }
 
 /* Can every pair of neighbouring transfer functions be blended? */
-static bool check_points(const struct srv_path *path, struct sp_error *err) {
-    for (unsigned i = 1; i < path->count; i++) {
+static bool check_points(const struct srv_keyframes *keyframes, struct sp_error *err) {
+    for (unsigned i = 1; i < keyframes->count; i++) {
         const struct key *next, *key;
         unsigned points, gradient;
-        key = find(path, TRACK_TRANSFER_FUNCTION, path->keys[i - 1].at, &next);
-        if (next != &path->keys[i] || next->ease == EASE_STEP)
+        key = find(keyframes, TRACK_TRANSFER_FUNCTION, keyframes->keys[i - 1].at, &next);
+        if (next != &keyframes->keys[i] || next->ease == EASE_STEP)
             continue;
         srv_blend_count(&key->view.transfer_function, &next->view.transfer_function, &points,
                         &gradient);
@@ -230,21 +230,21 @@ static bool check_points(const struct srv_path *path, struct sp_error *err) {
     return true;
 }
 
-static bool read_keys(const proto_json *list, const struct sp_view *defaults, struct srv_path *path,
-                      struct sp_error *err) {
+static bool read_keys(const proto_json *list, const struct sp_view *defaults,
+                      struct srv_keyframes *keyframes, struct sp_error *err) {
     for (unsigned i = 0; i < proto_json_size(list); i++) {
-        struct key *key = &path->keys[path->count];
+        struct key *key = &keyframes->keys[keyframes->count];
         key->view = key[-1].view;
-        if (!read_key(proto_json_at(list, i), i, defaults, &path->output, key, err))
+        if (!read_key(proto_json_at(list, i), i, defaults, &keyframes->output, key, err))
             return false;
-        path->count++;
+        keyframes->count++;
     }
-    return check_points(path, err);
+    return check_points(keyframes, err);
 }
 
-struct srv_path *srv_path_read(const proto_json *json, const struct sp_view *view,
-                               const struct sp_view *defaults, uint32_t frames_max,
-                               struct sp_error *err) {
+struct srv_keyframes *srv_keyframes_read(const proto_json *json, const struct sp_view *view,
+                                         const struct sp_view *defaults, uint32_t frames_max,
+                                         struct sp_error *err) {
     struct srv_path_output output = { .frames = 0 };
     const proto_json *list = proto_json_get(json, "keyframes");
     size_t count = proto_json_size(list);
@@ -254,40 +254,41 @@ struct srv_path *srv_path_read(const proto_json *json, const struct sp_view *vie
         refuse_type("/keyframes", "an array", list, err);
         return NULL;
     }
-    if (count < 1 || count > SRV_PATH_KEYS_MAX) {
+    if (count < 1 || count > SRV_KEYFRAMES_MAX) {
         sp_fail(err, SP_ERR_INVALID, "/keyframes", "%zu items are outside [1, %d]", count,
-                SRV_PATH_KEYS_MAX);
+                SRV_KEYFRAMES_MAX);
         return NULL;
     }
-    struct srv_path *path = calloc(1, sizeof *path + (count + 1) * sizeof path->keys[0]);
-    if (!path) {
+    struct srv_keyframes *keyframes =
+        calloc(1, sizeof *keyframes + (count + 1) * sizeof keyframes->keys[0]);
+    if (!keyframes) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
         return NULL;
     }
-    path->output = output;
-    path->count = 1;
-    path->keys[0].tracks = ~0u;
-    path->keys[0].view = *view;
-    if (!read_keys(list, defaults, path, err))
-        srv_path_free(&path);
-    return path;
+    keyframes->output = output;
+    keyframes->count = 1;
+    keyframes->keys[0].tracks = ~0u;
+    keyframes->keys[0].view = *view;
+    if (!read_keys(list, defaults, keyframes, err))
+        srv_keyframes_free(&keyframes);
+    return keyframes;
 }
 
-void srv_path_free(struct srv_path **path) {
-    free(*path);
-    *path = NULL;
+void srv_keyframes_free(struct srv_keyframes **keyframes) {
+    free(*keyframes);
+    *keyframes = NULL;
 }
 
-const struct srv_path_output *srv_path_output(const struct srv_path *path) {
-    return &path->output;
+const struct srv_path_output *srv_keyframes_output(const struct srv_keyframes *keyframes) {
+    return &keyframes->output;
 }
 
-const char *srv_path_format(const struct srv_path_output *output) {
+const char *srv_path_format_name(const struct srv_path_output *output) {
     return output->is_movie ? "webm" : sp_image_format_info(output->format)->name;
 }
 
-const struct sp_view *srv_path_key(const struct srv_path *path, unsigned i) {
-    return i < path->count ? &path->keys[i].view : NULL;
+const struct sp_view *srv_keyframes_key(const struct srv_keyframes *keyframes, unsigned i) {
+    return i < keyframes->count ? &keyframes->keys[i].view : NULL;
 }
 
 /* The frame. */
@@ -332,11 +333,11 @@ static void blend(enum track track, const struct sp_view *a, const struct sp_vie
     }
 }
 
-bool srv_path_view(const struct srv_path *path, uint32_t frame, struct sp_view *view,
-                   struct sp_error *err) {
-    memcpy(view, &path->keys[0].view, sizeof *view);
+bool srv_keyframes_view(const struct srv_keyframes *keyframes, uint32_t frame, struct sp_view *view,
+                        struct sp_error *err) {
+    memcpy(view, &keyframes->keys[0].view, sizeof *view);
     for (int t = 0; t < TRACKS; t++) {
-        const struct key *b, *a = find(path, (enum track)t, frame, &b);
+        const struct key *b, *a = find(keyframes, (enum track)t, frame, &b);
         double u = b ? eased(b->ease, (frame - a->at) / (b->at - a->at)) : 0;
         blend((enum track)t, &a->view, b ? &b->view : &a->view, u, view);
     }

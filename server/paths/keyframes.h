@@ -12,8 +12,8 @@
  *
  * Plain data, no threads: a path is constant once it was read.
  */
-#ifndef SRV_JOBS_PATH_H
-#define SRV_JOBS_PATH_H
+#ifndef SRV_PATHS_KEYFRAMES_H
+#define SRV_PATHS_KEYFRAMES_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -23,7 +23,7 @@
 #include "sp/status.h"
 #include "sp/view.h"
 
-enum { SRV_PATH_KEYS_MAX = 256 };
+enum { SRV_KEYFRAMES_MAX = 256 };
 #define SRV_PATH_FPS_MAX 240.0
 
 struct srv_path_output {
@@ -34,27 +34,27 @@ struct srv_path_output {
     int quality;                 /* [1, 100] */
 };
 
-struct srv_path;
+struct srv_keyframes;
 
 /* Reads {"frames", "fps"?, "format"?, "quality"?, "keyframes"}; other members are not looked at.
  * `view` is the path's view with its size, `defaults` what a null in a keyframe goes back to. NULL
  * with *err set: SP_ERR_INVALID with the JSON pointer of what is wrong, SP_ERR_MEMORY. */
-struct srv_path *srv_path_read(const proto_json *json, const struct sp_view *view,
-                               const struct sp_view *defaults, uint32_t frames_max,
-                               struct sp_error *err);
-void srv_path_free(struct srv_path **path);
+struct srv_keyframes *srv_keyframes_read(const proto_json *json, const struct sp_view *view,
+                                         const struct sp_view *defaults, uint32_t frames_max,
+                                         struct sp_error *err);
+void srv_keyframes_free(struct srv_keyframes **keyframes);
 
 /* Lives as long as the path. */
-const struct srv_path_output *srv_path_output(const struct srv_path *path);
+const struct srv_path_output *srv_keyframes_output(const struct srv_keyframes *keyframes);
 /* "png", "jpeg", "webp", "exr", "webm". */
-const char *srv_path_format(const struct srv_path_output *output);
+const char *srv_path_format_name(const struct srv_path_output *output);
 /* Key i with all that holds then, from 0 (the path's view); NULL past the end. */
-const struct sp_view *srv_path_key(const struct srv_path *path, unsigned i);
+const struct sp_view *srv_keyframes_key(const struct srv_keyframes *keyframes, unsigned i);
 
 /* The view of one frame in [0, frames). False with *err set if what lies between two valid keys is
  * no valid view (SP_ERR_INVALID with the pointer into the view): an adaptive threshold against a
  * field of view that both move, coordinates near the largest double. */
-bool srv_path_view(const struct srv_path *path, uint32_t frame, struct sp_view *view,
-                   struct sp_error *err);
+bool srv_keyframes_view(const struct srv_keyframes *keyframes, uint32_t frame, struct sp_view *view,
+                        struct sp_error *err);
 
 #endif

@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How many paths there may be, and how many bytes their files may have: of all, and of each token.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "paths/paths_private.h"
+
+static struct srv_path_owner **find_owner(struct srv_paths *paths, const char *name) {
+    struct srv_path_owner **at = &paths->owners;
+    while (*at && strcmp((*at)->name, name) != 0)
+        at = &(*at)->next;
+    return at;
+}
+
+/* What is of a token that is no more has no quota. */
+static struct srv_quota quota_of(struct srv_paths *paths, const char *owner) {
+    struct srv_quota quota = { .paths = 0 };
+    srv_tokens_of_name(paths->options.tokens, owner, NULL, &quota);
+    return quota;
+}
+
+/* May there be a further path? With the mutex held. */
+static bool may_enter(struct srv_paths *paths, const struct srv_path_owner *owner,
+                      const struct srv_quota *quota, bool *is_full, struct sp_error *err) {
+    if (owner && quota->paths && owner->count >= quota->paths)
+        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+                       "%s has %u paths, and its token allows %u; delete those that are done",
+                       owner->name, owner->count, quota->paths);
+    if (owner && quota->path_bytes && owner->bytes >= quota->path_bytes)
+        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+                       "the files of the paths of %s have %llu bytes, and its token allows %llu; "
+                       "delete those that are done",
+                       owner->name, (unsigned long long)owner->bytes,
+                       (unsigned long long)quota->path_bytes);
+    if (paths->count >= paths->options.paths_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "there are %u paths and --paths allows %u; delete those that are done",
+                       paths->count, paths->options.paths_max);
+    *is_full = paths->bytes >= paths->options.bytes_max;
+    return !*is_full ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "the files of all paths have %llu bytes and --path-bytes allows "
+                   "%llu; delete those that are done",
+                   (unsigned long long)paths->bytes, (unsigned long long)paths->options.bytes_max);
+}
+
+struct srv_path_owner *srv_path_quota_add_path(struct srv_paths *paths, const char *name,
+                                               struct sp_error *err) {
+    struct srv_path_owner **at = find_owner(paths, name), *owner = *at;
+    if (!owner && !(owner = *at = calloc(1, sizeof *owner))) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        return NULL;
+    }
+    if (owner->count++ == 0) { /* behind all others: nobody is first again by coming again */
+        snprintf(owner->name, sizeof owner->name, "%s", name);
+        owner->turn = ++paths->turn;
+    }
+    owner->holders++;
+    paths->count++;
+    return owner;
+}
+
+struct srv_path_owner *srv_path_quota_request_path(struct srv_paths *paths, const char *name,
+                                                   bool *is_full, struct sp_error *err) {
+    struct srv_quota quota = quota_of(paths, name);
+    pthread_mutex_lock(&paths->mutex);
+    struct srv_path_owner *owner = NULL;
+    if (may_enter(paths, *find_owner(paths, name), &quota, is_full, err))
+        owner = srv_path_quota_add_path(paths, name, err);
+    pthread_mutex_unlock(&paths->mutex);
+    return owner;
+}
+
+void srv_path_quota_remove_path(struct srv_paths *paths, struct srv_path_owner *owner) {
+    owner->count--;
+    paths->count--;
+}
+
+void srv_path_quota_release_owner(struct srv_paths *paths, struct srv_path_owner *owner) {
+    if (--owner->holders > 0)
+        return;
+    *find_owner(paths, owner->name) = owner->next;
+    free(owner);
+}
+
+void srv_path_quota_add(struct srv_paths *paths, struct srv_path *path, uint64_t bytes) {
+    paths->bytes += bytes;
+    path->by->bytes += bytes;
+    path->bytes += bytes;
+}
+
+void srv_path_quota_give_back(struct srv_paths *paths, struct srv_path *path, uint64_t bytes) {
+    paths->bytes -= bytes;
+    path->by->bytes -= bytes;
+    path->bytes -= bytes;
+}
+
+/* With the mutex held. */
+static bool is_there(const struct srv_paths *paths, const struct srv_path *path,
+                     const struct srv_quota *quota, uint64_t bytes, const char *what,
+                     struct sp_error *err) {
+    const struct srv_path_owner *owner = path->by;
+    if (quota->path_bytes && owner->bytes + bytes > quota->path_bytes)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "the files of the paths of %s have %llu bytes, %s %llu, and its token "
+                       "allows %llu",
+                       owner->name, (unsigned long long)owner->bytes, what,
+                       (unsigned long long)bytes, (unsigned long long)quota->path_bytes);
+    return paths->bytes + bytes <= paths->options.bytes_max ||
+           sp_fail(err, SP_ERR_BUDGET, NULL,
+                   "the files of all paths have %llu bytes, %s %llu, and --path-bytes allows %llu",
+                   (unsigned long long)paths->bytes, what, (unsigned long long)bytes,
+                   (unsigned long long)paths->options.bytes_max);
+}
+
+bool srv_path_quota_has(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
+                        const char *what, struct sp_error *err) {
+    struct srv_quota quota = quota_of(paths, path->owner);
+    pthread_mutex_lock(&paths->mutex);
+    bool ok = is_there(paths, path, &quota, bytes, what, err);
+    pthread_mutex_unlock(&paths->mutex);
+    return ok;
+}
+
+bool srv_path_quota_take(struct srv_paths *paths, struct srv_path *path, uint64_t bytes,
+                         const char *what, struct sp_error *err) {
+    struct srv_quota quota = quota_of(paths, path->owner);
+    pthread_mutex_lock(&paths->mutex);
+    bool ok = is_there(paths, path, &quota, bytes, what, err);
+    if (ok)
+        srv_path_quota_add(paths, path, bytes);
+    pthread_mutex_unlock(&paths->mutex);
+    return ok;
+}
