@@ -1,12 +1,24 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The rules of the house.
+"""Checks the rules of the code base. No rule has an exception list.
 
-  lint.py RULE --source DIR [--build DIR] [--cc CC]
+  lint.py RULE [--source DIR] [--build DIR] [--cc CC]
 
-Rules: rooms (who may include whom), third-party (a library's headers have one room), globals (no mutable
-global state), headers (public headers compile alone), style (SPDX, lengths), format (clang-format), words
-(nothing unfinished), clocks (nothing waits for a time of day, which may jump). Prints one line a finding, `FILE:LINE: what`; exit status 0 clean, 1 findings, 77 skipped.
+  layers       every #include "..." names its folder, and no folder includes one to its right
+  cycles       no circle between folders, and none between files except a header and its own source
+  third-party  a library's headers are included from one folder
+  headers      public headers compile alone as C
+  headers-cpp  public headers compile alone as C++
+  globals      no mutable global but the log sink and the CPU feature mask
+  clocks       no wait depends on the time of day, which may jump
+  format       C and C++ are formatted as clang-format-14 formats them
+  style        SPDX line, line length, no banners, no trailing spaces
+  length       files have at most 600 lines
+  glossary     the words of the glossary, not the words that it replaces
+  words        nothing unfinished
+
+Prints one line per finding, `FILE:LINE: what`. The exit status is 0 if there are no findings, 1 if there are, and 77 if
+the rule was skipped.
 """
 import argparse
 import os
@@ -15,64 +27,123 @@ import shutil
 import subprocess
 import sys
 
-# What tells people the time, and judges the dates of certificates.
+# The files whose purpose is the time of day: log lines carry it, and certificates have dates.
 TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c'}
 
-# Rule 1: inside the renderer, a room includes itself and those named here ("sp" = the public headers).
+# For each part, its folders and the folders of the same part that each may include besides itself. "." is what lies
+# loose at the top of the part. Every part may include "sp/" except where its entry says otherwise (SEES).
 RENDERER = {
-    'base': {'sp'},
-    'volume': {'sp', 'base'},
-    'frame': {'sp', 'base'},
-    'encode': {'sp', 'base', 'frame'},
-    'import': {'sp', 'base', 'volume'},
-    'classify': {'sp', 'base', 'volume', 'frame'},
-    'splat': {'sp', 'base', 'volume', 'frame', 'classify'},
-    'tile': {'sp', 'base', 'volume', 'frame', 'classify', 'splat'},
-    'backend': {'sp', 'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'backend'},
-    '.': {'sp', 'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'backend'},
+    'base': set(),
+    'volume': {'base'},
+    'frame': {'base'},
+    'encode': {'base', 'volume', 'frame'},
+    'import': {'base', 'volume', 'frame'},
+    'classify': {'base', 'volume', 'frame'},
+    'splat': {'base', 'volume', 'frame', 'classify'},
+    'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
+    'postconv': {'base', 'volume', 'frame', 'classify', 'splat', 'tile'},
+    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'backend'},
 }
-# Rule 3: inside the server.
-SERVER = {
-    'session': {'session', 'config'},
-    'render': {'render', 'session', 'config'},
-    'store': {'store', 'config'},
-    'jobs': {'jobs', 'render', 'store', 'config'},
-    'http': {'http', 'session', 'render', 'store', 'jobs', 'config'},
-    '.': {'http', 'session', 'render', 'store', 'jobs', 'config'},
+# Left to right: a folder includes only folders on its left.
+SERVER_ORDER = ['common', 'ops', 'config', 'store', 'session', 'schedule', 'render', 'paths', 'http', '.']
+SERVER = {name: set(SERVER_ORDER[:rank]) for rank, name in enumerate(SERVER_ORDER)}
+# The other parts that a part may include: "sp" is renderer/include/sp, and nothing includes server/. Tests include all.
+SEES = {'sp': set(), 'renderer': {'sp'}, 'protocol': {'sp'}, 'server': {'sp', 'protocol'}, 'clients': {'sp', 'protocol'}}
+# Where the compiler looks for #include "…" of a part, in this order.
+ROOTS = {
+    'sp': ['renderer/include'],
+    'renderer': ['renderer/include', 'renderer'],
+    'protocol': ['renderer/include', ''],
+    'server': ['server', 'renderer/include', ''],
+    'clients': ['renderer/include', '', 'clients'],
+    'tests': ['tests', 'renderer/include', '', 'renderer', 'server', 'clients'],
 }
-# Rule 4: header pattern → the only places that may include it.
+# Third-party headers: in each part that uses a library, one folder includes it.
 THIRD_PARTY = [
-    (r'(EGL|GLES\d|GL|epoxy)/', ['renderer/backend/gl/']),
-    (r'\w*mmintrin\.h|immintrin\.h|arm_neon\.h', ['renderer/base/', 'renderer/backend/cpu/']),
-    (r'microhttpd', ['server/http/']),
-    (r'wslay', ['server/http/']),
-    (r'gnutls/', ['server/http/']),
-    (r'jansson', ['protocol/json.c', 'renderer/import/raw.c']),
-    (r'OpenImageIO', ['renderer/import/', 'renderer/encode/']),
-    (r'teem|nrrd|air\.h|biff', ['renderer/import/']),
-    (r'expat', ['renderer/import/']),
-    (r'turbojpeg|jpeglib', ['renderer/encode/']),
-    (r'webp/', ['renderer/encode/']),
-    (r'vpx/|x264', ['renderer/encode/', 'tests/unit/encode/', 'tests/unit/server/']),
-    (r'zlib|libdeflate|png\.h', ['renderer/import/', 'renderer/encode/', 'server/http/gzip.c']),
-    (r'sqlite3', ['server/store/']),
-    (r'archive(_entry)?\.h', ['server/paths/archive.c']),
-    (r'(ebml|matroska)/', ['server/paths/webm_bridge.cpp']),
-    (r'systemd/', ['server/ops/service.c']),
-    (r'xxhash', ['server/render/fingerprint.c']),
-    (r'curl/', ['clients/cli/']),
+    (r'(EGL|GLES\d|GL|epoxy)/', {'renderer/backend/gl'}),
+    (r'\w*mmintrin\.h|immintrin\.h|arm_neon\.h|cpuid\.h', {'renderer/base'}),
+    (r'microhttpd', {'server/http'}),
+    (r'wslay', {'server/http'}),
+    (r'gnutls/', {'server/http'}),
+    (r'jansson', {'protocol', 'renderer/import'}),
+    (r'OpenImageIO/', {'renderer/import', 'renderer/encode'}),
+    (r'teem/', {'renderer/import'}),
+    (r'expat', {'renderer/import'}),
+    (r'seccomp', {'renderer/import'}),
+    (r'turbojpeg|jpeglib', {'renderer/encode'}),
+    (r'webp/', {'renderer/encode'}),
+    (r'vpx/|x264', {'renderer/encode'}),
+    (r'png\.h', {'renderer/encode'}),
+    (r'zlib', {'renderer/import', 'server/http'}),
+    (r'sqlite3', {'server/store'}),
+    (r'archive(_entry)?\.h', {'server/paths'}),
+    (r'(ebml|matroska)/', {'server/paths'}),
+    (r'systemd/', {'server/ops'}),
+    (r'xxhash', {'server/render'}),
+    (r'curl/', {'clients/cli'}),
 ]
-# Rule 5: file-scope variables that may change after start; `parsing` is each thread's own.
+# What belongs to the C and C++ languages, to POSIX, to Linux or to glibc.
+SYSTEM = re.compile(
+    r'(assert|complex|ctype|errno|fenv|float|inttypes|iso646|limits|locale|math|setjmp|signal|stdalign|stdarg|stdatomic|'
+    r'stdbool|stddef|stdint|stdio|stdlib|stdnoreturn|string|strings|tgmath|threads|time|uchar|wchar|wctype|'
+    r'dirent|dlfcn|endian|byteswap|fcntl|fnmatch|ftw|getopt|glob|grp|libgen|link|malloc|netdb|poll|pthread|pwd|regex|sched|'
+    r'semaphore|spawn|syslog|termios|ucontext|unistd|(sys|net|netinet|arpa|linux|asm)/\w+)\.h$|[a-z_]+$')
+# Variables of file scope that may change after start: the log sink, the CPU feature mask, and one pointer per thread.
 MUTABLE = {'log_state', 'cpu_mask', 'parsing'}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 SOURCE = ('.c', '.h', '.cpp')
 CODE = SOURCE + ('.py', '.mjs', '.js', '.sh', '.css', '.html', '.cmake')
-LINES_MAX, COLUMNS_MAX = 800, 100
+LINES_MAX, COLUMNS_MAX = 600, 100
+# Old words, where they apply (a pattern for the start of the path, "" = everywhere), and what to write instead. The
+# brackets keep a pattern from matching itself.
+C_CODE = r'(renderer|protocol|server|clients/cli|tests/(unit|conformance|kernels|support|fuzz))/'
+SERVER_CODE = r'(server|protocol|clients|deploy|tests/(unit/server|integration|web|protocol))/'
+COUNTED = (r'bytes?|bits?|megabits?|[KMG]i?B|[kMG]bit|frames?|images?|pictures?|requests?|messages?|events?|changes?|views?|'
+           r'times|once|twice|one|two|three|many|\d+')
+PER = (r'second|minute|hour|day|frame|thread|voxel|pixel|image|picture|connection|client|session|tile|volume|token|'
+       r'worker|core|layer|sheet|request|step|row|line|folder|instruction set|file')
+GLOSSARY = [
+    (r'\b[r]ooms?\b|_[r]oom\b|\b[r]oom_', '', 'folder, quota or capacity'),
+    (r'\b[w]ish(es|ed)?\b|_[w]ish(es)?\b|\b[w]ish_', '', 'frame request'),
+    (r'_[c]laims?\b|\b[c]laim_|\b[c]laims?\b', r'(server/(session|schedule|render)|tests/unit/server)/', 'candidate'),
+    (r'\b[s]rv_[t]urn', '', 'schedule'),
+    (r'\b[p]atience\b|_[p]atience|[p]atience_', '', 'starvation limit'),
+    (r'\b[s]rv_share', '', 'srv_fair_*'),
+    (r'\b[s]rv_pace', '', 'srv_quality_*'),
+    (r'\b[s]rv_flow|[s]rv_reply_flow', '', 'srv_window (session) or srv_chunked_body (http)'),
+    (r'\b[s]rv_flight|\b[f]lights?\b(?<!in[ -]flight)|\b[f]light_|_[f]lights?\b(?<!in_flight)', '', 'in-flight frame, frame queue'),
+    (r'\b[s]rv_dues?\b|\b[s]rv_dues?_|\b[d]ues\b', '', 'timer, timer heap'),
+    (r'\b([s]tream|[e]xpress|[s]till)[ _-]lanes?', '', 'interactive, preemption or snapshot worker'),
+    (r'\b[l]anes?\b|_[l]anes?\b|\b[l]ane_', SERVER_CODE, 'worker'),
+    (r'\b[s]rv_still|\b[s]tills\b|\ba [s]till\b', '', 'snapshot'),
+    (r'\b([s]tand|[s]tands|[s]tood|[s]tanding) still\b', '', 'pause'),
+    (r'\b[n]ice[ _]thread', '', 'background thread'),
+    (r'\b[k]ept[ _]([p]icture|[v]iew)s?\b', '', 'frame cache, saved view'),
+    (r'\b[s]leepers?\b|\b[s]leeping session', SERVER_CODE, 'hibernated session'),
+    (r'\b[s]rv_guard', '', 'srv_deadlines'),
+    (r'\b[i]ntake\b|_[i]ntake|[i]ntake_', '', 'ingress quota'),
+    (r'\bTLS [g]ates?\b|\b[s]rv_gate|\b[c]arriers?\b', '', 'TLS acceptor, TLS relay'),
+    (r'\b[s]rv_strict', '', 'request-smuggling checks (http/smuggling)'),
+    (r'\b[s]rv_form\b|\b[s]rv_form_', '', 'encode parameters'),
+    (r'\bSRV_NOTE_|\b[s]rv_note', '', 'pending notification'),
+    (r'\b[s]rv_jobs?\b|\b[s]rv_jobs?_', '', 'srv_paths, srv_path'),
+    (r'\b[d]ear(er|est)?\b|_[d]ear\b', '', 'slow to encode'),
+    (r'\b[f]lakes?\b|_[f]lakes?\b|\b[f]lakes?_', '', "the field's term"),
+    (r'\b[p]layed_\w+|\w+[-_][p]layed\b|\b[p]layed-\w+', r'tests/', 'fake'),
+    (r'\b[t]empers?\b|_[t]empers?\b', '', 'client behaviour'),
+    (r'\b[c]ompany\b', r'clients/web/|tests/web/', 'participants'),
+    (r'\b[o]verburdened\b|\b[s]tand-in\b', '', 'fallback reason, fallback backend'),
+    (r'\b[p]ictures?\b', C_CODE, 'image or frame'),
+    (r'\b([n]obody|[s]omebody|[a]new)\b', '', 'name the thing'),
+    (r'\b[f]or who\b|\b([l]et|[l]ets) go of\b|\b[s]o [m]any (a|an)\b', '', 'plain English'),
+    (rf'\b({COUNTED}) [a]n? ({PER})\b', '', 'per'),
+]
 
 
 def files(source, suffixes):
-    """Paths below `source`, relative, of the project's own text files."""
+    """Yields the project's own files below `source` that end in one of `suffixes`, as relative paths."""
     for folder, names, leaves in os.walk(source):
         names[:] = sorted(n for n in names if n not in ('build', 'node_modules', '.git', '__pycache__'))
         for leaf in sorted(leaves):
@@ -92,67 +163,158 @@ def includes(source, path):
             yield number, hit.group(1) == '"', hit.group(2)
 
 
-def room(path, top):
-    """The room of a path below `top`: its first folder, or "." for files that lie in `top` itself."""
-    rest = path[len(top) + 1:].split('/')
+def part_of(path):
+    """The part of the tree that a file belongs to: sp, renderer, protocol, server, clients or tests."""
+    return 'sp' if path.startswith('renderer/include/') else path.split('/')[0]
+
+
+def folder_in_part(path):
+    """The folder of a file below its part, or "." for a file that lies loose at the top of the part."""
+    rest = path.split('/')[1:]
     return rest[0] if len(rest) > 1 else '.'
 
 
-def rooms(o):
-    for path in files(o.source, SOURCE):
-        if path.startswith('tests/'):
-            continue
-        folder = os.path.dirname(path)
-        for number, own, name in includes(o.source, path):
-            if not own:
-                continue
-            problem = check_include(path, folder, name, o.source)
-            if problem:
-                yield f'{path}:{number}: {problem}'
-
-
-def check_include(path, folder, name, source):
-    """What is wrong with `path` including "name", or None."""
-    if '..' in name:
-        return f'"{name}" climbs out of its folder; include it from the room\'s root'
-    first = name.split('/')[0] if '/' in name else None
-    if path.startswith('renderer/include/'):
-        return None if first == 'sp' else f'a public header includes "{name}", which is private'
-    if path.startswith('renderer/'):
-        here = room(path, 'renderer')
-        if here not in RENDERER:
-            return f'renderer/{here} is not a room that lint.py knows'
-        if first is None or first == here:
-            target = here
-        else:
-            target = first
-        if target == here:
-            pass
-        elif target not in RENDERER[here]:
-            return f'renderer/{here} may not include "{name}"'
-        if path.startswith('renderer/backend/') and first == 'backend' and name.count('/') > 1:
-            mine = path.split('/')[2]
-            if name.split('/')[1] != mine:
-                return f'backend {mine} includes another backend: "{name}"'
-        return None
-    if path.startswith('protocol/'):
-        return None if first in (None, 'sp', 'protocol') else f'protocol may include sp/ alone, not "{name}"'
-    if path.startswith('clients/'):
-        if first in (None, 'sp', 'protocol') or os.path.exists(os.path.join(source, folder, name)):
-            return None
-        return f'a client may include sp/ and protocol/, not "{name}"'
-    if path.startswith('server/'):
-        here = room(path, 'server')
-        if first in ('sp', 'protocol'):
-            return None
-        target = first if first else ('config' if name == 'config.h' else here)
-        allowed = SERVER.get(here)
-        if allowed is None:
-            return f'server/{here} is not a room that lint.py knows'
-        if target == here or target in allowed or first == here:
-            return None
-        return f'server/{here} may not include "{name}"'
+def resolve(source, path, name):
+    """The file that `path` means by #include "name", or None."""
+    for top in ROOTS.get(part_of(path), ['']):
+        target = os.path.normpath(os.path.join(top, name))
+        if os.path.isfile(os.path.join(source, target)):
+            return target
     return None
+
+
+def own_includes(source):
+    """Yields (file, line number, name, target) for each #include "…"; target is None for a file that does not exist."""
+    for path in files(source, SOURCE):
+        for number, own, name in includes(source, path):
+            if own:
+                yield path, number, name, resolve(source, path, name)
+
+
+def layers(o):
+    for path, number, name, target in own_includes(o.source):
+        problem = unqualified(name, target) or (target and out_of_order(path, target))
+        if problem:
+            yield f'{path}:{number}: {problem}'
+
+
+def unqualified(name, target):
+    """What is wrong with the way in which an include is written, or None."""
+    if '..' in name.split('/'):
+        return f'"{name}" climbs out of its folder; name the folder of the header instead'
+    if '/' not in name:
+        return f'"{name}" does not name its folder'
+    return None if target else f'"{name}" is found in no include folder of this part'
+
+
+def out_of_order(path, target):
+    """What is wrong with `path` including `target`, or None."""
+    here, there = part_of(path), part_of(target)
+    if here == 'tests':
+        return None
+    if here not in SEES:
+        return f'{here}/ is not a part that lint.py knows'
+    if here != there:
+        return None if there in SEES[here] else f'{here} may not include {target}'
+    if here in ('sp', 'protocol'):
+        return None
+    mine, other = folder_in_part(path), folder_in_part(target)
+    if here == 'clients':
+        return None if mine == other else f'clients/{mine} may not include {target}'
+    allowed = {'renderer': RENDERER, 'server': SERVER}[here]
+    if mine not in allowed:
+        return f'{here}/{mine} is not a folder that lint.py knows'
+    if mine != other and other not in allowed[mine]:
+        return f'{here}/{mine} may not include {target}'
+    if here == 'renderer' and mine == other == 'backend' and is_other_backend(path, target):
+        return f'a backend may not include another backend: {target}'
+    return None
+
+
+def is_other_backend(path, target):
+    """True if both files lie in folders of backends, and not in the same one."""
+    mine, other = os.path.dirname(path), os.path.dirname(target)
+    return 'renderer/backend' not in (mine, other) and mine != other
+
+
+def cycles(o):
+    """Circles between folders, and between units. A unit is a source with its header and its private header."""
+    folders, units = {}, {}
+    for path, number, _, target in own_includes(o.source):
+        if target:
+            add_edge(folders, os.path.dirname(path), os.path.dirname(target), f'{path}:{number}')
+            add_edge(units, unit_of(path), unit_of(target), f'{path}:{number}')
+    for kind, graph in (('folders', folders), ('files', units)):
+        for circle in circles(graph):
+            steps = list(zip(circle, circle[1:] + circle[:1]))
+            where = ', '.join(graph[a][b] for a, b in steps)
+            yield f'{graph[circle[0]][circle[1]]}: circle between {kind}: {" -> ".join(circle + circle[:1])} ({where})'
+
+
+def unit_of(path):
+    return re.sub(r'_private$', '', os.path.splitext(path)[0])
+
+
+def add_edge(graph, start, end, where):
+    graph.setdefault(end, {})
+    if start != end:
+        graph.setdefault(start, {}).setdefault(end, where)
+
+
+def circles(graph):
+    """One shortest circle of each strongly connected component, as a list of nodes."""
+    for component in components(graph):
+        if len(component) < 2:
+            continue
+        first = min(component)
+        trail, queue = {first: None}, [first]
+        for node in queue:
+            if first in graph[node]:
+                circle = []
+                while node is not None:
+                    circle.insert(0, node)
+                    node = trail[node]
+                yield circle
+                break
+            for near in sorted(graph[node]):
+                if near in component and near not in trail:
+                    trail[near] = node
+                    queue.append(near)
+
+
+def components(graph):
+    """Strongly connected components (Kosaraju), each a set of nodes."""
+    order, seen = [], set()
+    for root in sorted(graph):
+        stack = [(root, iter(graph[root]))] if root not in seen else []
+        seen.add(root)
+        while stack:
+            node, nears = stack[-1]
+            near = next((n for n in nears if n not in seen), None)
+            if near is None:
+                order.append(node)
+                stack.pop()
+            else:
+                seen.add(near)
+                stack.append((near, iter(graph[near])))
+    reverse = {node: [] for node in graph}
+    for node, nears in graph.items():
+        for near in nears:
+            reverse[near].append(node)
+    done = set()
+    for root in reversed(order):
+        if root in done:
+            continue
+        component, stack = set(), [root]
+        done.add(root)
+        while stack:
+            node = stack.pop()
+            component.add(node)
+            for near in reverse[node]:
+                if near not in done:
+                    done.add(near)
+                    stack.append(near)
+        yield component
 
 
 def third_party(o):
@@ -160,23 +322,25 @@ def third_party(o):
         if path.startswith('tests/'):
             continue
         for number, own, name in includes(o.source, path):
-            if own and os.path.exists(os.path.join(o.source, os.path.dirname(path), name)):
+            if own or SYSTEM.match(name) or name.startswith('sp/'):
                 continue
-            for pattern, places in THIRD_PARTY:
-                if re.match(pattern, name) and not path.startswith(tuple(places)):
-                    yield f'{path}:{number}: <{name}> belongs to {" or ".join(places)}'
+            folders = next((folders for pattern, folders in THIRD_PARTY if re.match(pattern, name)), None)
+            if folders is None:
+                yield f'{path}:{number}: <{name}> has no folder yet; give it one in lint.py'
+            elif os.path.dirname(path) not in folders:
+                yield f'{path}:{number}: <{name}> belongs to {" and ".join(sorted(folders))}'
         if path.endswith('.cpp') and not path.endswith('_bridge.cpp'):
-            yield f'{path}:1: C++ is for bridges alone (*_bridge.cpp)'
+            yield f'{path}:1: C++ is only for bridges to C++ libraries (*_bridge.cpp)'
 
 
 def globals_(o):
-    """Symbols in writable sections of the renderer's, protocol's and server's objects; and backends' #ifdefs."""
+    """Symbols in writable sections of the libraries' objects, and #if of a backend outside the registry."""
     for path in files(o.source, SOURCE):
-        if path.startswith('renderer/backend/registry.c') or path.startswith('tests/'):
+        if path == 'renderer/backend/registry.c' or path.startswith('tests/'):
             continue
         for number, line in enumerate(lines(o.source, path), 1):
             if re.match(r'\s*#\s*(el)?if.*\bSPLATD?_(WITH_|HAVE_)?(BACKEND|GL|CPU_BACKEND)', line):
-                yield f'{path}:{number}: #if of a backend outside the registry'
+                yield f'{path}:{number}: #if of a backend; only the registry may have one'
     archives = [os.path.join(f, n) for f, _, ns in os.walk(o.build) for n in ns
                 if re.fullmatch(r'libsplat(_protocol|_server)?\.a', n)]
     if not archives:
@@ -197,7 +361,7 @@ def globals_(o):
 
 
 def is_relocated_constant(archive, member, symbol):
-    """Constant tables that hold addresses lie in .data.rel.ro: written by the loader, then read-only."""
+    """True if the symbol lies in .data.rel.ro: a constant table of addresses, read-only once it is loaded."""
     out = subprocess.run(['objdump', '-t', archive], capture_output=True, text=True, check=False).stdout
     inside = False
     for line in out.splitlines():
@@ -212,24 +376,29 @@ def is_relocated_constant(archive, member, symbol):
 
 def headers(o):
     for path in files(os.path.join(o.source, 'renderer/include'), ('.h',)):
-        yield from compiles(o, f'renderer/include/{path}', [])
+        yield from compiles(o, f'renderer/include/{path}', 'c')
     for path in files(os.path.join(o.source, 'protocol'), ('.h',)):
-        yield from compiles(o, f'protocol/{path}', ['-I' + o.source])
+        yield from compiles(o, f'protocol/{path}', 'c')
 
 
-def compiles(o, path, flags):
-    command = [o.cc, '-std=c17', '-Wall', '-Wextra', '-Werror', '-fsyntax-only', '-x', 'c', *flags,
-               '-I' + os.path.join(o.source, 'renderer/include'), os.path.join(o.source, path)]
+def headers_cpp(o):
+    for path in files(os.path.join(o.source, 'renderer/include'), ('.h',)):
+        yield from compiles(o, f'renderer/include/{path}', 'c++')
+
+
+def compiles(o, path, language):
+    standard = {'c': 'c17', 'c++': 'c++17'}[language]
+    command = [o.cc, f'-std={standard}', '-Wall', '-Wextra', '-Werror', '-fsyntax-only', '-x', language, '-I' + o.source,
+               '-I' + os.path.join(o.source, 'renderer/include'), '-include', os.path.join(o.source, path), os.devnull]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        yield f'{path}:1: does not compile alone: {(done.stderr.splitlines() or [""])[0]}'
+        first = next((line for line in done.stderr.splitlines() if 'error:' in line), '?')
+        yield f'{path}:1: does not compile alone as {language.upper()}: {first}'
 
 
 def style(o):
     for path in files(o.source, CODE):
         text = lines(o.source, path)
-        if len(text) > LINES_MAX:
-            yield f'{path}:{LINES_MAX}: {len(text)} lines, more than {LINES_MAX}: probably two rooms'
         if not any('SPDX-License-Identifier: Apache-2.0' in line for line in text[:3]):
             yield f'{path}:1: no SPDX line'
         for number, line in enumerate(text, 1):
@@ -241,27 +410,46 @@ def style(o):
                 yield f'{path}:{number}: space at the end of the line'
     main = lines(o.source, 'server/main.c')
     if len(main) > 150:
-        yield f'server/main.c:150: {len(main)} lines; main wires, in at most 150'
+        yield f'server/main.c:150: {len(main)} lines, more than 150; main only connects the parts'
     for path in files(os.path.join(o.source, 'clients/web/core'), ('.js', '.mjs')):
         for number, line in enumerate(lines(o.source, 'clients/web/core/' + path), 1):
             if re.search(r'(import|from)\s*\(?[\'"][^\'"]*app/', line):
                 yield f'clients/web/core/{path}:{number}: core/ imports app/'
 
 
+def length(o):
+    for path in files(o.source, CODE):
+        count = len(lines(o.source, path)) - 1
+        if count > LINES_MAX:
+            yield f'{path}:{LINES_MAX}: {count} lines, more than {LINES_MAX}; split it by concern'
+
+
+def glossary(o):
+    terms = [(re.compile(pattern), scope, use) for pattern, scope, use in GLOSSARY]
+    for path in files(o.source, CODE + ('.md', '.txt', '.yaml', '.json', '.in')):
+        if path == 'tests/package-lock.json':
+            continue
+        mine = [(pattern, use) for pattern, scope, use in terms if not scope or re.match(scope, path)]
+        for number, line in enumerate(lines(o.source, path), 1):
+            for pattern, use in mine:
+                hit = pattern.search(line)
+                if hit:
+                    yield f'{path}:{number}: "{hit.group(0)}": {use}'
+
+
 def clocks(o):
-    for room in ('renderer', 'server', 'protocol', 'clients'):
-        for path in files(os.path.join(o.source, room), ('.c', '.h', '.cpp')):
-            path = f'{room}/{path}'
+    for part in ('renderer', 'server', 'protocol', 'clients'):
+        for path in files(os.path.join(o.source, part), ('.c', '.h', '.cpp')):
+            path = f'{part}/{path}'
             text = lines(o.source, path)
             for number, line in enumerate(text, 1):
                 if path not in TIME_OF_DAY and re.search(r'\bCLOCK_REALTIME|\bgettimeofday *\(|\b(time|timespec_get) *\( *(NULL|0|&)', line):
-                    yield f'{path}:{number}: the time of day: it jumps'
-                if re.search(r'\b(pthread_cond_timedwait|sem_timedwait|pthread_mutex_timedlock) *\(', line):
+                    yield f'{path}:{number}: reads the time of day, which may jump; use CLOCK_MONOTONIC'
+                if re.search(r'\b(pthread_cond_timedwait|sem_timedwait|pthread_mutex_timedlock) *\((?!\))', line):
                     folder = os.path.dirname(os.path.join(o.source, path))
-                    beside = ''.join(open(os.path.join(folder, name), encoding='utf-8').read()
-                                     for name in os.listdir(folder) if name.endswith('.c'))
-                    if 'pthread_condattr_setclock' not in beside:
-                        yield f'{path}:{number}: waits until a time of day: no pthread_condattr_setclock() in its folder'
+                    beside = [line for name in os.listdir(folder) if name.endswith('.c') for line in lines(folder, name)]
+                    if not any('pthread_condattr_setclock' in line for line in beside):
+                        yield f'{path}:{number}: waits for a time of day; set the clock of the condition with pthread_condattr_setclock()'
 
 
 def format_(o):
@@ -274,7 +462,7 @@ def format_(o):
                               capture_output=True, text=True, check=False)
         if done.returncode:
             hit = re.search(r':(\d+):\d+:', done.stderr)
-            yield f'{path}:{hit.group(1) if hit else 1}: not as clang-format-14 -i leaves it'
+            yield f'{path}:{hit.group(1) if hit else 1}: run clang-format-14 -i on it'
 
 
 def words(o):
@@ -290,8 +478,9 @@ def words(o):
                 yield f'{path}:{number}: reads as unfinished'
 
 
-RULES = {'rooms': rooms, 'third-party': third_party, 'globals': globals_, 'headers': headers, 'style': style,
-         'format': format_, 'words': words, 'clocks': clocks}
+RULES = {'layers': layers, 'cycles': cycles, 'third-party': third_party, 'headers': headers, 'headers-cpp': headers_cpp,
+         'globals': globals_, 'clocks': clocks, 'format': format_, 'style': style, 'length': length, 'glossary': glossary,
+         'words': words}
 
 
 def main():
