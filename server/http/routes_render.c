@@ -97,7 +97,8 @@ static bool make_etag(const struct srv_request *request, const struct srv_snapsh
     proto_json_free(&json);
     if (!text)
         return false;
-    struct srv_form like = srv_form_of(still->format, still->quality, still->chroma);
+    struct srv_encode_params like =
+        srv_encode_params_from(still->format, still->quality, still->chroma);
     int32_t form[3] = { (int32_t)like.format, like.quality, (int32_t)like.chroma };
     struct srv_fingerprint renderers = of_renderers(app->render_pool);
     const struct srv_part parts[] = {

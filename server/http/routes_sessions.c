@@ -135,7 +135,7 @@ void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
 }
 
 static proto_json *encode_item(void *user, const void *item) {
-    const struct srv_session_note *note = item;
+    const struct srv_session_info *note = item;
     (void)user;
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "id", note->id);
@@ -151,7 +151,7 @@ static proto_json *encode_item(void *user, const void *item) {
 
 void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     struct srv_page page;
-    if (!srv_paging_begin(request, sizeof(struct srv_session_note), &page, reply))
+    if (!srv_paging_begin(request, sizeof(struct srv_session_info), &page, reply))
         return;
     bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
     srv_hub_list(request->app->hub, sees_all ? NULL : request->grant.name, srv_clock_ms(), &page);
@@ -321,7 +321,7 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     enum srv_role role;
     if (!check_handshake(request, reply) || !find_role(request, &role, reply))
         return;
-    if (!srv_hub_has_room(request->app->hub, request->param, srv_clock_ms(), &err)) {
+    if (!srv_hub_can_join(request->app->hub, request->param, srv_clock_ms(), &err)) {
         srv_reply_error(reply, &err);
         return;
     }

@@ -367,7 +367,7 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
     /* Who is not listened to is not silent; the stall limit is for this one. */
     if (!srv_ws_wants_read(ws))
         ws->heard_ms = now_ms;
-    double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
+    double oldest_ms = srv_hub_oldest_unacked_ms(ws->options.hub, ws->participant);
     if (is_sending(ws) && now_ms - ws->progress_ms > ws->options.stall_ms) {
         sp_log_with(SP_LOG_WARN,
                     SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
@@ -398,7 +398,7 @@ double srv_ws_deadline_ms(const struct srv_ws *ws) {
         return ws->close_ms + CLOSE_MS;
     if (ws->is_behind || !srv_ws_wants_read(ws))
         return ws->now_ms;
-    double oldest_ms = srv_hub_oldest_ms(ws->options.hub, ws->participant);
+    double oldest_ms = srv_hub_oldest_unacked_ms(ws->options.hub, ws->participant);
     double due_ms = fmin(fmax(ws->heard_ms, ws->pinged_ms) + ws->options.ping_ms,
                          ws->heard_ms + 3 * ws->options.ping_ms);
     if (is_sending(ws))

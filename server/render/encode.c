@@ -19,16 +19,16 @@
 #include "sp/log.h"
 
 /* elapsed_ms: of rendering that was cancelled. */
-void srv_job_fail(struct srv_render_pool *s, struct srv_job *job, const struct sp_error *err,
+void srv_job_fail(struct srv_render_pool *s, struct srv_render_job *job, const struct sp_error *err,
                   double elapsed_ms) {
     if (err->code == SP_ERR_CANCELLED) {
         sp_log(SP_LOG_DEBUG, "%s given up after %.1f ms: %s",
-               job->refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
-        srv_hub_job_cancelled(s->hub, job, elapsed_ms);
+               job->is_refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
+        srv_schedule_cancelled(s->hub, job, elapsed_ms);
     } else {
         sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,
                err->place[0] ? ": " : "", err->text);
-        srv_hub_job_failed(s->hub, job, err);
+        srv_schedule_failed(s->hub, job, err);
     }
     free(job);
 }
@@ -50,7 +50,8 @@ static void encode_still(struct srv_render_pool *s, struct sp_encoder *encoder,
                          struct srv_encode_task *work) {
     struct srv_snapshot_result result = { .stats = work->frame->stats };
     const struct srv_snapshot *still = &work->still->still;
-    const struct srv_form form = srv_form_of(still->format, still->quality, still->chroma);
+    const struct srv_encode_params form =
+        srv_encode_params_from(still->format, still->quality, still->chroma);
     double start_ms = srv_clock_ms();
     struct srv_blob *known = srv_frame_cache_bytes(s, work->frame, &form);
     if (known) {
@@ -79,13 +80,14 @@ static uint8_t codec_of(enum sp_image_format format) {
                                      : PROTO_CODEC_JPEG;
 }
 
-static bool has_form(const struct srv_target *target, const struct srv_form *form) {
-    const struct srv_form own = srv_form_of(target->format, target->quality, target->chroma);
-    return srv_form_is_same(&own, form);
+static bool has_form(const struct srv_render_target *target, const struct srv_encode_params *form) {
+    const struct srv_encode_params own =
+        srv_encode_params_from(target->format, target->quality, target->chroma);
+    return srv_encode_params_equal(&own, form);
 }
 
 static struct srv_blob *make_blob(struct sp_encoder *encoder, const struct sp_frame *frame,
-                                  const struct srv_form *form, struct sp_error *err) {
+                                  const struct srv_encode_params *form, struct sp_error *err) {
     const uint8_t *bytes;
     size_t size;
     sp_encoder_set_chroma(encoder, form->chroma);
@@ -103,9 +105,10 @@ static bool encode_group(struct srv_render_pool *s, struct sp_encoder *encoder,
                          struct srv_encode_task *work, uint64_t *stills, double *encode_ms,
                          struct sp_error *err) {
     uint32_t first = (uint32_t)__builtin_ctzll(*stills);
-    struct srv_job *job = work->job;
-    const struct srv_target *like = &job->targets[first];
-    const struct srv_form form = srv_form_of(like->format, like->quality, like->chroma);
+    struct srv_render_job *job = work->job;
+    const struct srv_render_target *like = &job->targets[first];
+    const struct srv_encode_params form =
+        srv_encode_params_from(like->format, like->quality, like->chroma);
     double start_ms = srv_clock_ms();
     struct srv_blob *blob = srv_frame_cache_bytes(s, work->frame, &form);
     const bool is_known = blob != NULL;
@@ -129,7 +132,7 @@ static bool encode_group(struct srv_render_pool *s, struct sp_encoder *encoder,
     };
     for (uint32_t i = first; i < job->target_count; i++)
         if (*stills >> i & 1 && has_form(&job->targets[i], &form)) {
-            srv_hub_deliver(s->hub, job, i, &header, blob);
+            srv_schedule_deliver(s->hub, job, i, &header, blob);
             *stills &= ~(UINT64_C(1) << i);
         }
     srv_blob_unref(&blob);
@@ -137,26 +140,26 @@ static bool encode_group(struct srv_render_pool *s, struct sp_encoder *encoder,
 }
 
 /* An encoder cannot be stopped: look before each. */
-static bool still_wanted(struct srv_render_pool *s, const struct srv_job *job,
+static bool still_wanted(struct srv_render_pool *s, const struct srv_render_job *job,
                          struct sp_error *err) {
-    return !job->refinement || srv_hub_is_newest(s->hub, job) ||
+    return !job->is_refinement || srv_schedule_is_newest(s->hub, job) ||
            sp_fail(err, SP_ERR_CANCELLED, NULL, "a newer view exists");
 }
 
 static void encode_job(struct srv_render_pool *s, struct sp_encoder *encoder,
                        struct srv_encode_task *work) {
     static const char *const step_words[] = { "", " middle", " final" };
-    struct srv_job *job = work->job;
-    struct srv_job_result result = { .width = work->frame->width,
-                                     .height = work->frame->height,
-                                     .coarse = work->frame->stats.coarse,
-                                     .render_ms = work->frame->stats.render_ms,
-                                     /* Classification is kept until the volume or the transfer
-                                        function changes. */
-                                     .once_ms = stage_ms(&work->frame->stats, "classify"),
-                                     .splats = work->frame->stats.splats,
-                                     .visible_voxels = work->frame->stats.visible_voxels,
-                                     .again = work->again };
+    struct srv_render_job *job = work->job;
+    struct srv_render_result result = { .width = work->frame->width,
+                                        .height = work->frame->height,
+                                        .coarse = work->frame->stats.coarse,
+                                        .render_ms = work->frame->stats.render_ms,
+                                        /* Classification is kept until the volume or the transfer
+                                           function changes. */
+                                        .once_ms = stage_ms(&work->frame->stats, "classify"),
+                                        .splats = work->frame->stats.splats,
+                                        .visible_voxels = work->frame->stats.visible_voxels,
+                                        .again = work->again };
     struct sp_error err = { .code = SP_OK };
     bool ok = still_wanted(s, job, &err);
     if (!work->again)
@@ -173,7 +176,7 @@ static void encode_job(struct srv_render_pool *s, struct sp_encoder *encoder,
     sp_log(SP_LOG_DEBUG, "frame %ux%u%s for %u clients: rendered %.1f ms, encoded %.1f ms",
            result.width, result.height, step_words[job->step], job->target_count,
            result.again ? 0 : result.render_ms, result.encode_ms);
-    srv_hub_job_done(s->hub, job, &result);
+    srv_schedule_done(s->hub, job, &result);
     free(job);
 }
 

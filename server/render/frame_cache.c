@@ -35,18 +35,18 @@ struct sp_frame *srv_frame_cache_find(struct srv_render_pool *s, const struct sr
 }
 
 struct srv_blob *srv_frame_cache_bytes(struct srv_render_pool *s, const struct sp_frame *frame,
-                                       const struct srv_form *form) {
+                                       const struct srv_encode_params *form) {
     struct srv_blob *found = NULL;
     pthread_mutex_lock(&s->mutex);
     for (unsigned i = 0; !found && frame == s->kept.frame && i < SRV_FRAME_CACHE_ENCODINGS; i++)
-        if (s->kept.encoded[i].blob && srv_form_is_same(&s->kept.encoded[i].form, form))
+        if (s->kept.encoded[i].blob && srv_encode_params_equal(&s->kept.encoded[i].form, form))
             found = srv_blob_ref(s->kept.encoded[i].blob);
     pthread_mutex_unlock(&s->mutex);
     return found;
 }
 
 void srv_frame_cache_set_bytes(struct srv_render_pool *s, const struct sp_frame *frame,
-                               const struct srv_form *form, struct srv_blob *blob) {
+                               const struct srv_encode_params *form, struct srv_blob *blob) {
     pthread_mutex_lock(&s->mutex);
     if (frame == s->kept.frame && blob->size <= BLOB_BYTES_MAX) {
         unsigned i = s->kept.next++ % SRV_FRAME_CACHE_ENCODINGS;

@@ -10,7 +10,7 @@ static struct srv_inflight *at(struct srv_frame_queue *flights, unsigned i) {
 }
 
 /* Of moving frames of one session the one behind another that was given up stays. */
-static bool follows_given_up(struct srv_frame_queue *flights, const struct srv_job *job) {
+static bool follows_given_up(struct srv_frame_queue *flights, const struct srv_render_job *job) {
     for (unsigned i = 0; i < flights->count; i++) {
         const struct srv_inflight *f = at(flights, i);
         if (f->job->session == job->session && f->job->step == SRV_STEP_MOVING &&
@@ -20,8 +20,8 @@ static bool follows_given_up(struct srv_frame_queue *flights, const struct srv_j
     return false;
 }
 
-struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights, struct srv_job *job,
-                                           double now_ms) {
+struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights,
+                                           struct srv_render_job *job, double now_ms) {
     assert(flights->count < SP_IN_FLIGHT_MAX);
     bool is_kept = follows_given_up(flights, job);
     struct srv_inflight *f = at(flights, flights->count++);
@@ -29,8 +29,8 @@ struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights, stru
     atomic_store(&f->cancel, false);
     f->is_outdated = f->yields = false;
     f->begun_ms = now_ms;
-    f->keep_until_ms = is_kept ? INFINITY : job->keep_until_ms;
-    f->kept_ms = job->keep_until_ms - now_ms;
+    f->cancellable_from_ms = is_kept ? INFINITY : job->cancellable_from_ms;
+    f->kept_ms = job->cancellable_from_ms - now_ms;
     f->spent_ms = f->held_since_ms = f->stood_ms = 0;
     atomic_store(&f->hold.wanted, false);
     atomic_store(&f->hold.held_ms, 0);
@@ -49,8 +49,8 @@ void srv_frame_queue_pop(struct srv_frame_queue *flights, double now_ms) {
     if (!f)
         return;
     f->begun_ms = now_ms;
-    if (f->keep_until_ms > 0)
-        f->keep_until_ms = fmax(f->keep_until_ms, now_ms + f->kept_ms);
+    if (f->cancellable_from_ms > 0)
+        f->cancellable_from_ms = fmax(f->cancellable_from_ms, now_ms + f->kept_ms);
 }
 
 void srv_frame_queue_undo(struct srv_frame_queue *flights) {
@@ -100,8 +100,8 @@ static void give_up(struct srv_frame_queue *flights, unsigned i) {
     for (unsigned k = i + 1; f->job->step == SRV_STEP_MOVING && k < flights->count; k++) {
         struct srv_inflight *next = at(flights, k);
         if (next->job->session == f->job->session && next->job->step == SRV_STEP_MOVING &&
-            next->keep_until_ms > 0)
-            next->keep_until_ms = INFINITY;
+            next->cancellable_from_ms > 0)
+            next->cancellable_from_ms = INFINITY;
     }
 }
 
@@ -109,18 +109,18 @@ void srv_frame_queue_tick(struct srv_frame_queue *flights, double now_ms) {
     for (unsigned i = 0; i < flights->count; i++) {
         struct srv_inflight *f = at(flights, i);
         double own_ms = now_ms - held_ms(f, now_ms);
-        bool is_over = f->keep_until_ms == 0 || (i == 0 && own_ms >= f->keep_until_ms);
-        bool yields = f->yields && own_ms - f->begun_ms >= f->job->yield_ms;
+        bool is_over = f->cancellable_from_ms == 0 || (i == 0 && own_ms >= f->cancellable_from_ms);
+        bool yields = f->yields && own_ms - f->begun_ms >= f->job->protected_ms;
         if ((yields || (f->is_outdated && is_over)) && !atomic_load(&f->cancel))
             give_up(flights, i);
     }
 }
 
 static bool concerns(const struct srv_inflight *f, uint64_t of, enum srv_interrupt why) {
-    const struct srv_job *job = f->job;
-    if (why == SRV_MOVES)
-        return job->yield_ms < INFINITY;
-    if (why == SRV_NEWER_PICTURE) /* who else gets it still wants it */
+    const struct srv_render_job *job = f->job;
+    if (why == SRV_INTERRUPT_MOTION)
+        return job->protected_ms < INFINITY;
+    if (why == SRV_INTERRUPT_NEWER_REQUEST) /* who else gets it still wants it */
         return job->target_count == 1 && job->targets[0].participant == of;
     return job->session == of;
 }
@@ -131,12 +131,12 @@ void srv_frame_queue_interrupt(struct srv_frame_queue *flights, uint64_t of, enu
         struct srv_inflight *f = at(flights, i);
         if (!concerns(f, of, why))
             continue;
-        if (why == SRV_MOVES)
+        if (why == SRV_INTERRUPT_MOTION)
             f->yields = true;
         else
             f->is_outdated = true;
-        if (why == SRV_UNWANTED)
-            f->keep_until_ms = 0;
+        if (why == SRV_INTERRUPT_UNWANTED)
+            f->cancellable_from_ms = 0;
     }
     srv_frame_queue_tick(flights, now_ms);
 }
@@ -146,10 +146,12 @@ void srv_frame_queue_cancel(struct srv_frame_queue *flights) {
         atomic_store(&at(flights, i)->cancel, true);
 }
 
-bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights, const struct srv_job *job) {
+bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights,
+                               const struct srv_render_job *job) {
     for (unsigned i = 0; i < flights->count; i++) {
-        const struct srv_job *other = flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX].job;
-        if (other->sharp && job->sharp && other->volume == job->volume &&
+        const struct srv_render_job *other =
+            flights->ring[(flights->first + i) % SP_IN_FLIGHT_MAX].job;
+        if (other->is_sharp && job->is_sharp && other->volume == job->volume &&
             memcmp(&other->view, &job->view, sizeof job->view) == 0)
             return true;
     }

@@ -24,12 +24,12 @@
 #include "sp/renderer.h"
 
 struct srv_inflight {
-    struct srv_job *job;           /* the lane's */
-    atomic_bool cancel;            /* of its rendering */
-    bool is_outdated;              /* a newer view waits */
-    bool yields;                   /* something moves to which it gives way in time */
-    double begun_ms;               /* or since when it is the oldest */
-    double keep_until_ms, kept_ms; /* as the job's; and how long that is from its beginning */
+    struct srv_render_job *job;          /* the lane's */
+    atomic_bool cancel;                  /* of its rendering */
+    bool is_outdated;                    /* a newer view waits */
+    bool yields;                         /* something moves to which it gives way in time */
+    double begun_ms;                     /* or since when it is the oldest */
+    double cancellable_from_ms, kept_ms; /* as the job's; and how long that is from its beginning */
     double spent_ms;      /* in the renderer; the lane's thread alone writes and reads it */
     struct sp_hold hold;  /* wait() and its user are the lane's */
     double held_since_ms; /* while it is to stand still, else 0 */
@@ -44,8 +44,8 @@ struct srv_frame_queue {
 
 /* Begins a job behind the others, of which there are fewer than SP_IN_FLIGHT_MAX. It stays where it
  * is until it is taken out. */
-struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights, struct srv_job *job,
-                                           double now_ms);
+struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights,
+                                           struct srv_render_job *job, double now_ms);
 
 struct srv_inflight *
 srv_frame_queue_oldest(struct srv_frame_queue *flights); /* NULL = there is none */
@@ -71,6 +71,7 @@ void srv_frame_queue_tick(struct srv_frame_queue *flights, double now_ms);
 void srv_frame_queue_cancel(struct srv_frame_queue *flights); /* all of them */
 
 /* Is this job's picture, a sharp one, among them? For whatever session. */
-bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights, const struct srv_job *job);
+bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights,
+                               const struct srv_render_job *job);
 
 #endif

@@ -12,8 +12,9 @@
 
 #define KEPT_BYTES_MAX ((size_t)64 << 20)
 
-static void keep(struct srv_render_pool *s, const struct srv_job *job, struct sp_frame *frame) {
-    if (job->sharp && frame->stride_bytes * frame->height <= KEPT_BYTES_MAX)
+static void keep(struct srv_render_pool *s, const struct srv_render_job *job,
+                 struct sp_frame *frame) {
+    if (job->is_sharp && frame->stride_bytes * frame->height <= KEPT_BYTES_MAX)
         srv_frame_cache_set(s, frame, job->volume, &job->view);
 }
 
@@ -38,7 +39,7 @@ static void stand_still(void *user) {
 }
 
 static struct srv_inflight *take_off(struct srv_render_pool *s, enum srv_worker_name name,
-                                     struct srv_job *job, double now_ms) {
+                                     struct srv_render_job *job, double now_ms) {
     struct srv_worker *lane = &s->lanes[name];
     pthread_mutex_lock(&s->mutex);
     struct srv_inflight *flight = srv_frame_queue_begin(&lane->flights, job, now_ms);
@@ -55,8 +56,8 @@ static struct srv_inflight *take_off(struct srv_render_pool *s, enum srv_worker_
 }
 
 /* What the express lane cannot draw is left to the stream lane, from now on. */
-static void fail_job(struct srv_render_pool *s, enum srv_worker_name name, struct srv_job *job,
-                     struct sp_error *err, double spent_ms) {
+static void fail_job(struct srv_render_pool *s, enum srv_worker_name name,
+                     struct srv_render_job *job, struct sp_error *err, double spent_ms) {
     if (name == SRV_WORKER_PREEMPTION && err->code != SP_ERR_CANCELLED) {
         srv_preemption_disable(s, err);
         sp_fail(err, SP_ERR_CANCELLED, NULL, "the stream lane draws it");
@@ -65,17 +66,18 @@ static void fail_job(struct srv_render_pool *s, enum srv_worker_name name, struc
 }
 
 /* From now on srv_render_pool_interrupt() reaches it. */
-void srv_job_begin(struct srv_render_pool *s, enum srv_worker_name name, struct srv_job *job) {
+void srv_job_begin(struct srv_render_pool *s, enum srv_worker_name name,
+                   struct srv_render_job *job) {
     struct sp_error err = { .code = SP_OK };
     struct srv_worker *lane = &s->lanes[name];
     double start_ms = srv_clock_ms();
     struct srv_inflight *flight = take_off(s, name, job, start_ms);
     /* The view may have changed before the interruption could reach us, or another one. */
-    if (!srv_hub_is_newest(s->hub, job))
-        srv_render_pool_interrupt(s, job->session, SRV_NEWER_VIEW);
-    if (job->yield_ms < INFINITY && srv_hub_moves(s->hub))
-        srv_render_pool_interrupt(s, 0, SRV_MOVES);
-    if (job->refinement)
+    if (!srv_schedule_is_newest(s->hub, job))
+        srv_render_pool_interrupt(s, job->session, SRV_INTERRUPT_NEWER_VIEW);
+    if (job->protected_ms < INFINITY && srv_schedule_has_motion(s->hub))
+        srv_render_pool_interrupt(s, 0, SRV_INTERRUPT_MOTION);
+    if (job->is_refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
     const struct sp_render_options options = {
         .format = SP_RGBA8, .coarse = job->coarse, .cancel = &flight->cancel, .hold = &flight->hold
@@ -95,7 +97,7 @@ void srv_job_finish(struct srv_render_pool *s, enum srv_worker_name name) {
     struct sp_error err = { .code = SP_OK };
     struct srv_worker *lane = &s->lanes[name];
     struct srv_inflight *flight = srv_frame_queue_oldest(&lane->flights);
-    struct srv_job *job = flight->job;
+    struct srv_render_job *job = flight->job;
     bool is_express = name == SRV_WORKER_PREEMPTION;
     double start_ms = srv_clock_ms();
     struct sp_frame *frame = sp_renderer_finish(lane->renderer, &err);
@@ -109,7 +111,7 @@ void srv_job_finish(struct srv_render_pool *s, enum srv_worker_name name) {
     srv_worker_note_frame(s, name, job->volume);
     if (frame) {
         keep(s, job, frame);
-        srv_hub_job_drawn(s->hub, job, frame->stats.render_ms);
+        srv_schedule_rendered(s->hub, job, frame->stats.render_ms);
         srv_encode_submit(
             s, (struct srv_encode_task){ .frame = frame, .job = job, .is_express = is_express });
     } else {
@@ -123,10 +125,11 @@ static void finish_jobs(struct srv_render_pool *s) {
 }
 
 /* Begins the job, unless its picture is there or on its way. */
-static void take_job(struct srv_render_pool *s, struct srv_job *job) {
+static void take_job(struct srv_render_pool *s, struct srv_render_job *job) {
     if (srv_frame_queue_has_sharp(&s->lanes[SRV_WORKER_INTERACTIVE].flights, job))
         finish_jobs(s);
-    struct sp_frame *frame = job->sharp ? srv_frame_cache_find(s, job->volume, &job->view) : NULL;
+    struct sp_frame *frame =
+        job->is_sharp ? srv_frame_cache_find(s, job->volume, &job->view) : NULL;
     if (frame)
         srv_encode_submit(s, (struct srv_encode_task){ .frame = frame, .job = job, .again = true });
     else
@@ -138,7 +141,7 @@ static void take_job(struct srv_render_pool *s, struct srv_job *job) {
 void *srv_interactive_worker_main(void *user) {
     struct srv_render_pool *s = user;
     struct srv_worker *lane = &s->lanes[SRV_WORKER_INTERACTIVE];
-    struct srv_job *job = NULL;
+    struct srv_render_job *job = NULL;
     for (;;) {
         struct srv_worker_round turn = srv_worker_look(s, SRV_WORKER_INTERACTIVE);
         if (turn.forget)
@@ -150,7 +153,7 @@ void *srv_interactive_worker_main(void *user) {
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "no memory for a render job");
         bool takes = job && turn.room && lane->flights.count < sp_renderer_depth(lane->renderer);
-        if (takes && srv_hub_next_job(s->hub, srv_clock_ms(), job, &wait_ms)) {
+        if (takes && srv_schedule_next(s->hub, srv_clock_ms(), job, &wait_ms)) {
             take_job(s, job);
             job = NULL;
         } else if (lane->flights.count > 0) {

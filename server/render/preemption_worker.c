@@ -19,18 +19,18 @@
 #define LONG_MS 10.0 /* what is drawn for so long stands still for others */
 
 /* What the stream lane draws, if that is long. *wait_ms: until it is. */
-static bool find_long(struct srv_render_pool *s, struct srv_running *running, double *wait_ms) {
+static bool find_long(struct srv_render_pool *s, struct srv_running_job *running, double *wait_ms) {
     struct srv_worker *streams = &s->lanes[SRV_WORKER_INTERACTIVE];
     pthread_mutex_lock(&s->mutex);
     const struct srv_inflight *f = srv_frame_queue_oldest(&streams->flights);
     bool found = f && streams->info.holds && !s->has_no_express && !atomic_load(&f->cancel);
     if (found)
-        *running = (struct srv_running){ .session = f->job->session,
-                                         .order = f->job->order,
-                                         .start_ms = f->job->start_ms,
-                                         .part_start_ms = f->job->part_start_ms,
-                                         .expected_ms = f->job->expected_ms,
-                                         .drawn_ms = srv_inflight_age_ms(f, srv_clock_ms()) };
+        *running = (struct srv_running_job){ .session = f->job->session,
+                                             .order = f->job->order,
+                                             .start_ms = f->job->start_ms,
+                                             .part_start_ms = f->job->part_start_ms,
+                                             .expected_ms = f->job->expected_ms,
+                                             .drawn_ms = srv_inflight_age_ms(f, srv_clock_ms()) };
     pthread_mutex_unlock(&s->mutex);
     if (found && running->drawn_ms < LONG_MS) {
         *wait_ms = LONG_MS - running->drawn_ms;
@@ -70,7 +70,7 @@ static void stand_still(struct srv_render_pool *s, uint64_t order, bool still) {
     pthread_mutex_unlock(&s->mutex);
 }
 
-static void draw_before(struct srv_render_pool *s, uint64_t order, struct srv_job *job) {
+static void draw_before(struct srv_render_pool *s, uint64_t order, struct srv_render_job *job) {
     struct sp_error err = { .code = SP_OK };
     if (!make_renderer(s, &err)) {
         srv_preemption_disable(s, &err);
@@ -88,18 +88,18 @@ static void draw_before(struct srv_render_pool *s, uint64_t order, struct srv_jo
 void *srv_preemption_worker_main(void *user) {
     struct srv_render_pool *s = user;
     struct srv_worker *lane = &s->lanes[SRV_WORKER_PREEMPTION];
-    struct srv_job *job = NULL;
+    struct srv_render_job *job = NULL;
     for (;;) {
         struct srv_worker_round turn = srv_worker_look(s, SRV_WORKER_PREEMPTION);
         srv_worker_evict(lane, turn.forget);
         if (turn.stop)
             break;
-        struct srv_running running;
+        struct srv_running_job running;
         double wait_ms = 1000;
         if (!job && !(job = malloc(sizeof *job)))
             sp_log(SP_LOG_ERROR, "no memory for a render job");
         if (job && turn.room && find_long(s, &running, &wait_ms) &&
-            srv_hub_next_short_job(s->hub, &running, srv_clock_ms(), job, &wait_ms)) {
+            srv_schedule_next_short(s->hub, &running, srv_clock_ms(), job, &wait_ms)) {
             draw_before(s, running.order, job);
             job = NULL;
         } else {

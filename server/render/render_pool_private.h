@@ -45,7 +45,7 @@ struct srv_evict_item {
 };
 struct srv_encode_task { /* a rendered frame on its way to an encoder: of a job or of a still */
     struct sp_frame *frame;
-    struct srv_job *job;
+    struct srv_render_job *job;
     struct srv_snapshot_entry *still;
     bool is_express; /* the job is the express lane's */
     bool again;      /* the frame is an earlier job's: it was not drawn for this */
@@ -109,7 +109,7 @@ struct srv_render_pool {
         struct srv_fingerprint of; /* the volume */
         struct sp_view view;
         struct { /* its bytes, in the forms that streams had of it last */
-            struct srv_form form;
+            struct srv_encode_params form;
             struct srv_blob *blob; /* NULL = none */
         } encoded[SRV_FRAME_CACHE_ENCODINGS];
         unsigned next; /* of `encoded`, to be replaced */
@@ -141,7 +141,8 @@ void srv_worker_note_frame(struct srv_render_pool *s, enum srv_worker_name name,
 
 /* Jobs, in a lane that has them; its thread. Hands one to the renderer: begun, or the hub was told
  * that it failed. */
-void srv_job_begin(struct srv_render_pool *s, enum srv_worker_name name, struct srv_job *job);
+void srv_job_begin(struct srv_render_pool *s, enum srv_worker_name name,
+                   struct srv_render_job *job);
 /* Waits for the oldest job that was begun. */
 void srv_job_finish(struct srv_render_pool *s, enum srv_worker_name name);
 
@@ -163,7 +164,7 @@ void srv_encode_stop(struct srv_render_pool *s);
 void srv_encode_destroy(struct srv_render_pool *s);
 
 /* A job that came to nothing; takes it over. elapsed_ms: of rendering that was cancelled. */
-void srv_job_fail(struct srv_render_pool *s, struct srv_job *job, const struct sp_error *err,
+void srv_job_fail(struct srv_render_pool *s, struct srv_render_job *job, const struct sp_error *err,
                   double elapsed_ms);
 
 /* The kept picture, if it is that of the view; the caller's reference. Without the mutex. */
@@ -176,10 +177,10 @@ void srv_frame_cache_set(struct srv_render_pool *s, struct sp_frame *frame,
 /* Bytes of the frame, if it is the kept one and was encoded in that form; the caller's reference.
  */
 struct srv_blob *srv_frame_cache_bytes(struct srv_render_pool *s, const struct sp_frame *frame,
-                                       const struct srv_form *form);
+                                       const struct srv_encode_params *form);
 /* Keeps them, if the frame is the kept one. */
 void srv_frame_cache_set_bytes(struct srv_render_pool *s, const struct sp_frame *frame,
-                               const struct srv_form *form, struct srv_blob *blob);
+                               const struct srv_encode_params *form, struct srv_blob *blob);
 
 /* Stills, without the mutex. Its owner pays for it. */
 void srv_snapshot_charge(struct srv_render_pool *s, const struct srv_snapshot_entry *item,

@@ -94,8 +94,8 @@ static bool gives_way(struct srv_snapshot_entry *item, double now_ms) {
         return false;
     if (item->patient_ms == 0)
         item->patient_ms = now_ms;
-    return srv_share_patience(now_ms - item->patient_ms,
-                              fmax(item->still.expected_ms, 2 * item->spent_ms)) == 0;
+    return srv_fair_protected_ms(now_ms - item->patient_ms,
+                                 fmax(item->still.expected_ms, 2 * item->spent_ms)) == 0;
 }
 
 void srv_snapshots_yield(struct srv_render_pool *s) {
@@ -239,12 +239,14 @@ void *srv_snapshot_worker_main(void *user) {
 /* One in flight of the same bytes that may still be joined. With the mutex held. */
 static struct srv_snapshot_entry *find_equal(struct srv_render_pool *s,
                                              const struct srv_snapshot *still) {
-    const struct srv_form form = srv_form_of(still->format, still->quality, still->chroma);
+    const struct srv_encode_params form =
+        srv_encode_params_from(still->format, still->quality, still->chroma);
     for (struct srv_snapshot_entry *i = s->stills; i; i = i->next) {
         const struct srv_snapshot *other = &i->still;
-        const struct srv_form theirs = srv_form_of(other->format, other->quality, other->chroma);
+        const struct srv_encode_params theirs =
+            srv_encode_params_from(other->format, other->quality, other->chroma);
         bool same = other->volume == still->volume && other->wants_frame == still->wants_frame &&
-                    srv_form_is_same(&theirs, &form) &&
+                    srv_encode_params_equal(&theirs, &form) &&
                     memcmp(&other->view, &still->view, sizeof still->view) == 0;
         if (same && (i->waits || !atomic_load(&i->cancel)))
             return i;

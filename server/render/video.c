@@ -123,7 +123,7 @@ void srv_video_encoders_destroy(struct srv_video_encoders **pointer) {
     free(videos);
 }
 
-static struct encoder *create(const struct srv_job *job, enum sp_video_codec codec) {
+static struct encoder *create(const struct srv_render_job *job, enum sp_video_codec codec) {
     struct encoder *encoder = calloc(1, sizeof *encoder);
     struct sp_error err = { .code = SP_ERR_MEMORY, .text = "no memory" };
     unsigned threads = (uint64_t)job->full[0] * job->full[1] >= LARGE_PX ? 2 : 1;
@@ -141,7 +141,7 @@ static struct encoder *create(const struct srv_job *job, enum sp_video_codec cod
 }
 
 /* The encoder of a job's picture, in use until give_back(); NULL if there is none to be had. */
-static struct encoder *borrow(struct srv_video_encoders *videos, const struct srv_job *job,
+static struct encoder *borrow(struct srv_video_encoders *videos, const struct srv_render_job *job,
                               enum sp_video_codec codec) {
     pthread_mutex_lock(&videos->mutex);
     struct encoder *encoder = videos->list;
@@ -184,20 +184,20 @@ struct takers { /* sets of targets */
 
 /* Asks everybody of the set, then settles who gets what of this frame. A key frame would take the
  * video from those who have it and get nothing of this frame, too. With the encoder locked. */
-static struct takers ask(struct srv_hub *hub, const struct srv_job *job, uint64_t set,
+static struct takers ask(struct srv_hub *hub, const struct srv_render_job *job, uint64_t set,
                          const struct encoder *encoder, double now_ms) {
     struct takers takers = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++) {
         uint64_t bit = set & UINT64_C(1) << i;
-        enum srv_video_claim claim =
-            bit ? srv_hub_claim_video(hub, job, i, &encoder->mark) : SRV_VIDEO_NONE;
+        enum srv_video_need claim =
+            bit ? srv_schedule_video_need(hub, job, i, &encoder->mark) : SRV_VIDEO_NONE;
         if (claim == SRV_VIDEO_DELTA)
             takers.delta |= bit;
         else if (claim == SRV_VIDEO_KEY)
             takers.key |= bit;
     }
     bool is_late = job->order <= encoder->order;
-    bool is_shared = takers.delta || srv_hub_has_video(hub, job, &encoder->mark);
+    bool is_shared = takers.delta || srv_schedule_has_video(hub, job, &encoder->mark);
     if (is_late) {
         takers.stills = takers.delta | takers.key;
         takers.delta = takers.key = 0;
@@ -211,7 +211,7 @@ static struct takers ask(struct srv_hub *hub, const struct srv_job *job, uint64_
     return takers;
 }
 
-static int best_quality(const struct srv_job *job, uint64_t set) {
+static int best_quality(const struct srv_render_job *job, uint64_t set) {
     int best = 1;
     for (uint32_t i = 0; i < job->target_count; i++)
         if (set >> i & 1 && job->targets[i].quality > best)
@@ -233,8 +233,8 @@ static void advance(struct srv_video_encoders *videos, struct encoder *encoder, 
 
 /* One packet for all takers. False: nobody got anything. With the encoder locked. */
 static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
-                   const struct srv_job *job, const struct sp_frame *frame, struct encoder *encoder,
-                   uint64_t set, bool key, double *encode_ms) {
+                   const struct srv_render_job *job, const struct sp_frame *frame,
+                   struct encoder *encoder, uint64_t set, bool key, double *encode_ms) {
     struct sp_video_packet packet;
     struct sp_error err;
     double start_ms = srv_clock_ms();
@@ -260,7 +260,7 @@ static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
     };
     for (uint32_t i = 0; i < job->target_count; i++)
         if (set >> i & 1)
-            srv_hub_deliver_video(hub, job, i, &header, blob, &encoder->mark);
+            srv_schedule_deliver_video(hub, job, i, &header, blob, &encoder->mark);
     encoder->mark.number++;
     srv_blob_unref(&blob);
     return true;
@@ -268,11 +268,11 @@ static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
 
 /* Returns those of the set who shall get a still. */
 static uint64_t encode_set(struct srv_video_encoders *videos, struct srv_hub *hub,
-                           const struct srv_job *job, const struct sp_frame *frame,
+                           const struct srv_render_job *job, const struct sp_frame *frame,
                            enum sp_video_codec codec, uint64_t set, double *encode_ms) {
     struct encoder *encoder = borrow(videos, job, codec);
     if (!encoder) {
-        srv_hub_refuse_video(hub, job, set);
+        srv_schedule_refuse_video(hub, job, set);
         return set;
     }
     pthread_mutex_lock(&encoder->mutex);
@@ -286,7 +286,7 @@ static uint64_t encode_set(struct srv_video_encoders *videos, struct srv_hub *hu
 }
 
 uint64_t srv_video_encoders_encode(struct srv_video_encoders *videos, struct srv_hub *hub,
-                                   const struct srv_job *job, const struct sp_frame *frame,
+                                   const struct srv_render_job *job, const struct sp_frame *frame,
                                    double *encode_ms) {
     uint64_t sets[SP_VIDEO_CODEC_COUNT + 1] = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++)

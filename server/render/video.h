@@ -11,8 +11,8 @@
  *   - Each key frame begins an epoch, in which frames are numbered from 0. A participant's mark
  *     says which frame it can take next; putting one in its outbox moves the mark, and whatever
  *     takes a video frame out of it again (the still of a view that came to rest) clears it.
- *   - Before encoding, each taker is asked (srv_hub_claim_video): one whose last frame still waits
- *     for the socket is left out, and wants a newer one as soon as the socket took that; one that
+ *   - Before encoding, each taker is asked (srv_schedule_video_need): one whose last frame still
+ * waits for the socket is left out, and wants a newer one as soon as the socket took that; one that
  *     has the mark takes the delta; any other needs a key frame.
  *   - If nobody of the session could use a delta, now or of a later job, the frame is a key frame.
  *     Else there is one at most every KEY_MS: until then who needs one gets JPEG. So a client that
@@ -24,7 +24,7 @@
  *
  * A view at rest is a still, lossless if asked for: it depends on nothing. Where there is no
  * encoder to be had, because all together would have more pixels than allowed, everybody gets JPEG
- * and is told so (srv_hub_refuse_video). Locks: an encoder's, then the hub's.
+ * and is told so (srv_schedule_refuse_video). Locks: an encoder's, then the hub's.
  */
 #ifndef SRV_RENDER_VIDEO_H
 #define SRV_RENDER_VIDEO_H
@@ -49,7 +49,7 @@ void srv_video_encoders_destroy(struct srv_video_encoders **videos);
  * shall get a still, a bit each: those who did not ask for video, and those who cannot have it now.
  * Adds to *encode_ms. Encode threads. */
 uint64_t srv_video_encoders_encode(struct srv_video_encoders *videos, struct srv_hub *hub,
-                                   const struct srv_job *job, const struct sp_frame *frame,
+                                   const struct srv_render_job *job, const struct sp_frame *frame,
                                    double *encode_ms);
 
 /* Are there encoders that were not used for a while? Any thread; never waits long. */

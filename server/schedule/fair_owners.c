@@ -15,7 +15,7 @@ static unsigned find(const struct srv_fair_owners *owners, const char *name) {
 
 double srv_fair_owners_start(const struct srv_fair_owners *owners, const char *name) {
     unsigned i = find(owners, name);
-    return i < owners->count ? srv_share_start(&owners->list[i].share, owners->clock_ms)
+    return i < owners->count ? srv_fair_start(&owners->list[i].share, owners->clock_ms)
                              : owners->clock_ms;
 }
 
@@ -41,9 +41,9 @@ void srv_fair_owners_charge(struct srv_fair_owners *owners, const char *name, do
     if (i == owners->count) {
         i = owners->count < SRV_FAIR_OWNERS_MAX ? owners->count++ : least(owners);
         snprintf(owners->list[i].name, sizeof owners->list[i].name, "%s", name);
-        owners->list[i].share = (struct srv_share){ 0 };
+        owners->list[i].share = (struct srv_fair_account){ 0 };
     }
-    srv_share_take(&owners->list[i].share, owners->clock_ms, ms);
+    srv_fair_charge(&owners->list[i].share, owners->clock_ms, ms);
 }
 
 void srv_fair_owners_reset(struct srv_fair_owners *owners) {

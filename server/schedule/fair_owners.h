@@ -18,7 +18,7 @@ enum {
 struct srv_fair_owners { /* zero = nobody has had anything */
     struct {
         char name[SRV_FAIR_OWNER_BYTES];
-        struct srv_share share;
+        struct srv_fair_account share;
     } list[SRV_FAIR_OWNERS_MAX];
     unsigned count;
     double clock_ms;

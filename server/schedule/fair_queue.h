@@ -17,21 +17,21 @@
 #ifndef SRV_SESSION_SHARE_H
 #define SRV_SESSION_SHARE_H
 
-struct srv_share { /* zero = got nothing yet */
-    double end_ms; /* of what it got last, by the clock of its peers */
+struct srv_fair_account { /* zero = got nothing yet */
+    double end_ms;        /* of what it got last, by the clock of its peers */
 };
 
 /* Where it starts. */
-double srv_share_start(const struct srv_share *share, double clock_ms);
+double srv_fair_start(const struct srv_fair_account *share, double clock_ms);
 /* It gets something that is expected to take ms. */
-void srv_share_take(struct srv_share *share, double clock_ms, double ms);
+void srv_fair_charge(struct srv_fair_account *share, double clock_ms, double ms);
 /* What it got took so much more than expected; less than 0 = less. */
-void srv_share_correct(struct srv_share *share, double more_ms);
+void srv_fair_correct(struct srv_fair_account *share, double more_ms);
 
 /* What is expected to take expected_ms (0 = not known) gives way to what comes first, again and
  * again, for twenty times as long. Then it does not, for the time that is returned, a tenth of what
  * it waited: so it is done some day, however busy the others are, and costs them about a twentieth
  * of their time. 0 = it still gives way at once. */
-double srv_share_patience(double waited_ms, double expected_ms);
+double srv_fair_protected_ms(double waited_ms, double expected_ms);
 
 #endif

@@ -17,27 +17,27 @@ struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
 };
 
-void srv_pace_init(struct srv_pace *pace) {
+void srv_quality_init(struct srv_quality *pace) {
     memset(pace, 0, sizeof *pace);
 }
 
-void srv_pace_init_from(struct srv_pace *pace, const struct srv_pace *other) {
-    srv_pace_init(pace);
+void srv_quality_init_from(struct srv_quality *pace, const struct srv_quality *other) {
+    srv_quality_init(pace);
     for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
-        const struct srv_pace_fit *fit = &other->fits[coarse];
-        pace->fits[coarse] = (struct srv_pace_fit){ .weight = fit->weight,
-                                                    .x = fit->x,
-                                                    .y = fit->y,
-                                                    .xx = fit->xx,
-                                                    .xy = fit->xy,
-                                                    .ratio = fit->ratio,
-                                                    .last_mpx = fit->last_mpx,
-                                                    .load_log = HEARSAY };
+        const struct srv_quality_fit *fit = &other->fits[coarse];
+        pace->fits[coarse] = (struct srv_quality_fit){ .weight = fit->weight,
+                                                       .x = fit->x,
+                                                       .y = fit->y,
+                                                       .xx = fit->xx,
+                                                       .xy = fit->xy,
+                                                       .ratio = fit->ratio,
+                                                       .last_mpx = fit->last_mpx,
+                                                       .load_log = HEARSAY };
     }
 }
 
-double srv_pace_budget_ms(int max_fps) {
-    return fmax(1000.0 / max_fps, SRV_PACE_ENOUGH_MS);
+double srv_quality_budget_ms(int max_fps) {
+    return fmax(1000.0 / max_fps, SRV_QUALITY_BUDGET_MIN_MS);
 }
 
 static double megapixels(const uint32_t size[2]) {
@@ -45,7 +45,7 @@ static double megapixels(const uint32_t size[2]) {
 }
 
 /* From the spread of the sizes, if there is enough of it. */
-static bool fit_line(const struct srv_pace_fit *fit, struct model *model) {
+static bool fit_line(const struct srv_quality_fit *fit, struct model *model) {
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
     double variance = fit->xx / fit->weight - mean_x * mean_x;
     double covariance = fit->xy / fit->weight - mean_x * mean_y;
@@ -62,7 +62,7 @@ static bool fit_line(const struct srv_pace_fit *fit, struct model *model) {
 
 /* fixed / per_px of a level as last seen, else of another one (footprints cover the picture alike,
  * an eighth of the voxels is left a level coarser); 0 = no level was drawn in several sizes. */
-static double ratio_of(const struct srv_pace *pace, unsigned coarse) {
+static double ratio_of(const struct srv_quality *pace, unsigned coarse) {
     if (pace->fits[coarse].ratio > 0)
         return pace->fits[coarse].ratio;
     for (unsigned other = 0; other <= SP_COARSE_MAX; other++)
@@ -73,8 +73,8 @@ static double ratio_of(const struct srv_pace *pace, unsigned coarse) {
 
 /* Of a level that was drawn. Where its frames had one size and no ratio is known, a third of the
  * time is for the pixels, until another size tells. */
-static struct model model_of_drawn(const struct srv_pace *pace, unsigned coarse) {
-    const struct srv_pace_fit *fit = &pace->fits[coarse];
+static struct model model_of_drawn(const struct srv_quality *pace, unsigned coarse) {
+    const struct srv_quality_fit *fit = &pace->fits[coarse];
     struct model model;
     if (fit_line(fit, &model))
         return model;
@@ -87,7 +87,7 @@ static struct model model_of_drawn(const struct srv_pace *pace, unsigned coarse)
 
 /* A level that was never drawn has an eighth of the next finer one's work a voxel. All 0: unknown.
  */
-static struct model model_of(const struct srv_pace *pace, unsigned coarse) {
+static struct model model_of(const struct srv_quality *pace, unsigned coarse) {
     struct model model = { 0, 0 };
     unsigned known = coarse + 1;
     while (known > 0 && pace->fits[known - 1].weight == 0)
@@ -103,7 +103,7 @@ static double time_of(const struct model *model, double mpx) {
     return model->fixed + model->slope * mpx;
 }
 
-double srv_pace_expect_ms(const struct srv_pace *pace, const struct srv_detail *detail) {
+double srv_quality_expected_ms(const struct srv_quality *pace, const struct srv_detail *detail) {
     struct model model = model_of(pace, detail->coarse);
     return time_of(&model, megapixels(detail->size));
 }
@@ -122,12 +122,12 @@ static bool is_finer(struct choice a, struct choice b) {
 }
 
 /* Of the expected time of a level: doubt counts for levels below `doubted`. */
-static double trust_of(const struct srv_pace *pace, unsigned coarse, unsigned doubted) {
+static double trust_of(const struct srv_quality *pace, unsigned coarse, unsigned doubted) {
     return coarse < doubted ? 1 - pace->fits[coarse].doubt : 1;
 }
 
 /* The finest choice that is expected within limit_ms; else the coarsest that gains anything. */
-static struct choice finest(const struct srv_pace *pace, const uint32_t full[2], double limit_ms,
+static struct choice finest(const struct srv_quality *pace, const uint32_t full[2], double limit_ms,
                             unsigned doubted) {
     for (unsigned coarse = 0;; coarse++) {
         bool last = coarse == SP_COARSE_MAX;
@@ -148,15 +148,15 @@ static struct choice finest(const struct srv_pace *pace, const uint32_t full[2],
     }
 }
 
-void srv_pace_moving(struct srv_pace *pace, const uint32_t full[2], double budget_ms,
-                     struct srv_detail *detail) {
+void srv_quality_moving(struct srv_quality *pace, const uint32_t full[2], double budget_ms,
+                        struct srv_detail *detail) {
     struct choice now = { pace->coarse, pace->side }, best = { 0, SIDES / 2 };
     if (pace->fits[0].weight > 0)
         best = finest(pace, full, budget_ms * RAISE, now.side ? now.coarse : 0);
     if (now.side) {
         *detail = (struct srv_detail){ .coarse = now.coarse };
         scale(full, now.side, detail->size);
-        if (srv_pace_expect_ms(pace, detail) <= budget_ms && !is_finer(best, now))
+        if (srv_quality_expected_ms(pace, detail) <= budget_ms && !is_finer(best, now))
             best = now;
     }
     pace->coarse = best.coarse;
@@ -165,19 +165,20 @@ void srv_pace_moving(struct srv_pace *pace, const uint32_t full[2], double budge
     scale(full, best.side, detail->size);
 }
 
-double srv_pace_moving_ms(const struct srv_pace *pace, const uint32_t full[2], double budget_ms) {
-    struct srv_pace next = *pace;
+double srv_quality_moving_ms(const struct srv_quality *pace, const uint32_t full[2],
+                             double budget_ms) {
+    struct srv_quality next = *pace;
     struct srv_detail detail;
-    srv_pace_moving(&next, full, budget_ms, &detail);
-    return srv_pace_expect_ms(pace, &detail) *
+    srv_quality_moving(&next, full, budget_ms, &detail);
+    return srv_quality_expected_ms(pace, &detail) *
            trust_of(pace, detail.coarse, pace->side ? pace->coarse : 0);
 }
 
-bool srv_pace_middle(const struct srv_pace *pace, const uint32_t full[2],
-                     const struct srv_detail *shown, struct srv_detail *detail) {
+bool srv_quality_intermediate(const struct srv_quality *pace, const uint32_t full[2],
+                              const struct srv_detail *shown, struct srv_detail *detail) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
-    double sharp_ms = srv_pace_expect_ms(pace, &sharp);
-    if (sharp_ms <= SRV_PACE_MIDDLE_MS)
+    double sharp_ms = srv_quality_expected_ms(pace, &sharp);
+    if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
         return false;
     struct choice best = finest(pace, full, sharp_ms / 4, 0);
     detail->coarse = best.coarse;
@@ -186,7 +187,7 @@ bool srv_pace_middle(const struct srv_pace *pace, const uint32_t full[2],
            (best.coarse == shown->coarse && detail->size[0] > shown->size[0]);
 }
 
-static void forget(struct srv_pace_fit *fit, double keep) {
+static void forget(struct srv_quality_fit *fit, double keep) {
     fit->weight *= keep;
     fit->x *= keep;
     fit->y *= keep;
@@ -196,13 +197,13 @@ static void forget(struct srv_pace_fit *fit, double keep) {
 
 /* The last frame had the size of this one: what differs is the load. Between sizes the model may
  * err. */
-static bool is_same_size(const struct srv_pace_fit *fit, double mpx) {
+static bool is_same_size(const struct srv_quality_fit *fit, double mpx) {
     return fit->weight > 0 && fabs(mpx - fit->last_mpx) <= 0.05 * mpx;
 }
 
 /* How much of the past to keep when a frame took *ms where expected_ms was expected (0 =
  * nothing to compare it with); limits what a single slow frame can do. */
-static double keep_of(struct srv_pace_fit *fit, double expected_ms, double *ms) {
+static double keep_of(struct srv_quality_fit *fit, double expected_ms, double *ms) {
     double hearsay = fabs(fit->load_log);
     bool slow = expected_ms > 0 && *ms > SLOW * expected_ms;
     bool believed = slow ? fit->was_slow : *ms < FAST * expected_ms;
@@ -215,7 +216,7 @@ static double keep_of(struct srv_pace_fit *fit, double expected_ms, double *ms) 
     return FORGET;
 }
 
-static void add(struct srv_pace_fit *fit, double mpx, double expected_ms, double ms) {
+static void add(struct srv_quality_fit *fit, double mpx, double expected_ms, double ms) {
     forget(fit, keep_of(fit, expected_ms, &ms));
     fit->last_mpx = mpx;
     fit->weight += 1;
@@ -229,8 +230,8 @@ static void add(struct srv_pace_fit *fit, double mpx, double expected_ms, double
 }
 
 /* Adds a frame, and tells the other levels of the load that it shows. */
-static void learn(struct srv_pace *pace, unsigned coarse, double mpx, double ms) {
-    struct srv_pace_fit *fit = &pace->fits[coarse];
+static void learn(struct srv_quality *pace, unsigned coarse, double mpx, double ms) {
+    struct srv_quality_fit *fit = &pace->fits[coarse];
     double was = 0;
     if (is_same_size(fit, mpx)) {
         struct model before = model_of_drawn(pace, coarse);
@@ -251,7 +252,7 @@ static void learn(struct srv_pace *pace, unsigned coarse, double mpx, double ms)
 }
 
 /* Its time is known now. */
-static void judge(struct srv_pace_fit *fit, bool is_over_budget) {
+static void judge(struct srv_quality_fit *fit, bool is_over_budget) {
     fit->on_trial = fit->on_trial || fit->doubt > 0;
     fit->doubt = 0;
     if (!is_over_budget || !fit->on_trial)
@@ -260,33 +261,33 @@ static void judge(struct srv_pace_fit *fit, bool is_over_budget) {
     fit->failures += fit->failures < FAILURES_MAX;
 }
 
-void srv_pace_done(struct srv_pace *pace, const struct srv_detail *drawn, bool moving,
-                   double budget_ms, double ms) {
-    struct srv_pace_fit *fit = &pace->fits[drawn->coarse];
+void srv_quality_done(struct srv_quality *pace, const struct srv_detail *drawn, bool moving,
+                      double budget_ms, double ms) {
+    struct srv_quality_fit *fit = &pace->fits[drawn->coarse];
     double mpx = megapixels(drawn->size);
     learn(pace, drawn->coarse, mpx, ms);
     judge(fit, moving && ms > budget_ms);
     for (unsigned finer = 0; moving && finer < drawn->coarse; finer++) {
-        struct srv_pace_fit *f = &pace->fits[finer];
+        struct srv_quality_fit *f = &pace->fits[finer];
         f->doubt = fmin(f->doubt + DOUBT_STEP / (1u << f->failures), DOUBT_MAX);
     }
 }
 
-void srv_pace_given_up(struct srv_pace *pace, const struct srv_detail *drawn, double ms) {
-    struct srv_pace_fit *fit = &pace->fits[drawn->coarse];
-    if (ms <= srv_pace_expect_ms(pace, drawn))
+void srv_quality_cancelled(struct srv_quality *pace, const struct srv_detail *drawn, double ms) {
+    struct srv_quality_fit *fit = &pace->fits[drawn->coarse];
+    if (ms <= srv_quality_expected_ms(pace, drawn))
         return;
     fit->was_slow = true; /* it is believed: twice as long would have been twice in a row */
     learn(pace, drawn->coarse, megapixels(drawn->size), ms);
     judge(fit, true);
 }
 
-void srv_pace_rest(struct srv_pace *pace, const uint32_t full[2]) {
+void srv_quality_rest(struct srv_quality *pace, const uint32_t full[2]) {
     for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
-        struct srv_pace_fit *fit = &pace->fits[coarse];
+        struct srv_quality_fit *fit = &pace->fits[coarse];
         struct srv_detail whole = { .coarse = coarse, .size = { full[0], full[1] } };
         fit->failures = 0;
-        if (coarse > 0 && srv_pace_expect_ms(pace, &whole) > SRV_PACE_ENOUGH_MS * RAISE)
-            *fit = (struct srv_pace_fit){ .ratio = fit->ratio };
+        if (coarse > 0 && srv_quality_expected_ms(pace, &whole) > SRV_QUALITY_BUDGET_MIN_MS * RAISE)
+            *fit = (struct srv_quality_fit){ .ratio = fit->ratio };
     }
 }

@@ -35,15 +35,17 @@
 
 #include "sp/renderer.h"
 
-#define SRV_PACE_ENOUGH_MS 66.0  /* 15 a second: no detail is given up to be faster than this */
-#define SRV_PACE_MIDDLE_MS 250.0 /* a sharp picture that takes longer is led up to by another */
+#define SRV_QUALITY_BUDGET_MIN_MS                                                                  \
+    66.0 /* 15 a second: no detail is given up to be faster than this */
+#define SRV_QUALITY_INTERMEDIATE_MS                                                                \
+    250.0 /* a sharp picture that takes longer is led up to by another */
 
 struct srv_detail { /* what a frame is drawn with */
     unsigned coarse;
     uint32_t size[2];
 };
 
-struct srv_pace_fit {            /* of one level */
+struct srv_quality_fit {         /* of one level */
     double weight, x, y, xx, xy; /* weighted sums over (megapixels, ms); weight 0 = unknown */
     double ratio;                /* fixed / per_px as last seen, megapixels; 0 = not yet */
     double last_mpx;             /* of the last frame */
@@ -53,42 +55,43 @@ struct srv_pace_fit {            /* of one level */
     bool on_trial;               /* it is drawn because of doubt */
     unsigned failures;           /* trials that ended over the budget since the view rested */
 };
-struct srv_pace {
-    struct srv_pace_fit fits[SP_COARSE_MAX + 1];
+struct srv_quality {
+    struct srv_quality_fit fits[SP_COARSE_MAX + 1];
     unsigned coarse, side; /* in use while moving; side in eighths of the full one, 0 = none yet */
 };
 
-void srv_pace_init(struct srv_pace *pace);
+void srv_quality_init(struct srv_quality *pace);
 /* As init, with what frames of another view of the same volume took as a guess: the first frame of
  * each level outweighs it. */
-void srv_pace_init_from(struct srv_pace *pace, const struct srv_pace *other);
+void srv_quality_init_from(struct srv_quality *pace, const struct srv_quality *other);
 
 /* Longest that a frame should take while the view moves. */
-double srv_pace_budget_ms(int max_fps);
+double srv_quality_budget_ms(int max_fps);
 
 /* Detail for the next frame of a moving view. */
-void srv_pace_moving(struct srv_pace *pace, const uint32_t full[2], double budget_ms,
-                     struct srv_detail *detail);
+void srv_quality_moving(struct srv_quality *pace, const uint32_t full[2], double budget_ms,
+                        struct srv_detail *detail);
 
 /* What that frame is believed to take; 0 = nothing known yet. */
-double srv_pace_moving_ms(const struct srv_pace *pace, const uint32_t full[2], double budget_ms);
+double srv_quality_moving_ms(const struct srv_quality *pace, const uint32_t full[2],
+                             double budget_ms);
 
 /* The view rests and `shown` is on the screen: is there something worth showing before the sharp
  * picture? It takes at most a quarter as long. */
-bool srv_pace_middle(const struct srv_pace *pace, const uint32_t full[2],
-                     const struct srv_detail *shown, struct srv_detail *detail);
+bool srv_quality_intermediate(const struct srv_quality *pace, const uint32_t full[2],
+                              const struct srv_detail *shown, struct srv_detail *detail);
 
 /* Expected time of a frame; 0 = nothing known yet. */
-double srv_pace_expect_ms(const struct srv_pace *pace, const struct srv_detail *detail);
+double srv_quality_expected_ms(const struct srv_quality *pace, const struct srv_detail *detail);
 
-/* A frame took `ms` (render and encode); `moving`: chosen by srv_pace_moving() for budget_ms. */
-void srv_pace_done(struct srv_pace *pace, const struct srv_detail *drawn, bool moving,
-                   double budget_ms, double ms);
+/* A frame took `ms` (render and encode); `moving`: chosen by srv_quality_moving() for budget_ms. */
+void srv_quality_done(struct srv_quality *pace, const struct srv_detail *drawn, bool moving,
+                      double budget_ms, double ms);
 
 /* A frame was given up after `ms`. */
-void srv_pace_given_up(struct srv_pace *pace, const struct srv_detail *drawn, double ms);
+void srv_quality_cancelled(struct srv_quality *pace, const struct srv_detail *drawn, double ms);
 
 /* The view rests: coarse levels that seem too slow are forgotten, the next move finds out anew. */
-void srv_pace_rest(struct srv_pace *pace, const uint32_t full[2]);
+void srv_quality_rest(struct srv_quality *pace, const uint32_t full[2]);
 
 #endif

@@ -39,7 +39,7 @@ static void give(struct srv_hub *hub, struct srv_session *session, struct srv_pa
         to->asked = 0;
     for (struct srv_participant *p = session->participants; p; p = p->next)
         p->asked_ms = now_ms;
-    srv_hub_note_others(hub, session, 0, SRV_NOTE_CONTROL);
+    srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_CONTROL);
 }
 
 void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
@@ -47,7 +47,7 @@ void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
     if (session->holder == p)
         give(hub, session, next_in_line(session), now_ms);
     else if (is_asking(p))
-        srv_hub_note_others(hub, session, 0, SRV_NOTE_CONTROL);
+        srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_CONTROL);
 }
 
 bool srv_control_take(struct srv_hub *hub, struct srv_participant *p, double now_ms) {
@@ -114,7 +114,7 @@ bool srv_call_request_control(struct srv_call *call) {
         p->asked_ms = call->now_ms;
         srv_timer_set_by(&call->hub->dues, &p->session->due,
                          p->asked_ms + call->hub->options.control_ms);
-        srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_CONTROL);
+        srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_CONTROL);
     }
     return answer(call);
 }
@@ -128,7 +128,7 @@ bool srv_call_release_control(struct srv_call *call) {
         give(call->hub, p->session, next_in_line(p->session), call->now_ms);
     } else if (is_asking(p)) {
         p->asked = 0;
-        srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_CONTROL);
+        srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_CONTROL);
     }
     return answer(call);
 }
@@ -165,6 +165,6 @@ bool srv_call_refuse_control(struct srv_call *call) {
     if (!to)
         return false;
     to->asked = 0;
-    srv_hub_note_others(call->hub, to->session, 0, SRV_NOTE_CONTROL);
+    srv_hub_notify_others(call->hub, to->session, 0, SRV_NOTIFY_CONTROL);
     return answer(call);
 }

@@ -9,14 +9,15 @@
 
 #include "sp/encode.h"
 
-struct srv_form {
+struct srv_encode_params {
     enum sp_image_format format;
     int quality;           /* of a lossless format 100 */
     enum sp_chroma chroma; /* of a JPEG, never AUTO; else AUTO */
 };
 
 /* Of what was asked for. */
-struct srv_form srv_form_of(enum sp_image_format format, int quality, enum sp_chroma chroma);
-bool srv_form_is_same(const struct srv_form *a, const struct srv_form *b);
+struct srv_encode_params srv_encode_params_from(enum sp_image_format format, int quality,
+                                                enum sp_chroma chroma);
+bool srv_encode_params_equal(const struct srv_encode_params *a, const struct srv_encode_params *b);
 
 #endif

@@ -344,10 +344,10 @@ void srv_hub_list_sleepers(struct srv_hub *hub, const char *owner, double now_ms
         for (const struct srv_sleeper *s = hub->sleepers[i]; s; s = s->next) {
             if (owner && strcmp(s->owner, owner) != 0)
                 continue;
-            struct srv_session_note *note = srv_page_slot(page, s->id);
+            struct srv_session_info *note = srv_page_slot(page, s->id);
             if (!note)
                 continue;
-            *note = (struct srv_session_note){ .is_asleep = true, .idle_ms = now_ms - s->used_ms };
+            *note = (struct srv_session_info){ .is_asleep = true, .idle_ms = now_ms - s->used_ms };
             strcpy(note->id, s->id);
             strcpy(note->volume, s->volume);
             strcpy(note->owner, s->owner);

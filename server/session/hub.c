@@ -65,7 +65,7 @@ double srv_hub_used_ms(const struct srv_session *session) {
     return fmax(session->empty_ms, session->changed_ms);
 }
 
-void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsigned notes) {
+void srv_hub_notify(struct srv_hub *hub, struct srv_participant *participant, unsigned notes) {
     participant->notes |= notes;
     if (participant->is_ready)
         return;
@@ -79,11 +79,11 @@ void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsi
     hub->options.ready(hub->options.user);
 }
 
-void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
-                         unsigned notes) {
+void srv_hub_notify_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
+                           unsigned notes) {
     for (struct srv_participant *p = session->participants; p; p = p->next)
         if (p->id != but)
-            srv_hub_note(hub, p, notes);
+            srv_hub_notify(hub, p, notes);
 }
 
 bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err) {
@@ -159,11 +159,11 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     session->changed_by = by;
     session->changed_ms = now_ms;
     srv_hub_unsaved(hub, session);
-    srv_hub_note_others(hub, session, by, SRV_NOTE_VIEW);
+    srv_hub_notify_others(hub, session, by, SRV_NOTIFY_VIEW);
     /* Of another volume's picture nothing is of use to the next one. */
     bool useless = volume && !session->must_finish;
     hub->options.interrupt(hub->options.user, session->number,
-                           useless ? SRV_UNWANTED : SRV_NEWER_VIEW);
+                           useless ? SRV_INTERRUPT_UNWANTED : SRV_INTERRUPT_NEWER_VIEW);
     srv_hub_work(hub, session);
     return true;
 }
@@ -174,7 +174,7 @@ void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason) {
 }
 
 void srv_hub_abandon(struct srv_hub *hub, const struct srv_session *session) {
-    hub->options.interrupt(hub->options.user, session->number, SRV_UNWANTED);
+    hub->options.interrupt(hub->options.user, session->number, SRV_INTERRUPT_UNWANTED);
 }
 
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
@@ -259,7 +259,7 @@ static void tell_to_leave(struct srv_hub *hub, struct srv_participant *p, uint16
                           const char *reason) {
     p->close_code = code;
     p->close_reason = reason;
-    srv_hub_note(hub, p, SRV_NOTE_CLOSE);
+    srv_hub_notify(hub, p, SRV_NOTIFY_CLOSE);
 }
 
 const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participant *p) {
@@ -282,7 +282,7 @@ void srv_hub_renew_tokens(struct srv_hub *hub) {
         for (struct srv_participant *p = s->participants; p; p = p->next) {
             const char *why = srv_hub_denies(hub, p);
             p->max_fps = srv_owner_fps(&s->owner, p->wanted_fps);
-            srv_hub_note(hub, p, SRV_NOTE_POLICY); /* of a size that may be another one */
+            srv_hub_notify(hub, p, SRV_NOTIFY_POLICY); /* of a size that may be another one */
             if (why)
                 tell_to_leave(hub, p, 1008, why);
             else if (had_token && !s->has_token)
@@ -540,10 +540,10 @@ void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct 
     for (const struct srv_session *s = hub->sessions; s; s = s->next) {
         if (owner && strcmp(s->owner.name, owner) != 0)
             continue;
-        struct srv_session_note *note = srv_page_slot(page, s->id);
+        struct srv_session_info *note = srv_page_slot(page, s->id);
         if (!note)
             continue;
-        *note = (struct srv_session_note){ .participants = s->participant_count };
+        *note = (struct srv_session_info){ .participants = s->participant_count };
         note->idle_ms = s->participants ? 0 : now_ms - srv_hub_used_ms(s);
         memcpy(note->id, s->id, sizeof note->id);
         memcpy(note->volume, s->view.volume, sizeof note->volume);
@@ -556,7 +556,7 @@ void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct 
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason) {
     pthread_mutex_lock(&hub->mutex);
-    struct srv_volume_note *note = NULL;
+    struct srv_volume_news *note = NULL;
     for (unsigned i = 0; i < hub->volume_count; i++)
         if (strcmp(hub->volumes[i].id, id) == 0)
             note = &hub->volumes[i];
@@ -574,7 +574,7 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
     note->progress = progress;
     note->clock = ++hub->volume_clock;
     for (struct srv_session *s = hub->sessions; s; s = s->next)
-        srv_hub_note_others(hub, s, 0, 0);
+        srv_hub_notify_others(hub, s, 0, 0);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -583,7 +583,7 @@ void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *d
     snprintf(hub->backend, sizeof hub->backend, "%s", backend);
     snprintf(hub->device, sizeof hub->device, "%s", device);
     for (struct srv_session *s = hub->sessions; s; s = s->next)
-        srv_hub_note_others(hub, s, 0, SRV_NOTE_STATS);
+        srv_hub_notify_others(hub, s, 0, SRV_NOTIFY_STATS);
     pthread_mutex_unlock(&hub->mutex);
 }
 
@@ -591,7 +591,7 @@ void srv_hub_drain(struct srv_hub *hub) {
     pthread_mutex_lock(&hub->mutex);
     hub->draining = true;
     for (struct srv_session *s = hub->sessions; s; s = s->next)
-        srv_hub_note_others(hub, s, 0, SRV_NOTE_DRAINING);
+        srv_hub_notify_others(hub, s, 0, SRV_NOTIFY_DRAINING);
     pthread_mutex_unlock(&hub->mutex);
 }
 

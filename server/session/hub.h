@@ -2,10 +2,9 @@
  *
  * Sessions: one shared view and its participants.
  *
- *   view.update ─► session (newest wins) ─► srv_hub_next_job ─► render, encode ─► srv_hub_deliver
- *                     │ view.changed                                                  │
- *                     ▼                                                               ▼
- *              other participants  ◄────────── srv_hub_next_message ◄──────────── outbox
+ *   view.update ─► session (newest wins) ─► srv_schedule_next ─► render, encode ─►
+ * srv_schedule_deliver │ view.changed                                                  │ ▼ ▼ other
+ * participants  ◄────────── srv_hub_next_message ◄──────────── outbox
  *
  * Everything is pulled: the stream lane asks for a job when it is free, and gets one only if some
  * participant has not seen the newest view and its flow control window is open; the stream thread
@@ -36,7 +35,7 @@
 struct srv_hub;
 struct srv_participant;
 
-enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17, SRV_PERSON_BYTES = 65 };
+enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17, SRV_PARTICIPANT_NAME_BYTES = 65 };
 
 /* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
 struct srv_volume_source {
@@ -53,10 +52,12 @@ struct srv_volume_source {
 };
 
 enum srv_interrupt {
-    SRV_NEWER_VIEW,    /* the session's view changed */
-    SRV_NEWER_PICTURE, /* the view is the same: one participant wants another picture of it */
-    SRV_UNWANTED,      /* nobody wants anything that is under way for the session */
-    SRV_MOVES          /* some view moves: whatever gives way to that (struct srv_job) does so */
+    SRV_INTERRUPT_NEWER_VIEW,    /* the session's view changed */
+    SRV_INTERRUPT_NEWER_REQUEST, /* the view is the same: one participant wants another picture of
+                                    it */
+    SRV_INTERRUPT_UNWANTED,      /* nobody wants anything that is under way for the session */
+    SRV_INTERRUPT_MOTION /* some view moves: whatever gives way to that (struct srv_render_job) does
+                            so */
 };
 
 struct srv_hub_options {
@@ -74,8 +75,9 @@ struct srv_hub_options {
     void *user;
     void (*work)(void *user);  /* there may be something to render */
     void (*ready)(void *user); /* some participant has something to send */
-    /* What is being rendered is no longer what is wanted first (struct srv_job says when it may be
-     * given up). `of` is a session, or the participant of SRV_NEWER_PICTURE, or 0. */
+    /* What is being rendered is no longer what is wanted first (struct srv_render_job says when it
+     * may be given up). `of` is a session, or the participant of SRV_INTERRUPT_NEWER_REQUEST, or 0.
+     */
     void (*interrupt)(void *user, uint64_t of, enum srv_interrupt why);
     /* There is something to save, or nothing of this session any more. NULL = nothing is kept. */
     void (*changed)(void *user);
@@ -135,9 +137,9 @@ bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
                        struct sp_error *err);
 /* Could one more participant join now? SP_ERR_NOT_FOUND, SP_ERR_BUDGET. */
-bool srv_hub_has_room(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err);
+bool srv_hub_can_join(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err);
 
-struct srv_session_note {
+struct srv_session_info {
     char id[SRV_SESSION_ID_BYTES]; /* first: struct srv_page */
     char volume[SP_NAME_BYTES];
     char owner[SRV_TOKEN_NAME_BYTES]; /* "" = nobody's */
@@ -147,7 +149,7 @@ struct srv_session_note {
 };
 struct srv_page;
 /* Shows all sessions of an owner (NULL: of all), awake or asleep, to a page of struct
- * srv_session_note. */
+ * srv_session_info. */
 void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct srv_page *page);
 
 /* Puts idle sessions to sleep or ends them, and passes control on; returns when to call again, in
@@ -212,12 +214,12 @@ struct srv_message {
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *participant,
                                            bool frames, double now_ms, struct srv_message *message);
 /* Since when the oldest unacknowledged frame is on its way, ms; 0 = none. */
-double srv_hub_oldest_ms(struct srv_hub *hub, struct srv_participant *participant);
+double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *participant);
 uint64_t srv_participant_id(const struct srv_participant *participant);
 
 /* Jobs (render and encode threads). */
 
-struct srv_target {
+struct srv_render_target {
     uint64_t participant;
     uint32_t seq;
     enum sp_image_format format;
@@ -239,23 +241,24 @@ enum srv_rank {
     SRV_RANKS
 };
 /* What a picture is for, in the order in which a view that came to rest gets them. */
-enum srv_step {
-    SRV_STEP_MOVING, /* keeps up with the hand */
-    SRV_STEP_MIDDLE, /* at rest, before a sharp one that takes long */
-    SRV_STEP_FINAL   /* full size, all voxels, granted quality */
+enum srv_frame_step {
+    SRV_STEP_MOVING,       /* keeps up with the hand */
+    SRV_STEP_INTERMEDIATE, /* at rest, before a sharp one that takes long */
+    SRV_STEP_FINAL         /* full size, all voxels, granted quality */
 };
-struct srv_job {
+struct srv_render_job {
     uint64_t session, version; /* of the view */
     uint64_t order;            /* rises from job to job */
-    enum srv_step step;
-    bool refinement; /* worthless as soon as a newer view exists */
-    double yield_ms; /* gives way to whatever moves when it was drawn for so long: is given up,
+    enum srv_frame_step step;
+    bool is_refinement;  /* worthless as soon as a newer view exists */
+    double protected_ms; /* gives way to whatever moves when it was drawn for so long: is given up,
                         and taken again; INFINITY = it does not */
-    bool is_alone;   /* for the one participant that there is, of whatever session */
-    bool is_slow_to_encode; /* takes long to encode (SRV_SLOW_ENCODE_MS) */
-    bool sharp;             /* full size and all voxels: only the encoding can get better */
-    double keep_until_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY = never */
-    double budget_ms;     /* for which its detail was chosen */
+    bool is_alone;       /* for the one participant that there is, of whatever session */
+    bool is_slow_to_encode;     /* takes long to encode (SRV_SLOW_ENCODE_MS) */
+    bool is_sharp;              /* full size and all voxels: only the encoding can get better */
+    double cancellable_from_ms; /* a newer view gives it up from then on: 0 = at once, INFINITY =
+                                   never */
+    double budget_ms;           /* for which its detail was chosen */
     /* Of its session's and its participants' shares: where they started, by the clocks of those
      * (share.h), and what was charged until its time is known. */
     double expected_ms; /* that it will take; INFINITY = not known, or more: work done once */
@@ -265,9 +268,9 @@ struct srv_job {
     struct sp_view view; /* with the size to render */
     void *volume;        /* a use of its own */
     uint32_t target_count;
-    struct srv_target targets[SRV_PARTICIPANTS_MAX];
+    struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
 };
-struct srv_job_result {
+struct srv_render_result {
     uint32_t width, height, coarse;
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* of render_ms: work that the next frame of this volume will not need again */
@@ -277,9 +280,10 @@ struct srv_job_result {
 
 /* The next thing to render (share.h says whose). False if there is none: *wait_ms says when to ask
  * again at the latest. */
-bool srv_hub_next_job(struct srv_hub *hub, double now_ms, struct srv_job *job, double *wait_ms);
+bool srv_schedule_next(struct srv_hub *hub, double now_ms, struct srv_render_job *job,
+                       double *wait_ms);
 /* A job that is drawn, and has been for so long. */
-struct srv_running {
+struct srv_running_job {
     uint64_t session, order; /* as the job's, and the next three */
     double start_ms, part_start_ms, expected_ms;
     double drawn_ms;
@@ -287,16 +291,16 @@ struct srv_running {
 /* A thing to render at once while another job stands still: of a session, or of another participant
  * of the same session, that has had less, and expected to take no longer than what is left of that
  * job. False as above. */
-bool srv_hub_next_short_job(struct srv_hub *hub, const struct srv_running *running, double now_ms,
-                            struct srv_job *job, double *wait_ms);
+bool srv_schedule_next_short(struct srv_hub *hub, const struct srv_running_job *running,
+                             double now_ms, struct srv_render_job *job, double *wait_ms);
 /* Is its view still the newest of its session? */
-bool srv_hub_is_newest(struct srv_hub *hub, const struct srv_job *job);
+bool srv_schedule_is_newest(struct srv_hub *hub, const struct srv_render_job *job);
 /* Does anything move, or is about to? */
-bool srv_hub_moves(struct srv_hub *hub);
+bool srv_schedule_has_motion(struct srv_hub *hub);
 /* One encoded picture for target `i`. header: size, times, codec and LOSSLESS are the caller's; the
  * rest is filled in. */
-void srv_hub_deliver(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
-                     const struct proto_frame_header *header, struct srv_blob *blob);
+void srv_schedule_deliver(struct srv_hub *hub, const struct srv_render_job *job, uint32_t i,
+                          const struct proto_frame_header *header, struct srv_blob *blob);
 
 /* Video (render/video.h has the law). Which frame of a video it is: `number` since the key frame
  * that began the epoch. Epochs are unique and never 0. */
@@ -304,33 +308,34 @@ struct srv_video_mark {
     uint64_t epoch;
     uint32_t number;
 };
-enum srv_video_claim {
+enum srv_video_need {
     SRV_VIDEO_NONE,  /* takes nothing of this job: it left, got a newer frame, or its last one still
                         waits for the socket; then it wants a newer one afterwards */
     SRV_VIDEO_DELTA, /* has all frames up to `next` */
     SRV_VIDEO_KEY    /* needs a key frame */
 };
-enum srv_video_claim srv_hub_claim_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
-                                         const struct srv_video_mark *next);
+enum srv_video_need srv_schedule_video_need(struct srv_hub *hub, const struct srv_render_job *job,
+                                            uint32_t i, const struct srv_video_mark *next);
 /* Does anybody of the job's session who has all frames up to `next` get nothing of this job? */
-bool srv_hub_has_video(struct srv_hub *hub, const struct srv_job *job,
-                       const struct srv_video_mark *next);
+bool srv_schedule_has_video(struct srv_hub *hub, const struct srv_render_job *job,
+                            const struct srv_video_mark *next);
 /* There is no encoder for those of the set, a bit each: they get stills, and are told so
  * (stream.policy), until one is there again. */
-void srv_hub_refuse_video(struct srv_hub *hub, const struct srv_job *job, uint64_t set);
-/* As srv_hub_deliver(), of the frame `mark`; number 0 is a key frame. Does nothing for who can no
- * longer use it. */
-void srv_hub_deliver_video(struct srv_hub *hub, const struct srv_job *job, uint32_t i,
-                           const struct proto_frame_header *header, struct srv_blob *blob,
-                           const struct srv_video_mark *mark);
+void srv_schedule_refuse_video(struct srv_hub *hub, const struct srv_render_job *job, uint64_t set);
+/* As srv_schedule_deliver(), of the frame `mark`; number 0 is a key frame. Does nothing for who can
+ * no longer use it. */
+void srv_schedule_deliver_video(struct srv_hub *hub, const struct srv_render_job *job, uint32_t i,
+                                const struct proto_frame_header *header, struct srv_blob *blob,
+                                const struct srv_video_mark *mark);
 /* It is drawn, and took so long, of which its session's share is known before the next job is
  * chosen. It ends later, when it is encoded. */
-void srv_hub_job_drawn(struct srv_hub *hub, struct srv_job *job, double render_ms);
+void srv_schedule_rendered(struct srv_hub *hub, struct srv_render_job *job, double render_ms);
 /* Every job ends with exactly one of these, which also releases its volume. */
-void srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
-                      const struct srv_job_result *result);
-void srv_hub_job_failed(struct srv_hub *hub, struct srv_job *job, const struct sp_error *err);
+void srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+                       const struct srv_render_result *result);
+void srv_schedule_failed(struct srv_hub *hub, struct srv_render_job *job,
+                         const struct sp_error *err);
 /* It was rendered for elapsed_ms; 0 = not at all, or to the end. */
-void srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms);
+void srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job, double elapsed_ms);
 
 #endif

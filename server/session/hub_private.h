@@ -15,18 +15,18 @@
 #include "session/hub.h"
 #include "session/window.h"
 
-#define SRV_MOVING_MS 500.0 /* a session moves for so long after a moving frame */
-enum { SRV_PACES = 16 };    /* volumes of which it is known what their frames take */
+#define SRV_MOVING_MS 500.0  /* a session moves for so long after a moving frame */
+enum { SRV_QUALITIES = 16 }; /* volumes of which it is known what their frames take */
 
-enum srv_note { /* what a participant has not been told yet */
-                SRV_NOTE_VIEW = 1,
-                SRV_NOTE_PARTICIPANTS = 2,
-                SRV_NOTE_STATS = 4,
-                SRV_NOTE_ERROR = 8,
-                SRV_NOTE_DRAINING = 16,
-                SRV_NOTE_CLOSE = 32,
-                SRV_NOTE_CONTROL = 64,
-                SRV_NOTE_POLICY = 128
+enum srv_notification { /* what a participant has not been told yet */
+                        SRV_NOTIFY_VIEW = 1,
+                        SRV_NOTIFY_PARTICIPANTS = 2,
+                        SRV_NOTIFY_STATS = 4,
+                        SRV_NOTIFY_ERROR = 8,
+                        SRV_NOTIFY_DRAINING = 16,
+                        SRV_NOTIFY_CLOSE = 32,
+                        SRV_NOTIFY_CONTROL = 64,
+                        SRV_NOTIFY_POLICY = 128
 };
 
 enum {
@@ -49,13 +49,13 @@ struct srv_participant {
     void *user;  /* constant */
     uint64_t id; /* constant */
     enum srv_role role;
-    char token[SRV_TOKEN_NAME_BYTES]; /* constant: of srv_hub_join() */
-    char name[SRV_PERSON_BYTES];      /* UTF-8; never empty */
-    unsigned color;                   /* of the palette */
-    uint64_t asked;                   /* for control, in the order of requests; 0 = does not */
-    double asked_ms;                  /* since when the holder has not answered */
-    double picked_ms;                 /* the share of picks is used up to here */
-    bool is_ready;                    /* in the hub's ready list */
+    char token[SRV_TOKEN_NAME_BYTES];      /* constant: of srv_hub_join() */
+    char name[SRV_PARTICIPANT_NAME_BYTES]; /* UTF-8; never empty */
+    unsigned color;                        /* of the palette */
+    uint64_t asked;                        /* for control, in the order of requests; 0 = does not */
+    double asked_ms;                       /* since when the holder has not answered */
+    double picked_ms;                      /* the share of picks is used up to here */
+    bool is_ready;                         /* in the hub's ready list */
     unsigned notes;
     uint64_t volume_told;  /* hub->volume_clock up to which progress was told */
     uint64_t volume_start; /* hub->volume_clock when it joined */
@@ -74,24 +74,24 @@ struct srv_participant {
     uint32_t size[2]; /* 0 = the view's */
 
     uint32_t seq; /* newest view.update of this client */
-    struct srv_flow flow;
+    struct srv_window flow;
     struct srv_outbox outbox;
     uint32_t frame;         /* number of the newest frame sent */
     unsigned pipeline;      /* jobs under way for it */
     uint64_t taken_version; /* newest view for which a job was made, with what came of it: */
-    enum srv_step taken_step;
+    enum srv_frame_step taken_step;
     struct srv_detail taken_detail;
     uint64_t failed_version;               /* rendering it failed: not tried again */
     struct srv_moving moving, moving_told; /* the last one, and what was told of one */
     double policy_ms;                      /* when it was told */
     double next_frame_ms;                  /* not before, by max_fps */
     double behind_ms;                      /* since when the view is newer than its last job */
-    double ready_ms;        /* when a refinement for it could be drawn last; 0 = it cannot be */
-    double waited_ms;       /* before that, while it could */
-    double spent_ms;        /* on it before it gave way, the longest time */
-    struct srv_share share; /* of its session, by its clock */
-    uint64_t taken_order;   /* of its newest job */
-    double stats_ms;        /* when stats were told last */
+    double ready_ms;  /* when a refinement for it could be drawn last; 0 = it cannot be */
+    double waited_ms; /* before that, while it could */
+    double spent_ms;  /* on it before it gave way, the longest time */
+    struct srv_fair_account share; /* of its session, by its clock */
+    uint64_t taken_order;          /* of its newest job */
+    double stats_ms;               /* when stats were told last */
     uint64_t frames_sent, bytes_sent;
 };
 
@@ -115,19 +115,19 @@ struct srv_session {
     double saved_used_ms;
     uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms, empty_ms, served_ms;
-    double moved_ms;        /* when it got a moving frame last; 0 = never */
-    struct srv_share share; /* of the stream lane, by the hub's clock */
-    double clock_ms;        /* of its participants' shares */
-    uint64_t taken_order;   /* of its newest job */
-    double taken_ms;        /* when that was made */
-    double slots_ms;        /* where a slot of each rate begins */
-    struct srv_pace pace;
+    double moved_ms;               /* when it got a moving frame last; 0 = never */
+    struct srv_fair_account share; /* of the stream lane, by the hub's clock */
+    double clock_ms;               /* of its participants' shares */
+    uint64_t taken_order;          /* of its newest job */
+    double taken_ms;               /* when that was made */
+    double slots_ms;               /* where a slot of each rate begins */
+    struct srv_quality pace;
     /* The view in which the volume or the transfer function changed last, and the newest one that
      * a picture was finished of: before that, a picture begins with work that is done once. */
     uint64_t cold_version, done_version;
     uint64_t volume_version; /* in which the volume changed last */
     bool must_finish;        /* a moving frame was given up: the next one is not */
-    struct srv_job_result last;
+    struct srv_render_result last;
     double frame_ms; /* mean time between jobs, for fps; 0 = none */
     struct srv_participant *participants;
     struct srv_participant *holder; /* of control; NULL = nobody */
@@ -135,7 +135,7 @@ struct srv_session {
     unsigned next_guest; /* number of the next one's name */
 };
 
-struct srv_volume_note {
+struct srv_volume_news {
     char id[SP_NAME_BYTES], state[16];
     double progress;
     char reason[SP_ERROR_TEXT];
@@ -160,16 +160,16 @@ struct srv_hub {
     double noted_ms;                    /* when the time of use was last to be saved */
     uint64_t next_number, next_participant, next_order, next_request;
     struct srv_participant *ready_head, *ready_tail;
-    struct srv_volume_note volumes[SRV_HUB_VOLUMES];
+    struct srv_volume_news volumes[SRV_HUB_VOLUMES];
     unsigned volume_count;
     uint64_t volume_clock;
     char backend[32], device[SP_DEVICE_NAME]; /* that renders for sessions */
     /* What the frames of a volume took, as the session told that had one last: the first guess of
      * the next session. The pointers are compared, and never used. */
-    struct srv_known_pace {
+    struct srv_known_quality {
         const void *volume;
-        struct srv_pace pace;
-    } paces[SRV_PACES];
+        struct srv_quality pace;
+    } paces[SRV_QUALITIES];
     unsigned next_pace;
     double clock_ms;     /* of the sessions' shares */
     double rested_ms;    /* by that clock, the last end of those that are not busy any more */
@@ -186,9 +186,9 @@ struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, double now
                                  struct sp_error *err);
 /* When somebody used it last. */
 double srv_hub_used_ms(const struct srv_session *session);
-void srv_hub_note(struct srv_hub *hub, struct srv_participant *participant, unsigned notes);
-void srv_hub_note_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
-                         unsigned notes);
+void srv_hub_notify(struct srv_hub *hub, struct srv_participant *participant, unsigned notes);
+void srv_hub_notify_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
+                           unsigned notes);
 /* Merges a patch into the session's view; `by` changed it. */
 bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
                    uint64_t by, double now_ms, struct sp_error *err);
@@ -254,26 +254,27 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
 void srv_hub_work(struct srv_hub *hub, struct srv_session *session);
 
 /* Turns (turn.c): what one participant wants now. */
-struct srv_wish {
+struct srv_frame_request {
     bool wanted;
-    enum srv_step step;
+    enum srv_frame_step step;
     enum srv_rank rank;
-    bool refinement; /* as in struct srv_job, and the next two */
+    bool is_refinement; /* as in struct srv_render_job, and the next two */
     bool is_slow_to_encode;
-    double yield_ms, deadline_ms;
+    double protected_ms, deadline_ms;
     double in_ms; /* if nothing is wanted now: ask again in; INFINITY = not by time */
 };
-struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
-                              const struct srv_participant *p, double now_ms);
+struct srv_frame_request srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
+                                       const struct srv_participant *p, double now_ms);
 /* Whose turn it is: the participant and its wish; NULL = nobody's. Lowers *wait_ms to when it may
  * be somebody's. */
-struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
-                                      double *wait_ms);
+struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms,
+                                      struct srv_frame_request *wish, double *wait_ms);
 /* The same of those who may go before what is drawn, which goes on for longer: a frame of a moving
  * view, expected to be short, of a session that started no later than that one got to; or of its
  * own session, of a participant of whom that is so. */
-struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running *running,
-                                        double now_ms, struct srv_wish *wish, double *wait_ms);
+struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running_job *running,
+                                        double now_ms, struct srv_frame_request *wish,
+                                        double *wait_ms);
 /* Takes it out of the list of those that are busy. */
 void srv_turn_rest(struct srv_hub *hub, struct srv_session *session);
 /* Does anybody get a frame of a moving view, now or in a moment? */

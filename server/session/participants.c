@@ -37,7 +37,7 @@ static bool has_room(const struct srv_hub *hub, const struct srv_session *sessio
                    session->participant_count, hub->options.participants_max);
 }
 
-bool srv_hub_has_room(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err) {
+bool srv_hub_can_join(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
     bool room = session && has_room(hub, session, err);
@@ -61,7 +61,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->quality = QUALITY_DEFAULT;
     p->progressive = true;
     p->stats_ms = p->behind_ms = now_ms;
-    srv_flow_init(&p->flow);
+    srv_window_init(&p->flow);
     srv_outbox_init(&p->outbox);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
@@ -83,10 +83,10 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         session->participant_count++;
         hub->participant_count++;
         hub->role_counts[role]++;
-        srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
-        srv_hub_note(hub, p,
-                     SRV_NOTE_VIEW | SRV_NOTE_CONTROL | SRV_NOTE_POLICY |
-                         (hub->draining ? SRV_NOTE_DRAINING : 0));
+        srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_PARTICIPANTS);
+        srv_hub_notify(hub, p,
+                       SRV_NOTIFY_VIEW | SRV_NOTIFY_CONTROL | SRV_NOTIFY_POLICY |
+                           (hub->draining ? SRV_NOTIFY_DRAINING : 0));
         srv_hub_work(hub, session);
     }
     pthread_mutex_unlock(&hub->mutex);
@@ -134,7 +134,7 @@ void srv_hub_leave(struct srv_hub *hub, struct srv_participant **participant, do
             srv_hub_abandon(hub, session);
             srv_timer_set_by(&hub->dues, &session->due, now_ms + hub->options.session_idle_ms);
         }
-        srv_hub_note_others(hub, session, 0, SRV_NOTE_PARTICIPANTS);
+        srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_PARTICIPANTS);
         srv_control_leave(hub, session, p, now_ms);
     }
     pthread_mutex_unlock(&hub->mutex);
@@ -189,7 +189,7 @@ static char *text_of_view(const struct srv_participant *to, size_t *size) {
 static char *text_of_stats(const struct srv_hub *hub, const struct srv_participant *to,
                            size_t *size) {
     const struct srv_session *session = to->session;
-    const struct srv_job_result *last = &session->last;
+    const struct srv_render_result *last = &session->last;
     proto_json *params = proto_json_object();
     bool ok = proto_json_set_string(params, "backend", hub->backend);
     ok = proto_json_set_string(params, "device", hub->device) && ok;
@@ -203,8 +203,8 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     ok = proto_json_set_integer(params, "coarse", last->coarse) && ok;
     ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
     ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
-    ok = proto_json_set_number(params, "rtt_ms", srv_flow_rtt_ms(&to->flow)) && ok;
-    ok = proto_json_set_integer(params, "window", srv_flow_window(&to->flow, to->max_fps)) && ok;
+    ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->flow)) && ok;
+    ok = proto_json_set_integer(params, "window", srv_window_frames(&to->flow, to->max_fps)) && ok;
     ok = proto_json_set_integer(params, "frames", (int64_t)to->frames_sent) && ok;
     ok = proto_json_set_integer(params, "bytes", (int64_t)to->bytes_sent) && ok;
     ok = proto_json_set_integer(params, "dropped", (int64_t)to->outbox.dropped) && ok;
@@ -215,7 +215,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
 
 /* The volume whose news are oldest among those that `p` has not been told. */
 static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p, size_t *size) {
-    const struct srv_volume_note *note = NULL;
+    const struct srv_volume_news *note = NULL;
     for (unsigned i = 0; i < hub->volume_count; i++)
         if (hub->volumes[i].clock > p->volume_told &&
             (hub->volumes[i].clock > p->volume_start ||
@@ -250,32 +250,32 @@ static char *text_of_error(const struct srv_participant *p, size_t *size) {
 /* The text for one note; clears its bit. */
 static char *take_note(struct srv_hub *hub, struct srv_participant *p, double now_ms,
                        size_t *size) {
-    if (p->notes & SRV_NOTE_DRAINING) {
-        p->notes &= ~(unsigned)SRV_NOTE_DRAINING;
+    if (p->notes & SRV_NOTIFY_DRAINING) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_DRAINING;
         return proto_rpc_notification("server.draining", proto_json_object(), size);
     }
-    if (p->notes & SRV_NOTE_PARTICIPANTS) {
-        p->notes &= ~(unsigned)SRV_NOTE_PARTICIPANTS;
+    if (p->notes & SRV_NOTIFY_PARTICIPANTS) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_PARTICIPANTS;
         return text_of_participants(p, size);
     }
-    if (p->notes & SRV_NOTE_CONTROL) {
-        p->notes &= ~(unsigned)SRV_NOTE_CONTROL;
+    if (p->notes & SRV_NOTIFY_CONTROL) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_CONTROL;
         return srv_control_text(hub, p, now_ms, size);
     }
-    if (p->notes & SRV_NOTE_ERROR) {
-        p->notes &= ~(unsigned)SRV_NOTE_ERROR;
+    if (p->notes & SRV_NOTIFY_ERROR) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_ERROR;
         return text_of_error(p, size);
     }
-    if (p->notes & SRV_NOTE_VIEW) {
-        p->notes &= ~(unsigned)SRV_NOTE_VIEW;
+    if (p->notes & SRV_NOTIFY_VIEW) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_VIEW;
         return text_of_view(p, size);
     }
-    if (p->notes & SRV_NOTE_POLICY) {
-        p->notes &= ~(unsigned)SRV_NOTE_POLICY;
+    if (p->notes & SRV_NOTIFY_POLICY) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_POLICY;
         return srv_policy_text(p, now_ms, size);
     }
-    if (p->notes & SRV_NOTE_STATS) {
-        p->notes &= ~(unsigned)SRV_NOTE_STATS;
+    if (p->notes & SRV_NOTIFY_STATS) {
+        p->notes &= ~(unsigned)SRV_NOTIFY_STATS;
         p->stats_ms = now_ms;
         return text_of_stats(hub, p, size);
     }
@@ -287,11 +287,11 @@ static void take_frame(struct srv_hub *hub, struct srv_participant *p, double no
     srv_metrics_add(hub->options.metrics, SRV_COUNT_FRAMES, 1);
     message->blob = srv_outbox_take(&p->outbox, &message->header);
     message->header.frame = ++p->frame;
-    srv_flow_sent(&p->flow, p->frame, message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
+    srv_window_sent(&p->flow, p->frame, message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
     p->frames_sent++;
     p->bytes_sent += message->blob->size + PROTO_FRAME_HEADER_BYTES;
     if (now_ms - p->stats_ms >= 500)
-        p->notes |= SRV_NOTE_STATS;
+        p->notes |= SRV_NOTIFY_STATS;
 }
 
 enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *p,
@@ -300,12 +300,12 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
     enum srv_message_kind kind = SRV_MESSAGE_NONE;
     *message = (struct srv_message){ .text = NULL };
     pthread_mutex_lock(&hub->mutex);
-    if (p->notes & SRV_NOTE_CLOSE) {
+    if (p->notes & SRV_NOTIFY_CLOSE) {
         kind = SRV_MESSAGE_CLOSE;
         message->close_code = p->close_code;
         message->reason = p->close_reason;
     } else if (p->session) {
-        if (frames && p->outbox.blob && p->flow.count < SRV_FLOW_MAX) {
+        if (frames && p->outbox.blob && p->flow.count < SRV_WINDOW_MAX) {
             take_frame(hub, p, now_ms, message);
             if (p->video != SP_VIDEO_CODEC_COUNT) /* is_open() waits for it */
                 srv_hub_work(hub, p->session);
@@ -318,9 +318,9 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
     return kind;
 }
 
-double srv_hub_oldest_ms(struct srv_hub *hub, struct srv_participant *p) {
+double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *p) {
     pthread_mutex_lock(&hub->mutex);
-    double oldest = srv_flow_oldest_ms(&p->flow);
+    double oldest = srv_window_oldest_ms(&p->flow);
     pthread_mutex_unlock(&hub->mutex);
     return oldest;
 }

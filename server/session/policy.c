@@ -16,7 +16,7 @@ static bool has_quality(const struct srv_encoding *e) { /* video goes with JPEG 
     return !sp_image_format_info(e->format)->is_lossless;
 }
 
-struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum srv_step step) {
+struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum srv_frame_step step) {
     bool moving = step == SRV_STEP_MOVING, final = step == SRV_STEP_FINAL;
     struct srv_encoding e = {
         .format = final && p->lossless ? SP_IMAGE_PNG : p->format,
@@ -31,9 +31,10 @@ struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum sr
 
 bool srv_policy_is_final(const struct srv_participant *p, const struct srv_encoding *e) {
     const struct srv_encoding final = srv_policy_encoding(p, SRV_STEP_FINAL);
-    const struct srv_form form = srv_form_of(e->format, e->quality, e->chroma);
-    const struct srv_form last = srv_form_of(final.format, final.quality, final.chroma);
-    return e->video == SP_VIDEO_CODEC_COUNT && srv_form_is_same(&form, &last);
+    const struct srv_encode_params form = srv_encode_params_from(e->format, e->quality, e->chroma);
+    const struct srv_encode_params last =
+        srv_encode_params_from(final.format, final.quality, final.chroma);
+    return e->video == SP_VIDEO_CODEC_COUNT && srv_encode_params_equal(&form, &last);
 }
 
 double srv_policy_encode_ms(const struct srv_encoding *e, const uint32_t size[2]) {
@@ -52,8 +53,8 @@ static bool is_same(const struct srv_moving *a, const struct srv_moving *b) {
            a->detail.coarse == b->detail.coarse && a->is_shared == b->is_shared;
 }
 
-void srv_policy_taken(struct srv_hub *hub, struct srv_participant *p, const struct srv_job *job,
-                      double now_ms) {
+void srv_policy_taken(struct srv_hub *hub, struct srv_participant *p,
+                      const struct srv_render_job *job, double now_ms) {
     bool moving = job->step == SRV_STEP_MOVING;
     if (moving) {
         struct srv_detail sharp = { .size = { job->full[0], job->full[1] } };
@@ -61,13 +62,13 @@ void srv_policy_taken(struct srv_hub *hub, struct srv_participant *p, const stru
             .full = { job->full[0], job->full[1] },
             .detail = { .coarse = job->coarse, .size = { job->view.size[0], job->view.size[1] } },
             .budget_ms = job->budget_ms,
-            .sharp_ms = srv_pace_expect_ms(&p->session->pace, &sharp),
-            .is_shared = job->budget_ms < srv_pace_budget_ms(p->max_fps) * 0.99,
+            .sharp_ms = srv_quality_expected_ms(&p->session->pace, &sharp),
+            .is_shared = job->budget_ms < srv_quality_budget_ms(p->max_fps) * 0.99,
         };
     }
     bool is_due = !moving || now_ms - p->policy_ms >= TELL_MS;
     if (is_due && !is_same(&p->moving, &p->moving_told))
-        srv_hub_note(hub, p, SRV_NOTE_POLICY);
+        srv_hub_notify(hub, p, SRV_NOTIFY_POLICY);
 }
 
 static bool is_still(const struct srv_participant *p, const struct srv_encoding *e) {

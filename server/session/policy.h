@@ -17,7 +17,7 @@ struct srv_encoding {
 };
 
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
-                                        enum srv_step step);
+                                        enum srv_frame_step step);
 /* Is a sharp picture of this encoding what is shown at rest, so that nothing need follow? */
 bool srv_policy_is_final(const struct srv_participant *participant,
                          const struct srv_encoding *encoding);
@@ -30,7 +30,7 @@ double srv_policy_encode_ms(const struct srv_encoding *encoding, const uint32_t 
 /* A job was made for the participant: it is told if its detail is another one than it was told, at
  * most twice a second while the view moves, and once it rests. */
 void srv_policy_taken(struct srv_hub *hub, struct srv_participant *participant,
-                      const struct srv_job *job, double now_ms);
+                      const struct srv_render_job *job, double now_ms);
 /* The notification; malloc'ed, NULL when out of memory. */
 char *srv_policy_text(struct srv_participant *participant, double now_ms, size_t *size);
 

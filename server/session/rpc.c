@@ -135,7 +135,7 @@ static bool read_name(struct srv_call *call, struct stream_settings *s) {
         return true;
     s->name = proto_json_string(value);
     size_t length = s->name ? strlen(s->name) : 0;
-    return (length > 0 && length < SRV_PERSON_BYTES && is_plain(s->name)) ||
+    return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && is_plain(s->name)) ||
            srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
                            "must be a text of 1 to 64 bytes without control characters, also "
                            "those of a text's direction");
@@ -205,7 +205,7 @@ static void set_name(struct srv_call *call, const char *name) {
     if (!name || strcmp(name, p->name) == 0)
         return;
     snprintf(p->name, sizeof p->name, "%s", name);
-    srv_hub_note_others(call->hub, p->session, 0, SRV_NOTE_PARTICIPANTS);
+    srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_PARTICIPANTS);
 }
 
 /* What was granted. */
@@ -263,8 +263,8 @@ static bool stream_configure(struct srv_call *call) {
         p->video_refused = false;
         p->taken_version = p->failed_version = 0;
         p->behind_ms = call->now_ms;
-        call->hub->options.interrupt(call->hub->options.user, p->id, SRV_NEWER_PICTURE);
-        srv_hub_note(call->hub, p, SRV_NOTE_POLICY);
+        call->hub->options.interrupt(call->hub->options.user, p->id, SRV_INTERRUPT_NEWER_REQUEST);
+        srv_hub_notify(call->hub, p, SRV_NOTIFY_POLICY);
     }
     srv_hub_work(call->hub, p->session);
     call->result = encode_settings(p);
@@ -274,12 +274,12 @@ static bool stream_configure(struct srv_call *call) {
 static bool stream_ack(struct srv_call *call) {
     static const char *const known[] = { "frame", NULL };
     struct srv_participant *p = call->participant;
-    double sent_ms = srv_flow_oldest_ms(&p->flow);
+    double sent_ms = srv_window_oldest_ms(&p->flow);
     int64_t frame;
     if (!srv_call_knows(call, known))
         return false;
     if (!proto_json_integer(proto_json_get(call->params, "frame"), &frame) || frame < 1 ||
-        frame > UINT32_MAX || !srv_flow_acked(&p->flow, (uint32_t)frame, call->now_ms))
+        frame > UINT32_MAX || !srv_window_acked(&p->flow, (uint32_t)frame, call->now_ms))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
                                "must be the number of a frame that was sent");
     if (sent_ms > 0)

@@ -42,25 +42,25 @@ static bool is_open(const struct srv_hub *hub, const struct srv_participant *p) 
     unsigned waiting = p->pipeline + (p->outbox.blob ? 1 : 0);
     if (p->video != SP_VIDEO_CODEC_COUNT && p->outbox.blob)
         return false; /* a frame of video that waits must not be replaced */
-    return srv_flow_is_open(&p->flow, waiting, p->max_fps, hub->options.stream_bytes) &&
-           p->flow.count + waiting < SRV_FLOW_MAX;
+    return srv_window_is_open(&p->flow, waiting, p->max_fps, hub->options.stream_bytes) &&
+           p->flow.count + waiting < SRV_WINDOW_MAX;
 }
 
 /* What a view that rests gets next. */
-static enum srv_step next_step(const struct srv_session *s, const struct srv_participant *p) {
+static enum srv_frame_step next_step(const struct srv_session *s, const struct srv_participant *p) {
     struct srv_detail detail;
     uint32_t full[2];
     srv_hub_size(s, p, full);
     bool middle = p->progressive && p->taken_step == SRV_STEP_MOVING &&
-                  srv_pace_middle(&s->pace, full, &p->taken_detail, &detail);
-    return middle ? SRV_STEP_MIDDLE : SRV_STEP_FINAL;
+                  srv_quality_intermediate(&s->pace, full, &p->taken_detail, &detail);
+    return middle ? SRV_STEP_INTERMEDIATE : SRV_STEP_FINAL;
 }
 
 /* Of the sharp picture; 0 = not known. */
 static double sharp_ms(const struct srv_session *s, const struct srv_participant *p) {
     struct srv_detail sharp = { .coarse = 0 };
     srv_hub_size(s, p, sharp.size);
-    return srv_pace_expect_ms(&s->pace, &sharp);
+    return srv_quality_expected_ms(&s->pace, &sharp);
 }
 
 /* Is the sharp picture known to be there soon, so that nothing need be shown before it? */
@@ -79,7 +79,7 @@ static bool wants(const struct srv_hub *hub, const struct srv_session *s,
 /* Would what it gets next take long to encode? Of a moving view the last one tells its size, or
  * else what is tried first. */
 static bool is_slow_to_encode(const struct srv_session *s, const struct srv_participant *p,
-                              enum srv_step step) {
+                              enum srv_frame_step step) {
     const struct srv_encoding encoding = srv_policy_encoding(p, step);
     uint32_t size[2];
     srv_hub_size(s, p, size);
@@ -102,21 +102,22 @@ static double waited_ms(const struct srv_participant *p, double now_ms) {
 /* Of a refinement. What was begun and gave way takes twice as long at least. */
 static double yield_ms(const struct srv_session *s, const struct srv_participant *p,
                        double now_ms) {
-    return srv_share_patience(waited_ms(p, now_ms), fmax(sharp_ms(s, p), 2 * p->spent_ms));
+    return srv_fair_protected_ms(waited_ms(p, now_ms), fmax(sharp_ms(s, p), 2 * p->spent_ms));
 }
 
 /* Patience is for who could have been drawn: while the window is closed, or the rate used up, or a
  * picture under way, nothing is waited for. */
-static void note_waiting(struct srv_participant *p, const struct srv_wish *wish, double now_ms) {
-    bool waits = wish->wanted && wish->yield_ms < INFINITY;
+static void note_waiting(struct srv_participant *p, const struct srv_frame_request *wish,
+                         double now_ms) {
+    bool waits = wish->wanted && wish->protected_ms < INFINITY;
     if (waits)
         p->waited_ms = waited_ms(p, now_ms);
     p->ready_ms = waits ? now_ms : 0;
 }
 
-struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
-                              const struct srv_participant *p, double now_ms) {
-    struct srv_wish wish = { .in_ms = INFINITY };
+struct srv_frame_request srv_turn_wish(const struct srv_hub *hub, const struct srv_session *s,
+                                       const struct srv_participant *p, double now_ms) {
+    struct srv_frame_request wish = { .in_ms = INFINITY };
     if (!wants(hub, s, p))
         return wish;
     bool newer = p->taken_version < s->version;
@@ -130,16 +131,16 @@ struct srv_wish srv_turn_wish(const struct srv_hub *hub, const struct srv_sessio
     }
     wish.wanted = true;
     wish.deadline_ms = fmax(p->next_frame_ms, p->behind_ms) + 1000.0 / p->max_fps;
-    wish.refinement = p->progressive && (!newer || (rest_ms <= 0 && is_sharp_soon(s, p)));
+    wish.is_refinement = p->progressive && (!newer || (rest_ms <= 0 && is_sharp_soon(s, p)));
     if (!newer)
         wish.step = next_step(s, p);
     else
-        wish.step = !p->progressive || wish.refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
+        wish.step = !p->progressive || wish.is_refinement ? SRV_STEP_FINAL : SRV_STEP_MOVING;
     wish.is_slow_to_encode = is_slow_to_encode(s, p, wish.step);
     if (wish.is_slow_to_encode && !has_room_for_dear(hub, s))
         wish.wanted = false;
-    wish.yield_ms = newer && p->progressive ? INFINITY : yield_ms(s, p, now_ms);
-    wish.rank = wish.yield_ms == 0 ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
+    wish.protected_ms = newer && p->progressive ? INFINITY : yield_ms(s, p, now_ms);
+    wish.rank = wish.protected_ms == 0 ? SRV_RANK_REFINEMENT : SRV_RANK_INTERACTION;
     return wish;
 }
 
@@ -195,13 +196,13 @@ void srv_hub_work(struct srv_hub *hub, struct srv_session *session) {
         hub->busy = session;
     }
     if (hub->giving_way > 0 && srv_turn_moves(hub))
-        hub->options.interrupt(hub->options.user, 0, SRV_MOVES);
+        hub->options.interrupt(hub->options.user, 0, SRV_INTERRUPT_MOTION);
     hub->options.work(hub->options.user);
 }
 
 struct claim { /* of a participant within its session, or of that for its session */
     struct srv_participant *p;
-    struct srv_wish wish;
+    struct srv_frame_request wish;
     double start_ms;
 };
 
@@ -215,7 +216,7 @@ static double expect_ms(const struct srv_hub *hub, const struct claim *c) {
 }
 
 /* What takes longer than was expected is taken to be half done. */
-static double left_ms(const struct srv_running *running) {
+static double left_ms(const struct srv_running_job *running) {
     double left = running->expected_ms - running->drawn_ms;
     return left > 0 ? left : running->drawn_ms;
 }
@@ -224,10 +225,10 @@ static double left_ms(const struct srv_running *running) {
  * longer than what is left of it: what takes least goes first, so that the least is waited for. And
  * it must be short: no longer than a moving frame should take, or a small part of what is left. */
 static bool may_go_before(const struct srv_hub *hub, const struct claim *c,
-                          const struct srv_running *running) {
+                          const struct srv_running_job *running) {
     double left = left_ms(running), known_ms = isfinite(left) ? left : running->drawn_ms;
-    double most_ms = fmin(left, fmax(SRV_PACE_ENOUGH_MS, known_ms * SHORT_PART));
-    return c->wish.yield_ms == INFINITY && c->p->taken_order != running->order &&
+    double most_ms = fmin(left, fmax(SRV_QUALITY_BUDGET_MIN_MS, known_ms * SHORT_PART));
+    return c->wish.protected_ms == INFINITY && c->p->taken_order != running->order &&
            expect_ms(hub, c) <= most_ms;
 }
 
@@ -235,13 +236,13 @@ static bool may_go_before(const struct srv_hub *hub, const struct claim *c,
  * running, if that is not NULL. Where all rest the clock moves on to the last end: what was had
  * while nobody else wanted anything is no debt. */
 static struct claim claim_of(struct srv_hub *hub, struct srv_session *s, double now_ms,
-                             const struct srv_running *running, double *wait_ms) {
+                             const struct srv_running_job *running, double *wait_ms) {
     struct claim best = { .p = NULL };
     double in_ms = INFINITY, last_ms = s->clock_ms;
     bool rests = s->jobs == 0;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
         struct claim c = { p, srv_turn_wish(hub, s, p, now_ms),
-                           srv_share_start(&p->share, s->clock_ms) };
+                           srv_fair_start(&p->share, s->clock_ms) };
         in_ms = fmin(in_ms, c.wish.in_ms);
         last_ms = fmax(last_ms, c.start_ms);
         note_waiting(p, &c.wish, now_ms);
@@ -289,7 +290,7 @@ static double mean_start(struct srv_hub *hub, double now_ms, enum srv_rank *rank
             sum = count = 0;
             least = INFINITY;
         }
-        c.start_ms = srv_share_start(&s->share, hub->clock_ms);
+        c.start_ms = srv_fair_start(&s->share, hub->clock_ms);
         sum += c.start_ms;
         least = fmin(least, c.start_ms);
         count++;
@@ -313,8 +314,8 @@ static double quiet_in_ms(const struct srv_hub *hub, const struct srv_participan
     return in_ms;
 }
 
-struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct srv_wish *wish,
-                                      double *wait_ms) {
+struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms,
+                                      struct srv_frame_request *wish, double *wait_ms) {
     struct claim best = { .p = NULL };
     enum srv_rank rank;
     hub->now_ms = now_ms;
@@ -324,7 +325,7 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
         struct claim c = claim_of(hub, s, now_ms, NULL, wait_ms);
         if (!c.p || c.wish.rank != rank)
             continue;
-        c.start_ms = srv_share_start(&s->share, hub->clock_ms);
+        c.start_ms = srv_fair_start(&s->share, hub->clock_ms);
         bool is_entitled = c.start_ms <= mean_ms + ROUNDING_MS;
         if (is_entitled && (!best.p || is_due_before(&c, &best)))
             best = c;
@@ -337,8 +338,9 @@ struct srv_participant *srv_turn_next(struct srv_hub *hub, double now_ms, struct
     return best.p;
 }
 
-struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running *running,
-                                        double now_ms, struct srv_wish *wish, double *wait_ms) {
+struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_running_job *running,
+                                        double now_ms, struct srv_frame_request *wish,
+                                        double *wait_ms) {
     struct claim best = { .p = NULL };
     hub->now_ms = now_ms;
     for (struct srv_session *s = hub->busy; s; s = s->next_busy) {
@@ -347,7 +349,7 @@ struct srv_participant *srv_turn_before(struct srv_hub *hub, const struct srv_ru
             continue;
         bool is_own = s->number == running->session;
         double start_ms = is_own ? running->part_start_ms : running->start_ms;
-        double ahead_ms = is_own ? c.start_ms : srv_share_start(&s->share, hub->clock_ms);
+        double ahead_ms = is_own ? c.start_ms : srv_fair_start(&s->share, hub->clock_ms);
         ahead_ms -= start_ms + running->drawn_ms;
         if (ahead_ms > 0)
             *wait_ms = fmin(*wait_ms, ahead_ms);

@@ -12,7 +12,7 @@
  * never shorter than the granted rate allows. While the window is what limits the stream, the mean
  * time between acknowledgements is round trip / window: the window grows by one a round trip until
  * link, client or granted rate become the limit. Before the first acknowledgement it is
- * SRV_FLOW_FIRST. Pure: no clock, no lock.
+ * SRV_WINDOW_FIRST. Pure: no clock, no lock.
  */
 #ifndef SRV_SESSION_FLOW_H
 #define SRV_SESSION_FLOW_H
@@ -21,17 +21,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SRV_FLOW_FIRST = 2, SRV_FLOW_MAX = 64 };
+enum { SRV_WINDOW_FIRST = 2, SRV_WINDOW_MAX = 64 };
 
-struct srv_flow_frame {
+struct srv_window_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
     bool alone; /* nothing else was on its way */
 };
 
-struct srv_flow {
-    struct srv_flow_frame flying[SRV_FLOW_MAX]; /* ring, oldest at `head` */
+struct srv_window {
+    struct srv_window_frame flying[SRV_WINDOW_MAX]; /* ring, oldest at `head` */
     unsigned head, count;
     size_t bytes;               /* of the frames on their way */
     double rtt_ms[2];           /* smallest in the current and the previous 10 s; 0 = none */
@@ -41,27 +41,27 @@ struct srv_flow {
     uint32_t last_frame, acked; /* newest sent, newest acknowledged; 0 = none */
 };
 
-void srv_flow_init(struct srv_flow *flow);
+void srv_window_init(struct srv_window *flow);
 
-/* A frame goes to the socket. Frame numbers rise. At most SRV_FLOW_MAX may be on their way. */
-void srv_flow_sent(struct srv_flow *flow, uint32_t frame, size_t bytes, double now_ms);
+/* A frame goes to the socket. Frame numbers rise. At most SRV_WINDOW_MAX may be on their way. */
+void srv_window_sent(struct srv_window *flow, uint32_t frame, size_t bytes, double now_ms);
 
 /* The client has `frame`, and with it every older one. False if it was never sent; an old one again
  * is harmless. */
-bool srv_flow_acked(struct srv_flow *flow, uint32_t frame, double now_ms);
+bool srv_window_acked(struct srv_window *flow, uint32_t frame, double now_ms);
 
-/* Frames that may be on their way at a granted rate, [SRV_FLOW_FIRST, SRV_FLOW_MAX]. */
-unsigned srv_flow_window(const struct srv_flow *flow, double max_fps);
+/* Frames that may be on their way at a granted rate, [SRV_WINDOW_FIRST, SRV_WINDOW_MAX]. */
+unsigned srv_window_frames(const struct srv_window *flow, double max_fps);
 
 /* The measured round trip, ms; 0 = not known yet. */
-double srv_flow_rtt_ms(const struct srv_flow *flow);
+double srv_window_rtt_ms(const struct srv_window *flow);
 
 /* May one more frame be made, when `waiting` are already being made or wait for the socket? One
  * frame is always allowed, however large. */
-bool srv_flow_is_open(const struct srv_flow *flow, unsigned waiting, double max_fps,
-                      size_t bytes_max);
+bool srv_window_is_open(const struct srv_window *flow, unsigned waiting, double max_fps,
+                        size_t bytes_max);
 
 /* Since when the oldest frame has been on its way; 0 = none is. */
-double srv_flow_oldest_ms(const struct srv_flow *flow);
+double srv_window_oldest_ms(const struct srv_window *flow);
 
 #endif

@@ -94,17 +94,17 @@ static void no_log(void *user, enum sp_log_level level, const char *kind,
 
 /* Renders by hand what the session asks for, so that acknowledgements have something to name. */
 static void serve(struct srv_hub *hub, double now_ms) {
-    static struct srv_job job;
+    static struct srv_render_job job;
     double wait_ms;
-    if (!srv_hub_next_job(hub, now_ms, &job, &wait_ms))
+    if (!srv_schedule_next(hub, now_ms, &job, &wait_ms))
         return;
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 1, .height = 1 };
-    struct srv_job_result result = { .width = 1, .height = 1, .render_ms = 1 };
+    struct srv_render_result result = { .width = 1, .height = 1, .render_ms = 1 };
     struct srv_blob *blob = srv_blob_create((const uint8_t *)"x", 1);
     for (uint32_t i = 0; blob && i < job.target_count; i++)
-        srv_hub_deliver(hub, &job, i, &header, blob);
+        srv_schedule_deliver(hub, &job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_hub_job_done(hub, &job, &result);
+    srv_schedule_done(hub, &job, &result);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

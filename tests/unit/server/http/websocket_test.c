@@ -315,19 +315,19 @@ static unsigned close_code(const struct wire *wire) {
 /* A picture of so many bytes for the participant; the caller's reference. */
 static struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
     struct fixture *f = s->fixture;
-    static struct srv_job job;
+    static struct srv_render_job job;
     double wait_ms;
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 300, .height = 200 };
-    struct srv_job_result result = { .width = 300, .height = 200, .render_ms = 1 };
+    struct srv_render_result result = { .width = 300, .height = 200, .render_ms = 1 };
     uint8_t *bytes = malloc(size);
     for (size_t i = 0; i < size; i++)
         bytes[i] = (uint8_t)(i * 7 + i / 251);
     struct srv_blob *blob = srv_blob_create(bytes, size);
     free(bytes);
     assert_non_null(blob);
-    assert_true(srv_hub_next_job(f->hub, now_ms, &job, &wait_ms));
-    srv_hub_deliver(f->hub, &job, 0, &header, blob);
-    srv_hub_job_done(f->hub, &job, &result);
+    assert_true(srv_schedule_next(f->hub, now_ms, &job, &wait_ms));
+    srv_schedule_deliver(f->hub, &job, 0, &header, blob);
+    srv_schedule_done(f->hub, &job, &result);
     return blob;
 }
 

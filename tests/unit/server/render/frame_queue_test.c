@@ -16,7 +16,7 @@
 enum { A = 1, B = 2 }; /* sessions */
 
 static struct srv_frame_queue flights;
-static struct srv_job jobs[4];
+static struct srv_render_job jobs[4];
 
 static int reset(void **state) {
     (void)state;
@@ -29,12 +29,14 @@ static int reset(void **state) {
 static struct srv_inflight *begin(unsigned i, uint64_t session, double now_ms) {
     jobs[i].session = session;
     jobs[i].step = SRV_STEP_MOVING;
-    jobs[i].keep_until_ms = now_ms + 100;
+    jobs[i].cancellable_from_ms = now_ms + 100;
     return srv_frame_queue_begin(&flights, &jobs[i], now_ms);
 }
 
 static struct srv_inflight *begin_refinement(unsigned i, uint64_t session, double now_ms) {
-    jobs[i] = (struct srv_job){ .session = session, .step = SRV_STEP_FINAL, .refinement = true };
+    jobs[i] = (struct srv_render_job){ .session = session,
+                                       .step = SRV_STEP_FINAL,
+                                       .is_refinement = true };
     return srv_frame_queue_begin(&flights, &jobs[i], now_ms);
 }
 
@@ -59,9 +61,9 @@ static void a_moving_frame_is_kept_for_its_time(void **state) {
     struct srv_inflight *f = begin(0, A, 1000);
     srv_frame_queue_tick(&flights, 5000); /* nothing newer waits */
     assert_false(f->cancel);
-    srv_frame_queue_interrupt(&flights, B, SRV_NEWER_VIEW, 5000); /* of another session */
+    srv_frame_queue_interrupt(&flights, B, SRV_INTERRUPT_NEWER_VIEW, 5000); /* of another session */
     assert_false(f->cancel);
-    srv_frame_queue_interrupt(&flights, A, SRV_NEWER_VIEW, 1099);
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1099);
     assert_false(f->cancel);
     srv_frame_queue_tick(&flights, 1100);
     assert_true(f->cancel);
@@ -71,7 +73,7 @@ static void what_stands_still_grows_no_older(void **state) {
     (void)state;
     struct srv_inflight *f = begin(0, A, 1000);
     f->job->order = 7;
-    srv_frame_queue_interrupt(&flights, A, SRV_NEWER_VIEW, 1010);
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1010);
     srv_frame_queue_pause(&flights, 6, 1020); /* another one */
     assert_false(f->hold.wanted);
     srv_frame_queue_pause(&flights, 7, 1020);
@@ -125,7 +127,7 @@ static void the_clock_of_one_behind_starts_when_it_is_the_oldest(void **state) {
     (void)state;
     begin(0, B, 1000);
     struct srv_inflight *f = begin(1, A, 1010);
-    srv_frame_queue_interrupt(&flights, A, SRV_NEWER_VIEW, 1020);
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1020);
     srv_frame_queue_tick(&flights, 9000);
     assert_false(f->cancel);
     srv_frame_queue_pop(&flights, 9000);
@@ -139,10 +141,10 @@ static void refinements_and_what_nobody_wants_go_at_once(void **state) {
     (void)state;
     struct srv_inflight *first = begin(0, A, 1000), *second = begin_refinement(1, A, 1000);
     struct srv_inflight *other = begin(2, B, 1000);
-    srv_frame_queue_interrupt(&flights, A, SRV_NEWER_VIEW, 1001);
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1001);
     assert_false(first->cancel);
     assert_true(second->cancel);
-    srv_frame_queue_interrupt(&flights, B, SRV_UNWANTED, 1002);
+    srv_frame_queue_interrupt(&flights, B, SRV_INTERRUPT_UNWANTED, 1002);
     assert_true(other->cancel);
     srv_frame_queue_pop(&flights, 1003);
     srv_frame_queue_pop(&flights, 1003); /* no time is given back to those */
@@ -153,12 +155,12 @@ static void of_two_moving_frames_one_is_finished(void **state) {
     (void)state;
     struct srv_inflight *first = begin(0, A, 1000), *second = begin(1, A, 1000);
     struct srv_inflight *other = begin(2, B, 1000);
-    srv_frame_queue_interrupt(&flights, A, SRV_NEWER_VIEW, 1000);
-    srv_frame_queue_interrupt(&flights, B, SRV_NEWER_VIEW, 1000);
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1000);
+    srv_frame_queue_interrupt(&flights, B, SRV_INTERRUPT_NEWER_VIEW, 1000);
     srv_frame_queue_tick(&flights, 1100);
     assert_true(first->cancel);
     struct srv_inflight *third = begin(3, A, 1100); /* before the first has ended */
-    srv_frame_queue_interrupt(&flights, A, SRV_NEWER_VIEW, 1100);
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1100);
     srv_frame_queue_pop(&flights, 1100);
     srv_frame_queue_tick(&flights, 1e9);
     assert_false(second->cancel);
@@ -166,7 +168,7 @@ static void of_two_moving_frames_one_is_finished(void **state) {
     srv_frame_queue_pop(&flights, 1e9); /* the other session has nothing to do with it */
     srv_frame_queue_tick(&flights, 1e9 + 101);
     assert_true(other->cancel);
-    srv_frame_queue_interrupt(&flights, A, SRV_UNWANTED, 1e9); /* this holds for all */
+    srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_UNWANTED, 1e9); /* this holds for all */
     assert_true(third->cancel);
 }
 
@@ -174,11 +176,11 @@ static void what_gives_way_does_so_when_something_moves(void **state) {
     (void)state;
     struct srv_inflight *moving = begin(0, A, 1000), *refinement = begin_refinement(1, A, 1000);
     struct srv_inflight *final = begin_refinement(2, B, 1000);
-    jobs[2].refinement = false; /* for who wants final pictures alone: kept for ever */
-    jobs[2].keep_until_ms = final->keep_until_ms = INFINITY;
-    jobs[0].yield_ms = INFINITY;
-    jobs[1].yield_ms = 500; /* its patience was at an end */
-    srv_frame_queue_interrupt(&flights, 0, SRV_MOVES, 1001);
+    jobs[2].is_refinement = false; /* for who wants final pictures alone: kept for ever */
+    jobs[2].cancellable_from_ms = final->cancellable_from_ms = INFINITY;
+    jobs[0].protected_ms = INFINITY;
+    jobs[1].protected_ms = 500; /* its patience was at an end */
+    srv_frame_queue_interrupt(&flights, 0, SRV_INTERRUPT_MOTION, 1001);
     assert_true(final->cancel);
     srv_frame_queue_tick(&flights, 1499);
     assert_false(moving->cancel || refinement->cancel);
@@ -196,9 +198,9 @@ static void anothers_picture_is_none_of_ones_business(void **state) {
     jobs[1].targets[1].participant = 8;
     jobs[0].target_count = 1;
     jobs[1].target_count = 2;
-    srv_frame_queue_interrupt(&flights, 8, SRV_NEWER_PICTURE, 1001);
+    srv_frame_queue_interrupt(&flights, 8, SRV_INTERRUPT_NEWER_REQUEST, 1001);
     assert_false(own->cancel || common->cancel);
-    srv_frame_queue_interrupt(&flights, 7, SRV_NEWER_PICTURE, 1001);
+    srv_frame_queue_interrupt(&flights, 7, SRV_INTERRUPT_NEWER_REQUEST, 1001);
     assert_true(own->cancel);
     assert_false(common->cancel);
 }
@@ -212,13 +214,13 @@ static void all_can_be_cancelled(void **state) {
 
 static void a_sharp_picture_on_its_way_is_known(void **state) {
     (void)state;
-    struct srv_job wanted = { .session = B, .sharp = true, .view.size = { 9, 8 } };
+    struct srv_render_job wanted = { .session = B, .is_sharp = true, .view.size = { 9, 8 } };
     assert_false(srv_frame_queue_has_sharp(&flights, &wanted));
     begin(0, A, 0);
     jobs[0].view.size[0] = 9;
     jobs[0].view.size[1] = 8;
     assert_false(srv_frame_queue_has_sharp(&flights, &wanted));
-    jobs[0].sharp = true;
+    jobs[0].is_sharp = true;
     assert_true(srv_frame_queue_has_sharp(&flights, &wanted));
     wanted.view.size[1] = 9;
     assert_false(srv_frame_queue_has_sharp(&flights, &wanted));

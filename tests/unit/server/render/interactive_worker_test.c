@@ -134,20 +134,23 @@ static void count_end(void) {
     pthread_mutex_unlock(&gate.mutex);
 }
 
-void __real_srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
-                             const struct srv_job_result *result);
-void __wrap_srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
-                             const struct srv_job_result *result);
-void __wrap_srv_hub_job_done(struct srv_hub *hub, struct srv_job *job,
-                             const struct srv_job_result *result) {
-    __real_srv_hub_job_done(hub, job, result);
+void __real_srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+                              const struct srv_render_result *result);
+void __wrap_srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+                              const struct srv_render_result *result);
+void __wrap_srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+                              const struct srv_render_result *result) {
+    __real_srv_schedule_done(hub, job, result);
     count_end();
 }
 
-void __real_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms);
-void __wrap_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms);
-void __wrap_srv_hub_job_cancelled(struct srv_hub *hub, struct srv_job *job, double elapsed_ms) {
-    __real_srv_hub_job_cancelled(hub, job, elapsed_ms);
+void __real_srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job,
+                                   double elapsed_ms);
+void __wrap_srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job,
+                                   double elapsed_ms);
+void __wrap_srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job,
+                                   double elapsed_ms) {
+    __real_srv_schedule_cancelled(hub, job, elapsed_ms);
     count_end();
 }
 
@@ -286,7 +289,7 @@ static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(
         update(f, ++seq);
     gate_await(&gate.entered, 3);
     assert_true(seen.coarse > coarse || seen.size[0] * seen.size[1] < pixels);
-    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
     while (srv_clock_ms() < long_ago_ms)
         update(f, ++seq);
     assert_int_equal(gate_count(&gate.cancelled), 1);
@@ -440,7 +443,7 @@ static void of_two_frames_in_flight_one_is_always_finished(void **state) {
     gate_await(&gate.entered, entered + 2);
     while (gate_count(&gate.cancelled) == 0)
         update(f, ++seq); /* both are outdated, and the first is over its budget */
-    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_PACE_ENOUGH_MS;
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
     while (srv_clock_ms() < long_ago_ms) {
         update(f, ++seq);
         srv_render_pool_tick(f->render.render_pool);

@@ -356,7 +356,7 @@ static void that_it_is_used_is_saved_now_and_then(void **state) {
 
 static void all_are_listed(void **state) {
     (void)state;
-    struct srv_session_note notes[4];
+    struct srv_session_info notes[4];
     struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 4, .after = "" };
     char other[SRV_SESSION_ID_BYTES];
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
@@ -368,7 +368,7 @@ static void all_are_listed(void **state) {
     srv_hub_list(f.hub, NULL, 3000, &page);
     assert_int_equal(page.count, 2);
     int first = strcmp(f.id, other) < 0 ? 0 : 1;
-    const struct srv_session_note *asleep = &notes[first], *awake = &notes[!first];
+    const struct srv_session_info *asleep = &notes[first], *awake = &notes[!first];
     assert_string_equal(asleep->id, f.id);
     assert_string_equal(asleep->volume, "v");
     assert_true(asleep->is_asleep && asleep->participants == 0 && asleep->idle_ms == 3000);
@@ -427,7 +427,7 @@ static bool create(const struct srv_owner *owner, bool is_guest, double now_ms,
 }
 
 static unsigned count_of(const char *owner) {
-    struct srv_session_note notes[4];
+    struct srv_session_info notes[4];
     struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 4, .after = "" };
     srv_hub_list(f.hub, owner, 5000, &page);
     return page.count;
@@ -534,7 +534,7 @@ static bool wake(const char *id, double now_ms, struct sp_error *err) {
 }
 
 static bool is_asleep(const char *id) {
-    struct srv_session_note notes[8];
+    struct srv_session_info notes[8];
     struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 8, .after = "" };
     srv_hub_list(f.hub, NULL, 5000, &page);
     for (unsigned i = 0; i < page.count; i++)

@@ -34,7 +34,7 @@ struct person {
 };
 
 struct flying {
-    struct srv_job job;
+    struct srv_render_job job;
     struct sp_frame frame;
 };
 
@@ -61,7 +61,7 @@ static uint8_t grey(uint64_t version, unsigned x, unsigned y) {
     return (uint8_t)(40 + (mixed >> 40) % 176);
 }
 
-static struct sp_frame draw(const struct srv_job *job) {
+static struct sp_frame draw(const struct srv_render_job *job) {
     struct sp_frame frame = { .width = job->view.size[0],
                               .height = job->view.size[1],
                               .format = SP_RGBA8,
@@ -172,7 +172,7 @@ static bool start_job(struct world *w) {
     double wait_ms;
     struct flying *flying = &w->flying[w->flying_count];
     if (w->flying_count == FLYING ||
-        !srv_hub_next_job(w->f->hub, w->now_ms, &flying->job, &wait_ms))
+        !srv_schedule_next(w->f->hub, w->now_ms, &flying->job, &wait_ms))
         return false;
     flying->frame = draw(&flying->job);
     w->flying_count++;
@@ -181,9 +181,9 @@ static bool start_job(struct world *w) {
 
 static void finish_job(struct world *w, unsigned which) {
     struct flying flying = w->flying[which];
-    struct srv_job_result result = { .width = flying.frame.width,
-                                     .height = flying.frame.height,
-                                     .render_ms = 1 };
+    struct srv_render_result result = { .width = flying.frame.width,
+                                        .height = flying.frame.height,
+                                        .render_ms = 1 };
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
                                          .width = (uint16_t)flying.frame.width,
                                          .height = (uint16_t)flying.frame.height };
@@ -194,10 +194,10 @@ static void finish_job(struct world *w, unsigned which) {
     struct srv_blob *blob = srv_blob_create((const uint8_t *)&flying.job.version, 8);
     for (uint32_t i = 0; i < flying.job.target_count; i++)
         if (stills >> i & 1)
-            srv_hub_deliver(w->f->hub, &flying.job, i, &header, blob);
+            srv_schedule_deliver(w->f->hub, &flying.job, i, &header, blob);
     srv_blob_unref(&blob);
     free(flying.frame.pixels);
-    srv_hub_job_done(w->f->hub, &flying.job, &result);
+    srv_schedule_done(w->f->hub, &flying.job, &result);
 }
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
@@ -388,7 +388,7 @@ static void races(void **state) {
     struct world w;
     struct proto_frame_header header = { .codec = PROTO_CODEC_VP8 },
                               still = { .codec = PROTO_CODEC_JPEG };
-    struct srv_job_result result = { .render_ms = 1 };
+    struct srv_render_result result = { .render_ms = 1 };
     struct srv_video_mark key = { 5, 0 }, second = { 5, 1 }, third = { 5, 2 };
     struct srv_blob *blob = srv_blob_create((const uint8_t *)"12345678", 8);
     struct srv_message message;
@@ -399,7 +399,7 @@ static void races(void **state) {
         w.now_ms += 20;
         assert_true(start_job(&w));
     }
-    struct srv_job *a = &w.flying[0].job, *b = &w.flying[1].job;
+    struct srv_render_job *a = &w.flying[0].job, *b = &w.flying[1].job;
     struct srv_participant *p = w.people[0].p;
     uint32_t at[2] = { 0, 0 };
     while (a->targets[at[0]].participant != srv_participant_id(p))
@@ -407,29 +407,29 @@ static void races(void **state) {
     while (b->targets[at[1]].participant != srv_participant_id(p))
         at[1]++;
     /* A newer still came first: the key frame is late, and what follows it is no use. */
-    assert_int_equal(srv_hub_claim_video(hub, a, at[0], &key), SRV_VIDEO_KEY);
-    srv_hub_deliver(hub, b, at[1], &still, blob);
-    srv_hub_deliver_video(hub, a, at[0], &header, blob, &key);
-    assert_int_equal(srv_hub_claim_video(hub, a, at[0], &second), SRV_VIDEO_NONE);
+    assert_int_equal(srv_schedule_video_need(hub, a, at[0], &key), SRV_VIDEO_KEY);
+    srv_schedule_deliver(hub, b, at[1], &still, blob);
+    srv_schedule_deliver_video(hub, a, at[0], &header, blob, &key);
+    assert_int_equal(srv_schedule_video_need(hub, a, at[0], &second), SRV_VIDEO_NONE);
     while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
     assert_int_equal(message.header.codec, PROTO_CODEC_JPEG);
     srv_blob_unref(&message.blob);
     a->order = b->order + 1;
-    assert_int_equal(srv_hub_claim_video(hub, a, at[0], &second), SRV_VIDEO_KEY);
+    assert_int_equal(srv_schedule_video_need(hub, a, at[0], &second), SRV_VIDEO_KEY);
     /* A delta that skips one is never put. */
-    srv_hub_deliver_video(hub, a, at[0], &header, blob, &key);
+    srv_schedule_deliver_video(hub, a, at[0], &header, blob, &key);
     while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
     srv_blob_unref(&message.blob);
     b->order = a->order + 1;
-    srv_hub_deliver_video(hub, b, at[1], &header, blob, &third);
-    assert_int_equal(srv_hub_claim_video(hub, b, at[1], &second), SRV_VIDEO_DELTA);
-    assert_int_equal(srv_hub_claim_video(hub, b, at[1], &third), SRV_VIDEO_KEY);
+    srv_schedule_deliver_video(hub, b, at[1], &header, blob, &third);
+    assert_int_equal(srv_schedule_video_need(hub, b, at[1], &second), SRV_VIDEO_DELTA);
+    assert_int_equal(srv_schedule_video_need(hub, b, at[1], &third), SRV_VIDEO_KEY);
     srv_blob_unref(&blob);
     while (w.flying_count > 0) {
         free(w.flying[--w.flying_count].frame.pixels);
-        srv_hub_job_done(hub, &w.flying[w.flying_count].job, &result);
+        srv_schedule_done(hub, &w.flying[w.flying_count].job, &result);
     }
     tear_down(&w);
 }

@@ -33,7 +33,7 @@ struct client {
 struct stage {
     struct fixture *f;
     struct client clients[CLIENTS];
-    struct srv_job job;              /* under way, if there is one */
+    struct srv_render_job job;       /* under way, if there is one */
     bool yields;                     /* something moves since it was begun */
     double now_ms, begun_ms, end_ms; /* end_ms: INFINITY = nothing is under way */
     double fixed_ms, mpx_ms;         /* of a picture, and of its megapixels with all voxels */
@@ -74,7 +74,7 @@ static void another_session(struct stage *s, char id[SRV_SESSION_ID_BYTES]) {
     proto_json_free(&json);
 }
 
-static bool is_for(const struct srv_job *job, const struct client *c) {
+static bool is_for(const struct srv_render_job *job, const struct client *c) {
     for (uint32_t i = 0; c->participant && i < job->target_count; i++)
         if (job->targets[i].participant == srv_participant_id(c->participant))
             return true;
@@ -114,28 +114,28 @@ static void take(struct stage *s, struct client *c, bool acks) {
     }
 }
 
-static double once_ms(const struct stage *s, const struct srv_job *job) {
+static double once_ms(const struct stage *s, const struct srv_render_job *job) {
     return s->hog && is_for(job, s->hog) ? s->once_ms : 0;
 }
 
-static void deliver(struct stage *s, struct srv_job *job, double render_ms) {
+static void deliver(struct stage *s, struct srv_render_job *job, double render_ms) {
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
                                          .width = (uint16_t)job->view.size[0],
                                          .height = (uint16_t)job->view.size[1] };
-    struct srv_job_result result = { .width = job->view.size[0],
-                                     .height = job->view.size[1],
-                                     .once_ms = once_ms(s, job),
-                                     .encode_ms =
-                                         s->dear && is_for(job, s->dear) ? s->encode_ms : 0,
-                                     .render_ms = render_ms };
+    struct srv_render_result result = { .width = job->view.size[0],
+                                        .height = job->view.size[1],
+                                        .once_ms = once_ms(s, job),
+                                        .encode_ms =
+                                            s->dear && is_for(job, s->dear) ? s->encode_ms : 0,
+                                        .render_ms = render_ms };
     uint8_t *image = calloc(1, s->bytes);
     assert_non_null(image);
     struct srv_blob *blob = srv_blob_create(image, s->bytes);
     free(image);
     for (uint32_t i = 0; i < job->target_count; i++)
-        srv_hub_deliver(s->f->hub, job, i, &header, blob);
+        srv_schedule_deliver(s->f->hub, job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_hub_job_done(s->f->hub, job, &result);
+    srv_schedule_done(s->f->hub, job, &result);
     s->jobs++;
     for (int i = 0; i < CLIENTS; i++)
         if (s->clients[i].participant && !s->clients[i].is_stalled)
@@ -147,7 +147,7 @@ static void finish(struct stage *s) {
     deliver(s, &s->job, s->now_ms - s->begun_ms - s->held_ms);
 }
 
-static double duration(const struct stage *s, const struct srv_job *job) {
+static double duration(const struct stage *s, const struct srv_render_job *job) {
     return once_ms(s, job) + s->fixed_ms +
            ldexp(s->mpx_ms * 1e-6 * job->view.size[0] * job->view.size[1], -(int)job->coarse);
 }
@@ -162,25 +162,25 @@ static void turn(struct stage *s, struct client *c) {
     c->seq++;
     tell(s, c, "view.update", text);
     s->yields = s->yields || s->f->yields > yields;
-    bool is_over =
-        s->end_ms < INFINITY && ((s->yields && s->now_ms - s->begun_ms >= s->job.yield_ms) ||
-                                 (s->job.refinement && !srv_hub_is_newest(s->f->hub, &s->job)));
+    bool is_over = s->end_ms < INFINITY &&
+                   ((s->yields && s->now_ms - s->begun_ms >= s->job.protected_ms) ||
+                    (s->job.is_refinement && !srv_schedule_is_newest(s->f->hub, &s->job)));
     if (is_over) {
         note_time(s);
-        srv_hub_job_cancelled(s->f->hub, &s->job, s->now_ms - s->begun_ms);
+        srv_schedule_cancelled(s->f->hub, &s->job, s->now_ms - s->begun_ms);
     }
 }
 
-static struct srv_running running_of(const struct srv_job *job, double drawn_ms) {
-    return (struct srv_running){ job->session,       job->order,       job->start_ms,
-                                 job->part_start_ms, job->expected_ms, drawn_ms };
+static struct srv_running_job running_of(const struct srv_render_job *job, double drawn_ms) {
+    return (struct srv_running_job){ job->session,       job->order,       job->start_ms,
+                                     job->part_start_ms, job->expected_ms, drawn_ms };
 }
 
 /* A short one that may go before what is under way is drawn at once. */
 static bool draw_before(struct stage *s, double *wait_ms) {
-    struct srv_job job;
-    struct srv_running running = running_of(&s->job, s->now_ms - s->begun_ms - s->held_ms);
-    if (!srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &job, wait_ms))
+    struct srv_render_job job;
+    struct srv_running_job running = running_of(&s->job, s->now_ms - s->begun_ms - s->held_ms);
+    if (!srv_schedule_next_short(s->f->hub, &running, s->now_ms, &job, wait_ms))
         return false;
     double takes_ms = duration(s, &job);
     s->held_ms += takes_ms;
@@ -195,8 +195,8 @@ static void play(struct stage *s, double for_ms) {
     while (s->now_ms < until_ms) {
         double wait_ms = 1000, next_ms = fmin(s->end_ms, until_ms);
         if (s->end_ms == INFINITY) {
-            if (srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms)) {
-                assert_false(s->job.yield_ms == 0 && srv_hub_moves(s->f->hub));
+            if (srv_schedule_next(s->f->hub, s->now_ms, &s->job, &wait_ms)) {
+                assert_false(s->job.protected_ms == 0 && srv_schedule_has_motion(s->f->hub));
                 s->yields = false;
                 s->held_ms = 0;
                 s->begun_ms = s->now_ms;
@@ -253,7 +253,7 @@ static int set_up(void **state) {
 static int tear_down(void **state) {
     struct stage *s = *state;
     if (s->end_ms < INFINITY)
-        srv_hub_job_cancelled(s->f->hub, &s->job, 0);
+        srv_schedule_cancelled(s->f->hub, &s->job, 0);
     for (int i = 0; i < CLIENTS; i++)
         srv_hub_leave(s->f->hub, &s->clients[i].participant, s->now_ms);
     *state = s->f;
@@ -263,17 +263,17 @@ static int tear_down(void **state) {
 
 static void a_share_is_not_saved_up_and_a_debt_stays(void **state) {
     (void)state;
-    struct srv_share share = { 0 };
-    assert_true(srv_share_start(&share, 500) == 500);
-    srv_share_take(&share, 500, 30);
-    assert_true(srv_share_start(&share, 510) == 530);
-    srv_share_correct(&share, 70);
-    assert_true(srv_share_start(&share, 510) == 600);
-    srv_share_correct(&share, -90);
-    assert_true(srv_share_start(&share, 505) == 510);
-    assert_true(srv_share_start(&share, 9000) == 9000);
-    assert_true(srv_share_patience(9999, 500) == 0 && srv_share_patience(10000, 500) == 1000);
-    assert_true(srv_share_patience(999, 0) == 0 && srv_share_patience(1000, 0) == 100);
+    struct srv_fair_account share = { 0 };
+    assert_true(srv_fair_start(&share, 500) == 500);
+    srv_fair_charge(&share, 500, 30);
+    assert_true(srv_fair_start(&share, 510) == 530);
+    srv_fair_correct(&share, 70);
+    assert_true(srv_fair_start(&share, 510) == 600);
+    srv_fair_correct(&share, -90);
+    assert_true(srv_fair_start(&share, 505) == 510);
+    assert_true(srv_fair_start(&share, 9000) == 9000);
+    assert_true(srv_fair_protected_ms(9999, 500) == 0 && srv_fair_protected_ms(10000, 500) == 1000);
+    assert_true(srv_fair_protected_ms(999, 0) == 0 && srv_fair_protected_ms(1000, 0) == 100);
 }
 
 /* Always want the next picture, which has always all detail: 15 and 212 ms. */
@@ -345,7 +345,7 @@ static void of_those_entitled_the_one_that_is_due_first_goes_first(void **state)
     s->now_ms += 1;
     turn(s, fast);
     double wait_ms;
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &s->job, &wait_ms));
     assert_true(is_for(&s->job, fast));
     s->begun_ms = s->now_ms;
     s->end_ms = s->now_ms + 3;
@@ -558,29 +558,29 @@ static void update_tf(struct stage *s, struct client *c) {
 static void what_may_go_before_a_long_frame(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
-    struct srv_job job, before;
+    struct srv_render_job job, before;
     double wait_ms;
     another_session(s, id);
     struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
     play(s, 3000);
     turn(s, hog);
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &job, &wait_ms));
     struct client *other = join(s, 1, id, 0, "{\"size\":[256,256]}");
-    struct srv_running running;
+    struct srv_running_job running;
 #define BEFORE(ms)                                                                                 \
     (running = running_of(&job, ms), running.expected_ms = INFINITY,                               \
-     srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &before, &wait_ms))
+     srv_schedule_next_short(s->f->hub, &running, s->now_ms, &before, &wait_ms))
     assert_false(BEFORE(1e6)); /* nothing is known of how long it takes */
-    srv_hub_job_cancelled(s->f->hub, &job, 0);
+    srv_schedule_cancelled(s->f->hub, &job, 0);
     play(s, 3000);
     turn(s, hog);
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &job, &wait_ms));
     assert_false(BEFORE(1e6)); /* it rests */
     turn(s, hog);
     assert_false(BEFORE(1e6)); /* its own session's does not */
     turn(s, other);
     assert_true(BEFORE(0));
-    assert_true(before.session != job.session && !before.refinement);
+    assert_true(before.session != job.session && !before.is_refinement);
     deliver(s, &before, 100); /* more than was expected */
     s->now_ms += 50;
     turn(s, other);
@@ -589,7 +589,7 @@ static void what_may_go_before_a_long_frame(void **state) {
     assert_true(BEFORE(101));
     double takes_ms = before.expected_ms;
     assert_true(takes_ms > 4 && takes_ms < 40);
-    srv_hub_job_cancelled(s->f->hub, &before, 0);
+    srv_schedule_cancelled(s->f->hub, &before, 0);
     const struct {
         double expected_ms;
         bool may;
@@ -603,31 +603,31 @@ static void what_may_go_before_a_long_frame(void **state) {
         running.drawn_ms = 1000;
         running.expected_ms = cases[i].expected_ms;
         turn(s, other);
-        assert_int_equal(srv_hub_next_short_job(s->f->hub, &running, s->now_ms, &before, &wait_ms),
+        assert_int_equal(srv_schedule_next_short(s->f->hub, &running, s->now_ms, &before, &wait_ms),
                          cases[i].may);
         if (cases[i].may)
-            srv_hub_job_cancelled(s->f->hub, &before, 0);
+            srv_schedule_cancelled(s->f->hub, &before, 0);
     }
     update_tf(s, other);
     assert_false(BEFORE(1e6)); /* that has to be derived first */
 #undef BEFORE
-    srv_hub_job_cancelled(s->f->hub, &job, 0);
+    srv_schedule_cancelled(s->f->hub, &job, 0);
 }
 
 /* What it took to draw is paid for before the next one is begun, which may be before it is encoded;
  * and once. */
 static void what_is_drawn_is_paid_for_at_once(void **state) {
     struct stage *s = *state;
-    struct srv_job job[3];
+    struct srv_render_job job[3];
     struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
     play(s, 3000);
     double wait_ms;
     for (int i = 0; i < 3; i++) {
         s->now_ms += 50;
         turn(s, hog);
-        assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &job[i], &wait_ms));
+        assert_true(srv_schedule_next(s->f->hub, s->now_ms, &job[i], &wait_ms));
         if (i == 0)
-            srv_hub_job_drawn(s->f->hub, &job[0], 400);
+            srv_schedule_rendered(s->f->hub, &job[0], 400);
         if (i == 1) {
             deliver(s, &job[0], 400);
             deliver(s, &job[1], 100);
@@ -635,29 +635,29 @@ static void what_is_drawn_is_paid_for_at_once(void **state) {
     }
     assert_float_equal(job[1].start_ms, job[0].start_ms + 400, 1e-3);
     assert_float_equal(job[2].start_ms, job[1].start_ms + 100, 1e-3);
-    srv_hub_job_cancelled(s->f->hub, &job[2], 0);
+    srv_schedule_cancelled(s->f->hub, &job[2], 0);
 }
 
-static bool next_before(struct stage *s, double drawn_ms, struct srv_job *before) {
+static bool next_before(struct stage *s, double drawn_ms, struct srv_render_job *before) {
     double wait_ms;
-    struct srv_running running = running_of(&s->job, drawn_ms);
+    struct srv_running_job running = running_of(&s->job, drawn_ms);
     running.start_ms = 1e9; /* it has had more than anybody */
     running.expected_ms = INFINITY;
-    return srv_hub_next_short_job(s->f->hub, &running, s->now_ms, before, &wait_ms);
+    return srv_schedule_next_short(s->f->hub, &running, s->now_ms, before, &wait_ms);
 }
 
 /* However long the last one took: the next one is drawn with less detail. */
 static void what_is_short_is_told_by_the_next_frame(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
-    struct srv_job before;
+    struct srv_render_job before;
     double wait_ms, slowest_ms = 0;
     another_session(s, id);
     struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
     struct client *other = join(s, 1, id, 0, "{\"size\":[512,512]}");
     play(s, 3000);
     turn(s, hog);
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &s->job, &wait_ms));
     s->mpx_ms *= 20; /* the machine is busy */
     for (int i = 0; i < 20; i++) {
         s->now_ms += 50;
@@ -666,7 +666,8 @@ static void what_is_short_is_told_by_the_next_frame(void **state) {
         slowest_ms = fmax(slowest_ms, duration(s, &before));
         deliver(s, &before, duration(s, &before));
     }
-    assert_true(slowest_ms > SRV_PACE_ENOUGH_MS && duration(s, &before) < SRV_PACE_ENOUGH_MS);
+    assert_true(slowest_ms > SRV_QUALITY_BUDGET_MIN_MS &&
+                duration(s, &before) < SRV_QUALITY_BUDGET_MIN_MS);
     for (int i = 0; i < 20; i++) { /* and busier, whatever the detail */
         s->now_ms += 50;
         turn(s, other);
@@ -677,8 +678,8 @@ static void what_is_short_is_told_by_the_next_frame(void **state) {
     turn(s, other);
     assert_false(next_before(s, 600, &before)); /* a third of it is not short */
     assert_true(next_before(s, 2100, &before));
-    srv_hub_job_cancelled(s->f->hub, &before, 0);
-    srv_hub_job_cancelled(s->f->hub, &s->job, 0);
+    srv_schedule_cancelled(s->f->hub, &before, 0);
+    srv_schedule_cancelled(s->f->hub, &s->job, 0);
 }
 
 static void what_is_dear_to_encode_is_paid_for(void **state) {
@@ -698,7 +699,7 @@ static void what_is_dear_to_encode_is_paid_for(void **state) {
 /* Pictures that hold an encode thread for long, and who else looks on. */
 static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void **state) {
     struct stage *s = *state;
-    struct srv_job one, other, next;
+    struct srv_render_job one, other, next;
     double wait_ms;
     struct client *driver = join(s, 0, s->f->id, 0, "{\"max_fps\":120,\"size\":[2048,2048]}");
     struct client *viewer = join(s, 1, s->f->id, 0, "{\"max_fps\":120,\"size\":[2048,2048]}");
@@ -709,21 +710,21 @@ static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void *
         play(s, 5000);
     }
     turn(s, driver); /* of one size, and to be encoded in 15 and in 63 ms */
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &one, &wait_ms));
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &other, &wait_ms));
-    struct srv_job *dear = one.is_slow_to_encode ? &one : &other,
-                   *cheap = one.is_slow_to_encode ? &other : &one;
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &one, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &other, &wait_ms));
+    struct srv_render_job *dear = one.is_slow_to_encode ? &one : &other,
+                          *cheap = one.is_slow_to_encode ? &other : &one;
     assert_true(dear->is_slow_to_encode && is_for(dear, viewer) && !is_for(dear, driver));
     assert_true(!cheap->is_slow_to_encode && is_for(cheap, driver) && !is_for(cheap, viewer));
     deliver(s, cheap, 1);
     s->now_ms += 10;
     turn(s, driver);
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &next, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &next, &wait_ms));
     assert_true(is_for(&next, driver) && !is_for(&next, viewer));
-    assert_false(srv_hub_next_job(s->f->hub, s->now_ms, cheap, &wait_ms));
+    assert_false(srv_schedule_next(s->f->hub, s->now_ms, cheap, &wait_ms));
     deliver(s, &next, 1);
     deliver(s, dear, 1);
-    assert_true(srv_hub_next_job(s->f->hub, s->now_ms, &next, &wait_ms));
+    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &next, &wait_ms));
     assert_true(next.is_slow_to_encode && is_for(&next, viewer));
     deliver(s, &next, 1);
 }
@@ -761,7 +762,7 @@ static void a_viewers_settings_interrupt_its_own_picture_alone(void **state) {
     unsigned before = s->f->interrupts;
     tell(s, viewer, "stream.configure", "{\"quality\":30}");
     assert_int_equal(s->f->interrupts, before + 1);
-    assert_int_equal(s->f->why, SRV_NEWER_PICTURE);
+    assert_int_equal(s->f->why, SRV_INTERRUPT_NEWER_REQUEST);
     assert_int_equal(s->f->of, srv_participant_id(viewer->participant));
     (void)driver;
 }

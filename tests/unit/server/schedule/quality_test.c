@@ -19,7 +19,7 @@ struct machine {
 };
 
 static const uint32_t full[2] = { 1024, 1024 };
-#define BUDGET SRV_PACE_ENOUGH_MS
+#define BUDGET SRV_QUALITY_BUDGET_MIN_MS
 
 static double time_on(const struct machine *m, const struct srv_detail *d) {
     double mpx = (double)d->size[0] * d->size[1] * 1e-6;
@@ -38,13 +38,13 @@ struct drag {
     unsigned misses;  /* frames over the budget */
 };
 
-static struct drag drag(struct srv_pace *pace, const struct machine *m, int frames) {
+static struct drag drag(struct srv_quality *pace, const struct machine *m, int frames) {
     struct drag result = { .last_ms = 0 };
     for (int i = 0; i < frames; i++) {
         struct srv_detail detail;
-        srv_pace_moving(pace, full, BUDGET, &detail);
+        srv_quality_moving(pace, full, BUDGET, &detail);
         double ms = time_on(m, &detail);
-        srv_pace_done(pace, &detail, true, BUDGET, ms);
+        srv_quality_done(pace, &detail, true, BUDGET, ms);
         result.changes += i > 0 && rank(&detail) != rank(&result.last);
         result.misses += ms > BUDGET;
         result.worst_ms = ms > result.worst_ms ? ms : result.worst_ms;
@@ -54,27 +54,27 @@ static struct drag drag(struct srv_pace *pace, const struct machine *m, int fram
     return result;
 }
 
-static double rest(struct srv_pace *pace, const struct machine *m) {
+static double rest(struct srv_quality *pace, const struct machine *m) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
     double ms = time_on(m, &sharp);
-    srv_pace_done(pace, &sharp, false, BUDGET, ms);
-    srv_pace_rest(pace, full);
+    srv_quality_done(pace, &sharp, false, BUDGET, ms);
+    srv_quality_rest(pace, full);
     return ms;
 }
 
 static void the_budget_is_fifteen_a_second_or_what_is_asked_for(void **state) {
     (void)state;
-    assert_true(srv_pace_budget_ms(120) == SRV_PACE_ENOUGH_MS);
-    assert_true(srv_pace_budget_ms(30) == SRV_PACE_ENOUGH_MS);
-    assert_true(srv_pace_budget_ms(5) == 200);
+    assert_true(srv_quality_budget_ms(120) == SRV_QUALITY_BUDGET_MIN_MS);
+    assert_true(srv_quality_budget_ms(30) == SRV_QUALITY_BUDGET_MIN_MS);
+    assert_true(srv_quality_budget_ms(5) == 200);
 }
 
 static void frames_within_the_budget_keep_all_detail(void **state) {
     (void)state;
     static const struct machine machines[] = { { 2, 1, 1 }, { 20, 10, 1 }, { 5, 40, 1 } };
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++) {
-        struct srv_pace pace;
-        srv_pace_init(&pace);
+        struct srv_quality pace;
+        srv_quality_init(&pace);
         drag(&pace, &machines[i], 2); /* the first picture is small: nothing is known */
         struct drag d = drag(&pace, &machines[i], 100);
         assert_int_equal(rank(&d.last), 0);
@@ -91,8 +91,8 @@ static void any_machine_settles(void **state) {
     for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
             struct machine m = { fixed[f], pixel[p], 1 };
-            struct srv_pace pace;
-            srv_pace_init(&pace);
+            struct srv_quality pace;
+            srv_quality_init(&pace);
             drag(&pace, &m, 8);
             struct drag d = drag(&pace, &m, 400);
             struct srv_detail least = { .coarse = SP_COARSE_MAX,
@@ -116,10 +116,10 @@ static void jitter_does_not_flicker(void **state) {
     for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
             struct machine m = { fixed[f], pixel[p], 1 };
-            struct srv_pace pace;
+            struct srv_quality pace;
             struct srv_detail last = { .coarse = 9 };
             unsigned changes = 0;
-            srv_pace_init(&pace);
+            srv_quality_init(&pace);
             drag(&pace, &m, 20);
             for (int i = 0; i < 300; i++) {
                 random = random * 1664525u + 1013904223u;
@@ -136,14 +136,14 @@ static void jitter_does_not_flicker(void **state) {
 
 static void pixels_are_given_up_before_voxels(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct machine m = { 10, 100, 1 };
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     struct drag d = drag(&pace, &m, 50);
     assert_int_equal(d.last.coarse, 0);
     assert_in_range(d.last.size[0], 512, 1000);
     m = (struct machine){ 320, 4, 1 }; /* here fewer pixels gain nothing */
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     d = drag(&pace, &m, 50);
     assert_int_equal(d.last.coarse, 1);
     assert_int_equal(d.last.size[0], 1024);
@@ -154,22 +154,22 @@ static void pixels_are_given_up_before_voxels(void **state) {
 static void what_another_view_took_is_the_first_guess(void **state) {
     (void)state;
     struct srv_detail detail;
-    struct srv_pace other, pace;
+    struct srv_quality other, pace;
     struct machine m = { 20, 5, 1 };
-    srv_pace_init(&other);
+    srv_quality_init(&other);
     drag(&other, &m, 20);
-    srv_pace_init(&pace);
-    srv_pace_moving(&pace, full, BUDGET, &detail);
+    srv_quality_init(&pace);
+    srv_quality_moving(&pace, full, BUDGET, &detail);
     assert_int_equal(detail.size[0], 512);
-    srv_pace_init_from(&pace, &other);
-    srv_pace_moving(&pace, full, BUDGET, &detail);
+    srv_quality_init_from(&pace, &other);
+    srv_quality_moving(&pace, full, BUDGET, &detail);
     assert_int_equal(detail.size[0], 1024);
     assert_int_equal(detail.coarse, 0);
-    double guess_ms = srv_pace_expect_ms(&pace, &detail);
+    double guess_ms = srv_quality_expected_ms(&pace, &detail);
     assert_true(guess_ms > 10 && guess_ms < 60);
-    srv_pace_done(&pace, &detail, true, BUDGET, 10 * guess_ms);
-    assert_float_equal(srv_pace_expect_ms(&pace, &detail), 10 * guess_ms, 1e-6);
-    srv_pace_moving(&pace, full, BUDGET, &detail);
+    srv_quality_done(&pace, &detail, true, BUDGET, 10 * guess_ms);
+    assert_float_equal(srv_quality_expected_ms(&pace, &detail), 10 * guess_ms, 1e-6);
+    srv_quality_moving(&pace, full, BUDGET, &detail);
     assert_true(rank(&detail) > 0);
 }
 
@@ -180,9 +180,9 @@ static void detail_comes_back_when_the_load_goes(void **state) {
     static const struct machine machines[] = { { 20, 5, 1 }, { 5, 25, 1 }, { 25, 0.5, 1 } };
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++)
         for (double load = 1.5; load <= 24; load *= 2) {
-            struct srv_pace pace;
+            struct srv_quality pace;
             struct machine m = machines[i];
-            srv_pace_init(&pace);
+            srv_quality_init(&pace);
             struct drag d = drag(&pace, &m, 20);
             assert_int_equal(rank(&d.last), 0);
             m.load = load;
@@ -199,9 +199,9 @@ static void detail_comes_back_when_the_load_goes(void **state) {
 
 static void between_keeping_and_raising_lies_a_band(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct machine m = { 30, 8, 1 };
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     drag(&pace, &m, 10);
     m.load = 1.5; /* 58 ms: within the budget */
     struct drag d = drag(&pace, &m, 50);
@@ -222,9 +222,9 @@ static void between_keeping_and_raising_lies_a_band(void **state) {
 
 static void one_slow_frame_changes_nothing_two_do(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct machine m = { 10, 5, 1 }, slow = { 10, 5, 40 };
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     drag(&pace, &m, 20);
     drag(&pace, &slow, 1);
     struct drag d = drag(&pace, &m, 10);
@@ -232,16 +232,16 @@ static void one_slow_frame_changes_nothing_two_do(void **state) {
     assert_int_equal(rank(&d.last), 0);
     drag(&pace, &slow, 2);
     struct srv_detail detail;
-    srv_pace_moving(&pace, full, BUDGET, &detail);
+    srv_quality_moving(&pace, full, BUDGET, &detail);
     assert_true(rank(&detail) > 0);
 }
 
 /* 90 ms: doubt tries it again, in vain, and each time later. */
 static void what_was_too_slow_is_tried_ever_more_rarely(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct machine m = { 90, 0.5, 1 };
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     drag(&pace, &m, 4);
     unsigned tries[3];
     for (int i = 0; i < 3; i++)
@@ -249,16 +249,16 @@ static void what_was_too_slow_is_tried_ever_more_rarely(void **state) {
     assert_in_range(tries[0], 1, 4);
     assert_true(tries[2] <= 1);
     struct machine hopeless = { 400, 0.5, 1 }; /* more than twice too slow */
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     drag(&pace, &hopeless, 4);
     assert_int_equal(drag(&pace, &hopeless, 400).misses, 0);
 }
 
 static void a_rest_gives_slow_levels_another_chance(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct machine m = { 320, 1, 1 }, jammed = { 320, 1, 100 };
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     assert_int_equal(drag(&pace, &m, 20).last.coarse, 1);
     assert_int_equal(drag(&pace, &jammed, 3).last.coarse, 2);
     rest(&pace, &m);
@@ -272,56 +272,57 @@ static void a_rest_gives_slow_levels_another_chance(void **state) {
 
 static void what_was_given_up_took_at_least_so_long(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct machine m = { 40, 4, 1 };
     struct srv_detail detail, next;
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     drag(&pace, &m, 20);
-    srv_pace_moving(&pace, full, BUDGET, &detail);
+    srv_quality_moving(&pace, full, BUDGET, &detail);
     assert_int_equal(rank(&detail), 0);
-    srv_pace_given_up(&pace, &detail, 10); /* says nothing */
-    srv_pace_moving(&pace, full, BUDGET, &next);
+    srv_quality_cancelled(&pace, &detail, 10); /* says nothing */
+    srv_quality_moving(&pace, full, BUDGET, &next);
     assert_int_equal(rank(&next), 0);
-    srv_pace_given_up(&pace, &detail, 140);
-    srv_pace_moving(&pace, full, BUDGET, &next);
+    srv_quality_cancelled(&pace, &detail, 140);
+    srv_quality_moving(&pace, full, BUDGET, &next);
     assert_true(rank(&next) > 0);
 }
 
 static void a_sharp_picture_that_takes_long_is_led_up_to(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     struct srv_detail middle;
     struct machine quick = { 100, 50, 1 }, voxels = { 1600, 20, 1 }, pixels = { 10, 2000, 1 };
-    srv_pace_init(&pace);
-    assert_false(srv_pace_middle(&pace, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
+    srv_quality_init(&pace);
+    assert_false(
+        srv_quality_intermediate(&pace, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
     struct drag d = drag(&pace, &quick, 50);
-    assert_false(srv_pace_middle(&pace, full, &d.last, &middle)); /* it is there soon */
-    srv_pace_init(&pace);
+    assert_false(srv_quality_intermediate(&pace, full, &d.last, &middle)); /* it is there soon */
+    srv_quality_init(&pace);
     d = drag(&pace, &voxels, 50);
     rest(&pace, &voxels);
     assert_int_equal(d.last.coarse, 2);
-    assert_true(srv_pace_middle(&pace, full, &d.last, &middle));
+    assert_true(srv_quality_intermediate(&pace, full, &d.last, &middle));
     assert_int_equal(middle.coarse, 1);
     assert_int_equal(middle.size[0], 1024);
-    assert_false(srv_pace_middle(&pace, full, &middle, &middle)); /* it is shown already */
-    srv_pace_init(&pace);
+    assert_false(srv_quality_intermediate(&pace, full, &middle, &middle)); /* it is shown already */
+    srv_quality_init(&pace);
     d = drag(&pace, &pixels, 50);
     double sharp_ms = rest(&pace, &pixels);
-    assert_true(srv_pace_middle(&pace, full, &d.last, &middle));
+    assert_true(srv_quality_intermediate(&pace, full, &d.last, &middle));
     assert_true(middle.size[0] > d.last.size[0] || middle.coarse < d.last.coarse);
     assert_true(time_on(&pixels, &middle) <= sharp_ms / 3);
 }
 
 static void tiny_pictures_have_a_size(void **state) {
     (void)state;
-    struct srv_pace pace;
+    struct srv_quality pace;
     static const uint32_t tiny[2] = { 1, 3 };
     struct srv_detail detail;
-    srv_pace_init(&pace);
+    srv_quality_init(&pace);
     for (int i = 0; i < 20; i++) {
-        srv_pace_moving(&pace, tiny, BUDGET, &detail);
+        srv_quality_moving(&pace, tiny, BUDGET, &detail);
         assert_true(detail.size[0] == 1 && detail.size[1] >= 1 && detail.size[1] <= 3);
-        srv_pace_done(&pace, &detail, true, BUDGET, 1e6);
+        srv_quality_done(&pace, &detail, true, BUDGET, 1e6);
     }
 }
 

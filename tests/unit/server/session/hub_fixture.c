@@ -52,7 +52,7 @@ static void ignore(void *user) {
 
 static void count_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     struct fixture *f = user;
-    if (why == SRV_MOVES) {
+    if (why == SRV_INTERRUPT_MOTION) {
         f->yields++;
     } else {
         f->interrupts++;

@@ -47,23 +47,23 @@ static unsigned session_count(struct fixture *f) {
     return numbers.sessions;
 }
 
-static bool next_job(struct fixture *f, double now_ms, struct srv_job *job) {
+static bool next_job(struct fixture *f, double now_ms, struct srv_render_job *job) {
     double wait_ms;
-    return srv_hub_next_job(f->hub, now_ms, job, &wait_ms);
+    return srv_schedule_next(f->hub, now_ms, job, &wait_ms);
 }
 
-static void finish(struct fixture *f, struct srv_job *job, double render_ms) {
+static void finish(struct fixture *f, struct srv_render_job *job, double render_ms) {
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
                                          .width = (uint16_t)job->view.size[0],
                                          .height = (uint16_t)job->view.size[1] };
-    struct srv_job_result result = { .width = job->view.size[0],
-                                     .height = job->view.size[1],
-                                     .render_ms = render_ms };
+    struct srv_render_result result = { .width = job->view.size[0],
+                                        .height = job->view.size[1],
+                                        .render_ms = render_ms };
     struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
     for (uint32_t i = 0; i < job->target_count; i++)
-        srv_hub_deliver(f->hub, job, i, &header, blob);
+        srv_schedule_deliver(f->hub, job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_hub_job_done(f->hub, job, &result);
+    srv_schedule_done(f->hub, job, &result);
 }
 
 /* Drains all messages; returns the last frame's header, frame 0 if there was none. */
@@ -84,7 +84,7 @@ static struct proto_frame_header drain(struct fixture *f, struct srv_participant
 
 static void moving_then_final(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *p = join(f, 1000);
     assert_true(next_job(f, 1000, &job));
     assert_int_equal(job.step,
@@ -97,7 +97,7 @@ static void moving_then_final(void **state) {
     assert_int_equal(header.flags, PROTO_FRAME_KEY);
     ack(f, p, 1, 1012);
     assert_true(next_job(f, 1200, &job));
-    assert_true(job.step == SRV_STEP_FINAL && job.refinement);
+    assert_true(job.step == SRV_STEP_FINAL && job.is_refinement);
     assert_int_equal(job.view.size[0], 512);
     assert_int_equal(job.targets[0].quality, 90);
     finish(f, &job, 20);
@@ -116,7 +116,7 @@ static void moving_then_final(void **state) {
 
 static void what_a_volume_takes_is_known_to_the_next_session(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     char id[SRV_SESSION_ID_BYTES];
     struct srv_participant *p = join(f, 1000);
     assert_true(next_job(f, 1000, &job));
@@ -128,7 +128,7 @@ static void what_a_volume_takes_is_known_to_the_next_session(void **state) {
     struct srv_participant *next = srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, "", NULL, 1010, NULL);
     assert_non_null(next);
     assert_true(next_job(f, 1010, &job));
-    assert_true(job.session != first && job.sharp);
+    assert_true(job.session != first && job.is_sharp);
     finish(f, &job, 20);
     srv_hub_leave(f->hub, &next, 1030);
     srv_hub_leave(f->hub, &p, 1030);
@@ -136,15 +136,15 @@ static void what_a_volume_takes_is_known_to_the_next_session(void **state) {
 
 static void updates_coalesce_behind_a_job(void **state) {
     struct fixture *f = *state;
-    struct srv_job first, second, none;
+    struct srv_render_job first, second, none;
     struct srv_participant *p = join(f, 0);
     assert_true(next_job(f, 1, &first));
     for (unsigned seq = 1; seq <= 9; seq++)
         update(f, p, seq, 2);
     assert_true(next_job(f, 40, &second));
     assert_int_equal(second.targets[0].seq, 9);
-    assert_false(srv_hub_is_newest(f->hub, &first));
-    assert_true(srv_hub_is_newest(f->hub, &second));
+    assert_false(srv_schedule_is_newest(f->hub, &first));
+    assert_true(srv_schedule_is_newest(f->hub, &second));
     assert_false(next_job(f, 500, &none)); /* two are on their way: the first window */
     /* They come in the wrong order: the older one is dropped. */
     finish(f, &second, 1);
@@ -157,26 +157,26 @@ static void updates_coalesce_behind_a_job(void **state) {
 
 static void a_cancelled_refinement_comes_again(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
     assert_true(next_job(f, 1, &job));
     finish(f, &job, 1);
     drain(f, p, 2);
     ack(f, p, 1, 3);
     assert_true(next_job(f, 200, &job));
-    assert_true(job.refinement);
+    assert_true(job.is_refinement);
     unsigned before = f->interrupts;
     update(f, p, 1, 210);
     assert_int_equal(f->interrupts, before + 1);
-    srv_hub_job_cancelled(f->hub, &job, 1);
+    srv_schedule_cancelled(f->hub, &job, 1);
     assert_true(next_job(f, 240, &job));
-    assert_false(job.refinement);
+    assert_false(job.is_refinement);
     finish(f, &job, 1);
     drain(f, p, 250);
     ack(f, p, 2, 251);
     assert_true(next_job(f, 400, &job));
     assert_int_equal(job.step, SRV_STEP_FINAL);
-    srv_hub_job_cancelled(f->hub, &job, 1); /* without a newer view, too */
+    srv_schedule_cancelled(f->hub, &job, 1); /* without a newer view, too */
     assert_true(next_job(f, 500, &job));
     assert_int_equal(job.step, SRV_STEP_FINAL);
     finish(f, &job, 1);
@@ -197,7 +197,7 @@ static void tell(struct fixture *f, struct srv_participant *p, const char *metho
 /* Whatever lies between them and the first frame, and with some jitter. */
 static void changes_that_come_as_often_as_frames_are_due_do_not_wait(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     for (unsigned k = 1; k <= 10; k++) {
         double begin_ms = 10000.0 * k;
         struct srv_participant *p = join(f, begin_ms);
@@ -218,12 +218,12 @@ static void changes_that_come_as_often_as_frames_are_due_do_not_wait(void **stat
 }
 
 /* Updates, takes the job, finishes it after render_ms, acknowledges: one frame of a drag. */
-static struct srv_job drag(struct fixture *f, struct srv_participant *p, unsigned seq,
-                           double now_ms, double render_ms) {
-    struct srv_job job;
+static struct srv_render_job drag(struct fixture *f, struct srv_participant *p, unsigned seq,
+                                  double now_ms, double render_ms) {
+    struct srv_render_job job;
     update(f, p, seq, now_ms);
     assert_true(next_job(f, now_ms, &job));
-    struct srv_job copy = job;
+    struct srv_render_job copy = job;
     finish(f, &job, render_ms);
     ack(f, p, drain(f, p, now_ms + render_ms).frame, now_ms + render_ms + 1);
     return copy;
@@ -231,52 +231,52 @@ static struct srv_job drag(struct fixture *f, struct srv_participant *p, unsigne
 
 static void moving_frames_are_given_up_late_and_never_twice_in_a_row(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
     assert_true(next_job(f, 1000, &job));
-    assert_true(job.keep_until_ms == INFINITY); /* it does what is done once */
+    assert_true(job.cancellable_from_ms == INFINITY); /* it does what is done once */
     finish(f, &job, 5);
     ack(f, p, drain(f, p, 1005).frame, 1006);
     update(f, p, 1, 2000);
     assert_true(next_job(f, 2000, &job));
-    assert_true(job.keep_until_ms == 2000 + 2 * SRV_PACE_ENOUGH_MS);
+    assert_true(job.cancellable_from_ms == 2000 + 2 * SRV_QUALITY_BUDGET_MIN_MS);
     uint32_t before = job.view.size[0];
     update(f, p, 2, 2140);
-    assert_int_equal(f->why, SRV_NEWER_VIEW);
-    srv_hub_job_cancelled(f->hub, &job, 140);
+    assert_int_equal(f->why, SRV_INTERRUPT_NEWER_VIEW);
+    srv_schedule_cancelled(f->hub, &job, 140);
     assert_true(next_job(f, 2141, &job));
     assert_int_equal(job.targets[0].seq, 2);
     assert_true(job.view.size[0] < before || job.coarse > 0);
-    assert_true(job.keep_until_ms == INFINITY);
+    assert_true(job.cancellable_from_ms == INFINITY);
     finish(f, &job, 30);
     ack(f, p, drain(f, p, 2171).frame, 2172);
     update(f, p, 3, 2300);
     assert_true(next_job(f, 2300, &job));
-    assert_true(job.keep_until_ms < INFINITY || job.coarse == SP_COARSE_MAX);
+    assert_true(job.cancellable_from_ms < INFINITY || job.coarse == SP_COARSE_MAX);
     finish(f, &job, 30);
     ack(f, p, drain(f, p, 2330).frame, 2331);
     /* A new transfer function is work that the next picture needs as well. */
     tell(f, p, "view.update",
          "{\"seq\":4,\"patch\":{\"transfer_function\":{\"reference_length\":2}}}", 2500);
     assert_true(next_job(f, 2500, &job));
-    assert_true(job.keep_until_ms == INFINITY);
+    assert_true(job.cancellable_from_ms == INFINITY);
     finish(f, &job, 30);
     srv_hub_leave(f->hub, &p, 2600);
-    assert_int_equal(f->why, SRV_UNWANTED);
+    assert_int_equal(f->why, SRV_INTERRUPT_UNWANTED);
 }
 
 static void a_change_of_volume_or_stream_interrupts(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
     assert_true(next_job(f, 1, &job));
     tell(f, p, "view.update", "{\"seq\":1,\"patch\":{\"volume\":\"w\"}}", 5);
-    assert_int_equal(f->why, SRV_UNWANTED);
-    srv_hub_job_cancelled(f->hub, &job, 4);
+    assert_int_equal(f->why, SRV_INTERRUPT_UNWANTED);
+    srv_schedule_cancelled(f->hub, &job, 4);
     assert_true(next_job(f, 40, &job));
     tell(f, p, "view.update", "{\"seq\":2,\"patch\":{\"volume\":\"v\"}}", 45);
-    assert_int_equal(f->why, SRV_NEWER_VIEW); /* to and fro would never show anything */
-    assert_true(job.keep_until_ms == INFINITY);
+    assert_int_equal(f->why, SRV_INTERRUPT_NEWER_VIEW); /* to and fro would never show anything */
+    assert_true(job.cancellable_from_ms == INFINITY);
     finish(f, &job, 10);
     unsigned before = f->interrupts;
     tell(f, p, "stream.configure", "{\"max_fps\":60}", 60);
@@ -288,7 +288,7 @@ static void a_change_of_volume_or_stream_interrupts(void **state) {
 
 static void a_slow_sharp_picture_comes_in_steps(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
     tell(f, p, "stream.configure", "{\"lossless\":true}", 0);
     assert_true(next_job(f, 0, &job)); /* 256 px: 500 ms, hence 2 s for all */
@@ -297,11 +297,11 @@ static void a_slow_sharp_picture_comes_in_steps(void **state) {
     assert_true(next_job(f, 700, &job));
     finish(f, &job, 2000);
     ack(f, p, drain(f, p, 2700).frame, 2701);
-    struct srv_job moving = drag(f, p, 1, 5000, 60);
+    struct srv_render_job moving = drag(f, p, 1, 5000, 60);
     assert_int_equal(moving.step, SRV_STEP_MOVING);
     assert_true(next_job(f, 5200, &job));
-    assert_int_equal(job.step, SRV_STEP_MIDDLE);
-    assert_true(job.refinement && job.keep_until_ms == 0);
+    assert_int_equal(job.step, SRV_STEP_INTERMEDIATE);
+    assert_true(job.is_refinement && job.cancellable_from_ms == 0);
     assert_true(job.coarse < moving.coarse || job.view.size[0] > moving.view.size[0]);
     assert_int_equal(job.targets[0].quality, 90);
     assert_int_equal(job.targets[0].format, SP_IMAGE_JPEG);
@@ -323,41 +323,41 @@ static void a_slow_sharp_picture_comes_in_steps(void **state) {
 
 /* The first frame tells the time, the second one has all detail, and nothing comes after it. */
 static void move_until_final(struct fixture *f, struct srv_participant *p) {
-    struct srv_job job;
+    struct srv_render_job job;
     assert_true(next_job(f, 0, &job));
     finish(f, &job, 5);
     ack(f, p, drain(f, p, 10).frame, 11);
     job = drag(f, p, 1, 100, 5);
-    assert_true(job.step == SRV_STEP_MOVING && job.sharp && job.targets[0].final);
+    assert_true(job.step == SRV_STEP_MOVING && job.is_sharp && job.targets[0].final);
     assert_false(next_job(f, 5000, &job));
 }
 
 static void a_moving_picture_that_cannot_get_better_is_the_final_one(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
     tell(f, p, "stream.configure", "{\"quality\":60}", 0);
     move_until_final(f, p);
     /* With a higher quality at rest there is something left to do. */
     tell(f, p, "stream.configure", "{\"quality\":61}", 6000);
     job = drag(f, p, 2, 6000, 5);
-    assert_true(job.sharp && !job.targets[0].final);
+    assert_true(job.is_sharp && !job.targets[0].final);
     assert_true(next_job(f, 6500, &job));
-    assert_true(job.step == SRV_STEP_FINAL && job.sharp);
+    assert_true(job.step == SRV_STEP_FINAL && job.is_sharp);
     finish(f, &job, 5);
     srv_hub_leave(f->hub, &p, 7000);
 }
 
 static void a_failed_view_is_told_and_not_tried_again(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_message message;
     struct sp_error err;
     struct srv_participant *p = join(f, 0);
     drain(f, p, 0);
     assert_true(next_job(f, 1, &job));
     sp_fail(&err, SP_ERR_MEMORY, "/size", "no memory");
-    srv_hub_job_failed(f->hub, &job, &err);
+    srv_schedule_failed(f->hub, &job, &err);
     assert_int_equal(srv_hub_next_message(f->hub, p, true, 2, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "render.error"));
     assert_non_null(strstr(message.text, "\"pointer\":\"/size\""));
@@ -371,7 +371,7 @@ static void a_failed_view_is_told_and_not_tried_again(void **state) {
 
 static void one_picture_for_all_who_see_the_same(void **state) {
     struct fixture *f = *state;
-    struct srv_job job, other;
+    struct srv_render_job job, other;
     struct srv_participant *a = join(f, 0), *b = join(f, 0), *c = join(f, 0);
     static const char text[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\","
                                "\"params\":{\"size\":[40,30],\"format\":\"png\"}}";
@@ -404,7 +404,7 @@ static void one_picture_for_all_who_see_the_same(void **state) {
 
 static void frames_for_who_left_are_counted(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     struct srv_participant *a = join(f, 1000), *b = join(f, 1000);
     assert_true(next_job(f, 1000, &job));
     assert_int_equal(job.target_count, 2);
@@ -416,12 +416,12 @@ static void frames_for_who_left_are_counted(void **state) {
     a = join(f, 2000);
     assert_true(next_job(f, 2000, &job));
     srv_hub_leave(f->hub, &a, 2001);
-    srv_hub_job_cancelled(f->hub, &job, 1); /* for nobody, not for a newer view */
+    srv_schedule_cancelled(f->hub, &job, 1); /* for nobody, not for a newer view */
     assert_int_equal(counted_drops(f->metrics, "left"), 3);
     a = join(f, 3000);
     assert_true(next_job(f, 3000, &job));
     update(f, a, 1, 3001);
-    srv_hub_job_cancelled(f->hub, &job, 1);
+    srv_schedule_cancelled(f->hub, &job, 1);
     assert_int_equal(counted_drops(f->metrics, "outdated"), 1);
     assert_int_equal(counted_drops(f->metrics, "left"), 3);
     srv_hub_leave(f->hub, &a, 3002);
@@ -430,7 +430,7 @@ static void frames_for_who_left_are_counted(void **state) {
 static void what_the_end_takes_away_is_not_counted(void **state) {
     static const char *const reasons[] = { "replaced", "late", "outdated", "failed", "left" };
     struct fixture *f = *state;
-    struct srv_job job, other;
+    struct srv_render_job job, other;
     struct sp_error err;
     sp_fail(&err, SP_ERR_IO, NULL, "no");
     struct srv_participant *a = join(f, 1000), *b = join(f, 1000);
@@ -443,10 +443,10 @@ static void what_the_end_takes_away_is_not_counted(void **state) {
     finish(f, &job, 5); /* late */
     update(f, a, 2, 1200);
     assert_true(next_job(f, 1300, &other));
-    srv_hub_job_failed(f->hub, &other, &err);
+    srv_schedule_failed(f->hub, &other, &err);
     update(f, a, 3, 1400);
     assert_true(next_job(f, 1500, &other));
-    srv_hub_job_cancelled(f->hub, &other, 1);
+    srv_schedule_cancelled(f->hub, &other, 1);
     srv_hub_leave(f->hub, &a, 1600);
     for (size_t i = 0; i < sizeof reasons / sizeof *reasons; i++)
         assert_int_equal(counted_drops(f->metrics, reasons[i]), 0);
@@ -531,7 +531,7 @@ static void take_policy(struct fixture *f, struct srv_participant *p, double now
 static void the_policy_is_told_with_its_reasons(void **state) {
     struct fixture *f = *state;
     struct srv_participant *p = join(f, 0);
-    struct srv_job job;
+    struct srv_render_job job;
     char policy[512];
     take_policy(f, p, 0, policy);
     assert_non_null(strstr(policy, "\"why\":[\"quality\"]"));
@@ -573,7 +573,7 @@ static void the_policy_is_told_with_its_reasons(void **state) {
 
 static void a_png_has_no_quality_that_could_be_less(void **state) {
     struct fixture *f = *state;
-    struct srv_job job;
+    struct srv_render_job job;
     char policy[512];
     struct srv_participant *p = join(f, 0);
     tell(f, p, "stream.configure", "{\"format\":\"png\"}", 0);
@@ -585,7 +585,7 @@ static void a_png_has_no_quality_that_could_be_less(void **state) {
     /* With one at rest that would be the same there is nothing left to do, either. */
     tell(f, p, "stream.configure", "{\"lossless\":true}", 6000);
     job = drag(f, p, 2, 6000, 5);
-    assert_true(job.sharp && job.targets[0].final);
+    assert_true(job.is_sharp && job.targets[0].final);
     assert_false(next_job(f, 9000, &job));
     srv_hub_leave(f->hub, &p, 9000);
 }

@@ -119,13 +119,13 @@ static enum sp_code patched(struct fixture *f, const char *text) {
 
 /* The size of the next picture for the only participant. */
 static void next_size(struct fixture *f, uint32_t size[2]) {
-    struct srv_job job;
+    struct srv_render_job job;
     double wait_ms;
     static double now_ms = 1e6;
     now_ms += 10000;
-    assert_true(srv_hub_next_job(f->hub, now_ms, &job, &wait_ms));
+    assert_true(srv_schedule_next(f->hub, now_ms, &job, &wait_ms));
     memcpy(size, job.full, sizeof job.full);
-    srv_hub_job_cancelled(f->hub, &job, 0);
+    srv_schedule_cancelled(f->hub, &job, 0);
 }
 
 /* A session larger than its owner's token allows today goes on, in pictures that it allows; only a
