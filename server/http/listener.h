@@ -137,8 +137,7 @@ srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
 srv_handler srv_get_paths, srv_post_path, srv_get_path, srv_delete_path, srv_get_path_events,
     srv_get_path_frame, srv_get_path_archive, srv_get_path_movie; /* routes_paths.c */
 srv_handler srv_get_metrics;                                      /* routes_metrics.c */
-srv_handler srv_get_healthz, srv_get_readyz, srv_get_openapi, srv_get_schema,
-    srv_get_stream_text; /* routes_static.c */
+srv_handler srv_get_healthz, srv_get_readyz, srv_get_contract;    /* routes_static.c */
 /* The page's files; false = there is none of that path. */
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);
 

@@ -40,24 +40,12 @@ bool srv_get_asset(struct srv_request *request, struct srv_reply *reply) {
     return true;
 }
 
-static void serve_contract(struct srv_request *request, struct srv_reply *reply) {
+void srv_get_contract(struct srv_request *request, struct srv_reply *reply) {
     const struct srv_asset *asset = find(request->path);
     if (asset)
         serve(request, asset, reply);
     else
         srv_reply_problem(reply, 404, NULL, "this build does not hold %s", request->path);
-}
-
-void srv_get_openapi(struct srv_request *request, struct srv_reply *reply) {
-    serve_contract(request, reply);
-}
-
-void srv_get_stream_text(struct srv_request *request, struct srv_reply *reply) {
-    serve_contract(request, reply);
-}
-
-void srv_get_schema(struct srv_request *request, struct srv_reply *reply) {
-    serve_contract(request, reply);
 }
 
 void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {

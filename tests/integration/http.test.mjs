@@ -49,7 +49,7 @@ test('health and readiness need no token', async () => {
 });
 
 test('everything under /api needs the token, by header or query, and tells nothing without', async () => {
-  for (const target of ['/api/v1/volumes', '/api/v1/volumes/engine', '/api/v1/nothing', '/api/v1/openapi.yaml', '/api/v1/sessions/0']) {
+  for (const target of ['/api/v1/volumes', '/api/v1/volumes/engine', '/api/v1/nothing', '/api/v1/views', '/api/v1/sessions/0']) {
     const answer = await daemon.json(target, { token: null });
     isProblem(answer, 401, /token/);
     assert.match(answer.headers.get('www-authenticate'), /^Bearer/);
@@ -92,7 +92,13 @@ test('HEAD gives the headers of GET', async () => {
   assert.equal(await head.text(), '');
 });
 
-test('the contract is served', async () => {
+test('the contract is served, without a token', async () => {
+  for (const file of ['openapi.json', 'openapi.yaml', 'view.schema.json', 'stream.schema.json', 'stream.md']) {
+    assert.equal((await daemon.fetch(`/api/v1/${file}`, { token: null })).status, 200, file);
+  }
+  const bundle = await daemon.json('/api/v1/openapi.json');
+  assert.deepEqual([bundle.status, bundle.headers.get('content-type')], [200, 'application/json']);
+  assert.match(bundle.json.openapi, /^3\.1/);
   const schema = await daemon.json('/api/v1/view.schema.json');
   assert.equal(schema.status, 200);
   assert.match(schema.json.$schema, /2020-12/);

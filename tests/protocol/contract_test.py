@@ -19,10 +19,12 @@ import urllib.parse
 
 try:
     import jsonschema
-    import yaml
 except ImportError as e:
-    print(f'skipped: {e}; install python3-yaml and python3-jsonschema')
+    print(f'skipped: {e}; install python3-jsonschema')
     sys.exit(77)
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../protocol'))
+from bundle_openapi import bundle
 
 failures = 0
 DEADLINE_S = 60
@@ -79,15 +81,7 @@ class Daemon:
 
 class Contract:
     def __init__(self, folder):
-        with open(f'{folder}/openapi.yaml', encoding='utf-8') as f:
-            self.document = yaml.safe_load(f)
-        with open(f'{folder}/view.schema.json', encoding='utf-8') as f:
-            view = json.load(f)
-        # References into the view's schema, from itself and from here, become those of one document that holds both.
-        text = json.dumps(view).replace('#/$defs/', '#/components/schemas/View/$defs/')
-        document = json.dumps(self.document).replace('view.schema.json#/', '#/components/schemas/View/')
-        self.document = json.loads(document)
-        self.document['components']['schemas']['View'] = json.loads(text)
+        self.document = bundle(folder)
         self.seen = set()
         self.statuses = set()
 
@@ -137,10 +131,10 @@ def walk(daemon, contract):
     ask(200, 'GET', '/readyz', token=False)
     ask(200, 'GET', '/metrics')
     ask(401, 'GET', '/metrics', token=False)
-    ask(200, 'GET', f'{api}/openapi.yaml')
-    ask(200, 'GET', f'{api}/view.schema.json')
-    ask(200, 'GET', f'{api}/stream.schema.json')
-    ask(200, 'GET', f'{api}/stream.md')
+    served = ask(200, 'GET', f'{api}/openapi.json', token=False)
+    check(served == json.loads(json.dumps(contract.document)), 'openapi.json is not the bundle of openapi.yaml and view.schema.json')
+    for name in ('openapi.yaml', 'view.schema.json', 'stream.schema.json', 'stream.md'):
+        ask(200, 'GET', f'{api}/{name}', token=False)
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p', 'name': 'a head'})
     ask(201, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=16', 'id': 'p'})
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:galaxy?size=16', 'id': 'graded'})

@@ -44,6 +44,7 @@ static void reading(void **state) {
         "/readyz",
         "/metrics",
         "/",
+        "openapi.json",
         "openapi.yaml",
         "stream.md",
         "view.schema.json",
