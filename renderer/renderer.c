@@ -79,6 +79,8 @@ static bool read_options(struct sp_renderer *r, const struct sp_renderer_options
         .video_bytes = o->video_bytes,
         .isa = strdup(o->isa ? o->isa : "auto"),
         .require_gpu = o->require_gpu,
+        .refused = o->refused,
+        .refused_user = o->user,
     };
     if (!r->wanted.isa)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for a renderer");
@@ -111,6 +113,7 @@ struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options
     void *state = NULL;
     if (read_options(r, o, err))
         backend = sp_registry_start(name, &r->wanted, &state, err);
+    r->wanted.refused = NULL; /* the caller's user pointer is valid in this call only */
     if (backend)
         take(r, backend, state);
     else

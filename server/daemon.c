@@ -19,6 +19,8 @@
 #include "session/hub.h"
 #include "store/store.h"
 
+enum { REFUSALS_MAX = 8, REFUSAL_BYTES = 512 };
+
 struct srv_daemon {
     const struct srv_config *config;
     struct srv_log *log;
@@ -36,7 +38,10 @@ struct srv_daemon {
     _Atomic double alive_ms;           /* when the stream thread ticked last */
     double ran_ms; /* with the clock: for how long daemons ran with this store; constant */
     struct srv_http_options http_options;
-    const char *refusals[SRV_LOG_REFUSALS];
+    /* Backends that did not start, for /readyz. Constant once the renderer was created. */
+    char refusals[REFUSALS_MAX][REFUSAL_BYTES];
+    const char *refusal_list[REFUSALS_MAX];
+    unsigned refusal_count;
 };
 
 /* Who tells whom. */
@@ -150,7 +155,16 @@ static bool open_store(struct srv_daemon *d, struct sp_error *err) {
     return true;
 }
 
-static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_error *err) {
+static void on_backend_refused(void *user, const char *backend, const struct sp_error *why) {
+    struct srv_daemon *d = user;
+    if (d->refusal_count == REFUSALS_MAX)
+        return;
+    char *text = d->refusals[d->refusal_count];
+    snprintf(text, REFUSAL_BYTES, "backend %s does not start: %s", backend, why->text);
+    d->refusal_list[d->refusal_count++] = text;
+}
+
+static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     uint64_t budget = c->memory ? (uint64_t)c->memory : half_of_memory();
     struct sp_renderer_options options = { .backend = c->backend,
@@ -162,15 +176,14 @@ static bool start_renderer(struct srv_daemon *d, struct srv_log *log, struct sp_
                                            .memory_bytes = budget / 2 > DERIVED_BYTES_MIN
                                                                ? budget / 2
                                                                : DERIVED_BYTES_MIN };
-    log->capture = true;
-    struct sp_renderer *renderer = sp_renderer_create(&options, err);
-    log->capture = false;
+    struct sp_renderer_options first = options;
+    first.refused = on_backend_refused;
+    first.user = d;
+    struct sp_renderer *renderer = sp_renderer_create(&first, err);
     if (!renderer)
         return false;
-    for (unsigned i = 0; i < log->refusal_count; i++)
-        d->refusals[i] = log->refusals[i];
-    d->http_options.refusals = d->refusals;
-    d->http_options.refusal_count = log->refusal_count;
+    d->http_options.refusals = d->refusal_list;
+    d->http_options.refusal_count = d->refusal_count;
     struct srv_render_pool_options pool = { .catalog = d->catalog,
                                             .metrics = d->metrics,
                                             .queue_max = (unsigned)c->render_queue,
@@ -339,7 +352,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     };
     if ((d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
-        start_renderer(d, log, err) && start_sessions(d, err) && start_volumes(d, err) &&
+        start_renderer(d, err) && start_sessions(d, err) && start_volumes(d, err) &&
         start_tokens(d, err) && start_paths(d, err) && start_http(d, err))
         return d;
     srv_daemon_stop(&d);

@@ -44,6 +44,9 @@ struct sp_backend_options {
      * refused. NULL = nothing is asked. */
     bool (*passes)(void *user, void *state, struct sp_error *err);
     void *user;
+    /* As in sp_renderer_options; for choose.c, not for backends. */
+    void (*refused)(void *user, const char *backend, const struct sp_error *why);
+    void *refused_user;
 };
 
 /* One frame to make. */

@@ -67,6 +67,8 @@ static bool start(const struct sp_backend *backend, const struct sp_backend_opti
     if (*state)
         return true;
     sp_log(SP_LOG_WARN, "backend %s does not start: %s", backend->entry.name, why.text);
+    if (options->refused)
+        options->refused(options->refused_user, backend->entry.name, &why);
     return sp_fail(err, why.code, why.place, "backend %s does not start: %s", backend->entry.name,
                    why.text);
 }

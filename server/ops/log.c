@@ -147,9 +147,6 @@ static void sink(void *user, enum sp_log_level level, const char *kind,
     if (left_out > 0)
         snprintf(more, sizeof more, "%s; %u more like it since the last such line", line, left_out);
     write_line(log, level, fields, left_out > 0 ? more : line);
-    if (log->capture && level == SP_LOG_WARN && strncmp(line, "backend ", 8) == 0 &&
-        log->refusal_count < SRV_LOG_REFUSALS)
-        snprintf(log->refusals[log->refusal_count++], SRV_LOG_REFUSAL_BYTES, "%s", line);
 }
 
 void srv_log_tick(struct srv_log *log, double now_ms) {
@@ -166,8 +163,6 @@ void srv_log_tick(struct srv_log *log, double now_ms) {
 bool srv_log_start(struct srv_log *log, enum sp_log_level level, enum srv_log_format format,
                    struct sp_error *err) {
     log->format = format;
-    log->capture = false;
-    log->refusal_count = 0;
     srv_log_bound_init(&log->bound);
     if (!srv_log_ring_start(&log->ring, STDERR_FILENO, err))
         return false;

@@ -9,8 +9,7 @@
  * Between level and msg stands what the line speaks of, as far as it does: volume, session, path,
  * peer. msg says it as well. Lines of one kind have a bound (log_bound.h) but for those of the
  * level debug, which are for who asks for each. A thread of its own writes them (log_ring.h), so
- * that who logs never waits for who reads. While `capture` is on, lines that tell of a refused
- * backend are kept, for /readyz.
+ * that who logs never waits for who reads.
  */
 #ifndef SRV_LOG_H
 #define SRV_LOG_H
@@ -21,16 +20,12 @@
 #include "ops/log_ring.h"
 #include "sp/log.h"
 
-enum { SRV_LOG_REFUSALS = 8, SRV_LOG_REFUSAL_BYTES = 512 };
 enum srv_log_format { SRV_LOG_TEXT, SRV_LOG_LOGFMT, SRV_LOG_JSON, SRV_LOG_FORMATS };
 
 struct srv_log {
     enum srv_log_format format;
     struct srv_log_bound bound;
     struct srv_log_ring ring;
-    bool capture; /* only while one thread logs */
-    unsigned refusal_count;
-    char refusals[SRV_LOG_REFUSALS][SRV_LOG_REFUSAL_BYTES];
 };
 
 /* "text", "logfmt", "json"; SRV_LOG_FORMATS = none of them. */

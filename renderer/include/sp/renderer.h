@@ -27,6 +27,11 @@ struct sp_renderer_options {
      * a frame that it has no memory for (SP_ERR_MEMORY, SP_ERR_BUDGET) is drawn by the next one,
      * with what that derives from the volume beside it. Who names a backend gets the error. */
     const char *backend;
+    /* sp_renderer_create() calls refused() for each backend that does not start, in the order of
+     * the attempts, with the backend's name and the reason; both are valid during the call. It is
+     * never called later. NULL (default) = not needed. `user` is passed through. */
+    void (*refused)(void *user, const char *backend, const struct sp_error *why);
+    void *user;
     const char *gpu;  /* "auto" (default, NULL) is the first that works; "0", "1", …: this one of
                          sp_probe() */
     bool require_gpu; /* default false: true takes nothing but a GPU, at the start and ever after */

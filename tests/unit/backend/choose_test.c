@@ -78,6 +78,23 @@ static void a_gpu_that_draws_wrong_pictures_does_not_start(void **state) {
     assert_int_equal(fakes[LAST].renders, 0);
 }
 
+static void note_refusal(void *user, const char *backend, const struct sp_error *why) {
+    char *refusals = user;
+    size_t used = strlen(refusals);
+    snprintf(refusals + used, 256 - used, "%s: %s; ", backend, why->text);
+}
+
+static void refused_backends_are_reported_to_the_caller(void **state) {
+    (void)state;
+    char refusals[256] = "";
+    struct sp_renderer_options options = { .refused = note_refusal, .user = refusals };
+    assert_string_equal(started(&options), "gpu");
+    assert_string_equal(refusals, "");
+    fakes[GPU].starts = false;
+    assert_string_equal(started(&options), "plain");
+    assert_string_equal(refusals, "gpu: gpu is broken; ");
+}
+
 static void the_gpu_is_chosen_by_its_number(void **state) {
     (void)state;
     started(NULL);
@@ -244,6 +261,7 @@ int main(void) {
         TEST(auto_takes_the_first_that_starts),
         TEST(a_name_gets_that_or_nothing),
         TEST(a_gpu_that_draws_wrong_pictures_does_not_start),
+        TEST(refused_backends_are_reported_to_the_caller),
         TEST(the_gpu_is_chosen_by_its_number),
         TEST(a_gpu_can_be_required),
         TEST(the_next_backend_takes_over_after_three_failures),
