@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splat-import: reads one file for a parent that does not want to. See handover.h for what the two
- * say to each other; limits.h for what this process may still do when the file takes it over.
+ * say to each other; sandbox.h for what this process may still do when the file takes it over.
  */
 #include <dlfcn.h>
 #include <errno.h>
@@ -16,7 +16,7 @@
 #include "import/format.h"
 #include "import/handover.h"
 #include "import/launch.h"
-#include "import/limits.h"
+#include "import/sandbox.h"
 
 #if defined(__SANITIZE_THREAD__)
 /* As in encode/exr.c: OpenImageIO's spin locks, which TSan cannot see. This is a program of its
@@ -107,8 +107,8 @@ static bool limit(const struct job *job, int cpu_seconds, struct sp_error *err) 
              one = strtok_r(NULL, ":", &rest))
             readable[n++] = one;
     }
-    bool ok = libraries ? import_limits_set(cpu_seconds, SP_IMPORT_FILE + 1, readable,
-                                            job->file.shown, err)
+    bool ok = libraries ? import_sandbox_enter(cpu_seconds, SP_IMPORT_FILE + 1, readable,
+                                               job->file.shown, err)
                         : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "no memory");
     free(libraries);
     return ok;
@@ -195,7 +195,7 @@ static int run(struct job *job) {
         job->format->close(reader);
         return 0; /* refused, or nobody left: not our failure */
     }
-    if (!import_limits_for_samples(job->room, job->file.shown, &err)) {
+    if (!import_sandbox_allow_samples(job->room, job->file.shown, &err)) {
         job->format->close(reader);
         return say_error(&err);
     }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a process may still do after import_limits_set(): tried in a child, for there is no way
+ * What a process may still do after import_sandbox_enter(): tried in a child, for there is no way
  * back.
  */
-#include "import/limits.h"
+#include "import/sandbox.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -40,7 +40,7 @@ static void set_or_exit(int cpu_seconds) {
     struct sp_error err;
     int null = open("/dev/null", O_RDWR);
     dup2(null, 0); /* as launch.c leaves it */
-    if (!import_limits_set(cpu_seconds, FIRST_FD, readable, "test", &err))
+    if (!import_sandbox_enter(cpu_seconds, FIRST_FD, readable, "test", &err))
         _exit(99);
 }
 
@@ -98,6 +98,7 @@ static int no_signals_of_descriptors(void) {
 static bool refuse_filters(void) {
     struct sock_filter code[] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_seccomp, 3, 0),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_prctl, 0, 3),
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, args)),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, PR_SET_SECCOMP, 0, 1),
@@ -167,7 +168,7 @@ static int threads_of_its_own(void) {
 /* The folder alone, by whatever way; with a kernel that can do it. */
 static int no_other_files_read(void) {
     char up[256];
-    bool is_confined = import_limits_confine_reading();
+    bool is_confined = import_sandbox_confines_reading();
     int error = EACCES;
     snprintf(up, sizeof up, "%s/../../etc/passwd", folder_path());
     symlink("/etc/passwd", in_folder("link"));
@@ -201,7 +202,7 @@ static int no_more_memory_than_the_margin(void) {
     struct sp_error err;
     if (!small || large)
         return 1;
-    if (!import_limits_for_samples(512 * MIB, "test", &err))
+    if (!import_sandbox_allow_samples(512 * MIB, "test", &err))
         return 2;
     void *samples = mmap(NULL, 512 * MIB, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     large = malloc(IMPORT_MARGIN_BYTES);
@@ -229,7 +230,7 @@ static int limits_beside_a_thread(void) {
     struct sp_error err;
     pthread_t thread;
     pthread_create(&thread, NULL, wait_for_ever, NULL);
-    return import_limits_set(10, FIRST_FD, readable, "test", &err);
+    return import_sandbox_enter(10, FIRST_FD, readable, "test", &err);
 }
 
 static int abort_still_works(void) {
@@ -295,7 +296,7 @@ static void death_is_seen(void **state) {
 }
 
 int main(void) {
-    if (!import_limits_complete()) {
+    if (!import_sandbox_is_complete()) {
         printf("skipped: a sanitizer's build has neither the memory limit nor the filter\n");
         return 77;
     }
