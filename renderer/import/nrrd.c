@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * NRRD, attached and detached, raw and gzip. teem parses the fields; the samples are read by
- * samples.c, straight to where they belong and counted byte by byte.
+ * NRRD, attached and detached, raw and gzip. nrrd_header.c parses the header; samples.c reads the
+ * samples straight to their place and counts every byte.
  */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <teem/nrrd.h>
 
 #include "import/nrrd_header.h"
 #include "import/samples.h"
@@ -19,9 +17,7 @@ enum { PIECES_MAX = 65536 }; /* data files */
 
 struct parsing {
     const struct import_file *file;
-    struct nrrd_header *text;
-    const Nrrd *nrrd; /* fields alone, no samples */
-    const NrrdIoState *io;
+    const struct nrrd_header *text;
     struct import_header *header;
     struct import_samples *samples;
     struct sp_error *err;
@@ -37,200 +33,77 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
             (strcasecmp(shown + n - 5, ".nrrd") == 0 || strcasecmp(shown + n - 5, ".nhdr") == 0));
 }
 
-/* teem explains itself in a stack of lines, "[nrrd] FUNCTION: TEXT": the innermost one says what is
- * wrong, one above it which field was parsed. -1 when none was. */
-static int explain_biff(char *out, size_t room) {
-    char *stack = biffGetDone(NRRD);
-    int field = -1;
-    snprintf(out, room, "no reason given");
-    if (!stack)
-        return field;
-    for (int f = 0; f < NRRD_TO_TEEM; f++) {
-        char phrase[64];
-        snprintf(phrase, sizeof phrase, "trouble parsing %s info",
-                 nrrd_field_name((enum nrrd_field)f));
-        if (strstr(stack, phrase))
-            field = f;
-    }
-    size_t n = strlen(stack);
-    while (n > 0 && stack[n - 1] == '\n')
-        stack[--n] = 0;
-    const char *line = strrchr(stack, '\n');
-    line = line ? line + 1 : stack;
-    const char *text = strstr(line, ": ");
-    snprintf(out, room, "%s", text ? text + 2 : line);
-    free(stack);
-    return field;
+static void take_sizes(const struct parsing *p) {
+    for (unsigned axis = 0; axis < 3; axis++)
+        p->header->grid.dims[axis] = axis < p->text->dimension ? (uint32_t)p->text->sizes[axis] : 1;
 }
 
-/* teem's view of the fields: nothing is opened, nothing is allocated for samples. */
-static bool parse_fields(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
-    FILE *stream = fmemopen(p->text->clean, p->text->clean_size, "r");
-    if (!stream)
-        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "no memory for the header");
-    io->skipData = AIR_TRUE;
-    nrrdStateVerboseIO = 0;
-    bool failed = nrrdRead(nrrd, stream, io) != 0;
-    fclose(stream);
-    if (!failed)
-        return true;
-    char why[SP_ERROR_TEXT];
-    int field = explain_biff(why, sizeof why);
-    if (strstr(why, "require endian info"))
-        return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, p->text->byte[NRRD_TYPE],
-                           "endian", "%.40s samples need this field: little or big",
-                           p->text->value[NRRD_TYPE]);
-    if (field < 0 && strstr(why, "block size")) /* teem finds it missing at the end */
-        field = p->text->value[NRRD_BLOCK_SIZE] ? NRRD_BLOCK_SIZE : NRRD_TYPE;
-    if (field >= 0 && p->text->value[field])
-        return REFUSE(p, SP_ERR_FORMAT, (enum nrrd_field)field, "%s", why);
-    return import_fail(p->err, SP_ERR_FORMAT, p->file->shown, 0, "header", "%s", why);
-}
-
-static bool take_type(const struct parsing *p) {
-    static const struct {
-        int teem;
-        enum sp_type type;
-    } types[] = {
-        { nrrdTypeUChar, SP_UINT8 },    { nrrdTypeChar, SP_INT8 }, { nrrdTypeUShort, SP_UINT16 },
-        { nrrdTypeShort, SP_INT16 },    { nrrdTypeInt, SP_INT32 }, { nrrdTypeFloat, SP_FLOAT32 },
-        { nrrdTypeDouble, SP_FLOAT64 },
-    };
-    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
-        if (p->nrrd->type == types[i].teem) {
-            p->header->type = types[i].type;
-            return true;
-        }
-    return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_TYPE,
-                  "%.40s samples are not supported; convert them to uint8, int8, uint16, int16, "
-                  "int32, float or double",
-                  p->text->value[NRRD_TYPE]);
-}
-
-static bool take_sizes(const struct parsing *p) {
-    unsigned dim = p->text->dimension;
-    for (unsigned axis = 0; axis < 3; axis++) {
-        p->header->grid.dims[axis] = axis < dim ? (uint32_t)p->text->sizes[axis] : 1;
-        if (axis < dim && (dim != p->nrrd->dim || p->text->sizes[axis] != p->nrrd->axis[axis].size))
-            return REFUSE(p, SP_ERR_FORMAT, NRRD_SIZES, "axis %u is ambiguous", axis);
-    }
-    for (unsigned axis = 0; axis < dim; axis++) {
-        int kind = p->nrrd->axis[axis].kind;
-        if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)
-            return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_KINDS,
-                          "axis %u is of kind %s; only scalar volumes are read", axis,
-                          airEnumStr(nrrdKind, kind));
-    }
-    return true;
-}
-
-/* "spacings", "axis mins", "axis maxs": axes along the world's. */
+/* Axes along the axes of the world, from "spacings", "axis mins" and "axis maxs". */
 static bool take_spacings(const struct parsing *p) {
-    for (unsigned axis = 0; axis < p->nrrd->dim; axis++) {
-        const NrrdAxisInfo *a = &p->nrrd->axis[axis];
-        double *spacing = &p->header->grid.spacing[axis], n = (double)a->size;
-        bool cell = a->center == nrrdCenterCell;
-        if (p->text->value[NRRD_SPACINGS]) {
-            if (!isfinite(a->spacing))
+    const struct nrrd_header *h = p->text;
+    for (unsigned axis = 0; axis < h->dimension; axis++) {
+        double *spacing = &p->header->grid.spacing[axis], n = (double)h->sizes[axis];
+        bool cell = h->is_cell[axis];
+        if (h->value[NRRD_SPACINGS]) {
+            if (!isfinite(h->spacing[axis]))
                 return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACINGS,
-                              "the spacing of axis %u is not a number; write what it is, or leave "
-                              "the field out for 1",
+                              "the spacing of axis %u is not a number; correct it, or remove the "
+                              "field for a spacing of 1",
                               axis);
-            *spacing = a->spacing;
-        } else if (isfinite(a->min) && isfinite(a->max) && (cell || a->size > 1)) {
-            *spacing = (a->max - a->min) / (cell ? n : n - 1);
+            *spacing = h->spacing[axis];
+        } else if (isfinite(h->min[axis]) && isfinite(h->max[axis]) &&
+                   (cell || h->sizes[axis] > 1)) {
+            *spacing = (h->max[axis] - h->min[axis]) / (cell ? n : n - 1);
         }
-        if (isfinite(a->min))
-            p->header->grid.origin[axis] = a->min + (cell ? *spacing / 2 : 0);
+        if (isfinite(h->min[axis]))
+            p->header->grid.origin[axis] = h->min[axis] + (cell ? *spacing / 2 : 0);
     }
     return true;
 }
 
-/* "space directions": columns with lengths; an image of two axes gets the third at right angles. */
+/* The third axis of an image with two axes, at right angles to both. */
+static bool take_third_direction(const struct parsing *p) {
+    struct sp_grid *grid = &p->header->grid;
+    double n[3], length = 0;
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        n[i] = grid->direction[j][0] * grid->direction[k][1] -
+               grid->direction[k][0] * grid->direction[j][1];
+        length += n[i] * n[i];
+    }
+    length = sqrt(length);
+    if (!(length > 1e-6))
+        return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS, "the two axes are parallel");
+    for (int row = 0; row < 3; row++)
+        grid->direction[row][2] = n[row] / length;
+    return true;
+}
+
+/* "space directions": columns whose lengths are the spacings. */
 static bool take_directions(const struct parsing *p) {
     struct sp_grid *grid = &p->header->grid;
-    unsigned dim = p->nrrd->dim, space = p->nrrd->spaceDim;
-    if (space > 3 || space < dim)
-        return REFUSE(p, SP_ERR_UNSUPPORTED,
-                      p->text->value[NRRD_SPACE] ? NRRD_SPACE : NRRD_SPACE_DIMENSION,
-                      "a space of %u dimensions for %u axes; 3 are supported", space, dim);
-    for (unsigned axis = 0; axis < dim; axis++) {
-        double v[3] = { 0, 0, 0 }, length = 0;
-        for (unsigned row = 0; row < space; row++) {
-            v[row] = p->nrrd->axis[axis].spaceDirection[row];
-            length += v[row] * v[row];
-        }
-        length = sqrt(length);
+    for (unsigned axis = 0; axis < p->text->dimension; axis++) {
+        const double *v = p->text->direction[axis];
+        double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
         if (!isfinite(length) || !(length > 0))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS,
-                          "axis %u has no direction (none, not a number, or of length 0)", axis);
+                          "the direction of axis %u is not a number or has length 0", axis);
         grid->spacing[axis] = length;
         for (int row = 0; row < 3; row++)
             grid->direction[row][axis] = v[row] / length;
     }
-    if (dim == 2) {
-        double n[3], length = 0;
-        for (int i = 0; i < 3; i++) {
-            int j = (i + 1) % 3, k = (i + 2) % 3;
-            n[i] = grid->direction[j][0] * grid->direction[k][1] -
-                   grid->direction[k][0] * grid->direction[j][1];
-            length += n[i] * n[i];
-        }
-        length = sqrt(length);
-        if (!(length > 1e-6))
-            return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS, "the two axes are parallel");
-        for (int row = 0; row < 3; row++)
-            grid->direction[row][2] = n[row] / length;
-    }
-    return true;
-}
-
-static bool take_unit(const struct parsing *p, enum nrrd_field field) {
-    bool of_space = field == NRRD_SPACE_UNITS;
-    unsigned count = of_space ? p->nrrd->spaceDim : p->nrrd->dim;
-    const char *unit = NULL;
-    for (unsigned i = 0; i < count; i++) {
-        const char *u = of_space ? p->nrrd->spaceUnits[i] : p->nrrd->axis[i].units;
-        if (!u || !*u)
-            continue;
-        if (unit && strcmp(unit, u) != 0)
-            return REFUSE(p, SP_ERR_UNSUPPORTED, field,
-                          "\"%.30s\" and \"%.30s\" differ; all axes must have one unit", unit, u);
-        unit = u;
-    }
-    if (unit && strlen(unit) >= SP_UNIT_BYTES)
-        return REFUSE(p, SP_ERR_FORMAT, field, "a unit has at most %d bytes", SP_UNIT_BYTES - 1);
-    if (unit)
-        snprintf(p->header->unit, sizeof p->header->unit, "%s", unit);
-    return true;
+    return p->text->dimension == 3 || take_third_direction(p);
 }
 
 static bool take_geometry(const struct parsing *p) {
     import_grid_init(&p->header->grid);
-    if (!take_sizes(p))
-        return false;
+    take_sizes(p);
     bool directed = p->text->value[NRRD_SPACE_DIRECTIONS] != NULL;
     if (!(directed ? take_directions(p) : take_spacings(p)))
         return false;
     if (p->text->value[NRRD_SPACE_ORIGIN])
-        for (unsigned i = 0; i < p->nrrd->spaceDim && i < 3; i++) {
-            if (!isfinite(p->nrrd->spaceOrigin[i]))
-                return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACE_ORIGIN, "number %u is not a number", i);
-            p->header->grid.origin[i] = p->nrrd->spaceOrigin[i];
-        }
-    return take_unit(p, NRRD_UNITS) && take_unit(p, NRRD_SPACE_UNITS);
-}
-
-static bool take_encoding(const struct parsing *p) {
-    struct import_samples *s = p->samples;
-    if (p->io->encoding == nrrdEncodingGzip)
-        s->gzip = true;
-    else if (p->io->encoding != nrrdEncodingRaw)
-        return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_ENCODING,
-                      "%.40s is not supported; write the file as raw or gzip",
-                      p->text->value[NRRD_ENCODING]);
-    if (sp_type_size(p->header->type) > 1) /* teem insists on the field then */
-        s->big_endian = p->io->endian == airEndianBig;
+        memcpy(p->header->grid.origin, p->text->origin, p->text->space * sizeof(double));
+    memcpy(p->header->unit, p->text->unit, sizeof p->header->unit);
     return true;
 }
 
@@ -362,7 +235,7 @@ static bool take_pattern(const struct parsing *p, const struct pattern *f) {
 /* Each file holds the axes below `subdim`, or a slab along the last one when it is all of them. In
  * every case the files follow each other in memory. */
 static bool check_pieces(const struct parsing *p, long long subdim) {
-    unsigned dim = p->nrrd->dim;
+    unsigned dim = p->text->dimension;
     uint64_t pieces = p->samples->count, expected = 1;
     if (subdim < 0 || subdim > dim)
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "files of %lld axes for a volume of %u",
@@ -425,10 +298,12 @@ static enum nrrd_field field_at_fault(const struct parsing *p) {
     }
 }
 
-static bool build(const struct parsing *p, Nrrd *nrrd, NrrdIoState *io) {
+static bool build(const struct parsing *p) {
     struct import_samples *s = p->samples;
-    if (!parse_fields(p, nrrd, io) || !take_type(p) || !take_geometry(p) || !take_encoding(p) ||
-        !take_skips(p) || !take_data_files(p))
+    p->header->type = p->text->type;
+    s->gzip = p->text->gzip;
+    s->big_endian = p->text->big_endian;
+    if (!take_geometry(p) || !take_skips(p) || !take_data_files(p))
         return false;
     char place[SP_ERROR_PLACE];
     enum nrrd_field field = field_at_fault(p);
@@ -448,18 +323,9 @@ static void *open_nrrd(const struct import_file *file, struct import_header *hea
     if (!nrrd_header_read(file, &text, err))
         return NULL;
     struct import_samples *samples = calloc(1, sizeof *samples);
-    Nrrd *nrrd = nrrdNew();
-    NrrdIoState *io = nrrdIoStateNew();
-    struct parsing p = { file, &text, nrrd, io, header, samples, err };
-    bool ok = false;
-    if (samples && nrrd && io)
-        ok = build(&p, nrrd, io);
-    else
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for the header");
-    if (io)
-        nrrdIoStateNix(io);
-    if (nrrd)
-        nrrdNuke(nrrd);
+    const struct parsing p = { file, &text, header, samples, err };
+    bool ok =
+        samples ? build(&p) : sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for the header");
     nrrd_header_finish(&text);
     if (!ok && samples) {
         close_nrrd(samples);

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The text of a NRRD header, taken apart before teem sees any of it: teem opens whatever file a
- * header names, so it gets a copy with the fields that describe the samples and nothing else.
+ * The header of a NRRD file as typed fields (Teem's NRRD0001 to NRRD0005).
+ *
+ * This is our own parser because Teem opens whatever file a header names, and names the field at
+ * fault only in the text of its errors.
  */
 #ifndef SP_IMPORT_NRRD_HEADER_H
 #define SP_IMPORT_NRRD_HEADER_H
@@ -28,13 +30,12 @@ enum nrrd_field {
     NRRD_UNITS,
     NRRD_ENDIAN,
     NRRD_ENCODING,
-    NRRD_BLOCK_SIZE,
-    NRRD_TO_TEEM, /* those above are passed on */
-    NRRD_LINE_SKIP = NRRD_TO_TEEM,
+    NRRD_LINE_SKIP,
     NRRD_BYTE_SKIP,
     NRRD_DATA_FILE,
-    NRRD_OURS, /* those above are kept; those below are known and of no interest */
-    NRRD_NUMBER = NRRD_OURS,
+    NRRD_IGNORED, /* the fields from here on are known and do not matter */
+    NRRD_NUMBER = NRRD_IGNORED,
+    NRRD_BLOCK_SIZE,
     NRRD_THICKNESSES,
     NRRD_LABELS,
     NRRD_MIN,
@@ -48,26 +49,34 @@ enum nrrd_field {
 };
 
 struct nrrd_header {
-    char *text; /* owned; `value` points into it */
+    char *text; /* owned; `value` and `list` point into it */
     size_t size;
-    char *value[NRRD_FIELD_COUNT];   /* trimmed, ends with 0; NULL = not said */
-    uint64_t byte[NRRD_FIELD_COUNT]; /* where its line starts */
-    char *clean;                     /* owned: magic and the fields for teem, ends with 0 */
-    size_t clean_size;
-    uint64_t end; /* first byte after the header's blank line */
-    char *list;   /* "data file: LIST": the lines after it, up to the end of the text, else NULL */
+    char *value[NRRD_FIELD_COUNT];   /* trimmed, ends with 0; NULL = the field is missing */
+    uint64_t byte[NRRD_FIELD_COUNT]; /* offset of the field's line in the file */
+    uint64_t end;                    /* offset of the first byte after the header's blank line */
+    char *list; /* the lines after "data file: LIST", up to the end of the text, else NULL */
+
+    enum sp_type type;
+    bool gzip, big_endian;
     unsigned dimension; /* 2 or 3 */
     uint64_t sizes[3];  /* [1, SP_DIM_MAX] each */
+    /* Per axis, NAN = not given. */
+    double spacing[3], min[3], max[3];
+    bool is_cell[3];        /* samples are centred in cells, not at nodes */
+    unsigned space;         /* components of the vectors: `dimension` to 3, 0 = there are none */
+    double direction[3][3]; /* direction[axis], if `value` has space directions */
+    double origin[3];       /* if `value` has a space origin */
+    char unit[SP_UNIT_BYTES];
 };
 
-const char *nrrd_field_name(enum nrrd_field field);
-
-/* Reads and checks the header of file->fd. On failure nothing is left to finish. */
+/* Reads and checks the header of file->fd. On failure nothing remains to be finished. */
 bool nrrd_header_read(const struct import_file *file, struct nrrd_header *header,
                       struct sp_error *err);
 void nrrd_header_finish(struct nrrd_header *header);
 
-/* Fails with the field's place. */
+const char *nrrd_field_name(enum nrrd_field field);
+
+/* Fails with the place of the field: file, byte and name. */
 __attribute__((format(printf, 6, 7))) bool
 nrrd_fail(struct sp_error *err, enum sp_code code, const struct import_file *file,
           const struct nrrd_header *header, enum nrrd_field field, const char *format, ...);

@@ -68,7 +68,6 @@ THIRD_PARTY = [
     (r'gnutls/', {'server/http'}),
     (r'jansson', {'protocol', 'renderer/import'}),
     (r'OpenImageIO/', {'renderer/import', 'renderer/encode'}),
-    (r'teem/', {'renderer/import'}),
     (r'expat', {'renderer/import'}),
     (r'seccomp', {'renderer/import'}),
     (r'turbojpeg|jpeglib', {'renderer/encode'}),
