@@ -22,7 +22,7 @@ struct flight {
 };
 
 /* What draws a frame that the backend cannot; NULL before the first one. */
-struct stand_in {
+struct fallback {
     const struct sp_backend *backend;
     void *state;
     struct sp_renderer_info info;
@@ -33,7 +33,7 @@ struct sp_renderer {
     _Atomic(const struct sp_backend *) backend; /* read by other threads too */
     void *state;
     struct sp_renderer_info info;
-    struct stand_in stand_in;
+    struct fallback fallback;
     struct sp_backend_options wanted; /* for the next backend; isa is owned */
     bool any;                         /* was started with "auto" */
     unsigned failures;                /* of the backend, in a row */
@@ -140,8 +140,8 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
         return;
     if (r->state)
         atomic_load(&r->backend)->destroy(r->state);
-    if (r->stand_in.backend)
-        r->stand_in.backend->destroy(r->stand_in.state);
+    if (r->fallback.backend)
+        r->fallback.backend->destroy(r->fallback.state);
     while (r->begun)
         land(r);
     free((char *)r->wanted.isa);
@@ -261,8 +261,8 @@ bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_vi
 
 /* Starts what comes after the backend, unless it is there; false if nothing starts by itself, or if
  * the user has named the one to use. */
-static bool start_stand_in(struct sp_renderer *r) {
-    struct stand_in *s = &r->stand_in;
+static bool start_fallback(struct sp_renderer *r) {
+    struct fallback *s = &r->fallback;
     if (r->any && !s->backend && !s->is_missing) {
         s->backend = sp_registry_follow(atomic_load(&r->backend), &r->wanted, &s->state, NULL);
         s->is_missing = !s->backend;
@@ -276,17 +276,17 @@ static bool start_stand_in(struct sp_renderer *r) {
 static bool give_up(struct sp_renderer *r, const struct sp_error *why) {
     const struct sp_backend *failed = atomic_load(&r->backend);
     void *failed_state = r->state;
-    r->stand_in.is_missing = false; /* it may start now */
-    if (!start_stand_in(r))
+    r->fallback.is_missing = false; /* it may start now */
+    if (!start_fallback(r))
         return false;
-    const struct stand_in next = r->stand_in;
-    r->stand_in = (struct stand_in){ .backend = NULL };
+    const struct fallback next = r->fallback;
+    r->fallback = (struct fallback){ .backend = NULL };
     take(r, next.backend, next.state);
     failed->destroy(failed_state);
-    snprintf(r->info.given_up, sizeof r->info.given_up,
+    snprintf(r->info.failover_reason, sizeof r->info.failover_reason,
              "backend %s failed %d times in a row: %.300s", failed->entry.name, FAILURES_MAX,
              why->text);
-    sp_log(SP_LOG_WARN, "%s; backend %s has taken over", r->info.given_up, r->info.backend);
+    sp_log(SP_LOG_WARN, "%s; backend %s has taken over", r->info.failover_reason, r->info.backend);
     return true;
 }
 
@@ -306,18 +306,18 @@ static bool is_too_much(const struct sp_error *why) {
 /* A frame that is too much for the backend is drawn by the next one, which keeps what it derives
  * for others of this kind. False with *why set when there is none that could do it, or it fails. */
 static bool draw_instead(struct sp_renderer *r, const struct flight *f, struct sp_error *why) {
-    struct stand_in *s = &r->stand_in;
-    if (!start_stand_in(r) || !check_support(s->backend, &f->view, NULL))
+    struct fallback *s = &r->fallback;
+    if (!start_fallback(r) || !check_support(s->backend, &f->view, NULL))
         return false;
     const struct sp_error first = *why;
     sign(f->job.frame, &s->info);
     if (!s->backend->render(s->state, &f->job, why))
         return false;
-    if (!r->info.overburdened[0]) {
-        snprintf(r->info.overburdened, sizeof r->info.overburdened,
+    if (!r->info.fallback_reason[0]) {
+        snprintf(r->info.fallback_reason, sizeof r->info.fallback_reason,
                  "backend %s cannot draw some views, which %s draws: %.300s", r->info.backend,
                  s->info.backend, first.text);
-        sp_log(SP_LOG_WARN, "%s", r->info.overburdened);
+        sp_log(SP_LOG_WARN, "%s", r->info.fallback_reason);
     }
     return true;
 }
@@ -384,7 +384,7 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     static const struct sp_render_options defaults = { .format = SP_RGBA8 };
     const struct sp_render_options *o = options ? options : &defaults;
     double start_ms = sp_clock_ms(), start_cpu_ms = sp_clock_cpu_ms();
-    assert(renderer->begun < SP_IN_FLIGHT_MAX && o->coarse <= SP_COARSE_MAX);
+    assert(renderer->begun < SP_IN_FLIGHT_MAX && o->mip_level <= SP_MIP_LEVEL_MAX);
     if (!sp_renderer_supports(renderer, view, err))
         return false;
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
@@ -395,10 +395,10 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     f->view = *view;
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),
                                       .view = &f->view,
-                                      .coarse = o->coarse,
+                                      .mip_level = o->mip_level,
                                       .frame = frame,
                                       .cancel = o->cancel,
-                                      .hold = o->hold };
+                                      .pause = o->pause };
     f->is_begun = false;
     f->why.code = SP_OK;
     begin(renderer, f);
@@ -430,14 +430,14 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
                : NULL;
 }
 
-static void forget(const struct sp_backend *backend, void *state, const struct sp_volume *volume) {
-    if (backend && backend->forget)
-        backend->forget(state, volume);
+static void evict(const struct sp_backend *backend, void *state, const struct sp_volume *volume) {
+    if (backend && backend->evict)
+        backend->evict(state, volume);
 }
 
-void sp_renderer_forget(struct sp_renderer *renderer, const struct sp_volume *volume) {
-    forget(atomic_load(&renderer->backend), renderer->state, volume);
-    forget(renderer->stand_in.backend, renderer->stand_in.state, volume);
+void sp_renderer_evict(struct sp_renderer *renderer, const struct sp_volume *volume) {
+    evict(atomic_load(&renderer->backend), renderer->state, volume);
+    evict(renderer->fallback.backend, renderer->fallback.state, volume);
 }
 
 static uint64_t memory(const struct sp_backend *backend, const void *state,
@@ -447,5 +447,5 @@ static uint64_t memory(const struct sp_backend *backend, const void *state,
 
 uint64_t sp_renderer_memory(const struct sp_renderer *renderer, const struct sp_volume *volume) {
     return memory(atomic_load(&renderer->backend), renderer->state, volume) +
-           memory(renderer->stand_in.backend, renderer->stand_in.state, volume);
+           memory(renderer->fallback.backend, renderer->fallback.state, volume);
 }

@@ -53,23 +53,23 @@ struct sp_backend_options {
 struct sp_backend_job {
     struct sp_volume *volume; /* the caller's reference, until the frame is finished */
     const struct sp_view *view;
-    unsigned coarse;           /* as in sp_render_options; a backend without levels ignores it */
+    unsigned mip_level;        /* as in sp_render_options; a backend without levels ignores it */
     struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
     const atomic_bool *cancel; /* NULL = never */
-    struct sp_hold *hold;      /* NULL = never */
+    struct sp_pause *pause;    /* NULL = never */
 };
 
 /* To be asked again and again; stands still while the frame is to. */
 static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
-    if (job->hold && atomic_load_explicit(&job->hold->wanted, memory_order_relaxed))
-        job->hold->wait(job->hold->user);
+    if (job->pause && atomic_load_explicit(&job->pause->requested, memory_order_relaxed))
+        job->pause->wait(job->pause->user);
     return job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed);
 }
 
 /* For the times of a job's stages: stands still with it. */
 static inline double sp_job_clock_ms(const struct sp_backend_job *job) {
     return sp_clock_ms() -
-           (job->hold ? atomic_load_explicit(&job->hold->held_ms, memory_order_relaxed) : 0);
+           (job->pause ? atomic_load_explicit(&job->pause->paused_ms, memory_order_relaxed) : 0);
 }
 
 struct sp_backend {
@@ -101,7 +101,7 @@ struct sp_backend {
     bool (*finish)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional; NULL = nothing is derived from volumes. */
-    void (*forget)(void *state, const struct sp_volume *volume);
+    void (*evict)(void *state, const struct sp_volume *volume);
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
 
     /* Optional; NULL = nothing to tell. For sp_probe(), and without a state. */

@@ -87,8 +87,8 @@ bool sp_backend_check(const struct sp_backend *backend, void *state,
     bool ok = (c.pool = sp_frame_pool_create(0, err)) &&
               (c.volume = sp_demo_load("demo:engine?size=32", NULL, err)) &&
               (c.reference.state = reference->create(options, err)) && compare_all(&c, err);
-    if (c.volume && backend->forget)
-        backend->forget(state, c.volume);
+    if (c.volume && backend->evict)
+        backend->evict(state, c.volume);
     if (c.reference.state)
         reference->destroy(c.reference.state);
     sp_volume_unref(&c.volume);

@@ -32,7 +32,7 @@
 #define sp_extent_cut SP_ISA_NAME(sp_extent_cut)
 #define sp_shade_direction SP_ISA_NAME(sp_shade_direction)
 #define sp_shade_apply SP_ISA_NAME(sp_shade_apply)
-#define sp_shade_flakes SP_ISA_NAME(sp_shade_flakes)
+#define sp_shade_microflakes SP_ISA_NAME(sp_shade_microflakes)
 /* tile/ */
 #define sp_tile_init SP_ISA_NAME(sp_tile_init)
 #define sp_tile_check SP_ISA_NAME(sp_tile_check)

@@ -188,7 +188,7 @@ struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
     return ok ? &slot->c : NULL;
 }
 
-void sp_classify_cache_forget(struct sp_classify_cache *cache, const struct sp_volume *volume) {
+void sp_classify_cache_evict(struct sp_classify_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (!volume || cache->slots[i].c.volume == volume)
             empty_slot(&cache->slots[i]);

@@ -31,7 +31,7 @@ struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
                                                 struct sp_error *err);
 
 /* Drops what was derived from the volume; NULL = from any. */
-void sp_classify_cache_forget(struct sp_classify_cache *cache, const struct sp_volume *volume);
+void sp_classify_cache_evict(struct sp_classify_cache *cache, const struct sp_volume *volume);
 uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
                                  const struct sp_volume *volume);
 

@@ -6,13 +6,13 @@
 #include <string.h>
 
 #include "classify/change.h"
-#include "classify/coarse.h"
 #include "classify/collect.h"
+#include "classify/mip.h"
 #include "sp/renderer.h"
 
 bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err) {
-    if (job->hold && atomic_load_explicit(&job->hold->wanted, memory_order_relaxed))
-        job->hold->wait(job->hold->user);
+    if (job->pause && atomic_load_explicit(&job->pause->requested, memory_order_relaxed))
+        job->pause->wait(job->pause->user);
     if (!job->cancel || !atomic_load_explicit(job->cancel, memory_order_relaxed))
         return false;
     sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
@@ -320,8 +320,8 @@ static bool count_coarse(struct sp_classification *c, unsigned l, const struct s
     struct sp_level *level = &c->levels[l];
     bool is_post = job->tf->order == SP_TF_POST;
     level->transfer.base = is_post ? sp_transfer_base(&c->levels[l - 1].transfer) : 0;
-    if (sp_coarse_grid(level, &c->levels[l - 1].grid, err) &&
-        count_elsewhere(c, l, 4, is_post ? 4 : sizeof(struct sp_flakes), job, err))
+    if (sp_mip_grid(level, &c->levels[l - 1].grid, err) &&
+        count_elsewhere(c, l, 4, is_post ? 4 : sizeof(struct sp_microflakes), job, err))
         return true;
     sp_level_finish(level);
     return false;
@@ -340,7 +340,7 @@ static bool update_coarse(struct sp_classification *c, unsigned l,
     uint64_t have = sp_classification_bytes(c);
     if (job->bytes_max)
         rest.bytes_max = have < job->bytes_max ? job->bytes_max - have : 1;
-    if (sp_coarse_make(level, &c->levels[l - 1], &rest, err))
+    if (sp_mip_make(level, &c->levels[l - 1], &rest, err))
         return true;
     sp_level_finish(level);
     return false;

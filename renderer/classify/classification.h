@@ -25,7 +25,7 @@ struct sp_level {
 };
 enum { SP_LEVELS = 8 }; /* 16 · 2^7 = 2048 voxels an axis are one brick of the last */
 
-/* All voxels in levels[0], then coarser and coarser ones (coarse.h), made when they are first asked
+/* All voxels in levels[0], then coarser and coarser ones (mip.h), made when they are first asked
  * for. */
 struct sp_classification {
     struct sp_volume *volume; /* one reference */
@@ -77,7 +77,7 @@ struct sp_classify_job {
     uint64_t bytes_max;               /* of the whole classification; 0 = no limit */
     struct sp_pool *pool;
     const atomic_bool *cancel; /* NULL = never */
-    struct sp_hold *hold;      /* NULL = never */
+    struct sp_pause *pause;    /* NULL = never */
 };
 
 /* Brings the lists of job->levels up to date, doing only what the changes ask for: a

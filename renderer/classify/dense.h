@@ -21,7 +21,7 @@ struct sp_dense {
         uint8_t bytes[SP_BRICK_VOXELS];
         uint16_t halves[SP_BRICK_VOXELS];
         uint32_t words[SP_BRICK_VOXELS];
-        struct sp_flakes flakes[SP_BRICK_VOXELS];
+        struct sp_microflakes microflakes[SP_BRICK_VOXELS];
     } key, normal; /* as wide as the list's */
 };
 

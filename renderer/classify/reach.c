@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "classify/shown.h"
+#include "classify/visible_ranges.h"
 #include "volume/grid.h"
 
 enum { CELLS = SP_BRICK / SP_CELL };
@@ -13,7 +13,7 @@ struct work {
     const struct sp_level *level;
     const struct sp_classify_job *job;
     const void *voxels;
-    struct sp_shown shown;
+    struct sp_visible_ranges ranges;
     uint32_t dims[3]; /* in cells: those of all bricks, also beyond the volume */
     struct sp_range *from, *to;
     unsigned axis;     /* of the pass */
@@ -85,7 +85,7 @@ static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
             size_t x = corner[0] / SP_CELL + (i & 3), y = corner[1] / SP_CELL + (i >> 2 & 3),
                    z = corner[2] / SP_CELL + (i >> 4);
             struct sp_range r = w->from[(z * w->dims[1] + y) * w->dims[0] + x];
-            if (sp_shown_meets(&w->shown, (double)r.low, (double)r.high))
+            if (sp_visible_ranges_meet(&w->ranges, (double)r.low, (double)r.high))
                 bits |= UINT64_C(1) << i;
         }
         w->cells[b] = bits;
@@ -161,7 +161,7 @@ bool sp_reach_fill(const struct sp_level *level, const struct sp_volume *volume,
         .level = level, .job = job, .voxels = sp_volume_voxels(volume), .cells = cells
     };
     size_t count = 1, longest = 0;
-    sp_shown_init_keys(&w.shown, &level->transfer.tf, sp_transfer_base(&level->transfer));
+    sp_visible_ranges_init_keys(&w.ranges, &level->transfer.tf, sp_transfer_base(&level->transfer));
     for (int a = 0; a < 3; a++) {
         count *= w.dims[a] = level->visible.bricks[a] * CELLS;
         longest = w.dims[a] > longest ? w.dims[a] : longest;

@@ -21,8 +21,8 @@
 #include <stdint.h>
 
 #include "base/parallel_for.h"
-#include "classify/flakes.h"
 #include "classify/gradient.h"
+#include "classify/microflakes.h"
 #include "classify/transfer.h"
 
 enum { SP_BRICK = 16, SP_BRICK_SHIFT = 4, SP_BRICK_VOXELS = 4096, SP_PLACES_BEYOND = 16 };
@@ -43,7 +43,7 @@ struct sp_visible {
     void *key;      /* see transfer.h; sp_visible_key() reads them */
     uint32_t key_bytes;    /* of each: 1, 2 or 4, unsigned */
     void *normal;          /* see gradient.h; sp_visible_normal() reads them; NULL = not made */
-    uint32_t normal_bytes; /* of each: 2 (direction alone) or 4; 8: struct sp_flakes instead */
+    uint32_t normal_bytes; /* of each: 2 (direction alone) or 4; 8: struct sp_microflakes instead */
 };
 
 /* Number of bricks; under 2^25, as volumes go. */
@@ -107,13 +107,14 @@ static inline uint16_t sp_visible_local(unsigned axis, uint32_t s, uint8_t place
 void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,
                        uint32_t begin, uint32_t count, uint16_t *local);
 
-static inline bool sp_visible_has_flakes(const struct sp_visible *visible) {
-    return visible->normal && visible->normal_bytes == sizeof(struct sp_flakes);
+static inline bool sp_visible_has_microflakes(const struct sp_visible *visible) {
+    return visible->normal && visible->normal_bytes == sizeof(struct sp_microflakes);
 }
 
 /* Flakes of entry e of a list that has them. */
-static inline struct sp_flakes *sp_visible_flakes(const struct sp_visible *visible, uint64_t e) {
-    return (struct sp_flakes *)visible->normal + e;
+static inline struct sp_microflakes *sp_visible_microflakes(const struct sp_visible *visible,
+                                                            uint64_t e) {
+    return (struct sp_microflakes *)visible->normal + e;
 }
 
 /* Sets bricks and widths and takes memory for what there is a brick, all zero; SP_ERR_MEMORY. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Level of detail: which level of the pyramid (classify/coarse.h) each part of a frame is drawn at,
+ * Level of detail: which level of the pyramid (classify/mip.h) each part of a frame is drawn at,
  * so that the cost of a minified volume follows the pixels that it covers, not its voxels.
  *
  *   level l of a brick: 16³ cells of 2^l × 2^l × 2^l voxels, over 2 × 2 × 2 bricks of level l − 1

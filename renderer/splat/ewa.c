@@ -221,9 +221,9 @@ static bool write_extent(const struct sp_ewa_frame *f, const struct places *p, i
 
 /* What entries add at the centres of their footprints. */
 struct amounts {
-    float depth[SP_WIDE], color[3][SP_WIDE];        /* post: length and gradient */
-    float value[SP_WIDE];                           /* post: the scalar */
-    uint32_t gradient[SP_WIDE], flakes[2][SP_WIDE]; /* one of the two */
+    float depth[SP_WIDE], color[3][SP_WIDE];             /* post: length and gradient */
+    float value[SP_WIDE];                                /* post: the scalar */
+    uint32_t gradient[SP_WIDE], microflakes[2][SP_WIDE]; /* one of the two */
 };
 
 static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3],
@@ -243,13 +243,13 @@ static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3
 static unsigned classify(const struct sp_ewa_run *run, const uint64_t *e, const float *gain,
                          unsigned bits, struct amounts *to) {
     unsigned left = 0;
-    bool has_flakes = sp_visible_has_flakes(run->list);
+    bool has_microflakes = sp_visible_has_microflakes(run->list);
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
         uint32_t key = sp_visible_key(run->list, e[i]);
-        for (int k = 0; has_flakes && k < 2; k++)
-            to->flakes[k][i] = sp_visible_flakes(run->list, e[i])->word[k];
-        if (run->list->normal && !has_flakes)
+        for (int k = 0; has_microflakes && k < 2; k++)
+            to->microflakes[k][i] = sp_visible_microflakes(run->list, e[i])->word[k];
+        if (run->list->normal && !has_microflakes)
             to->gradient[i] = sp_visible_normal(run->list, e[i]);
         struct sp_class c = sp_transfer_class_at(run->transfer, key, to->gradient[i]);
         to->depth[i] = c.depth * gain[i];
@@ -269,10 +269,10 @@ static inline void shade(const struct sp_ewa_frame *f, const struct sp_ewa_run *
     eye_direction(f, p->u, to_eye);
     for (int k = 0; k < 3; k++)
         color[k] = sp_wide_load(a->color[k]);
-    if (sp_visible_has_flakes(run->list)) {
-        const sp_wide_int word[2] = { sp_wide_int_load((const int32_t *)a->flakes[0]),
-                                      sp_wide_int_load((const int32_t *)a->flakes[1]) };
-        sp_shade_flakes(run->shade, word, to_eye, lit, shine);
+    if (sp_visible_has_microflakes(run->list)) {
+        const sp_wide_int word[2] = { sp_wide_int_load((const int32_t *)a->microflakes[0]),
+                                      sp_wide_int_load((const int32_t *)a->microflakes[1]) };
+        sp_shade_microflakes(run->shade, word, to_eye, lit, shine);
         for (int k = 0; k < 3; k++)
             color[k] = color[k] * lit[k] + shine[k];
     } else {

@@ -69,18 +69,18 @@ static inline sp_wide quadratic(const sp_wide m[6], const sp_wide v[3]) {
            v[1] * (m[1] * v[1] + 2 * m[5] * v[2]) + m[2] * v[2] * v[2];
 }
 
-/* S of the flakes (classify/flakes.h). */
-static inline void flakes_matrix(const sp_wide_int word[2], sp_wide s[6]) {
-    const float minor = 1.25f * SP_FLAKES_MINOR * SP_FLAKES_MINOR;
-    const float major = 1.25f * SP_FLAKES_MAJOR * SP_FLAKES_MAJOR;
-    const float mixed = 1.25f * SP_FLAKES_MINOR * SP_FLAKES_MAJOR;
+/* S of the flakes (classify/microflakes.h). */
+static inline void microflakes_matrix(const sp_wide_int word[2], sp_wide s[6]) {
+    const float minor = 1.25f * SP_MICROFLAKES_MINOR * SP_MICROFLAKES_MINOR;
+    const float major = 1.25f * SP_MICROFLAKES_MAJOR * SP_MICROFLAKES_MAJOR;
+    const float mixed = 1.25f * SP_MICROFLAKES_MINOR * SP_MICROFLAKES_MAJOR;
     sp_wide sum[3], difference[3]; /* of the pairs of axes */
     for (int a = 0; a < 3; a++) {
         sp_wide pair[2];
         for (int k = 0; k < 2; k++) {
             int i = 2 * a + k;
             sp_wide area = sp_wide_from_int(word[i >> 2] >> 8 * (i & 3) & 255);
-            area *= 1.0f / SP_FLAKES_STEPS;
+            area *= 1.0f / SP_MICROFLAKES_STEPS;
             pair[k] = area * area;
         }
         sum[a] = pair[0] + pair[1];
@@ -134,12 +134,12 @@ static inline sp_wide glint(const struct sp_shade *shade, const struct glints *g
     return spread + g->narrow * (power - spread);
 }
 
-void sp_shade_flakes(const struct sp_shade *shade, const sp_wide_int word[2],
-                     const sp_wide to_eye[3], sp_wide lit[3], sp_wide shine[3]) {
+void sp_shade_microflakes(const struct sp_shade *shade, const sp_wide_int word[2],
+                          const sp_wide to_eye[3], sp_wide lit[3], sp_wide shine[3]) {
     const sp_wide none = sp_wide_all(0);
-    sp_wide s[6], sided = sp_wide_from_int(word[1] >> 16 & 255) * (1.0f / SP_FLAKES_STEPS);
+    sp_wide s[6], sided = sp_wide_from_int(word[1] >> 16 & 255) * (1.0f / SP_MICROFLAKES_STEPS);
     struct glints glints;
-    flakes_matrix(word, s);
+    microflakes_matrix(word, s);
     start_glints(shade, s, &glints);
     for (int c = 0; c < 3; c++) {
         lit[c] = sp_wide_all(shade->ambient);

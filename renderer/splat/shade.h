@@ -8,8 +8,8 @@
  * side: it is lit as if it faced every light, without a highlight. Colours are not bounded here;
  * they are when the frame is resolved to 8 bits.
  *
- * A coarse cell is lit by means over its flakes (classify/flakes.h). With T = S/trace S and p the
- * exponent,
+ * A coarse cell is lit by means over its flakes (classify/microflakes.h). With T = S/trace S and p
+ * the exponent,
  *
  *   |n·l|   ─► √(lᵀ S l)
  *   |n·h|^p ─► (1 − w)·D(h)/(p + 1) + w·N·(hᵀ T h)^{p/2}        w = 1 − p·(1 − |T|²)/4, 0 at least
@@ -24,8 +24,8 @@
 
 #include "base/isa.h"
 #include "base/wide.h"
-#include "classify/flakes.h"
 #include "classify/gradient.h"
+#include "classify/microflakes.h"
 #include "splat/camera.h"
 
 struct sp_shade {
@@ -55,7 +55,7 @@ void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
 
 /* Coarse cells, by the words of their flakes: what their colours are multiplied by, and what is
  * added. */
-void sp_shade_flakes(const struct sp_shade *shade, const sp_wide_int word[2],
-                     const sp_wide to_eye[3], sp_wide lit[3], sp_wide shine[3]);
+void sp_shade_microflakes(const struct sp_shade *shade, const sp_wide_int word[2],
+                          const sp_wide to_eye[3], sp_wide lit[3], sp_wide shine[3]);
 
 #endif

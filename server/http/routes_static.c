@@ -92,11 +92,11 @@ void srv_get_readyz(struct srv_request *request, struct srv_reply *reply) {
     for (unsigned i = 0; i < request->app->refusal_count; i++)
         ok = proto_json_append_string(refused, request->app->refusals[i]) && ok;
     for (int i = 0; i < 2; i++)
-        if (info[i].given_up[0])
-            ok = proto_json_append_string(refused, info[i].given_up) && ok;
+        if (info[i].failover_reason[0])
+            ok = proto_json_append_string(refused, info[i].failover_reason) && ok;
     for (int i = 0; i < 2; i++)
-        if (info[i].overburdened[0])
-            ok = proto_json_append_string(refused, info[i].overburdened) && ok;
+        if (info[i].fallback_reason[0])
+            ok = proto_json_append_string(refused, info[i].fallback_reason) && ok;
     ok = proto_json_set(json, "refused", refused) && ok;
     ok = proto_json_set(json, "state", encode_state(request->app->store)) && ok;
     if (!ok)

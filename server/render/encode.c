@@ -152,7 +152,7 @@ static void encode_job(struct srv_render_pool *s, struct sp_encoder *encoder,
     struct srv_render_job *job = work->job;
     struct srv_render_result result = { .width = work->frame->width,
                                         .height = work->frame->height,
-                                        .coarse = work->frame->stats.coarse,
+                                        .mip_level = work->frame->stats.mip_level,
                                         .render_ms = work->frame->stats.render_ms,
                                         /* Classification is kept until the volume or the transfer
                                            function changes. */

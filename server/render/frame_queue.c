@@ -32,8 +32,8 @@ struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights,
     f->cancellable_from_ms = is_kept ? INFINITY : job->cancellable_from_ms;
     f->kept_ms = job->cancellable_from_ms - now_ms;
     f->spent_ms = f->held_since_ms = f->stood_ms = 0;
-    atomic_store(&f->hold.wanted, false);
-    atomic_store(&f->hold.held_ms, 0);
+    atomic_store(&f->pause.requested, false);
+    atomic_store(&f->pause.paused_ms, 0);
     return f;
 }
 
@@ -60,7 +60,7 @@ void srv_frame_queue_undo(struct srv_frame_queue *flights) {
 
 /* For half the time in which the processor was shared it did not run. */
 static double held_ms(const struct srv_inflight *f, double now_ms) {
-    double before_ms = atomic_load(&f->hold.held_ms);
+    double before_ms = atomic_load(&f->pause.paused_ms);
     if (f->held_since_ms == 0)
         return before_ms;
     double shared_ms = (f->stood_ms > 0 ? f->stood_ms : now_ms) - f->held_since_ms;
@@ -77,7 +77,7 @@ void srv_frame_queue_pause(struct srv_frame_queue *flights, uint64_t order, doub
         return;
     f->held_since_ms = now_ms;
     f->stood_ms = 0;
-    atomic_store(&f->hold.wanted, true);
+    atomic_store(&f->pause.requested, true);
 }
 
 double srv_inflight_paused(struct srv_inflight *f, double now_ms) {
@@ -89,9 +89,9 @@ void srv_frame_queue_resume(struct srv_frame_queue *flights, uint64_t order, dou
     struct srv_inflight *f = srv_frame_queue_oldest(flights);
     if (!f || f->job->order != order || f->held_since_ms == 0)
         return;
-    atomic_store(&f->hold.held_ms, held_ms(f, now_ms));
+    atomic_store(&f->pause.paused_ms, held_ms(f, now_ms));
     f->held_since_ms = 0;
-    atomic_store(&f->hold.wanted, false);
+    atomic_store(&f->pause.requested, false);
 }
 
 static void give_up(struct srv_frame_queue *flights, unsigned i) {

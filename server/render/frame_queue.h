@@ -30,11 +30,11 @@ struct srv_inflight {
     bool yields;                         /* something moves to which it gives way in time */
     double begun_ms;                     /* or since when it is the oldest */
     double cancellable_from_ms, kept_ms; /* as the job's; and how long that is from its beginning */
-    double spent_ms;      /* in the renderer; the lane's thread alone writes and reads it */
-    struct sp_hold hold;  /* wait() and its user are the lane's */
-    double held_since_ms; /* while it is to stand still, else 0 */
-    double stood_ms;      /* and since when it does; 0 = its threads still run */
-    void *owner;          /* the lane's */
+    double spent_ms;       /* in the renderer; the lane's thread alone writes and reads it */
+    struct sp_pause pause; /* wait() and its user are the lane's */
+    double held_since_ms;  /* while it is to stand still, else 0 */
+    double stood_ms;       /* and since when it does; 0 = its threads still run */
+    void *owner;           /* the lane's */
 };
 
 struct srv_frame_queue {

@@ -23,17 +23,17 @@ static void charge_half(struct srv_render_pool *s, struct srv_inflight *flight) 
     struct srv_inflight *express = srv_frame_queue_oldest(&s->lanes[SRV_WORKER_PREEMPTION].flights);
     double shared_ms = srv_inflight_paused(flight, srv_clock_ms());
     if (express)
-        atomic_store(&express->hold.held_ms, shared_ms);
+        atomic_store(&express->pause.paused_ms, shared_ms);
 }
 
-/* For struct sp_hold: what is given up goes on, to its end. */
+/* For struct sp_pause: what is given up goes on, to its end. */
 static void stand_still(void *user) {
     struct srv_inflight *flight = user;
     struct srv_render_pool *s = flight->owner;
     pthread_mutex_lock(&s->mutex);
-    if (atomic_load(&flight->hold.wanted))
+    if (atomic_load(&flight->pause.requested))
         charge_half(s, flight);
-    while (atomic_load(&flight->hold.wanted) && !atomic_load(&flight->cancel))
+    while (atomic_load(&flight->pause.requested) && !atomic_load(&flight->cancel))
         pthread_cond_wait(&s->go_on, &s->mutex);
     pthread_mutex_unlock(&s->mutex);
 }
@@ -44,8 +44,8 @@ static struct srv_inflight *take_off(struct srv_render_pool *s, enum srv_worker_
     pthread_mutex_lock(&s->mutex);
     struct srv_inflight *flight = srv_frame_queue_begin(&lane->flights, job, now_ms);
     flight->owner = s;
-    flight->hold.wait = stand_still;
-    flight->hold.user = flight;
+    flight->pause.wait = stand_still;
+    flight->pause.user = flight;
     if (s->stop)
         srv_frame_queue_cancel(&lane->flights);
     srv_snapshots_yield(s);
@@ -79,9 +79,10 @@ void srv_job_begin(struct srv_render_pool *s, enum srv_worker_name name,
         srv_render_pool_interrupt(s, 0, SRV_INTERRUPT_MOTION);
     if (job->is_refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
-    const struct sp_render_options options = {
-        .format = SP_RGBA8, .coarse = job->coarse, .cancel = &flight->cancel, .hold = &flight->hold
-    };
+    const struct sp_render_options options = { .format = SP_RGBA8,
+                                               .mip_level = job->mip_level,
+                                               .cancel = &flight->cancel,
+                                               .pause = &flight->pause };
     bool ok = sp_renderer_begin(lane->renderer, srv_volume_voxels(job->volume), &job->view, s->pool,
                                 &options, &err);
     flight->spent_ms = srv_clock_ms() - start_ms;
@@ -104,7 +105,7 @@ void srv_job_finish(struct srv_render_pool *s, enum srv_worker_name name) {
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&s->mutex);
     srv_frame_queue_resume(&lane->flights, job->order, now_ms);
-    double spent_ms = flight->spent_ms + now_ms - start_ms - atomic_load(&flight->hold.held_ms);
+    double spent_ms = flight->spent_ms + now_ms - start_ms - atomic_load(&flight->pause.paused_ms);
     srv_frame_queue_pop(&lane->flights, now_ms);
     s->stream_ms = now_ms;
     pthread_mutex_unlock(&s->mutex);

@@ -6,7 +6,7 @@
  *   stream lane   ██████████ · ██████ · ████████████      somebody's frame of 300 ms
  *   express lane            █        █                    another one's of 5 ms, 30 a second
  *
- * Only what the processor draws stands still (sp_renderer_info.holds): the frames of a GPU are
+ * Only what the processor draws stands still (sp_renderer_info.can_pause): the frames of a GPU are
  * short. The lane has a renderer of its own, made for its first job, which derives again from the
  * volume what the stream lane's has derived.
  */
@@ -23,7 +23,7 @@ static bool find_long(struct srv_render_pool *s, struct srv_running_job *running
     struct srv_worker *streams = &s->lanes[SRV_WORKER_INTERACTIVE];
     pthread_mutex_lock(&s->mutex);
     const struct srv_inflight *f = srv_frame_queue_oldest(&streams->flights);
-    bool found = f && streams->info.holds && !s->has_no_express && !atomic_load(&f->cancel);
+    bool found = f && streams->info.can_pause && !s->has_no_express && !atomic_load(&f->cancel);
     if (found)
         *running = (struct srv_running_job){ .session = f->job->session,
                                              .order = f->job->order,

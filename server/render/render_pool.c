@@ -58,7 +58,7 @@ static void note_backend(struct srv_render_pool *s, enum srv_worker_name name) {
     struct sp_renderer_info info;
     sp_renderer_info(lane->renderer, &info);
     bool is_another = !lane->info.backend || strcmp(info.backend, lane->info.backend) != 0;
-    if (!is_another && strcmp(info.overburdened, lane->info.overburdened) == 0)
+    if (!is_another && strcmp(info.fallback_reason, lane->info.fallback_reason) == 0)
         return;
     pthread_mutex_lock(&s->mutex);
     lane->info = info;
@@ -80,7 +80,7 @@ void srv_worker_evict(struct srv_worker *lane, struct srv_evict_item *list) {
     while (list) {
         struct srv_evict_item *next = list->next;
         if (lane->renderer)
-            sp_renderer_forget(lane->renderer, list->volume);
+            sp_renderer_evict(lane->renderer, list->volume);
         sp_volume_unref(&list->volume);
         free(list);
         list = next;

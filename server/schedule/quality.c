@@ -23,16 +23,16 @@ void srv_quality_init(struct srv_quality *pace) {
 
 void srv_quality_init_from(struct srv_quality *pace, const struct srv_quality *other) {
     srv_quality_init(pace);
-    for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
-        const struct srv_quality_fit *fit = &other->fits[coarse];
-        pace->fits[coarse] = (struct srv_quality_fit){ .weight = fit->weight,
-                                                       .x = fit->x,
-                                                       .y = fit->y,
-                                                       .xx = fit->xx,
-                                                       .xy = fit->xy,
-                                                       .ratio = fit->ratio,
-                                                       .last_mpx = fit->last_mpx,
-                                                       .load_log = HEARSAY };
+    for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
+        const struct srv_quality_fit *fit = &other->fits[mip_level];
+        pace->fits[mip_level] = (struct srv_quality_fit){ .weight = fit->weight,
+                                                          .x = fit->x,
+                                                          .y = fit->y,
+                                                          .xx = fit->xx,
+                                                          .xy = fit->xy,
+                                                          .ratio = fit->ratio,
+                                                          .last_mpx = fit->last_mpx,
+                                                          .load_log = HEARSAY };
     }
 }
 
@@ -62,24 +62,24 @@ static bool fit_line(const struct srv_quality_fit *fit, struct model *model) {
 
 /* fixed / per_px of a level as last seen, else of another one (footprints cover the picture alike,
  * an eighth of the voxels is left a level coarser); 0 = no level was drawn in several sizes. */
-static double ratio_of(const struct srv_quality *pace, unsigned coarse) {
-    if (pace->fits[coarse].ratio > 0)
-        return pace->fits[coarse].ratio;
-    for (unsigned other = 0; other <= SP_COARSE_MAX; other++)
+static double ratio_of(const struct srv_quality *pace, unsigned mip_level) {
+    if (pace->fits[mip_level].ratio > 0)
+        return pace->fits[mip_level].ratio;
+    for (unsigned other = 0; other <= SP_MIP_LEVEL_MAX; other++)
         if (pace->fits[other].ratio > 0)
-            return ldexp(pace->fits[other].ratio, 3 * ((int)other - (int)coarse));
+            return ldexp(pace->fits[other].ratio, 3 * ((int)other - (int)mip_level));
     return 0;
 }
 
 /* Of a level that was drawn. Where its frames had one size and no ratio is known, a third of the
  * time is for the pixels, until another size tells. */
-static struct model model_of_drawn(const struct srv_quality *pace, unsigned coarse) {
-    const struct srv_quality_fit *fit = &pace->fits[coarse];
+static struct model model_of_drawn(const struct srv_quality *pace, unsigned mip_level) {
+    const struct srv_quality_fit *fit = &pace->fits[mip_level];
     struct model model;
     if (fit_line(fit, &model))
         return model;
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
-    double ratio = ratio_of(pace, coarse);
+    double ratio = ratio_of(pace, mip_level);
     model.slope = mean_y / (mean_x + (ratio > 0 ? ratio : 2 * mean_x));
     model.fixed = mean_y - model.slope * mean_x;
     return model;
@@ -87,15 +87,15 @@ static struct model model_of_drawn(const struct srv_quality *pace, unsigned coar
 
 /* A level that was never drawn has an eighth of the next finer one's work a voxel. All 0: unknown.
  */
-static struct model model_of(const struct srv_quality *pace, unsigned coarse) {
+static struct model model_of(const struct srv_quality *pace, unsigned mip_level) {
     struct model model = { 0, 0 };
-    unsigned known = coarse + 1;
+    unsigned known = mip_level + 1;
     while (known > 0 && pace->fits[known - 1].weight == 0)
         known--;
     if (known == 0)
         return model;
     model = model_of_drawn(pace, known - 1);
-    model.fixed = ldexp(model.fixed, -3 * (int)(coarse - (known - 1)));
+    model.fixed = ldexp(model.fixed, -3 * (int)(mip_level - (known - 1)));
     return model;
 }
 
@@ -104,7 +104,7 @@ static double time_of(const struct model *model, double mpx) {
 }
 
 double srv_quality_expected_ms(const struct srv_quality *pace, const struct srv_detail *detail) {
-    struct model model = model_of(pace, detail->coarse);
+    struct model model = model_of(pace, detail->mip_level);
     return time_of(&model, megapixels(detail->size));
 }
 
@@ -114,54 +114,54 @@ static void scale(const uint32_t full[2], unsigned side, uint32_t size[2]) {
 }
 
 struct choice {
-    unsigned coarse, side;
+    unsigned mip_level, side;
 };
 
 static bool is_finer(struct choice a, struct choice b) {
-    return a.coarse < b.coarse || (a.coarse == b.coarse && a.side > b.side);
+    return a.mip_level < b.mip_level || (a.mip_level == b.mip_level && a.side > b.side);
 }
 
 /* Of the expected time of a level: doubt counts for levels below `doubted`. */
-static double trust_of(const struct srv_quality *pace, unsigned coarse, unsigned doubted) {
-    return coarse < doubted ? 1 - pace->fits[coarse].doubt : 1;
+static double trust_of(const struct srv_quality *pace, unsigned mip_level, unsigned doubted) {
+    return mip_level < doubted ? 1 - pace->fits[mip_level].doubt : 1;
 }
 
 /* The finest choice that is expected within limit_ms; else the coarsest that gains anything. */
 static struct choice finest(const struct srv_quality *pace, const uint32_t full[2], double limit_ms,
                             unsigned doubted) {
-    for (unsigned coarse = 0;; coarse++) {
-        bool last = coarse == SP_COARSE_MAX;
-        struct model model = model_of(pace, coarse);
-        double trust = trust_of(pace, coarse, doubted);
+    for (unsigned mip_level = 0;; mip_level++) {
+        bool last = mip_level == SP_MIP_LEVEL_MAX;
+        struct model model = model_of(pace, mip_level);
+        double trust = trust_of(pace, mip_level, doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         unsigned side = SIDES, least = last ? SIDE_MIN : SIDE_USEFUL;
         for (;; side--) {
             uint32_t size[2];
             scale(full, side, size);
             if (time_of(&model, megapixels(size)) * trust <= limit_ms)
-                return (struct choice){ coarse, side };
+                return (struct choice){ mip_level, side };
             if (side == least || megapixels(size) <= useful)
                 break;
         }
         if (last)
-            return (struct choice){ coarse, side };
+            return (struct choice){ mip_level, side };
     }
 }
 
 void srv_quality_moving(struct srv_quality *pace, const uint32_t full[2], double budget_ms,
                         struct srv_detail *detail) {
-    struct choice now = { pace->coarse, pace->side }, best = { 0, SIDES / 2 };
+    struct choice now = { pace->mip_level, pace->side }, best = { 0, SIDES / 2 };
     if (pace->fits[0].weight > 0)
-        best = finest(pace, full, budget_ms * RAISE, now.side ? now.coarse : 0);
+        best = finest(pace, full, budget_ms * RAISE, now.side ? now.mip_level : 0);
     if (now.side) {
-        *detail = (struct srv_detail){ .coarse = now.coarse };
+        *detail = (struct srv_detail){ .mip_level = now.mip_level };
         scale(full, now.side, detail->size);
         if (srv_quality_expected_ms(pace, detail) <= budget_ms && !is_finer(best, now))
             best = now;
     }
-    pace->coarse = best.coarse;
+    pace->mip_level = best.mip_level;
     pace->side = best.side;
-    detail->coarse = best.coarse;
+    detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
 }
 
@@ -171,7 +171,7 @@ double srv_quality_moving_ms(const struct srv_quality *pace, const uint32_t full
     struct srv_detail detail;
     srv_quality_moving(&next, full, budget_ms, &detail);
     return srv_quality_expected_ms(pace, &detail) *
-           trust_of(pace, detail.coarse, pace->side ? pace->coarse : 0);
+           trust_of(pace, detail.mip_level, pace->side ? pace->mip_level : 0);
 }
 
 bool srv_quality_intermediate(const struct srv_quality *pace, const uint32_t full[2],
@@ -181,10 +181,10 @@ bool srv_quality_intermediate(const struct srv_quality *pace, const uint32_t ful
     if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
         return false;
     struct choice best = finest(pace, full, sharp_ms / 4, 0);
-    detail->coarse = best.coarse;
+    detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
-    return best.coarse < shown->coarse ||
-           (best.coarse == shown->coarse && detail->size[0] > shown->size[0]);
+    return best.mip_level < shown->mip_level ||
+           (best.mip_level == shown->mip_level && detail->size[0] > shown->size[0]);
 }
 
 static void forget(struct srv_quality_fit *fit, double keep) {
@@ -230,21 +230,21 @@ static void add(struct srv_quality_fit *fit, double mpx, double expected_ms, dou
 }
 
 /* Adds a frame, and tells the other levels of the load that it shows. */
-static void learn(struct srv_quality *pace, unsigned coarse, double mpx, double ms) {
-    struct srv_quality_fit *fit = &pace->fits[coarse];
+static void learn(struct srv_quality *pace, unsigned mip_level, double mpx, double ms) {
+    struct srv_quality_fit *fit = &pace->fits[mip_level];
     double was = 0;
     if (is_same_size(fit, mpx)) {
-        struct model before = model_of_drawn(pace, coarse);
+        struct model before = model_of_drawn(pace, mip_level);
         was = time_of(&before, mpx);
     }
     add(fit, mpx, was, ms);
-    struct model after = model_of_drawn(pace, coarse);
+    struct model after = model_of_drawn(pace, mip_level);
     double is = time_of(&after, mpx);
     if (was <= 0 || is <= 0)
         return;
     double load = fmin(is / was, 4);
-    for (unsigned other = 0; other <= SP_COARSE_MAX; other++)
-        if (other != coarse) {
+    for (unsigned other = 0; other <= SP_MIP_LEVEL_MAX; other++)
+        if (other != mip_level) {
             pace->fits[other].y *= load;
             pace->fits[other].xy *= load;
             pace->fits[other].load_log += log(load);
@@ -263,31 +263,32 @@ static void judge(struct srv_quality_fit *fit, bool is_over_budget) {
 
 void srv_quality_done(struct srv_quality *pace, const struct srv_detail *drawn, bool moving,
                       double budget_ms, double ms) {
-    struct srv_quality_fit *fit = &pace->fits[drawn->coarse];
+    struct srv_quality_fit *fit = &pace->fits[drawn->mip_level];
     double mpx = megapixels(drawn->size);
-    learn(pace, drawn->coarse, mpx, ms);
+    learn(pace, drawn->mip_level, mpx, ms);
     judge(fit, moving && ms > budget_ms);
-    for (unsigned finer = 0; moving && finer < drawn->coarse; finer++) {
+    for (unsigned finer = 0; moving && finer < drawn->mip_level; finer++) {
         struct srv_quality_fit *f = &pace->fits[finer];
         f->doubt = fmin(f->doubt + DOUBT_STEP / (1u << f->failures), DOUBT_MAX);
     }
 }
 
 void srv_quality_cancelled(struct srv_quality *pace, const struct srv_detail *drawn, double ms) {
-    struct srv_quality_fit *fit = &pace->fits[drawn->coarse];
+    struct srv_quality_fit *fit = &pace->fits[drawn->mip_level];
     if (ms <= srv_quality_expected_ms(pace, drawn))
         return;
     fit->was_slow = true; /* it is believed: twice as long would have been twice in a row */
-    learn(pace, drawn->coarse, megapixels(drawn->size), ms);
+    learn(pace, drawn->mip_level, megapixels(drawn->size), ms);
     judge(fit, true);
 }
 
 void srv_quality_rest(struct srv_quality *pace, const uint32_t full[2]) {
-    for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
-        struct srv_quality_fit *fit = &pace->fits[coarse];
-        struct srv_detail whole = { .coarse = coarse, .size = { full[0], full[1] } };
+    for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
+        struct srv_quality_fit *fit = &pace->fits[mip_level];
+        struct srv_detail whole = { .mip_level = mip_level, .size = { full[0], full[1] } };
         fit->failures = 0;
-        if (coarse > 0 && srv_quality_expected_ms(pace, &whole) > SRV_QUALITY_BUDGET_MIN_MS * RAISE)
+        if (mip_level > 0 &&
+            srv_quality_expected_ms(pace, &whole) > SRV_QUALITY_BUDGET_MIN_MS * RAISE)
             *fit = (struct srv_quality_fit){ .ratio = fit->ratio };
     }
 }

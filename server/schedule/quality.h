@@ -41,7 +41,7 @@
     250.0 /* a sharp picture that takes longer is led up to by another */
 
 struct srv_detail { /* what a frame is drawn with */
-    unsigned coarse;
+    unsigned mip_level;
     uint32_t size[2];
 };
 
@@ -56,8 +56,9 @@ struct srv_quality_fit {         /* of one level */
     unsigned failures;           /* trials that ended over the budget since the view rested */
 };
 struct srv_quality {
-    struct srv_quality_fit fits[SP_COARSE_MAX + 1];
-    unsigned coarse, side; /* in use while moving; side in eighths of the full one, 0 = none yet */
+    struct srv_quality_fit fits[SP_MIP_LEVEL_MAX + 1];
+    unsigned mip_level,
+        side; /* in use while moving; side in eighths of the full one, 0 = none yet */
 };
 
 void srv_quality_init(struct srv_quality *pace);

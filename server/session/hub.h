@@ -263,7 +263,7 @@ struct srv_render_job {
      * (share.h), and what was charged until its time is known. */
     double expected_ms; /* that it will take; INFINITY = not known, or more: work done once */
     double start_ms, part_start_ms, charged_ms;
-    unsigned coarse;     /* as in sp/renderer.h; 0 if final */
+    unsigned mip_level;  /* as in sp/renderer.h; 0 if final */
     uint32_t full[2];    /* size at rest */
     struct sp_view view; /* with the size to render */
     void *volume;        /* a use of its own */
@@ -271,7 +271,7 @@ struct srv_render_job {
     struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
 };
 struct srv_render_result {
-    uint32_t width, height, coarse;
+    uint32_t width, height, mip_level;
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* of render_ms: work that the next frame of this volume will not need again */
     uint64_t splats, visible_voxels;

@@ -200,7 +200,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     ok = proto_json_set_number(params, "encode_ms", last->encode_ms) && ok;
     ok = proto_json_set_integer(params, "width", last->width) && ok;
     ok = proto_json_set_integer(params, "height", last->height) && ok;
-    ok = proto_json_set_integer(params, "coarse", last->coarse) && ok;
+    ok = proto_json_set_integer(params, "coarse", last->mip_level) && ok;
     ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
     ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
     ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->flow)) && ok;

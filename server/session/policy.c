@@ -50,7 +50,7 @@ double srv_policy_encode_ms(const struct srv_encoding *e, const uint32_t size[2]
 static bool is_same(const struct srv_moving *a, const struct srv_moving *b) {
     return a->full[0] == b->full[0] && a->full[1] == b->full[1] &&
            a->detail.size[0] == b->detail.size[0] && a->detail.size[1] == b->detail.size[1] &&
-           a->detail.coarse == b->detail.coarse && a->is_shared == b->is_shared;
+           a->detail.mip_level == b->detail.mip_level && a->is_shared == b->is_shared;
 }
 
 void srv_policy_taken(struct srv_hub *hub, struct srv_participant *p,
@@ -60,7 +60,8 @@ void srv_policy_taken(struct srv_hub *hub, struct srv_participant *p,
         struct srv_detail sharp = { .size = { job->full[0], job->full[1] } };
         p->moving = (struct srv_moving){
             .full = { job->full[0], job->full[1] },
-            .detail = { .coarse = job->coarse, .size = { job->view.size[0], job->view.size[1] } },
+            .detail = { .mip_level = job->mip_level,
+                        .size = { job->view.size[0], job->view.size[1] } },
             .budget_ms = job->budget_ms,
             .sharp_ms = srv_quality_expected_ms(&p->session->pace, &sharp),
             .is_shared = job->budget_ms < srv_quality_budget_ms(p->max_fps) * 0.99,
@@ -95,7 +96,7 @@ static proto_json *encode(const struct srv_participant *p, const struct srv_enco
         ok = proto_json_set_string(json, "subsampling", sp_chroma_name(e->chroma)) && ok;
     if (detail) {
         ok = set_size(json, "size", detail->size) && ok;
-        ok = proto_json_set_integer(json, "coarse", detail->coarse) && ok;
+        ok = proto_json_set_integer(json, "coarse", detail->mip_level) && ok;
     }
     if (!ok)
         proto_json_free(&json);
@@ -106,7 +107,7 @@ static proto_json *encode(const struct srv_participant *p, const struct srv_enco
 static proto_json *reasons(const struct srv_participant *p, const struct srv_encoding *moving,
                            bool is_known) {
     const struct srv_moving *m = &p->moving;
-    bool is_less = is_known && (m->detail.coarse > 0 || m->detail.size[0] != m->full[0] ||
+    bool is_less = is_known && (m->detail.mip_level > 0 || m->detail.size[0] != m->full[0] ||
                                 m->detail.size[1] != m->full[1]);
     proto_json *list = proto_json_array();
     bool ok = list != NULL;
@@ -127,7 +128,7 @@ char *srv_policy_text(struct srv_participant *p, double now_ms, size_t *size) {
     struct srv_encoding moving =
         srv_policy_encoding(p, p->progressive ? SRV_STEP_MOVING : SRV_STEP_FINAL);
     struct srv_encoding final = srv_policy_encoding(p, SRV_STEP_FINAL);
-    struct srv_detail full = { .coarse = 0 };
+    struct srv_detail full = { .mip_level = 0 };
     srv_hub_size(p->session, p, full.size);
     bool is_known = p->progressive && p->moving.detail.size[0] > 0;
     proto_json *params = proto_json_object();

@@ -58,7 +58,7 @@ static enum srv_frame_step next_step(const struct srv_session *s, const struct s
 
 /* Of the sharp picture; 0 = not known. */
 static double sharp_ms(const struct srv_session *s, const struct srv_participant *p) {
-    struct srv_detail sharp = { .coarse = 0 };
+    struct srv_detail sharp = { .mip_level = 0 };
     srv_hub_size(s, p, sharp.size);
     return srv_quality_expected_ms(&s->pace, &sharp);
 }

@@ -19,7 +19,7 @@ enum { PAUSE_SLOTS = 2 }; /* without a frame: slots begin anew */
 #define ROUNDING 1e-6     /* of a time that is the beginning of a slot, in slots */
 
 static struct srv_detail detail_of(const struct srv_render_job *job) {
-    return (struct srv_detail){ .coarse = job->coarse,
+    return (struct srv_detail){ .mip_level = job->mip_level,
                                 .size = { job->view.size[0], job->view.size[1] } };
 }
 
@@ -59,15 +59,15 @@ static void choose_detail(const struct srv_hub *hub, struct srv_session *s,
                           struct srv_render_job *job, const struct srv_participant *first,
                           int max_fps, double now_ms) {
     uint32_t full[2] = { job->view.size[0], job->view.size[1] };
-    struct srv_detail detail = { .coarse = 0, .size = { full[0], full[1] } };
+    struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
     job->budget_ms = budget_ms(hub, s, max_fps, now_ms);
     if (job->step == SRV_STEP_MOVING)
         srv_quality_moving(&s->pace, full, job->budget_ms, &detail);
     else if (job->step == SRV_STEP_INTERMEDIATE)
         srv_quality_intermediate(&s->pace, full, &first->taken_detail, &detail);
-    job->coarse = detail.coarse;
+    job->mip_level = detail.mip_level;
     memcpy(job->view.size, detail.size, sizeof detail.size);
-    job->is_sharp = detail.coarse == 0 && detail.size[0] == full[0] && detail.size[1] == full[1];
+    job->is_sharp = detail.mip_level == 0 && detail.size[0] == full[0] && detail.size[1] == full[1];
 }
 
 static double cancellable_from_ms(const struct srv_session *s, const struct srv_render_job *job,
@@ -75,7 +75,8 @@ static double cancellable_from_ms(const struct srv_session *s, const struct srv_
     bool cold = s->done_version < s->cold_version;
     if (job->is_refinement)
         return 0;
-    if (job->step != SRV_STEP_MOVING || cold || s->must_finish || job->coarse == SP_COARSE_MAX)
+    if (job->step != SRV_STEP_MOVING || cold || s->must_finish ||
+        job->mip_level == SP_MIP_LEVEL_MAX)
         return INFINITY;
     return now_ms + 2 * job->budget_ms;
 }

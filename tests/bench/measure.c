@@ -47,7 +47,7 @@ static bool begin(const struct bench_studio *studio, const struct bench_way *way
     view.camera = scene->cameras[k % scene->camera_count];
     edit_transfer(&view.transfer_function, way->edit, sp_volume_info(scene->volume)->range, n);
     if (studio->options->cold)
-        sp_renderer_forget(studio->renderer, scene->volume);
+        sp_renderer_evict(studio->renderer, scene->volume);
     return sp_renderer_begin(studio->renderer, scene->volume, &view, studio->pool, &way->render,
                              err);
 }

@@ -85,7 +85,7 @@ static bool parse_setting(struct bench_setting *s, const char *name, const char 
             return true;
         }
     if (strcmp(name, "coarse") == 0)
-        return parse_number(name, value, 0, SP_COARSE_MAX, &s->render.coarse);
+        return parse_number(name, value, 0, SP_MIP_LEVEL_MAX, &s->render.mip_level);
     if (strcmp(name, "edit") == 0)
         return parse_edit(value, &s->edit);
     *known = false;

@@ -175,7 +175,7 @@ static proto_json *encode_result(const struct bench_studio *studio, const struct
     proto_json_set_integer(j, "threads", stats->threads);
     proto_json_set_integer(j, "in_flight", bench_in_flight(studio));
     encode_view(j, &studio->way.view);
-    proto_json_set_integer(j, "coarse", stats->coarse);
+    proto_json_set_integer(j, "coarse", stats->mip_level);
     proto_json_set_integer(j, "views", studio->scene->camera_count);
     encode_times(j, &r->times);
     encode_memory(j, studio);
@@ -189,7 +189,7 @@ static proto_json *encode_result(const struct bench_studio *studio, const struct
 /* The scenes tell how many voxels they are about. */
 static void check_visible(const struct bench_studio *studio, const struct sp_frame_stats *stats) {
     const struct bench_scene *scene = studio->scene;
-    if (scene->visible_voxels < 0 || studio->way.edit != EDIT_NONE || stats->coarse > 0 ||
+    if (scene->visible_voxels < 0 || studio->way.edit != EDIT_NONE || stats->mip_level > 0 ||
         !stats->backend || strcmp(stats->backend, "null") == 0 ||
         stats->visible_voxels == (uint64_t)scene->visible_voxels)
         return;
@@ -215,7 +215,7 @@ static bool run_scene(struct bench_studio *studio, struct sp_error *err) {
         ok = write_png(studio, err);
     if (ok && o->save_volume)
         ok = save_volume(studio, err);
-    sp_renderer_forget(studio->renderer, scene->volume);
+    sp_renderer_evict(studio->renderer, scene->volume);
     return ok;
 }
 

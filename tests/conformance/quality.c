@@ -150,7 +150,7 @@ double quality_median(double *found, size_t count) {
 }
 
 void quality_forget(const struct quality *q, struct sp_volume **volume) {
-    sp_renderer_forget(q->renderer.renderer, *volume);
+    sp_renderer_evict(q->renderer.renderer, *volume);
     sp_volume_unref(volume);
 }
 

@@ -200,8 +200,8 @@ static void run_band(struct run *run, const struct band *band) {
     } else {
         run->skipped++;
     }
-    sp_renderer_forget(run->renderer, volume);
-    sp_renderer_forget(run->other, volume);
+    sp_renderer_evict(run->renderer, volume);
+    sp_renderer_evict(run->other, volume);
     sp_volume_unref(&volume);
     fflush(stdout);
 }

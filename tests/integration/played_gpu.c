@@ -70,7 +70,7 @@ static bool finish(void *state, const struct sp_backend_job *job, struct sp_erro
 }
 
 static void forget(void *state, const struct sp_volume *volume) {
-    find_cpu()->forget(state, volume);
+    find_cpu()->evict(state, volume);
 }
 
 static uint64_t memory(const void *state, const struct sp_volume *volume) {
@@ -87,7 +87,7 @@ const struct sp_backend *__wrap_sp_registry_at(unsigned i) {
                                         .depth = 2,
                                         .begin = begin,
                                         .finish = finish,
-                                        .forget = forget,
+                                        .evict = forget,
                                         .memory = memory };
     static const struct sp_backend *table[2];
     if (!table[0]) { /* by the first thread alone: a renderer is created before there are others */

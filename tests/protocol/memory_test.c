@@ -18,7 +18,7 @@
 #include "protocol/rpc.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 /* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds; returns how often it failed.
  */

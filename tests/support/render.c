@@ -76,7 +76,7 @@ bool test_render_scene(const struct test_renderer *r, const struct test_scene *s
     if (!volume)
         return false;
     bool ok = test_render(r, volume, &scene->view, image, err);
-    sp_renderer_forget(r->renderer, volume);
+    sp_renderer_evict(r->renderer, volume);
     sp_volume_unref(&volume);
     return ok;
 }

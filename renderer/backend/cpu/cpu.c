@@ -26,7 +26,7 @@ static void read_device(char *text, size_t size) {
 
 static void cpu_destroy(void *pointer) {
     struct cpu_state *state = pointer;
-    sp_classify_cache_forget(&state->cache, NULL);
+    sp_classify_cache_evict(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -57,7 +57,7 @@ static void cpu_info(const void *pointer, struct sp_renderer_info *info) {
     *info = (struct sp_renderer_info){ .backend = "cpu",
                                        .isa = state->kernels.isa,
                                        .threads = sp_pool_threads(state->pool),
-                                       .holds = true,
+                                       .can_pause = true,
                                        .lanes = state->kernels.lanes,
                                        .vectorised = state->kernels.vectorised };
     memcpy(info->device, state->device, sizeof info->device);
@@ -67,9 +67,9 @@ static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct s
     return cpu_draw(pointer, job, err);
 }
 
-static void cpu_forget(void *pointer, const struct sp_volume *volume) {
+static void cpu_evict(void *pointer, const struct sp_volume *volume) {
     struct cpu_state *state = pointer;
-    sp_classify_cache_forget(&state->cache, volume);
+    sp_classify_cache_evict(&state->cache, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
@@ -111,7 +111,7 @@ const struct sp_backend cpu_backend = {
     .destroy = cpu_destroy,
     .info = cpu_info,
     .render = cpu_render,
-    .forget = cpu_forget,
+    .evict = cpu_evict,
     .memory = cpu_memory,
     .probe = cpu_probe,
 };

@@ -24,7 +24,7 @@ enum {
 
 #define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
 
-_Static_assert((int)SP_COARSE_MAX < (int)SP_LEVELS, "a level for each value of coarse");
+_Static_assert((int)SP_MIP_LEVEL_MAX < (int)SP_LEVELS, "one level per mip_level");
 
 enum stage { CLASSIFY, SPLAT, BIN, TILE, RESOLVE, STAGES };
 
@@ -50,7 +50,7 @@ struct draw {
     const struct sp_ewa_frame *ewa; /* of the finest level that is drawn */
     struct sp_shade shade;
     const struct sp_shade *shading; /* &shade, or NULL */
-    unsigned coarse;                /* no finer level is asked for */
+    unsigned mip_level;             /* no finer level is asked for */
     unsigned finest;                /* level that is drawn */
     const struct sp_level *level;   /* the same */
     const struct sp_level *levels;  /* all */
@@ -362,8 +362,8 @@ static bool choose_levels(struct draw *d, struct sp_arena *arena, struct sp_erro
     struct sp_detail_job job = { .camera = &d->camera,
                                  .grid = grid,
                                  .view = d->job->view,
-                                 .floor = d->coarse,
-                                 .levels = levels > d->coarse ? levels : d->coarse + 1 };
+                                 .floor = d->mip_level,
+                                 .levels = levels > d->mip_level ? levels : d->mip_level + 1 };
     if (!sp_detail_choose(&job, arena, &d->detail))
         return fail_memory(arena, err);
     d->finest = (unsigned)__builtin_ctz(d->detail.levels);
@@ -490,7 +490,7 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
     const struct sp_grid *grid = &sp_volume_info(d->job->volume)->grid;
     bool is_post = view->transfer_function.order == SP_TF_POST;
     /* A scalar averaged over 4³ voxels is another object to the transfer function. */
-    d->coarse = is_post && d->job->coarse > 1 ? 1 : d->job->coarse;
+    d->mip_level = is_post && d->job->mip_level > 1 ? 1 : d->job->mip_level;
     sp_camera_frame_init(&d->camera, &view->camera, view->size);
     unsigned axis =
         view->compositing.mode == SP_COMPOSITE_SHEET ? sp_order_axis(&d->camera, grid) : SP_NO_AXIS;
@@ -504,7 +504,7 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
                                         .bytes_max = state->cache.limit_bytes,
                                         .pool = d->pool,
                                         .cancel = d->job->cancel,
-                                        .hold = d->job->hold };
+                                        .pause = d->job->pause };
     d->has_filters = state->kernels.sheets_tile && sheets_can(view, grid);
     if (!choose_levels(d, &state->arena, err))
         return false;
@@ -566,8 +566,8 @@ static void draw_band(struct draw *d, int y) {
 
 static void write_stats(const struct draw *d, struct sp_frame_stats *stats) {
     static const char *const names[STAGES] = { "classify", "splat", "bin", "tile", "resolve" };
-    stats->coarse = d->coarse;
-    stats->visible_voxels = d->coarse ? d->level->visible.count : d->visible;
+    stats->mip_level = d->mip_level;
+    stats->visible_voxels = d->mip_level ? d->level->visible.count : d->visible;
     stats->splats = d->splats;
     stats->fragments = (uint64_t)d->fragments;
     stats->stage_count = STAGES;
@@ -602,8 +602,8 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, 
     d->stage_ms[SPLAT] += sheets.prepare_ms;
     if (!*drawn)
         return true;
-    stats->coarse = d->coarse;
-    stats->visible_voxels = d->coarse ? d->level->visible.count : d->visible;
+    stats->mip_level = d->mip_level;
+    stats->visible_voxels = d->mip_level ? d->level->visible.count : d->visible;
     return sheets_draw(&frame, &sheets, err);
 }
 

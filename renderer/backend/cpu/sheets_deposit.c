@@ -407,16 +407,16 @@ static inline void light(const struct sp_shade *shade, const sp_wide n[3], const
 static void classify_chunk(const struct sheets_open_tile *t, const struct run_frame *r,
                            uint64_t first, uint32_t inside, struct chunk *c) {
     const struct sp_shade *shade = t->sheets->shade;
-    bool has_flakes = sp_visible_has_flakes(r->list);
-    bool has_normals = !has_flakes && (shade || r->transfer->scale);
-    _Alignas(64) int32_t packed[CHUNK] = { 0 }, flakes[2][CHUNK] = { 0 };
+    bool has_microflakes = sp_visible_has_microflakes(r->list);
+    bool has_normals = !has_microflakes && (shade || r->transfer->scale);
+    _Alignas(64) int32_t packed[CHUNK] = { 0 }, microflakes[2][CHUNK] = { 0 };
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m);
         uint64_t e = first + chunk_order[i];
         if (has_normals)
             packed[i] = (int32_t)sp_visible_normal(r->list, e);
-        for (int k = 0; has_flakes && k < 2; k++)
-            flakes[k][i] = (int32_t)sp_visible_flakes(r->list, e)->word[k];
+        for (int k = 0; has_microflakes && k < 2; k++)
+            microflakes[k][i] = (int32_t)sp_visible_microflakes(r->list, e)->word[k];
         c->class[i] =
             sp_transfer_class_at(r->transfer, sp_visible_key(r->list, e), (uint32_t)packed[i]);
     }
@@ -424,10 +424,10 @@ static void classify_chunk(const struct sheets_open_tile *t, const struct run_fr
         sp_wide n[3], to_eye[3], in[4], lit[4], shine[4];
         for (int a = 0; a < 3; a++)
             to_eye[a] = sp_wide_load(&c->to_eye[a][v]);
-        if (has_flakes) {
-            const sp_wide_int word[2] = { sp_wide_int_load(&flakes[0][v]),
-                                          sp_wide_int_load(&flakes[1][v]) };
-            sp_shade_flakes(shade, word, to_eye, in, shine);
+        if (has_microflakes) {
+            const sp_wide_int word[2] = { sp_wide_int_load(&microflakes[0][v]),
+                                          sp_wide_int_load(&microflakes[1][v]) };
+            sp_shade_microflakes(shade, word, to_eye, in, shine);
         } else {
             unpack_normals(shade, sp_wide_int_load(&packed[v]), n);
             light(shade, n, to_eye, in, shine);

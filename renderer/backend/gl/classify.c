@@ -11,7 +11,7 @@
 #include "backend/gl/bins.h"
 #include "backend/gl/pass.h"
 #include "backend/gl/program.h"
-#include "backend/gl/shown.h"
+#include "backend/gl/visible_ranges.h"
 #include "classify/gradient.h"
 #include "volume/grid.h"
 
@@ -36,13 +36,12 @@ static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
 
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
     static const char finest[] = "samples gradient post marks 00_classify";
-    static const char coarse[] = "gradient marks 01_coarse";
+    static const char coarse[] = "gradient marks 01_mip";
     c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
     return (c->range = open_pass(finest, 0, err)) && (c->count = open_pass(finest, 1, err)) &&
            (c->fill = open_pass(finest, 2, err)) && (c->histogram = open_pass(finest, 3, err)) &&
-           (c->classes = open_pass(finest, 4, err)) &&
-           (c->coarse_count = open_pass(coarse, 0, err)) &&
-           (c->coarse_fill = open_pass(coarse, 1, err)) && gl_reach_init(&c->reach, err);
+           (c->classes = open_pass(finest, 4, err)) && (c->mip_count = open_pass(coarse, 0, err)) &&
+           (c->mip_fill = open_pass(coarse, 1, err)) && gl_reach_init(&c->reach, err);
 }
 
 void gl_classify_finish(struct gl_classify *c) {
@@ -51,8 +50,8 @@ void gl_classify_finish(struct gl_classify *c) {
     glDeleteProgram(c->fill);
     glDeleteProgram(c->histogram);
     glDeleteProgram(c->classes);
-    glDeleteProgram(c->coarse_count);
-    glDeleteProgram(c->coarse_fill);
+    glDeleteProgram(c->mip_count);
+    glDeleteProgram(c->mip_fill);
     gl_reach_finish(&c->reach);
     gl_buffer_finish(&c->listed);
     gl_buffer_finish(&c->points);
@@ -123,17 +122,17 @@ static bool write_listed(struct gl_classify *c, const struct sp_level *level,
 }
 
 /* The same by value: a few intervals. */
-static bool write_shown(struct gl_classify *c, const struct sp_level *level, uint32_t *count,
-                        struct sp_error *err) {
-    struct gl_shown shown;
-    gl_shown_init(&shown, &level->transfer);
-    uint64_t bytes = shown.count * (uint64_t)sizeof shown.ends[0];
+static bool write_visible_ranges(struct gl_classify *c, const struct sp_level *level,
+                                 uint32_t *count, struct sp_error *err) {
+    struct gl_visible_ranges ranges;
+    gl_visible_ranges_init(&ranges, &level->transfer);
+    uint64_t bytes = ranges.count * (uint64_t)sizeof ranges.ends[0];
     if (!gl_buffer_reserve(&c->listed, "visible values", LISTED_WORDS * WORD, 0, GL_USE_STREAM,
                            err))
         return false;
     if (bytes)
-        gl_buffer_write(&c->listed, shown.ends, bytes);
-    *count = shown.count;
+        gl_buffer_write(&c->listed, ranges.ends, bytes);
+    *count = ranges.count;
     *c->uploaded += bytes;
     return true;
 }
@@ -199,7 +198,8 @@ static bool use(struct gl_classify *c, unsigned program, const struct gl_voxels 
     if (way == BY_CELL && !gl_reach_widen(&c->reach, voxels, level, c->bricks, c->block_bytes,
                                           c->uploaded, cancel, err))
         return false;
-    if (!(way == BY_KEY ? write_listed(c, level, err) : write_shown(c, level, &intervals, err)))
+    if (!(way == BY_KEY ? write_listed(c, level, err)
+                        : write_visible_ranges(c, level, &intervals, err)))
         return false;
     gl_pass_use(program, voxels, list ? list->normal_bytes : 0);
     set_list(way, intervals, level, list);
@@ -272,7 +272,7 @@ static bool prepare_list(struct gl_classify *c, const struct sp_level *level,
     return reserve_places(c, &c->counts, bricks, err) &&
            write_places(c, &c->counts, level->visible.first, bricks, err) &&
            (list->has_keys ||
-            gl_shown_write_points(&c->points, &level->transfer, c->uploaded, err));
+            gl_visible_ranges_write_points(&c->points, &level->transfer, c->uploaded, err));
 }
 
 /* Runs the program in use, which writes the list. */
@@ -335,20 +335,20 @@ static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_
     return true;
 }
 
-bool gl_classify_count_coarse(struct gl_classify *c, const struct gl_list *finer, bool is_post,
-                              const struct sp_level *level, const atomic_bool *cancel,
-                              uint64_t *counts, struct sp_error *err) {
+bool gl_classify_count_mip(struct gl_classify *c, const struct gl_list *finer, bool is_post,
+                           const struct sp_level *level, const atomic_bool *cancel,
+                           uint64_t *counts, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
-    return use_coarse(c, c->coarse_count, finer, false, is_post, level, err) &&
+    return use_coarse(c, c->mip_count, finer, false, is_post, level, err) &&
            run_count(c, bricks, cancel, bricks, counts, err);
 }
 
-bool gl_classify_fill_coarse(struct gl_classify *c, const struct gl_list *finer, bool is_post,
-                             const struct sp_level *level, const struct gl_list *list,
-                             const atomic_bool *cancel, struct sp_error *err) {
+bool gl_classify_fill_mip(struct gl_classify *c, const struct gl_list *finer, bool is_post,
+                          const struct sp_level *level, const struct gl_list *list,
+                          const atomic_bool *cancel, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
     const double *fine = finer->grid.spacing, *coarse = level->grid.spacing;
-    if (!use_coarse(c, c->coarse_fill, finer, list->normal_bytes > 0, is_post, level, err) ||
+    if (!use_coarse(c, c->mip_fill, finer, list->normal_bytes > 0, is_post, level, err) ||
         !write_places(c, &c->counts, level->visible.first, bricks, err))
         return false;
     set_rows(3, finer, sp_grid_is_rectilinear(&finer->grid));

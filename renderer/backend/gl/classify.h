@@ -10,8 +10,8 @@
  *   a level ─► the next coarser one, in the same two passes
  *
  * Of types with a table by key (8 and 16 bits), order pre, a bit a key says what is listed; else
- * intervals of samples (shown.h). Bricks whose range holds nothing of that are not read. Classes,
- * or values for order post, are by entry where types have no table.
+ * intervals of samples (visible_ranges.h). Bricks whose range holds nothing of that are not read.
+ * Classes, or values for order post, are by entry where types have no table.
  */
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H
@@ -22,7 +22,7 @@
 
 /* Programs and what they need for the length of a pass. */
 struct gl_classify {
-    unsigned range, count, fill, histogram, classes, coarse_count, coarse_fill;
+    unsigned range, count, fill, histogram, classes, mip_count, mip_fill;
     struct gl_buffer listed, points, counts, firsts;
     struct gl_reach reach;
     uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
@@ -65,11 +65,11 @@ bool gl_classify_color(struct gl_classify *classify, const struct gl_voxels *vox
 /* The same for a coarse level, from the list of the next finer one, which the GPU has made: cells
  * with a visible voxel; entries, classes, and flakes if the finer one has normals; order post:
  * entries, values and gradients. */
-bool gl_classify_count_coarse(struct gl_classify *classify, const struct gl_list *finer,
-                              bool is_post, const struct sp_level *level, const atomic_bool *cancel,
-                              uint64_t *counts, struct sp_error *err);
-bool gl_classify_fill_coarse(struct gl_classify *classify, const struct gl_list *finer,
-                             bool is_post, const struct sp_level *level, const struct gl_list *list,
-                             const atomic_bool *cancel, struct sp_error *err);
+bool gl_classify_count_mip(struct gl_classify *classify, const struct gl_list *finer, bool is_post,
+                           const struct sp_level *level, const atomic_bool *cancel,
+                           uint64_t *counts, struct sp_error *err);
+bool gl_classify_fill_mip(struct gl_classify *classify, const struct gl_list *finer, bool is_post,
+                          const struct sp_level *level, const struct gl_list *list,
+                          const atomic_bool *cancel, struct sp_error *err);
 
 #endif

@@ -420,7 +420,7 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
 static void write_stats(const struct gl_slot *slot, struct sp_frame_stats *stats) {
     static const char *const names[GL_STAGES] = { "classify", "splat",   "bin",
                                                   "tile",     "resolve", "read" };
-    stats->coarse = slot->coarse;
+    stats->mip_level = slot->mip_level;
     stats->visible_voxels = slot->visible;
     stats->splats = slot->splats;
     stats->fragments = slot->fragments;
@@ -448,8 +448,8 @@ static bool plan_frame(struct draw *d, struct sp_error *err) {
         return false;
     d->columns = gl_divide_up(d->job->frame->width, GL_TILE);
     d->slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
-    d->slot->coarse = f->coarse;
-    d->slot->visible = f->coarse ? f->lists[f->finest]->count : f->visible;
+    d->slot->mip_level = f->mip_level;
+    d->slot->visible = f->mip_level ? f->lists[f->finest]->count : f->visible;
     return true;
 }
 

@@ -2,7 +2,7 @@
  *
  * One frame on the GPU.
  *
- *   00_classify, 01_coarse (levels.h): lists, where the processor finds that they have to change
+ *   00_classify, 01_mip (levels.h): lists, where the processor finds that they have to change
  *   ─► for each band of tiles, for each batch of layers in it:
  *
  *     10_project    entry → record; its pairs are counted by tile and layer
@@ -55,7 +55,7 @@ struct gl_slot {
     uint32_t y, end; /* px */
     double stage_ms[GL_STAGES];
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
-    unsigned coarse;
+    unsigned mip_level;
     uint64_t frames; /* that it was used for */
 };
 

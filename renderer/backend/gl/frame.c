@@ -34,8 +34,8 @@ static bool choose_levels(struct gl_frame *f, const struct sp_backend_job *job,
     struct sp_detail_job detail = { .camera = &f->camera,
                                     .grid = grid,
                                     .view = job->view,
-                                    .floor = f->coarse,
-                                    .levels = levels > f->coarse ? levels : f->coarse + 1 };
+                                    .floor = f->mip_level,
+                                    .levels = levels > f->mip_level ? levels : f->mip_level + 1 };
     if (!sp_detail_choose(&detail, arena, &f->detail))
         return false;
     f->finest = (unsigned)__builtin_ctz(f->detail.levels);
@@ -258,7 +258,7 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
                             .is_post = is_post,
                             /* A scalar averaged over 4³ voxels is another object to the transfer
                              * function. */
-                            .coarse = is_post && job->coarse > 1 ? 1 : job->coarse };
+                            .mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level };
     sp_camera_frame_init(&f->camera, &job->view->camera, job->view->size);
     f->axis = sp_order_axis(&f->camera, grid);
     if (!choose_levels(f, job, from->arena))

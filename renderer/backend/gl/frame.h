@@ -33,7 +33,7 @@ struct gl_constants {
 struct gl_frame {
     const struct sp_grid *grid; /* the volume's */
     const struct gl_list *lists[SP_LEVELS];
-    unsigned coarse, finest, axis;
+    unsigned mip_level, finest, axis;
     uint32_t drawn; /* bit l: level l */
     uint32_t parts; /* bit 2l + enlarged: of level l some bricks are drawn so */
     enum sp_compositing compositing;

@@ -35,7 +35,7 @@ static void stop(struct gl_state *state) {
 static void gl_destroy(void *pointer) {
     struct gl_state *state = pointer;
     stop(state);
-    sp_classify_cache_forget(&state->cache, NULL);
+    sp_classify_cache_evict(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     gl_cut_finish(&state->cut);
@@ -187,14 +187,14 @@ static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp
     return gl_begin(pointer, job, err) && gl_end(pointer, job, err);
 }
 
-static void gl_forget(void *pointer, const struct sp_volume *volume) {
+static void gl_evict(void *pointer, const struct sp_volume *volume) {
     struct gl_state *state = pointer;
     /* A lost context has taken all lists with it. */
     if (state->context && gl_context_bind(state->context, NULL)) {
-        gl_lists_forget(&state->lists, volume);
+        gl_lists_evict(&state->lists, volume);
         gl_context_unbind(state->context);
     }
-    sp_classify_cache_forget(&state->cache, volume);
+    sp_classify_cache_evict(&state->cache, volume);
 }
 
 static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
@@ -230,7 +230,7 @@ const struct sp_backend gl_backend = {
     .depth = GL_IN_FLIGHT,
     .begin = gl_begin,
     .finish = gl_end,
-    .forget = gl_forget,
+    .evict = gl_evict,
     .memory = gl_memory,
     .probe = gl_probe, /* of both entries */
 };
@@ -245,6 +245,6 @@ const struct sp_backend gl_software_backend = {
     .depth = GL_IN_FLIGHT,
     .begin = gl_begin,
     .finish = gl_end,
-    .forget = gl_forget,
+    .evict = gl_evict,
     .memory = gl_memory,
 };

@@ -31,8 +31,8 @@ static bool count(void *user, const struct sp_classification *c, unsigned level,
                gl_classify_count(classify, w->voxels, &c->levels[0], w->job->cancel, counts, err);
     find_sources(w, c, level - 1);
     const struct gl_list *finer = gl_lists_get(w->lists, &w->sources[level - 1], err);
-    return finer && gl_classify_count_coarse(classify, finer, w->job->tf->order == SP_TF_POST,
-                                             &c->levels[level], w->job->cancel, counts, err);
+    return finer && gl_classify_count_mip(classify, finer, w->job->tf->order == SP_TF_POST,
+                                          &c->levels[level], w->job->cancel, counts, err);
 }
 
 static bool histogram(void *user, const struct sp_classification *c, uint64_t *counts,

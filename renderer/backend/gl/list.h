@@ -17,7 +17,7 @@
 #include "classify/classification.h"
 
 struct gl_list {
-    const struct sp_volume *volume; /* not a reference: gl_lists_forget(); NULL = empty */
+    const struct sp_volume *volume; /* not a reference: gl_lists_evict(); NULL = empty */
     uint64_t list_made, table_made; /* of the level: what was uploaded */
     uint64_t used;                  /* clock of the last use */
     struct sp_grid grid;            /* of the level */

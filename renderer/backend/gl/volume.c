@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "backend/gl/program.h"
-#include "backend/gl/shown.h"
+#include "backend/gl/visible_ranges.h"
 #include "sp/log.h"
 #include "volume/grid.h"
 
@@ -167,7 +167,7 @@ static void empty_voxels(struct gl_voxels *voxels) {
 
 struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume) {
     struct gl_voxels *place = &lists->voxels[0];
-    if (!gl_shown_is_possible(sp_volume_info(volume)))
+    if (!gl_visible_ranges_is_possible(sp_volume_info(volume)))
         return NULL;
     for (int i = 1; i < GL_VOLUMES && place->volume != volume; i++)
         if (lists->voxels[i].volume == volume || lists->voxels[i].used < place->used)
@@ -298,8 +298,8 @@ static bool fill(struct gl_lists *lists, struct gl_list *list, const struct gl_l
                (has_entries ? gl_classify_color : gl_classify_fill)(c, from->voxels, from->level,
                                                                     list, from->cancel, err);
     const struct gl_list *finer = gl_lists_get(lists, from->finer, err);
-    return finer && gl_classify_fill_coarse(c, finer, order == SP_TF_POST, from->level, list,
-                                            from->cancel, err);
+    return finer && gl_classify_fill_mip(c, finer, order == SP_TF_POST, from->level, list,
+                                         from->cancel, err);
 }
 
 /* Makes what of the list is not there. */
@@ -357,7 +357,7 @@ const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct gl_list_
     return list;
 }
 
-void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume) {
+void gl_lists_evict(struct gl_lists *lists, const struct sp_volume *volume) {
     for (int i = 0; i < GL_LISTS; i++)
         if (!volume || lists->list[i].volume == volume)
             empty(&lists->list[i]);
@@ -394,6 +394,6 @@ bool gl_lists_init(struct gl_lists *lists, bool software, uint64_t block_bytes,
 }
 
 void gl_lists_finish(struct gl_lists *lists) {
-    gl_lists_forget(lists, NULL);
+    gl_lists_evict(lists, NULL);
     gl_classify_finish(&lists->classify);
 }

@@ -61,7 +61,7 @@ static inline void gl_lists_begin(struct gl_lists *lists) {
 
 /* The samples that the GPU classifies the volume from, uploaded when they are needed; valid until
  * the next frame begins. NULL: the processor classifies it, which is so for 64-bit reals
- * (gl_shown_is_possible()), and volumes that were refused, at which is looked again: after
+ * (gl_visible_ranges_is_possible()), and volumes that were refused, at which is looked again: after
  * GL_REFUSED_FRAMES frames of theirs, after twice as many the next time. */
 struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume);
 
@@ -86,7 +86,7 @@ bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err);
 bool gl_lists_drop_samples(struct gl_lists *lists);
 
 /* Drops what is there of the volume; NULL = of any. */
-void gl_lists_forget(struct gl_lists *lists, const struct sp_volume *volume);
+void gl_lists_evict(struct gl_lists *lists, const struct sp_volume *volume);
 
 /* The context is gone, and all that was there: lets go of what is not. No context is needed. */
 void gl_lists_lose(struct gl_lists *lists);

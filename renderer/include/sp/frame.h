@@ -31,7 +31,7 @@ struct sp_frame_stats {
     const char *isa;             /* constant: "scalar", … or "" */
     char device[SP_DEVICE_NAME]; /* the CPU's or GPU's name */
     uint32_t threads;
-    uint32_t coarse;          /* 0 = all voxels, n = 2^n × 2^n × 2^n averaged into one */
+    uint32_t mip_level;       /* 0 = all voxels, n = 2^n × 2^n × 2^n averaged into one */
     uint64_t visible_voxels;  /* after classification */
     uint64_t splats;          /* drawn: not culled */
     uint64_t fragments;       /* pixels touched by footprints, before early termination */

@@ -6,7 +6,7 @@
  *
  * A renderer belongs to one thread at a time. It keeps what it derived from the volumes that it has
  * seen (gradients, visible voxels), and with it a reference to each of them, until
- * sp_renderer_forget().
+ * sp_renderer_evict().
  */
 #ifndef SP_RENDERER_H
 #define SP_RENDERER_H
@@ -60,12 +60,14 @@ void sp_renderer_destroy(struct sp_renderer **renderer);
 struct sp_renderer_info {
     const char *backend, *isa; /* constant strings; isa: "" = has none */
     char device[SP_DEVICE_NAME];
-    char given_up[SP_ERROR_TEXT]; /* why the backend before this one was given up while rendering;
+    char failover_reason[SP_ERROR_TEXT]; /* why the backend before this one was given up while
+                                     rendering;
                                      "" = there was none */
-    char overburdened[SP_ERROR_TEXT]; /* why another one drew frames in its place, the first time;
-                                         "" = none did */
+    char
+        fallback_reason[SP_ERROR_TEXT]; /* why another one drew frames in its place, the first time;
+                                        "" = none did */
     unsigned threads;
-    bool holds;     /* its frames stand still while they are to (struct sp_hold) */
+    bool can_pause; /* its frames stand still while they are to (struct sp_pause) */
     unsigned lanes; /* voxels or pixels that the CPU's kernels handle at a time; 0 = not known */
     /* The choices of a view that they handle so, by the names that a view has for them; ends with
      * NULL. NULL = not known. All else is handled one by one. */
@@ -115,27 +117,27 @@ typedef void sp_device_visit(void *user, const struct sp_device *device);
  * whether a hardware GPU works. Any thread; takes a few hundred ms. */
 bool sp_probe(sp_device_visit *visit, void *user);
 
-enum { SP_COARSE_MAX = 2 };
+enum { SP_MIP_LEVEL_MAX = 2 };
 
 /* Makes a frame that is being drawn stand still, so that another renderer has the processor for
  * something short. `wanted` is polled a few hundred times a frame; a thread that finds it set calls
  * wait(), which returns when the frame may go on or is cancelled. */
-struct sp_hold {
-    atomic_bool wanted;
-    _Atomic double held_ms;   /* how long it stood still so far: no part of the frame's times */
+struct sp_pause {
+    atomic_bool requested;
+    _Atomic double paused_ms; /* how long it stood still so far: no part of the frame's times */
     void (*wait)(void *user); /* any thread of the renderer's */
     void *user;
 };
 
 struct sp_render_options {
     enum sp_pixel_format format; /* default (0) SP_RGBA8 */
-    unsigned coarse; /* [0, SP_COARSE_MAX], default 0: draw 2^n × 2^n × 2^n voxels as one,
+    unsigned mip_level; /* [0, SP_MIP_LEVEL_MAX], default 0: draw 2^n × 2^n × 2^n voxels as one,
                         averaged after classification: blurred, and up to 8^n times faster.
                         The frame's stats say what was done */
     const atomic_bool *cancel; /* NULL = never; polled a few hundred times a frame; true = stop with
                                   SP_ERR_CANCELLED */
-    struct sp_hold *hold; /* NULL = never; of no effect unless sp_renderer_info.holds. It must live
-                             as long as *cancel */
+    struct sp_pause *pause; /* NULL = never; of no effect unless sp_renderer_info.can_pause. It must
+                             live as long as *cancel */
 };
 
 enum { SP_IN_FLIGHT_MAX = 4 };
@@ -175,7 +177,7 @@ bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_vi
 
 /* Drops everything derived from the volume. Harmless if there is nothing, and to frames of it that
  * are begun, which may derive it anew: finish them first. */
-void sp_renderer_forget(struct sp_renderer *renderer, const struct sp_volume *volume);
+void sp_renderer_evict(struct sp_renderer *renderer, const struct sp_volume *volume);
 
 /* Bytes of derived data kept for the volume (gradients, lists); NULL = for all, with what a GPU has
  * beside it to draw pictures in. */

@@ -320,16 +320,16 @@ static void the_steady_state_allocates_nothing(void **state) {
     finish_rig(&rig);
 }
 
-static void derived_data_is_counted_and_forgotten(void **state) {
+static void cached_data_is_counted_and_evicted(void **state) {
     (void)state;
     struct rig rig = make_rig("cpu", 1, make_ball(20, (double[3]){ 1, 1, 1 }));
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
     struct sp_frame *frame = draw(&rig, SP_RGBA8);
     assert_true(sp_renderer_memory(rig.renderer, rig.volume) >= 2 * frame->stats.visible_voxels);
     sp_frame_unref(&frame);
-    sp_renderer_forget(rig.renderer, rig.volume);
+    sp_renderer_evict(rig.renderer, rig.volume);
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
-    sp_renderer_forget(rig.renderer, rig.volume);
+    sp_renderer_evict(rig.renderer, rig.volume);
     /* More transfer functions than there are slots. */
     for (int i = 0; i < 3 * SP_CLASSIFY_SLOTS; i++) {
         rig.view.transfer_function.points[0].value = 1 + i;
@@ -368,7 +368,7 @@ static void check_edits(const char *isa, float tolerance) {
         rig.view.shading.mode = k % 10 > 5 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         rig.view.compositing.mode = (enum sp_compositing)(k % 3);
         fresh.view = rig.view;
-        sp_renderer_forget(fresh.renderer, fresh.volume);
+        sp_renderer_evict(fresh.renderer, fresh.volume);
         struct sp_frame *a = draw(&rig, SP_RGBAF32), *b = draw(&fresh, SP_RGBAF32);
         assert_true(largest_difference(a, b) <= tolerance);
         assert_int_equal(a->stats.visible_voxels, b->stats.visible_voxels);
@@ -402,7 +402,7 @@ static void lists_are_cut_down_when_edits_stop(void **state) {
     uint64_t exact = memory_at(&rig, 300, 1);
     uint64_t hides = memory_at(&rig, 310, 1), shows = memory_at(&rig, 290, 1);
     uint64_t rests = memory_at(&rig, 290, 20);
-    sp_renderer_forget(rig.renderer, rig.volume);
+    sp_renderer_evict(rig.renderer, rig.volume);
     uint64_t fresh = memory_at(&rig, 290, 1), histogram = rests - fresh;
     assert_true(hides >= exact && hides - exact <= histogram); /* the same list */
     assert_true(shows > fresh + histogram + 5000);
@@ -447,7 +447,7 @@ static void endless_work_can_be_cancelled(void **state) {
     assert_null(c.frame);
     assert_int_equal(c.err.code, SP_ERR_CANCELLED);
     atomic_store(&c.cancel, true); /* set before the call: also while classifying */
-    sp_renderer_forget(rig.renderer, rig.volume);
+    sp_renderer_evict(rig.renderer, rig.volume);
     render_thread(&c);
     assert_null(c.frame);
     rig.view.size[0] = rig.view.size[1] = 16;
@@ -461,14 +461,14 @@ static void endless_work_can_be_cancelled(void **state) {
 
 /* Stands still once for every so many looks, for a thousand years each time. */
 struct standing {
-    struct sp_hold hold;
+    struct sp_pause pause;
     atomic_uint times;
 };
 
 static void stand(void *user) {
     struct standing *s = user;
     atomic_fetch_add(&s->times, 1);
-    atomic_store(&s->hold.held_ms, atomic_load(&s->hold.held_ms) + 3e13);
+    atomic_store(&s->pause.paused_ms, atomic_load(&s->pause.paused_ms) + 3e13);
 }
 
 static void what_stands_still_loses_nothing(void **state) {
@@ -476,16 +476,16 @@ static void what_stands_still_loses_nothing(void **state) {
     static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB };
     for (int m = 0; m < 2; m++) {
         struct rig rig = make_rig("cpu", 2, make_ball(60, (double[3]){ 1, 1, 1 }));
-        struct standing s = { .hold = { .wait = stand, .user = &s } };
-        struct sp_render_options options = { .hold = &s.hold };
+        struct standing s = { .pause = { .wait = stand, .user = &s } };
+        struct sp_render_options options = { .pause = &s.pause };
         struct sp_renderer_info info;
         rig.view.compositing.mode = modes[m];
         sp_renderer_info(rig.renderer, &info);
-        assert_true(info.holds);
+        assert_true(info.can_pause);
         struct sp_frame *frames[2];
         for (int held = 0; held < 2; held++) {
-            atomic_store(&s.hold.wanted, held);
-            sp_renderer_forget(rig.renderer, rig.volume); /* it classifies, too */
+            atomic_store(&s.pause.requested, held);
+            sp_renderer_evict(rig.renderer, rig.volume); /* it classifies, too */
             frames[held] =
                 sp_renderer_render(rig.renderer, rig.volume, &rig.view, rig.pool, &options, NULL);
             assert_non_null(frames[held]);
@@ -655,7 +655,7 @@ int main(void) {
         cmocka_unit_test(the_test_card_shows_the_camera),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(the_steady_state_allocates_nothing),
-        cmocka_unit_test(derived_data_is_counted_and_forgotten),
+        cmocka_unit_test(cached_data_is_counted_and_evicted),
         cmocka_unit_test(edited_pictures_are_fresh_pictures),
         cmocka_unit_test(lists_are_cut_down_when_edits_stop),
         cmocka_unit_test(endless_work_can_be_cancelled),

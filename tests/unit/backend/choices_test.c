@@ -101,9 +101,9 @@ static void finish_rig(struct rig *rig) {
 
 /* Draws by both renderers; returns the sum of alpha. */
 static double draw(struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
-                   unsigned coarse) {
+                   unsigned mip_level) {
     struct sp_error err;
-    struct sp_render_options o = { .format = SP_RGBAF32, .coarse = coarse };
+    struct sp_render_options o = { .format = SP_RGBAF32, .mip_level = mip_level };
     struct sp_frame *frames[2];
     for (int i = 0; i < 2; i++) {
         frames[i] = sp_renderer_render(rig->renderers[i], volume, view, rig->pool, &o, &err);
@@ -119,7 +119,7 @@ static double draw(struct rig *rig, struct sp_volume *volume, const struct sp_vi
 }
 
 /* The n-th combination of all choices; false past the end. */
-static bool choose(unsigned n, struct sp_view *v, unsigned *coarse, bool *rectilinear) {
+static bool choose(unsigned n, struct sp_view *v, unsigned *mip_level, bool *rectilinear) {
     struct {
         unsigned count, value;
     } axes[] = { { 6, 0 }, { 2, 0 }, { 3, 0 }, { 2, 0 }, { 2, 0 }, { 2, 0 },
@@ -141,7 +141,7 @@ static bool choose(unsigned n, struct sp_view *v, unsigned *coarse, bool *rectil
     v->transfer_function.gradient_count = axes[8].value ? 2 : 0;
     v->transfer_function.gradient[0] = (struct sp_gradient_point){ 10, 0.1f };
     v->transfer_function.gradient[1] = (struct sp_gradient_point){ 90, 1 };
-    *coarse = axes[9].value;
+    *mip_level = axes[9].value;
     *rectilinear = axes[10].value;
     return n == 0;
 }
@@ -150,15 +150,15 @@ static void every_choice_draws(void **state) {
     (void)state;
     struct rig rig = make_rig();
     struct sp_volume *volumes[2] = { make_ball(false), make_ball(true) };
-    unsigned drawn = 0, coarse;
+    unsigned drawn = 0, mip_level;
     bool rectilinear;
     struct sp_view view;
     make_view(&view, volumes[0]);
     /* A step that shares no factor with the counts of choices meets all pairs and triples soon. */
-    for (unsigned n = 0; choose(n, &view, &coarse, &rectilinear); n += 29) {
+    for (unsigned n = 0; choose(n, &view, &mip_level, &rectilinear); n += 29) {
         if (!sp_view_validate(&view, NULL))
             continue; /* post without slabs */
-        double sum = draw(&rig, volumes[rectilinear], &view, coarse);
+        double sum = draw(&rig, volumes[rectilinear], &view, mip_level);
         if (!(sum > 10))
             fail_msg("combination %u: alpha adds up to %g", n, sum);
         drawn++;
@@ -206,17 +206,17 @@ static void extreme_views_stay_finite(void **state) {
     (void)state;
     struct rig rig = make_rig();
     struct sp_volume *volumes[2] = { make_ball(false), make_ball(true) };
-    unsigned coarse, drawn = 0;
+    unsigned mip_level, drawn = 0;
     bool rectilinear;
     srand(17);
     for (int n = 0; n < 160; n++) {
         struct sp_view view;
         make_view(&view, volumes[0]);
-        choose((unsigned)rand() % 9216, &view, &coarse, &rectilinear);
+        choose((unsigned)rand() % 9216, &view, &mip_level, &rectilinear);
         extreme(&view);
         if (!sp_view_validate(&view, NULL))
             continue;
-        draw(&rig, volumes[rectilinear], &view, coarse);
+        draw(&rig, volumes[rectilinear], &view, mip_level);
         drawn++;
     }
     print_message("  %u views\n", drawn);
@@ -227,12 +227,12 @@ static void extreme_views_stay_finite(void **state) {
 
 /* Draws in both formats. */
 static void check_opaque(struct test_renderer *r, struct sp_volume *volume, struct sp_view *view,
-                         unsigned coarse) {
+                         unsigned mip_level) {
     struct sp_error err;
     for (int opaque = 0; opaque < 2; opaque++)
         for (int format = SP_RGBA8; format <= SP_RGBAF32; format++) {
             struct sp_render_options o = { .format = (enum sp_pixel_format)format,
-                                           .coarse = coarse };
+                                           .mip_level = mip_level };
             view->background[3] = opaque ? 1 : 0.9f;
             struct sp_frame *frame =
                 sp_renderer_render(r->renderer, volume, view, r->pool, &o, &err);
@@ -253,7 +253,7 @@ static void over_an_opaque_background_every_pixel_is(void **state) {
     for (unsigned t = 0; t == 0 || test_target_at(t - 1, &target); t++) {
         struct test_renderer r;
         struct sp_error err;
-        unsigned coarse, drawn = 0;
+        unsigned mip_level, drawn = 0;
         /* A GPU's driver compiles shaders for every choice. */
         const unsigned step = strcmp(target.backend, "cpu") == 0 ? 29 : 1021;
         bool rectilinear;
@@ -263,11 +263,11 @@ static void over_an_opaque_background_every_pixel_is(void **state) {
             continue;
         }
         make_view(&view, volumes[0]);
-        for (unsigned n = 0; choose(n, &view, &coarse, &rectilinear); n += step) {
+        for (unsigned n = 0; choose(n, &view, &mip_level, &rectilinear); n += step) {
             if (drawn % 2)
                 extreme(&view);
             if (sp_view_validate(&view, NULL) && sp_renderer_supports(r.renderer, &view, NULL)) {
-                check_opaque(&r, volumes[rectilinear], &view, coarse);
+                check_opaque(&r, volumes[rectilinear], &view, mip_level);
                 drawn++;
             }
             make_view(&view, volumes[0]);

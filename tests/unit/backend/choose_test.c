@@ -19,7 +19,7 @@ static const char *started(const struct sp_renderer_options *options) {
     struct sp_renderer_info info = { .backend = "none" };
     if (renderer) {
         sp_renderer_info(renderer, &info);
-        assert_string_equal(info.given_up, "");
+        assert_string_equal(info.failover_reason, "");
     }
     sp_renderer_destroy(&renderer);
     return info.backend;
@@ -138,9 +138,9 @@ static void the_next_backend_takes_over_after_three_failures(void **state) {
     sp_renderer_info(s.renderer, &info);
     assert_string_equal(info.backend, "plain");
     assert_string_equal(info.device, "device of plain");
-    assert_string_equal(info.given_up, "backend gpu failed 3 times in a row: gpu hung");
+    assert_string_equal(info.failover_reason, "backend gpu failed 3 times in a row: gpu hung");
     assert_int_equal(sp_renderer_memory(s.renderer, s.volume), 10);
-    sp_renderer_forget(s.renderer, s.volume);
+    sp_renderer_evict(s.renderer, s.volume);
     assert_int_equal(fakes[PLAIN].forgotten, 1);
     assert_string_equal(fakes_draw(&s), "plain"); /* for good */
     assert_int_equal(fakes[GPU].renders, 3);

@@ -91,7 +91,7 @@ static bool fake_finish(void *state, const struct sp_backend_job *job, struct sp
     return fake_draw(fake, job, err);
 }
 
-static void fake_forget(void *state, const struct sp_volume *volume) {
+static void fake_evict(void *state, const struct sp_volume *volume) {
     (void)volume;
     ((struct fake *)state)->forgotten++;
 }
@@ -106,7 +106,7 @@ static uint64_t fake_memory(const void *state, const struct sp_volume *volume) {
         SP_CAN_ALL, SP_CAN_ALL, true, true
 #define FAKE(fake)                                                                                 \
     .create = fake##_create, .destroy = fake_destroy, .info = fake_info, .render = fake_render,    \
-    .forget = fake_forget, .memory = fake_memory
+    .evict = fake_evict, .memory = fake_memory
 
 static const struct sp_backend gpu_backend = { .entry = { "gpu", "a GPU" },
                                                .is_gpu = true,

@@ -148,11 +148,11 @@ static void what_is_too_much_for_a_backend_the_next_one_draws(void **state) {
                                         "draws: gpu hung\n"); /* once */
     sp_renderer_info(s.renderer, &info);
     assert_string_equal(info.backend, "gpu");
-    assert_string_equal(info.overburdened,
+    assert_string_equal(info.fallback_reason,
                         "backend gpu cannot draw some views, which plain draws: gpu hung");
     assert_int_equal(sp_renderer_memory(s.renderer, s.volume), 1010);
     fakes[GPU].forgotten = fakes[PLAIN].forgotten = 0;
-    sp_renderer_forget(s.renderer, s.volume);
+    sp_renderer_evict(s.renderer, s.volume);
     assert_int_equal(fakes[GPU].forgotten + fakes[PLAIN].forgotten, 2);
     fakes[GPU].code = SP_ERR_BACKEND; /* it is there already when it takes over */
     fakes[GPU].failures = 3;

@@ -17,7 +17,7 @@
 
 #include "sp/encode.h"
 #include "sp/renderer.h"
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 /* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds; returns how often it failed.
  */
@@ -98,10 +98,10 @@ static bool draw_cold(void *user, struct sp_error *err) {
 
 static void cold_frames(void **state) {
     (void)state;
-    for (unsigned coarse = 0; coarse <= SP_COARSE_MAX; coarse++) {
+    for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
         struct scene scene;
         init_scene(&scene, "demo:phantom?size=24");
-        scene.options.coarse = coarse;
+        scene.options.mip_level = mip_level;
         scene.view.camera.up[0] = 0.1;
         assert_true(fail_each(draw_cold, &scene) >= 10);
         finish_scene(&scene);
@@ -136,7 +136,7 @@ static void a_renderer_survives(void **state) {
         scene.view.camera.up[(axis + 2) % 3] = 0;
         scene.view.transfer_function.points[0].value += 1;
         scene.view.size[0] += 300;
-        scene.options.coarse = (unsigned)axis;
+        scene.options.mip_level = (unsigned)axis;
         assert_true(fail_each(draw_warm, &scene) >= 1);
     }
     assert_true(draw_warm(&scene, NULL)); /* joins what the last frame needed into one block */

@@ -466,12 +466,12 @@ static void coarse_levels_average_what_was_classified(void **state) {
 }
 
 /* Flakes of every level, whatever its bricks' axis, are those of all the voxels of each cell. */
-static void coarse_flakes_are_those_of_all_voxels(void **state) {
+static void microflakes_match_those_of_all_voxels(void **state) {
     (void)state;
     enum { X = 69, Y = 18, Z = 21 };
     const uint32_t dims[3] = { X, Y, Z };
     static uint8_t values[X * Y * Z];
-    static struct sp_flakes_sum sums[X * Y * Z];
+    static struct sp_microflakes_sum sums[X * Y * Z];
     static float depths[X * Y * Z];
     srand(4);
     for (int i = 0; i < X * Y * Z; i++)
@@ -496,15 +496,15 @@ static void coarse_flakes_are_those_of_all_voxels(void **state) {
                 uint32_t cell = (at[0] >> l) + d[0] * ((at[1] >> l) + d[1] * (at[2] >> l));
                 float depth =
                     sp_transfer_class(&c.levels[0].transfer, sp_visible_key(fine, e)).depth;
-                sp_flakes_add_normal(&sums[cell], sp_visible_normal(fine, e), depth);
+                sp_microflakes_add_normal(&sums[cell], sp_visible_normal(fine, e), depth);
                 depths[cell] += depth;
             }
         for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
             for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
                 find_voxel(list, b, e, at);
                 uint32_t cell = at[0] + d[0] * (at[1] + d[1] * at[2]);
-                struct sp_flakes want = sp_flakes_pack(&sums[cell], depths[cell]);
-                struct sp_flakes got = *sp_visible_flakes(list, e);
+                struct sp_microflakes want = sp_microflakes_pack(&sums[cell], depths[cell]);
+                struct sp_microflakes got = *sp_visible_microflakes(list, e);
                 for (int i = 0; i < 7; i++)
                     assert_true(abs((int)(got.word[i / 4] >> 8 * (i % 4) & 255) -
                                     (int)(want.word[i / 4] >> 8 * (i % 4) & 255)) <= 2);
@@ -569,7 +569,7 @@ static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
 
 /* A plane of equal voxels has one normal, and so has every coarser version of it; what lies behind
  * it has no side. */
-static void coarse_flakes_are_those_of_the_surface(void **state) {
+static void microflakes_match_those_of_the_surface(void **state) {
     (void)state;
     enum { N = 16 };
     static uint8_t values[N * N * N];
@@ -586,9 +586,9 @@ static void coarse_flakes_are_those_of_the_surface(void **state) {
     assert_true(sp_classification_update(&c, &job, NULL));
     const struct sp_visible *list = &c.levels[1].visible;
     static const uint8_t shown[6] = { 0, 0, 134, 134, 217, 217 }; /* 255 of the axes' first part */
-    assert_true(sp_visible_has_flakes(list));
+    assert_true(sp_visible_has_microflakes(list));
     for (uint64_t e = 0; e < list->count; e++) {
-        const uint32_t *word = sp_visible_flakes(list, e)->word;
+        const uint32_t *word = sp_visible_microflakes(list, e)->word;
         bool surface = (list->place[e] & 15) == N / 4; /* half of it, and of what has depth */
         assert_int_equal(word[1] >> 16, surface ? 128 : 0);
         for (int i = 0; i < 6; i++)
@@ -760,8 +760,8 @@ int main(void) {
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
         cmocka_unit_test(coarse_levels_average_what_was_classified),
         cmocka_unit_test(coarse_rectilinear_levels_keep_energy_and_place),
-        cmocka_unit_test(coarse_flakes_are_those_of_all_voxels),
-        cmocka_unit_test(coarse_flakes_are_those_of_the_surface),
+        cmocka_unit_test(microflakes_match_those_of_all_voxels),
+        cmocka_unit_test(microflakes_match_those_of_the_surface),
         cmocka_unit_test(a_budget_is_kept_before_memory_is_taken),
         cmocka_unit_test(what_is_made_is_numbered),
         cmocka_unit_test(only_what_changed_is_redone),

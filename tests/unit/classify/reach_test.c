@@ -17,7 +17,7 @@
 #include "classify/classification.h"
 #include "classify/gradient.h"
 #include "classify/reach.h"
-#include "classify/shown.h"
+#include "classify/visible_ranges.h"
 #include "volume/grid.h"
 
 enum { X = 37, Y = 21, Z = 50 };
@@ -68,9 +68,9 @@ static bool matters(const struct sp_volume *v, const struct sp_transfer_function
                 low = fmin(low, s);
                 high = fmax(high, s);
             }
-    struct sp_shown shown;
-    sp_shown_init(&shown, tf);
-    return sp_shown_meets(&shown, low, high);
+    struct sp_visible_ranges ranges;
+    sp_visible_ranges_init(&ranges, tf);
+    return sp_visible_ranges_meet(&ranges, low, high);
 }
 
 static void check_list(const struct sp_volume *v, const struct sp_transfer_function *tf,
@@ -300,16 +300,16 @@ static struct sp_transfer_function random_function(void) {
 }
 
 /* Values and intervals of a fine grid, on which the points lie, against the function itself. */
-static void what_is_shown_is_where_the_function_is_not_zero(void **state) {
+static void visible_ranges_are_where_the_opacity_is_not_zero(void **state) {
     (void)state;
     enum { STEPS = 41 };
     for (int n = 0; n < 200; n++) {
         const struct sp_transfer_function tf = random_function();
-        struct sp_shown shown, keys;
+        struct sp_visible_ranges ranges, keys;
         bool is_shown[STEPS];
-        sp_shown_init(&shown, &tf);
-        sp_shown_init_keys(&keys, &tf, 99);
-        assert_in_range(shown.count, 0, tf.point_count);
+        sp_visible_ranges_init(&ranges, &tf);
+        sp_visible_ranges_init_keys(&keys, &tf, 99);
+        assert_in_range(ranges.count, 0, tf.point_count);
         for (int i = 0; i < STEPS; i++) {
             struct sp_class c;
             sp_transfer_function_eval(&tf, 98 + 0.5 * i, &c);
@@ -318,10 +318,10 @@ static void what_is_shown_is_where_the_function_is_not_zero(void **state) {
         for (int i = 0; i < STEPS; i++)
             for (int k = i, any = 0; k < STEPS; k++) {
                 any = any || is_shown[k];
-                assert_int_equal(sp_shown_meets(&shown, 98 + 0.5 * i, 98 + 0.5 * k), any);
-                assert_int_equal(sp_shown_meets(&keys, 0.5 * i - 1, 0.5 * k - 1), any);
+                assert_int_equal(sp_visible_ranges_meet(&ranges, 98 + 0.5 * i, 98 + 0.5 * k), any);
+                assert_int_equal(sp_visible_ranges_meet(&keys, 0.5 * i - 1, 0.5 * k - 1), any);
             }
-        assert_false(sp_shown_meets(&shown, INFINITY, -INFINITY));
+        assert_false(sp_visible_ranges_meet(&ranges, INFINITY, -INFINITY));
     }
 }
 
@@ -363,7 +363,7 @@ int main(void) {
         cmocka_unit_test(graded_axes_have_kernels_of_their_own),
         cmocka_unit_test(coarse_levels_average_the_scalar),
         cmocka_unit_test(the_gradient_axis_scales_opacity),
-        cmocka_unit_test(what_is_shown_is_where_the_function_is_not_zero),
+        cmocka_unit_test(visible_ranges_are_where_the_opacity_is_not_zero),
         cmocka_unit_test(a_background_at_the_foot_of_a_ramp_is_left_out),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "encode/encoder.h"
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 enum { SIDE = 512, QUALITY = 100 };
 

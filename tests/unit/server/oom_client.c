@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 #include "server/daemon.h"
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 /* The daemon. */
 

@@ -14,7 +14,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 #include "support/sanitized.h"
 
 #define PATH(format)                                                                               \

@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 static struct oom_client stream = { .fd = -1 };
 

@@ -19,7 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 #include "unit/server/oom.h"
 
 static char control[64]; /* the session's token */

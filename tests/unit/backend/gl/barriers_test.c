@@ -327,7 +327,7 @@ static void frames_in_flight(void **state) {
             copies[i] = watch.copies;
         }
         if (k == 20)
-            sp_renderer_forget(rig->renderer, rig->volumes[0]);
+            sp_renderer_evict(rig->renderer, rig->volumes[0]);
         finish(rig, copies[0]);
         finish(rig, copies[1]);
     }

@@ -78,7 +78,7 @@ static void edits_leave_nothing_out(void **state) {
         struct sp_transfer_function tf = make_function(volume, from, to);
         const struct sp_classify_job job = make_job(rig, &tf, i % 7 > 3);
         if (i % 20 == 19)
-            gl_lists_forget(&rig->lists, NULL); /* as with a lost context */
+            gl_lists_evict(&rig->lists, NULL); /* as with a lost context */
         check_against_processor(rig, volume, &job, i == 0);
         from += i % 11 == 10 ? uniform(-0.3, 0.2) : uniform(-0.03, 0.03);
         from = fmin(fmax(from, 0), 0.9);
@@ -131,7 +131,7 @@ static void lists_by_value_follow_edits(void **state) {
             struct sp_classify_job job = make_job(rig, &tf, i % 7 > 3);
             job.reach = i % 2 ? 1 : 2;
             if (i % 10 == 9)
-                gl_lists_forget(&rig->lists, NULL); /* as with a lost context */
+                gl_lists_evict(&rig->lists, NULL); /* as with a lost context */
             check_against_processor(rig, volume, &job, false);
             tf.points[1].color[1] = 0.25f; /* the list stays */
             check_against_processor(rig, volume, &job, false);
@@ -246,8 +246,8 @@ static void without_room_the_processor_classifies(void **state) {
         uint64_t lists = gl_lists_bytes(&rig->lists, volume) - voxels;
         assert_int_equal(rig->warnings, 0);
         assert_int_equal(lists > voxels, n == 1);
-        gl_lists_forget(&rig->lists, volume);
-        sp_classify_cache_forget(&rig->cache, volume);
+        gl_lists_evict(&rig->lists, volume);
+        sp_classify_cache_evict(&rig->cache, volume);
         set_room(rig, n == 0 ? voxels - 1 : n == 1 ? lists : limit, n == 2 ? voxels - 1 : 0);
         for (int again = 0; again < 2; again++)
             check_against_processor(rig, volume, &job, true);
@@ -272,7 +272,7 @@ static void the_processor_and_the_gpu_take_turns(void **state) {
         for (int turn = 0; turn < 4; turn++) {
             const struct sp_classify_job job = make_job(rig, &tf, turn > 0);
             bool is_gpu = turn % 2 == 0;
-            gl_lists_forget(&rig->lists, volume);
+            gl_lists_evict(&rig->lists, volume);
             rig->lists.classify.block_bytes = is_gpu ? 0 : 20000; /* the samples take more */
             check_against_processor(rig, volume, &job, false);
             tf.points[1].color[0] = 0.1f * (float)turn;
@@ -303,7 +303,7 @@ static void a_cancelled_pass_can_be_made_again(void **state) {
 }
 
 /* A voxel's direction may be off by a step of its map, which is two degrees, or 8 of 255. */
-static void check_flakes(const uint32_t got[2], struct sp_flakes wanted) {
+static void check_microflakes(const uint32_t got[2], struct sp_microflakes wanted) {
     for (int i = 0; i < 8; i++) {
         int a = (int)(got[i / 4] >> 8 * (i % 4) & 255);
         int b = (int)(wanted.word[i / 4] >> 8 * (i % 4) & 255);
@@ -353,7 +353,7 @@ static void check_coarse(const struct gl_list *list, const struct sp_level *want
             else
                 check_class(row, &wanted->transfer.table[e]);
             if (normals && !is_post)
-                check_flakes(&packed[size * e], *sp_visible_flakes(v, e));
+                check_microflakes(&packed[size * e], *sp_visible_microflakes(v, e));
         }
     }
     if (is_post)
@@ -406,7 +406,7 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
             job.levels = levels[(n + m) % 6];
             check_levels(rig, volume, &job);
         }
-        gl_lists_forget(&rig->lists, NULL); /* as with a lost context: from the samples again */
+        gl_lists_evict(&rig->lists, NULL); /* as with a lost context: from the samples again */
         struct sp_classify_job job = make_job(rig, &tf, true);
         job.levels = 8;
         check_levels(rig, volume, &job);
@@ -452,7 +452,7 @@ int main(void) {
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     gl_lists_finish(&rig.lists);
-    sp_classify_cache_forget(&rig.cache, NULL);
+    sp_classify_cache_evict(&rig.cache, NULL);
     sp_pool_destroy(&rig.pool);
     gl_context_destroy(&context);
     return failed;

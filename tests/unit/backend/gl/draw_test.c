@@ -149,7 +149,7 @@ static void pieces_make_the_whole(void **state) {
             reset(rig, &whole);
         }
         test_image_finish(&wanted);
-        rig->backend->forget(rig->state, volume);
+        rig->backend->evict(rig->state, volume);
         sp_volume_unref(&volume);
         test_scene_finish(&scene);
     }
@@ -158,13 +158,13 @@ static void pieces_make_the_whole(void **state) {
 /* One frame of a backend. */
 static struct test_image draw_by(const struct sp_backend *backend, void *state,
                                  struct sp_volume *volume, const struct sp_view *view,
-                                 unsigned coarse, struct sp_frame_pool *pool) {
+                                 unsigned mip_level, struct sp_frame_pool *pool) {
     struct test_image image;
     struct sp_error err;
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], SP_RGBAF32, &err);
     assert_non_null(frame);
     const struct sp_backend_job job = {
-        .volume = volume, .view = view, .coarse = coarse, .frame = frame
+        .volume = volume, .view = view, .mip_level = mip_level, .frame = frame
     };
     if (!backend->render(state, &job, &err))
         fail_msg("%s", err.text);
@@ -187,7 +187,7 @@ static void other_choices_are_those_of_the_reference(void **state) {
     assert_non_null(reference);
     for (int n = 0; n < 10; n++) {
         struct sp_view view = scene.view;
-        unsigned coarse = n < 6 ? (unsigned)n % 3 : 0;
+        unsigned mip_level = n < 6 ? (unsigned)n % 3 : 0;
         bool is_post = n >= 3 && n != 6 && n != 7;
         if (is_post)
             view.transfer_function.order = SP_TF_POST;
@@ -198,19 +198,20 @@ static void other_choices_are_those_of_the_reference(void **state) {
             view.filter.kernel = n % 2 ? SP_KERNEL_CUBIC : SP_KERNEL_GAUSSIAN;
             view.clip.box[1][0] = 0.6;
         }
-        struct test_image got = draw_by(rig->backend, rig->state, volume, &view, coarse, rig->pool);
-        struct test_image wanted = draw_by(cpu, reference, volume, &view, coarse, rig->pool);
+        struct test_image got =
+            draw_by(rig->backend, rig->state, volume, &view, mip_level, rig->pool);
+        struct test_image wanted = draw_by(cpu, reference, volume, &view, mip_level, rig->pool);
         double psnr = test_image_psnr(&got, &wanted);
         print_message("  %s, coarse %u, filter %d, kernel %d, mode %d: %.1f dB\n",
-                      is_post ? "post" : "pre", coarse, (int)view.filter.mode,
+                      is_post ? "post" : "pre", mip_level, (int)view.filter.mode,
                       (int)view.filter.kernel, (int)view.compositing.mode, psnr);
         assert_true(psnr >= 90);
         test_image_finish(&got);
         test_image_finish(&wanted);
     }
-    cpu->forget(reference, volume);
+    cpu->evict(reference, volume);
     cpu->destroy(reference);
-    rig->backend->forget(rig->state, volume);
+    rig->backend->evict(rig->state, volume);
     sp_volume_unref(&volume);
     test_scene_finish(&scene);
 }
@@ -237,7 +238,7 @@ static void a_crowded_picture_is_one_batch(void **state) {
         test_image_finish(&wanted);
     }
     reset(rig, &whole);
-    rig->backend->forget(rig->state, volume);
+    rig->backend->evict(rig->state, volume);
     sp_volume_unref(&volume);
     test_scene_finish(&scene);
 }
@@ -291,7 +292,7 @@ static void an_edit_uploads_what_it_changes(void **state) {
     struct test_image again = draw_ok(rig, volume, &scene.view, NULL);
     check_same(&again, &before, "edited back");
     assert_true(rig->backend->memory(rig->state, volume) > 0);
-    rig->backend->forget(rig->state, volume);
+    rig->backend->evict(rig->state, volume);
     assert_int_equal(rig->backend->memory(rig->state, volume), 0);
     test_image_finish(&before);
     test_image_finish(&turned);
@@ -322,10 +323,10 @@ static void edits_draw_what_a_fresh_renderer_draws(void **state) {
         assert_true(psnr >= 90); /* where opaque tiles end, splats that are hidden may tell */
         test_image_finish(&got);
         test_image_finish(&wanted);
-        fresh.backend->forget(fresh.state, volume);
+        fresh.backend->evict(fresh.state, volume);
     }
     close_rig(&fresh);
-    rig->backend->forget(rig->state, volume);
+    rig->backend->evict(rig->state, volume);
     sp_volume_unref(&volume);
     test_scene_finish(&scene);
 }
@@ -352,7 +353,7 @@ static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
         assert_true(test_image_psnr(&turned, &image) < 90);
         test_image_finish(&turned);
         test_image_finish(&image);
-        rig->backend->forget(rig->state, volume);
+        rig->backend->evict(rig->state, volume);
         sp_volume_unref(&volume);
         test_scene_finish(&scene);
     }
@@ -386,7 +387,7 @@ static void what_is_kept_from_other_views_makes_no_difference(void **state) {
         close_rig(&fresh);
     }
     for (int i = 0; i < 3; i++) {
-        rig->backend->forget(rig->state, volumes[i]);
+        rig->backend->evict(rig->state, volumes[i]);
         sp_volume_unref(&volumes[i]);
         test_scene_finish(&scenes[i]);
     }

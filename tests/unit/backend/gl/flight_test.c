@@ -26,7 +26,7 @@ enum { SIZE = 40, SHOTS = 6 };
 struct shot {
     struct sp_volume *volume;
     struct sp_view view;
-    unsigned coarse;
+    unsigned mip_level;
     struct test_image alone;
 };
 
@@ -52,7 +52,7 @@ static struct sp_backend_job make_job(struct rig *rig, const struct shot *shot,
     assert_non_null(frame);
     return (struct sp_backend_job){ .volume = shot->volume,
                                     .view = &shot->view,
-                                    .coarse = shot->coarse,
+                                    .mip_level = shot->mip_level,
                                     .frame = frame,
                                     .cancel = cancel };
 }
@@ -152,7 +152,7 @@ static void what_is_in_flight_may_be_dropped(void **state) {
     rig->state->lists.limit_bytes = limit;
     struct sp_backend_job job = make_job(rig, &rig->shots[0], NULL);
     begin(rig, &job);
-    rig->backend->forget(rig->state, rig->volumes[0]);
+    rig->backend->evict(rig->state, rig->volumes[0]);
     finish(rig, &job, &rig->shots[0]);
 }
 
@@ -213,7 +213,7 @@ static void describe_shots(struct rig *rig) {
     rig->shots[2].view.compositing.mode = SP_COMPOSITE_SLAB;
     rig->shots[2].view.transfer_function.order = SP_TF_POST;
     rig->shots[3].view.size[0] = 2 * SIZE + 3;
-    rig->shots[3].coarse = 1;
+    rig->shots[3].mip_level = 1;
     struct sp_view *tinted = &rig->shots[4].view;
     for (uint32_t p = 0; p < tinted->transfer_function.point_count; p++) {
         tinted->transfer_function.points[p].color[1] = 0;

@@ -245,8 +245,8 @@ void check_against_processor(struct rig *rig, struct sp_volume *volume,
 }
 
 void forget(struct rig *rig, struct sp_volume **volume) {
-    gl_lists_forget(&rig->lists, *volume);
-    sp_classify_cache_forget(&rig->cache, *volume);
+    gl_lists_evict(&rig->lists, *volume);
+    sp_classify_cache_evict(&rig->cache, *volume);
     sp_volume_unref(volume);
 }
 

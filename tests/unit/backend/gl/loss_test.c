@@ -237,7 +237,7 @@ static void a_gpu_that_is_reset_again_and_again_is_given_up(void **state) {
     assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     assert_int_equal(warnings, 3);
     /* There is no context now; what needs none goes on. */
-    sp_renderer_forget(scene->renderer, scene->volumes[0]);
+    sp_renderer_evict(scene->renderer, scene->volumes[0]);
     assert_int_equal(sp_renderer_memory(scene->renderer, scene->volumes[0]), 0);
     check_pictures(scene);
 }

@@ -174,7 +174,7 @@ static void what_was_needed_once_goes(void **state) {
 /* The rig's volume from now on. */
 static void take_volume(struct rig *rig, struct sp_volume *volume) {
     assert_non_null(volume);
-    rig->backend->forget(rig->state, rig->volume);
+    rig->backend->evict(rig->state, rig->volume);
     sp_volume_unref(&rig->volume);
     rig->volume = volume;
 }
@@ -263,7 +263,7 @@ static void pieces_are_what_lists_leave(void **state) {
         must_render(&rig, rig.volume, &view);
         assert_int_equal(gl_lists_voxels(&rig.state->lists, rig.volume)->refusals, 0);
     }
-    rig.backend->forget(rig.state, other);
+    rig.backend->evict(rig.state, other);
     sp_volume_unref(&other);
     close_rig(&rig);
 }
@@ -305,7 +305,7 @@ static void many_bricks_are_sent_in_turns(void **state) {
     assert_in_range(large.state->upload.bytes - before, 1, 2000); /* constants: bricks are there */
     test_image_finish(&again);
     test_image_finish(&wanted);
-    large.backend->forget(large.state, tight.volume);
+    large.backend->evict(large.state, tight.volume);
     close_rig(&large);
     close_rig(&tight);
 }
@@ -333,7 +333,7 @@ static void scratch_makes_room_for_samples(void **state) {
     must_render(&rig, rig.volume, &small);
     assert_int_equal(voxels_of(&rig)->refusals, 0);
     assert_true(voxels_of(&rig)->samples.bytes > 0);
-    rig.backend->forget(rig.state, other);
+    rig.backend->evict(rig.state, other);
     sp_volume_unref(&other);
     close_rig(&rig);
 }

@@ -62,7 +62,7 @@ static void check(const struct rig *rig, struct sp_volume *volume, const struct 
     assert_true(psnr >= 70);
     test_image_finish(&got);
     test_image_finish(&wanted);
-    sp_renderer_forget(rig->scalar, volume);
+    sp_renderer_evict(rig->scalar, volume);
 }
 
 /* The renderer is told of none that goes, and keeps what it has of them for as long as it likes. */
@@ -99,7 +99,7 @@ static void a_curve_is_not_that_of_another_range(void **state) {
         view.compositing.mode = SP_COMPOSITE_SLAB;
         view.size[0] = view.size[1] = SIZE;
         check(rig, volume, &view);
-        sp_renderer_forget(rig->gl, volume);
+        sp_renderer_evict(rig->gl, volume);
         sp_volume_unref(&volume);
     }
 }

@@ -15,7 +15,7 @@
 #include <cmocka.h>
 
 #include "http/websocket.h"
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 #include "unit/server/session/hub_fixture.h"
 
 enum { ROOM = 1 << 20 };

@@ -75,17 +75,17 @@ static void what_stands_still_grows_no_older(void **state) {
     f->job->order = 7;
     srv_frame_queue_interrupt(&flights, A, SRV_INTERRUPT_NEWER_VIEW, 1010);
     srv_frame_queue_pause(&flights, 6, 1020); /* another one */
-    assert_false(f->hold.wanted);
+    assert_false(f->pause.requested);
     srv_frame_queue_pause(&flights, 7, 1020);
-    assert_true(f->hold.wanted);
+    assert_true(f->pause.requested);
     assert_true(srv_inflight_paused(f, 1020) == 0);
     assert_true(srv_inflight_age_ms(f, 1500) == 20);
     srv_frame_queue_tick(&flights, 5000);
     srv_frame_queue_resume(&flights, 6, 5000);
-    assert_true(f->hold.wanted && !f->cancel);
+    assert_true(f->pause.requested && !f->cancel);
     srv_frame_queue_resume(&flights, 7, 5020);
-    assert_false(f->hold.wanted);
-    assert_true(f->hold.held_ms == 4000 && srv_inflight_age_ms(f, 5030) == 30);
+    assert_false(f->pause.requested);
+    assert_true(f->pause.paused_ms == 4000 && srv_inflight_age_ms(f, 5030) == 30);
     srv_frame_queue_pause(&flights, 7, 5050);
     srv_inflight_paused(f, 5050);
     srv_frame_queue_resume(&flights, 7, 6050);
@@ -99,7 +99,7 @@ static void what_stands_still_grows_no_older(void **state) {
     for (int i = 0; i < SP_IN_FLIGHT_MAX; i++) {
         srv_frame_queue_pop(&flights, 7000);
         f = begin(1, A, 7000);
-        assert_true(!f->hold.wanted && f->hold.held_ms == 0 && f->held_since_ms == 0);
+        assert_true(!f->pause.requested && f->pause.paused_ms == 0 && f->held_since_ms == 0);
     }
     srv_frame_queue_pop(&flights, 7000);
     srv_frame_queue_pause(&flights, 0, 7000); /* nothing is begun */
@@ -117,10 +117,10 @@ static void what_is_to_stand_still_and_runs_pays_half(void **state) {
     assert_true(srv_inflight_paused(f, 1018) == 4); /* another thread of it */
     assert_true(srv_inflight_age_ms(f, 1050) == 14);
     srv_frame_queue_resume(&flights, 7, 1050);
-    assert_true(f->hold.held_ms == 36 && srv_inflight_age_ms(f, 1051) == 15);
+    assert_true(f->pause.paused_ms == 36 && srv_inflight_age_ms(f, 1051) == 15);
     srv_frame_queue_pause(&flights, 7, 1060); /* again, and nothing of it comes to a stand */
     srv_frame_queue_resume(&flights, 7, 1070);
-    assert_true(f->hold.held_ms == 41);
+    assert_true(f->pause.paused_ms == 41);
 }
 
 static void the_clock_of_one_behind_starts_when_it_is_the_oldest(void **state) {

@@ -29,7 +29,7 @@ enum {
 
 struct render { /* that was begun and not finished */
     const struct sp_renderer *renderer;
-    struct sp_hold *hold;
+    struct sp_pause *pause;
     uint32_t size[2];
     const atomic_bool *cancel;
     struct sp_frame *frame;
@@ -45,7 +45,7 @@ static struct {                            /* guarded by the gate's mutex */
     bool stops_express;              /* those wait at the gate, too */
     const struct sp_renderer *first; /* the stream lane's */
     uint32_t size[2];                /* of the newest render */
-    unsigned coarse;
+    unsigned mip_level;
     struct sp_renderer_info info; /* as a renderer tells it after its next render */
 } seen;
 
@@ -73,11 +73,11 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
     assert_true(seen.begun_count < seen.depth || renderer != seen.first);
     seen.expressed += renderer != seen.first;
     seen.begun[seen.begun_count++] = (struct render){
-        renderer, options->hold, { view->size[0], view->size[1] }, options->cancel, frame
+        renderer, options->pause, { view->size[0], view->size[1] }, options->cancel, frame
     };
     gate.entered++;
-    seen.coarse = options->coarse;
-    seen.sharp += options->coarse == 0 && view->size[0] == FULL;
+    seen.mip_level = options->mip_level;
+    seen.sharp += options->mip_level == 0 && view->size[0] == FULL;
     memcpy(seen.size, view->size, sizeof seen.size);
     pthread_mutex_unlock(&gate.mutex);
     return true;
@@ -94,13 +94,13 @@ static unsigned find_render(const struct sp_renderer *renderer) {
 }
 
 static void stand_still(void *user) {
-    struct sp_hold *hold = user;
-    if (!atomic_load(&hold->wanted))
+    struct sp_pause *pause = user;
+    if (!atomic_load(&pause->requested))
         return;
     pthread_mutex_lock(&gate.mutex);
     seen.held++;
     pthread_mutex_unlock(&gate.mutex);
-    hold->wait(hold->user);
+    pause->wait(pause->user);
 }
 
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
@@ -108,7 +108,7 @@ struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct 
     struct render render = seen.begun[find_render(renderer)];
     bool is_free = renderer != seen.first && !seen.stops_express;
     pthread_mutex_unlock(&gate.mutex);
-    if (!is_free && !gate_pass(render.cancel, stand_still, render.hold)) {
+    if (!is_free && !gate_pass(render.cancel, stand_still, render.pause)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         sp_frame_unref(&render.frame);
     }
@@ -284,11 +284,11 @@ static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(
     update(f, 1);
     gate_await(&gate.entered, 2);
     uint32_t pixels = seen.size[0] * seen.size[1];
-    unsigned seq = 1, coarse = seen.coarse;
+    unsigned seq = 1, mip_level = seen.mip_level;
     while (gate_count(&gate.cancelled) == 0)
         update(f, ++seq);
     gate_await(&gate.entered, 3);
-    assert_true(seen.coarse > coarse || seen.size[0] * seen.size[1] < pixels);
+    assert_true(seen.mip_level > mip_level || seen.size[0] * seen.size[1] < pixels);
     double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
     while (srv_clock_ms() < long_ago_ms)
         update(f, ++seq);
@@ -368,12 +368,12 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     begin(f, 1e6);
     srv_render_pool_info(f->render.render_pool, info);
     assert_string_equal(info[0].backend, "gate");
-    assert_string_equal(info[0].given_up, "");
+    assert_string_equal(info[0].failover_reason, "");
     assert_null(info[1].backend); /* there was no still yet */
     gate_await(&gate.entered, 1);
     pthread_mutex_lock(&gate.mutex);
     seen.info = (struct sp_renderer_info){
-        .backend = "fence", .isa = "", .device = "a hedge", .given_up = "the gate is stuck"
+        .backend = "fence", .isa = "", .device = "a hedge", .failover_reason = "the gate is stuck"
     };
     pthread_mutex_unlock(&gate.mutex);
     gate_let_through(1);
@@ -383,7 +383,7 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     free(stats);
     srv_render_pool_info(f->render.render_pool, info);
     assert_string_equal(info[0].backend, "fence");
-    assert_string_equal(info[0].given_up, "the gate is stuck");
+    assert_string_equal(info[0].failover_reason, "the gate is stuck");
 }
 
 /* Nothing is under way, and as much time has passed as there is between two frames of a
@@ -470,7 +470,7 @@ static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool h
     begin(f, 1e6);
     pthread_mutex_lock(&gate.mutex);
     seen.info.backend = "null"; /* of which the express lane makes one for itself */
-    seen.info.holds = holds;
+    seen.info.can_pause = holds;
     pthread_mutex_unlock(&gate.mutex);
     gate_let_through(1000);
     next_frame(f);

@@ -149,7 +149,7 @@ static void finish(struct stage *s) {
 
 static double duration(const struct stage *s, const struct srv_render_job *job) {
     return once_ms(s, job) + s->fixed_ms +
-           ldexp(s->mpx_ms * 1e-6 * job->view.size[0] * job->view.size[1], -(int)job->coarse);
+           ldexp(s->mpx_ms * 1e-6 * job->view.size[0] * job->view.size[1], -(int)job->mip_level);
 }
 
 /* The client turns its view; what is under way is given up when the hub says so. */

@@ -23,12 +23,12 @@ static const uint32_t full[2] = { 1024, 1024 };
 
 static double time_on(const struct machine *m, const struct srv_detail *d) {
     double mpx = (double)d->size[0] * d->size[1] * 1e-6;
-    return m->load * (m->fixed_ms / (1 << 3 * d->coarse) + m->pixel_ms * mpx);
+    return m->load * (m->fixed_ms / (1 << 3 * d->mip_level) + m->pixel_ms * mpx);
 }
 
 /* Rank of a detail in the order of the ladder, 0 = finest. */
 static unsigned rank(const struct srv_detail *d) {
-    return d->coarse * 8 + (8 - d->size[0] * 8 / full[0]);
+    return d->mip_level * 8 + (8 - d->size[0] * 8 / full[0]);
 }
 
 struct drag {
@@ -95,7 +95,7 @@ static void any_machine_settles(void **state) {
             srv_quality_init(&pace);
             drag(&pace, &m, 8);
             struct drag d = drag(&pace, &m, 400);
-            struct srv_detail least = { .coarse = SP_COARSE_MAX,
+            struct srv_detail least = { .mip_level = SP_MIP_LEVEL_MAX,
                                         .size = { full[0] / 4, full[1] / 4 } };
             bool possible = time_on(&m, &least) <= BUDGET * 0.7;
             if (possible && (d.misses > 8 || d.last_ms > 2 * BUDGET))
@@ -117,7 +117,7 @@ static void jitter_does_not_flicker(void **state) {
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
             struct machine m = { fixed[f], pixel[p], 1 };
             struct srv_quality pace;
-            struct srv_detail last = { .coarse = 9 };
+            struct srv_detail last = { .mip_level = 9 };
             unsigned changes = 0;
             srv_quality_init(&pace);
             drag(&pace, &m, 20);
@@ -125,7 +125,7 @@ static void jitter_does_not_flicker(void **state) {
                 random = random * 1664525u + 1013904223u;
                 m.load = 0.88 + (random >> 8) * (0.24 / (1 << 24));
                 struct drag d = drag(&pace, &m, 1);
-                changes += last.coarse != 9 && rank(&d.last) != rank(&last);
+                changes += last.mip_level != 9 && rank(&d.last) != rank(&last);
                 last = d.last;
             }
             if (changes > 20)
@@ -140,12 +140,12 @@ static void pixels_are_given_up_before_voxels(void **state) {
     struct machine m = { 10, 100, 1 };
     srv_quality_init(&pace);
     struct drag d = drag(&pace, &m, 50);
-    assert_int_equal(d.last.coarse, 0);
+    assert_int_equal(d.last.mip_level, 0);
     assert_in_range(d.last.size[0], 512, 1000);
     m = (struct machine){ 320, 4, 1 }; /* here fewer pixels gain nothing */
     srv_quality_init(&pace);
     d = drag(&pace, &m, 50);
-    assert_int_equal(d.last.coarse, 1);
+    assert_int_equal(d.last.mip_level, 1);
     assert_int_equal(d.last.size[0], 1024);
 }
 
@@ -164,7 +164,7 @@ static void what_another_view_took_is_the_first_guess(void **state) {
     srv_quality_init_from(&pace, &other);
     srv_quality_moving(&pace, full, BUDGET, &detail);
     assert_int_equal(detail.size[0], 1024);
-    assert_int_equal(detail.coarse, 0);
+    assert_int_equal(detail.mip_level, 0);
     double guess_ms = srv_quality_expected_ms(&pace, &detail);
     assert_true(guess_ms > 10 && guess_ms < 60);
     srv_quality_done(&pace, &detail, true, BUDGET, 10 * guess_ms);
@@ -188,7 +188,7 @@ static void detail_comes_back_when_the_load_goes(void **state) {
             m.load = load;
             drag(&pace, &m, 40);
             d = drag(&pace, &m, 60);
-            assert_true(d.misses <= 3 || d.last.coarse == SP_COARSE_MAX);
+            assert_true(d.misses <= 3 || d.last.mip_level == SP_MIP_LEVEL_MAX);
             m.load = 1;
             d = drag(&pace, &m, 100);
             if (rank(&d.last) != 0)
@@ -259,10 +259,10 @@ static void a_rest_gives_slow_levels_another_chance(void **state) {
     struct srv_quality pace;
     struct machine m = { 320, 1, 1 }, jammed = { 320, 1, 100 };
     srv_quality_init(&pace);
-    assert_int_equal(drag(&pace, &m, 20).last.coarse, 1);
-    assert_int_equal(drag(&pace, &jammed, 3).last.coarse, 2);
+    assert_int_equal(drag(&pace, &m, 20).last.mip_level, 1);
+    assert_int_equal(drag(&pace, &jammed, 3).last.mip_level, 2);
     rest(&pace, &m);
-    assert_int_equal(drag(&pace, &m, 1).last.coarse, 1);
+    assert_int_equal(drag(&pace, &m, 1).last.mip_level, 1);
     /* What is known to be fast is not forgotten: the next drag begins as the last one ended. */
     struct drag before = drag(&pace, &m, 20);
     rest(&pace, &m);
@@ -300,16 +300,16 @@ static void a_sharp_picture_that_takes_long_is_led_up_to(void **state) {
     srv_quality_init(&pace);
     d = drag(&pace, &voxels, 50);
     rest(&pace, &voxels);
-    assert_int_equal(d.last.coarse, 2);
+    assert_int_equal(d.last.mip_level, 2);
     assert_true(srv_quality_intermediate(&pace, full, &d.last, &middle));
-    assert_int_equal(middle.coarse, 1);
+    assert_int_equal(middle.mip_level, 1);
     assert_int_equal(middle.size[0], 1024);
     assert_false(srv_quality_intermediate(&pace, full, &middle, &middle)); /* it is shown already */
     srv_quality_init(&pace);
     d = drag(&pace, &pixels, 50);
     double sharp_ms = rest(&pace, &pixels);
     assert_true(srv_quality_intermediate(&pace, full, &d.last, &middle));
-    assert_true(middle.size[0] > d.last.size[0] || middle.coarse < d.last.coarse);
+    assert_true(middle.size[0] > d.last.size[0] || middle.mip_level < d.last.mip_level);
     assert_true(time_on(&pixels, &middle) <= sharp_ms / 3);
 }
 

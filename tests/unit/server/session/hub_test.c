@@ -246,13 +246,13 @@ static void moving_frames_are_given_up_late_and_never_twice_in_a_row(void **stat
     srv_schedule_cancelled(f->hub, &job, 140);
     assert_true(next_job(f, 2141, &job));
     assert_int_equal(job.targets[0].seq, 2);
-    assert_true(job.view.size[0] < before || job.coarse > 0);
+    assert_true(job.view.size[0] < before || job.mip_level > 0);
     assert_true(job.cancellable_from_ms == INFINITY);
     finish(f, &job, 30);
     ack(f, p, drain(f, p, 2171).frame, 2172);
     update(f, p, 3, 2300);
     assert_true(next_job(f, 2300, &job));
-    assert_true(job.cancellable_from_ms < INFINITY || job.coarse == SP_COARSE_MAX);
+    assert_true(job.cancellable_from_ms < INFINITY || job.mip_level == SP_MIP_LEVEL_MAX);
     finish(f, &job, 30);
     ack(f, p, drain(f, p, 2330).frame, 2331);
     /* A new transfer function is work that the next picture needs as well. */
@@ -302,7 +302,7 @@ static void a_slow_sharp_picture_comes_in_steps(void **state) {
     assert_true(next_job(f, 5200, &job));
     assert_int_equal(job.step, SRV_STEP_INTERMEDIATE);
     assert_true(job.is_refinement && job.cancellable_from_ms == 0);
-    assert_true(job.coarse < moving.coarse || job.view.size[0] > moving.view.size[0]);
+    assert_true(job.mip_level < moving.mip_level || job.view.size[0] > moving.view.size[0]);
     assert_int_equal(job.targets[0].quality, 90);
     assert_int_equal(job.targets[0].format, SP_IMAGE_JPEG);
     finish(f, &job, 400);
@@ -311,7 +311,7 @@ static void a_slow_sharp_picture_comes_in_steps(void **state) {
     ack(f, p, header.frame, 5601);
     assert_true(next_job(f, 5602, &job));
     assert_int_equal(job.step, SRV_STEP_FINAL);
-    assert_int_equal(job.coarse, 0);
+    assert_int_equal(job.mip_level, 0);
     assert_int_equal(job.view.size[0], 512);
     assert_int_equal(job.targets[0].format, SP_IMAGE_PNG);
     finish(f, &job, 2000);
@@ -557,7 +557,7 @@ static void the_policy_is_told_with_its_reasons(void **state) {
         now_ms += 200;
         update(f, p, i, now_ms);
         assert_true(next_job(f, now_ms, &job));
-        finish(f, &job, 800.0 * job.view.size[0] / 512 / (1 << job.coarse));
+        finish(f, &job, 800.0 * job.view.size[0] / 512 / (1 << job.mip_level));
         char fresh[512];
         take_policy(f, p, now_ms, fresh);
         told += fresh[0] != 0;

@@ -23,7 +23,7 @@
 
 #include "store/database.h"
 #include "store/store.h"
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 #include "unit/server/store/bad_disk.h"
 
 static struct bad_disk *disk;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The list of a level → that of the next coarser one (classify/coarse.c), a work group a coarse brick. By PASS: how many
+// The list of a level → that of the next coarser one (classify/mip.c), a work group a coarse brick. By PASS: how many
 // of its cells have a visible voxel; their entries, classes and flakes; order post: values and gradients. Lists rise by
 // place, so that a slice of a brick is found by bisection, and a cell's eight voxels are added up in the same order every
 // time.
@@ -122,7 +122,7 @@ vec4 class_of(uint entry, uint gradient) {
     return kind;
 }
 
-// sp_flakes_add_normal().
+// sp_microflakes_add_normal().
 void add_normal(inout Sum sum, uint gradient, float weight) {
     if (gradient == 0u)
         return;
@@ -134,8 +134,8 @@ void add_normal(inout Sum sum, uint gradient, float weight) {
     sum.sided += weight;
 }
 
-// sp_flakes_add().
-void add_flakes(inout Sum sum, uvec2 bits, float weight) {
+// sp_microflakes_add().
+void add_microflakes(inout Sum sum, uvec2 bits, float weight) {
     weight *= float(bits.y >> 16 & 255u) / 255.0;
     for (int i = 0; i < 6; i++)
         sum.area[i] += weight / 255.0 * float(bits[i >> 2] >> (8 * (i & 3)) & 255u);
@@ -154,15 +154,15 @@ Sum add_up(uvec3 cell) {
         sum.depth += kind.w;
         sum.color += kind.rgb * kind.w;
         if (list.y == 8u)
-            add_flakes(sum, uvec2(normals[2u * entry], normals[2u * entry + 1u]), kind.w);
+            add_microflakes(sum, uvec2(normals[2u * entry], normals[2u * entry + 1u]), kind.w);
         else
             add_normal(sum, gradient, kind.w);
     }
     return sum;
 }
 
-// sp_flakes_pack().
-uvec2 pack_flakes(Sum sum) {
+// sp_microflakes_pack().
+uvec2 pack_microflakes(Sum sum) {
     uvec2 bits = uvec2(0);
     float scale = sum.sided > 0.0 ? 255.0 / sum.sided : 0.0;
     float share = sum.depth > 0.0 ? min(sum.sided / sum.depth, 1.0) * 255.0 : 0.0;
@@ -202,7 +202,7 @@ void write_cell(uint out_entry, uint local, uvec3 cell) {
     coarse_tables[coarse_rows.w + out_entry] = vec4(sum.color * inverse, sum.depth);
     if (list.y == 0u)
         return;
-    uvec2 bits = pack_flakes(sum);
+    uvec2 bits = pack_microflakes(sum);
     flakes[2u * out_entry] = bits.x;
     flakes[2u * out_entry + 1u] = bits.y;
 }

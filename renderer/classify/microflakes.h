@@ -17,38 +17,40 @@
  *
  *   word 0: | 8 bits a_3 | a_2 | a_1 | a_0 |      word 1: | 0 | share with a side | a_5 | a_4 |
  */
-#ifndef SP_CLASSIFY_FLAKES_H
-#define SP_CLASSIFY_FLAKES_H
+#ifndef SP_CLASSIFY_MICROFLAKES_H
+#define SP_CLASSIFY_MICROFLAKES_H
 
 #include <math.h>
 #include <stdint.h>
 
 #include "classify/gradient.h"
 
-enum { SP_FLAKES_STEPS = 255, SP_FLAKES_AXES = 6 };
+enum { SP_MICROFLAKES_STEPS = 255, SP_MICROFLAKES_AXES = 6 };
 
 /* Of the axes (0, ±m, M), (±m, M, 0), (M, 0, ±m), in this order. */
-#define SP_FLAKES_MINOR 0.525731112f
-#define SP_FLAKES_MAJOR 0.850650808f
+#define SP_MICROFLAKES_MINOR 0.525731112f
+#define SP_MICROFLAKES_MAJOR 0.850650808f
 
-struct sp_flakes {
+struct sp_microflakes {
     uint32_t word[2];
 };
 
 /* What the parts of a cell add up to, each with its weight. */
-struct sp_flakes_sum {
-    float area[SP_FLAKES_AXES], sided; /* of those with a side: Σ weight·|n·w|, Σ weight */
+struct sp_microflakes_sum {
+    float area[SP_MICROFLAKES_AXES], sided; /* of those with a side: Σ weight·|n·w|, Σ weight */
 };
 
 /* A voxel's packed gradient. */
-static inline void sp_flakes_add_normal(struct sp_flakes_sum *sum, uint32_t packed, float weight) {
+static inline void sp_microflakes_add_normal(struct sp_microflakes_sum *sum, uint32_t packed,
+                                             float weight) {
     float n[3];
     if (!packed)
         return;
     sp_gradient_unpack(packed, n);
     static const int plane[3][2] = { { 1, 2 }, { 0, 1 }, { 2, 0 } }; /* of each pair of axes */
     for (int a = 0; a < 3; a++) {
-        float minor = n[plane[a][0]] * SP_FLAKES_MINOR, major = n[plane[a][1]] * SP_FLAKES_MAJOR;
+        float minor = n[plane[a][0]] * SP_MICROFLAKES_MINOR,
+              major = n[plane[a][1]] * SP_MICROFLAKES_MAJOR;
         sum->area[2 * a] += weight * fabsf(major + minor);
         sum->area[2 * a + 1] += weight * fabsf(major - minor);
     }
@@ -56,25 +58,27 @@ static inline void sp_flakes_add_normal(struct sp_flakes_sum *sum, uint32_t pack
 }
 
 /* A finer cell. */
-static inline void sp_flakes_add(struct sp_flakes_sum *sum, struct sp_flakes flakes, float weight) {
-    const float step = 1.0f / SP_FLAKES_STEPS;
-    weight *= (float)(flakes.word[1] >> 16 & 255) * step;
-    for (int i = 0; i < SP_FLAKES_AXES; i++)
-        sum->area[i] += weight * step * (float)(flakes.word[i >> 2] >> 8 * (i & 3) & 255);
+static inline void sp_microflakes_add(struct sp_microflakes_sum *sum,
+                                      struct sp_microflakes microflakes, float weight) {
+    const float step = 1.0f / SP_MICROFLAKES_STEPS;
+    weight *= (float)(microflakes.word[1] >> 16 & 255) * step;
+    for (int i = 0; i < SP_MICROFLAKES_AXES; i++)
+        sum->area[i] += weight * step * (float)(microflakes.word[i >> 2] >> 8 * (i & 3) & 255);
     sum->sided += weight;
 }
 
 /* Of parts whose weights add up to `weight`. */
-static inline struct sp_flakes sp_flakes_pack(const struct sp_flakes_sum *sum, float weight) {
-    struct sp_flakes flakes = { { 0 } };
-    float scale = sum->sided > 0 ? SP_FLAKES_STEPS / sum->sided : 0;
-    float share = weight > 0 ? fminf(sum->sided / weight, 1) * SP_FLAKES_STEPS : 0;
-    for (int i = 0; i < SP_FLAKES_AXES; i++) {
-        float steps = fminf(sum->area[i] * scale, SP_FLAKES_STEPS);
-        flakes.word[i >> 2] |= (uint32_t)(steps + 0.5f) << 8 * (i & 3);
+static inline struct sp_microflakes sp_microflakes_pack(const struct sp_microflakes_sum *sum,
+                                                        float weight) {
+    struct sp_microflakes microflakes = { { 0 } };
+    float scale = sum->sided > 0 ? SP_MICROFLAKES_STEPS / sum->sided : 0;
+    float share = weight > 0 ? fminf(sum->sided / weight, 1) * SP_MICROFLAKES_STEPS : 0;
+    for (int i = 0; i < SP_MICROFLAKES_AXES; i++) {
+        float steps = fminf(sum->area[i] * scale, SP_MICROFLAKES_STEPS);
+        microflakes.word[i >> 2] |= (uint32_t)(steps + 0.5f) << 8 * (i & 3);
     }
-    flakes.word[1] |= (uint32_t)(share + 0.5f) << 16;
-    return flakes;
+    microflakes.word[1] |= (uint32_t)(share + 0.5f) << 16;
+    return microflakes;
 }
 
 #endif

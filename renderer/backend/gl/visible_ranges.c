@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/gl/shown.h"
+#include "backend/gl/visible_ranges.h"
 
 #include <float.h>
 #include <string.h>
 
-#include "classify/shown.h"
+#include "classify/visible_ranges.h"
 
 /* Values as they are compared: those of the samples, or counted from the base as pixels have them.
  */
@@ -54,30 +54,30 @@ static int64_t find_first(const struct scale *scale, double value, bool or_equal
     return low;
 }
 
-void gl_shown_init(struct gl_shown *shown, const struct sp_transfer *transfer) {
-    struct sp_shown values;
+void gl_visible_ranges_init(struct gl_visible_ranges *ranges, const struct sp_transfer *transfer) {
+    struct sp_visible_ranges values;
     struct scale scale = { .type = transfer->type,
                            .is_post = transfer->tf.order == SP_TF_POST,
                            .base = sp_transfer_base(transfer) };
     int64_t bounds[2];
     find_bounds(scale.type, bounds);
     if (scale.is_post)
-        sp_shown_init_keys(&values, &transfer->tf, scale.base);
+        sp_visible_ranges_init_keys(&values, &transfer->tf, scale.base);
     else
-        sp_shown_init(&values, &transfer->tf);
-    shown->count = 0;
+        sp_visible_ranges_init(&values, &transfer->tf);
+    ranges->count = 0;
     for (uint32_t i = 0; i < values.count; i++) {
-        const struct sp_shown_interval *in = &values.interval[i];
+        const struct sp_visible_interval *in = &values.interval[i];
         int64_t low = find_first(&scale, in->low, in->has_low);
         int64_t high = find_first(&scale, in->high, !in->has_high) - 1;
         if (low > bounds[1] || high < bounds[0])
             continue;
-        shown->ends[shown->count][0] = (int32_t)low;
-        shown->ends[shown->count++][1] = (int32_t)high;
+        ranges->ends[ranges->count][0] = (int32_t)low;
+        ranges->ends[ranges->count++][1] = (int32_t)high;
     }
 }
 
-bool gl_shown_is_possible(const struct sp_volume_info *info) {
+bool gl_visible_ranges_is_possible(const struct sp_volume_info *info) {
     return info->type != SP_FLOAT64 && info->range[1] - info->range[0] < (double)FLT_MAX;
 }
 
@@ -85,8 +85,8 @@ static float bounded(double x) {
     return (float)fmax(-(double)FLT_MAX, fmin((double)FLT_MAX, x));
 }
 
-bool gl_shown_write_points(struct gl_buffer *buffer, const struct sp_transfer *transfer,
-                           uint64_t *uploaded, struct sp_error *err) {
+bool gl_visible_ranges_write_points(struct gl_buffer *buffer, const struct sp_transfer *transfer,
+                                    uint64_t *uploaded, struct sp_error *err) {
     enum { HEAD = 4 };
     float rows[HEAD + 2 * SP_TF_POINTS_MAX][4] = { { 0 } };
     const struct sp_transfer_function *tf = &transfer->tf;

@@ -56,14 +56,14 @@ struct light {
     double facing, glint;
 };
 
-static struct light light_flakes(const struct sp_shade *shade, struct sp_flakes flakes,
-                                 const float to_eye[3]) {
-    const sp_wide_int word[2] = { sp_wide_int_all((int32_t)flakes.word[0]),
-                                  sp_wide_int_all((int32_t)flakes.word[1]) };
+static struct light light_microflakes(const struct sp_shade *shade,
+                                      struct sp_microflakes microflakes, const float to_eye[3]) {
+    const sp_wide_int word[2] = { sp_wide_int_all((int32_t)microflakes.word[0]),
+                                  sp_wide_int_all((int32_t)microflakes.word[1]) };
     const sp_wide eye[3] = { sp_wide_all(to_eye[0]), sp_wide_all(to_eye[1]),
                              sp_wide_all(to_eye[2]) };
     sp_wide lit[3], shine[3];
-    sp_shade_flakes(shade, word, eye, lit, shine);
+    sp_shade_microflakes(shade, word, eye, lit, shine);
     for (int c = 0; c < 3; c++)
         for (int i = 0; i < SP_WIDE; i++)
             assert_true(lit[c][i] == lit[0][0] && shine[c][i] == shine[0][0]);
@@ -85,17 +85,17 @@ static struct light light_normal(const struct sp_shade *shade, uint32_t packed,
 }
 
 /* Normals about an axis: spread 0 is one of them, 10 is any. */
-static struct sp_flakes spread_normals(double spread, uint32_t packed[NORMALS]) {
+static struct sp_microflakes spread_normals(double spread, uint32_t packed[NORMALS]) {
     static const struct sp_gradient_grid unit = { .bound = 1 };
     struct sp_vec3 axis = random_direction();
-    struct sp_flakes_sum sum = { 0 };
+    struct sp_microflakes_sum sum = { 0 };
     for (int i = 0; i < NORMALS; i++) {
         struct sp_vec3 n = sp_vec3_add(axis, sp_vec3_scale(random_direction(), spread));
         n = sp_vec3_scale(sp_vec3_normalize(n), i % 2 ? -0.9 : 0.9); /* both sides are one */
         packed[i] = sp_gradient_pack(&unit, n.v);
-        sp_flakes_add_normal(&sum, packed[i], 2);
+        sp_microflakes_add_normal(&sum, packed[i], 2);
     }
-    return sp_flakes_pack(&sum, 2 * NORMALS);
+    return sp_microflakes_pack(&sum, 2 * NORMALS);
 }
 
 /* Root of the mean square of what flakes are off by, for one spread and exponent. */
@@ -104,11 +104,11 @@ static struct light measure(double spread, double exponent) {
     enum { TRIALS = 400 };
     for (int t = 0; t < TRIALS; t++) {
         uint32_t packed[NORMALS];
-        struct sp_flakes flakes = spread_normals(spread, packed);
+        struct sp_microflakes microflakes = spread_normals(spread, packed);
         struct sp_shade shade = make_shade(exponent, random_direction());
         struct sp_vec3 v = random_direction();
         const float to_eye[3] = { (float)v.v[0], (float)v.v[1], (float)v.v[2] };
-        struct light got = light_flakes(&shade, flakes, to_eye), want = { 0, 0 };
+        struct light got = light_microflakes(&shade, microflakes, to_eye), want = { 0, 0 };
         for (int i = 0; i < NORMALS; i++) {
             struct light one = light_normal(&shade, packed[i], to_eye);
             want.facing += one.facing / NORMALS;
@@ -144,16 +144,16 @@ static void parts_without_a_side_face_the_light(void **state) {
     (void)state;
     const float to_eye[3] = { 0, 0, -1 };
     struct sp_shade shade = make_shade(24, random_direction());
-    struct sp_flakes_sum sum = { 0 };
-    sp_flakes_add_normal(&sum, 0, 3);
-    struct light none = light_flakes(&shade, sp_flakes_pack(&sum, 3), to_eye);
+    struct sp_microflakes_sum sum = { 0 };
+    sp_microflakes_add_normal(&sum, 0, 3);
+    struct light none = light_microflakes(&shade, sp_microflakes_pack(&sum, 3), to_eye);
     assert_true(none.facing == 1 && none.glint == 0);
     uint32_t packed[NORMALS];
-    struct sp_flakes flakes = spread_normals(0, packed);
-    struct light all = light_flakes(&shade, flakes, to_eye);
-    sum = (struct sp_flakes_sum){ { 0 }, 0 };
-    sp_flakes_add(&sum, flakes, 1);
-    struct light some = light_flakes(&shade, sp_flakes_pack(&sum, 4), to_eye);
+    struct sp_microflakes microflakes = spread_normals(0, packed);
+    struct light all = light_microflakes(&shade, microflakes, to_eye);
+    sum = (struct sp_microflakes_sum){ { 0 }, 0 };
+    sp_microflakes_add(&sum, microflakes, 1);
+    struct light some = light_microflakes(&shade, sp_microflakes_pack(&sum, 4), to_eye);
     assert_true(fabs(some.facing - (0.75 + 0.25 * all.facing)) < 3e-3);
     assert_true(fabs(some.glint - 0.25 * all.glint) < 3e-3);
 }
@@ -163,24 +163,25 @@ static void means_of_means_are_means(void **state) {
     (void)state;
     srand(32);
     for (int n = 0; n < 200; n++) {
-        struct sp_flakes_sum all = { 0 }, pairs = { 0 };
+        struct sp_microflakes_sum all = { 0 }, pairs = { 0 };
         float weight = 0;
         for (int k = 0; k < 8; k++) {
             uint32_t packed[NORMALS];
             spread_normals(0.3 * k, packed);
-            struct sp_flakes_sum part = { 0 };
+            struct sp_microflakes_sum part = { 0 };
             float own = 0;
             for (int i = 0; i < 8; i++) {
                 float w = (float)uniform(0, 2);
                 uint32_t normal = rand() % 3 ? packed[i] : 0;
-                sp_flakes_add_normal(&part, normal, w);
-                sp_flakes_add_normal(&all, normal, w);
+                sp_microflakes_add_normal(&part, normal, w);
+                sp_microflakes_add_normal(&all, normal, w);
                 own += w;
             }
-            sp_flakes_add(&pairs, sp_flakes_pack(&part, own), own);
+            sp_microflakes_add(&pairs, sp_microflakes_pack(&part, own), own);
             weight += own;
         }
-        struct sp_flakes a = sp_flakes_pack(&all, weight), b = sp_flakes_pack(&pairs, weight);
+        struct sp_microflakes a = sp_microflakes_pack(&all, weight),
+                              b = sp_microflakes_pack(&pairs, weight);
         for (int i = 0; i < 7; i++) {
             int x = a.word[i / 4] >> 8 * (i % 4) & 255, y = b.word[i / 4] >> 8 * (i % 4) & 255;
             assert_true(abs(x - y) <= 1);
@@ -193,7 +194,7 @@ static void any_words_give_light_within_bounds(void **state) {
     (void)state;
     srand(33);
     for (int n = 0; n < 200000; n++) {
-        struct sp_flakes flakes = { { (uint32_t)rand() * 3u, (uint32_t)rand() * 3u } };
+        struct sp_microflakes microflakes = { { (uint32_t)rand() * 3u, (uint32_t)rand() * 3u } };
         struct sp_shade shade = make_shade(pow(2, n % 11), random_direction());
         struct sp_vec3 v = random_direction();
         float to_eye[3] = { (float)v.v[0], (float)v.v[1], (float)v.v[2] };
@@ -201,8 +202,8 @@ static void any_words_give_light_within_bounds(void **state) {
             for (int c = 0; c < 3; c++)
                 to_eye[c] = -shade.lights[0].direction[c];
         if (n % 7 == 0)
-            flakes.word[n % 2] = n % 3 ? 0 : UINT32_MAX;
-        struct light got = light_flakes(&shade, flakes, to_eye);
+            microflakes.word[n % 2] = n % 3 ? 0 : UINT32_MAX;
+        struct light got = light_microflakes(&shade, microflakes, to_eye);
         assert_true(got.facing >= 0 && got.facing <= 2.5 && got.glint >= 0 && got.glint <= 1);
     }
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 #include <dirent.h>
 #include <errno.h>

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Memory that runs out on request. splat_played_memory() of tests/CMakeLists.txt has the linker put
+ * Memory that runs out on request. splat_fake_memory() of tests/CMakeLists.txt has the linker put
  * this file's functions in the place of malloc, calloc, realloc and aligned_alloc, for everything
  * that is linked statically; what shared libraries ask for themselves is there. Thread-safe.
  */
-#ifndef TESTS_SUPPORT_PLAYED_MEMORY_H
-#define TESTS_SUPPORT_PLAYED_MEMORY_H
+#ifndef TESTS_SUPPORT_FAKE_MEMORY_H
+#define TESTS_SUPPORT_FAKE_MEMORY_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -24,7 +24,7 @@ void memory_spare_thread(bool is_spared);
 
 /* For a library's own allocator: may it allocate once more? */
 bool memory_is_left(void);
-/* SQLite's memory runs out, too (played_sqlite.c); before anything else of SQLite is called. */
+/* SQLite's memory runs out, too (fake_sqlite.c); before anything else of SQLite is called. */
 void memory_play_sqlite(void);
 
 #endif

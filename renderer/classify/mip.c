@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "classify/coarse.h"
+#include "classify/mip.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -36,7 +36,7 @@ static bool place_samples(struct sp_level *coarse, const struct sp_grid *fine, u
     return true;
 }
 
-bool sp_coarse_grid(struct sp_level *coarse, const struct sp_grid *fine, struct sp_error *err) {
+bool sp_mip_grid(struct sp_level *coarse, const struct sp_grid *fine, struct sp_error *err) {
     struct sp_grid *grid = &coarse->grid;
     *grid = *fine;
     for (unsigned a = 0; a < 3; a++) {
@@ -58,7 +58,7 @@ bool sp_coarse_grid(struct sp_level *coarse, const struct sp_grid *fine, struct 
 struct sum {
     float depth, color[3]; /* order post: share, value in color[0] */
     union {
-        struct sp_flakes_sum flakes;
+        struct sp_microflakes_sum microflakes;
         float gradient[3]; /* order post */
     };
 };
@@ -140,17 +140,17 @@ static uint32_t count_brick(const struct merge *m, struct cells *cells, uint32_t
 /* A classified voxel, which takes `part` of its cell. */
 static void add_class(const struct merge *m, uint64_t e, float part, struct sum *sum) {
     const struct sp_visible *list = &m->fine->visible;
-    bool has_flakes = sp_visible_has_flakes(list);
-    uint32_t gradient = list->normal && !has_flakes ? sp_visible_normal(list, e) : 0;
+    bool has_microflakes = sp_visible_has_microflakes(list);
+    uint32_t gradient = list->normal && !has_microflakes ? sp_visible_normal(list, e) : 0;
     struct sp_class c = sp_transfer_class_at(&m->fine->transfer, sp_visible_key(list, e), gradient);
     c.depth *= part;
     sum->depth += c.depth;
     for (int k = 0; k < 3; k++)
         sum->color[k] += c.color[k] * c.depth;
-    if (has_flakes)
-        sp_flakes_add(&sum->flakes, *sp_visible_flakes(list, e), c.depth);
+    if (has_microflakes)
+        sp_microflakes_add(&sum->microflakes, *sp_visible_microflakes(list, e), c.depth);
     else
-        sp_flakes_add_normal(&sum->flakes, gradient, c.depth);
+        sp_microflakes_add_normal(&sum->microflakes, gradient, c.depth);
 }
 
 /* A voxel of a scalar that pixels will classify: value and gradient are averaged as they are. */
@@ -219,7 +219,7 @@ static void write_class(const struct merge *m, uint64_t out, const struct sum *s
     for (int k = 0; k < 3; k++)
         c->color[k] = sum->color[k] * inverse;
     if (list->normal)
-        *sp_visible_flakes(list, out) = sp_flakes_pack(&sum->flakes, sum->depth);
+        *sp_visible_microflakes(list, out) = sp_microflakes_pack(&sum->microflakes, sum->depth);
 }
 
 static void fill_brick(const struct merge *m, struct cells *cells, uint32_t brick) {
@@ -303,11 +303,11 @@ static bool merge_level(struct merge *m, struct sp_error *err) {
     return !sp_classify_cancelled(m->job, err);
 }
 
-bool sp_coarse_make(struct sp_level *coarse, const struct sp_level *fine,
-                    const struct sp_classify_job *job, struct sp_error *err) {
+bool sp_mip_make(struct sp_level *coarse, const struct sp_level *fine,
+                 const struct sp_classify_job *job, struct sp_error *err) {
     bool is_post = job->tf->order == SP_TF_POST;
-    uint32_t normal_bytes = is_post ? 4 : sizeof(struct sp_flakes);
-    if (!sp_coarse_grid(coarse, &fine->grid, err) ||
+    uint32_t normal_bytes = is_post ? 4 : sizeof(struct sp_microflakes);
+    if (!sp_mip_grid(coarse, &fine->grid, err) ||
         !sp_visible_init(&coarse->visible, coarse->grid.dims, 4, normal_bytes, err))
         return false;
     struct merge m = { .fine = fine, .coarse = coarse, .is_post = is_post, .job = job };

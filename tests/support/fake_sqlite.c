@@ -2,7 +2,7 @@
 #include <sqlite3.h>
 #include <stddef.h>
 
-#include "support/played_memory.h"
+#include "support/fake_memory.h"
 
 static sqlite3_mem_methods real_memory;
 
