@@ -29,8 +29,8 @@ struct setting {
     const char *name; /* --name, and the key in a file */
     enum kind kind;
     size_t offset;       /* in struct srv_config */
-    const char *initial; /* default; NULL = not set */
-    int64_t min, max;    /* bytes, px, ms or a count, inclusive */
+    const char *initial; /* default, as text; NULL = not set */
+    int64_t min, max;    /* inclusive; bytes, pixels, milliseconds or a count */
     const char *argument, *doc;
 };
 
@@ -38,107 +38,121 @@ struct setting {
 
 static const struct setting settings[] = {
     { "listen", TEXT, AT(listen), "127.0.0.1:8080", 0, 0, "ADDRESS:PORT",
-      "where to listen; port 0 picks one; another address than loopback needs "
-      "--token-file or TLS" },
-    { "volume", VOLUME, 0, NULL, 0, 0, "PATH|demo:NAME", "load this volume; may be repeated" },
-    { "data", TEXT, AT(data), NULL, 0, 0, "DIR", "folder from which clients may load volumes" },
+      "Address and port to listen on. Port 0 picks a free port. An address other than loopback "
+      "requires --token-file or TLS." },
+    { "volume", VOLUME, 0, NULL, 0, 0, "PATH|demo:NAME",
+      "Load this volume at the start. May be given up to 64 times." },
+    { "data", TEXT, AT(data), NULL, 0, 0, "DIR",
+      "Folder from which clients may load volumes. Not set = clients cannot load files." },
     { "state", TEXT, AT(state), NULL, 0, 0, "DIR",
-      "keep volumes, sessions, views, presets and camera paths here, so that they outlive the "
-      "daemon" },
+      "Folder in which volumes, sessions, views, presets and camera paths are stored, so that they "
+      "survive a restart. Not set = nothing is stored." },
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
-      "budget for volumes; 0 = half of the machine's memory" },
+      "Memory for volumes. 0 = half of the machine's memory." },
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",
-      "budget for all that is kept on a GPU; 0 = three quarters of its memory, or up to "
-      "2 GiB where it does not tell" },
-    { "backend", TEXT, AT(backend), "auto", 0, 0, "NAME", "renderer to use; see below" },
+      "GPU memory for volumes and images. 0 = three quarters of the GPU's memory, or up to 2G if "
+      "the driver does not report its size." },
+    { "backend", TEXT, AT(backend), "auto", 0, 0, "NAME", "Renderer to use; see the list below." },
     { "gpu", TEXT, AT(gpu), "auto", 0, 0, "N",
-      "GPU to use, as --probe numbers them; auto is the first that works" },
+      "GPU to use, by its number in the output of --probe. auto = the first that works." },
     { "require-gpu", YES_NO, AT(require_gpu), "no", 0, 0, NULL,
-      "do not start without a GPU, and never go over to the CPU" },
+      "Fail at the start if no GPU works, and never fall back to the CPU." },
     { "isa", TEXT, AT(isa), "auto", 0, 0, "NAME",
-      "instruction set of the CPU renderer: auto, scalar, sse41, avx2, avx512, neon" },
-    { "threads", COUNT, AT(threads), "0", 0, 256, "N", "render threads; 0 = one a core" },
+      "Instruction set of the CPU renderer: auto, scalar, sse41, avx2, avx512 or neon. auto = the "
+      "best that the processor has." },
+    { "threads", COUNT, AT(threads), "0", 0, 256, "N",
+      "Render threads. 0 = one per processor core." },
     { "token-file", TEXT, AT(token_file), NULL, 0, 0, "FILE",
-      "the tokens, one a line, with what each is for (README); without it a random one is "
-      "made and printed" },
+      "File of tokens, one per line, with their roles and quotas (server/config/README.md). Not "
+      "set "
+      "= the daemon creates a random token and prints it." },
     { "tls-cert", TEXT, AT(tls_cert), NULL, 0, 0, "FILE",
-      "speak TLS with this certificate (PEM, its own first, then its chain); needs --tls-key" },
+      "Serve TLS with this certificate (PEM: the server's certificate, then its chain). Requires "
+      "--tls-key." },
     { "tls-key", TEXT, AT(tls_key), NULL, 0, 0, "FILE",
-      "its private key (PEM), which others may not be able to read" },
+      "Private key of the certificate (PEM). Other users must not be able to read the file." },
     { "allow-origin", TEXT, AT(allow_origin), NULL, 0, 0, "ORIGIN,...",
-      "pages of these other origins may use this daemon, with a token; none by default" },
-    { "connections", COUNT, AT(connections), "256", 1, 60000, "N", "open connections" },
+      "Web origins whose pages may use this daemon, with a token. Not set = only the daemon's own "
+      "page." },
+    { "connections", COUNT, AT(connections), "256", 1, 60000, "N", "Open connections." },
     { "connections-per-address", COUNT, AT(connections_per_address), "0", 0, 60000, "N",
-      "open connections from one address; 0 = a quarter of --connections, and all of them from "
-      "this machine's own, where a reverse proxy may be" },
+      "Open connections from one address. 0 = a quarter of --connections, or all of them from this "
+      "machine's own addresses, where a reverse proxy may run." },
     { "handshakes", COUNT, AT(handshakes), "256", 1, 10000, "N",
-      "TLS handshakes at a time; of more the oldest ends" },
+      "Concurrent TLS handshakes. When there are more, the oldest one ends." },
     { "handshake-rate", COUNT, AT(handshake_rate), "0", 0, 100000, "N",
-      "TLS handshakes a second from one address, and those of sixteen seconds at once; 0 = 50, and "
-      "any number from this machine's own, where a reverse proxy may be" },
+      "TLS handshakes per second from one address, with bursts of 16 seconds' worth. 0 = 50, or "
+      "unlimited from this machine's own addresses, where a reverse proxy may run." },
     { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",
-      "requests on one connection, pipelined or not, before it ends" },
-    { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "sessions that are awake" },
+      "Requests per connection, pipelined or not. The connection closes after the last one." },
+    { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "Active sessions." },
     { "sleeping-sessions", COUNT, AT(sleeping_sessions), "10000", 1, 1000000, "N",
-      "sessions that sleep; at that many no new one is made" },
-    { "participants", COUNT, AT(participants), "32", 1, 64, "N", "participants of one session" },
-    { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "kept views" },
-    { "presets", COUNT, AT(presets), "1000", 1, 100000, "N", "kept presets" },
-    { "paths", COUNT, AT(paths), "64", 1, 10000, "N", "camera paths, drawn or not" },
-    { "path-frames", COUNT, AT(path_frames), "10000", 1, 999999, "N", "frames of a camera path" },
+      "Hibernated sessions. At this number no new session can be created." },
+    { "participants", COUNT, AT(participants), "32", 1, 64, "N", "Participants per session." },
+    { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "Saved views." },
+    { "presets", COUNT, AT(presets), "1000", 1, 100000, "N", "Saved presets." },
+    { "paths", COUNT, AT(paths), "64", 1, 10000, "N", "Camera paths, finished or not." },
+    { "path-frames", COUNT, AT(path_frames), "10000", 1, 999999, "N", "Frames per camera path." },
     { "path-bytes", SIZE, AT(path_bytes), "4G", 1024, 64 * TIB, "SIZE",
-      "files of all camera paths, in --state or else in a folder below $TMPDIR" },
+      "Total size of the files of all camera paths, in --state or else in a folder below "
+      "$TMPDIR." },
     { "message-size", SIZE, AT(message_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
-      "largest message on a stream" },
+      "Largest message that a client may send on a stream." },
     { "body-size", SIZE, AT(body_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
-      "largest body of a request" },
+      "Largest body of an HTTP request." },
     { "header-size", SIZE, AT(header_size), "32K", 4096, MIB, "SIZE",
-      "memory of one connection for its request line and headers" },
+      "Memory per connection for the request line and the headers." },
     { "stream-bytes", SIZE, AT(stream_bytes), "8M", 64 * KIB, 1024 * MIB, "SIZE",
-      "bytes of frames that one client may not have acknowledged yet" },
+      "Bytes of frames per client that are sent and not yet acknowledged." },
     { "render-queue", COUNT, AT(render_queue), "32", 1, 10000, "N",
-      "renders by HTTP that may wait" },
+      "Snapshots (images requested over HTTP) that may wait to be rendered." },
     { "render-bytes", SIZE, AT(render_bytes), "1G", MIB, TIB, "SIZE",
-      "pictures by HTTP that are made or on their way to their clients, together" },
+      "Total memory of all snapshots that are being rendered or sent." },
     { "frame-size", PIXELS, AT(frame_px), "16M", 512 * 512, (int64_t)SP_SIZE_MAX *SP_SIZE_MAX,
-      "PX|WxH", "largest picture that a client may ask for; 16M is 4096x4096" },
+      "PX|WxH", "Largest image, in pixels, that a client may request. 16M is 4096x4096." },
     { "video-pixels", PIXELS, AT(video_px), "8M", 512 * 512, 1024 * MIB, "PX|WxH",
-      "pictures of all video encoders together, of 40 (VP8) to 100 (VP9) bytes a px; beyond, "
-      "streams get JPEG; as many again for movies of camera paths" },
+      "Total frame size, in pixels, of all video encoders of streams, which take 40 (VP8) to 100 "
+      "(VP9) bytes per pixel. Streams above it get JPEG. The movies of camera paths have the same "
+      "limit again." },
     { "header-time", SECONDS, AT(header_time_ms), "10", 50, 600000, "SECONDS",
-      "a request's headers must arrive within this" },
+      "Time limit for the headers of a request to arrive." },
     { "request-time", SECONDS, AT(request_time_ms), "30", 50, 600000, "SECONDS",
-      "a request's body must arrive, and an answer must be read, within this each" },
+      "Time limit for the body of a request to arrive, and again for the client to read the "
+      "answer." },
     { "idle-time", SECONDS, AT(idle_time_ms), "60", 50, 3600000, "SECONDS",
-      "a connection without a request is closed after this" },
+      "Time after which a connection without a request is closed." },
     { "ping-time", SECONDS, AT(ping_time_ms), "15", 50, 3600000, "SECONDS",
-      "a silent stream is pinged after this, and closed after three times this" },
+      "Time after which a silent stream is pinged. It is closed after three times this." },
     { "stall-time", SECONDS, AT(stall_time_ms), "20", 50, 3600000, "SECONDS",
-      "a client that takes no data or owes an acknowledgement for this long is dropped" },
+      "Time after which a client is disconnected that reads no data or sends no acknowledgement." },
     { "session-time", SECONDS, AT(session_time_ms), "600", 50, 604800000, "SECONDS",
-      "a session without participants falls asleep after this, and ends without --state" },
+      "Time after which a session without participants is hibernated, or deleted if there is no "
+      "--state." },
     { "sleep-time", SECONDS, AT(sleep_time_ms), "2592000", 50, 315360000000, "SECONDS",
-      "a session that sleeps ends after this, in time that the daemon runs" },
+      "Time after which a hibernated session is deleted. Only time in which the daemon runs "
+      "counts." },
     { "control-time", SECONDS, AT(control_time_ms), "10", 50, 3600000, "SECONDS",
-      "who asks for control of a session and gets no answer has it after this" },
+      "Time after which an unanswered request for control of a session is granted." },
     { "drain-time", SECONDS, AT(drain_time_ms), "10", 50, 600000, "SECONDS",
-      "on SIGTERM requests under way are finished for this long" },
+      "Time that requests in progress have to finish after SIGTERM." },
     { "rest-time", SECONDS, AT(rest_time_ms), "0.12", 1, 60000, "SECONDS",
-      "a view that did not change for this long is drawn in full quality" },
-    { "http-threads", COUNT, AT(http_threads), "2", 1, 16, "N", "threads for HTTP" },
+      "Time without a change after which a view is rendered in full quality." },
+    { "http-threads", COUNT, AT(http_threads), "2", 1, 16, "N", "Threads that serve HTTP." },
     { "encode-threads", COUNT, AT(encode_threads), "2", 1, 8, "N",
-      "threads that encode images of streams; besides one less, at least one, for what takes "
-      "long" },
-    { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
-    { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "FORM", "logfmt, json or text" },
+      "Threads that encode the frames of streams. For frames that are slow to encode there is one "
+      "background thread less than this, at least one." },
+    { "log-level", TEXT, AT(log_level), "info", 0, 0, "LEVEL",
+      "Least important level that is logged: error, warn, info or debug." },
+    { "log-format", TEXT, AT(log_format), "logfmt", 0, 0, "FORM",
+      "Format of log lines: logfmt, json or text." },
     { "config", FILE_TO_READ, 0, NULL, 0, 0, "FILE",
-      "read settings from a file of `key = value` lines" },
+      "Read settings from a file of `key = value` lines. Later settings replace earlier ones." },
     { "probe", SWITCH, AT(probe), NULL, 0, 0, NULL,
-      "print what there is to render on, and why not on the rest, and exit" },
+      "Print the devices that can render, and why others cannot, then exit." },
     { "print-config", SWITCH, AT(print_config), NULL, 0, 0, NULL,
-      "print the settings as such a file and exit" },
-    { "help", SWITCH, AT(help), NULL, 0, 0, NULL, "print this text and exit" },
-    { "version", SWITCH, AT(version), NULL, 0, 0, NULL, "print the version and exit" },
+      "Print all settings as a file for --config, then exit." },
+    { "help", SWITCH, AT(help), NULL, 0, 0, NULL, "Print this help, then exit." },
+    { "version", SWITCH, AT(version), NULL, 0, 0, NULL, "Print the version, then exit." },
 };
 enum { SETTINGS = sizeof settings / sizeof *settings };
 
@@ -153,7 +167,7 @@ static const struct setting *find(const char *name, size_t length) {
     return NULL;
 }
 
-/* Writes bytes, seconds or a count as the table's text form. */
+/* Formats a number as its setting accepts it: "4G", "0.12", "256". */
 static void number_to_text(enum kind kind, int64_t value, char text[32]) {
     if (kind == SECONDS)
         snprintf(text, 32, "%.12g", (double)value / 1000);
@@ -167,7 +181,7 @@ static void number_to_text(enum kind kind, int64_t value, char text[32]) {
         snprintf(text, 32, "%" PRId64, value);
 }
 
-/* "WIDTHxHEIGHT" as a number of px; -1 if it is none. */
+/* Returns the pixels of "WIDTHxHEIGHT"; -1 if the text has another form. */
 static int64_t parse_area(const char *text) {
     unsigned width, height;
     char end;
@@ -177,44 +191,58 @@ static int64_t parse_area(const char *text) {
 }
 
 static const char *number_name(enum kind kind) {
-    return kind == SIZE      ? "size (a whole number, or with K, M, G or T)"
-           : kind == PIXELS  ? "number of pixels (a whole number, or with K or M, or WIDTHxHEIGHT)"
+    return kind == SIZE ? "size (a whole number of bytes, or a number with K, M, G or T)"
+           : kind == PIXELS
+               ? "number of pixels (a whole number, a number with K or M, or WIDTHxHEIGHT)"
            : kind == SECONDS ? "number of seconds"
                              : "whole number";
 }
 
-static bool parse_number(const struct setting *setting, const char *text, int64_t *out,
-                         const char *place, struct sp_error *err) {
-    char digits[32], low[32], high[32];
+/* Reads the number that `text` stands for, in the unit of the setting's range; false if the text
+ * has another form. Not strtod() on the whole text: it also accepts signs, exponents, hexadecimal
+ * numbers and "nan". */
+static bool read_number(enum kind kind, const char *text, double *value) {
+    char digits[32];
     size_t length = strspn(text, "0123456789.");
     const char *end = text + length, *stop;
-    bool ok = length > 0 && length < sizeof digits && text[0] != '.';
-    memcpy(digits, text, ok ? length : 0);
-    digits[ok ? length : 0] = 0;
-    double value = strtod(digits, (char **)&stop);
-    ok = ok && !*stop;
-    if (ok && setting->kind == SECONDS) {
-        value *= 1000;
-    } else if (ok && setting->kind == PIXELS && *end == 'x') {
-        value = (double)parse_area(text);
-        end += strlen(end);
-    } else if (ok && (setting->kind == SIZE || setting->kind == PIXELS) && *end) {
+    if (length == 0 || length >= sizeof digits || text[0] == '.')
+        return false;
+    memcpy(digits, text, length);
+    digits[length] = 0;
+    *value = strtod(digits, (char **)&stop);
+    if (*stop)
+        return false;
+    if (kind == SECONDS) {
+        *value *= 1000;
+    } else if (kind == PIXELS && *end == 'x') {
+        int64_t area = parse_area(text);
+        *value = (double)area;
+        return area >= 0;
+    } else if ((kind == SIZE || kind == PIXELS) && *end) {
         const char *suffixes = "KMGT", *suffix = strchr(suffixes, toupper((unsigned char)*end));
-        ok = suffix != NULL;
-        for (const char *s = suffixes; ok && s <= suffix; s++)
-            value *= 1024;
+        if (!suffix)
+            return false;
+        for (const char *s = suffixes; s <= suffix; s++)
+            *value *= 1024;
         end++;
     }
-    ok = ok && !*end && value >= (double)setting->min && value <= (double)setting->max &&
-         (setting->kind == SECONDS || value == floor(value));
-    if (ok) {
+    return !*end && (kind == SECONDS || *value == floor(*value));
+}
+
+static bool parse_number(const struct setting *setting, const char *text, int64_t *out,
+                         const char *place, struct sp_error *err) {
+    char low[32], high[32];
+    double value;
+    number_to_text(setting->kind, setting->min, low);
+    number_to_text(setting->kind, setting->max, high);
+    if (!read_number(setting->kind, text, &value))
+        return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is not a %s in [%s, %s]", text,
+                       number_name(setting->kind), low, high);
+    if (value >= (double)setting->min && value <= (double)setting->max) {
         *out = (int64_t)(value + 0.5);
         return true;
     }
-    number_to_text(setting->kind, setting->min, low);
-    number_to_text(setting->kind, setting->max, high);
-    return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is no %s in [%s, %s]", text,
-                   number_name(setting->kind), low, high);
+    return sp_fail(err, SP_ERR_INVALID, place, "%.64s is out of range [%s, %s]", text, low, high);
 }
 
 bool srv_config_number(const char *name, const char *text, int64_t *number, struct sp_error *err) {
@@ -224,7 +252,7 @@ bool srv_config_number(const char *name, const char *text, int64_t *number, stru
 static bool set_text(char **slot, const char *text, const char *place, struct sp_error *err) {
     char *copy = strdup(text);
     if (!copy)
-        return sp_fail(err, SP_ERR_MEMORY, place, "no memory for a setting");
+        return sp_fail(err, SP_ERR_MEMORY, place, "out of memory");
     free(*slot);
     *slot = copy;
     return true;
@@ -237,7 +265,7 @@ static bool set(struct srv_config *config, const struct setting *setting, const 
     switch (setting->kind) {
     case TEXT:
         if (!*value)
-            return sp_fail(err, SP_ERR_INVALID, place, "the value is empty");
+            return sp_fail(err, SP_ERR_INVALID, place, "the value must not be empty");
         return set_text(field(config, setting), value, place, err);
     case COUNT:
     case SIZE:
@@ -246,14 +274,15 @@ static bool set(struct srv_config *config, const struct setting *setting, const 
         return parse_number(setting, value, field(config, setting), place, err);
     case YES_NO:
         if (strcmp(value, "yes") != 0 && strcmp(value, "no") != 0)
-            return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is neither yes nor no", value);
+            return sp_fail(err, SP_ERR_INVALID, place, "'%.64s' is not yes or no", value);
         *(bool *)field(config, setting) = value[0] == 'y';
         return true;
     case VOLUME:
         if (!*value)
-            return sp_fail(err, SP_ERR_INVALID, place, "the value is empty");
+            return sp_fail(err, SP_ERR_INVALID, place, "the value must not be empty");
         if (config->volume_count == SRV_CONFIG_VOLUMES)
-            return sp_fail(err, SP_ERR_INVALID, place, "more than %d volumes", SRV_CONFIG_VOLUMES);
+            return sp_fail(err, SP_ERR_INVALID, place, "at most %d volumes can be given",
+                           SRV_CONFIG_VOLUMES);
         if (!set_text(&config->volumes[config->volume_count], value, place, err))
             return false;
         config->volume_count++;
@@ -274,13 +303,13 @@ bool srv_config_line(struct srv_config *config, const char *line, const char *pl
         return true;
     const char *equals = strchr(key, '=');
     if (!equals)
-        return sp_fail(err, SP_ERR_INVALID, place, "a line is `key = value`; '=' is missing");
+        return sp_fail(err, SP_ERR_INVALID, place, "expected `key = value`, but there is no '='");
     size_t key_length = (size_t)(equals - key);
     while (key_length > 0 && isspace((unsigned char)key[key_length - 1]))
         key_length--;
     const struct setting *setting = find(key, key_length);
     if (!setting || setting->kind == SWITCH || setting->kind == FILE_TO_READ)
-        return sp_fail(err, SP_ERR_INVALID, place, "there is no setting '%.*s'",
+        return sp_fail(err, SP_ERR_INVALID, place, "unknown setting '%.*s'",
                        (int)(key_length < 64 ? key_length : 64), key);
     const char *start = equals + 1 + strspn(equals + 1, " \t");
     size_t length = strlen(start);
@@ -288,7 +317,7 @@ bool srv_config_line(struct srv_config *config, const char *line, const char *pl
         length--;
     char *value = strndup(start, length);
     if (!value)
-        return sp_fail(err, SP_ERR_MEMORY, place, "no memory for a setting");
+        return sp_fail(err, SP_ERR_MEMORY, place, "out of memory");
     bool ok = set(config, setting, value, place, err);
     free(value);
     return ok;
@@ -315,7 +344,8 @@ FILE *srv_open_regular(const char *path) {
 static bool read_file(struct srv_config *config, const char *path, struct sp_error *err) {
     FILE *file = srv_open_regular(path);
     if (!file)
-        return sp_fail(err, SP_ERR_IO, path, "cannot read the settings: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the configuration file: %s",
+                       strerror(errno));
     char *line = NULL;
     size_t capacity = 0;
     bool ok = true;
@@ -324,12 +354,13 @@ static bool read_file(struct srv_config *config, const char *path, struct sp_err
         char place[SP_ERROR_PLACE];
         snprintf(place, sizeof place, "%.200s:%u", path, number);
         if (strlen(line) != (size_t)length)
-            ok = sp_fail(err, SP_ERR_INVALID, place, "a NUL byte");
+            ok = sp_fail(err, SP_ERR_INVALID, place, "the line contains a NUL byte");
         line[strcspn(line, "\r\n")] = 0;
         ok = ok && srv_config_line(config, line, place, err);
     }
     if (ok && ferror(file))
-        ok = sp_fail(err, SP_ERR_IO, path, "cannot read the settings: %s", strerror(errno));
+        ok = sp_fail(err, SP_ERR_IO, path, "cannot read the configuration file: %s",
+                     strerror(errno));
     free(line);
     fclose(file);
     return ok;
@@ -355,18 +386,18 @@ void srv_config_finish(struct srv_config *config) {
     memset(config, 0, sizeof *config);
 }
 
-/* What the table cannot say of one setting alone. */
+/* Checks what the table cannot express: fixed names, and settings that depend on each other. */
 static bool check_together(const struct srv_config *config, struct sp_error *err) {
     enum sp_log_level level;
     if (!srv_log_level_from(config->log_level, &level))
         return sp_fail(err, SP_ERR_INVALID, "--log-level",
-                       "'%.64s' is none of error, warn, info, debug", config->log_level);
+                       "'%.64s' is not one of error, warn, info, debug", config->log_level);
     if (srv_log_format_from(config->log_format) == SRV_LOG_FORMATS)
-        return sp_fail(err, SP_ERR_INVALID, "--log-format", "'%.64s' is none of logfmt, json, text",
-                       config->log_format);
+        return sp_fail(err, SP_ERR_INVALID, "--log-format",
+                       "'%.64s' is not one of logfmt, json, text", config->log_format);
     if (!config->tls_cert != !config->tls_key)
         return sp_fail(err, SP_ERR_INVALID, config->tls_cert ? "--tls-cert" : "--tls-key",
-                       "--tls-cert and --tls-key go together");
+                       "--tls-cert and --tls-key must be given together");
     return true;
 }
 
@@ -375,17 +406,17 @@ bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct s
         const char *argument = argv[i];
         if (strncmp(argument, "--", 2) != 0 || !argument[2])
             return sp_fail(err, SP_ERR_INVALID, argument,
-                           "unexpected argument; options begin with --, and --help lists them");
+                           "unexpected argument; options begin with -- (see --help)");
         size_t length = strcspn(argument + 2, "=");
         const char *equals = argument[2 + length] ? argument + 2 + length : NULL;
         const struct setting *setting = find(argument + 2, length);
         char place[SP_ERROR_PLACE];
         snprintf(place, sizeof place, "--%.*s", (int)(length < 64 ? length : 64), argument + 2);
         if (!setting)
-            return sp_fail(err, SP_ERR_INVALID, place, "unknown option; --help lists them");
+            return sp_fail(err, SP_ERR_INVALID, place, "unknown option (see --help)");
         const char *value = equals ? equals + 1 : NULL;
         if (setting->kind == SWITCH && value)
-            return sp_fail(err, SP_ERR_INVALID, place, "takes no value");
+            return sp_fail(err, SP_ERR_INVALID, place, "this option takes no value");
         if (setting->kind == YES_NO && !value)
             value = "yes";
         if (setting->kind != SWITCH && !value && !(value = argv[i + 1] ? argv[++i] : NULL))
@@ -431,24 +462,49 @@ void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
             differs(user, settings[i].name);
 }
 
+enum { HELP_COLUMNS = 80 };
+
+/* Prints the text in lines of at most HELP_COLUMNS, each with the prefix. */
+static void print_wrapped(FILE *out, const char *prefix, const char *text) {
+    size_t width = HELP_COLUMNS - strlen(prefix);
+    while (*text) {
+        size_t length = strlen(text), end = length;
+        if (length > width)
+            for (end = width; end > 0 && text[end] != ' ';)
+                end--;
+        end = end ? end : length;
+        fprintf(out, "%s%.*s\n", prefix, (int)end, text);
+        text += end + (text[end] == ' ');
+    }
+}
+
+static bool is_number(enum kind kind) {
+    return kind == COUNT || kind == SIZE || kind == PIXELS || kind == SECONDS;
+}
+
+/* Prints what the setting does, its default and its range. */
+static void print_doc(FILE *out, const char *prefix, const struct setting *s) {
+    char text[512], low[32], high[32];
+    int used = snprintf(text, sizeof text, "%s", s->doc);
+    number_to_text(s->kind, s->min, low);
+    number_to_text(s->kind, s->max, high);
+    if (is_number(s->kind))
+        snprintf(text + used, sizeof text - (size_t)used, " Default %s, range [%s, %s]%s.",
+                 s->initial, low, high, s->kind == SECONDS ? " seconds" : "");
+    else if (s->initial)
+        snprintf(text + used, sizeof text - (size_t)used, " Default %s.", s->initial);
+    print_wrapped(out, prefix, text);
+}
+
 void srv_config_print_help(FILE *out) {
     fprintf(out, "Usage: splatd [OPTION...]\n\n"
-                 "Renders volumes by EWA splatting and streams the pictures to browsers.\n"
-                 "When it is ready it prints its address with the token on standard output.\n\n");
+                 "Renders volumes by EWA splatting and streams the images to browsers.\n"
+                 "When it is ready, it prints its address and token on standard output.\n\n");
     for (size_t i = 0; i < SETTINGS; i++) {
         const struct setting *s = &settings[i];
-        char left[64], low[32], high[32];
-        snprintf(left, sizeof left, "--%s%s%s", s->name, s->argument ? " " : "",
-                 s->argument ? s->argument : "");
-        fprintf(out, "  %-34s %s\n", left, s->doc);
-        bool number =
-            s->kind == COUNT || s->kind == SIZE || s->kind == PIXELS || s->kind == SECONDS;
-        number_to_text(s->kind, s->min, low);
-        number_to_text(s->kind, s->max, high);
-        if (number)
-            fprintf(out, "  %-34s default %s, from %s to %s\n", "", s->initial, low, high);
-        else if (s->initial)
-            fprintf(out, "  %-34s default %s\n", "", s->initial);
+        fprintf(out, "  --%s%s%s\n", s->name, s->argument ? " " : "",
+                s->argument ? s->argument : "");
+        print_doc(out, "        ", s);
     }
     fprintf(out, "\nBackends:\n  %-14s the first of these that starts\n", "auto");
     for (unsigned i = 0; sp_backend_at(i); i++)
@@ -456,8 +512,9 @@ void srv_config_print_help(FILE *out) {
     fprintf(out, "\nBuilt-in volumes (demo:NAME, demo:NAME?size=N):\n");
     for (size_t i = 0; sp_demo_at(i); i++)
         fprintf(out, "  %-14s %s\n", sp_demo_at(i)->name, sp_demo_at(i)->doc);
-    fprintf(out, "\nSizes take K, M, G, T. Exit status: 0 success, 1 failure, 2 usage; "
-                 "of --probe 0 if a GPU works and 3 if none does.\n");
+    fprintf(out, "\nA SIZE is in bytes and may end in K, M, G or T (powers of 1024).\n"
+                 "Exit status: 0 success, 1 failure, 2 wrong usage. With --probe: 0 if a GPU "
+                 "works,\n3 if none does.\n");
 }
 
 void srv_config_print(const struct srv_config *config, FILE *out) {
@@ -467,7 +524,7 @@ void srv_config_print(const struct srv_config *config, FILE *out) {
         char text[32];
         if (s->kind == SWITCH || s->kind == FILE_TO_READ)
             continue;
-        fprintf(out, "# %s\n", s->doc);
+        print_doc(out, "# ", s);
         if (s->kind == VOLUME) {
             for (unsigned v = 0; v < config->volume_count; v++)
                 fprintf(out, "volume = %s\n", config->volumes[v]);

@@ -1,12 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The settings of the daemon. One table (config.c) names each of them once: its flag, which is its
- * key in a file too, its default, its range and what it does. The table parses the command line and
- * files, prints --help and --print-config. Command line and files are read in order; later wins,
- * but `volume` adds up.
+ * The settings of the daemon. One table (config.c) defines each setting once: its flag, which is
+ * also its key in a file, its default, its range and its documentation. The table drives the parser
+ * of the command line and of files, --help and --print-config.
+ *
+ * Arguments and the lines of files are read in order. A later value replaces an earlier one; only
+ * `volume` accumulates.
+ *
+ * Why no getopt_long(): flags and files share one grammar (types, ranges, suffixes), and a library
+ * for the command line would leave all of that to us.
  */
-#ifndef SRV_CONFIG_H
-#define SRV_CONFIG_H
+#ifndef SRV_CONFIG_CONFIG_H
+#define SRV_CONFIG_CONFIG_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -17,7 +22,8 @@
 enum { SRV_CONFIG_VOLUMES = 64 };
 
 struct srv_config {
-    /* Owned; NULL = not set. */
+    /* Owned by the struct; NULL = not set. The numbers have the units of their names; sizes are in
+     * bytes, *_px in pixels. config.c has the ranges, the defaults and the meaning of 0. */
     char *listen, *data, *state, *backend, *gpu, *isa, *token_file, *allow_origin, *log_level,
         *log_format, *tls_cert, *tls_key;
     char *volumes[SRV_CONFIG_VOLUMES];
@@ -35,31 +41,33 @@ struct srv_config {
     bool probe, help, version, print_config;
 };
 
-/* Fills in the defaults. */
+/* Fills in the defaults. SP_ERR_MEMORY. */
 bool srv_config_init(struct srv_config *config, struct sp_error *err);
 void srv_config_finish(struct srv_config *config);
 
-/* Parses argv[1..]. err->place is the flag, or "FILE:LINE". SP_ERR_INVALID, or SP_ERR_IO for a
- * file that cannot be read. */
+/* Parses argv[1..] over the values in `config`. False: SP_ERR_INVALID, SP_ERR_MEMORY, or SP_ERR_IO
+ * for a file that cannot be read. err->place is the flag, or "FILE:LINE". */
 bool srv_config_parse(struct srv_config *config, int argc, char **argv, struct sp_error *err);
 
-/* One line of a file: "key = value", a comment or nothing. */
+/* Parses one line of a file: "key = value", a comment or an empty line. `place` becomes err->place.
+ */
 bool srv_config_line(struct srv_config *config, const char *line, const char *place,
                      struct sp_error *err);
 
-/* Calls differs() with the name of each setting that is not the same in both. */
+/* Calls differs() with the name of each setting whose value differs. */
 void srv_config_compare(const struct srv_config *a, const struct srv_config *b,
                         void (*differs)(void *user, const char *name), void *user);
 
 void srv_config_print_help(FILE *out);
-void srv_config_print(const struct srv_config *config, FILE *out); /* a file that --config reads */
+/* Prints a file that --config reads. */
+void srv_config_print(const struct srv_config *config, FILE *out);
 
-/* The number that `text` is for the setting of that name, which has numbers: "4096x4096" for
- * frame-size. err->place is empty. */
+/* Parses `text` as a value of the numeric setting `name`, for example "4096x4096" for frame-size.
+ * False: SP_ERR_INVALID with an empty err->place. */
 bool srv_config_number(const char *name, const char *text, int64_t *number, struct sp_error *err);
 
-/* Opens a file for reading; a FIFO or a device, which could keep us waiting, is EINVAL. NULL with
- * errno set. */
+/* Opens a regular file for reading. Refuses FIFOs and devices (EINVAL), since reading them could
+ * block for ever. NULL with errno set. */
 FILE *srv_open_regular(const char *path);
 
 #endif

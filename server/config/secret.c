@@ -14,7 +14,7 @@ bool srv_secret_hex(char *out, size_t digits, struct sp_error *err) {
         got = getrandom(raw, digits / 2, 0);
     while (got < 0 && errno == EINTR);
     if (got != (ssize_t)(digits / 2))
-        return sp_fail(err, SP_ERR_IO, NULL, "no random bytes from the system: %s",
+        return sp_fail(err, SP_ERR_IO, NULL, "cannot get random bytes from the system: %s",
                        strerror(errno));
     for (size_t i = 0; i < digits / 2; i++) {
         out[2 * i] = "0123456789abcdef"[raw[i] >> 4];

@@ -49,7 +49,7 @@ static bool read_number(const char *value, unsigned max, unsigned *number) {
     return *number >= 1 && *number <= max;
 }
 
-/* A word that is written as the setting of its name, and has its range. */
+/* Reads a value with the syntax and range of the setting of the same name. */
 static bool read_setting(const char *name, const char *value, uint64_t *number, const char *place,
                          struct sp_error *err) {
     struct sp_error why;
@@ -65,14 +65,14 @@ static bool fail(struct sp_error *err, const char *place, const char *what) {
 }
 
 static bool is_first(bool is_unset, const char *word, const char *place, struct sp_error *err) {
-    return is_unset || sp_fail(err, SP_ERR_INVALID, place, "%s stands there twice", word);
+    return is_unset || sp_fail(err, SP_ERR_INVALID, place, "%s is given twice", word);
 }
 
 #define AT(field) offsetof(struct srv_quota, field)
 
 static const struct {
     const char *name;
-    size_t offset; /* in struct srv_quota: an unsigned */
+    size_t offset; /* of an unsigned in struct srv_quota */
     unsigned max;
 } numbers[] = {
     { "sessions", AT(sessions), 100000 },
@@ -83,8 +83,8 @@ static const struct {
 };
 
 static const struct {
-    const char *name; /* as the setting's */
-    size_t offset;    /* in struct srv_quota: a uint64_t */
+    const char *name; /* also the name of a setting */
+    size_t offset;    /* of a uint64_t in struct srv_quota */
 } sizes[] = {
     { "path-bytes", AT(path_bytes) },
     { "frame-size", AT(frame_px) },
@@ -97,7 +97,8 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
         if (strcmp(word, numbers[i].name) == 0)
             return is_first(!*number, word, place, err) &&
                    (read_number(value, numbers[i].max, number) ||
-                    sp_fail(err, SP_ERR_INVALID, place, "%s is a whole number in [1, %u]", word,
+                    sp_fail(err, SP_ERR_INVALID, place,
+                            "%s: '%.32s' is not a whole number in [1, %u]", word, value,
                             numbers[i].max));
     }
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
@@ -106,30 +107,30 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
             return is_first(!*number, word, place, err) &&
                    read_setting(word, value, number, place, err);
     }
-    return fail(err, place,
-                "known are role, name, sessions, stills, fps, views, paths, path-bytes and "
-                "frame-size");
+    return fail(err, place, /* the key is not quoted: it could be a mistyped token */
+                "unknown key; the keys are role, name, sessions, stills, fps, views, paths, "
+                "path-bytes and frame-size");
 }
 
-/* One word "key=value" behind the token. */
+/* Reads one "key=value" after the token. */
 static bool read_word(char *word, struct srv_token *token, const char *place,
                       struct sp_error *err) {
     char *value = strchr(word, '=');
     if (!value)
-        return fail(err, place, "behind the token there is key=value, without blanks around =");
+        return fail(err, place, "expected key=value after the token, without spaces around =");
     *value++ = 0;
     if (strcmp(word, "role") == 0)
         return is_first(!token->rights, word, place, err) &&
                (read_role(value, token) ||
-                fail(err, place, "role is one of admin, control, render, view, metrics"));
+                fail(err, place, "role must be one of admin, control, render, view, metrics"));
     if (strcmp(word, "name") == 0)
         return is_first(!token->name[0], word, place, err) &&
                (read_name(value, token) ||
-                fail(err, place, "name has 1 to 32 characters of [A-Za-z0-9._-]"));
+                fail(err, place, "name must have 1 to 32 characters of [A-Za-z0-9._-]"));
     return read_quota(word, value, &token->quota, place, err);
 }
 
-/* A line that has a token. */
+/* Reads a line that is neither empty nor a comment. */
 static bool read_line(char *line, const char *place, struct srv_token *token,
                       struct sp_error *err) {
     char *rest = NULL, *word = strtok_r(line, " \t", &rest);
@@ -138,7 +139,7 @@ static bool read_line(char *line, const char *place, struct srv_token *token,
     if (length < TOKEN_MIN || length >= SRV_TOKEN_BYTES ||
         strspn(word, NAME_CHARACTERS "~") != length)
         return fail(err, place,
-                    "a line begins with a token of 16 to 128 characters of [A-Za-z0-9._~-]");
+                    "a line must begin with a token of 16 to 128 characters of [A-Za-z0-9._~-]");
     memcpy(token->text, word, length + 1);
     while ((word = strtok_r(NULL, " \t", &rest)))
         if (!read_word(word, token, place, err))
@@ -152,11 +153,11 @@ static bool is_new(const struct srv_token *list, size_t count, const struct srv_
                    const char *place, struct sp_error *err) {
     for (size_t i = 0; i < count; i++)
         if (strcmp(list[i].text, token->text) == 0 || strcmp(list[i].name, token->name) == 0)
-            return fail(err, place, "a line above has this token or name");
+            return fail(err, place, "an earlier line has the same token or name");
     return true;
 }
 
-/* Adds the token of a line, if it has one. */
+/* Adds the token of one line to the list; skips empty lines and comments. */
 static bool add(const char *text, size_t size, unsigned number, struct srv_token *list,
                 size_t *count, struct sp_error *err) {
     char line[LINE_BYTES], place[32];
@@ -170,9 +171,9 @@ static bool add(const char *text, size_t size, unsigned number, struct srv_token
     if (size == 0 || *text == '#')
         return true;
     if (size >= sizeof line || memchr(text, 0, size))
-        return fail(err, place, "a line has at most 511 bytes, and no NUL");
+        return fail(err, place, "a line may have at most 511 bytes and no NUL byte");
     if (*count == SRV_TOKENS_MAX)
-        return fail(err, place, "there are more than 1000 tokens");
+        return fail(err, place, "at most 1000 tokens are allowed");
     memcpy(line, text, size);
     line[size] = 0;
     struct srv_token *token = &list[*count];
@@ -194,7 +195,7 @@ bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list
         lines += text[i] == '\n';
     *count = 0;
     *list = calloc(lines < SRV_TOKENS_MAX ? lines : SRV_TOKENS_MAX, sizeof **list);
-    bool ok = *list || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+    bool ok = *list || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while reading the tokens");
     const char *end = text + size;
     for (unsigned number = 1; ok && text < end; number++) {
         const char *stop = memchr(text, '\n', (size_t)(end - text));
@@ -203,7 +204,7 @@ bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list
         text += length + 1;
     }
     if (ok && *count == 0)
-        ok = fail(err, "line 1", "there is no token");
+        ok = fail(err, "line 1", "the file contains no token");
     if (!ok) {
         free(*list);
         *list = NULL;
@@ -211,26 +212,26 @@ bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list
     return ok;
 }
 
-/* Who may write to it may do everything. Whoever may read it, too, but a container's user may have
- * to; it is said. */
+/* Refuses a file that other users can change: they could grant themselves the role admin. A file
+ * that they can read is only reported, because the user of a container may need that. */
 static bool is_private(FILE *file, const char *path, struct sp_error *err) {
     struct stat st;
     if (fstat(fileno(file), &st) != 0)
-        return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the token file: %s", strerror(errno));
     if (st.st_mode & (S_IWGRP | S_IWOTH))
         return sp_fail(err, SP_ERR_DENIED, path,
-                       "others than its owner could change the tokens (mode %04o); chmod 600 it",
+                       "other users can change this file (mode %04o); run chmod 600 on it",
                        (unsigned)(st.st_mode & 07777));
     if (st.st_mode & S_IROTH)
         sp_log(SP_LOG_WARN,
-               "%s: others than its owner can read the tokens (mode %04o); "
-               "chmod 600 it",
-               path, (unsigned)(st.st_mode & 07777));
+               "%s: other users can read the tokens (mode %04o); run chmod 600 on this file", path,
+               (unsigned)(st.st_mode & 07777));
     return true;
 }
 
-/* Of roles that make what they own; an admin has that of all others anyway. */
-static void warn_of_lines(const char *path, const struct srv_token *list, size_t count) {
+/* Warns about tokens without a name that can own objects. The role admin is left out: it may use
+ * the objects of all tokens anyway. */
+static void warn_of_nameless(const char *path, const struct srv_token *list, size_t count) {
     const char *first = NULL;
     unsigned nameless = 0;
     for (size_t i = 0; i < count; i++)
@@ -241,8 +242,8 @@ static void warn_of_lines(const char *path, const struct srv_token *list, size_t
         }
     if (nameless > 0)
         sp_log(SP_LOG_WARN,
-               "%s: %u tokens of the roles control and render have no name, %s first: what they "
-               "make belongs to whatever token stands on their line; give each name=NAME",
+               "%s: %u tokens with the role control or render have no name (first: %s); their "
+               "sessions, views and paths belong to the line number, so add name=NAME to each",
                path, nameless, first);
 }
 
@@ -251,7 +252,7 @@ bool srv_token_file_read(const char *path, struct srv_token **list, size_t *coun
     struct sp_error why = { .code = SP_OK };
     FILE *file = srv_open_regular(path);
     if (!file)
-        return sp_fail(err, SP_ERR_IO, path, "cannot read the tokens: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, path, "cannot read the token file: %s", strerror(errno));
     if (!is_private(file, path, err)) {
         fclose(file);
         return false;
@@ -262,15 +263,16 @@ bool srv_token_file_read(const char *path, struct srv_token **list, size_t *coun
     fclose(file);
     bool ok = false;
     if (!text)
-        sp_fail(err, SP_ERR_MEMORY, path, "no memory for the tokens");
+        sp_fail(err, SP_ERR_MEMORY, path, "out of memory while reading the tokens");
     else if (failed)
-        sp_fail(err, SP_ERR_IO, path, "cannot read the tokens");
+        sp_fail(err, SP_ERR_IO, path, "cannot read the token file");
     else if (size > SRV_TOKEN_FILE_BYTES)
-        sp_fail(err, SP_ERR_INVALID, path, "it has more than %d bytes", SRV_TOKEN_FILE_BYTES);
+        sp_fail(err, SP_ERR_INVALID, path, "the file is larger than %d bytes",
+                SRV_TOKEN_FILE_BYTES);
     else if (!(ok = srv_token_file_parse(text, size, list, count, &why)))
         sp_fail(err, why.code, path, "%s%s%s", why.place, why.place[0] ? ": " : "", why.text);
     if (ok)
-        warn_of_lines(path, *list, *count);
+        warn_of_nameless(path, *list, *count);
     if (text)
         explicit_bzero(text, SRV_TOKEN_FILE_BYTES + 1);
     free(text);

@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The text of --token-file: a token a line, with what it is for.
+ * Parser of --token-file: one token per line, with its role and quotas.
  *
  *   TOKEN [role=admin|control|render|view|metrics] [name=NAME] [sessions=N] [stills=N] [fps=N]
  *         [views=N] [paths=N] [path-bytes=SIZE] [frame-size=PX|WxH]
  *
- * Empty lines and those that begin with # are skipped. TOKEN is 16 to 128 characters of
- * [A-Za-z0-9._~-]; without a role it may do everything, without a name it is called token-LINE.
+ * Empty lines and lines that begin with # are skipped. TOKEN is 16 to 128 characters of
+ * [A-Za-z0-9._~-]. Without a role it has the role admin; without a name it is called token-LINE.
+ * README.md says what the roles may do and what the quotas limit.
  */
-#ifndef SRV_TOKEN_FILE_H
-#define SRV_TOKEN_FILE_H
+#ifndef SRV_CONFIG_TOKEN_FILE_H
+#define SRV_CONFIG_TOKEN_FILE_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -21,43 +22,45 @@
 enum srv_right {
     SRV_RIGHT_NONE = 0,
     SRV_RIGHT_METRICS = 1, /* read /metrics */
-    SRV_RIGHT_VIEW = 2,    /* read volumes, views, presets; watch sessions */
-    SRV_RIGHT_RENDER = 4,  /* draw pictures, keep views */
-    SRV_RIGHT_CONTROL = 8, /* make, change and end sessions; change presets */
-    SRV_RIGHT_ADMIN = 16,  /* load and unload volumes, and whatever comes without a right */
-    SRV_RIGHT_SESSION = 32 /* nobody has it: a session's tokens count as well (routes_sessions.c) */
+    SRV_RIGHT_VIEW = 2,    /* read volumes, views and presets; watch sessions */
+    SRV_RIGHT_RENDER = 4,  /* request snapshots, save views, create camera paths */
+    SRV_RIGHT_CONTROL = 8, /* create, change and delete sessions; change presets */
+    SRV_RIGHT_ADMIN = 16,  /* load and unload volumes; everything that has no right of its own */
+    SRV_RIGHT_SESSION = 32 /* no token has this: marks routes where a session's own tokens also
+                              count (routes_sessions.c) */
 };
 
 enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 256 * 1024 };
 
-/* 0 = no limit but the daemon's. */
+/* Limits of one token. 0 = only the daemon's own limit holds. */
 struct srv_quota {
-    unsigned sessions;   /* that it made, awake or asleep */
-    unsigned snapshots;  /* pictures by HTTP under way */
-    unsigned views;      /* that it keeps */
-    unsigned paths;      /* camera paths, drawn or not */
-    unsigned fps;        /* pictures by HTTP, and frames to each participant of its sessions */
-    uint64_t path_bytes; /* files of its camera paths */
-    uint64_t frame_px;   /* of a picture, also in its sessions */
+    unsigned sessions;   /* sessions that it created, active or hibernated */
+    unsigned snapshots;  /* snapshots in progress */
+    unsigned views;      /* views that it saved first */
+    unsigned paths;      /* camera paths, finished or not */
+    unsigned fps;        /* snapshots per second; frames per second to each participant of its
+                            sessions */
+    uint64_t path_bytes; /* total size of the files of its camera paths, bytes */
+    uint64_t frame_px;   /* largest image, pixels; also in its sessions */
 };
 
 struct srv_token {
     char text[SRV_TOKEN_BYTES];
     char name[SRV_TOKEN_NAME_BYTES];
-    bool has_name;   /* else it is called after its line */
-    unsigned rights; /* a set of srv_right */
+    bool has_name;   /* false = `name` is token-LINE */
+    unsigned rights; /* bit set of enum srv_right */
     struct srv_quota quota;
 };
 
-/* Parses `size` bytes. *list is malloc'ed, in the order of the lines, at least one long; names and
- * tokens are unique. False: SP_ERR_INVALID at "line N" (err->place is constant text, it fits), or
- * SP_ERR_MEMORY. Never tells a token. */
+/* Parses `size` bytes. *list is malloc'ed and the caller's; it has at least one token, in the order
+ * of the lines. Names and tokens are unique. False: SP_ERR_INVALID with "line N" in err->place, or
+ * SP_ERR_MEMORY. No error text contains a token. */
 bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list, size_t *count,
                           struct sp_error *err);
 
-/* Reads a file of at most SRV_TOKEN_FILE_BYTES; SP_ERR_IO, SP_ERR_DENIED if others may write to it
- * (the log says so if they may read it), or SP_ERR_INVALID at "PATH: line N". The log says so, too,
- * if what somebody makes belongs to a line for want of a name. */
+/* Reads a file of at most SRV_TOKEN_FILE_BYTES. False: SP_ERR_IO, SP_ERR_MEMORY, SP_ERR_DENIED if
+ * other users may write to it, or SP_ERR_INVALID with the line in err->text. Logs a warning if
+ * other users may read the file, and if tokens that own objects have no name. */
 bool srv_token_file_read(const char *path, struct srv_token **list, size_t *count,
                          struct sp_error *err);
 

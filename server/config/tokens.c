@@ -6,9 +6,9 @@
 #include <string.h>
 
 struct srv_token_use {
-    unsigned holders; /* the list, and grants */
+    unsigned holders; /* references: the list and the grants */
     unsigned snapshots;
-    double used_ms; /* the share of pictures is used up to here */
+    double used_ms; /* the fps quota is used up until this time */
 };
 
 struct entry {
@@ -25,7 +25,7 @@ struct srv_tokens {
 struct srv_tokens *srv_tokens_create(struct sp_error *err) {
     struct srv_tokens *tokens = calloc(1, sizeof *tokens);
     if (!tokens)
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing the tokens");
     else
         pthread_mutex_init(&tokens->mutex, NULL);
     return tokens;
@@ -54,7 +54,7 @@ void srv_tokens_destroy(struct srv_tokens **pointer) {
     free(tokens);
 }
 
-/* NULL = there is none. With the mutex held. */
+/* NULL = no such name. The caller holds the mutex. */
 static const struct entry *find_name(const struct srv_tokens *tokens, const char *name) {
     for (size_t i = 0; i < tokens->count; i++)
         if (strcmp(tokens->list[i].token.name, name) == 0)
@@ -62,7 +62,8 @@ static const struct entry *find_name(const struct srv_tokens *tokens, const char
     return NULL;
 }
 
-/* Of the token with this name in the list that there is, else a new one. With the mutex held. */
+/* Returns a reference to the counters of this name: those of the current list, or new ones. The
+ * caller holds the mutex. */
 static struct srv_token_use *use_of(struct srv_tokens *tokens, const char *name) {
     const struct entry *found = find_name(tokens, name);
     struct srv_token_use *use = found ? found->use : calloc(1, sizeof *use);
@@ -91,14 +92,14 @@ bool srv_tokens_set(struct srv_tokens *tokens, struct srv_token *list, size_t co
     pthread_mutex_unlock(&tokens->mutex);
     explicit_bzero(list, count * sizeof *list);
     free(list);
-    return ok || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the tokens");
+    return ok || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing the tokens");
 }
 
 void srv_tokens_find(struct srv_tokens *tokens, const char *given, struct srv_grant *grant) {
     *grant = (struct srv_grant){ .rights = 0 };
     pthread_mutex_lock(&tokens->mutex);
     struct entry *found = NULL;
-    for (size_t i = 0; i < tokens->count; i++) /* all, whichever it is */
+    for (size_t i = 0; i < tokens->count; i++) /* no early exit: constant time */
         if (srv_secret_equal(tokens->list[i].token.text, given))
             found = &tokens->list[i];
     if (found) {
@@ -130,19 +131,21 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
     return found != NULL;
 }
 
-static bool is_within(struct srv_token_use *use, const struct srv_quota *quota, const char *name,
-                      double now_ms, struct sp_error *err) {
+/* Checks the quotas and charges one snapshot to the fps quota. Up to one second of unused quota
+ * accumulates. */
+static bool charge(struct srv_token_use *use, const struct srv_quota *quota, const char *name,
+                   double now_ms, struct sp_error *err) {
     if (quota->snapshots && use->snapshots >= quota->snapshots)
         return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                       "%u pictures are under way for %s, and its token allows %u", use->snapshots,
-                       name, quota->snapshots);
+                       "%s has %u snapshots in progress and its token allows %u; try again later",
+                       name, use->snapshots, quota->snapshots);
     if (!quota->fps)
         return true;
     double from_ms = use->used_ms > now_ms - 1000 ? use->used_ms : now_ms - 1000;
     double until_ms = from_ms + 1000.0 / quota->fps;
     if (until_ms > now_ms + 1e-6)
         return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                       "%s has drawn the %u pictures a second that its token allows", name,
+                       "%s has used the %u snapshots per second that its token allows", name,
                        quota->fps);
     use->used_ms = until_ms;
     return true;
@@ -151,7 +154,7 @@ static bool is_within(struct srv_token_use *use, const struct srv_quota *quota, 
 bool srv_tokens_begin_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant,
                                double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&tokens->mutex);
-    bool ok = is_within(grant->use, &grant->quota, grant->name, now_ms, err);
+    bool ok = charge(grant->use, &grant->quota, grant->name, now_ms, err);
     grant->use->snapshots += ok;
     pthread_mutex_unlock(&tokens->mutex);
     return ok;

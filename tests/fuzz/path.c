@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Bytes → JSON → camera path → frames. Every key of what is accepted is a valid view that is met to
- * the bit; every frame is a valid view or refused with its place.
+ * Bytes → JSON → keyframes → frames. Every accepted keyframe is a valid view and is reproduced bit
+ * for bit. Every frame is a valid view, or is refused with a JSON pointer.
  */
 #include <math.h>
 #include <stdint.h>
@@ -36,7 +36,7 @@ static void check_path(const struct srv_keyframes *keyframes) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    static struct sp_view defaults; /* made once: its histogram takes longer than all the rest */
+    static struct sp_view defaults; /* created once: computing its histogram takes longest */
     if (!defaults.size[0])
         defaults = fixture_view();
     struct sp_error err = { 0 };

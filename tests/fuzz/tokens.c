@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The text of a token file: whatever it is, it is refused with the line, or every token of it has
- * a right, a name and nothing beyond its bounds, and none is there twice.
+ * Token file: any text is refused with its line, or every token in it has a right, a name and
+ * quotas within their limits, and no token or name occurs twice.
  */
 #include <stdint.h>
 #include <stdlib.h>

@@ -53,8 +53,8 @@ test('wrong use: status 2, and what is wrong', async () => {
     [['--threads', 'many'], /whole number in \[0, 256\]/], [['--memory', '1Q'], /^splatd: --memory: .*size/],
     [['volume.nrrd'], /^splatd: volume.nrrd: unexpected argument/], [['--listen', 'nowhere'], /ADDRESS:PORT/],
     [['--listen', '0.0.0.0:0'], /TLS.*--token-file/], [['--backend', 'abacus', '--listen', '127.0.0.1:0'], /abacus/],
-    [['--config', file('bad', '# fine\nlisten = 127.0.0.1:0\nnonsense = 1\n')], /bad:3: there is no setting 'nonsense'/],
-    [['--log-level', 'loud'], /--log-level/], [['--log-format', 'xml'], /--log-format: 'xml' is none of/], [['--token-file', file('short', 'abc\n'), '--listen', '127.0.0.1:0'], /16 to 128/]]) {
+    [['--config', file('bad', '# fine\nlisten = 127.0.0.1:0\nnonsense = 1\n')], /bad:3: unknown setting 'nonsense'/],
+    [['--log-level', 'loud'], /--log-level/], [['--log-format', 'xml'], /--log-format: 'xml' is not one of/], [['--token-file', file('short', 'abc\n'), '--listen', '127.0.0.1:0'], /16 to 128/]]) {
     const { status, out, err } = await runToEnd(args);
     assert.equal(status, 2, `${args}: ${err}`);
     assert.equal(out, '');

@@ -252,6 +252,6 @@ test('a file that is wrong is no start', async () => {
   fs.writeFileSync(file, `${of('admin')} role=view\n${of('admin')}\n`);
   const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--token-file', file]);
   assert.equal(status, 2);
-  assert.match(err, /tokens: line 2: a line above has this token or name/);
+  assert.match(err, /tokens: line 2: an earlier line has the same token or name/);
   assert.ok(!err.includes(of('admin')));
 });

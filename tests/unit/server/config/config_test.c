@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Settings: command line, configuration files, and secrets.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -21,7 +24,7 @@ static bool parse(struct srv_config *config, struct sp_error *err, const char *a
     return srv_config_parse(config, argc, argv, err);
 }
 
-static void defaults(void **state) {
+static void defaults_are_set(void **state) {
     (void)state;
     struct srv_config config;
     struct sp_error err;
@@ -37,11 +40,11 @@ static void defaults(void **state) {
     srv_config_finish(&config);
 }
 
-static void values(void **state) {
+static void numbers_have_units_and_ranges(void **state) {
     (void)state;
     static const struct {
         const char *name, *value;
-        int64_t expected; /* -1 = refused */
+        int64_t expected; /* -1 = an error */
         size_t offset;
     } cases[] = {
 #define AT(field) offsetof(struct srv_config, field)
@@ -102,7 +105,31 @@ static void values(void **state) {
     }
 }
 
-static void forms(void **state) {
+static void errors_name_the_value_and_the_limit(void **state) {
+    (void)state;
+    static const struct {
+        const char *name, *value, *text;
+    } cases[] = {
+        { "--threads", "9000", "9000 is out of range [0, 256]" },
+        { "--threads", "many", "'many' is not a whole number in [0, 256]" },
+        { "--header-time", "0.001", "0.001 is out of range [0.05, 600]" },
+        { "--memory", "1Q",
+          "'1Q' is not a size (a whole number of bytes, or a number with K, M, G or T) in "
+          "[0, 65536G]" },
+        { "--frame-size", "8192x8193", "8192x8193 is out of range [256K, 64M]" },
+        { "--require-gpu=1", NULL, "'1' is not yes or no" },
+        { "--log-level", "loud", "'loud' is not one of error, warn, info, debug" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct srv_config config;
+        struct sp_error err;
+        assert_false(parse(&config, &err, cases[i].name, cases[i].value, NULL));
+        assert_string_equal(err.text, cases[i].text);
+        srv_config_finish(&config);
+    }
+}
+
+static void options_have_two_forms(void **state) {
     (void)state;
     struct srv_config config;
     struct sp_error err;
@@ -138,7 +165,7 @@ static void forms(void **state) {
     }
 }
 
-static void lines(void **state) {
+static void lines_of_a_file_are_read(void **state) {
     (void)state;
     struct srv_config config;
     struct sp_error err;
@@ -163,7 +190,7 @@ static void lines(void **state) {
     srv_config_finish(&config);
 }
 
-static void tokens(void **state) {
+static void secrets_are_random_and_compared_whole(void **state) {
     (void)state;
     struct sp_error err;
     char a[33], b[33];
@@ -183,8 +210,11 @@ static void tokens(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(defaults), cmocka_unit_test(values),
-                                        cmocka_unit_test(forms), cmocka_unit_test(lines),
-                                        cmocka_unit_test(tokens) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(defaults_are_set),
+                                        cmocka_unit_test(numbers_have_units_and_ranges),
+                                        cmocka_unit_test(errors_name_the_value_and_the_limit),
+                                        cmocka_unit_test(options_have_two_forms),
+                                        cmocka_unit_test(lines_of_a_file_are_read),
+                                        cmocka_unit_test(secrets_are_random_and_compared_whole) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The file of tokens, and what is under way with each.
+ * The token file, and the quotas that count snapshots in progress.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -29,7 +29,7 @@ static bool parse(const char *text, struct srv_token **list, size_t *count, stru
     return srv_token_file_parse(text, strlen(text), list, count, err);
 }
 
-static void one_line_may_do_everything(void **state) {
+static void a_token_alone_has_all_rights(void **state) {
     (void)state;
     static const char *const files[] = { A, A "\n", "\n# comment\n  " A " \r\n\n" };
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
@@ -40,7 +40,9 @@ static void one_line_may_do_everything(void **state) {
         assert_int_equal(count, 1);
         assert_string_equal(list->text, A);
         assert_int_equal(list->rights, ALL);
-        assert_int_equal(list->quota.sessions + list->quota.snapshots + list->quota.fps, 0);
+        assert_int_equal(list->quota.sessions, 0);
+        assert_int_equal(list->quota.snapshots, 0);
+        assert_int_equal(list->quota.fps, 0);
         assert_int_equal(list->quota.frame_px, 0);
         free(list);
     }
@@ -74,7 +76,7 @@ static void lines_have_roles_and_quotas(void **state) {
     free(list);
 }
 
-static void wrong_lines_are_named(void **state) {
+static void errors_name_the_line(void **state) {
     (void)state;
     static const char *const wrong[] = {
         "",
@@ -113,14 +115,13 @@ static void wrong_lines_are_named(void **state) {
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         err.code = SP_OK;
         if (parse(wrong[i], &list, &count, &err))
-            fail_msg("taken: %s", wrong[i]);
+            fail_msg("accepted: %s", wrong[i]);
         assert_int_equal(err.code, SP_ERR_INVALID);
         assert_string_equal(err.place, "line 1");
         assert_null(list);
     }
     assert_false(parse(A " frame-size=64x64\n", &list, &count, &err));
-    assert_string_equal(err.text, "frame-size: '64x64' is no number of pixels (a whole number, or "
-                                  "with K or M, or WIDTHxHEIGHT) in [256K, 64M]");
+    assert_string_equal(err.text, "frame-size: 64x64 is out of range [256K, 64M]");
     assert_false(parse(B "\n\n" A " name=x\n" A "\n", &list, &count, &err));
     assert_string_equal(err.place, "line 4");
     assert_false(parse(B " name=x\n" A " name=x\n", &list, &count, &err));
@@ -134,7 +135,7 @@ static void wrong_lines_are_named(void **state) {
     assert_false(srv_token_file_parse(longer, sizeof longer, &list, &count, &err));
 }
 
-static void there_is_a_bound(void **state) {
+static void the_number_of_tokens_is_limited(void **state) {
     (void)state;
     char *text = malloc(32 * (SRV_TOKENS_MAX + 1)), *end = text;
     struct srv_token *list;
@@ -147,7 +148,7 @@ static void there_is_a_bound(void **state) {
     free(text);
 }
 
-static void files(void **state) {
+static void the_mode_and_size_of_the_file_are_checked(void **state) {
     (void)state;
     char path[] = "/tmp/splatd-tokens-XXXXXX";
     struct srv_token *list;
@@ -189,15 +190,15 @@ static void keep_line(void *user, enum sp_log_level level, const char *kind,
     snprintf(user, 512, "%s", line);
 }
 
-static void who_owns_by_a_line_alone_is_warned_of(void **state) {
+static void owners_without_a_name_cause_a_warning(void **state) {
     (void)state;
     static const struct {
         const char *text, *warning; /* NULL = none */
     } files[] = {
-        { A "\n" B " role=control\n", ": 1 tokens of the roles control and render have no name, "
-                                      "token-2 first: " },
+        { A "\n" B " role=control\n", ": 1 tokens with the role control or render have no name "
+                                      "(first: token-2); " },
         { "\n" A " role=render\n" B " role=control name=b\n" A "-3 role=control",
-          ": 2 tokens of the roles control and render have no name, token-2 first: " },
+          ": 2 tokens with the role control or render have no name (first: token-2); " },
         { A "\n" B " role=admin\n" A "-3 role=view\n" A "-4 role=metrics\n", NULL },
         { A " role=control name=a\n" B " role=render name=token-1\n", NULL },
     };
@@ -231,7 +232,7 @@ static void set(struct srv_tokens *tokens, const char *text) {
     assert_true(srv_tokens_set(tokens, list, count, &err));
 }
 
-static void found_wherever_it_stands(void **state) {
+static void a_token_is_found_on_any_line(void **state) {
     (void)state;
     struct sp_error err;
     struct srv_tokens *tokens = srv_tokens_create(&err);
@@ -265,7 +266,7 @@ static bool begin(struct srv_tokens *tokens, const struct srv_grant *grant, doub
     return ok;
 }
 
-static void what_was_not_drawn_is_not_counted(void **state) {
+static void cancelled_snapshots_do_not_count(void **state) {
     (void)state;
     struct sp_error err;
     struct srv_tokens *tokens = srv_tokens_create(&err);
@@ -297,14 +298,14 @@ static void quotas_outlive_a_reload(void **state) {
     assert_true(begin(tokens, &old, 0));
     assert_true(begin(tokens, &old, 0));
     assert_false(begin(tokens, &old, 0));
-    set(tokens, B " name=ann stills=2\n"); /* a new token for ann; bob's is gone */
+    set(tokens, B " name=ann stills=2\n"); /* ann has a new token; bob's is removed */
     srv_tokens_find(tokens, B, &fresh);
     assert_false(begin(tokens, &fresh, 0));
     srv_tokens_end_snapshot(tokens, &old);
     assert_true(begin(tokens, &fresh, 0));
     srv_tokens_end_snapshot(tokens, &fresh);
     srv_tokens_end_snapshot(tokens, &old);
-    /* What bob has begun ends in its time. */
+    /* A grant of the removed token still works. */
     assert_true(begin(tokens, &gone, 1e6));
     srv_tokens_end_snapshot(tokens, &gone);
     srv_tokens_give_back(tokens, &old);
@@ -337,7 +338,7 @@ static void a_name_has_its_rights_and_quota(void **state) {
     srv_tokens_destroy(&tokens);
 }
 
-static void pictures_a_second(void **state) {
+static void fps_limits_snapshots_per_second(void **state) {
     (void)state;
     struct sp_error err;
     struct srv_tokens *tokens = srv_tokens_create(&err);
@@ -350,24 +351,25 @@ static void pictures_a_second(void **state) {
             srv_tokens_end_snapshot(tokens, &grant);
             drawn++;
         }
-    assert_in_range(drawn, 53, 55); /* what was not used for a second, and 5 in each of ten */
+    assert_in_range(drawn, 53,
+                    55); /* one unused second at the start, then 5 in each of 10 seconds */
     srv_tokens_give_back(tokens, &grant);
     srv_tokens_destroy(&tokens);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(one_line_may_do_everything),
+        cmocka_unit_test(a_token_alone_has_all_rights),
         cmocka_unit_test(lines_have_roles_and_quotas),
-        cmocka_unit_test(wrong_lines_are_named),
-        cmocka_unit_test(there_is_a_bound),
-        cmocka_unit_test(files),
-        cmocka_unit_test(who_owns_by_a_line_alone_is_warned_of),
-        cmocka_unit_test(found_wherever_it_stands),
-        cmocka_unit_test(what_was_not_drawn_is_not_counted),
+        cmocka_unit_test(errors_name_the_line),
+        cmocka_unit_test(the_number_of_tokens_is_limited),
+        cmocka_unit_test(the_mode_and_size_of_the_file_are_checked),
+        cmocka_unit_test(owners_without_a_name_cause_a_warning),
+        cmocka_unit_test(a_token_is_found_on_any_line),
+        cmocka_unit_test(cancelled_snapshots_do_not_count),
         cmocka_unit_test(quotas_outlive_a_reload),
         cmocka_unit_test(a_name_has_its_rights_and_quota),
-        cmocka_unit_test(pictures_a_second),
+        cmocka_unit_test(fps_limits_snapshots_per_second),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
