@@ -15,7 +15,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
-#include "base/clock.h"
+#include "base/interrupt.h"
 #include "sp/frame.h"
 #include "sp/renderer.h"
 #include "sp/view.h"
@@ -59,17 +59,21 @@ struct sp_backend_job {
     struct sp_pause *pause;    /* NULL = never */
 };
 
-/* To be asked again and again; stands still while the frame is to. */
-static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
-    if (job->pause && atomic_load_explicit(&job->pause->requested, memory_order_relaxed))
-        job->pause->wait(job->pause->user);
-    return job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed);
+/* How the caller cancels or pauses the job. */
+static inline struct sp_interrupt sp_job_interrupt(const struct sp_backend_job *job) {
+    return (struct sp_interrupt){ job->cancel, job->pause };
 }
 
-/* For the times of a job's stages: stands still with it. */
+/* sp_interrupt_is_cancelled() of the job: poll it often. */
+static inline bool sp_job_is_cancelled(const struct sp_backend_job *job) {
+    struct sp_interrupt interrupt = sp_job_interrupt(job);
+    return sp_interrupt_is_cancelled(&interrupt);
+}
+
+/* sp_interrupt_clock_ms() of the job, for the times of its stages. */
 static inline double sp_job_clock_ms(const struct sp_backend_job *job) {
-    return sp_clock_ms() -
-           (job->pause ? atomic_load_explicit(&job->pause->paused_ms, memory_order_relaxed) : 0);
+    struct sp_interrupt interrupt = sp_job_interrupt(job);
+    return sp_interrupt_clock_ms(&interrupt);
 }
 
 struct sp_backend {

@@ -49,14 +49,15 @@
 #define sp_resolve_rgbaf32 SP_ISA_NAME(sp_resolve_rgbaf32)
 /* backend/cpu/ */
 #define cpu_table SP_ISA_NAME(cpu_table)
-#define sheets_tile SP_ISA_NAME(sheets_tile)
-#define sheets_start_group SP_ISA_NAME(sheets_start_group)
-#define sheets_add_run SP_ISA_NAME(sheets_add_run)
-#define sheets_add_footprints SP_ISA_NAME(sheets_add_footprints)
-#define sheets_close_group SP_ISA_NAME(sheets_close_group)
-#define sheets_close_sum SP_ISA_NAME(sheets_close_sum)
-#define sheets_check_cells SP_ISA_NAME(sheets_check_cells)
-#define sheets_resolve SP_ISA_NAME(sheets_resolve)
+/* postconv/ */
+#define sp_postconv_tile SP_ISA_NAME(sp_postconv_tile)
+#define sp_postconv_start_group SP_ISA_NAME(sp_postconv_start_group)
+#define sp_postconv_add_run SP_ISA_NAME(sp_postconv_add_run)
+#define sp_postconv_add_footprints SP_ISA_NAME(sp_postconv_add_footprints)
+#define sp_postconv_close_group SP_ISA_NAME(sp_postconv_close_group)
+#define sp_postconv_close_sum SP_ISA_NAME(sp_postconv_close_sum)
+#define sp_postconv_check_cells SP_ISA_NAME(sp_postconv_check_cells)
+#define sp_postconv_resolve SP_ISA_NAME(sp_postconv_resolve)
 
 #else
 #define SP_ISA_TEXT "scalar"

@@ -10,6 +10,9 @@
 #include "base/isa.h"
 #include "sp/frame.h"
 
+/* A pixel is opaque when its transmittance is below this: nothing behind it is drawn. */
+#define SP_TRANSMITTANCE_MIN (1.0f / 512)
+
 /* One row of `count` pixels. planes: transmittance, then associated red, green, blue. `background`:
  * RGBA, not associated. `out` has 16 bytes a pixel. */
 void sp_resolve_rgbaf32(const float *const planes[4], uint32_t count, const float background[4],

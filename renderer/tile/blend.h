@@ -15,11 +15,10 @@
 #define SP_TILE_BLEND_H
 
 #include "base/isa.h"
+#include "frame/resolve.h"
 #include "sp/view.h"
 #include "splat/exp2.h"
 #include "tile/tile.h"
-
-#define SP_TRANSMITTANCE_MIN (1.0f / 512)
 
 enum { SP_SLOTS_MAX = 512 }; /* layers open at once */
 

@@ -214,7 +214,7 @@ enum kind { PLAIN, QUANTISED, FLAT, SHEETS, KINDS };
 
 static enum kind kind_of(const struct test_target *target, const struct test_scene *scene) {
     const struct sp_view *v = &scene->view;
-    if (test_has_no_footprints(target, scene))
+    if (test_uses_postconv(target, scene))
         return SHEETS;
     bool quantised = v->shading.mode == SP_SHADING_PHONG || v->transfer_function.gradient_count > 0;
     return v->filter.mode == SP_FILTER_NONE ? FLAT : quantised ? QUANTISED : PLAIN;

@@ -368,7 +368,7 @@ static void compositors_agree_on_the_opacity(void **state) {
         for (uint32_t i = 0; i < s.view.transfer_function.point_count; i++)
             memset(s.view.transfer_function.points[i].color, 0, 3 * sizeof(float));
         struct test_image a = render(c, &s);
-        bool is_other = test_has_no_footprints(&c->target, &s);
+        bool is_other = test_uses_postconv(&c->target, &s);
         s.view.compositing.mode = modes[b % MODES];
         s.view.compositing.slab = 0.7;
         struct test_image d = render(c, &s);
@@ -389,7 +389,7 @@ static void a_plane_and_its_opposite_make_the_whole(void **state) {
         choose_way(&s.view, way);
         s.view.compositing.attenuation = SP_ATTENUATION_EXPONENTIAL;
         parts[2] = render(c, &s);
-        double slack = test_has_no_footprints(&c->target, &s) ? OTHER_DEPTH : 2e-4;
+        double slack = test_uses_postconv(&c->target, &s) ? OTHER_DEPTH : 2e-4;
         test_scene_cut(&s, (double[]){ 0.3, -0.2, 0.7 }, (double[]){ 1, 0, 2 });
         struct sp_clip_plane *plane = s.view.clip.planes;
         for (int k = 0; k < 2; k++) {
@@ -423,7 +423,7 @@ static void even_coordinates_are_an_even_grid(void **state) {
         assert_true(test_scene_rotated(&s));
         s.view.shading.mode = SP_SHADING_PHONG;
         choose_way(&s.view, way);
-        bool is_other = test_has_no_footprints(&c->target, &s);
+        bool is_other = test_uses_postconv(&c->target, &s);
         struct test_image a = render(c, &s);
         for (int axis = 0; axis < 3; axis++) {
             for (int i = 0; i < 40; i++)

@@ -42,7 +42,7 @@ enum { MANIFEST_ALIKE = 60 };
 /* The CPU's instruction sets against the scalar reference, and against the first of the others that
  * the machine has. Measured: 97.21 where all of them draw footprints.
  *
- * All but scalar draw sheets without footprints (backend/cpu/sheets.h), and are `apart` dB from it
+ * All but scalar draw sheets without footprints (postconv/postconv.h), and are `apart` dB from it
  * at least: half a decibel less than measured. Footprints end at the cutoff, and theirs do not, so
  * that neither is the nearer to the integral. A row without `apart` is drawn with footprints by
  * all: its view, or the way its bricks are seen, asks for them. */

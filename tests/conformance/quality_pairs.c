@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Adaptive composites sheets in pairs where there are many and voxels are a few pixels wide
- * (backend/cpu/sheets.h): whole volumes, not lit, at most as opaque as that still happens, adaptive
+ * (postconv/postconv.h): whole volumes, not lit, at most as opaque as that still happens, adaptive
  * against ewa.
  *
  * Claim: they agree to 48 dB or better (the least of three views; measured: 48.6), the median of

@@ -82,7 +82,7 @@ static void step(struct quality *q, struct test_scene *scene, struct sp_volume *
         quality_expect(q, psnr[0] >= psnr[m] - TIE_DB, "%s at %.3f px: ewa %.2f dB, %s %.2f dB",
                        scene->info.name, scale, psnr[0], quality_filter_name(modes[m]), psnr[m]);
     double least = psnr[0] - ADAPTIVE_LOSS_DB;
-    if (test_has_no_footprints(&q->target, scene))
+    if (test_uses_postconv(&q->target, scene))
         least = fmin(least, ADAPTIVE_SHEETS_DB);
     quality_expect(q, psnr[3] >= least, "%s at %.3f px: ewa %.2f dB, adaptive %.2f dB",
                    scene->info.name, scale, psnr[0], psnr[3]);

@@ -41,7 +41,7 @@ RENDERER = {
     'classify': {'base', 'volume', 'frame'},
     'splat': {'base', 'volume', 'frame', 'classify'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'postconv': {'base', 'volume', 'frame', 'classify', 'splat', 'tile'},
+    'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
     'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv'},
     '.': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'backend'},
 }

@@ -81,11 +81,11 @@ bool test_render_scene(const struct test_renderer *r, const struct test_scene *s
     return ok;
 }
 
-bool test_has_no_footprints(const struct test_target *target, const struct test_scene *scene) {
+bool test_uses_postconv(const struct test_target *target, const struct test_scene *scene) {
     struct cpu_kernels kernels;
     struct sp_error err;
     return strcmp(target->backend, "cpu") == 0 && cpu_kernels_init(&kernels, target->isa, &err) &&
-           kernels.sheets_tile && sheets_can(&scene->view, &scene->info.grid);
+           kernels.has_fast_path && sp_postconv_can_draw(&scene->view, &scene->info.grid);
 }
 
 bool test_frames_equal(const struct sp_frame *a, const struct sp_frame *b) {

@@ -40,10 +40,10 @@ bool test_render(const struct test_renderer *r, struct sp_volume *volume,
 bool test_render_scene(const struct test_renderer *r, const struct test_scene *scene,
                        struct test_image *image, struct sp_error *err);
 
-/* Does the target draw this scene's sheets without footprints (backend/cpu/sheets.h)? The scalar
+/* Does the target draw this scene's sheets without footprints (postconv/postconv.h)? The scalar
  * reference never does: held to it or to what has footprints, such a picture is another
  * algorithm's, whose kernels end where filters do and not at view.filter.cutoff. */
-bool test_has_no_footprints(const struct test_target *target, const struct test_scene *scene);
+bool test_uses_postconv(const struct test_target *target, const struct test_scene *scene);
 
 /* Do two frames have the same size, format and, within their rows, the same bytes? */
 bool test_frames_equal(const struct sp_frame *a, const struct sp_frame *b);

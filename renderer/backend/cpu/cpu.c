@@ -40,7 +40,7 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
     }
     sp_arena_init(&state->arena);
     sp_cubic_table_init(&state->cubic);
-    sheets_tables_init(&state->sheets);
+    sp_postconv_tables_init(&state->postconv);
     state->cache.limit_bytes = options->memory_bytes;
     if (cpu_kernels_init(&state->kernels, options->isa, err))
         state->pool = sp_pool_create(options->threads, err);

@@ -46,7 +46,7 @@ struct draw {
 
     struct sp_camera_frame camera;
     struct sp_detail detail;
-    struct cpu_part parts[SP_LEVELS];
+    struct sp_level_frame parts[SP_LEVELS];
     const struct sp_ewa_frame *ewa; /* of the finest level that is drawn */
     struct sp_shade shade;
     const struct sp_shade *shading; /* &shade, or NULL */
@@ -140,7 +140,7 @@ static void set_up_block(struct draw *d, size_t b) {
         const struct sp_run *from = &d->order.runs[k];
         while (k >= d->order.first[run.sheet + 1])
             run.sheet++;
-        const struct cpu_part *part = &d->parts[from->level];
+        const struct sp_level_frame *part = &d->parts[from->level];
         const uint8_t *modes = part->modes[from->is_enlarged];
         run.list = &part->level->visible;
         run.transfer = &part->level->transfer;
@@ -375,7 +375,7 @@ static bool make_parts(struct draw *d, struct sp_arena *arena, struct sp_error *
     uint32_t levels = levels_drawn(d);
     for (unsigned l = 0; levels >> l; l++)
         for (int enlarged = 0; levels >> l & 1 && enlarged < 2; enlarged++) {
-            struct cpu_part *part = &d->parts[l];
+            struct sp_level_frame *part = &d->parts[l];
             struct sp_ewa_frame *ewa = &part->ewa[enlarged];
             struct sp_view own = *view;
             part->level = &d->levels[l];
@@ -492,8 +492,9 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
     /* A scalar averaged over 4³ voxels is another object to the transfer function. */
     d->mip_level = is_post && d->job->mip_level > 1 ? 1 : d->job->mip_level;
     sp_camera_frame_init(&d->camera, &view->camera, view->size);
-    unsigned axis =
-        view->compositing.mode == SP_COMPOSITE_SHEET ? sp_order_axis(&d->camera, grid) : SP_NO_AXIS;
+    unsigned axis = view->compositing.mode == SP_COMPOSITE_SHEET
+                        ? sp_slices_major_axis(&d->camera, grid)
+                        : SP_NO_AXIS;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
                                         .levels = 1,
                                         .axis = axis,
@@ -505,7 +506,7 @@ static bool choose_level(struct draw *d, struct cpu_state *state, unsigned *shee
                                         .pool = d->pool,
                                         .cancel = d->job->cancel,
                                         .pause = d->job->pause };
-    d->has_filters = state->kernels.sheets_tile && sheets_can(view, grid);
+    d->has_filters = state->kernels.has_fast_path && sp_postconv_can_draw(view, grid);
     if (!choose_levels(d, &state->arena, err))
         return false;
     classify.levels = levels_drawn(d);
@@ -582,29 +583,31 @@ static bool draw_sheets(struct draw *d, struct cpu_state *state, unsigned axis, 
     struct sp_frame_stats *stats = &d->job->frame->stats;
     if (view->shading.mode == SP_SHADING_PHONG)
         sp_shade_init(&d->shade, &d->camera, &view->shading);
-    struct sheets_frame frame = { .job = d->job,
-                                  .tables = &state->sheets,
-                                  .camera = &d->camera,
-                                  .shade =
-                                      view->shading.mode == SP_SHADING_PHONG ? &d->shade : NULL,
-                                  .grid = &d->levels[0].grid,
-                                  .parts = d->parts,
-                                  .detail = &d->detail,
-                                  .axis = axis,
-                                  .classify_ms = d->stage_ms[CLASSIFY],
-                                  .draw_tile = state->kernels.sheets_tile,
-                                  .pool = d->pool,
-                                  .arena = &state->arena };
-    struct sheets sheets;
-    if (!sheets_prepare(&frame, &sheets, err))
+    struct sp_postconv_input frame = { .view = view,
+                                       .frame = d->job->frame,
+                                       .interrupt = sp_job_interrupt(d->job),
+                                       .tables = &state->postconv,
+                                       .camera = &d->camera,
+                                       .shade = view->shading.mode == SP_SHADING_PHONG ? &d->shade
+                                                                                       : NULL,
+                                       .grid = &d->levels[0].grid,
+                                       .parts = d->parts,
+                                       .detail = &d->detail,
+                                       .axis = axis,
+                                       .classify_ms = d->stage_ms[CLASSIFY],
+                                       .draw_tile = state->kernels.postconv_tile,
+                                       .pool = d->pool,
+                                       .arena = &state->arena };
+    struct sp_postconv postconv;
+    if (!sp_postconv_prepare(&frame, &postconv, err))
         return false;
-    *drawn = sheets_pay(&sheets);
-    d->stage_ms[SPLAT] += sheets.prepare_ms;
+    *drawn = sp_postconv_is_worthwhile(&postconv);
+    d->stage_ms[SPLAT] += postconv.prepare_ms;
     if (!*drawn)
         return true;
     stats->mip_level = d->mip_level;
     stats->visible_voxels = d->mip_level ? d->level->visible.count : d->visible;
-    return sheets_draw(&frame, &sheets, err);
+    return sp_postconv_draw(&frame, &postconv, err);
 }
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {

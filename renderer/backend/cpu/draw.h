@@ -17,9 +17,9 @@
 
 #include "backend/backend.h"
 #include "backend/cpu/kernels.h"
-#include "backend/cpu/sheets.h"
 #include "base/arena.h"
 #include "classify/cache.h"
+#include "postconv/postconv.h"
 
 struct cpu_state {
     struct sp_pool *pool;
@@ -27,7 +27,7 @@ struct cpu_state {
     struct cpu_kernels kernels;
     struct sp_classify_cache cache;
     struct sp_cubic_table cubic;
-    struct sheets_tables sheets;
+    struct sp_postconv_tables postconv;
     char device[SP_DEVICE_NAME];
 };
 

@@ -9,8 +9,8 @@
 #ifndef SP_BACKEND_CPU_KERNELS_H
 #define SP_BACKEND_CPU_KERNELS_H
 
-#include "backend/cpu/sheets.h"
 #include "base/isa.h"
+#include "postconv/postconv.h"
 #include "splat/ewa.h"
 #include "tile/blend.h"
 
@@ -26,8 +26,10 @@ struct cpu_kernels {
     void (*add[3])(struct sp_tile *tile, const struct sp_blend *blend,
                    const struct sp_splats *records, uint32_t n);
     void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
-    /* sheets_tile(); NULL = the reference has none: it draws footprints. */
-    void (*sheets_tile)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
+    sp_postconv_tile_fn *postconv_tile;                                     /* sp_postconv_tile() */
+    /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
+     * reference of the others it draws every view by the general path. */
+    bool has_fast_path;
     void (*resolve_rgba8)(const float *const planes[4], uint32_t count, const float background[4],
                           unsigned char *out); /* sp_resolve_rgba8() */
     void (*resolve_rgbaf32)(const float *const planes[4], uint32_t count, const float background[4],

@@ -22,8 +22,9 @@ const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
                                                 [SP_COMPOSITE_SHEET] = sp_sheet_add,
                                                 [SP_COMPOSITE_SLAB] = sp_slab_add },
                                        .tile_close = sp_tile_close,
+                                       .postconv_tile = sp_postconv_tile,
 #ifdef SP_ISA
-                                       .sheets_tile = sheets_tile,
+                                       .has_fast_path = true,
 #endif
                                        .resolve_rgba8 = sp_resolve_rgba8,
                                        .resolve_rgbaf32 = sp_resolve_rgbaf32 };

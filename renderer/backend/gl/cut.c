@@ -148,7 +148,7 @@ static void find_sheets(const struct gl_cut *cut, const struct gl_list *list,
     item->near = INT64_MAX;
     item->far = 0;
     for (uint32_t s = first; s < first + SP_BRICK && s < dim; s++) {
-        int64_t layer = sp_order_layer(cut->sheets, cut->sheet_count, item->level, s);
+        int64_t layer = sp_slices_layer(cut->sheets, cut->sheet_count, item->level, s);
         item->near = layer < item->near ? layer : item->near;
         item->far = layer > item->far ? layer : item->far;
     }

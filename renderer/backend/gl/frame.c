@@ -216,7 +216,7 @@ static bool cut_sheets(struct gl_frame *f, const struct gl_sources *from,
     uint32_t *sheets = sp_arena_alloc(from->arena, "layers of sheets", count, sizeof *sheets);
     if (from->arena->failed)
         return fail_memory(from->arena, err);
-    sp_order_slices(&f->camera, f->grid, f->axis, order);
+    sp_slices_sort(&f->camera, f->grid, f->axis, order);
     for (uint32_t k = 0; k < count; k++)
         sheets[order[k]] = k;
     return gl_cut_sheets(from->cut, source, f->axis, sheets, count, err);
@@ -260,7 +260,7 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
                              * function. */
                             .mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level };
     sp_camera_frame_init(&f->camera, &job->view->camera, job->view->size);
-    f->axis = sp_order_axis(&f->camera, grid);
+    f->axis = sp_slices_major_axis(&f->camera, grid);
     if (!choose_levels(f, job, from->arena))
         return fail_memory(from->arena, err);
     if (!get_lists(f, job, from, err))

@@ -267,27 +267,27 @@ static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
     struct sp_camera_frame camera;
     /* Index axis 1 is world z. */
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 8.3 }, (double[3]){ 2, 3.5, 20 });
-    assert_int_equal(sp_order_axis(&camera, &grid), 1);
+    assert_int_equal(sp_slices_major_axis(&camera, &grid), 1);
     uint32_t order[10];
-    sp_order_slices(&camera, &grid, 1, order); /* eye at index 3.3 */
+    sp_slices_sort(&camera, &grid, 1, order); /* eye at index 3.3 */
     static const uint32_t inside[8] = { 3, 4, 2, 5, 1, 6, 0, 7 };
     for (int k = 0; k < 8; k++)
         assert_int_equal(order[k], inside[k]);
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, -8 }, (double[3]){ 2, 3, 20 });
-    sp_order_slices(&camera, &grid, 1, order);
+    sp_slices_sort(&camera, &grid, 1, order);
     for (uint32_t k = 0; k < 8; k++)
         assert_int_equal(order[k], k);
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 80 }, (double[3]){ 2, 3, 20 });
-    sp_order_slices(&camera, &grid, 1, order);
+    sp_slices_sort(&camera, &grid, 1, order);
     for (uint32_t k = 0; k < 8; k++)
         assert_int_equal(order[k], 7 - k);
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 9 }, (double[3]){ 2, 3, 20 });
-    sp_order_slices(&camera, &grid, 1, order); /* exactly on slice 4 */
+    sp_slices_sort(&camera, &grid, 1, order); /* exactly on slice 4 */
     assert_int_equal(order[0], 4);
     /* Parallel rays come from infinitely far, wherever the eye is. */
     make_camera(&camera, SP_ORTHOGRAPHIC, (double[3]){ 2, 10, 8 }, (double[3]){ 2, 0, 8 });
-    assert_int_equal(sp_order_axis(&camera, &grid), 2);
-    sp_order_slices(&camera, &grid, 2, order);
+    assert_int_equal(sp_slices_major_axis(&camera, &grid), 2);
+    sp_slices_sort(&camera, &grid, 2, order);
     for (uint32_t k = 0; k < 10; k++)
         assert_int_equal(order[k], 9 - k);
 }
@@ -301,15 +301,15 @@ static void the_major_axis_faces_the_view(void **state) {
     struct sp_camera_frame camera;
     /* Slices of axis 0 contain (0.8, 0.6, 0) and z: their normal is (0.6, -0.8, 0). */
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 60, -80, 0 }, (double[3]){ 0, 0, 0 });
-    assert_int_equal(sp_order_axis(&camera, &grid), 0);
+    assert_int_equal(sp_slices_major_axis(&camera, &grid), 0);
     uint32_t order[4];
-    sp_order_slices(&camera, &grid, 0, order);
+    sp_slices_sort(&camera, &grid, 0, order);
     assert_int_equal(order[0], 3);
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 3, 80, 0 }, (double[3]){ 0, 0, 0 });
-    assert_int_equal(sp_order_axis(&camera, &grid), 1);
+    assert_int_equal(sp_slices_major_axis(&camera, &grid), 1);
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 3, 8, 80 }, (double[3]){ 0, 0, 0 });
-    assert_int_equal(sp_order_axis(&camera, &grid), 2);
-    sp_order_slices(&camera, &grid, 2, order);
+    assert_int_equal(sp_slices_major_axis(&camera, &grid), 2);
+    sp_slices_sort(&camera, &grid, 2, order);
     assert_int_equal(order[0], 0); /* the axis points away from +z */
 }
 
@@ -325,8 +325,8 @@ static void rectilinear_slices_come_nearest_first(void **state) {
     struct sp_camera_frame camera;
     uint32_t order[6];
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 12 }, (double[3]){ 2, 3.5, 90 });
-    assert_int_equal(sp_order_axis(&camera, &grid), 2);
-    sp_order_slices(&camera, &grid, 2, order); /* the eye is 7 from the first */
+    assert_int_equal(sp_slices_major_axis(&camera, &grid), 2);
+    sp_slices_sort(&camera, &grid, 2, order); /* the eye is 7 from the first */
     static const uint32_t want[6] = { 3, 4, 2, 1, 0, 5 };
     assert_memory_equal(order, want, sizeof want);
 }
@@ -388,7 +388,7 @@ static void sheets_list_every_voxel_once(void **state) {
         struct sp_order order;
         uint32_t sheets[X];
         make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 9, 9, 9.2 }, (double[3]){ 1, 2, 3 });
-        sp_order_slices(&camera, &grid, axis, sheets);
+        sp_slices_sort(&camera, &grid, axis, sheets);
         sp_arena_reset(&arena);
         assert_true(sp_order_sheets(&camera, c.levels, &detail, axis, &arena, &order));
         assert_int_equal(order.layers, grid.dims[axis]);

@@ -227,7 +227,7 @@ uint choose_mode() {
     return parts[part].kernel[1].w * stretch.y < radius * depth.x ? LOWPASS : EWA;
 }
 
-// sp_order_layer(): the place front to back of the sheet that a voxel belongs to.
+// sp_slices_layer(): the place front to back of the sheet that a voxel belongs to.
 uint sheet_of(uint word) {
     uint level = parts[part].kind.x, slice = corner[picture.z] + (word >> (4u * picture.z) & 15u);
     uint centre = (slice << level) + (level > 0u ? 1u << (level - 1u) : 0u);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/cpu/sheets_tile.h"
+#include "postconv/tile.h"
 #include "splat/exp2.h"
 
 enum { PHASE_BITS = 8 };
-_Static_assert(SHEETS_PHASES == 1 << PHASE_BITS, "phases are the low bits of a place");
+_Static_assert(POSTCONV_PHASES == 1 << PHASE_BITS, "phases are the low bits of a place");
 
 typedef int32_t ivec4 __attribute__((vector_size(16)));
 
@@ -27,7 +27,7 @@ struct run_frame {
     const struct sp_visible *list;
     const struct sp_transfer *transfer;
     float base[3], step[2][3]; /* u of place (0, 0) of the slice, and along its axes */
-    /* Column and row, from the first that matters on, 1/SHEETS_PHASES samples. */
+    /* Column and row, from the first that matters on, 1/POSTCONV_PHASES samples. */
     float focal[2], centre[2];
     int32_t low[2], columns, rows;      /* the first, and how many matter */
     int32_t own[4];                     /* of the tile's own: first column and row, how many */
@@ -37,13 +37,13 @@ struct run_frame {
     bool perspective, is_part;
 };
 
-static void start_run(const struct sheets_open_tile *t, const struct sheets_run *run, bool all,
-                      struct run_frame *r) {
-    const struct sheets_brick *b = &t->sheets->bricks[run->brick];
-    const struct sp_level *level = sheets_level(t->sheets, b);
-    const struct sp_ewa_frame *f = sheets_ewa(t->sheets, b);
-    const struct sheets_group *g = &t->group;
-    unsigned axis = t->sheets->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
+static void start_run(const struct sp_postconv_open_tile *t, const struct sp_postconv_run *run,
+                      bool all, struct run_frame *r) {
+    const struct sp_postconv_brick *b = &t->postconv->bricks[run->brick];
+    const struct sp_level *level = sp_postconv_level(t->postconv, b);
+    const struct sp_ewa_frame *f = sp_postconv_ewa(t->postconv, b);
+    const struct sp_postconv_group *g = &t->group;
+    unsigned axis = t->postconv->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
     r->list = &level->visible;
     r->transfer = &level->transfer;
     r->perspective = f->projection == SP_PERSPECTIVE;
@@ -68,16 +68,16 @@ static void start_run(const struct sheets_open_tile *t, const struct sheets_run 
     int corner[2] = { t->x, t->y };
     for (int a = 0; a < 2; a++) {
         float first_sample = (f->centre[a] - (float)corner[a]) * g->per_px[a] + g->offset[a];
-        r->focal[a] = f->scale * g->per_px[a] * SHEETS_PHASES;
-        r->centre[a] = (first_sample - g->low[a]) * SHEETS_PHASES;
-        r->low[a] = (int32_t)(g->low[a] * SHEETS_PHASES);
-        r->own[a] = (int32_t)((g->offset[a] - g->low[a]) * SHEETS_PHASES);
-        r->own[2 + a] = (int32_t)((g->end[a] - g->offset[a]) * SHEETS_PHASES);
+        r->focal[a] = f->scale * g->per_px[a] * POSTCONV_PHASES;
+        r->centre[a] = (first_sample - g->low[a]) * POSTCONV_PHASES;
+        r->low[a] = (int32_t)(g->low[a] * POSTCONV_PHASES);
+        r->own[a] = (int32_t)((g->offset[a] - g->low[a]) * POSTCONV_PHASES);
+        r->own[2 + a] = (int32_t)((g->end[a] - g->offset[a]) * POSTCONV_PHASES);
         r->variance[a] = b->scale * g->per_px[a] * g->per_px[a];
         r->rest[a] = b->lowpass2 * g->per_px[a] * g->per_px[a] - g->base[a];
     }
-    r->columns = (int32_t)((g->high[0] - g->low[0]) * SHEETS_PHASES);
-    r->rows = (int32_t)((g->high[1] - g->low[1]) * SHEETS_PHASES);
+    r->columns = (int32_t)((g->high[0] - g->low[0]) * POSTCONV_PHASES);
+    r->rows = (int32_t)((g->high[1] - g->low[1]) * POSTCONV_PHASES);
     r->variance[2] = b->scale * g->per_px[0] * g->per_px[1];
     r->rest[2] = -g->cross;
     r->gain = f->gain * g->per_px[0] * g->per_px[1];
@@ -134,27 +134,27 @@ static inline sp_wide_mask in_part(const struct run_frame *r, sp_wide inv) {
 }
 
 /* Bits of the lanes that are wanted, by block of four columns and four rows. */
-static inline uint32_t wanted_bits(const uint32_t wanted[SHEETS_WANTED], sp_wide_int column,
+static inline uint32_t wanted_bits(const uint32_t wanted[POSTCONV_WANTED], sp_wide_int column,
                                    sp_wide_int row) {
 #if defined SP_WIDE_AVX512
     __m512i blocks = _mm512_permutex2var_epi32(_mm512_load_si512(wanted), (__m512i)row,
                                                _mm512_load_si512(wanted + 16));
     return _mm512_test_epi32_mask(_mm512_srlv_epi32(blocks, (__m512i)column), _mm512_set1_epi32(1));
 #elif defined SP_WIDE_AVX2
-    __m256i quad = _mm256_and_si256((__m256i)row, _mm256_set1_epi32(SHEETS_WANTED - 1));
+    __m256i quad = _mm256_and_si256((__m256i)row, _mm256_set1_epi32(POSTCONV_WANTED - 1));
     __m256i blocks = _mm256_i32gather_epi32((const int *)wanted, quad, 4);
     blocks = _mm256_slli_epi32(_mm256_srlv_epi32(blocks, (__m256i)column), 31);
     return (uint32_t)_mm256_movemask_ps((__m256)blocks);
 #else
     uint32_t bits = 0;
     for (int i = 0; i < W; i++)
-        bits |= (wanted[row[i] & (SHEETS_WANTED - 1)] >> (column[i] & 31) & 1) << i;
+        bits |= (wanted[row[i] & (POSTCONV_WANTED - 1)] >> (column[i] & 31) & 1) << i;
     return bits;
 #endif
 }
 
 /* Where the voxels lie, and what their footprints are. Returns those that matter to the tile. */
-static inline uint32_t place_chunk(const struct run_frame *r, const struct sheets_open_tile *t,
+static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_postconv_open_tile *t,
                                    const uint8_t *places, uint32_t n, bool shaded,
                                    struct chunk *c) {
     c->own = 0;
@@ -186,9 +186,9 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
         sp_wide_int first = (column >> PHASE_BITS) - 1, top = (row >> PHASE_BITS) - 1;
         sp_wide_int_store(&c->column[v], first);
         sp_wide_int_store(&c->row[v], top);
-        sp_wide_int_store(&c->at[v], (top * SHEETS_PITCH + first) * 4);
-        sp_wide_int_store(&c->phase[0][v], (column & (SHEETS_PHASES - 1)) * 8);
-        sp_wide_int_store(&c->phase[1][v], (row & (SHEETS_PHASES - 1)) * 8);
+        sp_wide_int_store(&c->at[v], (top * POSTCONV_PITCH + first) * 4);
+        sp_wide_int_store(&c->phase[0][v], (column & (POSTCONV_PHASES - 1)) * 8);
+        sp_wide_int_store(&c->phase[1][v], (row & (POSTCONV_PHASES - 1)) * 8);
         sp_wide fx = r->scale * inv, fx2 = fx * fx, lengths = sp_wide_all(1);
         if (r->perspective) {
             sp_wide most0 = sp_wide_all(r->ratio_max[0]), most1 = sp_wide_all(r->ratio_max[1]);
@@ -220,9 +220,9 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sheet
 }
 
 /* Adds voxel i of a chunk. */
-static inline void deposit(const struct sheets_tables *tables, const struct chunk *c, int i,
+static inline void deposit(const struct sp_postconv_tables *tables, const struct chunk *c, int i,
                            const struct sp_class *class, bool cross, float *grid) {
-    enum { STRIDE = SHEETS_PITCH * 4 };
+    enum { STRIDE = POSTCONV_PITCH * 4 };
     const float *sx = tables->spline[0] + c->phase[0][i];
     const float *sy = tables->spline[0] + c->phase[1][i];
     vec4 wx = load4(sx) + c->delta[0][i] * load4(sx + 4);
@@ -273,7 +273,7 @@ static inline int32_t any_of(sp_wide_int a) {
 }
 
 /* Marks the blocks that a chunk's voxels reach: rows by fours. */
-static inline void mark(struct sheets_open_tile *t, const struct chunk *c, uint32_t inside) {
+static inline void mark(struct sp_postconv_open_tile *t, const struct chunk *c, uint32_t inside) {
     sp_wide_int columns = sp_wide_int_all(0), rows = columns;
     for (int v = 0; v < CHUNK; v += W) {
         sp_wide_int in = power_of_two(sp_wide_int_count() + v) & (int32_t)inside;
@@ -294,7 +294,7 @@ static inline void mark(struct sheets_open_tile *t, const struct chunk *c, uint3
 }
 
 /* The loop over a chunk's voxels, for one width of keys. */
-static inline uint32_t deposit_keys(const struct sheets_open_tile *t, const struct chunk *c,
+static inline uint32_t deposit_keys(const struct sp_postconv_open_tile *t, const struct chunk *c,
                                     uint32_t inside, const struct run_frame *r, uint64_t first,
                                     uint32_t key_bytes, bool cross) {
     const struct sp_class *table = r->transfer->table;
@@ -305,7 +305,7 @@ static inline uint32_t deposit_keys(const struct sheets_open_tile *t, const stru
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m), k = chunk_order[i];
         uint32_t key = key_bytes == 1 ? key1[k] : key_bytes == 2 ? key2[k] : key4[k];
-        deposit(t->sheets->tables, c, i, &table[key], cross, t->s->grid[0][0]);
+        deposit(t->postconv->tables, c, i, &table[key], cross, t->scratch->grid[0][0]);
         count += has_depth(&table[key]) & c->own >> i;
     }
     return count;
@@ -313,7 +313,7 @@ static inline uint32_t deposit_keys(const struct sheets_open_tile *t, const stru
 
 /* Adds a chunk whose classes are the table's; returns how many voxels of the tile have any depth.
  */
-static uint32_t deposit_chunk(const struct sheets_open_tile *t, const struct chunk *c,
+static uint32_t deposit_chunk(const struct sp_postconv_open_tile *t, const struct chunk *c,
                               uint32_t inside, const struct run_frame *r, uint64_t first) {
     if (r->list->key_bytes == 1)
         return deposit_keys(t, c, inside, r, first, 1, false);
@@ -323,21 +323,21 @@ static uint32_t deposit_chunk(const struct sheets_open_tile *t, const struct chu
 }
 
 /* The same where the group has variance across. */
-static uint32_t deposit_chunk_across(const struct sheets_open_tile *t, const struct chunk *c,
+static uint32_t deposit_chunk_across(const struct sp_postconv_open_tile *t, const struct chunk *c,
                                      uint32_t inside, const struct run_frame *r, uint64_t first) {
     return deposit_keys(t, c, inside, r, first, r->list->key_bytes, true);
 }
 
 /* The same for a chunk that has classes of its own. */
-static uint32_t deposit_classes(const struct sheets_open_tile *t, const struct chunk *c,
+static uint32_t deposit_classes(const struct sp_postconv_open_tile *t, const struct chunk *c,
                                 uint32_t inside) {
     uint32_t count = 0;
     for (uint32_t m = inside; m; m &= m - 1) {
         int i = __builtin_ctz(m);
         if (t->group.has_cross)
-            deposit(t->sheets->tables, c, i, &c->class[i], true, t->s->grid[0][0]);
+            deposit(t->postconv->tables, c, i, &c->class[i], true, t->scratch->grid[0][0]);
         else
-            deposit(t->sheets->tables, c, i, &c->class[i], false, t->s->grid[0][0]);
+            deposit(t->postconv->tables, c, i, &c->class[i], false, t->scratch->grid[0][0]);
         count += has_depth(&c->class[i]) & c->own >> i;
     }
     return count;
@@ -404,9 +404,9 @@ static inline void light(const struct sp_shade *shade, const sp_wide n[3], const
 }
 
 /* Classes of a chunk's voxels where they are more than an entry of the table. */
-static void classify_chunk(const struct sheets_open_tile *t, const struct run_frame *r,
+static void classify_chunk(const struct sp_postconv_open_tile *t, const struct run_frame *r,
                            uint64_t first, uint32_t inside, struct chunk *c) {
-    const struct sp_shade *shade = t->sheets->shade;
+    const struct sp_shade *shade = t->postconv->shade;
     bool has_microflakes = sp_visible_has_microflakes(r->list);
     bool has_normals = !has_microflakes && (shade || r->transfer->scale);
     _Alignas(64) int32_t packed[CHUNK] = { 0 }, microflakes[2][CHUNK] = { 0 };
@@ -453,17 +453,19 @@ static void classify_chunk(const struct sheets_open_tile *t, const struct run_fr
     }
 }
 
-void sheets_add_run(struct sheets_open_tile *t, const struct sheets_run *run, bool all) {
+void sp_postconv_add_run(struct sp_postconv_open_tile *t, const struct sp_postconv_run *run,
+                         bool all) {
     struct run_frame r;
     start_run(t, run, all, &r);
-    uint64_t first = r.list->first[t->sheets->bricks[run->brick].brick];
-    bool has_table = r.transfer->table && !r.transfer->scale && !t->sheets->shade;
+    uint64_t first = r.list->first[t->postconv->bricks[run->brick].brick];
+    bool has_table = r.transfer->table && !r.transfer->scale && !t->postconv->shade;
     uint32_t count = 0;
     for (uint64_t e = first + run->begin; e < first + run->end; e += CHUNK) {
         uint64_t left = first + run->end - e;
         struct chunk c;
-        uint32_t inside = place_chunk(&r, t, r.list->place + e,
-                                      left < CHUNK ? (uint32_t)left : CHUNK, t->sheets->shade, &c);
+        uint32_t inside =
+            place_chunk(&r, t, r.list->place + e, left < CHUNK ? (uint32_t)left : CHUNK,
+                        t->postconv->shade, &c);
         if (!inside)
             continue;
         mark(t, &c, inside);
@@ -476,17 +478,18 @@ void sheets_add_run(struct sheets_open_tile *t, const struct sheets_run *run, bo
             count += deposit_chunk(t, &c, inside, &r, e);
         }
     }
-    t->s->splats += count;
-    t->s->fragments += count * (uint64_t)(t->group.area + 0.5f);
+    t->scratch->splats += count;
+    t->scratch->fragments += count * (uint64_t)(t->group.area + 0.5f);
 }
 
 /* Adds footprints to the layer's sum one by one: those that no filter serves. */
-static void add_footprint(struct sheets_open_tile *t, const struct sp_splat *splat, float cut) {
+static void add_footprint(struct sp_postconv_open_tile *t, const struct sp_splat *splat,
+                          float cut) {
     int x0 = splat->x0 - t->x, y0 = splat->y0 - t->y, x1 = splat->x1 - t->x, y1 = splat->y1 - t->y;
     x0 = x0 < 0 ? 0 : x0 / BLOCK * BLOCK;
     y0 = y0 < 0 ? 0 : y0;
-    x1 = x1 > SHEETS_TILE ? SHEETS_TILE : x1;
-    y1 = y1 > SHEETS_TILE ? SHEETS_TILE : y1;
+    x1 = x1 > POSTCONV_TILE ? POSTCONV_TILE : x1;
+    y1 = y1 > POSTCONV_TILE ? POSTCONV_TILE : y1;
     if (x0 >= x1 || y0 >= y1)
         return;
     vec4 sums = { splat->emission[0], splat->emission[1], splat->emission[2], splat->depth };
@@ -500,22 +503,22 @@ static void add_footprint(struct sheets_open_tile *t, const struct sp_splat *spl
                 sp_wide dx = left + sp_wide_from_int(sp_wide_int_count() >> 2);
                 sp_wide e = (splat->a * dx + splat->b * dy) * dx + splat->c * dy * dy;
                 sp_wide weight = sp_wide_keep(sp_wide_le(e, sp_wide_all(cut)), sp_wide_exp2(-e));
-                float *to = &t->s->sum[y][x][0] + p * W;
+                float *to = &t->scratch->sum[y][x][0] + p * W;
                 sp_wide_store(to, sp_wide_load(to) + weight * value);
             }
         t->summed[y] |= blocks;
     }
-    int right = splat->x < (float)(t->x + SHEETS_TILE) && splat->x >= (float)t->x;
-    if (right && splat->y < (float)(t->y + SHEETS_TILE) && splat->y >= (float)t->y) {
-        t->s->splats++;
-        t->s->fragments += (uint64_t)(splat->area + 0.5f);
+    int right = splat->x < (float)(t->x + POSTCONV_TILE) && splat->x >= (float)t->x;
+    if (right && splat->y < (float)(t->y + POSTCONV_TILE) && splat->y >= (float)t->y) {
+        t->scratch->splats++;
+        t->scratch->fragments += (uint64_t)(splat->area + 0.5f);
     }
 }
 
 /* Entries of the brick that are still to be drawn, from *at on; at most `most`, a multiple of
  * CHUNK.
  */
-static uint32_t find_entries(const struct run_frame *r, const struct sheets_run *run,
+static uint32_t find_entries(const struct run_frame *r, const struct sp_postconv_run *run,
                              uint64_t first, uint32_t *at, uint32_t most, uint16_t *entries) {
     uint32_t count = 0;
     for (; *at < run->end && count + CHUNK <= most; *at += CHUNK) {
@@ -532,11 +535,12 @@ static uint32_t find_entries(const struct run_frame *r, const struct sheets_run 
     return count;
 }
 
-void sheets_add_footprints(struct sheets_open_tile *t, const struct sheets_run *run) {
+void sp_postconv_add_footprints(struct sp_postconv_open_tile *t,
+                                const struct sp_postconv_run *run) {
     enum { COUNT = 4 * CHUNK };
-    const struct sheets_brick *b = &t->sheets->bricks[run->brick];
-    const struct sp_level *level = sheets_level(t->sheets, b);
-    const struct sp_ewa_frame *ewa = sheets_ewa(t->sheets, b);
+    const struct sp_postconv_brick *b = &t->postconv->bricks[run->brick];
+    const struct sp_level *level = sp_postconv_level(t->postconv, b);
+    const struct sp_ewa_frame *ewa = sp_postconv_ewa(t->postconv, b);
     struct sp_splat splats[COUNT];
     struct sp_splats out = { .splat = splats };
     const struct sp_visible *list = &level->visible;
@@ -544,7 +548,7 @@ void sheets_add_footprints(struct sheets_open_tile *t, const struct sheets_run *
     struct sp_ewa_run r = { .list = list,
                             .local = local,
                             .transfer = &level->transfer,
-                            .shade = t->sheets->shade,
+                            .shade = t->postconv->shade,
                             .first = list->first[b->brick],
                             .order = entries,
                             .mode = (enum sp_filter_mode)b->mode };
@@ -552,7 +556,8 @@ void sheets_add_footprints(struct sheets_open_tile *t, const struct sheets_run *
     start_run(t, run, true, &frame);
     sp_visible_corner(list, b->brick, r.brick);
     /* They may be wide: so few at a time that a cancelled frame is soon left. */
-    for (uint32_t at = run->begin; at < run->end && !sp_job_is_cancelled(t->sheets->job);) {
+    for (uint32_t at = run->begin;
+         at < run->end && !sp_interrupt_is_cancelled(&t->postconv->interrupt);) {
         r.count = find_entries(&frame, run, r.first, &at, COUNT, entries);
         sp_visible_locals(list, b->brick, entries, 0, r.count, local);
         uint32_t n = sp_ewa_set_up(ewa, &r, &out);

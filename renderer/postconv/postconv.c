@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/cpu/sheets.h"
+#include "postconv/postconv.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "tile/order.h"
+#include "splat/slices.h"
 #include "volume/grid.h"
 
 /* Whether the plane n·t ≥ offset leaves every kernel of the grid whole. */
@@ -45,7 +45,7 @@ static bool is_cut(const struct sp_view *view, const struct sp_grid *grid) {
 /* Filters reach three deviations and farther: nearer cuts of the Gaussian are not theirs. */
 static const double least_cutoff = 3;
 
-bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
+bool sp_postconv_can_draw(const struct sp_view *view, const struct sp_grid *grid) {
     return view->compositing.mode == SP_COMPOSITE_SHEET &&
            view->filter.kernel == SP_KERNEL_GAUSSIAN && view->filter.mode != SP_FILTER_NONE &&
            view->filter.cutoff >= least_cutoff && view->transfer_function.order == SP_TF_PRE &&
@@ -53,17 +53,17 @@ bool sheets_can(const struct sp_view *view, const struct sp_grid *grid) {
 }
 
 struct prepare {
-    const struct sheets_frame *frame;
-    struct sheets *sheets;
-    struct sheets_brick *slots; /* by brick of the level */
-    float length;               /* of a ray in a layer, reference lengths */
-    float deepest;              /* of the transfer function, over one of them */
-    bool *sight;                /* by brick: it may be seen */
+    const struct sp_postconv_input *input;
+    struct sp_postconv *postconv;
+    struct sp_postconv_brick *slots; /* by brick of the level */
+    float length;                    /* of a ray in a layer, reference lengths */
+    float deepest;                   /* of the transfer function, over one of them */
+    bool *sight;                     /* by brick: it may be seen */
 };
 
 /* What a brick says of its footprints: those at u. */
 static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, unsigned axis,
-                          const float u[3], struct sheets_brick *b) {
+                          const float u[3], struct sp_postconv_brick *b) {
     float *v = b->spread, *scale = &b->scale, *lowpass2 = &b->lowpass2;
     unsigned across[2] = { axis == 0, axis == 2 ? 1 : 2 };
     float t[2] = { 0, 0 }, fx = f->scale, m[2][3];
@@ -99,8 +99,9 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
 }
 
 /* Pixels that a brick's voxels can reach; false when there are none in the picture. */
-static bool find_box(const struct sheets *sheets, const float size[3], struct sheets_brick *b) {
-    const struct sp_ewa_frame *f = sheets_ewa(sheets, b);
+static bool find_box(const struct sp_postconv *postconv, const float size[3],
+                     struct sp_postconv_brick *b) {
+    const struct sp_ewa_frame *f = sp_postconv_ewa(postconv, b);
     float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
     float nearest = INFINITY, farthest = -INFINITY;
     for (int corner = 0; corner < 8; corner++) {
@@ -129,15 +130,15 @@ static bool find_box(const struct sheets *sheets, const float size[3], struct sh
         b->range[1] = 1 / (near ? f->near : nearest);
     }
     float v[3];
-    b->is_unfit = b->is_unfit || !sheets_find_filters(sheets, b);
-    sheets_variance(b, b->range[1], v);
+    b->is_unfit = b->is_unfit || !sp_postconv_find_filters(postconv, b);
+    sp_postconv_variance(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
         /* Another group of the tile may be made for wider ones, and so may some of the brick's be.
          */
         float reach = 4 * f->radius * sqrtf(v[i]);
         if (!b->is_unfit)
-            reach = 1.1f * sheets->reach * sqrtf(v[i] / (1 - SHEETS_ALIKE)) + 1;
+            reach = 1.1f * postconv->reach * sqrtf(v[i] / (1 - POSTCONV_ALIKE)) + 1;
         b->reach[i] = reach;
         box[0][i] = near ? 0 : (int)fmaxf(0, fminf(low[i] - reach, 16384));
         box[1][i] =
@@ -159,9 +160,9 @@ static const float most_depth = 24;
 
 /* What a footprint's depth is at its centre over that of a layer of its like, where that is more:
  * footprints that leave gaps. */
-static float find_peak(const struct sheets_brick *b) {
+static float find_peak(const struct sp_postconv_brick *b) {
     float v[3], cell = fabsf(b->step[0][0] * b->step[1][1] - b->step[0][1] * b->step[1][0]);
-    sheets_variance(b, sqrtf(b->range[0] * b->range[1]), v);
+    sp_postconv_variance(b, sqrtf(b->range[0] * b->range[1]), v);
     float det = fmaxf(v[0] * v[1] - v[2] * v[2], SP_VARIANCE_MIN * SP_VARIANCE_MIN);
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
@@ -197,8 +198,8 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
 }
 
 /* The same in each slice of the brick along the axis, for a ray's length there. */
-static void find_depths(const struct prepare *p, struct sheets_brick *b) {
-    const struct sp_level *level = sheets_level(p->sheets, b);
+static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
+    const struct sp_level *level = sp_postconv_level(p->postconv, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
     /* Beyond that it does not matter how much. */
     float enough = p->deepest * scale > most_depth ? most_depth : thin;
@@ -221,8 +222,8 @@ static float find_deepest(const struct sp_transfer_function *tf) {
 
 /* Length of a ray in one layer over the transfer function's reference, in the middle of the
  * picture. */
-static float layer_length(const struct sheets_frame *frame) {
-    const struct sp_grid *grid = frame->grid;
+static float layer_length(const struct sp_postconv_input *input) {
+    const struct sp_grid *grid = input->grid;
     struct sp_mat3 d;
     double det;
     for (int r = 0; r < 3; r++)
@@ -231,16 +232,16 @@ static float layer_length(const struct sheets_frame *frame) {
     struct sp_mat3 inverse = sp_mat3_inverse(&d, &det);
     /* Row `axis` of the inverse: slices that a world unit along the ray crosses. */
     double crossed = fabs(
-        sp_vec3_dot(sp_vec3_from(inverse.m[frame->axis]), sp_vec3_from(frame->camera->w.m[2])));
-    return (float)(1 / (crossed * frame->job->view->transfer_function.reference_length));
+        sp_vec3_dot(sp_vec3_from(inverse.m[input->axis]), sp_vec3_from(input->camera->w.m[2])));
+    return (float)(1 / (crossed * input->view->transfer_function.reference_length));
 }
 
 /* Where the brick's first voxel lies, how far the last is from it in voxels, and u of its middle,
  * which is not before the near plane. */
-static void place_brick(const struct sheets *sheets, struct sheets_brick *b, float size[3],
-                        float middle[3]) {
-    const struct sp_level *level = sheets_level(sheets, b);
-    const struct sp_ewa_frame *ewa = sheets_ewa(sheets, b);
+static void place_brick(const struct sp_postconv *postconv, struct sp_postconv_brick *b,
+                        float size[3], float middle[3]) {
+    const struct sp_level *level = sp_postconv_level(postconv, b);
+    const struct sp_ewa_frame *ewa = sp_postconv_ewa(postconv, b);
     uint32_t corner[3];
     struct sp_ewa_brick place;
     sp_visible_corner(&level->visible, b->brick, corner);
@@ -262,107 +263,112 @@ static void place_brick(const struct sheets *sheets, struct sheets_brick *b, flo
 static void prepare_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct prepare *p = user;
-    const struct sp_detail_brick *bricks = p->frame->detail->bricks;
-    for (size_t i = begin; i < end && !sp_job_is_cancelled(p->frame->job); i++) {
-        struct sheets_brick *b = &p->slots[i];
-        const struct cpu_part *part = &p->sheets->parts[bricks[i].level];
+    const struct sp_detail_brick *bricks = p->input->detail->bricks;
+    for (size_t i = begin; i < end && !sp_interrupt_is_cancelled(&p->input->interrupt); i++) {
+        struct sp_postconv_brick *b = &p->slots[i];
+        const struct sp_level_frame *part = &p->postconv->parts[bricks[i].level];
         const uint64_t *first = &part->level->visible.first[bricks[i].brick];
         const uint8_t *modes = part->modes[bricks[i].is_enlarged];
         float size[3], middle[3];
         p->sight[i] = false;
         if (first[0] == first[1])
             continue;
-        *b = (struct sheets_brick){ .brick = bricks[i].brick,
-                                    .level = bricks[i].level,
-                                    .is_enlarged = bricks[i].is_enlarged,
-                                    .mode = (uint8_t)(modes ? modes[bricks[i].brick]
-                                                            : p->frame->job->view->filter.mode) };
-        place_brick(p->sheets, b, size, middle);
-        find_variance(sheets_ewa(p->sheets, b), (enum sp_filter_mode)b->mode, p->sheets->axis,
-                      middle, b);
-        p->sight[i] = find_box(p->sheets, size, b);
+        *b = (struct sp_postconv_brick){ .brick = bricks[i].brick,
+                                         .level = bricks[i].level,
+                                         .is_enlarged = bricks[i].is_enlarged,
+                                         .mode = (uint8_t)(modes ? modes[bricks[i].brick]
+                                                                 : p->input->view->filter.mode) };
+        place_brick(p->postconv, b, size, middle);
+        find_variance(sp_postconv_ewa(p->postconv, b), (enum sp_filter_mode)b->mode,
+                      p->postconv->axis, middle, b);
+        p->sight[i] = find_box(p->postconv, size, b);
         if (!p->sight[i])
             continue;
         bool is_unfit = b->is_unfit;
         find_depths(p, b);
         if (b->is_unfit != is_unfit)
-            p->sight[i] = find_box(p->sheets, size, b);
+            p->sight[i] = find_box(p->postconv, size, b);
     }
 }
 
-static uint64_t count_voxels(const struct sheets *s, const struct sheets_brick *b) {
-    const uint64_t *first = &sheets_level(s, b)->visible.first[b->brick];
+static uint64_t count_voxels(const struct sp_postconv *postconv,
+                             const struct sp_postconv_brick *b) {
+    const uint64_t *first = &sp_postconv_level(postconv, b)->visible.first[b->brick];
     return first[1] - first[0];
 }
 
 /* Which bricks each tile meets, and how many voxels tiles have to look at. */
-static bool meet_tiles(struct sheets *s, struct sp_arena *arena) {
-    uint32_t tiles = (uint32_t)(s->columns * s->rows);
-    s->first = sp_arena_alloc(arena, "bricks of tiles", tiles + (size_t)2, sizeof *s->first);
-    if (!s->first)
+static bool meet_tiles(struct sp_postconv *postconv, struct sp_arena *arena) {
+    uint32_t tiles = (uint32_t)(postconv->columns * postconv->rows);
+    postconv->first =
+        sp_arena_alloc(arena, "bricks of tiles", tiles + (size_t)2, sizeof *postconv->first);
+    if (!postconv->first)
         return false;
-    memset(s->first, 0, (tiles + (size_t)2) * sizeof *s->first);
+    memset(postconv->first, 0, (tiles + (size_t)2) * sizeof *postconv->first);
     for (int pass = 0; pass < 2; pass++) {
-        for (uint32_t i = 0; i < s->brick_count; i++) {
-            const struct sheets_brick *b = &s->bricks[i];
-            int c1 = (b->x1 - 1) / SHEETS_TILE, r1 = (b->y1 - 1) / SHEETS_TILE;
-            int met = (c1 - b->x0 / SHEETS_TILE + 1) * (r1 - b->y0 / SHEETS_TILE + 1);
+        for (uint32_t i = 0; i < postconv->brick_count; i++) {
+            const struct sp_postconv_brick *b = &postconv->bricks[i];
+            int c1 = (b->x1 - 1) / POSTCONV_TILE, r1 = (b->y1 - 1) / POSTCONV_TILE;
+            int met = (c1 - b->x0 / POSTCONV_TILE + 1) * (r1 - b->y0 / POSTCONV_TILE + 1);
             if (pass)
-                s->work[b->is_unfit] += (double)met * (double)count_voxels(s, b);
-            for (int r = b->y0 / SHEETS_TILE; r <= r1; r++)
-                for (int c = b->x0 / SHEETS_TILE; c <= c1; c++) {
-                    uint32_t t = (uint32_t)(r * s->columns + c);
+                postconv->work[b->is_unfit] += (double)met * (double)count_voxels(postconv, b);
+            for (int r = b->y0 / POSTCONV_TILE; r <= r1; r++)
+                for (int c = b->x0 / POSTCONV_TILE; c <= c1; c++) {
+                    uint32_t t = (uint32_t)(r * postconv->columns + c);
                     if (pass)
-                        s->met[s->first[t + 1]++] = i;
+                        postconv->met[postconv->first[t + 1]++] = i;
                     else
-                        s->first[t + 2]++;
+                        postconv->first[t + 2]++;
                 }
         }
         if (pass)
             break;
         for (uint32_t t = 0; t < tiles; t++)
-            s->first[t + 2] += s->first[t + 1];
-        s->met = sp_arena_alloc(arena, "bricks of tiles", s->first[tiles + 1], sizeof *s->met);
-        if (!s->met)
+            postconv->first[t + 2] += postconv->first[t + 1];
+        postconv->met = sp_arena_alloc(arena, "bricks of tiles", postconv->first[tiles + 1],
+                                       sizeof *postconv->met);
+        if (!postconv->met)
             return false;
     }
     return true;
 }
 
 static int by_voxels(const void *a, const void *b) {
-    const struct sheets_turn *x = a, *y = b;
+    const struct sp_postconv_tile_cost *x = a, *y = b;
     return x->voxels == y->voxels ? (x->tile > y->tile) - (x->tile < y->tile)
                                   : (x->voxels < y->voxels) - (x->voxels > y->voxels);
 }
 
 /* In which order tiles are claimed. */
-static bool order_tiles(struct sheets *s, struct sp_arena *arena) {
-    uint32_t tiles = (uint32_t)(s->columns * s->rows);
-    s->order = sp_arena_alloc(arena, "order of tiles", tiles, sizeof *s->order);
-    if (!s->order)
+static bool order_tiles(struct sp_postconv *postconv, struct sp_arena *arena) {
+    uint32_t tiles = (uint32_t)(postconv->columns * postconv->rows);
+    postconv->order = sp_arena_alloc(arena, "order of tiles", tiles, sizeof *postconv->order);
+    if (!postconv->order)
         return false;
     for (uint32_t t = 0; t < tiles; t++) {
-        s->order[t] = (struct sheets_turn){ .tile = t };
-        for (uint32_t n = s->first[t]; n < s->first[t + 1]; n++)
-            s->order[t].voxels += count_voxels(s, &s->bricks[s->met[n]]);
+        postconv->order[t] = (struct sp_postconv_tile_cost){ .tile = t };
+        for (uint32_t n = postconv->first[t]; n < postconv->first[t + 1]; n++)
+            postconv->order[t].voxels +=
+                count_voxels(postconv, &postconv->bricks[postconv->met[n]]);
     }
-    qsort(s->order, tiles, sizeof *s->order, by_voxels);
+    qsort(postconv->order, tiles, sizeof *postconv->order, by_voxels);
     return true;
 }
 
-static uint32_t most_met(const struct sheets *s) {
+static uint32_t most_met(const struct sp_postconv *postconv) {
     uint32_t most = 0;
-    for (int t = 0; t < s->columns * s->rows; t++)
-        if (s->first[t + 1] - s->first[t] > most)
-            most = s->first[t + 1] - s->first[t];
+    for (int t = 0; t < postconv->columns * postconv->rows; t++)
+        if (postconv->first[t + 1] - postconv->first[t] > most)
+            most = postconv->first[t + 1] - postconv->first[t];
     return most;
 }
 
-static bool allocate_scratch(struct sheets *s, unsigned workers, struct sp_arena *arena) {
-    size_t most = (size_t)most_met(s) * SP_BRICK;
-    s->scratch = sp_arena_alloc(arena, "tiles", workers, sizeof *s->scratch);
-    for (unsigned w = 0; s->scratch && w < workers; w++) {
-        struct sheets_scratch *scratch = &s->scratch[w];
+static bool allocate_scratch(struct sp_postconv *postconv, unsigned workers,
+                             struct sp_arena *arena) {
+    size_t most = (size_t)most_met(postconv) * SP_BRICK;
+    postconv->scratch = sp_arena_alloc(arena, "tiles", workers, sizeof *postconv->scratch);
+    for (unsigned w = 0; postconv->scratch && w < workers; w++) {
+        struct sp_postconv_scratch *scratch = &postconv->scratch[w];
         memset(scratch->grid, 0, sizeof scratch->grid);
         memset(scratch->skew, 0, sizeof scratch->skew);
         memset(scratch->across, 0, sizeof scratch->across);
@@ -371,22 +377,22 @@ static bool allocate_scratch(struct sheets *s, unsigned workers, struct sp_arena
         scratch->fragments = 0;
         scratch->runs = sp_arena_alloc(arena, "runs", most, sizeof *scratch->runs);
         scratch->starts =
-            sp_arena_alloc(arena, "layers", s->layers + (size_t)1, sizeof *scratch->starts);
+            sp_arena_alloc(arena, "layers", postconv->layers + (size_t)1, sizeof *scratch->starts);
         scratch->ends =
-            sp_arena_alloc(arena, "layers", s->layers + (size_t)1, sizeof *scratch->ends);
+            sp_arena_alloc(arena, "layers", postconv->layers + (size_t)1, sizeof *scratch->ends);
     }
     return !arena->failed;
 }
 
 struct tiles {
-    const struct sheets *sheets;
-    void (*draw)(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t tile);
+    const struct sp_postconv *postconv;
+    sp_postconv_tile_fn *draw;
 };
 
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     const struct tiles *t = user;
-    for (size_t i = begin; i < end && !sp_job_is_cancelled(t->sheets->job); i++)
-        t->draw(t->sheets, &t->sheets->scratch[worker], t->sheets->order[i].tile);
+    for (size_t i = begin; i < end && !sp_interrupt_is_cancelled(&t->postconv->interrupt); i++)
+        t->draw(t->postconv, &t->postconv->scratch[worker], t->postconv->order[i].tile);
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -395,14 +401,14 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
 }
 
 /* The layer of each slice. */
-static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) {
-    const struct sp_grid *grid = frame->grid;
-    uint32_t n = *count = grid->dims[frame->axis];
-    uint32_t *slices = sp_arena_alloc(frame->arena, "order of sheets", n, sizeof *slices);
-    uint32_t *layers = sp_arena_alloc(frame->arena, "order of sheets", n, sizeof *layers);
+static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *count) {
+    const struct sp_grid *grid = input->grid;
+    uint32_t n = *count = grid->dims[input->axis];
+    uint32_t *slices = sp_arena_alloc(input->arena, "order of sheets", n, sizeof *slices);
+    uint32_t *layers = sp_arena_alloc(input->arena, "order of sheets", n, sizeof *layers);
     if (!slices || !layers)
         return NULL;
-    sp_order_slices(frame->camera, grid, frame->axis, slices);
+    sp_slices_sort(input->camera, grid, input->axis, slices);
     for (uint32_t k = 0; k < n; k++)
         layers[slices[k]] = k;
     return layers;
@@ -411,104 +417,112 @@ static uint32_t *make_layers(const struct sheets_frame *frame, uint32_t *count) 
 /* Whether layers 2n and 2n + 1 are composited as one, too. They are the same all the time that the
  * camera moves: nothing but the view and the whole volume says so. Few slices gain little; where
  * voxels are wide, opaque or lit, each of them can be told from the next. */
-static bool may_pair(const struct sheets_frame *frame, const struct sheets *s, float deepest) {
+static bool may_pair(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
+                     float deepest) {
     enum { FEW_LAYERS = 64 };
     const double widest = 5, most = 0.95; /* px of a voxel; depth of a slice straight through */
-    const struct sp_grid *grid = frame->grid;
-    unsigned first = s->axis == 0, second = s->axis == 2 ? 1 : 2;
-    double width = sqrt(grid->spacing[first] * grid->spacing[second]) * frame->camera->scale;
-    struct sp_vec3 middle = frame->camera->eye;
+    const struct sp_grid *grid = input->grid;
+    unsigned first = postconv->axis == 0, second = postconv->axis == 2 ? 1 : 2;
+    double width = sqrt(grid->spacing[first] * grid->spacing[second]) * input->camera->scale;
+    struct sp_vec3 middle = input->camera->eye;
     for (int a = 0; a < 3; a++)
         for (int r = 0; r < 3; r++)
             middle.v[r] -= (a ? 0 : grid->origin[r]) +
                            grid->direction[r][a] * grid->spacing[a] * (grid->dims[a] - 1) / 2;
-    if (frame->camera->projection == SP_PERSPECTIVE)
+    if (input->camera->projection == SP_PERSPECTIVE)
         width /= sp_vec3_length(middle);
-    double depth = (double)deepest * grid->spacing[s->axis] /
-                   frame->job->view->transfer_function.reference_length;
-    return !s->shade && s->layers >= FEW_LAYERS && width <= widest && depth <= most;
+    double depth = (double)deepest * grid->spacing[postconv->axis] /
+                   input->view->transfer_function.reference_length;
+    return !postconv->shade && postconv->layers >= FEW_LAYERS && width <= widest && depth <= most;
 }
 
 /* Composites consecutive layers as one while together they add little depth to any pixel, and
  * pairs: transmittance is the same, only whose colour is in front is lost. For the frame as a
  * whole, so that there is no seam where a tile meets less than the next. */
-static bool join_layers(struct sheets *s, bool pairs, struct sp_arena *arena) {
-    float *depth = sp_arena_alloc(arena, "depths of sheets", s->layers, sizeof *depth), sum = 0;
-    uint32_t *joined = sp_arena_alloc(arena, "order of sheets", s->layers, sizeof *joined);
+static bool join_layers(struct sp_postconv *postconv, bool pairs, struct sp_arena *arena) {
+    float *depth = sp_arena_alloc(arena, "depths of sheets", postconv->layers, sizeof *depth),
+          sum = 0;
+    uint32_t *joined = sp_arena_alloc(arena, "order of sheets", postconv->layers, sizeof *joined);
     if (!depth || !joined)
         return false;
-    memset(depth, 0, s->layers * sizeof *depth);
-    for (uint32_t i = 0; i < s->brick_count; i++) {
-        const struct sheets_brick *b = &s->bricks[i];
+    memset(depth, 0, postconv->layers * sizeof *depth);
+    for (uint32_t i = 0; i < postconv->brick_count; i++) {
+        const struct sp_postconv_brick *b = &postconv->bricks[i];
         uint32_t corner[3];
-        sp_visible_corner(&sheets_level(s, b)->visible, b->brick, corner);
+        sp_visible_corner(&sp_postconv_level(postconv, b)->visible, b->brick, corner);
         for (uint32_t k = 0; k < SP_BRICK; k++) {
             if (!(b->depth[k] > 0))
                 continue;
-            uint32_t layer = sp_order_layer(s->layer, s->layers, b->level, corner[s->axis] + k);
+            uint32_t layer = sp_slices_layer(postconv->layer, postconv->layers, b->level,
+                                             corner[postconv->axis] + k);
             depth[layer] = larger(depth[layer], b->depth[k]);
         }
     }
-    for (uint32_t l = 0; l < s->layers; l++) {
+    for (uint32_t l = 0; l < postconv->layers; l++) {
         bool is_second = pairs && l % 2 && joined[l - 1] == l - 1;
         bool is_joined = l > 0 && (is_second || sum + depth[l] <= thin);
         joined[l] = is_joined ? joined[l - 1] : l;
         sum = is_joined ? sum + depth[l] : depth[l];
     }
-    for (uint32_t k = 0; k < s->layers; k++)
-        s->layer[k] = joined[s->layer[k]];
+    for (uint32_t k = 0; k < postconv->layers; k++)
+        postconv->layer[k] = joined[postconv->layer[k]];
     return true;
 }
 
 /* Deviations from a voxel to the pixels that it matters to. Beyond them it is left out where a tile
  * ends, and less than a 400th of the light may be missed there: for a straight edge of depth d that
  * is where d/2 · erfc(r/√2) is, about. */
-static float find_reach(const struct sheets *s, float cutoff, float deepest) {
+static float find_reach(const struct sp_postconv *postconv, float cutoff, float deepest) {
     float seam = sqrtf(2 * logf(fmaxf(1, 53 * deepest)));
-    return fmaxf(cutoff, s->exact ? 4 : fminf(4, seam));
+    return fmaxf(cutoff, postconv->exact ? 4 : fminf(4, seam));
 }
 
-bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
-    const struct sp_view *view = frame->job->view;
-    double clock = sp_job_clock_ms(frame->job);
+bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postconv *postconv,
+                         struct sp_error *err) {
+    const struct sp_view *view = input->view;
+    double clock = sp_interrupt_clock_ms(&input->interrupt);
     bool exact = view->filter.mode != SP_FILTER_ADAPTIVE;
     bool linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR;
-    *s = (struct sheets){ .job = frame->job,
-                          .tables = frame->tables,
-                          .shade = frame->shade,
-                          .linear = linear,
-                          .axis = frame->axis,
-                          .exact = exact,
-                          .smooth = { exact ? 1.3f : 0.56f, exact ? 1.3f : 1 },
-                          .parts = frame->parts,
-                          .columns = (int)(view->size[0] + SHEETS_TILE - 1) / SHEETS_TILE,
-                          .rows = (int)(view->size[1] + SHEETS_TILE - 1) / SHEETS_TILE };
-    uint32_t bricks = frame->detail->count;
-    s->layer = make_layers(frame, &s->layers);
-    s->bricks = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *s->bricks);
-    struct prepare p = { .frame = frame,
-                         .sheets = s,
-                         .slots = s->bricks,
-                         .length = layer_length(frame),
+    *postconv =
+        (struct sp_postconv){ .view = view,
+                              .frame = input->frame,
+                              .interrupt = input->interrupt,
+                              .tables = input->tables,
+                              .shade = input->shade,
+                              .linear = linear,
+                              .axis = input->axis,
+                              .exact = exact,
+                              .smooth = { exact ? 1.3f : 0.56f, exact ? 1.3f : 1 },
+                              .parts = input->parts,
+                              .columns = (int)(view->size[0] + POSTCONV_TILE - 1) / POSTCONV_TILE,
+                              .rows = (int)(view->size[1] + POSTCONV_TILE - 1) / POSTCONV_TILE };
+    uint32_t bricks = input->detail->count;
+    postconv->layer = make_layers(input, &postconv->layers);
+    postconv->bricks = sp_arena_alloc(input->arena, "bricks", bricks, sizeof *postconv->bricks);
+    struct prepare p = { .input = input,
+                         .postconv = postconv,
+                         .slots = postconv->bricks,
+                         .length = layer_length(input),
                          .deepest = find_deepest(&view->transfer_function) };
-    unsigned coarsest = 31 - (unsigned)__builtin_clz(frame->detail->levels | 1);
-    s->reach =
-        find_reach(s, (float)view->filter.cutoff, ldexpf(p.deepest * p.length, (int)coarsest));
-    p.sight = sp_arena_alloc(frame->arena, "bricks", bricks, sizeof *p.sight);
-    if (frame->arena->failed)
-        return fail_memory(frame->arena, err);
-    sp_parallel_for(frame->pool, bricks, 64, prepare_bricks, &p);
-    if (sp_job_is_cancelled(frame->job))
+    unsigned coarsest = 31 - (unsigned)__builtin_clz(input->detail->levels | 1);
+    postconv->reach = find_reach(postconv, (float)view->filter.cutoff,
+                                 ldexpf(p.deepest * p.length, (int)coarsest));
+    p.sight = sp_arena_alloc(input->arena, "bricks", bricks, sizeof *p.sight);
+    if (input->arena->failed)
+        return fail_memory(input->arena, err);
+    sp_parallel_for(input->pool, bricks, 64, prepare_bricks, &p);
+    if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     for (uint32_t i = 0; i < bricks; i++) {
         if (p.sight[i])
-            s->bricks[s->brick_count++] = s->bricks[i];
+            postconv->bricks[postconv->brick_count++] = postconv->bricks[i];
     }
-    if (!exact && !linear && !join_layers(s, may_pair(frame, s, p.deepest), frame->arena))
-        return fail_memory(frame->arena, err);
-    if (!meet_tiles(s, frame->arena) || !order_tiles(s, frame->arena))
-        return fail_memory(frame->arena, err);
-    s->prepare_ms = sp_job_clock_ms(frame->job) - clock;
+    if (!exact && !linear &&
+        !join_layers(postconv, may_pair(input, postconv, p.deepest), input->arena))
+        return fail_memory(input->arena, err);
+    if (!meet_tiles(postconv, input->arena) || !order_tiles(postconv, input->arena))
+        return fail_memory(input->arena, err);
+    postconv->prepare_ms = sp_interrupt_clock_ms(&input->interrupt) - clock;
     return true;
 }
 
@@ -516,26 +530,29 @@ bool sheets_prepare(const struct sheets_frame *frame, struct sheets *s, struct s
  * once: measured on three scans, 0.2 to 0.33. */
 static const double most_unfit = 1.0 / 4;
 
-bool sheets_pay(const struct sheets *s) {
-    return s->work[1] <= most_unfit * (s->work[0] + s->work[1]);
+bool sp_postconv_is_worthwhile(const struct sp_postconv *postconv) {
+    return postconv->work[1] <= most_unfit * (postconv->work[0] + postconv->work[1]);
 }
 
-bool sheets_draw(const struct sheets_frame *frame, struct sheets *s, struct sp_error *err) {
-    struct sp_frame_stats *stats = &frame->job->frame->stats;
-    double clock = sp_job_clock_ms(frame->job);
-    if (!allocate_scratch(s, sp_pool_threads(frame->pool), frame->arena))
-        return fail_memory(frame->arena, err);
-    struct tiles tiles = { s, frame->draw_tile };
-    sp_parallel_for(frame->pool, (size_t)(s->columns * s->rows), 1, draw_tiles, &tiles);
-    if (sp_job_is_cancelled(frame->job))
+bool sp_postconv_draw(const struct sp_postconv_input *input, struct sp_postconv *postconv,
+                      struct sp_error *err) {
+    struct sp_frame_stats *stats = &input->frame->stats;
+    double clock = sp_interrupt_clock_ms(&input->interrupt);
+    if (!allocate_scratch(postconv, sp_pool_threads(input->pool), input->arena))
+        return fail_memory(input->arena, err);
+    struct tiles tiles = { postconv, input->draw_tile };
+    sp_parallel_for(input->pool, (size_t)(postconv->columns * postconv->rows), 1, draw_tiles,
+                    &tiles);
+    if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    for (unsigned w = 0; w < sp_pool_threads(frame->pool); w++) {
-        stats->splats += s->scratch[w].splats;
-        stats->fragments += s->scratch[w].fragments;
+    for (unsigned w = 0; w < sp_pool_threads(input->pool); w++) {
+        stats->splats += postconv->scratch[w].splats;
+        stats->fragments += postconv->scratch[w].fragments;
     }
     stats->stage_count = 3;
-    stats->stages[0] = (struct sp_stage_time){ "classify", frame->classify_ms };
-    stats->stages[1] = (struct sp_stage_time){ "splat", s->prepare_ms };
-    stats->stages[2] = (struct sp_stage_time){ "tile", sp_job_clock_ms(frame->job) - clock };
+    stats->stages[0] = (struct sp_stage_time){ "classify", input->classify_ms };
+    stats->stages[1] = (struct sp_stage_time){ "splat", postconv->prepare_ms };
+    stats->stages[2] =
+        (struct sp_stage_time){ "tile", sp_interrupt_clock_ms(&input->interrupt) - clock };
     return true;
 }

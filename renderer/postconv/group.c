@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
-#include "backend/cpu/sheets.h"
+#include "postconv/postconv.h"
 
 /* Cubic B-spline at distance x. */
 static double spline(double x) {
@@ -31,7 +31,7 @@ static double bend(double x) {
     return sum + fmax(0, 1 - fabs(x + 1)) + fmax(0, 1 - fabs(x - 1));
 }
 
-static double fill_filter(struct sheets_filter *f, double spread) {
+static double fill_filter(struct sp_postconv_filter *f, double spread) {
     double sum = 0, variance = 0;
     for (int k = -f->taps; k <= f->taps; k++)
         sum += exp(-0.5 * k * k / spread);
@@ -45,10 +45,10 @@ static double fill_filter(struct sheets_filter *f, double spread) {
 
 /* A Gaussian cut at some samples is narrower than its name says: it is made wider until its
  * variance is right. */
-static void make_filter(struct sheets_filter *f, double variance, double reach) {
-    *f = (struct sheets_filter){ .taps = (int)ceil(reach * sqrt(variance)), .weight = { 1 } };
-    if (f->taps > SHEETS_TAPS)
-        f->taps = SHEETS_TAPS;
+static void make_filter(struct sp_postconv_filter *f, double variance, double reach) {
+    *f = (struct sp_postconv_filter){ .taps = (int)ceil(reach * sqrt(variance)), .weight = { 1 } };
+    if (f->taps > POSTCONV_TAPS)
+        f->taps = POSTCONV_TAPS;
     double low = 1e-3, high = 4 * variance + 1e-2;
     for (int i = 0; i < 60 && f->taps > 0; i++) {
         double middle = 0.5 * (low + high);
@@ -59,21 +59,21 @@ static void make_filter(struct sheets_filter *f, double variance, double reach) 
     }
 }
 
-void sheets_tables_init(struct sheets_tables *t) {
-    for (int p = 0; p < SHEETS_PHASES; p++)
+void sp_postconv_tables_init(struct sp_postconv_tables *t) {
+    for (int p = 0; p < POSTCONV_PHASES; p++)
         for (int k = 0; k < 4; k++) {
-            double x = k - 1 - (p + 0.5) / SHEETS_PHASES;
+            double x = k - 1 - (p + 0.5) / POSTCONV_PHASES;
             t->spline[p][k] = (float)spline(x);
             t->spline[p][4 + k] = (float)(0.5 * bend(x));
             t->slope[p][k] = (float)slope(x);
         }
-    for (int j = 0; j < SHEETS_SCALES; j++)
+    for (int j = 0; j < POSTCONV_SCALES; j++)
         for (int p = 0; p < 1 << j; p++)
             for (int k = 0; k < 4; k++)
                 t->between[j][p][k] = (float)quadratic(k - 1 - (p + 0.5) / (1 << j));
-    for (int n = 0; n < SHEETS_FILTERS; n++)
+    for (int n = 0; n < POSTCONV_FILTERS; n++)
         for (int i = 0; i < 2; i++)
-            make_filter(&t->filters[i][n], (double)n / SHEETS_STEPS, i ? 4 : 3);
+            make_filter(&t->filters[i][n], (double)n / POSTCONV_STEPS, i ? 4 : 3);
 }
 
 static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
@@ -81,8 +81,9 @@ static const float no_cross = 0.02f; /* of the variance: less of it across does 
 static const float small_cross = 0.1f; /* … and so much a deposit can give by itself */
 
 /* Filters for samples that are 2^scale px wide; false where there are none. */
-static bool find_filters(const struct sheets *sheets, const float v[3], struct sheets_group *g) {
-    const struct sheets_filter *filters = sheets->tables->filters[sheets->exact];
+static bool find_filters(const struct sp_postconv *postconv, const float v[3],
+                         struct sp_postconv_group *g) {
+    const struct sp_postconv_filter *filters = postconv->tables->filters[postconv->exact];
     float cross = fabsf(v[2]);
     for (int a = 0; a < 2; a++) {
         g->per_px[a] = 1.0f / (float)(1 << g->scale[a]);
@@ -91,59 +92,59 @@ static bool find_filters(const struct sheets *sheets, const float v[3], struct s
     float least = fminf(v[0] * g->per_px[0] * g->per_px[0], v[1] * g->per_px[1] * g->per_px[1]);
     int step = 0;
     if (cross > small_cross * least)
-        step = (int)fminf(cross * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
+        step = (int)fminf(cross * POSTCONV_STEPS + 0.5f, POSTCONV_FILTERS);
     g->has_cross = cross > no_cross * least;
-    g->cross = (float)(g->sign * step) / SHEETS_STEPS;
-    if (step >= SHEETS_FILTERS)
+    g->cross = (float)(g->sign * step) / POSTCONV_STEPS;
+    if (step >= POSTCONV_FILTERS)
         return false;
     g->diagonal = step > 0 ? &filters[step] : NULL;
     for (int a = 0; a < 2; a++) {
-        float fixed = (g->scale[a] ? 1.0f / 3 + 1.0f / 4 : 1.0f / 3) + (float)step / SHEETS_STEPS;
+        float fixed = (g->scale[a] ? 1.0f / 3 + 1.0f / 4 : 1.0f / 3) + (float)step / POSTCONV_STEPS;
         float rest = v[a] * g->per_px[a] * g->per_px[a] - fixed;
-        int n = (int)fminf(rest * SHEETS_STEPS + 0.5f, SHEETS_FILTERS);
-        if (rest < -sharpest || n >= SHEETS_FILTERS)
+        int n = (int)fminf(rest * POSTCONV_STEPS + 0.5f, POSTCONV_FILTERS);
+        if (rest < -sharpest || n >= POSTCONV_FILTERS)
             return false;
         g->filter[a] = &filters[n];
-        g->base[a] = fixed + (float)n / SHEETS_STEPS;
+        g->base[a] = fixed + (float)n / POSTCONV_STEPS;
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
-        int samples = SHEETS_TILE >> g->scale[a];
-        g->offset[a] = (float)SHEETS_MARGIN - (g->scale[a] ? 0 : 0.5f);
-        g->end[a] = g->offset[a] + SHEETS_TILE * g->per_px[a];
+        int samples = POSTCONV_TILE >> g->scale[a];
+        g->offset[a] = (float)POSTCONV_MARGIN - (g->scale[a] ? 0 : 0.5f);
+        g->end[a] = g->offset[a] + POSTCONV_TILE * g->per_px[a];
         /* As far as samples reach, or footprints: a whole number of phases. */
-        float around = sheets->reach * sqrtf(v[a]) * g->per_px[a];
+        float around = postconv->reach * sqrtf(v[a]) * g->per_px[a];
         float low =
-            fmaxf((float)(SHEETS_MARGIN - reach - 2 - (g->scale[a] > 0)), g->offset[a] - around);
-        float high = fminf((float)(SHEETS_MARGIN + samples + reach + 2 + (g->scale[a] > 0)),
+            fmaxf((float)(POSTCONV_MARGIN - reach - 2 - (g->scale[a] > 0)), g->offset[a] - around);
+        float high = fminf((float)(POSTCONV_MARGIN + samples + reach + 2 + (g->scale[a] > 0)),
                            g->end[a] + around);
-        g->low[a] = floorf(low * SHEETS_PHASES) / SHEETS_PHASES;
-        g->high[a] = ceilf(high * SHEETS_PHASES) / SHEETS_PHASES;
-        if (reach + 6 > SHEETS_MARGIN)
+        g->low[a] = floorf(low * POSTCONV_PHASES) / POSTCONV_PHASES;
+        g->high[a] = ceilf(high * POSTCONV_PHASES) / POSTCONV_PHASES;
+        if (reach + 6 > POSTCONV_MARGIN)
             return false;
     }
     return true;
 }
 
 /* Variance of footprints, px², from which samples of 2^(scale + 1) px do. */
-static float variance_to_widen(const struct sheets *sheets, int scale) {
-    return sheets->smooth[scale > 0] * (float)(4 << 2 * scale);
+static float variance_to_widen(const struct sp_postconv *postconv, int scale) {
+    return postconv->smooth[scale > 0] * (float)(4 << 2 * scale);
 }
 
-bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b,
-                       const float range[2], struct sheets_group *g) {
-    float narrow = sheets->exact ? 1.06f : 1.08f, wide = sheets->exact ? 1.08f : 1.1f;
+bool sp_postconv_group_init(const struct sp_postconv *postconv, const struct sp_postconv_brick *b,
+                            const float range[2], struct sp_postconv_group *g) {
+    float narrow = postconv->exact ? 1.06f : 1.08f, wide = postconv->exact ? 1.08f : 1.1f;
     float v[3], w = fminf(sqrtf(range[0] * range[1]), narrow * range[0]);
     /* A group's middle is not much nearer than its farthest voxels, and neither are its ends. */
-    sheets_variance(b, w, v);
-    *g = (struct sheets_group){ .reference = { v[0], v[1] },
-                                .middle = w,
-                                .range = { w / wide, w * wide },
-                                .sign = v[2] < 0 ? -1 : 1 };
+    sp_postconv_variance(b, w, v);
+    *g = (struct sp_postconv_group){ .reference = { v[0], v[1] },
+                                     .middle = w,
+                                     .range = { w / wide, w * wide },
+                                     .sign = v[2] < 0 ? -1 : 1 };
     for (int a = 0; a < 2; a++)
-        while (g->scale[a] < b->scale_max[a] && v[a] >= variance_to_widen(sheets, g->scale[a]))
+        while (g->scale[a] < b->scale_max[a] && v[a] >= variance_to_widen(postconv, g->scale[a]))
             g->scale[a]++;
-    float radius = sheets_ewa(sheets, b)->radius;
+    float radius = sp_postconv_ewa(postconv, b)->radius;
     g->area = (float)M_PI * radius * radius * sqrtf(fmaxf(0, v[0] * v[1] - v[2] * v[2]));
-    while (!find_filters(sheets, v, g)) {
+    while (!find_filters(postconv, v, g)) {
         int a = g->scale[1] > g->scale[0];
         if (g->scale[a] == 0)
             return false;
@@ -152,14 +153,14 @@ bool sheets_group_make(const struct sheets *sheets, const struct sheets_brick *b
     return true;
 }
 
-int sheets_group_fits(const struct sheets_group *g, const struct sheets_brick *b,
-                      const float range[2]) {
+int sp_postconv_group_fits(const struct sp_postconv_group *g, const struct sp_postconv_brick *b,
+                           const float range[2]) {
     float low = fmaxf(range[0], g->range[0]), high = fminf(range[1], g->range[1]), v[3];
     if (!(low <= high))
         return 0;
-    sheets_variance(b, sqrtf(low * high), v);
+    sp_postconv_variance(b, sqrtf(low * high), v);
     for (int a = 0; a < 2; a++)
-        if (!(fabsf(v[a] - g->reference[a]) <= SHEETS_ALIKE * g->reference[a]))
+        if (!(fabsf(v[a] - g->reference[a]) <= POSTCONV_ALIKE * g->reference[a]))
             return 0;
     return low <= range[0] && high >= range[1] ? 2 : 1;
 }
@@ -210,14 +211,14 @@ static float beat(const float (*step)[2], const float v[3], const int scale[2]) 
 static const float most_beat[2] = { 0.012f, 0.004f }, most_beat_of_pixels = 0.008f;
 
 /* How wide samples may be before they beat; false when even pixels do. */
-static bool choose_scales(const struct sheets *sheets, struct sheets_brick *b) {
+static bool choose_scales(const struct sp_postconv *postconv, struct sp_postconv_brick *b) {
     float v[3], w = sqrtf(b->range[0] * b->range[1]);
     int scale[2] = { 0, 0 };
-    sheets_variance(b, w, v);
+    sp_postconv_variance(b, w, v);
     for (int a = 0; a < 2; a++)
-        while (scale[a] + 1 < SHEETS_SCALES && v[a] >= variance_to_widen(sheets, scale[a]))
+        while (scale[a] + 1 < POSTCONV_SCALES && v[a] >= variance_to_widen(postconv, scale[a]))
             scale[a]++;
-    while ((scale[0] || scale[1]) && beat(b->step, v, scale) > most_beat[sheets->exact])
+    while ((scale[0] || scale[1]) && beat(b->step, v, scale) > most_beat[postconv->exact])
         scale[scale[1] > scale[0]]--;
     b->scale_max[0] = (uint8_t)scale[0];
     b->scale_max[1] = (uint8_t)scale[1];
@@ -226,20 +227,20 @@ static bool choose_scales(const struct sheets *sheets, struct sheets_brick *b) {
 
 /* Whether there are filters for all of a brick's voxels. Where samples get wider, or with a
  * diagonal, the nearest and the farthest do not speak for those between. */
-static bool has_filters(const struct sheets *sheets, const struct sheets_brick *b) {
+static bool has_filters(const struct sp_postconv *postconv, const struct sp_postconv_brick *b) {
     enum { STEPS = 16 };
-    struct sheets_group group;
+    struct sp_postconv_group group;
     bool is_plain = fabsf(b->spread[2]) <= 0.5f * small_cross * fminf(b->spread[0], b->spread[1]);
     float step = powf(b->range[1] / b->range[0], 1.0f / STEPS), w = b->range[0];
     for (int k = 0; k <= STEPS && !is_plain; k++, w *= step)
-        if (!sheets_group_make(sheets, b, (float[2]){ w, w }, &group))
+        if (!sp_postconv_group_init(postconv, b, (float[2]){ w, w }, &group))
             return false;
-    return sheets_group_make(sheets, b, b->range, &group);
+    return sp_postconv_group_init(postconv, b, b->range, &group);
 }
 
-bool sheets_find_filters(const struct sheets *sheets, struct sheets_brick *b) {
+bool sp_postconv_find_filters(const struct sp_postconv *postconv, struct sp_postconv_brick *b) {
     const float most[2] = { b->range[1], b->range[1] };
-    struct sheets_group group;
-    return b->range[1] <= uneven * b->range[0] && choose_scales(sheets, b) &&
-           has_filters(sheets, b) && sheets_group_make(sheets, b, most, &group);
+    struct sp_postconv_group group;
+    return b->range[1] <= uneven * b->range[0] && choose_scales(postconv, b) &&
+           has_filters(postconv, b) && sp_postconv_group_init(postconv, b, most, &group);
 }

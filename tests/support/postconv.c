@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "support/sheets.h"
+#include "support/postconv.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "tile/order.h"
+#include "splat/slices.h"
 
-static bool classify(struct test_sheets *t, const struct test_scene *scene, struct sp_error *err) {
+static bool classify(struct test_postconv *t, const struct test_scene *scene,
+                     struct sp_error *err) {
     const struct sp_view *view = &scene->view;
-    t->axis = sp_order_axis(&t->camera, &scene->info.grid);
+    t->axis = sp_slices_major_axis(&t->camera, &scene->info.grid);
     struct sp_classify_job job = { .tf = &view->transfer_function,
                                    .levels = 1,
                                    .axis = t->axis,
@@ -20,7 +21,7 @@ static bool classify(struct test_sheets *t, const struct test_scene *scene, stru
     return sp_classification_update(&t->classification, &job, err);
 }
 
-static bool choose_modes(struct test_sheets *t, const struct test_scene *scene,
+static bool choose_modes(struct test_postconv *t, const struct test_scene *scene,
                          struct sp_error *err) {
     struct sp_adaptive adaptive;
     if (scene->view.filter.mode != SP_FILTER_ADAPTIVE)
@@ -33,11 +34,11 @@ static bool choose_modes(struct test_sheets *t, const struct test_scene *scene,
     return true;
 }
 
-static bool start(struct test_sheets *t, const struct test_scene *scene, unsigned threads,
+static bool start(struct test_postconv *t, const struct test_scene *scene, unsigned threads,
                   struct sp_error *err) {
     const struct sp_view *view = &scene->view;
     sp_arena_init(&t->arena);
-    sheets_tables_init(&t->tables);
+    sp_postconv_tables_init(&t->tables);
     sp_camera_frame_init(&t->camera, &view->camera, view->size);
     sp_shade_init(&t->shade, &t->camera, &view->shading);
     t->pool = sp_pool_create(threads, err);
@@ -45,25 +46,26 @@ static bool start(struct test_sheets *t, const struct test_scene *scene, unsigne
     if (t->frames)
         t->frame = sp_frame_create(t->frames, view->size[0], view->size[1], SP_RGBAF32, err);
     t->volume = t->frame ? test_scene_volume(scene, err) : NULL;
-    t->job = (struct sp_backend_job){ .volume = t->volume, .view = view, .frame = t->frame };
+    t->view = view;
+    t->target = t->frame;
     return t->volume && classify(t, scene, err) && choose_modes(t, scene, err);
 }
 
-struct test_sheets *test_sheets_open(const struct test_scene *scene, unsigned threads,
-                                     struct sp_error *err) {
-    struct test_sheets *t = aligned_alloc(64, (sizeof *t + 63) & ~(size_t)63);
+struct test_postconv *test_postconv_open(const struct test_scene *scene, unsigned threads,
+                                         struct sp_error *err) {
+    struct test_postconv *t = aligned_alloc(64, (sizeof *t + 63) & ~(size_t)63);
     if (!t) {
-        sp_fail(err, SP_ERR_MEMORY, "", "sheets");
+        sp_fail(err, SP_ERR_MEMORY, "", "post-convolved sheets");
         return NULL;
     }
     memset(t, 0, sizeof *t);
     if (start(t, scene, threads, err))
         return t;
-    test_sheets_close(t);
+    test_postconv_close(t);
     return NULL;
 }
 
-void test_sheets_close(struct test_sheets *t) {
+void test_postconv_close(struct test_postconv *t) {
     free(t->modes);
     if (t->classification.volume)
         sp_classification_finish(&t->classification);
@@ -78,37 +80,38 @@ void test_sheets_close(struct test_sheets *t) {
 }
 
 /* All bricks, of the finest level. */
-static bool choose_bricks(struct test_sheets *t) {
+static bool choose_bricks(struct test_postconv *t) {
     const struct sp_level *level = &t->classification.levels[0];
     uint32_t count = sp_visible_bricks(&level->visible);
     struct sp_detail_brick *bricks = sp_arena_alloc(&t->arena, "bricks", count, sizeof *bricks);
     for (uint32_t i = 0; bricks && i < count; i++)
         bricks[i] = (struct sp_detail_brick){ .brick = i };
     t->detail = (struct sp_detail){ .bricks = bricks, .count = count, .levels = 1 };
-    t->parts[0] = (struct cpu_part){ .level = level, .ewa[0] = t->ewa, .modes[0] = t->modes };
+    t->parts[0] = (struct sp_level_frame){ .level = level, .ewa[0] = t->ewa, .modes[0] = t->modes };
     return bricks;
 }
 
-bool test_sheets_draw(struct test_sheets *t, test_tile_fn *tile, const atomic_bool *cancel,
-                      struct sp_error *err) {
+bool test_postconv_draw(struct test_postconv *t, sp_postconv_tile_fn *tile,
+                        const atomic_bool *cancel, struct sp_error *err) {
     const struct sp_level *level = &t->classification.levels[0];
-    bool is_lit = t->job.view->shading.mode == SP_SHADING_PHONG;
-    t->job.cancel = cancel;
+    bool is_lit = t->view->shading.mode == SP_SHADING_PHONG;
     sp_arena_reset(&t->arena);
     if (!choose_bricks(t))
-        return sp_fail(err, SP_ERR_MEMORY, "", "sheets");
-    memset(&t->frame->stats, 0, sizeof t->frame->stats);
-    struct sheets_frame frame = { .job = &t->job,
-                                  .tables = &t->tables,
-                                  .camera = &t->camera,
-                                  .shade = is_lit ? &t->shade : NULL,
-                                  .grid = &level->grid,
-                                  .parts = t->parts,
-                                  .detail = &t->detail,
-                                  .axis = t->axis,
-                                  .draw_tile = tile,
-                                  .pool = t->pool,
-                                  .arena = &t->arena };
-    struct sheets sheets;
-    return sheets_prepare(&frame, &sheets, err) && sheets_draw(&frame, &sheets, err);
+        return sp_fail(err, SP_ERR_MEMORY, "", "post-convolved sheets");
+    memset(&t->target->stats, 0, sizeof t->target->stats);
+    struct sp_postconv_input frame = { .view = t->view,
+                                       .frame = t->target,
+                                       .interrupt.cancel = cancel,
+                                       .tables = &t->tables,
+                                       .camera = &t->camera,
+                                       .shade = is_lit ? &t->shade : NULL,
+                                       .grid = &level->grid,
+                                       .parts = t->parts,
+                                       .detail = &t->detail,
+                                       .axis = t->axis,
+                                       .draw_tile = tile,
+                                       .pool = t->pool,
+                                       .arena = &t->arena };
+    struct sp_postconv postconv;
+    return sp_postconv_prepare(&frame, &postconv, err) && sp_postconv_draw(&frame, &postconv, err);
 }

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/cpu/sheets_tile.h"
 #include "frame/resolve.h"
+#include "postconv/tile.h"
 #include "splat/exp2.h"
-#include "tile/blend.h"
 
 /* Weights of the samples from ⌊x/2^scale⌋ − 1 − filter->taps on, for pixel x. */
-static void make_zoom(const struct sheets_tables *tables, const struct sheets_filter *f, int scale,
-                      struct zoom *z) {
+static void make_zoom(const struct sp_postconv_tables *tables, const struct sp_postconv_filter *f,
+                      int scale, struct zoom *z) {
     if (z->filter == f && z->scale == scale)
         return;
     int n = 2 * f->taps + 1, period = 1 << scale;
@@ -21,8 +20,8 @@ static void make_zoom(const struct sheets_tables *tables, const struct sheets_fi
 }
 
 /* The same for vectors of pixels: one more sample where a vector spans two. */
-static void make_wide_zoom(const struct sheets_tables *tables, const struct sheets_filter *f,
-                           int scale, struct zoom *z) {
+static void make_wide_zoom(const struct sp_postconv_tables *tables,
+                           const struct sp_postconv_filter *f, int scale, struct zoom *z) {
     if (z->filter == f && z->scale == scale)
         return;
     make_zoom(tables, f, scale, z);
@@ -40,9 +39,9 @@ static void make_wide_zoom(const struct sheets_tables *tables, const struct shee
 }
 
 /* Which blocks of samples each block of pixels needs. */
-static void find_needs(struct sheets_open_tile *t) {
+static void find_needs(struct sp_postconv_open_tile *t) {
     int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
-    for (int b = 0; b < SHEETS_TILE / BLOCK; b++) {
+    for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
         int first = (b * BLOCK >> scale) - 1 - reach + ORIGIN;
         int last = ((b * BLOCK + BLOCK - 1) >> scale) + 2 + reach + ORIGIN;
         t->needs[b] = (UINT32_C(2) << last / BLOCK) - (UINT32_C(1) << first / BLOCK);
@@ -50,7 +49,7 @@ static void find_needs(struct sheets_open_tile *t) {
 }
 
 /* Blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
-static void find_span(const struct sheets_group *g, int axis, int block, int span[2]) {
+static void find_span(const struct sp_postconv_group *g, int axis, int block, int span[2]) {
     float start = g->offset[axis] + (float)(block * BLOCK) * g->per_px[axis];
     float before = g->offset[axis] - g->low[axis];
     span[0] = (int)(start - before) / BLOCK;
@@ -58,15 +57,15 @@ static void find_span(const struct sheets_group *g, int axis, int block, int spa
 }
 
 /* Where voxels of the group matter to what is not opaque. */
-static void find_wanted(struct sheets_open_tile *t) {
-    uint32_t columns[SHEETS_TILE / BLOCK];
+static void find_wanted(struct sp_postconv_open_tile *t) {
+    uint32_t columns[POSTCONV_TILE / BLOCK];
     int span[2];
     memset(t->wanted, 0, sizeof t->wanted);
-    for (int b = 0; b < SHEETS_TILE / BLOCK; b++) {
+    for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
         find_span(&t->group, 0, b, span);
         columns[b] = (UINT32_C(2) << span[1]) - (UINT32_C(1) << span[0]);
     }
-    for (int r = 0; r < SHEETS_TILE / BLOCK; r++) {
+    for (int r = 0; r < POSTCONV_TILE / BLOCK; r++) {
         uint32_t wanted = 0;
         for (uint32_t live = t->live[r]; live; live &= live - 1)
             wanted |= columns[__builtin_ctz(live)];
@@ -76,21 +75,22 @@ static void find_wanted(struct sheets_open_tile *t) {
     }
 }
 
-bool sheets_start_group(struct sheets_open_tile *t, const struct sheets_run *runs, uint32_t count) {
-    struct sheets_group *g = &t->group;
+bool sp_postconv_start_group(struct sp_postconv_open_tile *t, const struct sp_postconv_run *runs,
+                             uint32_t count) {
+    struct sp_postconv_group *g = &t->group;
     float range[2] = { runs[0].range[0], runs[0].range[1] };
     for (uint32_t i = 1; i < count; i++)
         range[1] = runs[i].range[1] > range[1] ? runs[i].range[1] : range[1];
-    if (!sheets_group_make(t->sheets, &t->sheets->bricks[runs[0].brick], range, g))
+    if (!sp_postconv_group_init(t->postconv, &t->postconv->bricks[runs[0].brick], range, g))
         return false;
     if (t->has_dead)
         find_wanted(t);
     if (g->scale[0])
         find_needs(t);
     if (g->scale[0])
-        make_wide_zoom(t->sheets->tables, g->filter[0], g->scale[0], t->zoom[0]);
+        make_wide_zoom(t->postconv->tables, g->filter[0], g->scale[0], t->zoom[0]);
     if (g->scale[1])
-        make_zoom(t->sheets->tables, g->filter[1], g->scale[1], t->zoom[1]);
+        make_zoom(t->postconv->tables, g->filter[1], g->scale[1], t->zoom[1]);
     return true;
 }
 
@@ -126,9 +126,9 @@ static inline sp_wide taps(const float *from, int stride, const float *weight, i
 }
 
 /* Blocks of the tile that samples in `blocks` reach. */
-static uint32_t blocks_reached(uint32_t blocks, const uint32_t needs[SHEETS_TILE / BLOCK]) {
+static uint32_t blocks_reached(uint32_t blocks, const uint32_t needs[POSTCONV_TILE / BLOCK]) {
     uint32_t reached = 0;
-    for (int b = 0; b < SHEETS_TILE / BLOCK; b++)
+    for (int b = 0; b < POSTCONV_TILE / BLOCK; b++)
         reached |= (blocks & needs[b] ? UINT32_C(1) : 0) << b;
     return reached;
 }
@@ -189,21 +189,21 @@ static inline void zoom_row(const float *from, const struct zoom *z, int n, uint
     }
 
 /* Filters rows across, into `across`, whose columns are pixels. */
-static void filter_across(struct sheets_open_tile *t, const float (*from)[SHEETS_PITCH][4],
+static void filter_across(struct sp_postconv_open_tile *t, const float (*from)[POSTCONV_PITCH][4],
                           const uint32_t *blocks) {
-    const struct sheets_group *g = &t->group;
-    const struct sheets_filter *f = g->filter[0];
+    const struct sp_postconv_group *g = &t->group;
+    const struct sp_postconv_filter *f = g->filter[0];
     const struct zoom *z = t->zoom[0];
     int j = g->scale[0];
     for (int y = t->row0; y < t->row1; y++) {
         t->crossed[y] = 0;
         if (!blocks[y])
             continue;
-        float *to = t->s->across[y][0];
+        float *to = t->scratch->across[y][0];
         uint32_t reached;
         if (j == 0) {
             reached =
-                widen(blocks[y], f->taps) >> ORIGIN / BLOCK & ((1u << (SHEETS_TILE / BLOCK)) - 1);
+                widen(blocks[y], f->taps) >> ORIGIN / BLOCK & ((1u << (POSTCONV_TILE / BLOCK)) - 1);
             const float *row = from[y][ORIGIN - f->taps];
             WITH_TAPS(2 * f->taps + 1, filter_row(row, f->weight, N, reached, to));
         } else {
@@ -216,7 +216,7 @@ static void filter_across(struct sheets_open_tile *t, const float (*from)[SHEETS
 }
 
 /* Empties the rows' marked blocks. */
-static void clear_blocks(float (*grid)[SHEETS_PITCH][4], uint32_t *blocks, int begin, int end) {
+static void clear_blocks(float (*grid)[POSTCONV_PITCH][4], uint32_t *blocks, int begin, int end) {
     for (int y = begin; y < end; y++) {
         for (uint32_t m = blocks[y]; m; m &= m - 1)
             memset(grid[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
@@ -225,30 +225,30 @@ static void clear_blocks(float (*grid)[SHEETS_PITCH][4], uint32_t *blocks, int b
 }
 
 /* Filters along a diagonal, into `skew`; rows are then row0 … row1 of that. */
-static void filter_diagonally(struct sheets_open_tile *t) {
-    const struct sheets_filter *f = t->group.diagonal;
-    int n = f->taps, stride = 4 * (SHEETS_PITCH + t->group.sign);
+static void filter_diagonally(struct sp_postconv_open_tile *t) {
+    const struct sp_postconv_filter *f = t->group.diagonal;
+    int n = f->taps, stride = 4 * (POSTCONV_PITCH + t->group.sign);
     int low = t->row0 - n < 0 ? 0 : t->row0 - n;
-    int high = t->row1 + n > SHEETS_GRID ? SHEETS_GRID : t->row1 + n;
+    int high = t->row1 + n > POSTCONV_GRID ? POSTCONV_GRID : t->row1 + n;
     /* Blocks that the next filter reads: so nothing beside the grid is. */
     int left = ORIGIN - 1 - t->group.filter[0]->taps;
-    int right = ORIGIN + (SHEETS_TILE >> t->group.scale[0]) + 2 + t->group.filter[0]->taps;
+    int right = ORIGIN + (POSTCONV_TILE >> t->group.scale[0]) + 2 + t->group.filter[0]->taps;
     uint32_t needed = (UINT32_C(2) << right / BLOCK) - (UINT32_C(1) << left / BLOCK);
     join_rows(t->deposited, t->row0, t->row1, n, low, high, t->skewed);
     for (int y = low; y < high; y++) {
         t->skewed[y] = widen(t->skewed[y], n) & needed;
         /* Rows outside the grid hold nothing. */
         int first = y - n < 0 ? n - y : 0,
-            last = y + n >= SHEETS_GRID ? SHEETS_GRID - 1 - y + n : 2 * n;
+            last = y + n >= POSTCONV_GRID ? POSTCONV_GRID - 1 - y + n : 2 * n;
         for (uint32_t m = t->skewed[y]; m; m &= m - 1) {
             int x = __builtin_ctz(m) * BLOCK;
             for (int p = 0; p < VECTORS; p++)
-                sp_wide_store(&t->s->skew[y][x][0] + p * W,
-                              taps(&t->s->grid[y][x][0] + p * W + (first - n) * stride, stride,
-                                   f->weight + first, last - first + 1));
+                sp_wide_store(&t->scratch->skew[y][x][0] + p * W,
+                              taps(&t->scratch->grid[y][x][0] + p * W + (first - n) * stride,
+                                   stride, f->weight + first, last - first + 1));
         }
     }
-    clear_blocks(t->s->grid, t->deposited, t->row0, t->row1);
+    clear_blocks(t->scratch->grid, t->deposited, t->row0, t->row1);
     t->row0 = low;
     t->row1 = high;
 }
@@ -267,7 +267,7 @@ static inline sp_wide mean_transmittance(sp_wide d) {
 }
 
 /* Composites W pixels of a row. */
-static inline void composite(const struct sheets_open_tile *t, int y, int x,
+static inline void composite(const struct sp_postconv_open_tile *t, int y, int x,
                              const sp_wide sums[4]) {
     sp_wide p[4];
     planes(sums, p);
@@ -275,10 +275,10 @@ static inline void composite(const struct sheets_open_tile *t, int y, int x,
     sp_wide_mask any = sp_wide_lt(sp_wide_all(0), p[3]);
     if (!sp_wide_mask_bits(any))
         return;
-    float(*done)[SHEETS_TILE][SHEETS_TILE] = t->s->done;
+    float(*done)[POSTCONV_TILE][POSTCONV_TILE] = t->scratch->done;
     sp_wide through = sp_wide_load(&done[3][y][x]), depth = sp_wide_max(p[3], sp_wide_all(0)), pass,
             f;
-    if (t->sheets->linear) {
+    if (t->postconv->linear) {
         pass = sp_wide_max(1.0f - depth, sp_wide_all(0));
         f = reciprocal(sp_wide_max(depth, sp_wide_all(1)));
     } else {
@@ -293,9 +293,9 @@ static inline void composite(const struct sheets_open_tile *t, int y, int x,
 
 /* Rows of `from` weighted, for the blocks of one row of pixels: into the picture, or the layer's
  * sum. */
-static inline void finish_blocks(struct sheets_open_tile *t, int y, const float *from,
+static inline void finish_blocks(struct sp_postconv_open_tile *t, int y, const float *from,
                                  const float *weight, int n, uint32_t blocks, bool last) {
-    enum { STRIDE = SHEETS_ROW * 4, STEP = W > BLOCK ? W / BLOCK : 1 };
+    enum { STRIDE = POSTCONV_ROW * 4, STEP = W > BLOCK ? W / BLOCK : 1 };
     const uint32_t group = (UINT32_C(1) << STEP) - 1;
     while (blocks) {
         int b = __builtin_ctz(blocks) / STEP * STEP;
@@ -310,79 +310,80 @@ static inline void finish_blocks(struct sheets_open_tile *t, int y, const float 
             composite(t, y, b * BLOCK, sums);
             continue;
         }
-        float *sum = &t->s->sum[y][b * BLOCK][0];
+        float *sum = &t->scratch->sum[y][b * BLOCK][0];
         for (int i = 0; i < 4; i++)
             sp_wide_store(sum + i * W, sp_wide_load(sum + i * W) + sums[i]);
         t->summed[y] |= group << b;
     }
 }
 
-static void finish_row(struct sheets_open_tile *t, int y, const float *from, const float *weight,
-                       int n, uint32_t blocks, bool last) {
-    blocks &= (UINT32_C(1) << (SHEETS_TILE / BLOCK)) - 1;
+static void finish_row(struct sp_postconv_open_tile *t, int y, const float *from,
+                       const float *weight, int n, uint32_t blocks, bool last) {
+    blocks &= (UINT32_C(1) << (POSTCONV_TILE / BLOCK)) - 1;
     if (last)
         WITH_TAPS(n, finish_blocks(t, y, from, weight, N, blocks, true))
     else
         finish_blocks(t, y, from, weight, n, blocks, false);
 }
 
-static void filter_down(struct sheets_open_tile *t, bool last) {
-    const struct sheets_group *g = &t->group;
-    const struct sheets_filter *f = g->filter[1];
+static void filter_down(struct sp_postconv_open_tile *t, bool last) {
+    const struct sp_postconv_group *g = &t->group;
+    const struct sp_postconv_filter *f = g->filter[1];
     int j = g->scale[1], n = 2 * f->taps + 1;
-    uint32_t blocks[SHEETS_GRID];
+    uint32_t blocks[POSTCONV_GRID];
     if (j == 0) {
         int low = t->row0 - f->taps < ORIGIN ? ORIGIN : t->row0 - f->taps;
         int high =
-            t->row1 + f->taps > ORIGIN + SHEETS_TILE ? ORIGIN + SHEETS_TILE : t->row1 + f->taps;
+            t->row1 + f->taps > ORIGIN + POSTCONV_TILE ? ORIGIN + POSTCONV_TILE : t->row1 + f->taps;
         join_rows(t->crossed, t->row0, t->row1, f->taps, low, high, blocks);
         for (int y = low; y < high; y++)
-            finish_row(t, y - ORIGIN, t->s->across[y - f->taps][0], f->weight, n,
+            finish_row(t, y - ORIGIN, t->scratch->across[y - f->taps][0], f->weight, n,
                        blocks[y] & t->live[(y - ORIGIN) / BLOCK], last);
         return;
     }
     /* What pixels between samples y and y + 1 see. */
-    int begin = ORIGIN, end = ORIGIN + ((SHEETS_TILE - 1) >> j) + 1;
+    int begin = ORIGIN, end = ORIGIN + ((POSTCONV_TILE - 1) >> j) + 1;
     join_rows(t->crossed, t->row0, t->row1, f->taps + 2, begin, end, blocks);
-    for (int y = 0; y < SHEETS_TILE; y++) {
+    for (int y = 0; y < POSTCONV_TILE; y++) {
         int row = (y >> j) + ORIGIN;
-        finish_row(t, y, t->s->across[row - 1 - f->taps][0], t->zoom[1]->down[y & ((1 << j) - 1)],
-                   t->zoom[1]->taps, blocks[row] & t->live[y / BLOCK], last);
+        finish_row(t, y, t->scratch->across[row - 1 - f->taps][0],
+                   t->zoom[1]->down[y & ((1 << j) - 1)], t->zoom[1]->taps,
+                   blocks[row] & t->live[y / BLOCK], last);
     }
 }
 
-void sheets_close_group(struct sheets_open_tile *t, bool last) {
+void sp_postconv_close_group(struct sp_postconv_open_tile *t, bool last) {
     if (t->row0 < t->row1) {
-        const float(*from)[SHEETS_PITCH][4] = (const float(*)[SHEETS_PITCH][4])t->s->grid;
+        const float(*from)[POSTCONV_PITCH][4] = (const float(*)[POSTCONV_PITCH][4])t->scratch->grid;
         const uint32_t *blocks = t->deposited;
         if (t->group.diagonal) {
             filter_diagonally(t);
-            from = (const float(*)[SHEETS_PITCH][4])t->s->skew;
+            from = (const float(*)[POSTCONV_PITCH][4])t->scratch->skew;
             blocks = t->skewed;
         }
         filter_across(t, from, blocks);
         if (t->group.diagonal)
-            clear_blocks(t->s->skew, t->skewed, t->row0, t->row1);
+            clear_blocks(t->scratch->skew, t->skewed, t->row0, t->row1);
         else
-            clear_blocks(t->s->grid, t->deposited, t->row0, t->row1);
+            clear_blocks(t->scratch->grid, t->deposited, t->row0, t->row1);
         filter_down(t, last);
         for (int y = t->row0; y < t->row1; y++)
             for (uint32_t m = t->crossed[y]; m; m &= m - 1)
-                memset(t->s->across[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
+                memset(t->scratch->across[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
     }
-    t->row0 = SHEETS_GRID;
+    t->row0 = POSTCONV_GRID;
     t->row1 = 0;
 }
 
-void sheets_close_sum(struct sheets_open_tile *t) {
+void sp_postconv_close_sum(struct sp_postconv_open_tile *t) {
     static const float one = 1;
-    for (int y = 0; y < SHEETS_TILE; y++) {
+    for (int y = 0; y < POSTCONV_TILE; y++) {
         uint32_t m = t->summed[y];
         if (!m)
             continue;
-        finish_row(t, y, t->s->sum[y][0], &one, 1, m & t->live[y / BLOCK], true);
+        finish_row(t, y, t->scratch->sum[y][0], &one, 1, m & t->live[y / BLOCK], true);
         for (; m; m &= m - 1)
-            memset(t->s->sum[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
+            memset(t->scratch->sum[y][__builtin_ctz(m) * BLOCK], 0, BLOCK * 16);
         t->summed[y] = 0;
     }
 }
@@ -397,17 +398,17 @@ static inline uint32_t blocks_of(uint32_t elements) {
     return W == 16 ? elements & 15 : (elements & 3 ? 1 : 0) | (elements & 12 ? 2 : 0);
 }
 
-void sheets_check_cells(struct sheets_open_tile *t) {
-    enum { ROWS = SHEETS_CELL_HEIGHT / BLOCK };
+void sp_postconv_check_cells(struct sp_postconv_open_tile *t) {
+    enum { ROWS = POSTCONV_CELL_HEIGHT / BLOCK };
     bool changed = false;
-    for (int r = 0; r < SHEETS_TILE / BLOCK; r++) {
+    for (int r = 0; r < POSTCONV_TILE / BLOCK; r++) {
         uint32_t live = 0;
         if (!t->live[r])
             continue;
-        for (int x = 0; x < SHEETS_TILE; x += W) {
-            sp_wide most = sp_wide_load(&t->s->done[3][r * BLOCK][x]);
+        for (int x = 0; x < POSTCONV_TILE; x += W) {
+            sp_wide most = sp_wide_load(&t->scratch->done[3][r * BLOCK][x]);
             for (int y = 1; y < BLOCK; y++)
-                most = sp_wide_max(most, sp_wide_load(&t->s->done[3][r * BLOCK + y][x]));
+                most = sp_wide_max(most, sp_wide_load(&t->scratch->done[3][r * BLOCK + y][x]));
             live |=
                 blocks_of(sp_wide_mask_bits(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), most)))
                 << x / BLOCK;
@@ -418,11 +419,11 @@ void sheets_check_cells(struct sheets_open_tile *t) {
     if (!changed)
         return;
     t->alive = 0;
-    for (int r = 0; r < SHEETS_TILE / BLOCK; r++)
-        for (int c = 0; c < SHEETS_CELLS_ACROSS; c++)
-            if (t->live[r] >> (c * SHEETS_CELL_WIDTH / BLOCK) &
-                ((1 << SHEETS_CELL_WIDTH / BLOCK) - 1))
-                t->alive |= UINT32_C(1) << (r / ROWS * SHEETS_CELLS_ACROSS + c);
+    for (int r = 0; r < POSTCONV_TILE / BLOCK; r++)
+        for (int c = 0; c < POSTCONV_CELLS_ACROSS; c++)
+            if (t->live[r] >> (c * POSTCONV_CELL_WIDTH / BLOCK) &
+                ((1 << POSTCONV_CELL_WIDTH / BLOCK) - 1))
+                t->alive |= UINT32_C(1) << (r / ROWS * POSTCONV_CELLS_ACROSS + c);
     t->has_dead = true;
 }
 
@@ -433,29 +434,29 @@ static inline sp_wide_int to_byte(sp_wide x) {
 }
 
 /* A row of bytes: sp_resolve_rgba8(). */
-static void resolve_bytes(const struct sheets_open_tile *t, int y, const float background[4],
+static void resolve_bytes(const struct sp_postconv_open_tile *t, int y, const float background[4],
                           unsigned char *out) {
-    int32_t row[SHEETS_TILE];
-    for (int x = 0; x < SHEETS_TILE; x += W) {
-        sp_wide through = sp_wide_load(&t->s->done[3][y][x]), share = through * background[3];
+    int32_t row[POSTCONV_TILE];
+    for (int x = 0; x < POSTCONV_TILE; x += W) {
+        sp_wide through = sp_wide_load(&t->scratch->done[3][y][x]), share = through * background[3];
         sp_wide alpha = 1.0f - through + share;
         sp_wide undo = sp_wide_keep(sp_wide_lt(sp_wide_all(1e-6f), alpha), 1.0f / alpha);
         sp_wide_bits pixels = (sp_wide_bits)to_byte(alpha) << 24;
         for (int c = 0; c < 3; c++) {
-            sp_wide colour = sp_wide_load(&t->s->done[c][y][x]) + share * background[c];
+            sp_wide colour = sp_wide_load(&t->scratch->done[c][y][x]) + share * background[c];
             pixels |= (sp_wide_bits)to_byte(colour * undo) << 8 * c;
         }
         int32_t lanes[W];
         sp_wide_int_store(lanes, (sp_wide_int)pixels);
         for (int i = 0; i < W; i++)
-            row[x + sheets_pixel_at(i)] = lanes[i];
+            row[x + sp_postconv_pixel_at(i)] = lanes[i];
     }
     memcpy(out, row, (size_t)t->width * sizeof *row);
 }
 
-void sheets_resolve(const struct sheets_open_tile *t) {
-    struct sp_frame *frame = t->sheets->job->frame;
-    const float *background = t->sheets->job->view->background;
+void sp_postconv_resolve(const struct sp_postconv_open_tile *t) {
+    struct sp_frame *frame = t->postconv->frame;
+    const float *background = t->postconv->view->background;
     for (int y = 0; y < t->height; y++) {
         unsigned char *out =
             (unsigned char *)frame->pixels + (size_t)(t->y + y) * frame->stride_bytes;
@@ -463,10 +464,11 @@ void sheets_resolve(const struct sheets_open_tile *t) {
             resolve_bytes(t, y, background, out + 4 * (size_t)t->x);
             continue;
         }
-        _Alignas(64) float row[4][SHEETS_TILE];
-        for (int x = 0; x < SHEETS_TILE; x++)
+        _Alignas(64) float row[4][POSTCONV_TILE];
+        for (int x = 0; x < POSTCONV_TILE; x++)
             for (int c = 0; c < 4; c++)
-                row[(c + 1) % 4][x / W * W + sheets_pixel_at(x % W)] = t->s->done[c][y][x];
+                row[(c + 1) % 4][x / W * W + sp_postconv_pixel_at(x % W)] =
+                    t->scratch->done[c][y][x];
         const float *const p[4] = { row[0], row[1], row[2], row[3] };
         sp_resolve_rgbaf32(p, (uint32_t)t->width, background,
                            (float *)(void *)out + 4 * (size_t)t->x);

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/cpu/sheets_tile.h"
+#include "postconv/tile.h"
 
 #include <math.h>
 
-#include "tile/order.h"
+#include "splat/slices.h"
 
 /* Cells of columns c0 … c1 in rows r0 … r1. */
 static uint32_t cells_between(int c0, int r0, int c1, int r1) {
-    enum { ROW = SHEETS_CELLS_ACROSS };
+    enum { ROW = POSTCONV_CELLS_ACROSS };
     uint32_t row = (UINT32_C(2) << c1) - (UINT32_C(1) << c0), cells = 0;
     for (int r = r0; r <= r1; r++)
         cells |= row << (r * ROW);
@@ -16,10 +16,10 @@ static uint32_t cells_between(int c0, int r0, int c1, int r1) {
 
 /* Pixels of the tile that a brick's slices may reach, from and to, by slice: those of the corners
  * and what is around a voxel. Returns the slices that reach any. */
-static uint32_t find_slices(const struct sheets_open_tile *t, const struct sheets_brick *b,
-                            int32_t (*reached)[2][SP_BRICK]) {
-    const struct sp_ewa_frame *f = sheets_ewa(t->sheets, b);
-    unsigned axis = t->sheets->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
+static uint32_t find_slices(const struct sp_postconv_open_tile *t,
+                            const struct sp_postconv_brick *b, int32_t (*reached)[2][SP_BRICK]) {
+    const struct sp_ewa_frame *f = sp_postconv_ewa(t->postconv, b);
+    unsigned axis = t->postconv->axis, first = axis == 0, second = axis == 2 ? 1 : 2;
     const float box[2][2] = { { (float)(b->x0 - t->x), (float)(b->x1 - t->x) },
                               { (float)(b->y0 - t->y), (float)(b->y1 - t->y) } };
     uint32_t met = 0;
@@ -51,7 +51,7 @@ static uint32_t find_slices(const struct sheets_open_tile *t, const struct sheet
             from = sp_wide_select(whole, from, sp_wide_all(box[i][0]));
             to = sp_wide_select(whole, to, sp_wide_all(box[i][1] - 1));
             from = sp_wide_max(from, sp_wide_all(0));
-            to = sp_wide_min(to, sp_wide_all(SHEETS_TILE - 1));
+            to = sp_wide_min(to, sp_wide_all(POSTCONV_TILE - 1));
             meets = meets & sp_wide_le(from, to);
             sp_wide_int_store(&reached[i][0][v], sp_wide_to_int(from));
             sp_wide_int_store(&reached[i][1][v], sp_wide_to_int(to));
@@ -62,10 +62,10 @@ static uint32_t find_slices(const struct sheets_open_tile *t, const struct sheet
 }
 
 /* Adds a brick's slices that the tile meets to the runs of their layers. */
-static void add_runs(struct sheets_open_tile *t, uint32_t number) {
-    const struct sheets *s = t->sheets;
-    const struct sheets_brick *b = &s->bricks[number];
-    const struct sp_visible *list = &sheets_level(s, b)->visible;
+static void add_runs(struct sp_postconv_open_tile *t, uint32_t number) {
+    const struct sp_postconv *postconv = t->postconv;
+    const struct sp_postconv_brick *b = &postconv->bricks[number];
+    const struct sp_visible *list = &sp_postconv_level(postconv, b)->visible;
     const uint16_t *start = list->start[b->brick];
     _Alignas(64) int32_t reached[2][2][SP_BRICK];
     uint32_t corner[3];
@@ -74,62 +74,64 @@ static void add_runs(struct sheets_open_tile *t, uint32_t number) {
         int k = __builtin_ctz(met);
         if (start[k] == start[k + 1] || !(b->depth[k] > 0))
             continue;
-        uint32_t layer =
-            sp_order_layer(s->layer, s->layers, b->level, corner[s->axis] + (uint32_t)k);
-        t->s->runs[t->s->ends[layer]++] =
-            (struct sheets_run){ .brick = number,
-                                 .slice = (uint8_t)k,
-                                 .begin = start[k],
-                                 .end = start[k + 1],
-                                 .range = { b->range[0], b->range[1] },
-                                 .cells = cells_between(reached[0][0][k] / SHEETS_CELL_WIDTH,
-                                                        reached[1][0][k] / SHEETS_CELL_HEIGHT,
-                                                        reached[0][1][k] / SHEETS_CELL_WIDTH,
-                                                        reached[1][1][k] / SHEETS_CELL_HEIGHT) };
+        uint32_t layer = sp_slices_layer(postconv->layer, postconv->layers, b->level,
+                                         corner[postconv->axis] + (uint32_t)k);
+        t->scratch->runs[t->scratch->ends[layer]++] = (struct sp_postconv_run){
+            .brick = number,
+            .slice = (uint8_t)k,
+            .begin = start[k],
+            .end = start[k + 1],
+            .range = { b->range[0], b->range[1] },
+            .cells = cells_between(
+                reached[0][0][k] / POSTCONV_CELL_WIDTH, reached[1][0][k] / POSTCONV_CELL_HEIGHT,
+                reached[0][1][k] / POSTCONV_CELL_WIDTH, reached[1][1][k] / POSTCONV_CELL_HEIGHT)
+        };
     }
 }
 
 /* Sorts the slices of the bricks that meet the tile by layer. */
-static void sort_runs(struct sheets_open_tile *t, uint32_t tile) {
-    const struct sheets *s = t->sheets;
-    uint32_t *starts = t->s->starts, sum = 0;
-    memset(starts, 0, (s->layers + (size_t)1) * sizeof *starts);
-    for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++) {
-        const struct sheets_brick *b = &s->bricks[s->met[n]];
-        const struct sp_visible *list = &sheets_level(s, b)->visible;
+static void sort_runs(struct sp_postconv_open_tile *t, uint32_t tile) {
+    const struct sp_postconv *postconv = t->postconv;
+    uint32_t *starts = t->scratch->starts, sum = 0;
+    memset(starts, 0, (postconv->layers + (size_t)1) * sizeof *starts);
+    for (uint32_t n = postconv->first[tile]; n < postconv->first[tile + 1]; n++) {
+        const struct sp_postconv_brick *b = &postconv->bricks[postconv->met[n]];
+        const struct sp_visible *list = &sp_postconv_level(postconv, b)->visible;
         const uint16_t *start = list->start[b->brick];
         uint32_t corner[3];
         sp_visible_corner(list, b->brick, corner);
         for (int k = 0; k < SP_BRICK; k++)
             if (start[k] != start[k + 1] && b->depth[k] > 0)
-                starts[sp_order_layer(s->layer, s->layers, b->level,
-                                      corner[s->axis] + (uint32_t)k)]++;
+                starts[sp_slices_layer(postconv->layer, postconv->layers, b->level,
+                                       corner[postconv->axis] + (uint32_t)k)]++;
     }
-    for (uint32_t l = 0; l <= s->layers; l++) {
+    for (uint32_t l = 0; l <= postconv->layers; l++) {
         uint32_t count = starts[l];
         starts[l] = sum;
         sum += count;
     }
-    memcpy(t->s->ends, starts, s->layers * sizeof *starts);
-    for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++)
-        add_runs(t, s->met[n]);
+    memcpy(t->scratch->ends, starts, postconv->layers * sizeof *starts);
+    for (uint32_t n = postconv->first[tile]; n < postconv->first[tile + 1]; n++)
+        add_runs(t, postconv->met[n]);
 }
 
-/* How much of a run the open group serves: sheets_group_fits(). */
-static int fit_part(const struct sheets_open_tile *t, const struct sheets_run *run) {
-    return t->is_open ? sheets_group_fits(&t->group, &t->sheets->bricks[run->brick], run->range)
-                      : 0;
+/* How much of a run the open group serves: sp_postconv_group_fits(). */
+static int fit_part(const struct sp_postconv_open_tile *t, const struct sp_postconv_run *run) {
+    return t->is_open
+               ? sp_postconv_group_fits(&t->group, &t->postconv->bricks[run->brick], run->range)
+               : 0;
 }
 
 /* Drops the runs that only meet opaque cells. The one with the farthest voxels comes first. */
-static uint32_t sift(const struct sheets_open_tile *t, struct sheets_run *runs, uint32_t count) {
+static uint32_t sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
+                     uint32_t count) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < count; i++) {
         if (!(runs[i].cells & t->alive))
             continue;
         runs[n] = runs[i];
         if (runs[n].range[0] < runs[0].range[0]) {
-            struct sheets_run first = runs[n];
+            struct sp_postconv_run first = runs[n];
             runs[n] = runs[0];
             runs[0] = first;
         }
@@ -139,11 +141,12 @@ static uint32_t sift(const struct sheets_open_tile *t, struct sheets_run *runs, 
 }
 
 /* Adds those runs that no filter serves, and takes them from the list. */
-static bool add_unfit(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t *count) {
+static bool add_unfit(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
+                      uint32_t *count) {
     uint32_t left = 0, all = *count;
     for (uint32_t i = 0; i < all; i++) {
-        if (t->sheets->bricks[runs[i].brick].is_unfit)
-            sheets_add_footprints(t, &runs[i]);
+        if (t->postconv->bricks[runs[i].brick].is_unfit)
+            sp_postconv_add_footprints(t, &runs[i]);
         else
             runs[left++] = runs[i];
     }
@@ -152,23 +155,25 @@ static bool add_unfit(struct sheets_open_tile *t, struct sheets_run *runs, uint3
 }
 
 /* Composites the runs of a layer, group by group, the farthest voxels first; `runs` is used up. */
-static void draw_layer(struct sheets_open_tile *t, struct sheets_run *runs, uint32_t count) {
+static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
+                       uint32_t count) {
     count = sift(t, runs, count);
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
-        t->is_open = sheets_start_group(t, runs, count);
+        t->is_open = sp_postconv_start_group(t, runs, count);
         /* What a cancelled frame leaves is not seen; a layer may have thousands of runs. */
-        for (uint32_t i = 0; i < count && !sp_job_is_cancelled(t->sheets->job); i++) {
+        for (uint32_t i = 0; i < count && !sp_interrupt_is_cancelled(&t->postconv->interrupt);
+             i++) {
             int part = fit_part(t, &runs[i]);
             if (i == 0 && part == 0) {
                 /* find_box() looked closely, but not at every distance. */
-                sheets_add_footprints(t, &runs[i]);
+                sp_postconv_add_footprints(t, &runs[i]);
                 several = true;
                 continue;
             }
             if (part)
-                sheets_add_run(t, &runs[i], part == 2);
+                sp_postconv_add_run(t, &runs[i], part == 2);
             if (part == 2)
                 continue;
             runs[left] = runs[i];
@@ -177,45 +182,48 @@ static void draw_layer(struct sheets_open_tile *t, struct sheets_run *runs, uint
             left++;
         }
         several |= left > 0;
-        sheets_close_group(t, !several);
+        sp_postconv_close_group(t, !several);
         t->is_open = false;
         count = sift(t, runs, left);
     }
     if (several)
-        sheets_close_sum(t);
+        sp_postconv_close_sum(t);
     if (++t->closed % CHECK_EVERY == 0)
-        sheets_check_cells(t);
+        sp_postconv_check_cells(t);
 }
 
-void sheets_tile(const struct sheets *sheets, struct sheets_scratch *scratch, uint32_t number) {
-    const struct sp_frame *frame = sheets->job->frame;
+void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scratch *scratch,
+                      uint32_t number) {
+    const struct sp_frame *frame = postconv->frame;
     struct zoom zoom[2];
     zoom[0].filter = zoom[1].filter = NULL;
-    struct sheets_open_tile t = { .sheets = sheets,
-                                  .zoom = { &zoom[0], &zoom[1] },
-                                  .s = scratch,
-                                  .x = (int)(number % (uint32_t)sheets->columns) * SHEETS_TILE,
-                                  .y = (int)(number / (uint32_t)sheets->columns) * SHEETS_TILE,
-                                  .row0 = SHEETS_GRID };
+    struct sp_postconv_open_tile t = {
+        .postconv = postconv,
+        .zoom = { &zoom[0], &zoom[1] },
+        .scratch = scratch,
+        .x = (int)(number % (uint32_t)postconv->columns) * POSTCONV_TILE,
+        .y = (int)(number / (uint32_t)postconv->columns) * POSTCONV_TILE,
+        .row0 = POSTCONV_GRID
+    };
     int right = (int)frame->width - t.x, below = (int)frame->height - t.y;
-    t.width = right < SHEETS_TILE ? right : SHEETS_TILE;
-    t.height = below < SHEETS_TILE ? below : SHEETS_TILE;
+    t.width = right < POSTCONV_TILE ? right : POSTCONV_TILE;
+    t.height = below < POSTCONV_TILE ? below : POSTCONV_TILE;
     memset(scratch->done, 0, sizeof scratch->done);
     for (int y = 0; y < t.height; y++)
-        for (int x = 0; x < SHEETS_TILE; x++)
-            if (x / W * W + sheets_pixel_at(x % W) < t.width)
+        for (int x = 0; x < POSTCONV_TILE; x++)
+            if (x / W * W + sp_postconv_pixel_at(x % W) < t.width)
                 scratch->done[3][y][x] = 1;
     t.alive = UINT32_MAX;
     memset(t.live, 0xff, sizeof t.live);
-    sheets_check_cells(&t);
+    sp_postconv_check_cells(&t);
     sort_runs(&t, number);
-    for (uint32_t l = 0; l < sheets->layers && t.alive; l++) {
+    for (uint32_t l = 0; l < postconv->layers && t.alive; l++) {
         uint32_t begin = scratch->starts[l], end = scratch->ends[l];
         if (begin == end)
             continue;
-        if (sp_job_is_cancelled(sheets->job))
+        if (sp_interrupt_is_cancelled(&postconv->interrupt))
             break;
         draw_layer(&t, scratch->runs + begin, end - begin);
     }
-    sheets_resolve(&t);
+    sp_postconv_resolve(&t);
 }

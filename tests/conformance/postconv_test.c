@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sheets as instruction sets draw them (backend/cpu/sheets.h, or footprints where that does not
+ * Sheets as instruction sets draw them (postconv/postconv.h, or footprints where that does not
  * serve) against the scalar reference, where volumes and cameras are unlike any scan: one slice,
  * one edge of voxels, spacings of 1 to 6, eyes inside and far away, rolled, lit or not; all filters
  * over their whole range, depths from thin air to stone.
@@ -8,7 +8,7 @@
  * Kernels end at the cutoff, or farther out where they have no footprints: the reference is drawn
  * both ways, and the nearer picture counts.
  *
- *   test_conformance_sheets [SEED [END]]
+ *   test_conformance_postconv [SEED [END]]
  */
 #include <math.h>
 #include <stdio.h>

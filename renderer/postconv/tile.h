@@ -1,17 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One tile of sheets.h while it is drawn: what sheets_tile.c (runs by layer), sheets_deposit.c
- * (voxels → samples) and sheets_filter.c (samples → pixels) share. Compiled once an instruction set
- * (base/isa.h).
+ * One tile while it is drawn: what tile.c (runs by layer), deposit.c (voxels → samples) and
+ * filter.c (samples → pixels) share. Compiled once per instruction set (base/isa.h).
  */
-#ifndef SP_BACKEND_CPU_SHEETS_TILE_H
-#define SP_BACKEND_CPU_SHEETS_TILE_H
+#ifndef SP_POSTCONV_TILE_H
+#define SP_POSTCONV_TILE_H
 
 #include <string.h>
 
-#include "backend/cpu/sheets.h"
 #include "base/isa.h"
 #include "base/wide.h"
+#include "postconv/postconv.h"
 
 typedef float vec4 __attribute__((vector_size(16))); /* red, green, blue, depth */
 
@@ -21,9 +20,9 @@ enum {
     CHUNK = 16,       /* voxels at a time */
     BLOCK = 4,        /* samples that a bit of a mask stands for */
     VECTORS = 16 / W, /* of a block */
-    ORIGIN = SHEETS_MARGIN,
+    ORIGIN = POSTCONV_MARGIN,
     CHECK_EVERY = 2,
-    SHEETS_WANTED = 32 /* at least SHEETS_GRID / BLOCK, for a lookup in registers */
+    POSTCONV_WANTED = 32 /* at least POSTCONV_GRID / BLOCK, for a lookup in registers */
 };
 
 static inline vec4 load4(const float *p) {
@@ -113,60 +112,63 @@ static inline sp_wide reciprocal(sp_wide a) {
     return r * (2.0f - a * r);
 }
 
-enum { MOST_TAPS = 2 * SHEETS_TAPS + 5 };
+enum { MOST_TAPS = 2 * POSTCONV_TAPS + 5 };
 
 /* A filter and the interpolation after it, for pixels of 2^scale a sample. */
 struct zoom {
-    const struct sheets_filter *filter; /* NULL = not made */
-    int scale, taps;                    /* samples of a pixel, or of a vector of them */
-    float down[1 << (SHEETS_SCALES - 1)][MOST_TAPS];                   /* by pixel modulo 2^scale */
-    _Alignas(64) float across[1 << (SHEETS_SCALES - 1)][MOST_TAPS][W]; /* by vector likewise */
+    const struct sp_postconv_filter *filter; /* NULL = not made */
+    int scale, taps;                         /* samples of a pixel, or of a vector of them */
+    float down[1 << (POSTCONV_SCALES - 1)][MOST_TAPS]; /* by pixel modulo 2^scale */
+    _Alignas(64) float across[1 << (POSTCONV_SCALES - 1)][MOST_TAPS][W]; /* by vector likewise */
 };
 
-struct sheets_open_tile {
-    const struct sheets *sheets;
-    struct sheets_scratch *s;
-    int x, y, width, height;            /* px in the picture */
-    uint32_t alive;                     /* cells that are not opaque */
-    uint32_t live[SHEETS_TILE / BLOCK]; /* the same by blocks of 4 × 4 pixels */
-    bool has_dead;                      /* some are not */
+struct sp_postconv_open_tile {
+    const struct sp_postconv *postconv;
+    struct sp_postconv_scratch *scratch;
+    int x, y, width, height;              /* px in the picture */
+    uint32_t alive;                       /* cells that are not opaque */
+    uint32_t live[POSTCONV_TILE / BLOCK]; /* the same by blocks of 4 × 4 pixels */
+    bool has_dead;                        /* some are not */
     uint32_t closed;
     bool is_open; /* `group` has deposits */
-    struct sheets_group group;
+    struct sp_postconv_group group;
     struct zoom *zoom[2];
-    uint32_t needs[SHEETS_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
+    uint32_t needs[POSTCONV_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
     /* By row: blocks that are not zero. */
-    uint32_t deposited[SHEETS_GRID], skewed[SHEETS_GRID], crossed[SHEETS_GRID], summed[SHEETS_TILE];
+    uint32_t deposited[POSTCONV_GRID], skewed[POSTCONV_GRID], crossed[POSTCONV_GRID],
+        summed[POSTCONV_TILE];
     int row0, row1; /* rows of `deposited` that are not empty */
     /* By four rows of the grid: blocks where a voxel matters to live pixels, if some are dead. */
-    _Alignas(64) uint32_t wanted[SHEETS_WANTED];
+    _Alignas(64) uint32_t wanted[POSTCONV_WANTED];
 };
 
 /* Makes the filters for the first run's footprints and as many of the others as may be; false when
  * there are none. */
-bool sheets_start_group(struct sheets_open_tile *tile, const struct sheets_run *runs,
-                        uint32_t count);
+bool sp_postconv_start_group(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *runs,
+                             uint32_t count);
 
 /* Deposits the voxels of a run, or those in the group's range alone. */
-void sheets_add_run(struct sheets_open_tile *tile, const struct sheets_run *run, bool all);
+void sp_postconv_add_run(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *run,
+                         bool all);
 
 /* Adds the footprints of a run, or of what is left of it, to the layer's sum one by one. */
-void sheets_add_footprints(struct sheets_open_tile *tile, const struct sheets_run *run);
+void sp_postconv_add_footprints(struct sp_postconv_open_tile *tile,
+                                const struct sp_postconv_run *run);
 
 /* Filters what was deposited into the picture, if it is the last group of its layer, or into the
- * layer's sum; sheets_close_sum() composites that. */
-void sheets_close_group(struct sheets_open_tile *tile, bool last);
-void sheets_close_sum(struct sheets_open_tile *tile);
+ * layer's sum; sp_postconv_close_sum() composites that. */
+void sp_postconv_close_group(struct sp_postconv_open_tile *tile, bool last);
+void sp_postconv_close_sum(struct sp_postconv_open_tile *tile);
 
 /* Finds the cells that have become opaque. */
-void sheets_check_cells(struct sheets_open_tile *tile);
+void sp_postconv_check_cells(struct sp_postconv_open_tile *tile);
 
 /* The pixel of a group of W at element i of its planes. */
-static inline int sheets_pixel_at(int i) {
+static inline int sp_postconv_pixel_at(int i) {
     return i % 4 * PX + i / 4;
 }
 
 /* Writes the tile into the frame. */
-void sheets_resolve(const struct sheets_open_tile *tile);
+void sp_postconv_resolve(const struct sp_postconv_open_tile *tile);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * sheets_tile() of every instruction set against the formulas in double precision
+ * sp_postconv_tile() of every instruction set against the formulas in double precision
  * (support/formula.h): random voxels, from a third of a pixel wide to wider than a tile, in guarded
  * memory. What tells a B-spline and a filter from a Gaussian is small and bounded here.
  */
@@ -19,8 +19,8 @@
 #include "backend/cpu/kernels.h"
 #include "support/formula.h"
 #include "support/image.h"
+#include "support/postconv.h"
 #include "support/render.h"
-#include "support/sheets.h"
 
 enum { GUARD = 4096, SETS = 8, SCENES = 160 };
 #define CUTOFF 6 /* of footprints, where a brick needs them, and of the formulas */
@@ -45,7 +45,7 @@ static unsigned find_sets(struct cpu_kernels sets[SETS]) {
         struct sp_error err;
         if (!cpu_kernels_init(&sets[count], isa, &err))
             printf("skipped: %s: %s\n", isa, err.text);
-        else if (sets[count].sheets_tile)
+        else
             count++;
     }
     return count;
@@ -79,15 +79,15 @@ static void is_zero(const void *memory, size_t size) {
 /* What is to draw, and what has been seen. */
 struct drawing {
     const struct cpu_kernels *kernels;
-    unsigned scales[SHEETS_SCALES]; /* bricks with filters, by the width of their samples */
+    unsigned scales[POSTCONV_SCALES]; /* bricks with filters, by the width of their samples */
     unsigned unfit, diagonal;
 };
 
-static void note_bricks(const struct sheets *s, struct drawing *d) {
+static void note_bricks(const struct sp_postconv *s, struct drawing *d) {
     for (uint32_t i = 0; i < s->brick_count; i++) {
-        const struct sheets_brick *b = &s->bricks[i];
-        struct sheets_group g;
-        if (b->is_unfit || !sheets_group_make(s, b, b->range, &g)) {
+        const struct sp_postconv_brick *b = &s->bricks[i];
+        struct sp_postconv_group g;
+        if (b->is_unfit || !sp_postconv_group_init(s, b, b->range, &g)) {
             d->unfit++;
             continue;
         }
@@ -97,17 +97,18 @@ static void note_bricks(const struct sheets *s, struct drawing *d) {
 }
 
 /* One tile in scratch memory of its own. */
-static void draw_guarded(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
-    struct drawing *d = test_sheets_of(s)->user;
+static void draw_guarded(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                         uint32_t tile) {
+    struct drawing *d = test_postconv_of(s)->user;
     size_t runs = (size_t)(s->first[tile + 1] - s->first[tile]) * SP_BRICK * sizeof *scratch->runs;
     size_t starts = (s->layers + (size_t)1) * sizeof *scratch->starts;
-    struct sheets_scratch *own = make_zone(sizeof *own);
+    struct sp_postconv_scratch *own = make_zone(sizeof *own);
     own->runs = make_zone(runs);
     own->starts = make_zone(starts);
     own->ends = make_zone(starts);
     if (tile == 0)
         note_bricks(s, d);
-    d->kernels->sheets_tile(s, own, tile);
+    d->kernels->postconv_tile(s, own, tile);
     is_zero(own->grid, sizeof own->grid); /* left as the next tile needs it */
     is_zero(own->skew, sizeof own->skew);
     is_zero(own->across, sizeof own->across);
@@ -121,13 +122,13 @@ static void draw_guarded(const struct sheets *s, struct sheets_scratch *scratch,
 }
 
 /* Draws every pixel of the frame and nothing beside. */
-static void draw(struct test_sheets *t, struct sp_frame *frame, struct drawing *d) {
+static void draw(struct test_postconv *t, struct sp_frame *frame, struct drawing *d) {
     struct sp_error err;
     size_t row = (size_t)frame->width * (frame->format == SP_RGBAF32 ? 16 : 4);
     memset(frame->pixels, 0x5a, frame->height * frame->stride_bytes);
     t->user = d;
-    t->job.frame = frame;
-    assert_true(test_sheets_draw(t, draw_guarded, NULL, &err));
+    t->target = frame;
+    assert_true(test_postconv_draw(t, draw_guarded, NULL, &err));
     for (size_t y = 0; y < frame->height; y++)
         for (size_t x = row; x < frame->stride_bytes; x++)
             assert_int_equal(((unsigned char *)frame->pixels)[y * frame->stride_bytes + x], 0x5a);
@@ -183,7 +184,8 @@ static void make_scene(struct test_scene *s, int n) {
 }
 
 /* The frame of bytes is the frame of floats, rounded. */
-static void check_bytes(struct test_sheets *t, const struct test_image *floats, struct drawing *d) {
+static void check_bytes(struct test_postconv *t, const struct test_image *floats,
+                        struct drawing *d) {
     struct sp_error err;
     struct test_image image;
     struct sp_frame *frame =
@@ -216,7 +218,7 @@ static void tiles_are_what_the_formulas_say(void **state) {
         make_scene(&scene, n);
         assert_true(test_formula_render(&scene, 0, &wanted));
         for (unsigned i = 0; i < count; i++) {
-            struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+            struct test_postconv *t = test_postconv_open(&scene, 1, &err);
             if (!t)
                 fail_msg("%s", err.text);
             seen.kernels = &sets[i];
@@ -236,7 +238,7 @@ static void tiles_are_what_the_formulas_say(void **state) {
                 assert_true(apart >= SETS_FLOOR);
                 test_image_finish(&image);
             }
-            test_sheets_close(t);
+            test_postconv_close(t);
         }
         test_image_finish(&first);
         test_image_finish(&wanted);
@@ -244,7 +246,7 @@ static void tiles_are_what_the_formulas_say(void **state) {
     }
     print_message("  %.2f dB from the formulas, sets %.2f dB from each other; bricks by scale:",
                   lowest, apart);
-    for (int j = 0; j < SHEETS_SCALES; j++) {
+    for (int j = 0; j < POSTCONV_SCALES; j++) {
         print_message(" %u", seen.scales[j]);
         assert_true(seen.scales[j] > 0); /* all of it was drawn */
     }
@@ -298,7 +300,7 @@ static void tiles_have_no_seams(void **state) {
         v->camera.fov_y = 360 / M_PI * atan(0.5 * 150 / px / (20.0 * across));
         for (unsigned i = 0; i < count; i++) {
             struct drawing seen = { .kernels = &sets[i] };
-            struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+            struct test_postconv *t = test_postconv_open(&scene, 1, &err);
             assert_non_null(t);
             draw(t, t->frame, &seen);
             assert_true(test_image_from_frame(&image, t->frame));
@@ -307,7 +309,7 @@ static void tiles_have_no_seams(void **state) {
                 fail_msg("plate %d, %s: %g from a pixel to the next, %u bricks of footprints", n,
                          sets[i].isa, step, seen.unfit);
             test_image_finish(&image);
-            test_sheets_close(t);
+            test_postconv_close(t);
         }
         test_scene_finish(&scene);
     }
@@ -363,7 +365,7 @@ static void extreme_cameras_give_a_picture(void **state) {
         make_extreme(&scene, n);
         if (!sp_view_validate(&scene.view, &err))
             fail_msg("scene %d: %s: %s", n, err.place, err.text);
-        struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+        struct test_postconv *t = test_postconv_open(&scene, 1, &err);
         if (!t)
             fail_msg("scene %d: %s", n, err.text);
         draw(t, t->frame, &seen);
@@ -375,16 +377,17 @@ static void extreme_cameras_give_a_picture(void **state) {
                 fail_msg("scene %d: channel %zu of pixel %zu is %g", n, k % 4, k / 4,
                          image.rgba[k]);
         test_image_finish(&image);
-        test_sheets_close(t);
+        test_postconv_close(t);
         test_scene_finish(&scene);
     }
     print_message("  %u of 300 show something\n", drawn);
     assert_true(drawn > 100);
 }
 
-static void draw_plainly(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
-    const struct drawing *d = test_sheets_of(s)->user;
-    d->kernels->sheets_tile(s, scratch, tile);
+static void draw_plainly(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                         uint32_t tile) {
+    const struct drawing *d = test_postconv_of(s)->user;
+    d->kernels->postconv_tile(s, scratch, tile);
 }
 
 /* Which thread draws a tile, and what it has drawn before, is not seen. */
@@ -399,22 +402,22 @@ static void threads_do_not_matter(void **state) {
         struct test_scene scene;
         struct sp_error err;
         struct drawing d = { .kernels = &sets[(unsigned)n % count] };
-        struct test_sheets *t[2];
+        struct test_postconv *t[2];
         make_scene(&scene, n);
         scene.view.size[0] = 330;
         scene.view.size[1] = 270;
         scene.view.filter.mode = n % 2 ? SP_FILTER_ADAPTIVE : SP_FILTER_EWA;
         for (int k = 0; k < 2; k++) {
-            t[k] = test_sheets_open(&scene, k ? 5 : 1, &err);
+            t[k] = test_postconv_open(&scene, k ? 5 : 1, &err);
             assert_non_null(t[k]);
             t[k]->user = &d;
-            assert_true(test_sheets_draw(t[k], draw_plainly, NULL, &err));
+            assert_true(test_postconv_draw(t[k], draw_plainly, NULL, &err));
         }
         assert_true(test_frames_equal(t[0]->frame, t[1]->frame));
         assert_true(t[0]->frame->stats.splats == t[1]->frame->stats.splats);
         assert_true(t[0]->frame->stats.fragments == t[1]->frame->stats.fragments);
         for (int k = 0; k < 2; k++)
-            test_sheets_close(t[k]);
+            test_postconv_close(t[k]);
         test_scene_finish(&scene);
     }
 }
@@ -425,10 +428,11 @@ struct forced {
     bool is_unfit;
 };
 
-static void draw_forced(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
-    const struct forced *forced = test_sheets_of(s)->user;
+static void draw_forced(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                        uint32_t tile) {
+    const struct forced *forced = test_postconv_of(s)->user;
     size_t bytes = s->brick_count * sizeof *s->bricks;
-    struct sheets own = *s;
+    struct sp_postconv own = *s;
     own.bricks = malloc(bytes);
     assert_non_null(own.bricks);
     memcpy(own.bricks, s->bricks, bytes);
@@ -436,7 +440,7 @@ static void draw_forced(const struct sheets *s, struct sheets_scratch *scratch, 
         own.bricks[i].is_unfit = forced->is_unfit;
         own.bricks[i].scale_max[0] = own.bricks[i].scale_max[1] = 0;
     }
-    forced->kernels->sheets_tile(&own, scratch, tile);
+    forced->kernels->postconv_tile(&own, scratch, tile);
     free(own.bricks);
 }
 
@@ -466,13 +470,13 @@ static void what_filters_leave_is_drawn(void **state) {
         scene.view.filter.sigma = uniform(0.5, 1.2);
         for (int k = 0; k < 2; k++) {
             struct forced forced = { .kernels = &sets[(unsigned)n % count], .is_unfit = k };
-            struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+            struct test_postconv *t = test_postconv_open(&scene, 1, &err);
             assert_non_null(t);
             t->user = &forced;
-            assert_true(test_sheets_draw(t, draw_forced, NULL, &err));
+            assert_true(test_postconv_draw(t, draw_forced, NULL, &err));
             assert_true(t->frame->stats.splats > 0);
             assert_true(test_image_from_frame(&images[k], t->frame));
-            test_sheets_close(t);
+            test_postconv_close(t);
         }
         lowest = fmin(lowest, test_image_psnr(&images[0], &images[1]));
         for (int k = 0; k < 2; k++)
@@ -490,10 +494,11 @@ struct late {
     uint64_t splats;
 };
 
-static void cancel_and_draw(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
-    struct late *late = test_sheets_of(s)->user;
+static void cancel_and_draw(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                            uint32_t tile) {
+    struct late *late = test_postconv_of(s)->user;
     atomic_store(&late->cancel, true);
-    late->kernels->sheets_tile(s, scratch, tile);
+    late->kernels->postconv_tile(s, scratch, tile);
     late->splats += scratch->splats;
 }
 
@@ -510,16 +515,16 @@ static void a_tile_stops_when_cancelled(void **state) {
     for (unsigned i = 0; i < count; i++) {
         struct drawing d = { .kernels = &sets[i] };
         struct late late = { .kernels = &sets[i] };
-        struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+        struct test_postconv *t = test_postconv_open(&scene, 1, &err);
         assert_non_null(t);
         t->user = &d;
-        assert_true(test_sheets_draw(t, draw_plainly, NULL, &err));
+        assert_true(test_postconv_draw(t, draw_plainly, NULL, &err));
         assert_true(t->frame->stats.splats > 0);
         t->user = &late;
-        assert_false(test_sheets_draw(t, cancel_and_draw, &late.cancel, &err));
+        assert_false(test_postconv_draw(t, cancel_and_draw, &late.cancel, &err));
         assert_int_equal(err.code, SP_ERR_CANCELLED);
         assert_true(late.splats == 0); /* no layer after the one in progress */
-        test_sheets_close(t);
+        test_postconv_close(t);
     }
     test_scene_finish(&scene);
 }

@@ -14,16 +14,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "support/sheets.h"
+#include "support/postconv.h"
 
 static double uniform(double low, double high) {
     return low + (high - low) * (rand() / (double)RAND_MAX);
 }
 
-static struct sheets_tables *make_tables(void) {
-    struct sheets_tables *t = aligned_alloc(64, (sizeof *t + 63) & ~(size_t)63);
+static struct sp_postconv_tables *make_tables(void) {
+    struct sp_postconv_tables *t = aligned_alloc(64, (sizeof *t + 63) & ~(size_t)63);
     assert_non_null(t);
-    sheets_tables_init(t);
+    sp_postconv_tables_init(t);
     return t;
 }
 
@@ -44,9 +44,9 @@ static double moment(const float *weight, int n, double from, int power) {
  * phases. Its derivatives change variances alone. */
 static void deposits_keep_weight_and_place(void **state) {
     (void)state;
-    struct sheets_tables *t = make_tables();
-    for (int p = 0; p < SHEETS_PHASES; p++) {
-        double from = -1 - (p + 0.5) / SHEETS_PHASES;
+    struct sp_postconv_tables *t = make_tables();
+    for (int p = 0; p < POSTCONV_PHASES; p++) {
+        double from = -1 - (p + 0.5) / POSTCONV_PHASES;
         const float *spline = t->spline[p], *bend = t->spline[p] + 4, *slope = t->slope[p];
         near_to(moment(spline, 4, from, 0), 1, 3e-7);
         near_to(moment(spline, 4, from, 1), 0, 1e-6);
@@ -66,8 +66,8 @@ static void deposits_keep_weight_and_place(void **state) {
 /* Between samples: a constant stays one, and a slope a slope. */
 static void interpolation_keeps_lines(void **state) {
     (void)state;
-    struct sheets_tables *t = make_tables();
-    for (int j = 1; j < SHEETS_SCALES; j++)
+    struct sp_postconv_tables *t = make_tables();
+    for (int j = 1; j < POSTCONV_SCALES; j++)
         for (int p = 0; p < 1 << j; p++) {
             const float *between = t->between[j][p];
             double from = -1 - (p + 0.5) / (1 << j);
@@ -80,15 +80,15 @@ static void interpolation_keeps_lines(void **state) {
 
 static void filters_have_their_variance(void **state) {
     (void)state;
-    struct sheets_tables *t = make_tables();
+    struct sp_postconv_tables *t = make_tables();
     for (int i = 0; i < 2; i++)
-        for (int n = 0; n < SHEETS_FILTERS; n++) {
-            const struct sheets_filter *f = &t->filters[i][n];
+        for (int n = 0; n < POSTCONV_FILTERS; n++) {
+            const struct sp_postconv_filter *f = &t->filters[i][n];
             int taps = 2 * f->taps + 1;
-            assert_in_range(f->taps, 0, SHEETS_TAPS);
+            assert_in_range(f->taps, 0, POSTCONV_TAPS);
             assert_true((f->taps > 0) == (n > 0));
             near_to(moment(f->weight, taps, -f->taps, 0), 1, 1e-6);
-            near_to(moment(f->weight, taps, -f->taps, 2), (double)n / SHEETS_STEPS, 2e-5);
+            near_to(moment(f->weight, taps, -f->taps, 2), (double)n / POSTCONV_STEPS, 2e-5);
             for (int k = 0; k <= f->taps; k++) {
                 assert_true(f->weight[f->taps + k] == f->weight[f->taps - k]);
                 assert_true(f->weight[f->taps + k] >= 0 &&
@@ -100,49 +100,50 @@ static void filters_have_their_variance(void **state) {
 
 /* Whether a group is what its user, the kernel, needs: inside the scratch's margins, and as much
  * variance as its footprints have, but for what deposits can give. */
-static void check_group(const struct sheets_group *g, const double v[3], double deviations) {
+static void check_group(const struct sp_postconv_group *g, const double v[3], double deviations) {
     double narrowest = INFINITY;
     for (int a = 0; a < 2; a++) {
         double size = (double)(1 << g->scale[a]);
-        assert_in_range(g->scale[a], 0, SHEETS_SCALES - 1);
+        assert_in_range(g->scale[a], 0, POSTCONV_SCALES - 1);
         assert_non_null(g->filter[a]);
         near_to((double)g->per_px[a], 1 / size, 0);
         near_to((double)g->reference[a], v[a], 1e-5 * v[a]);
         /* Half a step of the filters, or a deposit narrower than its B-spline. */
         double rest = v[a] / size / size - (double)g->base[a];
-        assert_true(rest > -0.051 - 0.5 / SHEETS_STEPS && rest < 0.501 / SHEETS_STEPS);
+        assert_true(rest > -0.051 - 0.5 / POSTCONV_STEPS && rest < 0.501 / POSTCONV_STEPS);
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
-        assert_true(reach + 6 <= SHEETS_MARGIN);
+        assert_true(reach + 6 <= POSTCONV_MARGIN);
         /* A voxel beyond low and high adds nothing to the tile, or less than is drawn of it. */
         double around = deviations * sqrt(v[a]) * (double)g->per_px[a] - 1e-4;
-        double end = (double)g->offset[a] + SHEETS_TILE * (double)g->per_px[a];
+        double end = (double)g->offset[a] + POSTCONV_TILE * (double)g->per_px[a];
         assert_true((double)g->low[a] <=
-                    fmax(SHEETS_MARGIN - reach - 2, (double)g->offset[a] - around));
-        assert_true((double)g->high[a] >=
-                    fmin(SHEETS_MARGIN + (SHEETS_TILE >> g->scale[a]) + reach + 2, end + around));
-        assert_true(g->low[a] >= 2 && g->high[a] <= SHEETS_GRID - 2);
+                    fmax(POSTCONV_MARGIN - reach - 2, (double)g->offset[a] - around));
+        assert_true(
+            (double)g->high[a] >=
+            fmin(POSTCONV_MARGIN + (POSTCONV_TILE >> g->scale[a]) + reach + 2, end + around));
+        assert_true(g->low[a] >= 2 && g->high[a] <= POSTCONV_GRID - 2);
         narrowest = fmin(narrowest, v[a] / size / size);
     }
     double cross = v[2] * (double)g->per_px[0] * (double)g->per_px[1];
     double rest = fabs(cross - (double)g->cross);
     assert_true(g->has_cross || fabs(cross) <= 0.0201 * narrowest);
-    assert_true(g->diagonal ? rest <= 0.501 / SHEETS_STEPS : g->cross == 0);
-    assert_true(g->diagonal || fabs(cross) <= fmax(0.101 * narrowest, 0.501 / SHEETS_STEPS));
+    assert_true(g->diagonal ? rest <= 0.501 / POSTCONV_STEPS : g->cross == 0);
+    assert_true(g->diagonal || fabs(cross) <= fmax(0.101 * narrowest, 0.501 / POSTCONV_STEPS));
     assert_true(g->range[0] <= g->middle && g->middle <= g->range[1]);
 }
 
 static void every_footprint_has_filters_or_none(void **state) {
     (void)state;
-    struct sheets_tables *t = make_tables();
+    struct sp_postconv_tables *t = make_tables();
     srand(21);
     unsigned made = 0;
     for (int n = 0; n < 200000; n++) {
-        const struct cpu_part part = { .ewa[0].radius = 3 };
-        struct sheets s = { .tables = t,
-                            .exact = n % 2,
-                            .smooth = { n % 2 ? 1.3f : 0.56f, n % 2 ? 1.3f : 1 },
-                            .reach = n % 2 ? 4 : 3,
-                            .parts = &part };
+        const struct sp_level_frame part = { .ewa[0].radius = 3 };
+        struct sp_postconv s = { .tables = t,
+                                 .exact = n % 2,
+                                 .smooth = { n % 2 ? 1.3f : 0.56f, n % 2 ? 1.3f : 1 },
+                                 .reach = n % 2 ? 4 : 3,
+                                 .parts = &part };
         double spread = pow(10, uniform(-4, 6)), longer = n % 3 ? 1 : pow(10, uniform(0, 4));
         double v[3] = { spread, spread * longer };
         v[2] = n % 5 == 0 ? sqrt(v[0] * v[1]) * uniform(-1, 1) : 0;
@@ -151,16 +152,16 @@ static void every_footprint_has_filters_or_none(void **state) {
             v[0] = v[1];
             v[1] = first;
         }
-        struct sheets_brick b = { .scale = 1,
-                                  .spread = { (float)v[0], (float)v[1], (float)v[2] },
-                                  .scale_max = { SHEETS_SCALES - 1, SHEETS_SCALES - 1 } };
-        struct sheets_group g;
+        struct sp_postconv_brick b = { .scale = 1,
+                                       .spread = { (float)v[0], (float)v[1], (float)v[2] },
+                                       .scale_max = { POSTCONV_SCALES - 1, POSTCONV_SCALES - 1 } };
+        struct sp_postconv_group g;
         const float range[2] = { 1, 1 };
-        bool is_made = sheets_group_make(&s, &b, range, &g);
+        bool is_made = sp_postconv_group_init(&s, &b, range, &g);
         if (is_made) {
             made++;
             check_group(&g, v, (double)s.reach);
-            assert_int_equal(sheets_group_fits(&g, &b, range), 2);
+            assert_int_equal(sp_postconv_group_fits(&g, &b, range), 2);
         }
         /* Round footprints have filters, from a B-spline's variance to a tile's width. */
         if (longer == 1 && v[2] == 0 && spread >= 1.0 / 3 && spread < 64 * 64)
@@ -175,28 +176,30 @@ static void every_footprint_has_filters_or_none(void **state) {
 /* A group serves voxels between its ends, and says so. */
 static void a_group_serves_its_range(void **state) {
     (void)state;
-    struct sheets_tables *t = make_tables();
+    struct sp_postconv_tables *t = make_tables();
     srand(22);
     for (int n = 0; n < 20000; n++) {
-        const struct cpu_part part = { .ewa[0].radius = 3 };
-        struct sheets s = { .tables = t, .exact = n % 2, .smooth = { 1.3f, 1.3f }, .parts = &part };
-        struct sheets_brick b = { .scale = 1,
-                                  .spread = { (float)uniform(0.5, 9), (float)uniform(0.5, 9) },
-                                  .scale_max = { 6, 6 } };
+        const struct sp_level_frame part = { .ewa[0].radius = 3 };
+        struct sp_postconv s = {
+            .tables = t, .exact = n % 2, .smooth = { 1.3f, 1.3f }, .parts = &part
+        };
+        struct sp_postconv_brick b = { .scale = 1,
+                                       .spread = { (float)uniform(0.5, 9), (float)uniform(0.5, 9) },
+                                       .scale_max = { 6, 6 } };
         float low = (float)uniform(0.9, 1.1), range[2] = { low, low * (float)uniform(1, 1.3) };
-        struct sheets_group g;
-        if (!sheets_group_make(&s, &b, range, &g))
+        struct sp_postconv_group g;
+        if (!sp_postconv_group_init(&s, &b, range, &g))
             continue;
-        int fits = sheets_group_fits(&g, &b, range);
+        int fits = sp_postconv_group_fits(&g, &b, range);
         assert_int_equal(fits, g.range[1] >= range[1] ? 2 : 1);
         assert_true(g.range[0] <= range[0]); /* the farthest are served, so that all will be */
         const float beside[2][2] = { { 0.5f * g.range[0], 0.9f * g.range[0] },
                                      { 1.1f * g.range[1], 2 * g.range[1] } };
-        assert_int_equal(sheets_group_fits(&g, &b, beside[0]), 0);
-        assert_int_equal(sheets_group_fits(&g, &b, beside[1]), 0);
-        struct sheets_brick other = b;
+        assert_int_equal(sp_postconv_group_fits(&g, &b, beside[0]), 0);
+        assert_int_equal(sp_postconv_group_fits(&g, &b, beside[1]), 0);
+        struct sp_postconv_brick other = b;
         other.spread[n % 2] *= 1.5f;
-        assert_int_equal(sheets_group_fits(&g, &other, range), 0);
+        assert_int_equal(sp_postconv_group_fits(&g, &other, range), 0);
     }
     free(t);
 }
@@ -208,7 +211,7 @@ struct count {
 };
 
 /* Does tile (column, row) meet the brick? */
-static bool is_met(const struct sheets *s, int column, int row, uint32_t brick) {
+static bool is_met(const struct sp_postconv *s, int column, int row, uint32_t brick) {
     uint32_t tile = (uint32_t)(row * s->columns + column);
     for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++)
         if (s->bricks[s->met[n]].brick == brick)
@@ -217,9 +220,9 @@ static bool is_met(const struct sheets *s, int column, int row, uint32_t brick) 
 }
 
 /* Every tile that the box of one of the brick's footprints touches. */
-static void check_brick(const struct sheets *s, uint32_t brick, struct count *count) {
+static void check_brick(const struct sp_postconv *s, uint32_t brick, struct count *count) {
     enum { COUNT = 256 };
-    const struct test_sheets *t = test_sheets_of(s);
+    const struct test_postconv *t = test_postconv_of(s);
     const struct sp_level *level = s->parts[0].level;
     const struct sp_visible *list = &level->visible;
     uint32_t entries = (uint32_t)(list->first[brick + 1] - list->first[brick]);
@@ -231,15 +234,15 @@ static void check_brick(const struct sheets *s, uint32_t brick, struct count *co
                               .transfer = &level->transfer,
                               .first = list->first[brick],
                               .mode = t->modes ? (enum sp_filter_mode)t->modes[brick]
-                                               : t->job.view->filter.mode };
+                                               : t->view->filter.mode };
     sp_visible_corner(list, brick, run.brick);
     for (; run.begin < entries; run.begin += COUNT) {
         run.count = entries - run.begin < COUNT ? entries - run.begin : COUNT;
         sp_visible_locals(list, brick, NULL, run.begin, run.count, local);
         uint32_t n = sp_ewa_set_up(&s->parts[0].ewa[0], &run, &out);
         for (uint32_t i = 0; i < n; i++)
-            for (int r = splats[i].y0 / SHEETS_TILE; r <= (splats[i].y1 - 1) / SHEETS_TILE; r++)
-                for (int c = splats[i].x0 / SHEETS_TILE; c <= (splats[i].x1 - 1) / SHEETS_TILE;
+            for (int r = splats[i].y0 / POSTCONV_TILE; r <= (splats[i].y1 - 1) / POSTCONV_TILE; r++)
+                for (int c = splats[i].x0 / POSTCONV_TILE; c <= (splats[i].x1 - 1) / POSTCONV_TILE;
                      c++) {
                     atomic_fetch_add(&count->needed, 1);
                     atomic_fetch_add(&count->missed, !is_met(s, c, r, brick));
@@ -247,9 +250,10 @@ static void check_brick(const struct sheets *s, uint32_t brick, struct count *co
     }
 }
 
-static void check_lists(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+static void check_lists(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                        uint32_t tile) {
     (void)scratch;
-    struct count *count = test_sheets_of(s)->user;
+    struct count *count = test_postconv_of(s)->user;
     atomic_fetch_add(&count->tiles, 1);
     for (uint32_t b = 0; tile == 0 && b < sp_visible_bricks(&s->parts[0].level->visible); b++)
         check_brick(s, b, count);
@@ -291,27 +295,28 @@ static void tiles_meet_every_brick_that_reaches_them(void **state) {
         struct count count = { 0 };
         struct sp_error err;
         make_scene(&scene, n);
-        struct test_sheets *t = test_sheets_open(&scene, 2, &err);
+        struct test_postconv *t = test_postconv_open(&scene, 2, &err);
         if (!t)
             fail_msg("%s", err.text);
         t->user = &count;
-        assert_true(test_sheets_draw(t, check_lists, NULL, &err));
+        assert_true(test_postconv_draw(t, check_lists, NULL, &err));
         const uint32_t *size = scene.view.size;
-        assert_int_equal(count.tiles, (size[0] + SHEETS_TILE - 1) / SHEETS_TILE *
-                                          ((size[1] + SHEETS_TILE - 1) / SHEETS_TILE));
+        assert_int_equal(count.tiles, (size[0] + POSTCONV_TILE - 1) / POSTCONV_TILE *
+                                          ((size[1] + POSTCONV_TILE - 1) / POSTCONV_TILE));
         if (count.missed)
             fail_msg("scene %d: %u of %u pairs of tile and footprint are missed", n, count.missed,
                      count.needed);
         needed += count.needed;
-        test_sheets_close(t);
+        test_postconv_close(t);
         test_scene_finish(&scene);
     }
     assert_true(needed > 100000);
 }
 
-static void note_work(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+static void note_work(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                      uint32_t tile) {
     (void)scratch, (void)tile;
-    atomic_store((atomic_bool *)test_sheets_of(s)->user, sheets_pay(s));
+    atomic_store((atomic_bool *)test_postconv_of(s)->user, sp_postconv_is_worthwhile(s));
 }
 
 /* Filters do not serve voxels that are seen from too many sides, by an eye among them, nor those so
@@ -333,19 +338,20 @@ static void what_filters_do_not_serve_is_left_to_footprints(void **state) {
         scene.view.size[0] = scene.view.size[1] = 200;
         scene.view.camera.fov_y = is_near ? 100 : 30;
         scene.view.transfer_function.reference_length = is_deep ? 0.01 : 1;
-        struct test_sheets *t = test_sheets_open(&scene, 2, &err);
+        struct test_postconv *t = test_postconv_open(&scene, 2, &err);
         assert_non_null(t);
         t->user = &pays;
-        assert_true(test_sheets_draw(t, note_work, NULL, &err));
+        assert_true(test_postconv_draw(t, note_work, NULL, &err));
         assert_int_equal(atomic_load(&pays), !is_near && !is_deep);
-        test_sheets_close(t);
+        test_postconv_close(t);
         test_scene_finish(&scene);
     }
 }
 
-static void ask_to_stop(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+static void ask_to_stop(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                        uint32_t tile) {
     (void)scratch, (void)tile;
-    struct count *count = test_sheets_of(s)->user;
+    struct count *count = test_postconv_of(s)->user;
     atomic_fetch_add(&count->tiles, 1);
     atomic_store(&count->cancel, true);
 }
@@ -357,14 +363,14 @@ static void no_tile_begins_after_cancel(void **state) {
     srand(24);
     make_scene(&scene, 3);
     scene.view.size[0] = scene.view.size[1] = 640;
-    struct test_sheets *t = test_sheets_open(&scene, 2, &err);
+    struct test_postconv *t = test_postconv_open(&scene, 2, &err);
     assert_non_null(t);
     struct count count = { 0 };
     t->user = &count;
-    assert_false(test_sheets_draw(t, ask_to_stop, &count.cancel, &err));
+    assert_false(test_postconv_draw(t, ask_to_stop, &count.cancel, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
     assert_in_range(count.tiles, 1, 2); /* of a hundred; each thread has begun one at most */
-    test_sheets_close(t);
+    test_postconv_close(t);
     test_scene_finish(&scene);
 }
 
@@ -375,7 +381,7 @@ static void views_with_footprints_are_left_to_them(void **state) {
     double even[20] = { 0 };
     srand(25);
     make_scene(&s, 1);
-    assert_true(sheets_can(&s.view, &s.info.grid));
+    assert_true(sp_postconv_can_draw(&s.view, &s.info.grid));
     for (int k = 0; k < 8; k++) {
         view = s.view;
         struct sp_grid grid = s.info.grid;
@@ -395,7 +401,7 @@ static void views_with_footprints_are_left_to_them(void **state) {
             grid.coordinates[0] = even;
         if (k == 7)
             view.filter.cutoff = 2.9;
-        assert_false(sheets_can(&view, &grid));
+        assert_false(sp_postconv_can_draw(&view, &grid));
     }
     test_scene_finish(&s);
 }
@@ -410,9 +416,10 @@ struct pairs {
     atomic_uint joined, alone;
 };
 
-static void count_pairs(const struct sheets *s, struct sheets_scratch *scratch, uint32_t tile) {
+static void count_pairs(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,
+                        uint32_t tile) {
     (void)scratch;
-    struct pairs *p = test_sheets_of(s)->user;
+    struct pairs *p = test_postconv_of(s)->user;
     for (uint32_t k = 0; tile == 0 && k + 1 < s->layers; k++)
         atomic_fetch_add(s->layer[k] == s->layer[k + 1] ? &p->joined : &p->alone, 1);
 }
@@ -447,14 +454,14 @@ static void pairs_do_not_depend_on_what_is_in_sight(void **state) {
         c->up[1] = 1;
         scene.view.filter.mode = SP_FILTER_ADAPTIVE;
         scene.view.size[0] = scene.view.size[1] = 48;
-        struct test_sheets *t = test_sheets_open(&scene, 1, &err);
+        struct test_postconv *t = test_postconv_open(&scene, 1, &err);
         if (!t)
             fail_msg("%s", err.text);
         t->user = &pairs;
-        assert_true(test_sheets_draw(t, count_pairs, NULL, &err));
+        assert_true(test_postconv_draw(t, count_pairs, NULL, &err));
         assert_int_equal(pairs.joined, deep || sheets < 64 ? 0 : sheets / 2);
         assert_int_equal(pairs.joined + pairs.alone, sheets - 1);
-        test_sheets_close(t);
+        test_postconv_close(t);
         test_scene_finish(&scene);
     }
 }
