@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -14,44 +15,52 @@ enum {
         16 * 1024 * 1024 /* of a refused body that are read, so that the answer arrives */
 };
 
+/* The query parameters of a route besides "token" (struct srv_route). */
+/* clang-format off */
+#define NONE { NULL }
+#define PAGE { "after", "limit" }
+#define IMAGE { "format", "quality", "subsampling" }
+#define SAVED_IMAGE { "camera", "size", "format", "quality", "subsampling" }
+/* clang-format on */
+
 static const struct srv_route routes[] = {
-    { SRV_GET, "/healthz", SRV_RIGHT_NONE, srv_get_healthz },
-    { SRV_GET, "/metrics", SRV_RIGHT_METRICS, srv_get_metrics },
-    { SRV_GET, "/readyz", SRV_RIGHT_NONE, srv_get_readyz },
-    { SRV_GET, "/api/v1/openapi.json", SRV_RIGHT_NONE, srv_get_contract },
-    { SRV_GET, "/api/v1/openapi.yaml", SRV_RIGHT_NONE, srv_get_contract },
-    { SRV_GET, "/api/v1/view.schema.json", SRV_RIGHT_NONE, srv_get_contract },
-    { SRV_GET, "/api/v1/stream.md", SRV_RIGHT_NONE, srv_get_contract },
-    { SRV_GET, "/api/v1/stream.schema.json", SRV_RIGHT_NONE, srv_get_contract },
-    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_VIEW, srv_get_volumes },
-    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_ADMIN, srv_post_volume },
-    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_VIEW, srv_get_volume },
-    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_ADMIN, srv_delete_volume },
-    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_VIEW, srv_get_volume_view },
-    { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render },
-    { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render },
-    { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views },
-    { SRV_POST, "/api/v1/views", SRV_RIGHT_RENDER, srv_post_view },
-    { SRV_GET, "/api/v1/views/{}", SRV_RIGHT_VIEW, srv_get_view },
-    { SRV_DELETE, "/api/v1/views/{}", SRV_RIGHT_RENDER, srv_delete_view },
-    { SRV_GET, "/api/v1/presets", SRV_RIGHT_VIEW, srv_get_presets },
-    { SRV_GET, "/api/v1/presets/{}", SRV_RIGHT_VIEW, srv_get_preset },
-    { SRV_PUT, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_put_preset },
-    { SRV_DELETE, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_delete_preset },
-    { SRV_GET, "/api/v1/paths", SRV_RIGHT_RENDER, srv_get_paths },
-    { SRV_POST, "/api/v1/paths", SRV_RIGHT_RENDER, srv_post_path },
-    { SRV_GET, "/api/v1/paths/{}", SRV_RIGHT_RENDER, srv_get_path },
-    { SRV_DELETE, "/api/v1/paths/{}", SRV_RIGHT_RENDER, srv_delete_path },
-    { SRV_GET, "/api/v1/paths/{}/events", SRV_RIGHT_RENDER, srv_get_path_events },
-    { SRV_GET, "/api/v1/paths/{}/frames/{}", SRV_RIGHT_RENDER, srv_get_path_frame },
-    { SRV_GET, "/api/v1/paths/{}/archive", SRV_RIGHT_RENDER, srv_get_path_archive },
-    { SRV_GET, "/api/v1/paths/{}/movie", SRV_RIGHT_RENDER, srv_get_path_movie },
-    { SRV_GET, "/api/v1/sessions", SRV_RIGHT_CONTROL, srv_get_sessions },
-    { SRV_POST, "/api/v1/sessions", SRV_RIGHT_SESSION, srv_post_session },
-    { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_get_session },
-    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_patch_session },
-    { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session },
-    { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream },
+    { SRV_GET, "/healthz", SRV_RIGHT_NONE, srv_get_healthz, NONE },
+    { SRV_GET, "/metrics", SRV_RIGHT_METRICS, srv_get_metrics, NONE },
+    { SRV_GET, "/readyz", SRV_RIGHT_NONE, srv_get_readyz, NONE },
+    { SRV_GET, "/api/v1/openapi.json", SRV_RIGHT_NONE, srv_get_contract, NONE },
+    { SRV_GET, "/api/v1/openapi.yaml", SRV_RIGHT_NONE, srv_get_contract, NONE },
+    { SRV_GET, "/api/v1/view.schema.json", SRV_RIGHT_NONE, srv_get_contract, NONE },
+    { SRV_GET, "/api/v1/stream.md", SRV_RIGHT_NONE, srv_get_contract, NONE },
+    { SRV_GET, "/api/v1/stream.schema.json", SRV_RIGHT_NONE, srv_get_contract, NONE },
+    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_VIEW, srv_get_volumes, NONE },
+    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_ADMIN, srv_post_volume, NONE },
+    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_VIEW, srv_get_volume, NONE },
+    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_ADMIN, srv_delete_volume, NONE },
+    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_VIEW, srv_get_volume_view, NONE },
+    { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render, IMAGE },
+    { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render, SAVED_IMAGE },
+    { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views, PAGE },
+    { SRV_POST, "/api/v1/views", SRV_RIGHT_RENDER, srv_post_view, NONE },
+    { SRV_GET, "/api/v1/views/{}", SRV_RIGHT_VIEW, srv_get_view, NONE },
+    { SRV_DELETE, "/api/v1/views/{}", SRV_RIGHT_RENDER, srv_delete_view, NONE },
+    { SRV_GET, "/api/v1/presets", SRV_RIGHT_VIEW, srv_get_presets, NONE },
+    { SRV_GET, "/api/v1/presets/{}", SRV_RIGHT_VIEW, srv_get_preset, NONE },
+    { SRV_PUT, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_put_preset, NONE },
+    { SRV_DELETE, "/api/v1/presets/{}", SRV_RIGHT_CONTROL, srv_delete_preset, NONE },
+    { SRV_GET, "/api/v1/paths", SRV_RIGHT_RENDER, srv_get_paths, PAGE },
+    { SRV_POST, "/api/v1/paths", SRV_RIGHT_RENDER, srv_post_path, NONE },
+    { SRV_GET, "/api/v1/paths/{}", SRV_RIGHT_RENDER, srv_get_path, NONE },
+    { SRV_DELETE, "/api/v1/paths/{}", SRV_RIGHT_RENDER, srv_delete_path, NONE },
+    { SRV_GET, "/api/v1/paths/{}/events", SRV_RIGHT_RENDER, srv_get_path_events, NONE },
+    { SRV_GET, "/api/v1/paths/{}/frames/{}", SRV_RIGHT_RENDER, srv_get_path_frame, NONE },
+    { SRV_GET, "/api/v1/paths/{}/archive", SRV_RIGHT_RENDER, srv_get_path_archive, NONE },
+    { SRV_GET, "/api/v1/paths/{}/movie", SRV_RIGHT_RENDER, srv_get_path_movie, NONE },
+    { SRV_GET, "/api/v1/sessions", SRV_RIGHT_CONTROL, srv_get_sessions, PAGE },
+    { SRV_POST, "/api/v1/sessions", SRV_RIGHT_SESSION, srv_post_session, NONE },
+    { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_get_session, NONE },
+    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_patch_session, NONE },
+    { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session, NONE },
+    { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream, NONE },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
@@ -327,6 +336,35 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
     return true;
 }
 
+struct unknown_query {
+    struct srv_request *request;
+    bool is_found;
+};
+
+static enum MHD_Result find_unknown(void *user, enum MHD_ValueKind kind, const char *name,
+                                    const char *value) {
+    struct unknown_query *unknown = user;
+    const struct srv_route *route = unknown->request->route;
+    (void)kind;
+    (void)value;
+    if (srv_route_takes(route, name))
+        return MHD_YES;
+    char known[128] = "";
+    for (size_t i = 0; i < SRV_QUERY_NAMES && route->query[i]; i++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s, ", route->query[i]);
+    srv_reply_problem(&unknown->request->reply, 400, NULL,
+                      "unknown query parameter \"%.64s\"; this path takes %stoken", name, known);
+    unknown->is_found = true;
+    return MHD_NO;
+}
+
+/* False if the route does not take one of the query parameters: the reply is the problem. */
+static bool check_query(struct srv_request *request) {
+    struct unknown_query unknown = { .request = request };
+    MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, find_unknown, &unknown);
+    return !unknown.is_found;
+}
+
 /* Routes and judges what the headers tell; false: the reply is set. */
 static bool check(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
@@ -349,6 +387,8 @@ static bool check(struct srv_request *request) {
         refuse_method(request, allowed ? allowed : SRV_GET);
         return false;
     }
+    if (request->route && !check_query(request))
+        return false;
     if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
         !srv_header_is_json(srv_request_header(request, "Content-Type"))) {
         srv_reply_problem(reply, 415, NULL,

@@ -57,6 +57,13 @@ const struct srv_route *srv_route_find(const struct srv_route *routes, size_t co
     return NULL;
 }
 
+bool srv_route_takes(const struct srv_route *route, const char *name) {
+    for (size_t i = 0; i < SRV_QUERY_NAMES && route->query[i]; i++)
+        if (strcmp(route->query[i], name) == 0)
+            return true;
+    return strcmp(name, "token") == 0;
+}
+
 void srv_methods_to_text(unsigned methods, char text[64]) {
     text[0] = 0;
     for (size_t i = 0; i < NAMES; i++) {

@@ -11,7 +11,7 @@
 #include "config/token_file.h"
 
 enum srv_method { SRV_GET = 1, SRV_POST = 2, SRV_PUT = 4, SRV_PATCH = 8, SRV_DELETE = 16 };
-enum { SRV_PARAM_BYTES = 128 };
+enum { SRV_PARAM_BYTES = 128, SRV_QUERY_NAMES = 5 };
 
 struct srv_request;
 struct srv_reply;
@@ -22,6 +22,9 @@ struct srv_route {
     enum srv_right needs; /* judged before the body is read */
     /* Fills *reply, or takes care that it will be filled (listener.h). */
     void (*handle)(struct srv_request *request, struct srv_reply *reply);
+    /* Names of the query parameters besides "token", which every route takes; NULL after the last
+     * one. A request with another one is refused with 400. */
+    const char *query[SRV_QUERY_NAMES + 1];
 };
 
 /* Does the path match, and what stands for {}? Of several what stands for each, with "/" between.
@@ -35,6 +38,9 @@ unsigned srv_method_from(const char *name);
 const struct srv_route *srv_route_find(const struct srv_route *routes, size_t count,
                                        const char *method, const char *path,
                                        char param[SRV_PARAM_BYTES], unsigned *allowed);
+
+/* True if the route takes a query parameter of this name. */
+bool srv_route_takes(const struct srv_route *route, const char *name);
 
 /* "GET, HEAD, POST" for an Allow header. */
 void srv_methods_to_text(unsigned methods, char text[64]);

@@ -24,13 +24,13 @@ static void nothing(struct srv_request *request, struct srv_reply *reply) {
 }
 
 static const struct srv_route routes[] = {
-    { SRV_GET, "/healthz", SRV_RIGHT_NONE, nothing },
-    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_NONE, nothing },
-    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_NONE, nothing },
-    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing },
-    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing },
-    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_NONE, nothing },
-    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/healthz", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, nothing, { NULL } },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 

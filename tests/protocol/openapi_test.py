@@ -95,15 +95,30 @@ def check_operations(document):
             check(named == declared, f'{name}: parameters {declared} declared, {named} in the path')
 
 
-def check_routes(document, source):
+def query_parameters(document, item, operation):
+    """The names of an operation's query parameters."""
+    parameters = item.get('parameters', []) + operation.get('parameters', [])
+    parameters = [resolve(document, p['$ref']) if '$ref' in p else p for p in parameters]
+    return frozenset(p['name'] for p in parameters if p['in'] == 'query')
+
+
+def read_routes(source):
+    """{(method, path pattern, names of the query parameters)} of the daemon's table."""
     with open(f'{source}/server/http/request.c', encoding='utf-8') as f:
-        routed = set(re.findall(r'\{ SRV_(\w+), "([^"]+)", SRV_RIGHT_\w+, \w+ \}', f.read()))
+        text = f.read()
+    queries = {name: frozenset(re.findall(r'"(\w+)"', list_)) for name, list_ in re.findall(r'#define ([A-Z_]+) \{(.*?)\}', text)}
+    rows = re.findall(r'\{ SRV_(\w+), "([^"]+)", SRV_RIGHT_\w+,\s*\w+,\s*([A-Z_]+) \}', text)
+    return {(method, path, queries[query]) for method, path, query in rows}
+
+
+def check_routes(document, source):
+    routed = read_routes(source)
     check(len(routed) > 5, 'the table of routes in server/http/request.c was not understood')
-    documented = {(method.upper(), re.sub(r'\{\w+\}', '{}', path))
+    documented = {(method.upper(), re.sub(r'\{\w+\}', '{}', path), query_parameters(document, item, item[method]))
                   for path, item in document['paths'].items() for method in METHODS & item.keys()}
-    for method, path in sorted(routed ^ documented):
-        where = 'not documented' if (method, path) in routed else 'not routed'
-        check(False, f'{method} {path} is {where}')
+    for method, path, query in sorted(routed ^ documented, key=str):
+        where = 'not documented' if (method, path, query) in routed else 'not routed'
+        check(False, f'{method} {path} with the query parameters {sorted(query)} is {where}')
 
 
 def main():

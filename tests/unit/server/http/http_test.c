@@ -28,12 +28,12 @@ static void nothing(struct srv_request *request, struct srv_reply *reply) {
 }
 
 static const struct srv_route routes[] = {
-    { SRV_GET, "/a", SRV_RIGHT_NONE, nothing },
-    { SRV_POST, "/a", SRV_RIGHT_NONE, nothing },
-    { SRV_GET, "/a/{}", SRV_RIGHT_NONE, nothing },
-    { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, nothing },
-    { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, nothing },
-    { SRV_GET, "/a/{}/b/{}", SRV_RIGHT_NONE, nothing },
+    { SRV_GET, "/a", SRV_RIGHT_NONE, nothing, { "after", "limit" } },
+    { SRV_POST, "/a", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/a/{}", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/a/{}/b/{}", SRV_RIGHT_NONE, nothing, { NULL } },
 };
 
 static void routing(void **state) {
@@ -89,6 +89,17 @@ static void routing(void **state) {
     char text[64];
     srv_methods_to_text(SRV_GET | SRV_DELETE, text);
     assert_string_equal(text, "GET, HEAD, DELETE");
+}
+
+static void routes_take_their_query_parameters_and_the_token(void **state) {
+    (void)state;
+    assert_true(srv_route_takes(&routes[0], "after"));
+    assert_true(srv_route_takes(&routes[0], "limit"));
+    assert_true(srv_route_takes(&routes[0], "token"));
+    assert_false(srv_route_takes(&routes[0], "Limit"));
+    assert_false(srv_route_takes(&routes[0], ""));
+    assert_true(srv_route_takes(&routes[1], "token"));
+    assert_false(srv_route_takes(&routes[1], "limit"));
 }
 
 static void origins(void **state) {
@@ -493,6 +504,7 @@ static void headers_have_a_number(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(routing),
+        cmocka_unit_test(routes_take_their_query_parameters_and_the_token),
         cmocka_unit_test(origins),
         cmocka_unit_test(allowed_origins),
         cmocka_unit_test(compression),
