@@ -22,9 +22,8 @@ static bool fail_errno(struct sp_error *err, int error, const char *shown, const
     return sp_fail(err, SP_ERR_IO, shown, "cannot %s: %s", what, strerror(error));
 }
 
-/* `real` has no links left, so a link met now was put there meanwhile: refused, with ELOOP. Folder
- * by folder: openat2() does all at once, but the readers' filter cannot see what it is asked for.
- */
+/* Opens `real` folder by folder. It has no links, so a link found now was created meanwhile: ELOOP.
+ * openat2() would need one call, but the seccomp filter cannot check its arguments. */
 static int open_path(const char *root, const char *real) {
     int fd = open(root, O_PATH | O_DIRECTORY | O_CLOEXEC);
     const char *name = real + strlen(root);
@@ -46,12 +45,12 @@ static int open_path(const char *root, const char *real) {
 
 static const char *kind_name(mode_t mode) {
     return S_ISDIR(mode)    ? "a folder"
-           : S_ISLNK(mode)  ? "a symbolic link by now"
+           : S_ISLNK(mode)  ? "now a symbolic link"
            : S_ISFIFO(mode) ? "a pipe"
            : S_ISSOCK(mode) ? "a socket"
            : S_ISCHR(mode)  ? "a character device"
            : S_ISBLK(mode)  ? "a block device"
-                            : "no regular file";
+                            : "not a regular file";
 }
 
 int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
@@ -61,8 +60,7 @@ int sp_open_confined(const char *root, const char *path, const char *shown, char
         return -1;
     }
     if (!sp_is_below(root, real)) {
-        sp_fail(err, SP_ERR_DENIED, shown, "lies outside the folder %s that files are read from",
-                root);
+        sp_fail(err, SP_ERR_DENIED, shown, "is outside of the folder %s", root);
         return -1;
     }
     int path_fd = open_path(root, real);

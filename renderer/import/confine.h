@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Opening files below one folder and nowhere else. Used by the parent for the file that it was
- * asked for, and by the readers for the files that a header names.
+ * Opens files below one folder only. The parent uses it for the requested file, the readers for
+ * files that a header names.
  */
 #ifndef SP_IMPORT_CONFINE_H
 #define SP_IMPORT_CONFINE_H
@@ -12,15 +12,15 @@
 
 #include "sp/status.h"
 
-/* Opens the regular file `path` for reading when, with every symbolic link resolved, it lies below
- * `root` (itself resolved, absolute). Never blocks on a FIFO and never opens a device. Returns a
- * descriptor that closes on exec, or -1 with *err set: SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside the
- * root), SP_ERR_INVALID (not a regular file), SP_ERR_IO. err->place is `shown`. `real` receives the
- * resolved path, *size the file's size in bytes. */
+/* Opens the regular file `path` for reading if it lies below `root` after every symbolic link is
+ * resolved. `root` is absolute and resolved. Never blocks on a FIFO and never opens a device.
+ * Returns a descriptor that closes on exec, or -1 with *err set: SP_ERR_NOT_FOUND, SP_ERR_DENIED
+ * (outside the root), SP_ERR_INVALID (not a regular file), SP_ERR_IO. err->place is `shown`. `real`
+ * receives the resolved path, *size the file's size in bytes. */
 int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
                      uint64_t *size, struct sp_error *err);
 
-/* Whether `real` lies below `root`; both resolved. */
+/* True if `real` lies below `root`; both are resolved. */
 bool sp_is_below(const char *root, const char *real);
 
 #endif

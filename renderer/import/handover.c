@@ -41,9 +41,9 @@ uint64_t sp_handover_layout(const struct sp_handover_header *header, uint64_t of
     return end;
 }
 
-/* Ends with 0 inside its room; control characters are made harmless. */
-static bool clean_text(char *text, size_t room) {
-    if (!memchr(text, 0, room))
+/* True if the text ends with 0 within `capacity` bytes. Replaces control characters. */
+static bool clean_text(char *text, size_t capacity) {
+    if (!memchr(text, 0, capacity))
         return false;
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
@@ -54,8 +54,8 @@ static bool clean_text(char *text, size_t room) {
 static bool check_header(struct sp_handover_header *header, const char *place,
                          struct sp_error *err) {
     if (header->type >= SP_TYPE_COUNT)
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over sample type %" PRIu32,
-                       header->type);
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the reader sent the unknown sample type %" PRIu32, header->type);
     struct sp_grid grid = { .coordinates = { NULL } };
     memcpy(grid.dims, header->dims, sizeof grid.dims);
     memcpy(grid.spacing, header->spacing, sizeof grid.spacing);
@@ -64,16 +64,15 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     uint64_t bytes;
     struct sp_error why;
     if (!sp_grid_check(&grid, (enum sp_type)header->type, place, &bytes, &why))
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over a bad grid: %s",
-                       why.text);
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent a bad grid: %s", why.text);
     if (header->bytes != bytes)
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the reader handed over %" PRIu64 " bytes for a grid of %" PRIu64,
+                       "the reader sent a size of %" PRIu64 " bytes; its grid needs %" PRIu64,
                        header->bytes, bytes);
     if (header->rectilinear > 7 || header->zero)
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over axes of unknown kind");
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent axes of an unknown kind");
     if (!clean_text(header->unit, sizeof header->unit))
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader handed over a unit without end");
+        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent a unit that is not terminated");
     return true;
 }
 
@@ -93,7 +92,8 @@ static bool check_error(struct sp_handover_error *error, const char *place, stru
     }
     if (!clean_text(error->place, sizeof error->place) ||
         !clean_text(error->text, sizeof error->text))
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader's error message has no end");
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the reader sent an error message that is not terminated");
     return true;
 }
 
@@ -108,7 +108,7 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
                        message->magic);
     if (message->version != SP_HANDOVER_VERSION)
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "splat-import speaks version %u of the hand-over and this program %u: "
+                       "splat-import uses version %u of the handover and this program version %u; "
                        "install both from one build",
                        message->version, SP_HANDOVER_VERSION);
     if (sp_handover_size((enum sp_handover_kind)message->kind) != size)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the child process `splat-import` and its parent say to each other, over a socket that keeps
- * message boundaries. The samples themselves, and the coordinates of rectilinear axes behind them,
- * go through a memfd that the parent sizes and seals, so that the child cannot lie about memory:
+ * The messages between the child process `splat-import` and its parent, over a socket that keeps
+ * message boundaries. The samples, followed by the coordinates of rectilinear axes, pass through a
+ * memfd. The parent sizes and seals it, so the child cannot lie about its size:
  *
  *   parent                                child
  *     socket, empty memfd, file ───────────►  reads the file's header
@@ -12,8 +12,8 @@
  *     waits for its end, maps,        ◄────  DONE     (or ERROR)
  *     checks coordinates
  *
- * A parent that says nothing but closes the socket means: stop. The parent trusts nothing here: a
- * reader of a hostile file may have been taken over by it.
+ * A closed socket tells the child to stop. The parent trusts no message, because a hostile file may
+ * have taken control of the child.
  */
 #ifndef SP_IMPORT_HANDOVER_H
 #define SP_IMPORT_HANDOVER_H
@@ -48,8 +48,8 @@ struct sp_handover_error {
     char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
 };
 
-/* Both ends run on one machine and come from one build: native byte order, no padding that carries
- * anything. */
+/* Both ends run on one machine and come from one build: native byte order, no meaningful padding.
+ */
 struct sp_handover {
     uint32_t magic;
     uint16_t version, kind;
@@ -60,19 +60,20 @@ struct sp_handover {
     };
 };
 
-/* Size of a whole message of a kind; 0 for an unknown kind. */
+/* Size of a message of this kind in bytes; 0 for an unknown kind. */
 size_t sp_handover_size(enum sp_handover_kind kind);
 
-/* A message of that kind, everything else zero. */
+/* Initializes a message of this kind; all other fields are zero. */
 void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind);
 
-/* Where the memfd holds coordinates: offset[axis] in bytes, a multiple of 8, for axes that have
- * some, else 0. Returns the size of the memfd. The header has been checked. */
+/* Computes the layout of the memfd: offset[axis] is the place of the coordinates of a rectilinear
+ * axis in bytes, a multiple of 8, and 0 for an even axis. Returns the size of the memfd in bytes.
+ * The header must have been checked. */
 uint64_t sp_handover_layout(const struct sp_handover_header *header, uint64_t offset[3]);
 
-/* Copies `size` bytes received into *message and checks every field, ERROR's strings and HEADER's
- * grid included, though not its coordinates, which come later. SP_ERR_CRASHED with `place`
- * otherwise, for a reader that sends such a thing is not to be believed. Control characters in
+/* Copies `size` received bytes into *message and checks every field, including the strings of ERROR
+ * and the grid of HEADER. Coordinates arrive later and are checked then. Fails with SP_ERR_CRASHED
+ * at `place`, because a reader that sends a bad message cannot be trusted. Control characters in
  * texts become '?'. */
 bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
                         const char *place, struct sp_error *err);

@@ -24,7 +24,7 @@
 enum { TIMEOUT_DEFAULT_MS = 300000, POLL_MS = 50 };
 
 struct import {
-    const char *path; /* as the caller gave it; errors call the file so */
+    const char *path; /* as the caller gave it; the name in errors */
     const struct sp_load_options *options;
     char root[PATH_MAX], real[PATH_MAX], importer[PATH_MAX];
     int file, memory, socket; /* -1 = not open */
@@ -32,7 +32,7 @@ struct import {
     int timeout_ms;
     double deadline_ms;
     struct sp_handover_header header;
-    uint64_t done; /* bytes read, as the child says */
+    uint64_t done; /* bytes that the child reports as read */
 };
 
 /* Before the child. */
@@ -44,7 +44,7 @@ static bool find_root(struct import *im, struct sp_error *err) {
             return true;
         return sp_fail(err, SP_ERR_IO, root, "cannot use this folder: %s", strerror(errno));
     }
-    /* The folder of the file itself, where a link leads. */
+    /* The folder of the file itself, after links are resolved. */
     if (!realpath(im->path, im->root)) {
         if (errno == ENOENT || errno == ENOTDIR)
             return sp_fail(err, SP_ERR_NOT_FOUND, im->path, "there is no such file");
@@ -55,7 +55,7 @@ static bool find_root(struct import *im, struct sp_error *err) {
     return true;
 }
 
-/* Beside the running program, or in bin/ beside its folder. */
+/* Looks beside the running program, then in ../bin. */
 static bool find_importer(struct import *im, struct sp_error *err) {
     if (im->options->importer) {
         snprintf(im->importer, sizeof im->importer, "%s", im->options->importer);
@@ -77,12 +77,12 @@ static bool find_importer(struct import *im, struct sp_error *err) {
         snprintf(im->importer, sizeof im->importer, "%.4000s/splat-import", self);
     }
     if (access(im->importer, X_OK) != 0)
-        return sp_fail(err, SP_ERR_IO, im->importer,
-                       "the program that reads files cannot be run: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, im->importer, "cannot run the importer: %s",
+                       strerror(errno));
     return true;
 }
 
-/* Above the descriptors that the child wants, so that placing one does not overwrite another. */
+/* Moves a descriptor above those of the child, so that placing one does not overwrite another. */
 static int raise_fd(int fd) {
     int high = fcntl(fd, F_DUPFD_CLOEXEC, 10);
     int error = errno;
@@ -97,9 +97,10 @@ static bool open_channels(struct import *im, int *child_socket, struct sp_error 
     if (im->memory >= 0)
         im->memory = raise_fd(im->memory);
     if (im->memory < 0)
-        return sp_fail(err, SP_ERR_IO, im->path, "cannot make shared memory: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, im->path, "cannot create shared memory: %s",
+                       strerror(errno));
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
-        return sp_fail(err, SP_ERR_IO, im->path, "cannot make a socket: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, im->path, "cannot create a socket: %s", strerror(errno));
     im->socket = raise_fd(pair[0]);
     *child_socket = raise_fd(pair[1]);
     im->file = raise_fd(im->file);
@@ -111,7 +112,7 @@ static bool open_channels(struct import *im, int *child_socket, struct sp_error 
     return sp_fail(err, SP_ERR_IO, im->path, "cannot pass descriptors: %s", strerror(error));
 }
 
-/* What a loader and the sanitizers need, and nothing that a format library would listen to. */
+/* The variables that the loader and the sanitizers need; none that a format library reads. */
 static void child_environment(char *out[8]) {
     static const char *const kept[] = { "LD_LIBRARY_PATH", "ASAN_OPTIONS", "UBSAN_OPTIONS",
                                         "TSAN_OPTIONS", "LSAN_OPTIONS" };
@@ -125,8 +126,8 @@ static void child_environment(char *out[8]) {
     out[n] = NULL;
 }
 
-/* posix_spawn runs nothing of ours in the child: default signals, an empty mask, three descriptors,
- * the null device for the rest. */
+/* posix_spawn() runs none of our code in the child. The child gets default signals, an empty mask,
+ * three descriptors, and the null device as standard input and output. */
 static int spawn(const struct import *im, int child_socket, char *const argv[], char *const envp[],
                  pid_t *child) {
     posix_spawn_file_actions_t actions;
@@ -175,64 +176,63 @@ static bool start_child(struct import *im, struct sp_error *err) {
     close(child_socket);
     if (error) {
         im->child = 0;
-        return sp_fail(err, SP_ERR_IO, im->importer,
-                       "cannot start the program that reads files: %s", strerror(error));
+        return sp_fail(err, SP_ERR_IO, im->importer, "cannot start the importer: %s",
+                       strerror(error));
     }
     return true;
 }
 
 /* The end of the child. */
 
-/* Kills it if it still runs, and takes its exit status. A child that ended before is not affected:
- * its status is kept for us. */
+/* Kills the child if it still runs, and returns its exit status. */
 static int reap(struct import *im) {
     int status = 0;
     if (im->child == 0)
         return 0;
-    kill(-im->child, SIGKILL); /* it leads a group: what it started goes with it */
+    kill(-im->child, SIGKILL); /* the child leads a group: its own children die as well */
     kill(im->child, SIGKILL);
     pid_t got;
     do
         got = waitpid(im->child, &status, 0);
     while (got < 0 && errno == EINTR);
     im->child = 0;
-    /* When this process ignores SIGCHLD the status is lost; what the socket said must do. */
+    /* If this process ignores SIGCHLD, the status is lost; the messages must suffice. */
     return got < 0 ? 0 : status;
 }
 
 static bool fail_ended(struct import *im, struct sp_error *err) {
     int status = reap(im);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return sp_fail(err, SP_ERR_TIMEOUT, im->path, "reading it took more than %d s of CPU time",
+        return sp_fail(err, SP_ERR_TIMEOUT, im->path, "the reader took more than %d s of CPU time",
                        im->timeout_ms / 1000 + 1);
     if (WIFSIGNALED(status)) {
         const char *name = sigabbrev_np(WTERMSIG(status));
         return sp_fail(err, SP_ERR_CRASHED, im->path,
                        "the reader was killed by signal %d (SIG%s): the file is damaged, or the "
-                       "reader is wrong",
+                       "reader has a bug",
                        WTERMSIG(status), name ? name : "?");
     }
-    return sp_fail(err, SP_ERR_CRASHED, im->path, "the reader ended with status %d and no result",
-                   WEXITSTATUS(status));
+    return sp_fail(err, SP_ERR_CRASHED, im->path,
+                   "the reader exited with status %d and without a result", WEXITSTATUS(status));
 }
 
-/* Order matters to callers: a cancel beats a timeout. */
+/* Cancellation comes before the timeout: callers rely on it. */
 static bool check_in(const struct import *im, double *next_call_ms, struct sp_error *err) {
     double now = sp_clock_ms();
     if (im->options->progress && now >= *next_call_ms) {
         *next_call_ms = now + POLL_MS / 2.0;
-        /* The last part is for range and histogram. */
+        /* The rest of the progress belongs to range and histogram. */
         double fraction = im->header.bytes ? 0.95 * (double)im->done / (double)im->header.bytes : 0;
         if (!im->options->progress(im->options->user, fraction))
             return sp_fail(err, SP_ERR_CANCELLED, im->path, "loading was cancelled");
     }
     if (now >= im->deadline_ms)
-        return sp_fail(err, SP_ERR_TIMEOUT, im->path, "reading it took longer than %d ms",
-                       im->timeout_ms);
+        return sp_fail(err, SP_ERR_TIMEOUT, im->path,
+                       "the reader took longer than the timeout of %d ms", im->timeout_ms);
     return true;
 }
 
-/* The next message, checked. False with *err set when there is none; *ended when it is because the
+/* Receives and checks the next message. False with *err set if there is none, or with *ended if the
  * child closed its end. */
 static bool receive(struct import *im, struct sp_handover *message, bool *ended,
                     struct sp_error *err) {
@@ -246,7 +246,7 @@ static bool receive(struct import *im, struct sp_handover *message, bool *ended,
         int ready = poll(&wait, 1, left < POLL_MS ? (int)left + 1 : POLL_MS);
         if (ready == 0 || (ready < 0 && errno == EINTR))
             continue;
-        /* One byte more than any message, so that a longer one is seen as such. */
+        /* One byte more than any message, so that a longer message is recognized. */
         unsigned char bytes[sizeof *message + 1];
         ssize_t n = recv(im->socket, bytes, sizeof bytes, MSG_DONTWAIT);
         if (n < 0 && (errno == EAGAIN || errno == EINTR))
@@ -261,7 +261,7 @@ static bool receive(struct import *im, struct sp_handover *message, bool *ended,
 
 static bool unexpected(const struct import *im, const struct sp_handover *message,
                        struct sp_error *err) {
-    return sp_fail(err, SP_ERR_CRASHED, im->path, "the reader sent message %u out of turn",
+    return sp_fail(err, SP_ERR_CRASHED, im->path, "the reader sent message %u out of order",
                    message->kind);
 }
 
@@ -286,7 +286,7 @@ static bool receive_header(struct import *im, struct sp_error *err) {
     return true;
 }
 
-/* Memory is taken now, so that a lack of it is an error here and no signal later. */
+/* Allocates the memory now: a lack of memory is an error here and would be a signal later. */
 static bool provide_memory(struct import *im, struct sp_error *err) {
     uint64_t unused[3], bytes = sp_handover_layout(&im->header, unused);
     if (im->options->reserve && !im->options->reserve(im->options->user, bytes, err))
@@ -297,7 +297,8 @@ static bool provide_memory(struct import *im, struct sp_error *err) {
     while (failed == EINTR);
     if (failed)
         return sp_fail(err, SP_ERR_MEMORY, im->path,
-                       "no memory for %" PRIu64 " bytes of samples: %s", bytes, strerror(failed));
+                       "cannot allocate %" PRIu64 " bytes for the samples: %s", bytes,
+                       strerror(failed));
     if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
         return sp_fail(err, SP_ERR_IO, im->path, "cannot seal shared memory: %s", strerror(errno));
     struct sp_handover go;
@@ -359,8 +360,8 @@ static void describe(const struct import *im, struct sp_volume_info *info) {
     snprintf(info->source, sizeof info->source, "%s", im->path);
 }
 
-/* Sealed against writing, which fails while anybody still has it mapped for that: coordinates that
- * have been checked stay as they are. */
+/* Seals the memory against writing, so that checked coordinates cannot change. Sealing fails while
+ * a process still maps the memory for writing. */
 static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
     if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
         sp_fail(err, SP_ERR_CRASHED, im->path, "the reader still holds the samples: %s",
@@ -384,7 +385,7 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
             info.grid.coordinates[axis] = (double *)((char *)voxels + offset[axis]);
     if (!sp_grid_check(&info.grid, info.type, im->path, &samples, &why)) {
         munmap(voxels, bytes);
-        sp_fail(err, SP_ERR_CRASHED, im->path, "the reader handed over a bad grid: %s", why.text);
+        sp_fail(err, SP_ERR_CRASHED, im->path, "the reader sent a bad grid: %s", why.text);
         return NULL;
     }
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, bytes, release_mapping, err);

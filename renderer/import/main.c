@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splat-import: reads one file for a parent that does not want to. See handover.h for what the two
- * say to each other; sandbox.h for what this process may still do when the file takes it over.
+ * splat-import: reads one file on behalf of its parent. handover.h describes their messages,
+ * sandbox.h what this process may do, even if the file takes control of it.
  */
 #include <dlfcn.h>
 #include <errno.h>
@@ -19,8 +19,7 @@
 #include "import/sandbox.h"
 
 #if defined(__SANITIZE_THREAD__)
-/* As in encode/exr.c: OpenImageIO's spin locks, which TSan cannot see. This is a program of its
- * own. */
+/* TSan does not understand OpenImageIO's spin locks; encode/exr.c has the same suppression. */
 __attribute__((visibility("default"))) const char *__tsan_default_suppressions(void);
 const char *__tsan_default_suppressions(void) {
     return "called_from_lib:libOpenImageIO_Util.so\n";
@@ -29,13 +28,13 @@ const char *__tsan_default_suppressions(void) {
 
 struct job {
     struct import_file file;
-    uint8_t start[64];  /* of the file: they tell its format */
-    ssize_t start_size; /* < 0: it cannot be read */
+    uint8_t start[64];  /* first bytes of the file, which tell its format */
+    ssize_t start_size; /* < 0 = the file cannot be read */
     const struct import_format *format;
     struct import_header header;
-    uint64_t room;      /* bytes of the shared memory: samples and coordinates */
+    uint64_t capacity;  /* bytes of the shared memory: samples and coordinates */
     uint64_t offset[3]; /* of the coordinates in it */
-    uint64_t reported;  /* bytes, in the last message */
+    uint64_t reported;  /* bytes in the last progress message */
 };
 
 static bool say(const struct sp_handover *message) {
@@ -64,7 +63,7 @@ static bool is_tiff(const struct job *job) {
             memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
 }
 
-/* This program's, without a slash behind it; "" = it cannot be told. */
+/* The folder of this program, without a trailing slash; "" if it is unknown. */
 static const char *own_folder(char folder[PATH_MAX]) {
     ssize_t n = readlink("/proc/self/exe", folder, PATH_MAX - 1);
     folder[n > 0 ? n : 0] = 0;
@@ -74,7 +73,7 @@ static const char *own_folder(char folder[PATH_MAX]) {
     return folder;
 }
 
-/* From beside this program. */
+/* Loads the module beside this program. */
 static const struct import_format *load_tiff(const char *shown, struct sp_error *err) {
     char folder[PATH_MAX], path[PATH_MAX + sizeof IMPORT_TIFF_MODULE];
     snprintf(path, sizeof path, "%s/" IMPORT_TIFF_MODULE, own_folder(folder));
@@ -89,8 +88,9 @@ static const struct import_format *load_tiff(const char *shown, struct sp_error 
     return get();
 }
 
-/* The folder that files are read from alone; for TIFF, which is a module, libraries, too. */
-static bool limit(const struct job *job, int cpu_seconds, struct sp_error *err) {
+/* Enters the sandbox, where only the root folder is readable; for TIFF, whose reader is a module,
+ * also the folders of libraries. */
+static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_error *err) {
     enum { FOLDERS = 32 };
     char own[PATH_MAX],
         *libraries = strdup(getenv("LD_LIBRARY_PATH") ? getenv("LD_LIBRARY_PATH") : ""),
@@ -131,9 +131,10 @@ static const struct import_format *find_format(const struct job *job, struct sp_
     for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
         if (formats[i]->probe(job->start, (size_t)job->start_size, file->shown))
             return formats[i];
-    import_fail(err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
-                "the format is not known; NRRD (.nrrd, .nhdr), VTK (.vtk, .vti, .vtr), raw samples "
-                "with a JSON sidecar (.json) and TIFF stacks (.tif) are read");
+    import_fail(
+        err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
+        "unknown file format; supported are NRRD (.nrrd, .nhdr), VTK (.vtk, .vti, .vtr), raw "
+        "samples with a JSON sidecar (.json) and TIFF stacks (.tif)");
     return NULL;
 }
 
@@ -144,10 +145,10 @@ static bool await_go(const struct job *job) {
         n = recv(SP_IMPORT_SOCKET, &go, sizeof go, 0);
     while (n < 0 && errno == EINTR);
     return n == (ssize_t)sp_handover_size(SP_HANDOVER_GO) && go.magic == SP_HANDOVER_MAGIC &&
-           go.kind == SP_HANDOVER_GO && go.bytes == job->room;
+           go.kind == SP_HANDOVER_GO && go.bytes == job->capacity;
 }
 
-/* A message a hundredth, so that neither side spends its time on it. */
+/* Sends one message per percent, so that progress costs nothing. */
 static void report(void *user, uint64_t bytes_done) {
     struct job *job = user;
     if (bytes_done - job->reported < job->header.bytes / 100 && bytes_done < job->header.bytes)
@@ -156,7 +157,7 @@ static void report(void *user, uint64_t bytes_done) {
     struct sp_handover message;
     sp_handover_init(&message, SP_HANDOVER_PROGRESS);
     message.bytes = bytes_done;
-    if (!say(&message)) /* nobody listens any more */
+    if (!say(&message)) /* the parent closed the socket */
         exit(1);
 }
 
@@ -173,7 +174,7 @@ static bool say_header(struct job *job) {
         message.header.rectilinear |= (uint32_t)(h->grid.coordinates[axis] != NULL) << axis;
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
-    job->room = sp_handover_layout(&message.header, job->offset);
+    job->capacity = sp_handover_layout(&message.header, job->offset);
     return say(&message);
 }
 
@@ -193,19 +194,20 @@ static int run(struct job *job) {
         return say_error(&err);
     if (!say_header(job) || !await_go(job)) {
         job->format->close(reader);
-        return 0; /* refused, or nobody left: not our failure */
+        return 0; /* the parent refused or is gone: not our failure */
     }
-    if (!import_sandbox_allow_samples(job->room, job->file.shown, &err)) {
+    if (!import_sandbox_allow_samples(job->capacity, job->file.shown, &err)) {
         job->format->close(reader);
         return say_error(&err);
     }
-    void *voxels = mmap(NULL, job->room, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    void *voxels =
+        mmap(NULL, job->capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     bool ok = voxels != MAP_FAILED;
     if (ok) {
         const struct import_progress progress = { report, job };
         copy_coordinates(job, voxels);
         ok = job->format->read(reader, voxels, &progress, &err);
-        munmap(voxels, job->room);
+        munmap(voxels, job->capacity);
     } else {
         sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
                 strerror(errno));
@@ -221,7 +223,8 @@ static int run(struct job *job) {
 int main(int argc, char **argv) {
     struct stat st;
     if (argc != 5 || fstat(SP_IMPORT_FILE, &st) != 0) {
-        fprintf(stderr, "splat-import is started by the program that wants a file read\n");
+        fprintf(stderr,
+                "splat-import is started by splatd and splatctl; it has no use on its own\n");
         return 2;
     }
     struct job job = { .file = { .fd = SP_IMPORT_FILE,
@@ -231,7 +234,7 @@ int main(int argc, char **argv) {
                                  .folder = argv[3] } };
     struct sp_error err;
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
-    if (!limit(&job, atoi(argv[4]), &err))
+    if (!enter_sandbox(&job, atoi(argv[4]), &err))
         return say_error(&err);
     return run(&job);
 }

@@ -129,7 +129,7 @@ static bool take_skips(const struct parsing *p) {
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP, "must be in [-1, 2^48]");
         if (n < 0 && s->gzip)
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP,
-                          "-1 (the last bytes of the file) works with encoding raw alone");
+                          "-1 (the last bytes of the file) needs encoding raw");
         s->from_end = n < 0;
         s->skip_bytes = n < 0 ? 0 : (uint64_t)n;
     }
@@ -167,7 +167,7 @@ static bool take_list(const struct parsing *p) {
     return true;
 }
 
-/* The last word of `text`, taken off it; NULL when there is only one left. */
+/* Cuts the last word off `text` and returns it; NULL if only one word is left. */
 static char *take_word(char *text) {
     size_t n = strlen(text);
     while (n > 0 && (text[n - 1] == ' ' || text[n - 1] == '\t'))
@@ -179,11 +179,11 @@ static char *take_word(char *text) {
     return space + 1;
 }
 
-/* "FORMAT MIN MAX STEP [SUBDIM]" with one %d, %03d or the like in FORMAT. False when the value is
- * not of that form; it may then be a plain name. */
+/* Parses "FORMAT MIN MAX STEP [SUBDIM]" with one %d, %03d or similar in FORMAT. False if the value
+ * has another form; it may then be a plain name. */
 struct pattern {
     char value[NRRD_VALUE_MAX + 1];
-    size_t before, after; /* FORMAT up to '%', and where it goes on */
+    size_t before, after; /* bytes before '%'; offset of the text after the conversion */
     int width;
     bool zeros;
     long long low, high, step, subdim;
@@ -232,8 +232,8 @@ static bool take_pattern(const struct parsing *p, const struct pattern *f) {
     return true;
 }
 
-/* Each file holds the axes below `subdim`, or a slab along the last one when it is all of them. In
- * every case the files follow each other in memory. */
+/* Each file holds the axes below `subdim`, or a slab along the last axis if `subdim` is the
+ * dimension. In both cases the files follow each other in memory. */
 static bool check_pieces(const struct parsing *p, long long subdim) {
     unsigned dim = p->text->dimension;
     uint64_t pieces = p->samples->count, expected = 1;
@@ -246,7 +246,7 @@ static bool check_pieces(const struct parsing *p, long long subdim) {
         expected *= p->text->sizes[axis];
     if (subdim < dim ? pieces != expected : p->text->sizes[dim - 1] % pieces != 0)
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
-                      "names %" PRIu64 " files, but sizes want %" PRIu64, pieces,
+                      "names %" PRIu64 " files, but sizes need %" PRIu64, pieces,
                       subdim < dim ? expected : p->text->sizes[dim - 1]);
     return true;
 }
@@ -262,7 +262,8 @@ static bool take_data_files(const struct parsing *p) {
     if (p->text->list) {
         long long subdim = 0;
         if (value[4] && !parse_integer(value + 4 + strspn(value + 4, " "), 1, 3, &subdim))
-            return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "after LIST comes a number of axes");
+            return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
+                          "LIST must be followed by a number of axes in [1, 3] or by nothing");
         return take_list(p) && check_pieces(p, subdim);
     }
     if (parse_pattern(value, &pattern))
@@ -276,7 +277,7 @@ static void close_nrrd(void *reader) {
     free(samples);
 }
 
-/* The field that gave the part of the grid which is refused. */
+/* Returns the field that gave the bad part of the grid. */
 static enum nrrd_field field_at_fault(const struct parsing *p) {
     char *const *value = p->text->value;
     bool directed = value[NRRD_SPACE_DIRECTIONS] != NULL;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Raw samples described by a JSON file beside them. The members are in README.md; all but three
- * have a default, unknown ones are refused.
+ * Raw samples, described by a JSON file beside them (the sidecar; README.md lists its members).
+ * Unknown members are refused.
  */
 #include <ctype.h>
 #include <errno.h>
@@ -23,7 +23,7 @@ struct raw {
     double *coordinates[3]; /* owned; NULL = an even axis */
 };
 
-struct sidecar { /* being read */
+struct sidecar { /* state while the sidecar is read */
     const struct import_file *file;
     const json_t *root;
     struct import_header *header;
@@ -53,14 +53,15 @@ refuse(const struct sidecar *s, const char *pointer, const char *format, ...) {
 static bool read_dims(const struct sidecar *s) {
     const json_t *dims = json_object_get(s->root, "dims");
     if (!dims)
-        return refuse(s, "dims", "is missing: give the three numbers of voxels, fastest first");
+        return refuse(s, "dims",
+                      "is missing: it needs three whole numbers, the fastest axis first");
     if (json_array_size(dims) != 3)
-        return refuse(s, "dims", "must be three whole numbers, fastest first");
+        return refuse(s, "dims", "must be three whole numbers, the fastest axis first");
     for (size_t i = 0; i < 3; i++) {
         const json_t *n = json_array_get(dims, i);
         json_int_t value = json_integer_value(n);
         if (!json_is_integer(n) || value < 1 || value > SP_DIM_MAX)
-            return refuse(s, "dims", "number %zu must be whole and in [1, %u]", i, SP_DIM_MAX);
+            return refuse(s, "dims", "number %zu must be a whole number in [1, %u]", i, SP_DIM_MAX);
         s->header->grid.dims[i] = (uint32_t)value;
     }
     return true;
@@ -84,7 +85,7 @@ static bool read_direction(const struct sidecar *s) {
     if (!axes)
         return true;
     if (json_array_size(axes) != 3)
-        return refuse(s, "direction", "must be three vectors, one an axis");
+        return refuse(s, "direction", "must be three vectors, one per axis");
     for (size_t axis = 0; axis < 3; axis++) {
         double v[3];
         char pointer[32];
@@ -93,9 +94,9 @@ static bool read_direction(const struct sidecar *s) {
             return false;
         double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
         if (!(fabs(length - 1) < 1e-2))
-            return refuse(s, pointer, "has length %g instead of 1: lengths belong into spacing",
+            return refuse(s, pointer, "has length %g instead of 1; put the length into spacing",
                           length);
-        for (int row = 0; row < 3; row++) /* exact, whatever the digits written */
+        for (int row = 0; row < 3; row++) /* removes the rounding of the written digits */
             s->header->grid.direction[row][axis] = v[row] / length;
     }
     return true;
@@ -108,7 +109,7 @@ static bool read_axis(const struct sidecar *s, size_t axis, const json_t *array)
     if (json_is_null(array))
         return true;
     if (!json_is_array(array) || json_array_size(array) != count)
-        return refuse(s, pointer, "must be null or %" PRIu32 " numbers, one a sample", count);
+        return refuse(s, pointer, "must be null or %" PRIu32 " numbers, one per sample", count);
     double *positions = s->coordinates[axis] = malloc(count * sizeof *positions);
     if (!positions)
         return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "no memory for coordinates");
@@ -122,13 +123,14 @@ static bool read_axis(const struct sidecar *s, size_t axis, const json_t *array)
     return true;
 }
 
-/* After the rest of the geometry, which it changes. */
+/* Call after the rest of the geometry, which this function changes. */
 static bool read_coordinates(const struct sidecar *s) {
     const json_t *axes = json_object_get(s->root, "coordinates");
     if (!axes)
         return true;
     if (json_array_size(axes) != 3)
-        return refuse(s, "coordinates", "must be three arrays, one an axis, null for an even one");
+        return refuse(s, "coordinates",
+                      "must be three arrays, one per axis; null for an even axis");
     for (size_t axis = 0; axis < 3; axis++)
         if (!read_axis(s, axis, json_array_get(axes, axis)))
             return false;
@@ -153,7 +155,7 @@ static bool read_geometry(const struct sidecar *s) {
     return true;
 }
 
-/* The member must be one of the `count` names; *index tells which. */
+/* Reads a member that must be one of `count` names; *index is its position. */
 static bool read_choice(const struct sidecar *s, const char *key, const char *const *names,
                         int count, int *index) {
     const json_t *member = json_object_get(s->root, key);
@@ -166,7 +168,7 @@ static bool read_choice(const struct sidecar *s, const char *key, const char *co
         strcat(list, i ? ", " : "");
         strcat(list, names[i]);
     }
-    return refuse(s, key, "%s %s", member ? "must be one of" : "is missing: give one of", list);
+    return refuse(s, key, "%s %s", member ? "must be one of" : "is missing; write one of", list);
 }
 
 static bool read_encoding(const struct sidecar *s) {
@@ -178,7 +180,7 @@ static bool read_encoding(const struct sidecar *s) {
     if (!read_choice(s, "type", types, SP_TYPE_COUNT, &type))
         return false;
     s->samples->type = s->header->type = (enum sp_type)type;
-    /* One byte has no order; more must say theirs. */
+    /* Samples of one byte need no byte order. */
     if (sp_type_size(s->header->type) > 1 || json_object_get(s->root, "endian"))
         if (!read_choice(s, "endian", orders, 2, &order))
             return false;
@@ -194,7 +196,7 @@ static bool read_file_name(const struct sidecar *s) {
     const json_t *name = json_object_get(s->root, "file");
     const json_t *offset = json_object_get(s->root, "offset");
     if (!name)
-        return refuse(s, "file", "is missing: give the name of the file with the samples");
+        return refuse(s, "file", "is missing; write the name of the file with the samples");
     if (json_string_length(name) == 0)
         return refuse(s, "file", "must be the name of the file with the samples");
     if (!import_samples_add(s->samples, json_string_value(name), json_string_length(name)))
@@ -214,16 +216,17 @@ static bool check_members(const struct sidecar *s) {
                                          "coordinates", "origin", "direction", "unit",
                                          "file",        "offset", "encoding" };
     const char *key;
-    json_t *value, *object = (json_t *)s->root; /* jansson's loop wants it so; nothing is changed */
+    json_t *value,
+        *object = (json_t *)s->root; /* jansson's loop needs a mutable pointer; nothing changes */
     json_object_foreach(object, key, value) {
         bool found = false;
         for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
             found |= strcmp(key, known[i]) == 0;
         if (!found)
-            return refuse(
-                s, key,
-                "is not known; there are dims, type, endian, spacing, coordinates, origin, "
-                "direction, unit, file, offset, encoding");
+            return refuse(s, key,
+                          "is not a member; the members are dims, type, endian, spacing, "
+                          "coordinates, origin, "
+                          "direction, unit, file, offset, encoding");
     }
     return true;
 }

@@ -112,14 +112,14 @@ static bool read_file(struct stream *s, void *out, size_t n, size_t *got, struct
 }
 
 static bool start_gzip(struct stream *s, struct sp_error *err) {
-    /* 16: a gzip wrapper, whose length and checksum are tested. */
+    /* 16 selects the gzip wrapper; zlib checks its length and checksum. */
     if (inflateInit2(&s->z, 15 + 16) != Z_OK)
         return sp_fail(err, SP_ERR_MEMORY, s->shown, "no memory to unpack gzip");
     s->gzip = true;
     return true;
 }
 
-/* The next member of the same file, if one follows; what else may follow is ignored, as gzip does.
+/* Starts the next gzip member of the file, if one follows. Other bytes are ignored, as gzip does.
  */
 static bool next_member(struct stream *s, struct sp_error *err) {
     if (s->z.avail_in == 0) {
@@ -196,7 +196,7 @@ static bool seek_to(struct stream *s, uint64_t byte, struct sp_error *err) {
     return true;
 }
 
-/* Size alone cannot tell for gzip, but it bounds what can come out. */
+/* The size of a gzip file only bounds the size of its content. */
 static bool check_size(const struct import_samples *s, const struct stream *stream, uint64_t need,
                        struct sp_error *err) {
     uint64_t have = stream->size > stream->at ? stream->size - stream->at : 0;
@@ -222,7 +222,7 @@ static bool check_size(const struct import_samples *s, const struct stream *stre
     return true;
 }
 
-/* To the first sample of file i. */
+/* Seeks to the first sample of file i. */
 static bool begin_piece(const struct import_samples *s, size_t i, uint64_t need,
                         struct stream *stream, struct sp_error *err) {
     if (!open_piece(s, i, stream, err))
@@ -265,7 +265,7 @@ static bool skip_unpacked(struct stream *s, uint64_t bytes, void *scratch, struc
     return true;
 }
 
-/* Nothing may be left; this also makes gzip's checksum count. */
+/* Checks that nothing is left. Reading to the end also verifies the checksum of gzip. */
 static bool check_end(const struct import_samples *s, struct stream *stream, uint64_t need,
                       struct sp_error *err) {
     uint8_t extra;
@@ -276,8 +276,9 @@ static bool check_end(const struct import_samples *s, struct stream *stream, uin
         return false;
     if (got > 0)
         return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
-                           "more than the %" PRIu64 " bytes that %s declares come out of the gzip "
-                           "data; stopped there",
+                           "the gzip data unpacks to more than the %" PRIu64
+                           " bytes that %s declares; "
+                           "stopped there",
                            need, s->field);
     return true;
 }
@@ -290,7 +291,7 @@ static bool read_piece(const struct import_samples *s, size_t i, char *out, uint
     if (!begin_piece(s, i, need, stream, err))
         return false;
     bool ok = true;
-    if (s->gzip) /* `out` is scratch until the samples arrive; it may be smaller than a chunk */
+    if (s->gzip) /* `out` may be smaller than a chunk, so it cannot serve as scratch */
         ok = start_gzip(stream, err);
     if (ok && s->gzip && s->skip_bytes) {
         void *scratch = malloc(CHUNK);

@@ -1,29 +1,27 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Raw or gzip'ed samples from one file or a row of files into memory, in native byte order.
+ * Reads raw or gzip samples from one or several files into memory, in native byte order.
  */
 #ifndef SP_IMPORT_SAMPLES_H
 #define SP_IMPORT_SAMPLES_H
 
 #include "import/format.h"
 
-/* Deflate cannot do better: 258 bytes by two codes of one bit. */
+/* The limit of deflate: 258 bytes from two codes of one bit each. */
 enum { DEFLATE_RATIO_MAX = 1032 };
 
 struct import_samples {
     const struct import_file *file; /* for root and folder */
-    char **names; /* data files as the header names them, relative to file->folder; NULL entries
-                     do not occur. Owned */
+    char **names; /* owned: data files as the header names them, relative to file->folder */
     size_t count; /* 0 = the samples follow the header in file->fd itself */
     bool gzip, big_endian;
-    bool rest_ignored; /* bytes after the samples are allowed (a part of a larger file was asked
-                          for) */
+    bool rest_ignored; /* bytes may follow the samples: they are a part of a larger file */
     bool from_end;     /* raw only: the samples are the last ones of each file */
     uint64_t skip_bytes, skip_lines; /* in each file, lines first; gzip: bytes after unpacking */
     uint64_t start;                  /* count == 0: where the header ends */
     enum sp_type type;
     uint64_t bytes;    /* of all samples; a multiple of max(count, 1) */
-    const char *field; /* how errors call where the size comes from: "sizes", "dims" */
+    const char *field; /* the header field in errors about the size: "sizes", "dims" */
 };
 
 /* Frees names. */
@@ -32,14 +30,14 @@ void import_samples_finish(struct import_samples *samples);
 /* Adds a data file; false when out of memory. */
 bool import_samples_add(struct import_samples *samples, const char *name, size_t length);
 
-/* Opens every file once and compares sizes, so that a lying header is refused before memory is
- * asked for. */
+/* Opens every file once and compares sizes, so that a wrong header is refused before memory is
+ * allocated. */
 bool import_samples_check(const struct import_samples *samples, struct sp_error *err);
 
 bool import_samples_read(const struct import_samples *samples, void *voxels,
                          const struct import_progress *progress, struct sp_error *err);
 
-/* Reverses the bytes of each of `count` values of `size` bytes, 1, 2, 4 or 8. */
+/* Reverses the bytes of `count` values of 1, 2, 4 or 8 bytes each (`size`). */
 void import_swap(void *values, size_t size, uint64_t count);
 
 #endif

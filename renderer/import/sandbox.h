@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The sandbox of the import process, which reads files that nobody has checked.
+ * The sandbox of the import process, which reads untrusted files.
  *
  *   rlimits     memory, CPU time, 64 descriptors, no written bytes, no core dump
  *   Landlock    reads files in some folders only (Linux 5.13 or later)

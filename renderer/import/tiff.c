@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Multi-page TIFF: each page is a slice, all of one size and type, one channel. OpenImageIO reads
- * the pages. What it would read wrong without an error is refused: pages with depth or without
- * their bytes (tiff_chain.c), odd bit depths, and ImageJ's way of hiding a whole stack behind one
+ * Multi-page TIFF: each page is a slice; all have one size, one type and one channel. OpenImageIO
+ * reads the pages. Files that it would read wrongly without an error are refused: pages with depth
+ * or missing bytes (tiff_chain.c), odd bit depths, and stacks that ImageJ hides behind one
  * directory.
  */
 #include <inttypes.h>
@@ -30,7 +30,7 @@ static bool fail_page(struct sp_error *err, enum sp_code code, const struct tiff
     return sp_fail(err, code, place, "%s", text);
 }
 
-/* What the first page says. */
+/* Checks the first page, which determines size and type. */
 
 static bool take_type(const struct tiff *t, const struct tiff_page *page,
                       struct import_header *header, struct sp_error *err) {
@@ -45,7 +45,8 @@ static bool take_type(const struct tiff *t, const struct tiff_page *page,
     };
     char text[160];
     if (page->bits && page->bits != page->bytes * 8) {
-        snprintf(text, sizeof text, "%d bits a sample are not supported; 8, 16, 32 and 64 are",
+        snprintf(text, sizeof text,
+                 "%d bits per sample are not supported; supported are 8, 16, 32 and 64",
                  page->bits);
         return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
     }
@@ -63,14 +64,15 @@ static bool take_type(const struct tiff *t, const struct tiff_page *page,
     return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
 }
 
-/* A line "KEY=VALUE" of ImageJ's description; NULL when there is none. */
-static const char *imagej_value(const char *description, const char *key, char *out, size_t room) {
+/* Finds a line "KEY=VALUE" in ImageJ's description; NULL if there is none. */
+static const char *imagej_value(const char *description, const char *key, char *out,
+                                size_t capacity) {
     size_t n = strlen(key);
     for (const char *line = description; line && *line;) {
         const char *end = strchr(line, '\n');
         size_t length = end ? (size_t)(end - line) : strlen(line);
         if (length > n && strncmp(line, key, n) == 0 && line[n] == '=') {
-            snprintf(out, room, "%.*s", (int)(length - n - 1), line + n + 1);
+            snprintf(out, capacity, "%.*s", (int)(length - n - 1), line + n + 1);
             return out;
         }
         line = end ? end + 1 : NULL;
@@ -97,7 +99,7 @@ static bool check_imagej(const struct tiff *t, const char *d, struct sp_error *e
     }
     if (images != (long)t->pages) {
         snprintf(text, sizeof text,
-                 "ImageJ says %ld images, but there are %" PRIu32
+                 "ImageJ declares %ld images, but the file has %" PRIu32
                  " pages; save it as an image sequence or as NRRD",
                  images, t->pages);
         return fail_page(err, SP_ERR_UNSUPPORTED, t, 0, text);
@@ -105,8 +107,9 @@ static bool check_imagej(const struct tiff *t, const char *d, struct sp_error *e
     return true;
 }
 
-/* ImageJ: px a unit in the resolution, slice distance and unit in the description. Others: px an
- * inch or centimetre, slices as far apart as columns. */
+/* ImageJ writes pixels per unit into the resolution, and slice distance and unit into the
+ * description. Other programs write pixels per inch or centimetre; the distance of slices is then
+ * that of columns. */
 static void take_spacing(const struct tiff_page *page, bool imagej, struct import_header *header) {
     double *spacing = header->grid.spacing, x = page->x_resolution, y = page->y_resolution;
     bool sane = isfinite(x) && isfinite(y) && x > 1e-9 && y > 1e-9 && x < 1e9 && y < 1e9;
@@ -147,7 +150,8 @@ static bool check_page(const struct tiff *t, const struct tiff_page *page, uint3
                        struct sp_error *err) {
     char text[160];
     if (page->channels != 1 || page->depth > 1) {
-        snprintf(text, sizeof text, "%d channels and a depth of %d; only flat grey images are read",
+        snprintf(text, sizeof text,
+                 "%d channels and a depth of %d; only flat grey images are supported",
                  page->channels, page->depth);
         return fail_page(err, SP_ERR_UNSUPPORTED, t, n, text);
     }
@@ -168,7 +172,7 @@ static bool check_pages(const struct tiff *t, const struct tiff_page *first, str
         if (status < 0)
             return fail_page(err, SP_ERR_FORMAT, t, n, why);
         if (status == 0)
-            return fail_page(err, SP_ERR_UNSUPPORTED, t, n, "OpenImageIO cannot see this page");
+            return fail_page(err, SP_ERR_UNSUPPORTED, t, n, "OpenImageIO does not find this page");
         if (!same_page(first, &page)) {
             snprintf(why, sizeof why,
                      "%d x %d px of %d channels and %d bits, but page 0 has %d x %d, %d and %d",
@@ -192,7 +196,7 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
     struct tiff_page *page = malloc(sizeof *page);
     if (!page)
         return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "no memory");
-    /* By descriptor: the name may lead elsewhere by now. */
+    /* Opens by descriptor, because the name may point elsewhere by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
     bool ok = tiff_chain_check(t->file, &t->pages, err);
     if (ok && !(t->bridge = tiff_bridge_open(path, why, sizeof why)))
@@ -246,7 +250,7 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
     (void)start;
     (void)size;
     (void)shown;
-    return true; /* only asked when the first bytes said TIFF */
+    return true; /* main.c has recognized TIFF by the first bytes */
 }
 
 static const struct import_format tiff_format = {

@@ -13,31 +13,31 @@ struct tiff_bridge {
     std::unique_ptr<OIIO::ImageInput> input;
 };
 
-static void explain(char *why, size_t room, const std::string &text) {
+static void explain(char *why, size_t capacity, const std::string &text) {
     std::string line = text.empty() ? std::string("no reason given") : text;
     for (char &c : line)
         if (static_cast<unsigned char>(c) < 0x20)
             c = ' ';
-    snprintf(why, room, "%s", line.c_str());
+    snprintf(why, capacity, "%s", line.c_str());
 }
 
-tiff_bridge *tiff_bridge_open(const char *path, char *why, size_t room) try {
+tiff_bridge *tiff_bridge_open(const char *path, char *why, size_t capacity) try {
     OIIO::attribute("threads", 1);
     OIIO::attribute("exr_threads", -1);
     auto bridge = std::make_unique<tiff_bridge>();
     bridge->input = OIIO::ImageInput::create("tiff");
     if (!bridge->input) {
-        explain(why, room, OIIO::geterror());
+        explain(why, capacity, OIIO::geterror());
         return nullptr;
     }
     OIIO::ImageSpec spec;
     if (!bridge->input->open(path, spec)) {
-        explain(why, room, bridge->input->geterror());
+        explain(why, capacity, bridge->input->geterror());
         return nullptr;
     }
     return bridge.release();
 } catch (const std::exception &e) {
-    explain(why, room, e.what());
+    explain(why, capacity, e.what());
     return nullptr;
 }
 
@@ -45,10 +45,10 @@ void tiff_bridge_close(tiff_bridge *bridge) {
     delete bridge;
 }
 
-int tiff_bridge_page(tiff_bridge *bridge, int n, tiff_page *page, char *why, size_t room) try {
+int tiff_bridge_page(tiff_bridge *bridge, int n, tiff_page *page, char *why, size_t capacity) try {
     if (!bridge->input->seek_subimage(n, 0)) {
         std::string text = bridge->input->geterror();
-        explain(why, room, text);
+        explain(why, capacity, text);
         return text.empty() ? 0 : -1;
     }
     const OIIO::ImageSpec &spec = bridge->input->spec();
@@ -69,13 +69,13 @@ int tiff_bridge_page(tiff_bridge *bridge, int n, tiff_page *page, char *why, siz
     snprintf(page->description, sizeof page->description, "%s", description.c_str());
     return 1;
 } catch (const std::exception &e) {
-    explain(why, room, e.what());
+    explain(why, capacity, e.what());
     return -1;
 }
 
-/* Row by row: of several rows at once, version 2.4 unpacks deflate itself when samples are uint8 or
- * uint16, and calls the page good when that fails. Other failures it tells with a result of true.
- */
+/* Reads row by row. For several rows at once, OpenImageIO 2.4 unpacks deflate itself if samples are
+ * uint8 or uint16, and reports success when that fails. It reports other failures with a result of
+ * true. */
 static bool read_rows(OIIO::ImageInput &input, void *out) {
     const OIIO::ImageSpec &spec = input.spec();
     char *row = static_cast<char *>(out);
@@ -85,15 +85,16 @@ static bool read_rows(OIIO::ImageInput &input, void *out) {
     return true;
 }
 
-bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t room) try {
+bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t capacity) try {
     OIIO::ImageInput &input = *bridge->input;
     bool ok = input.seek_subimage(n, 0);
     const OIIO::ImageSpec &spec = input.spec();
     bool by_row = spec.tile_width == 0 &&
                   (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16);
-    if (ok && spec.format == OIIO::TypeDesc::DOUBLE) { /* elsewhere it delivers zeros */
+    if (ok && spec.format == OIIO::TypeDesc::DOUBLE) { /* it returns zeros otherwise */
         if (spec.tile_width || spec.height < 2) {
-            explain(why, room, "samples of 64 bits in tiles or in a single row are not supported");
+            explain(why, capacity,
+                    "samples of 64 bits in tiles or in a single row are not supported");
             return false;
         }
         ok = input.read_native_scanlines(n, 0, spec.y, spec.y + spec.height, spec.z, out);
@@ -101,11 +102,11 @@ bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t r
         ok =
             ok && (by_row ? read_rows(input, out) : input.read_image(n, 0, 0, 1, spec.format, out));
     if (!ok || input.has_error()) {
-        explain(why, room, input.geterror());
+        explain(why, capacity, input.geterror());
         return false;
     }
     return true;
 } catch (const std::exception &e) {
-    explain(why, room, e.what());
+    explain(why, capacity, e.what());
     return false;
 }

@@ -42,16 +42,16 @@ static const struct {
     [IMAGE_DEPTH] = { 32997, "ImageDepth" },   [TILE_DEPTH] = { 32998, "TileDepth" },
 };
 
-enum { WINDOW = 4096 }; /* bytes; a multiple of every size of number */
+enum { WINDOW = 4096 }; /* bytes; a multiple of the size of every number type */
 
 struct entry {
-    uint64_t at;     /* of the entry; 0 = the page does not have it */
-    uint64_t values; /* where the numbers are */
+    uint64_t at;     /* offset of the entry; 0 = the page does not have it */
+    uint64_t values; /* offset of the numbers */
     uint64_t count;
-    unsigned bytes;       /* a number */
-    uint64_t held_at;     /* of the first byte in the window */
+    unsigned bytes;       /* per number */
+    uint64_t held_at;     /* offset of the first byte in the window */
     unsigned held;        /* bytes in the window */
-    uint8_t part[WINDOW]; /* of the numbers */
+    uint8_t part[WINDOW]; /* window over the numbers */
 };
 
 struct chain {
@@ -60,8 +60,8 @@ struct chain {
     bool big_endian, big;
     uint32_t page;
     uint64_t page_at;
-    /* Of all pages so far. Nothing of a TIFF belongs to two pages, so the file bounds the first
-     * two: pages in a circle and shared strips end there. */
+    /* Sums over all pages so far. No byte of a TIFF belongs to two pages, so the file size bounds
+     * the first two sums; a circle of pages or shared strips exceeds it. */
     uint64_t directory_bytes, piece_bytes, voxels;
     struct entry entries[FIELD_COUNT];
 };
@@ -95,7 +95,7 @@ __attribute__((format(printf, 5, 6))) static bool refuse(const struct chain *c, 
     return sp_fail(c->err, code, place, "%s", text);
 }
 
-/* Number i of an entry; i is below its count. */
+/* Reads number i of an entry; i must be below its count. */
 static bool number_at(struct chain *c, enum field f, uint64_t i, uint64_t *out) {
     struct entry *e = &c->entries[f];
     uint64_t at = e->values + i * e->bytes;
@@ -104,7 +104,8 @@ static bool number_at(struct chain *c, enum field f, uint64_t i, uint64_t *out) 
         size_t want = left < WINDOW ? (size_t)left : WINDOW;
         ssize_t got = pread(c->file->fd, e->part, want, (off_t)at);
         if (got < (ssize_t)e->bytes)
-            return refuse(c, SP_ERR_FORMAT, at, f, "number %" PRIu64 " lies beyond the end", i);
+            return refuse(c, SP_ERR_FORMAT, at, f,
+                          "number %" PRIu64 " lies beyond the end of the file", i);
         e->held_at = at;
         e->held = (unsigned)got;
     }
@@ -118,7 +119,7 @@ static bool take_entry(struct chain *c, uint64_t at, const uint8_t *b, enum fiel
     uint64_t type = decode(b + 2, 2, c->big_endian), size = c->file->size;
     unsigned word = c->big ? 8 : 4;
     if (e->at)
-        return refuse(c, SP_ERR_FORMAT, at, f, "is given a second time");
+        return refuse(c, SP_ERR_FORMAT, at, f, "occurs twice");
     e->at = at;
     e->held = 0;
     e->bytes = type < sizeof sizes ? sizes[type] : 0;
@@ -158,7 +159,7 @@ static bool take_entries(struct chain *c, uint64_t first, uint64_t count) {
     return true;
 }
 
-/* The first number of a field, `missing` without it. */
+/* Reads the first number of a field; `missing` if the page does not have the field. */
 static bool take_number(struct chain *c, enum field f, uint64_t missing, uint64_t low,
                         uint64_t high, uint64_t *out) {
     *out = missing;
@@ -172,19 +173,19 @@ static bool take_number(struct chain *c, enum field f, uint64_t missing, uint64_
     return true;
 }
 
-/* Bytes that can come out of one byte at the very best. */
+/* The best compression ratio of a codec: bytes that one stored byte can become. */
 static uint64_t best_ratio(uint64_t compression) {
     switch (compression) {
     case 1:
         return 1;
-    case 5: /* LZW: a code of 12 bits for the longest string of the table */
+    case 5: /* LZW: a 12-bit code for the longest string of the table */
         return 4096;
-    case 8: /* deflate: 258 bytes by two codes of one bit */
+    case 8: /* deflate: 258 bytes from two codes of one bit */
     case 32946:
         return 1032;
-    case 32773: /* PackBits: 128 bytes by two */
+    case 32773: /* PackBits: 128 bytes from two */
         return 128;
-    default: /* some give a whole even tile a few bytes */
+    default: /* some codecs store a tile of one value in a few bytes */
         return UINT64_C(1) << 20;
     }
 }
@@ -192,7 +193,8 @@ static uint64_t best_ratio(uint64_t compression) {
 struct pieces { /* strips or tiles of a page */
     const char *name;
     enum field offsets, counts;
-    uint64_t number, rows, height, row_bytes; /* rows: of each; the last strip has what is left */
+    uint64_t number, rows, height,
+        row_bytes; /* rows: per piece; the last strip has the remaining rows */
     uint64_t compression;
 };
 
@@ -221,7 +223,7 @@ static bool check_piece(struct chain *c, const struct pieces *p, uint64_t i) {
                                    " of %s %" PRIu64 " (compression %" PRIu64
                                    "): the size of the page or this number is wrong",
                                    need, count, p->name, i, p->compression);
-    c->piece_bytes += ratio == 1 ? need : count; /* rests after samples may be anything */
+    c->piece_bytes += ratio == 1 ? need : count; /* bytes after the samples do not matter */
     if (c->piece_bytes > size)
         return refuse(c, SP_ERR_FORMAT, offset_at, p->offsets,
                       "%ss up to number %" PRIu64 " have %" PRIu64
@@ -259,8 +261,9 @@ static bool check_flat(struct chain *c) {
     }
     if (!take_number(c, SAMPLES, 1, 1, 65535, &samples))
         return false;
-    return samples == 1 || refuse(c, SP_ERR_UNSUPPORTED, c->entries[SAMPLES].at, SAMPLES,
-                                  "%" PRIu64 " channels; only flat grey images are read", samples);
+    return samples == 1 ||
+           refuse(c, SP_ERR_UNSUPPORTED, c->entries[SAMPLES].at, SAMPLES,
+                  "%" PRIu64 " channels; only flat grey images are supported", samples);
 }
 
 static bool check_page(struct chain *c) {
@@ -294,7 +297,7 @@ static bool check_page(struct chain *c) {
         p.number = (height + p.rows - 1) / p.rows;
         p.row_bytes = (width * bits + 7) / 8;
     }
-    /* Both at once: a library may follow the other one. */
+    /* Refuses a page with both strips and tiles: a library may read the other ones. */
     enum field other = p.offsets == STRIP_OFFSETS ? TILE_OFFSETS : STRIP_OFFSETS;
     if (c->entries[other].at)
         return refuse(c, SP_ERR_FORMAT, c->entries[other].at, other,
@@ -327,7 +330,7 @@ static bool follow(struct chain *c, uint32_t *pages) {
         if (c->directory_bytes > file->size)
             return import_fail(c->err, SP_ERR_FORMAT, file->shown, at, "directory",
                                "the directories up to page %" PRIu32
-                               " are longer than the file: pages in a circle",
+                               " are longer than the file: the pages form a circle",
                                *pages);
         if (!take_entries(c, at + count_bytes, entries) || !check_page(c))
             return false;

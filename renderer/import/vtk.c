@@ -7,7 +7,7 @@
 
 #include "volume/grid.h"
 
-/* A single sample has no gap: it is as thick as the finest other axis. */
+/* A single sample has no gap. It becomes as thick as the smallest spacing of the other axes. */
 static double thickness(const struct sp_grid *grid) {
     double least = INFINITY;
     for (int axis = 0; axis < 3; axis++)
@@ -32,10 +32,11 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, uint64_t b
     char place[SP_ERROR_PLACE];
     import_place(place, file->shown, byte, field);
     if (v->samples.type->sample < 0)
-        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, v->samples.begin, v->samples.name,
-                           "samples of type %s are not supported; 8 and 16 bits, int, float and "
-                           "double are",
-                           v->samples.type->legacy);
+        return import_fail(
+            err, SP_ERR_UNSUPPORTED, file->shown, v->samples.begin, v->samples.name,
+            "samples of type %s are not supported; supported are 8 and 16 bits, int, float "
+            "and double",
+            v->samples.type->legacy);
     header->type = (enum sp_type)v->samples.type->sample;
     place_samples(v, grid);
     v->samples.count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];

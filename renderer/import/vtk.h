@@ -1,31 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the two kinds of VTK files have in common: both describe a grid, name an array of samples
- * and say where it is.
+ * The common part of legacy and XML VTK files: both describe a grid and the place of an array of
+ * samples. These readers are our own on top of expat and zlib, because libvtk depends on 176
+ * packages.
  */
 #ifndef SP_IMPORT_VTK_H
 #define SP_IMPORT_VTK_H
 
 #include "import/vtk_array.h"
 
-struct vtk_volume { /* the reader of either format */
+struct vtk_volume { /* a reader of either format */
     const struct import_file *file;
     struct vtk_array samples;
     double *positions[3]; /* owned; of a rectilinear grid */
 };
 
-/* When the header is read: takes the samples' type and the positions into *header, whose grid has
- * dims, spacing, origin and direction, and checks everything that it then says. `byte` and `field`
- * are where the file describes the grid. */
+/* Completes and checks *header once the file's header is read: copies the sample type and the
+ * positions. The grid must have dims, spacing, origin and direction. `byte` and `field` are the
+ * place where the file describes the grid, for errors. */
 bool vtk_complete(struct vtk_volume *volume, struct import_header *header, uint64_t byte,
                   const char *field, struct sp_error *err);
 
-/* The last two calls of struct import_format. */
+/* read() and close() of struct import_format. */
 bool vtk_read(void *volume, void *voxels, const struct import_progress *progress,
               struct sp_error *err);
 void vtk_close(void *volume);
 
-/* Adds "NAME, " or, when it is full, nothing to a list of what a file holds instead. */
+/* Appends a name to a list of what the file holds instead. A full list stays as it is. */
 void vtk_list(char list[160], const char *name);
 
 #endif

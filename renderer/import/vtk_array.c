@@ -27,7 +27,7 @@ static const struct vtk_type types[] = {
     { "short", "Int16", VTK_SIGNED, 2, SP_INT16 },
     { "unsigned_int", "UInt32", VTK_UNSIGNED, 4, -1 },
     { "int", "Int32", VTK_SIGNED, 4, SP_INT32 },
-    { "vtkidtype", NULL, VTK_SIGNED, 4, -1 }, /* legacy files hold them so */
+    { "vtkidtype", NULL, VTK_SIGNED, 4, -1 }, /* the size in legacy files */
     { "unsigned_long", "UInt64", VTK_UNSIGNED, 8, -1 },
     { "vtktypeuint64", NULL, VTK_UNSIGNED, 8, -1 },
     { "long", "Int64", VTK_SIGNED, 8, -1 },
@@ -44,22 +44,22 @@ const struct vtk_type *vtk_find_type(const char *name, bool xml) {
     return NULL;
 }
 
-/* Bytes, decoded if need be. */
+/* A stream of bytes, decoded from base64 if necessary. */
 
 struct source {
     const struct import_file *file;
     const struct vtk_array *array;
-    uint64_t at, end; /* the next byte of the file to be fetched */
+    uint64_t at, end; /* the next byte of the file to read */
     uint8_t raw[CHUNK], out[CHUNK];
     size_t ready, used; /* decoded bytes in out */
-    uint32_t bits;      /* of the base64 group under way */
+    uint32_t bits;      /* of the current base64 group */
     unsigned digits, pads;
-    bool ended; /* base64: nothing more can be decoded */
+    bool ended; /* base64: the encoded text has ended */
 };
 
 static bool cut_off(const struct source *s, struct sp_error *err) {
     return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                       "the data end before the %" PRIu64 " values", s->array->count);
+                       "the data ends before the %" PRIu64 " values", s->array->count);
 }
 
 static bool fetch(struct source *s, void *out, size_t n, size_t *got, struct sp_error *err) {
@@ -89,8 +89,8 @@ static int base64_digit(int c) {
                                   : -1;
 }
 
-/* Takes one character. Each group of four stands for itself, so that one text may follow another's
- * padding, as it does behind the lengths. False = it cannot belong to base64. */
+/* Decodes one character. Each group of four is independent, so that a second text may follow the
+ * padding of the first, as after the lengths. False if the character is not base64. */
 static bool take_base64(struct source *s, int c) {
     if (c == ' ' || (c >= '\t' && c <= '\r'))
         return true;
@@ -110,8 +110,8 @@ static bool take_base64(struct source *s, int c) {
     return true;
 }
 
-/* More decoded bytes. What is not base64 ends the data: it is an error only when bytes are missing.
- */
+/* Decodes more bytes. A character that is not base64 ends the data; the caller reports an error if
+ * bytes are missing. */
 static bool decode_more(struct source *s, struct sp_error *err) {
     s->ready = s->used = 0;
     while (s->ready == 0 && !s->ended) {
@@ -128,7 +128,7 @@ static bool decode_more(struct source *s, struct sp_error *err) {
     return true;
 }
 
-/* The next n bytes. */
+/* Reads the next n bytes. */
 static bool pull(struct source *s, void *out, size_t n, struct sp_error *err) {
     size_t got;
     if (s->array->form == VTK_BYTES)
@@ -139,7 +139,7 @@ static bool pull(struct source *s, void *out, size_t n, struct sp_error *err) {
         got = s->ready - s->used < n - done ? s->ready - s->used : n - done;
         if (got == 0 && s->at < s->end)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                               "this is not base64, and values are missing");
+                               "the text is not base64, and values are missing");
         if (got == 0)
             return cut_off(s, err);
         memcpy((char *)out + done, s->out + s->used, got);
@@ -180,7 +180,7 @@ static struct source *open_source(const struct import_file *file, const struct v
 /* The lengths before the values. */
 
 struct blocks {
-    uint64_t count, size, last; /* bytes of each block but the last one, and of that, unpacked */
+    uint64_t count, size, last; /* unpacked bytes of each block and of the last block */
 };
 
 static bool pull_blocks(struct source *s, uint64_t need, struct blocks *b, struct sp_error *err) {
@@ -206,7 +206,7 @@ static bool pull_byte_count(struct source *s, uint64_t need, struct sp_error *er
         return false;
     return bytes == need ||
            import_fail(err, SP_ERR_FORMAT, s->file->shown, s->array->begin, s->array->name,
-                       "%" PRIu64 " bytes are announced, the %" PRIu64 " values need %" PRIu64,
+                       "the file declares %" PRIu64 " bytes, the %" PRIu64 " values need %" PRIu64,
                        bytes, s->array->count, need);
 }
 
@@ -263,7 +263,7 @@ static bool read_plain(struct source *s, char *out, uint64_t need,
     return true;
 }
 
-/* One block of `packed` bytes, which must become `size` bytes and not one more. */
+/* Unpacks one block of `packed` bytes, which must become exactly `size` bytes. */
 static bool inflate_block(struct source *s, z_stream *z, uint64_t packed, void *out, uint64_t size,
                           struct sp_error *err) {
     uint8_t in[CHUNK];
@@ -285,7 +285,7 @@ static bool inflate_block(struct source *s, z_stream *z, uint64_t packed, void *
             return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory to unpack zlib");
         if (status == Z_BUF_ERROR)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                               z->avail_in ? "a block of zlib data is larger than announced"
+                               z->avail_in ? "a block of zlib data is larger than declared"
                                            : "a block of zlib data is cut off");
         if (status != Z_OK && status != Z_STREAM_END)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
@@ -293,7 +293,7 @@ static bool inflate_block(struct source *s, z_stream *z, uint64_t packed, void *
     }
     if (z->avail_out || z->avail_in || packed)
         return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                           "a block of zlib data is shorter than announced");
+                           "a block of zlib data is shorter than declared");
     return true;
 }
 
@@ -338,7 +338,7 @@ static bool read_zlib(struct source *s, char *out, uint64_t need,
         memcpy(out, &typed, sizeof typed);                                                         \
     } while (0)
 
-/* One number, in the type's native form. False = it is none, or outside the type's range. */
+/* Parses one number into the native form of its type. False if it is none or out of range. */
 static bool store_word(const char *word, const struct vtk_type *type, void *out) {
     char *end;
     if (type->kind == VTK_FLOAT && type->size == 4) {
@@ -356,7 +356,7 @@ static bool store_word(const char *word, const struct vtk_type *type, void *out)
     double low = type->kind == VTK_SIGNED ? -steps / 2 : 0;
     if (!(value >= low && value < low + steps) || value != trunc(value))
         return false;
-    if (type->size == 8) /* beyond what a double tells apart; coordinates alone have this type */
+    if (type->size == 8) /* beyond the precision of a double; only coordinates have this type */
         STORE(uint64_t, type->kind == VTK_SIGNED ? (uint64_t)(int64_t)value : (uint64_t)value);
     else if (type->size == 4)
         STORE(uint32_t, (int64_t)value);
@@ -386,7 +386,7 @@ static bool read_words(const struct import_file *file, const struct vtk_array *a
         ok = vtk_text_word(text, word, &byte, err);
         if (ok && !word[0])
             ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
-                             "the data end after %" PRIu64 " of %" PRIu64 " values", i, a->count);
+                             "the data ends after %" PRIu64 " of %" PRIu64 " values", i, a->count);
         else if (ok && !store_word(word, a->type, out + i * a->type->size))
             ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
                              "value %" PRIu64 ", \"%.40s\", is not of type %s", i, word,

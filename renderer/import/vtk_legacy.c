@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Legacy VTK files: five lines of text, then keywords, each followed by its numbers as words or,
- * big endian, as bytes. Arrays that are not wanted are passed over by their size.
+ * Legacy VTK files: five lines of text, then keywords. Each keyword is followed by its numbers,
+ * as words or as big-endian bytes. Arrays that the reader does not need are skipped by their size.
  */
 #include <inttypes.h>
 #include <stdarg.h>
@@ -13,24 +13,26 @@
 #include "import/vtk.h"
 #include "import/vtk_text.h"
 
-#define COUNT_MAX (UINT64_C(1) << 40) /* tuples of an array; times components it still fits */
+#define COUNT_MAX                                                                                  \
+    (UINT64_C(1) << 40) /* tuples of an array; the product with the components fits into 64 bits   \
+                         */
 enum { COMPONENTS_MAX = 1 << 16 };
 
-struct legacy { /* being read */
+struct legacy { /* state while the file is read */
     const struct import_file *file;
     struct import_header *header;
     struct vtk_volume *volume;
     struct sp_error *err;
     struct vtk_text text;
-    uint64_t byte;    /* of the keyword */
-    uint64_t grid_at; /* of DIMENSIONS; 0 = not seen */
+    uint64_t byte;    /* offset of the keyword */
+    uint64_t grid_at; /* offset of DIMENSIONS; 0 = not seen */
     bool words;       /* ASCII */
     bool rectilinear, has_dataset;
     enum { NOWHERE, POINTS, CELLS } section;
-    bool found;              /* volume->samples are SCALARS, and nothing more is looked for */
-    bool has_field;          /* volume->samples are the first array of a FIELD that fits */
-    uint64_t points, tuples; /* of the grid; of each array of the section */
-    char others[160];        /* what else there is */
+    bool found;              /* volume->samples are SCALARS: the search is over */
+    bool has_field;          /* volume->samples are the first suitable array of a FIELD */
+    uint64_t points, tuples; /* points of the grid; tuples of each array in this section */
+    char others[160];        /* other data in the file, for errors */
 };
 
 __attribute__((format(printf, 4, 5))) static bool
@@ -55,8 +57,8 @@ static bool next_word(struct legacy *l, char word[VTK_WORD_MAX + 1]) {
     return vtk_text_word(&l->text, word, &l->byte, l->err);
 }
 
-/* The next word where a keyword or an array's name may stand. VTK puts METADATA behind any array:
- * it ends with an empty line and says nothing about samples. */
+/* Reads the next keyword or array name. VTK may write METADATA after any array; it ends with an
+ * empty line, says nothing about samples, and is skipped. */
 static bool next_keyword(struct legacy *l, char word[VTK_WORD_MAX + 1]) {
     for (;;) {
         if (!next_word(l, word))
@@ -93,13 +95,13 @@ static bool next_type(struct legacy *l, const char *field, const struct vtk_type
            refuse(l, SP_ERR_UNSUPPORTED, field, "values of type \"%.40s\" are not supported", word);
 }
 
-/* The bytes of BINARY begin after the line. */
+/* BINARY data begins on the next line. */
 static bool end_line(struct legacy *l) {
     char line[2];
     return l->words || vtk_text_line(&l->text, line, sizeof line, l->err);
 }
 
-/* An array that begins here. */
+/* Describes the array that begins here. */
 static struct vtk_array array_here(const struct legacy *l, const char *keyword, const char *name,
                                    const struct vtk_type *type, uint64_t count) {
     struct vtk_array a = { .type = type,
@@ -130,21 +132,21 @@ static bool skip_values(struct legacy *l, const char *field, uint64_t count, siz
 static bool take_dataset(struct legacy *l, const char *keyword) {
     char kind[VTK_WORD_MAX + 1];
     if (l->has_dataset)
-        return refuse(l, SP_ERR_FORMAT, keyword, "is given a second time");
+        return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (!next_word(l, kind))
         return false;
     l->has_dataset = true;
     l->rectilinear = strcasecmp(kind, "RECTILINEAR_GRID") == 0;
     return l->rectilinear || strcasecmp(kind, "STRUCTURED_POINTS") == 0 ||
            refuse(l, SP_ERR_UNSUPPORTED, keyword,
-                  "%.40s is not a volume that can be drawn; STRUCTURED_POINTS and "
-                  "RECTILINEAR_GRID are read",
+                  "data set %.40s is not supported; supported are STRUCTURED_POINTS and "
+                  "RECTILINEAR_GRID",
                   kind);
 }
 
 static bool take_dimensions(struct legacy *l, const char *keyword) {
     if (l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, keyword, "are given a second time");
+        return refuse(l, SP_ERR_FORMAT, keyword, "occur twice");
     l->grid_at = l->byte;
     l->points = 1;
     for (int axis = 0; axis < 3; axis++) {
@@ -185,10 +187,10 @@ static bool take_coordinates(struct legacy *l, const char *keyword) {
     const struct vtk_type *type;
     if (!l->grid_at || !l->rectilinear)
         return refuse(l, SP_ERR_FORMAT, keyword,
-                      "belongs behind the DIMENSIONS of a "
+                      "must follow the DIMENSIONS of a "
                       "RECTILINEAR_GRID");
     if (l->volume->positions[axis])
-        return refuse(l, SP_ERR_FORMAT, keyword, "is given a second time");
+        return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (!next_count(l, keyword, COUNT_MAX, &count))
         return false;
     if (count != l->header->grid.dims[axis])
@@ -216,7 +218,7 @@ static bool take_points(struct legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, POINTS))
         return false;
     return l->tuples == l->points ||
-           refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but DIMENSIONS make %" PRIu64,
+           refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but DIMENSIONS give %" PRIu64,
                   l->tuples, l->points);
 }
 
@@ -264,7 +266,7 @@ static bool take_scalars(struct legacy *l, const char *keyword) {
     return skip_values(l, keyword, l->tuples * (unsigned)components, type->size);
 }
 
-/* NAME TYPE and a fixed number of components. */
+/* Attributes with NAME, TYPE and a fixed number of components. */
 static bool skip_attribute(struct legacy *l, const char *keyword) {
     static const struct {
         const char *keyword;
@@ -293,7 +295,7 @@ static bool skip_texture(struct legacy *l, const char *keyword) {
            skip_values(l, keyword, l->tuples * components, type->size);
 }
 
-/* Colours are words between 0 and 1, or bytes. */
+/* Colours: words between 0 and 1, or bytes. */
 static bool skip_colors(struct legacy *l, const char *keyword) {
     char name[VTK_WORD_MAX + 1];
     uint64_t components;
@@ -311,7 +313,7 @@ static bool skip_table(struct legacy *l, const char *keyword) {
            skip_values(l, keyword, 4 * count, 1);
 }
 
-/* Arrays by name, with points or, outside the sections, with anything. */
+/* Named arrays. Outside of a section they belong to anything. */
 static bool take_field(struct legacy *l, const char *keyword) {
     char name[VTK_WORD_MAX + 1];
     uint64_t arrays, components, tuples;
@@ -391,7 +393,8 @@ static bool take_preamble(struct legacy *l) {
                       "a legacy VTK file starts with the line # vtk DataFile Version 3.0");
     if (major < 1 || major > 5)
         return refuse(l, SP_ERR_UNSUPPORTED, NULL,
-                      "version %d of legacy VTK files is not known, 1 to 5 are", major);
+                      "version %d of legacy VTK files is not supported; supported are 1 to 5",
+                      major);
     if (!vtk_text_line(&l->text, line, sizeof line, l->err) || !next_word(l, word))
         return false;
     l->words = strcasecmp(word, "ASCII") == 0;
@@ -402,9 +405,9 @@ static bool take_preamble(struct legacy *l) {
 
 static bool check_found(struct legacy *l) {
     if (!l->has_dataset)
-        return refuse(l, SP_ERR_FORMAT, "DATASET", "the file ends without it");
+        return refuse(l, SP_ERR_FORMAT, "DATASET", "is missing at the end of the file");
     if (!l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, "DIMENSIONS", "the file ends without them");
+        return refuse(l, SP_ERR_FORMAT, "DIMENSIONS", "are missing at the end of the file");
     for (int axis = 0; l->rectilinear && axis < 3; axis++)
         if (!l->volume->positions[axis])
             return refuse(
@@ -414,7 +417,7 @@ static bool check_found(struct legacy *l) {
     if (l->found || l->has_field)
         return true;
     return refuse(l, SP_ERR_UNSUPPORTED, "POINT_DATA",
-                  "there are no scalars at the points; the file has %s",
+                  "the points have no scalars; the file has %s",
                   l->others[0] ? l->others : "no data");
 }
 

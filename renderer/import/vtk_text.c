@@ -50,15 +50,15 @@ bool vtk_text_word(struct vtk_text *t, char word[VTK_WORD_MAX + 1], uint64_t *by
     for (; c >= 0 && !is_space(c); c = vtk_text_peek(t, err)) {
         if (n == VTK_WORD_MAX)
             return import_fail(err, SP_ERR_FORMAT, t->file->shown, *byte, NULL,
-                               "a word longer than %d bytes", VTK_WORD_MAX);
-        word[n++] = c ? (char)c : '?'; /* never the end of a string */
+                               "a word is longer than %d bytes", VTK_WORD_MAX);
+        word[n++] = c ? (char)c : '?'; /* a byte 0 must not end the string */
         t->at++;
     }
     word[n] = 0;
     return c != -2;
 }
 
-bool vtk_text_line(struct vtk_text *t, char *line, size_t room, struct sp_error *err) {
+bool vtk_text_line(struct vtk_text *t, char *line, size_t capacity, struct sp_error *err) {
     size_t n = 0;
     int c;
     for (; (c = vtk_text_peek(t, err)) >= 0; t->at++) {
@@ -66,7 +66,7 @@ bool vtk_text_line(struct vtk_text *t, char *line, size_t room, struct sp_error 
             t->at++;
             break;
         }
-        if (n + 1 < room && c != '\r')
+        if (n + 1 < capacity && c != '\r')
             line[n++] = c ? (char)c : '?';
     }
     line[n] = 0;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * VTK's XML files of images (.vti) and rectilinear grids (.vtr), one piece each. expat parses what
- * stands before the appended data; the values of arrays are never kept as text, only where they
- * are. A document type, and with it every entity, is refused.
+ * VTK XML files of images (.vti) and rectilinear grids (.vtr) with one piece. expat parses the part
+ * before the appended data. The reader remembers the place of arrays, never their text. A document
+ * type, and with it every entity, is refused.
  *
  *   VTKFile ─► ImageData | RectilinearGrid ─► Piece ─► PointData, Coordinates ─► DataArray
  *           └► AppendedData: here parsing stops
@@ -28,7 +28,7 @@ struct data_array {
     bool used, appended;
 };
 
-struct xml { /* being read */
+struct xml { /* state while the file is read */
     const struct import_file *file;
     struct import_header *header;
     struct vtk_volume *volume;
@@ -39,15 +39,15 @@ struct xml { /* being read */
     bool rectilinear, big_endian, zlib;
     unsigned length_size;
     int pieces;
-    uint64_t grid_at; /* byte of the grid's element; 0 = not seen */
+    uint64_t grid_at; /* offset of the grid's element; 0 = not seen */
     bool in_grid, in_points, in_coordinates;
     double origin[3], spacing[3], direction[9];
-    int32_t first[3]; /* where the extent begins, samples */
-    char scalars[96]; /* the array that PointData names */
+    int32_t first[3]; /* first sample of the extent */
+    char scalars[96]; /* the array that PointData selects */
     struct data_array samples, coordinates[3];
-    bool is_named; /* samples are */
+    bool is_named; /* `samples` is the array that PointData selects */
     unsigned coordinate_count;
-    struct data_array *inside; /* whose text goes on; NULL = none */
+    struct data_array *inside; /* the array whose text is being parsed; NULL = none */
     bool appended_base64;
     uint64_t appended_at; /* 0 = there is no appended data */
     char others[160];
@@ -87,7 +87,7 @@ static const char *find(const char **attributes, const char *name) {
     return NULL;
 }
 
-/* Exactly n numbers, or nothing changes when the attribute is missing. */
+/* Reads exactly n numbers. A missing attribute changes nothing. */
 static void take_numbers(struct xml *x, const char **attributes, const char *name, double *out,
                          int n) {
     const char *text = find(attributes, name), *at = text;
@@ -131,7 +131,7 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
     x->length_size = length && strcmp(length, "UInt64") == 0 ? 8 : 4;
     if (!type || !(x->rectilinear || strcmp(type, "ImageData") == 0))
         refuse(x, SP_ERR_UNSUPPORTED, "type",
-               "%.40s is not a volume that can be drawn; ImageData and RectilinearGrid are read",
+               "%.40s is not supported; supported are ImageData and RectilinearGrid",
                type ? type : "nothing");
     else if (order && !x->big_endian && strcmp(order, "LittleEndian") != 0)
         refuse(x, SP_ERR_FORMAT, "byte_order", "\"%.40s\" instead of LittleEndian or BigEndian",
@@ -140,7 +140,7 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
         refuse(x, SP_ERR_FORMAT, "header_type", "\"%.40s\" instead of UInt32 or UInt64", length);
     else if (x->zlib && strcmp(compressor, "vtkZLibDataCompressor") != 0)
         refuse(x, SP_ERR_UNSUPPORTED, "compressor",
-               "%.40s is not supported; vtkZLibDataCompressor and none are", compressor);
+               "%.40s is not supported; use vtkZLibDataCompressor or none", compressor);
 }
 
 static void take_grid(struct xml *x, const char *name, const char **attributes) {
@@ -148,7 +148,7 @@ static void take_grid(struct xml *x, const char *name, const char **attributes) 
     if (!x->in_grid)
         return;
     if (x->grid_at)
-        refuse(x, SP_ERR_FORMAT, NULL, "%.40s is there a second time", name);
+        refuse(x, SP_ERR_FORMAT, NULL, "%.40s occurs twice", name);
     x->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
     if (x->rectilinear)
         return;
@@ -161,7 +161,8 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
     if (strcmp(name, "Piece") != 0)
         return;
     if (x->pieces++ > 0) {
-        refuse(x, SP_ERR_UNSUPPORTED, "Piece", "several pieces are not supported: save it as one");
+        refuse(x, SP_ERR_UNSUPPORTED, "Piece",
+               "several pieces are not supported; save the data as one piece");
         return;
     }
     double extent[6] = { 0 };
@@ -174,7 +175,7 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
             refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g is not a range of whole numbers", low,
                    high);
         else if (!(high >= low && high - low < SP_DIM_MAX))
-            refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g has not 1 to %u samples", low, high,
+            refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g does not hold 1 to %u samples", low, high,
                    SP_DIM_MAX);
         else {
             x->first[axis] = (int32_t)low;
@@ -191,7 +192,7 @@ static void take_part(struct xml *x, const char *name, const char **attributes) 
         snprintf(x->scalars, sizeof x->scalars, "%s", scalars);
 }
 
-/* Fills *out; `components` comes from the caller. */
+/* Fills *out, except `components`. */
 static bool describe_array(struct xml *x, const char **attributes, const char *name,
                            struct data_array *out) {
     const char *type = find(attributes, "type"), *format = find(attributes, "format");
@@ -224,7 +225,7 @@ static bool describe_array(struct xml *x, const char **attributes, const char *n
     return true;
 }
 
-/* The first array with one component, unless the one that PointData names comes. */
+/* Takes the array that PointData selects, or else the first array with one component. */
 static struct data_array *choose_slot(struct xml *x, const char *name, const char *type,
                                       uint64_t components) {
     if (x->in_coordinates && x->coordinate_count == 3) {
@@ -269,7 +270,7 @@ static void take_appended(struct xml *x, const char **attributes) {
     XML_StopParser(x->parser, XML_FALSE);
 }
 
-/* The text of an array ends where its element does, or at a child with notes about it. */
+/* The text of an array ends with its element or at a child element with metadata. */
 static void end_text(struct xml *x) {
     if (x->inside)
         x->inside->array.end = (uint64_t)XML_GetCurrentByteIndex(x->parser);
@@ -325,7 +326,7 @@ static void XMLCALL start_doctype(void *user, const char *name, const char *syst
 
 /* Parsing. */
 
-/* After a chunk: what expat holds back is a tag that has not ended yet. */
+/* Checks after a chunk: expat holds back a tag that has not ended yet. */
 static bool check_chunk(struct xml *x, enum XML_Status status, uint64_t fed) {
     if (x->failed)
         return false;
@@ -333,7 +334,7 @@ static bool check_chunk(struct xml *x, enum XML_Status status, uint64_t fed) {
         XML_Index at = XML_GetCurrentByteIndex(x->parser);
         return at < 0 || fed - (uint64_t)at <= TAG_MAX ||
                import_fail(x->err, SP_ERR_FORMAT, x->file->shown, (uint64_t)at, NULL,
-                           "a tag longer than %d bytes", TAG_MAX);
+                           "a tag is longer than %d bytes", TAG_MAX);
     }
     if (x->stopped)
         return true;
@@ -364,7 +365,7 @@ static bool parse(struct xml *x) {
     return true;
 }
 
-/* Appended data begin behind an underscore. */
+/* Appended data begins after an underscore. */
 static bool find_appended(struct xml *x) {
     char start[4096];
     ssize_t n = pread(x->file->fd, start, sizeof start, (off_t)x->appended_at);
@@ -378,7 +379,7 @@ static bool find_appended(struct xml *x) {
     return true;
 }
 
-/* Where the array's values are, now that everything has been seen. */
+/* Computes the place of the array's values, once the whole file has been parsed. */
 static bool locate(struct xml *x, struct data_array *d) {
     struct vtk_array *a = &d->array;
     if (!d->appended) {
@@ -407,7 +408,7 @@ static bool take_coordinates(struct xml *x) {
     return true;
 }
 
-/* Extents count from anywhere; the grid's origin is its first sample. */
+/* An extent may start at any index; the origin of the grid is its first sample. */
 static bool take_image(struct xml *x) {
     struct sp_grid *grid = &x->header->grid;
     for (int axis = 0; axis < 3; axis++) {
@@ -417,7 +418,7 @@ static bool take_image(struct xml *x) {
             return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Direction",
                                "axis %d has length %g instead of 1", axis, length);
         grid->spacing[axis] = x->spacing[axis];
-        for (int row = 0; row < 3; row++) /* exact, whatever the digits written */
+        for (int row = 0; row < 3; row++) /* removes the rounding of the written digits */
             grid->direction[row][axis] = x->direction[3 * row + axis] / length;
     }
     for (int row = 0; row < 3; row++) {
@@ -435,11 +436,11 @@ static bool take_all(struct xml *x) {
     const char *grid = x->rectilinear ? "RectilinearGrid" : "ImageData";
     if (!x->pieces)
         return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, grid,
-                           "the file ends without a Piece of it");
+                           "the file ends without a Piece");
     if (!x->samples.used)
         return import_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown, x->grid_at, "PointData",
-                           "there is no array of one number a point; the file has %s",
-                           x->others[0] ? x->others : "none of points, perhaps of cells");
+                           "the file has no array with one number per point; it has %s",
+                           x->others[0] ? x->others : "no array of points, perhaps of cells");
     if (!locate(x, &x->samples) || !(x->rectilinear ? take_coordinates(x) : take_image(x)))
         return false;
     x->volume->samples = x->samples.array;

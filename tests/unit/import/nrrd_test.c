@@ -182,11 +182,11 @@ static void data_in_many_files(void **state) {
     static const struct {
         const char *end, *text;
     } wrong[] = {
-        { "LIST\nparts/s008.raw\nparts/s009.raw\n", "names 2 files, but sizes want 3" },
-        { "LIST 1\nparts/s008.raw\nparts/s009.raw\nparts/s010.raw\n", "sizes want 12" },
+        { "LIST\nparts/s008.raw\nparts/s009.raw\n", "names 2 files, but sizes need 3" },
+        { "LIST 1\nparts/s008.raw\nparts/s009.raw\nparts/s010.raw\n", "sizes need 12" },
         { "LIST 3\nparts/s008.raw\nparts/s009.raw\n", "names 2 files" },
-        { "LIST 4\nparts/s008.raw\n", "after LIST" },
-        { "LIST x\nparts/s008.raw\n", "after LIST" },
+        { "LIST 4\nparts/s008.raw\n", "LIST must be followed by" },
+        { "LIST x\nparts/s008.raw\n", "LIST must be followed by" },
         { "LIST\n", "the LIST is empty" },
         { "parts/s%03d.raw 8 10 0\n", "counts from 8 to 10 by 0" },
         { "parts/s%03d.raw 10 8 1\n", "counts from 10 to 8 by 1" },
@@ -242,7 +242,7 @@ static void skips_lead_to_the_samples(void **state) {
         { "encoding: raw\nbyte skip: 41\n", "skip.raw: byte 0: sizes",
           "need 60 bytes, the file has 59" },
         { "encoding: raw\nbyte skip: -2\n", "byte skip", "[-1, 2^48]" },
-        { "encoding: gzip\nbyte skip: -1\n", "byte skip", "encoding raw alone" },
+        { "encoding: gzip\nbyte skip: -1\n", "byte skip", "needs encoding raw" },
         { "encoding: raw\nline skip: many\n", "line skip", "[0, 1000000]" },
     };
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {

@@ -246,7 +246,7 @@ static void other_kinds_of_vtk_files_are_named(void **state) {
     struct sp_error err;
     assert_null(sp_volume_load(path, &options, &err));
     assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
-    assert_non_null(strstr(err.text, "STRUCTURED_GRID is not a volume"));
+    assert_non_null(strstr(err.text, "STRUCTURED_GRID is not supported"));
 }
 
 int main(void) {

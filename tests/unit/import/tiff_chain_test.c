@@ -206,7 +206,7 @@ static void lies_are_refused(void **state) {
         { COUNTS, { 325, LONG, 1, { 64 } }, "StripByteCounts", "does not have this field" },
         { OFFSETS, { 273, LONG, 1, { 0xfffffff0 } }, "StripOffsets", "at byte 4294967280" },
         { OFFSETS, { 0 }, "StripOffsets", "does not have this field" },
-        { MORE, { 279, LONG, 1, { 64 } }, "StripByteCounts", "a second time" },
+        { MORE, { 279, LONG, 1, { 64 } }, "StripByteCounts", "occurs twice" },
         { MORE, { 324, LONG, 1, { 64 } }, "TileOffsets", "not belong to a page of strips" },
         { MORE, { 322, LONG, 1, { 16 } }, "TileLength", "does not have this field" },
         { MORE, { 277, SHORT, 1, { 3 } }, "SamplesPerPixel", "3 channels" },
@@ -309,7 +309,7 @@ static void shared_bytes_are_refused(void **state) {
     uint64_t at = make_file(&f, &page, ramp, PIXELS, 0);
     make_file(&f, &page, ramp, PIXELS, at);
     write_file("lie.tif", f.bytes, f.used);
-    load_error("lie.tif", SP_ERR_FORMAT, "directory", "in a circle");
+    load_error("lie.tif", SP_ERR_FORMAT, "directory", "form a circle");
 }
 
 int main(void) {

@@ -216,7 +216,7 @@ static void what_would_come_out_wrong_is_refused(void **state) {
     t.description = "ImageJ=1.53t\nimages=3\nslices=3\n";
     write_tiff("wrong.tif", t);
     load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0",
-               "ImageJ says 3 images, but there are 1 pages");
+               "ImageJ declares 3 images, but the file has 1 pages");
     t = plain;
     t.description = "ImageJ=1.53t\nimages=3\nchannels=3\nhyperstack=true\n";
     write_tiff("wrong.tif", t);

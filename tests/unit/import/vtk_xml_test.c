@@ -283,9 +283,9 @@ static void hostile_files_are_explained(void **state) {
     } cases[] = {
         { "<", SP_ERR_FORMAT, "h.vti: byte", "line 1: " },
         { "<a>", SP_ERR_UNSUPPORTED, "h.vti: byte 0", "root element is a" },
-        { "<VTKFile>", SP_ERR_UNSUPPORTED, "type", "nothing is not a volume" },
+        { "<VTKFile>", SP_ERR_UNSUPPORTED, "type", "nothing is not supported" },
         { "<VTKFile type=\"UnstructuredGrid\"/>", SP_ERR_UNSUPPORTED, "byte 0: type",
-          "UnstructuredGrid is not a volume that can be drawn" },
+          "UnstructuredGrid is not supported" },
         { "<VTKFile type=\"PImageData\"/>", SP_ERR_UNSUPPORTED, "type", "PImageData" },
         { "<VTKFile type=\"ImageData\" byte_order=\"Middle\"/>", SP_ERR_FORMAT, "byte_order",
           "\"Middle\"" },
@@ -296,25 +296,25 @@ static void hostile_files_are_explained(void **state) {
         { ROOT "</VTKFile>", SP_ERR_FORMAT, "ImageData", "without a Piece" },
         { ROOT "<RectilinearGrid><Piece Extent=\"0 1 0 1 0 0\"/></RectilinearGrid></VTKFile>",
           SP_ERR_FORMAT, "ImageData", "without a Piece" },
-        { ROOT "<ImageData/><ImageData/></VTKFile>", SP_ERR_FORMAT, "byte", "second time" },
+        { ROOT "<ImageData/><ImageData/></VTKFile>", SP_ERR_FORMAT, "byte", "occurs twice" },
         { ROOT "<ImageData Origin=\"1 2\">", SP_ERR_FORMAT, "Origin", "\"1 2\" is not 3 numbers" },
         { ROOT "<ImageData Origin=\"1 2 3 4\">", SP_ERR_FORMAT, "Origin", "more than 3 numbers" },
         { ROOT "<ImageData Spacing=\"1 nan 3\">", SP_ERR_FORMAT, "Spacing", "is not 3 numbers" },
         { ROOT "<ImageData><Piece>", SP_ERR_FORMAT, "Extent", "missing" },
         { ROOT "<ImageData><Piece Extent=\"0 1 0 1 0\">", SP_ERR_FORMAT, "Extent", "6 numbers" },
         { ROOT "<ImageData><Piece Extent=\"0 -1 0 -1 0 -1\">", SP_ERR_FORMAT, "Extent",
-          "0 to -1 has not 1 to 65536 samples" },
+          "0 to -1 does not hold 1 to 65536 samples" },
         { ROOT "<ImageData><Piece Extent=\"0 65536 0 1 0 1\">", SP_ERR_FORMAT, "Extent",
-          "0 to 65536 has not" },
+          "0 to 65536 does not hold" },
         { ROOT "<ImageData><Piece Extent=\"0 .5 0 1 0 1\">", SP_ERR_FORMAT, "Extent", "whole" },
         { ROOT "<ImageData><Piece Extent=\"-1e300 1e300 0 1 0 1\">", SP_ERR_FORMAT, "Extent",
           "whole" },
         { IMAGE "</Piece><Piece Extent=\"0 0 0 0 0 0\">", SP_ERR_UNSUPPORTED, "Piece", "several" },
-        { IMAGE REST, SP_ERR_UNSUPPORTED, "PointData", "none of points" },
+        { IMAGE REST, SP_ERR_UNSUPPORTED, "PointData", "no array of points" },
         { IMAGE "<CellData>" ARRAY "1</DataArray></CellData>" REST, SP_ERR_UNSUPPORTED, "PointData",
           "perhaps of cells" },
         { POINTS("<DataArray type=\"UInt8\" Name=\"v\" NumberOfComponents=\"3\"/>"),
-          SP_ERR_UNSUPPORTED, "PointData", "the file has v" },
+          SP_ERR_UNSUPPORTED, "PointData", "it has v" },
         { POINTS("<DataArray type=\"UInt8\" NumberOfComponents=\"x\"/>"), SP_ERR_FORMAT,
           "NumberOfComponents", "\"x\"" },
         { POINTS("<DataArray type=\"UInt32\" Name=\"s\">1 2 3 4</DataArray>"), SP_ERR_UNSUPPORTED,
@@ -337,17 +337,16 @@ static void hostile_files_are_explained(void **state) {
         { IMAGE "<PointData>" ARRAY "1 2 3 4</PointData>", SP_ERR_FORMAT, "byte",
           "mismatched tag" },
         /* Lengths: AAAABA== is 4 in the high byte, BAAAAAECAwQ= is 4 and four bytes. */
-        { BINARY("AAAABAECAwQ="), SP_ERR_FORMAT, "DataArray \"s\"",
-          "67108864 bytes are announced" },
-        { BINARY("BAAAAAECAw=="), SP_ERR_FORMAT, "DataArray \"s\"", "end before the 4 values" },
+        { BINARY("AAAABAECAwQ="), SP_ERR_FORMAT, "DataArray \"s\"", "declares 67108864 bytes" },
+        { BINARY("BAAAAAECAw=="), SP_ERR_FORMAT, "DataArray \"s\"", "ends before the 4 values" },
         { BINARY("BAAAAAEC"), SP_ERR_FORMAT, "DataArray \"s\"", "at least 10 bytes" },
         { BINARY("BAAAAAEC*AwQ="), SP_ERR_FORMAT, "DataArray \"s\"", "not base64" },
-        { BINARY("BAA="), SP_ERR_FORMAT, "DataArray \"s\"", "end before the 4 values" },
+        { BINARY("BAA="), SP_ERR_FORMAT, "DataArray \"s\"", "ends before the 4 values" },
         { BINARY("=AAA"), SP_ERR_FORMAT, "DataArray \"s\"", "not base64" },
-        { BINARY(""), SP_ERR_FORMAT, "DataArray \"s\"", "end before the 4 values" },
+        { BINARY(""), SP_ERR_FORMAT, "DataArray \"s\"", "ends before the 4 values" },
         { APPENDED("UInt8", "BAAAAAECAwQ="), SP_ERR_FORMAT, "AppendedData", "underscore" },
         { APPENDED("UInt8", ""), SP_ERR_FORMAT, "AppendedData", "underscore" },
-        { APPENDED("UInt8", "_"), SP_ERR_FORMAT, "DataArray \"s\"", "end before the 4 values" },
+        { APPENDED("UInt8", "_"), SP_ERR_FORMAT, "DataArray \"s\"", "ends before the 4 values" },
         { APPENDED("UInt8", "_</AppendedData>"), SP_ERR_FORMAT, "DataArray \"s\"", "not base64" },
         { APPENDED("UInt32", "_BAAAAAECAwQ="), SP_ERR_UNSUPPORTED, "DataArray \"s\"",
           "unsigned_int" },
@@ -415,7 +414,7 @@ static void xml_s_own_weapons_are_refused(void **state) {
     assert_non_null(text);
     memset(text, 'x', n);
     write_both("x.vti", ROOT "<ImageData Origin=\"", text, n);
-    load_error("x.vti", SP_ERR_FORMAT, "x.vti: byte 52", "a tag longer than 1048576 bytes");
+    load_error("x.vti", SP_ERR_FORMAT, "x.vti: byte 52", "a tag is longer than 1048576 bytes");
     for (size_t i = 0; i + 3 <= n; i += 3)
         memcpy(text + i, "<a>", 3);
     write_both("x.vti", ROOT, text, n);
@@ -432,12 +431,12 @@ static void bombs_are_stopped(void **state) {
         int cut; /* bytes taken away from, or added to, the packed size */
         const char *message;
     } cases[] = {
-        { 1 << 20, 0, "larger than announced" },
-        { COUNT + 1, 0, "larger than announced" },
-        { COUNT - 1, 0, "shorter than announced" },
+        { 1 << 20, 0, "larger than declared" },
+        { COUNT + 1, 0, "larger than declared" },
+        { COUNT - 1, 0, "shorter than declared" },
         { COUNT, -1, "is cut off" },
-        { COUNT, 1, "shorter than announced" },
-        { COUNT, 99, "end before the 60 values" },
+        { COUNT, 1, "shorter than declared" },
+        { COUNT, 99, "ends before the 60 values" },
         { COUNT, 0, NULL },
     };
     char *zeros = calloc(1, 1 << 20);
