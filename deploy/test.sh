@@ -37,6 +37,15 @@ if [[ $install == yes ]]; then
         (cd "$root/tests" && npm ci --no-audit --no-fund --silent) ||
             die "npm could not install tests/package.json: check the network, then run again"
     fi
+    requirements=$root/tests/protocol/requirements.txt
+    if ! cmp -s "$requirements" "$root/build/python/requirements.txt"; then
+        say "installing schemathesis into build/python"
+        if /usr/bin/python3 -m venv --clear "$root/build/python" && "$root/build/python/bin/pip" install -q -r "$requirements"; then
+            cp "$requirements" "$root/build/python/requirements.txt"
+        else
+            say "schemathesis could not be installed: its test will be skipped"
+        fi
+    fi
 fi
 
 data=$(realpath -m "${SPLATD_DATA_DIR:-$root/../shared/data}")

@@ -9,14 +9,19 @@ import urllib.parse
 
 import jsonschema
 
-# What stands for a pattern: a generator of strings from regular expressions would be longer than all of this.
+TEXTS = ['', 'a', 'engine', 'Zoë', '🦊', 'x' * 127, 'x' * 128, '/', '~1', '%', '\x7f', '\n', '"', '..', '../../etc/passwd', 'null', '0']
+# Strings for each pattern: a generator of strings from regular expressions would be longer than this whole file.
 PATTERNS = {
-    '^demo:': ['demo:engine?size=8', 'demo:phantom?size=8', 'demo:galaxy?size=9', 'demo:nothing', 'demo:', 'demo:engine?size=0'],
+    '^demo:[a-z-]+([?]size=[1-9][0-9]{0,3})?$': ['demo:engine?size=8', 'demo:phantom?size=8', 'demo:galaxy?size=9', 'demo:nothing'],
     '^[1-9][0-9]{0,3},[1-9][0-9]{0,3}$': ['16,8', '1,1', '64,64', '9999,1', '8192,1'],
     '^[A-Za-z0-9._-]{1,64}$': ['warm', 'a.B-c_0', '..', 'x' * 64],
+    '^[A-Za-z0-9._-]{1,127}$': ['warm', 'a.B-c_0', 'x' * 127],
+    '^[0-9a-f]{16}$': ['0' * 16, 'f' * 16],
     '^[0-9a-f]{32}$': ['0' * 32, 'f' * 32],
+    '^([0-9a-f]{16}|[0-9a-f]{32})$': ['0' * 16, 'f' * 32],
+    '^[^\\u0000]*$': TEXTS,
+    '^[^\\u0000/]*$': ['engine', 'Zoë', '🦊', 'x' * 127, '~1', '%', '"'],
 }
-TEXTS = ['', 'a', 'engine', 'Zoë', '🦊', 'x' * 127, 'x' * 128, '/', '~1', '%', '\x7f', '\n', '"', '..', '../../etc/passwd', 'null', '0']
 PIXELS_MAX = 1 << 16  # of a picture that is asked for: larger ones are a matter of time, not of the contract
 
 
@@ -39,6 +44,13 @@ class Values:
 
     def valid(self, schema):
         schema = self.node(schema)
+        if schema.get('allOf'):  # the first one says what may be there, the others what may not
+            first, *others = schema['allOf']
+            value = self.valid(first)
+            for other in others:
+                for name in [n for n, allowed in other['properties'].items() if allowed is False]:
+                    value.pop(name, None)
+            return value
         if 'anyOf' in schema:
             return self.valid(self.rng.choice(schema['anyOf']))
         if 'const' in schema:
@@ -67,16 +79,18 @@ class Values:
         return self.rng.choice([low, high, self.rng.randint(low, min(high, low + 100))])
 
     def _string(self, schema):
-        if 'pattern' in schema:
-            return self.rng.choice(PATTERNS[schema['pattern']])
         short, long = schema.get('minLength', 0), schema.get('maxLength', 200)
-        fits = [t for t in [*TEXTS, 'x' * long] if short <= len(t) <= long]
+        texts = PATTERNS[schema['pattern']] if 'pattern' in schema else [*TEXTS, 'x' * long]
+        fits = [t for t in texts if short <= len(t) <= long]
         return self.rng.choice(fits)
 
     def _array(self, schema):
         least = schema.get('minItems', 0)
         count = self.rng.randint(least, max(least, min(schema.get('maxItems', 4), least + 3)))
-        return [self.valid(schema.get('items', {})) for _ in range(count)]
+        items = [self.valid(schema.get('items', {})) for _ in range(count)]
+        if 'contains' in schema and not any(items):
+            items[0] = 1
+        return items
 
     def _object(self, schema):
         names = set(schema.get('required', []))
@@ -88,6 +102,8 @@ class Values:
             others = set()
         properties = schema.get('properties', {})
         names |= {n for n in properties if n not in others and self.rng.random() < 0.35}
+        if 'not' in schema and set(schema['not']['required']) <= names:
+            names.remove(self.rng.choice(schema['not']['required']))
         return {n: self.valid(properties[n]) for n in properties if n in names}
 
     def beside(self, schema):
