@@ -336,33 +336,38 @@ static bool is_turned_away(struct srv_request *request, const char *version) {
     return true;
 }
 
-struct unknown_query {
+struct query_check {
     struct srv_request *request;
-    bool is_found;
+    bool is_refused;
 };
 
-static enum MHD_Result find_unknown(void *user, enum MHD_ValueKind kind, const char *name,
-                                    const char *value) {
-    struct unknown_query *unknown = user;
-    const struct srv_route *route = unknown->request->route;
-    (void)kind;
-    (void)value;
-    if (srv_route_takes(route, name))
+/* Refuses a query parameter that the route does not take, or that is there twice. */
+static enum MHD_Result check_parameter(void *user, enum MHD_ValueKind kind, const char *name,
+                                       const char *value) {
+    struct query_check *query = user;
+    const struct srv_route *route = query->request->route;
+    bool is_known = srv_route_takes(route, name);
+    if (is_known && MHD_lookup_connection_value(query->request->mhd, kind, name) == value)
         return MHD_YES;
+    query->is_refused = true;
+    if (is_known) {
+        srv_reply_problem(&query->request->reply, 400, NULL,
+                          "the query parameter \"%.64s\" is given more than once", name);
+        return MHD_NO;
+    }
     char known[128] = "";
     for (size_t i = 0; i < SRV_QUERY_NAMES && route->query[i]; i++)
         snprintf(known + strlen(known), sizeof known - strlen(known), "%s, ", route->query[i]);
-    srv_reply_problem(&unknown->request->reply, 400, NULL,
+    srv_reply_problem(&query->request->reply, 400, NULL,
                       "unknown query parameter \"%.64s\"; this path takes %stoken", name, known);
-    unknown->is_found = true;
     return MHD_NO;
 }
 
-/* False if the route does not take one of the query parameters: the reply is the problem. */
+/* False if a query parameter was refused: the reply is the problem. */
 static bool check_query(struct srv_request *request) {
-    struct unknown_query unknown = { .request = request };
-    MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, find_unknown, &unknown);
-    return !unknown.is_found;
+    struct query_check query = { .request = request };
+    MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, check_parameter, &query);
+    return !query.is_refused;
 }
 
 /* Routes and judges what the headers tell; false: the reply is set. */

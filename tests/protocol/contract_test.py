@@ -149,6 +149,7 @@ def walk(daemon, contract):
     ask(422, 'POST', f'{api}/volumes', {'path': 'a', 'uri': 'demo:engine'})
     ask(400, 'GET', f'{api}/volumes', query='?limit=1')
     ask(400, 'POST', f'{api}/render', {}, query='?qualty=50')
+    ask(400, 'POST', f'{api}/render', {}, query='?quality=50&quality=60')
     ask(415, 'POST', f'{api}/volumes', 'x', {'Content-Type': 'text/plain'})
     ask(413, 'POST', f'{api}/volumes', ' ' * (2 << 20))
     ask(200, 'GET', f'{api}/volumes')
