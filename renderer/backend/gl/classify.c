@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "backend/gl/back.h"
 #include "backend/gl/bins.h"
 #include "backend/gl/pass.h"
 #include "backend/gl/program.h"
+#include "backend/gl/readback.h"
 #include "backend/gl/visible_ranges.h"
 #include "classify/gradient.h"
 #include "volume/grid.h"
@@ -35,13 +35,13 @@ static unsigned open_pass(const char *names, int pass, struct sp_error *err) {
 }
 
 bool gl_classify_init(struct gl_classify *c, bool software, struct sp_error *err) {
-    static const char finest[] = "samples gradient post marks 00_classify";
-    static const char coarse[] = "gradient marks 01_mip";
+    static const char finest[] = "samples gradient post compact 00_classify";
+    static const char coarse[] = "gradient compact 01_mip";
     c->bricks = software ? BRICKS_SOFTWARE : BRICKS_MOST;
     return (c->range = open_pass(finest, 0, err)) && (c->count = open_pass(finest, 1, err)) &&
            (c->fill = open_pass(finest, 2, err)) && (c->histogram = open_pass(finest, 3, err)) &&
            (c->classes = open_pass(finest, 4, err)) && (c->mip_count = open_pass(coarse, 0, err)) &&
-           (c->mip_fill = open_pass(coarse, 1, err)) && gl_reach_init(&c->reach, err);
+           (c->mip_fill = open_pass(coarse, 1, err)) && gl_cell_bounds_init(&c->cell_bounds, err);
 }
 
 void gl_classify_finish(struct gl_classify *c) {
@@ -52,7 +52,7 @@ void gl_classify_finish(struct gl_classify *c) {
     glDeleteProgram(c->classes);
     glDeleteProgram(c->mip_count);
     glDeleteProgram(c->mip_fill);
-    gl_reach_finish(&c->reach);
+    gl_cell_bounds_finish(&c->cell_bounds);
     gl_buffer_finish(&c->listed);
     gl_buffer_finish(&c->points);
     gl_buffer_finish(&c->counts);
@@ -101,7 +101,8 @@ static bool load_samples(struct gl_classify *c, struct gl_voxels *voxels, const 
 bool gl_classify_load(struct gl_classify *c, struct gl_voxels *voxels, bool cells,
                       const atomic_bool *cancel, struct sp_error *err) {
     if ((voxels->samples.name || load_samples(c, voxels, cancel, err)) &&
-        (!cells || gl_reach_load(&c->reach, voxels, c->bricks, c->block_bytes, cancel, err)))
+        (!cells ||
+         gl_cell_bounds_load(&c->cell_bounds, voxels, c->bricks, c->block_bytes, cancel, err)))
         return true;
     gl_voxels_drop(voxels);
     return false;
@@ -183,7 +184,7 @@ static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic
 
 /* What a list holds, and which classes it has by entry; list: NULL = none is written. */
 static void set_list(uint32_t way, uint32_t intervals, const struct sp_level *level,
-                     const struct gl_list *list) {
+                     const struct gl_visible_list *list) {
     uint32_t classes = level->transfer.tf.order == SP_TF_POST ? VALUES : COLORS;
     glUniform4ui(5, way, intervals, !list || list->has_keys ? NO_CLASSES : classes,
                  list ? list->first_class : 0);
@@ -191,12 +192,12 @@ static void set_list(uint32_t way, uint32_t intervals, const struct sp_level *le
 
 /* Writes what the level's list is to hold, and uses the program. */
 static bool use(struct gl_classify *c, unsigned program, const struct gl_voxels *voxels,
-                const struct sp_level *level, const struct gl_list *list, const atomic_bool *cancel,
-                struct sp_error *err) {
+                const struct sp_level *level, const struct gl_visible_list *list,
+                const atomic_bool *cancel, struct sp_error *err) {
     bool is_post = level->transfer.tf.order == SP_TF_POST;
     uint32_t way = level->listed ? BY_KEY : is_post ? BY_CELL : BY_VALUE, intervals = 0;
-    if (way == BY_CELL && !gl_reach_widen(&c->reach, voxels, level, c->bricks, c->block_bytes,
-                                          c->uploaded, cancel, err))
+    if (way == BY_CELL && !gl_cell_bounds_widen(&c->cell_bounds, voxels, level, c->bricks,
+                                                c->block_bytes, c->uploaded, cancel, err))
         return false;
     if (!(way == BY_KEY ? write_listed(c, level, err)
                         : write_visible_ranges(c, level, &intervals, err)))
@@ -206,7 +207,7 @@ static bool use(struct gl_classify *c, unsigned program, const struct gl_voxels 
     gl_buffer_bind(&c->listed, 2);
     gl_buffer_bind(&c->counts, 3);
     if (way == BY_CELL)
-        gl_buffer_bind(&c->reach.scratch[0], 1);
+        gl_buffer_bind(&c->cell_bounds.scratch[0], 1);
     return true;
 }
 
@@ -217,7 +218,7 @@ bool gl_classify_count(struct gl_classify *c, const struct gl_voxels *voxels,
     bool ok = reserve_places(c, &c->counts, bricks, err) &&
               use(c, c->count, voxels, level, NULL, cancel, err) &&
               run_count(c, bricks, cancel, bricks, counts, err);
-    gl_reach_drop(&c->reach);
+    gl_cell_bounds_drop(&c->cell_bounds);
     return ok;
 }
 
@@ -260,14 +261,14 @@ static void set_units(const struct sp_volume *volume, double base) {
 }
 
 /* Where in the tables a list's axes are, and one thing more. */
-static void set_rows(int location, const struct gl_list *list, uint32_t last) {
+static void set_rows(int location, const struct gl_visible_list *list, uint32_t last) {
     const uint32_t *row = list->axis_row;
     glUniform4ui(location, row[0], row[1], row[2], last);
 }
 
 /* Where the list's bricks begin, and the points that its classes are made of. */
 static bool prepare_list(struct gl_classify *c, const struct sp_level *level,
-                         const struct gl_list *list, struct sp_error *err) {
+                         const struct gl_visible_list *list, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
     return reserve_places(c, &c->counts, bricks, err) &&
            write_places(c, &c->counts, level->visible.first, bricks, err) &&
@@ -277,7 +278,7 @@ static bool prepare_list(struct gl_classify *c, const struct sp_level *level,
 
 /* Runs the program in use, which writes the list. */
 static bool run_list(const struct gl_classify *c, const struct gl_voxels *voxels,
-                     const struct sp_level *level, const struct gl_list *list,
+                     const struct sp_level *level, const struct gl_visible_list *list,
                      const atomic_bool *cancel, struct sp_error *err) {
     set_rows(3, list, sp_grid_is_rectilinear(&level->grid));
     set_units(voxels->volume, sp_transfer_base(&level->transfer));
@@ -289,19 +290,19 @@ static bool run_list(const struct gl_classify *c, const struct gl_voxels *voxels
 }
 
 bool gl_classify_fill(struct gl_classify *c, const struct gl_voxels *voxels,
-                      const struct sp_level *level, const struct gl_list *list,
+                      const struct sp_level *level, const struct gl_visible_list *list,
                       const atomic_bool *cancel, struct sp_error *err) {
     if (list->normal_bytes == 2)
         clear(&list->normals, level->visible.count / 2 + 1);
     bool ok = prepare_list(c, level, list, err) &&
               use(c, c->fill, voxels, level, list, cancel, err) &&
               run_list(c, voxels, level, list, cancel, err);
-    gl_reach_drop(&c->reach);
+    gl_cell_bounds_drop(&c->cell_bounds);
     return ok;
 }
 
 bool gl_classify_color(struct gl_classify *c, const struct gl_voxels *voxels,
-                       const struct sp_level *level, const struct gl_list *list,
+                       const struct sp_level *level, const struct gl_visible_list *list,
                        const atomic_bool *cancel, struct sp_error *err) {
     assert(!list->has_keys);
     if (!prepare_list(c, level, list, err))
@@ -313,10 +314,10 @@ bool gl_classify_color(struct gl_classify *c, const struct gl_voxels *voxels,
 }
 
 /* The program, and what it is told of the finer level, of which it reads normals or not. */
-static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_list *finer,
+static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_visible_list *finer,
                        bool normals, bool is_post, const struct sp_level *level,
                        struct sp_error *err) {
-    const uint32_t *dims = finer->grid.dims, bricks = gl_list_bricks(finer);
+    const uint32_t *dims = finer->grid.dims, bricks = gl_visible_list_bricks(finer);
     if (!reserve_places(c, &c->firsts, bricks, err) ||
         !reserve_places(c, &c->counts, sp_visible_bricks(&level->visible), err) ||
         !write_places(c, &c->firsts, finer->first, bricks, err))
@@ -335,7 +336,7 @@ static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_
     return true;
 }
 
-bool gl_classify_count_mip(struct gl_classify *c, const struct gl_list *finer, bool is_post,
+bool gl_classify_count_mip(struct gl_classify *c, const struct gl_visible_list *finer, bool is_post,
                            const struct sp_level *level, const atomic_bool *cancel,
                            uint64_t *counts, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
@@ -343,8 +344,8 @@ bool gl_classify_count_mip(struct gl_classify *c, const struct gl_list *finer, b
            run_count(c, bricks, cancel, bricks, counts, err);
 }
 
-bool gl_classify_fill_mip(struct gl_classify *c, const struct gl_list *finer, bool is_post,
-                          const struct sp_level *level, const struct gl_list *list,
+bool gl_classify_fill_mip(struct gl_classify *c, const struct gl_visible_list *finer, bool is_post,
+                          const struct sp_level *level, const struct gl_visible_list *list,
                           const atomic_bool *cancel, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
     const double *fine = finer->grid.spacing, *coarse = level->grid.spacing;

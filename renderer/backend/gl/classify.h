@@ -16,15 +16,15 @@
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H
 
-#include "backend/gl/list.h"
-#include "backend/gl/reach.h"
+#include "backend/gl/cell_bounds.h"
+#include "backend/gl/visible_list.h"
 #include "backend/gl/voxels.h"
 
 /* Programs and what they need for the length of a pass. */
 struct gl_classify {
     unsigned range, count, fill, histogram, classes, mip_count, mip_fill;
     struct gl_buffer listed, points, counts, firsts;
-    struct gl_reach reach;
+    struct gl_cell_bounds cell_bounds;
     uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
     uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
     uint64_t *uploaded;   /* counts bytes; not owned */
@@ -54,22 +54,23 @@ bool gl_classify_histogram(struct gl_classify *classify, const struct gl_voxels 
 /* Writes the entries, normals as wide as the list's, and classes where they are by entry, of a
  * level that was counted. Returns when the GPU has done it. */
 bool gl_classify_fill(struct gl_classify *classify, const struct gl_voxels *voxels,
-                      const struct sp_level *level, const struct gl_list *list,
+                      const struct sp_level *level, const struct gl_visible_list *list,
                       const atomic_bool *cancel, struct sp_error *err);
 
 /* Writes the classes alone, of a list without keys that the GPU has made. */
 bool gl_classify_color(struct gl_classify *classify, const struct gl_voxels *voxels,
-                       const struct sp_level *level, const struct gl_list *list,
+                       const struct sp_level *level, const struct gl_visible_list *list,
                        const atomic_bool *cancel, struct sp_error *err);
 
 /* The same for a coarse level, from the list of the next finer one, which the GPU has made: cells
- * with a visible voxel; entries, classes, and flakes if the finer one has normals; order post:
+ * with a visible voxel; entries, classes, and microflakes if the finer one has normals; order post:
  * entries, values and gradients. */
-bool gl_classify_count_mip(struct gl_classify *classify, const struct gl_list *finer, bool is_post,
-                           const struct sp_level *level, const atomic_bool *cancel,
+bool gl_classify_count_mip(struct gl_classify *classify, const struct gl_visible_list *finer,
+                           bool is_post, const struct sp_level *level, const atomic_bool *cancel,
                            uint64_t *counts, struct sp_error *err);
-bool gl_classify_fill_mip(struct gl_classify *classify, const struct gl_list *finer, bool is_post,
-                          const struct sp_level *level, const struct gl_list *list,
-                          const atomic_bool *cancel, struct sp_error *err);
+bool gl_classify_fill_mip(struct gl_classify *classify, const struct gl_visible_list *finer,
+                          bool is_post, const struct sp_level *level,
+                          const struct gl_visible_list *list, const atomic_bool *cancel,
+                          struct sp_error *err);
 
 #endif

@@ -60,8 +60,8 @@ static void storage_barrier(void) {
 /* Batches or turns that the GPU may lie behind: together they have room for no more pairs than one
  * may have. */
 static unsigned behind(const struct draw *d) {
-    const struct gl_room *room = &d->state->room;
-    uint64_t n = gl_room_limits(room).pairs / room->pairs;
+    const struct gl_workload *workload = &d->state->workload;
+    uint64_t n = gl_workload_limits(workload).pairs / workload->pairs;
     return n < BEHIND ? BEHIND : n < BEHIND_MOST ? (unsigned)n : BEHIND_MOST;
 }
 
@@ -93,14 +93,14 @@ static void use(const struct draw *d, unsigned program, const struct gl_batch *b
 static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     use(d, s->project, batch);
-    glUniform2ui(4, (GLuint)s->room.pairs, d->slot->pieces.splat_rounds);
+    glUniform2ui(4, (GLuint)s->workload.pairs, d->slot->pieces.splat_rounds);
     gl_buffer_bind(&s->upload.constants, 0);
     gl_buffer_bind(&s->upload.chunks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
     gl_buffer_bind(&s->buffers.spans, 6);
     gl_buffer_bind(&s->bins.counts, 7);
     for (int l = 0; l < SP_LEVELS; l++) {
-        const struct gl_list *list = d->frame.lists[l];
+        const struct gl_visible_list *list = d->frame.lists[l];
         if (!batch->chunks[l])
             continue;
         gl_buffer_bind(&list->entries, 2);
@@ -122,11 +122,11 @@ static void project(struct draw *d, const struct gl_batch *batch) {
 static void bin(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->state;
     const struct gl_bins_space space = space_of(d, batch);
-    gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->room.pairs);
+    gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->workload.pairs);
     gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
     if (d->frame.compositing != SP_COMPOSITE_SPLAT)
         return;
-    gl_bins_order(&s->bins, &space, (uint32_t)s->room.pairs, d->slot->pieces.bin_pairs);
+    gl_bins_order(&s->bins, &space, (uint32_t)s->workload.pairs, d->slot->pieces.bin_pairs);
     gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
 }
 
@@ -176,7 +176,7 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
     use(d, d->compositor, batch);
-    glUniform3ui(1, d->job->frame->width, (GLuint)s->room.pairs, d->slot->pieces.turn_pairs);
+    glUniform3ui(1, d->job->frame->width, (GLuint)s->workload.pairs, d->slot->pieces.turn_pairs);
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
@@ -188,8 +188,8 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     gl_buffer_bind(f->is_post ? &s->curve.buffer : &s->buffers.image, 5);
     gl_buffer_bind(&s->buffers.cubic, 6);
     gl_buffer_bind(&s->bins.counts, 7);
-    for (uint32_t turn = 0; turn < s->room.turns; turn++) {
-        glUniform4ui(2, batch->resumes, batch->stays_open, turn, s->room.turns);
+    for (uint32_t turn = 0; turn < s->workload.turns; turn++) {
+        glUniform4ui(2, batch->resumes, batch->stays_open, turn, s->workload.turns);
         glDispatchCompute(d->columns, tile_rows(d), 1);
         storage_barrier();
         gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
@@ -223,12 +223,13 @@ static void start_band(const struct draw *d) {
 /* Sends what was drawn of the band on its way back. */
 static bool send_back(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
-    struct gl_back *back = &d->slot->back;
-    gl_back_begin(back);
-    gl_back_copy(back, &s->bins.counts, HEAD_BYTES);
-    gl_back_copy(back, &s->buffers.pixels, (uint64_t)band_pixels(d) * pixel_bytes(d->job->frame));
+    struct gl_readback *readback = &d->slot->readback;
+    gl_readback_begin(readback);
+    gl_readback_copy(readback, &s->bins.counts, HEAD_BYTES);
+    gl_readback_copy(readback, &s->buffers.pixels,
+                     (uint64_t)band_pixels(d) * pixel_bytes(d->job->frame));
     gl_timer_stamp(&d->slot->timer, GL_STAGE_READ);
-    gl_back_send(back);
+    gl_readback_send(readback);
     return gl_check("drawn", err);
 }
 
@@ -236,8 +237,8 @@ static bool send_back(struct draw *d, struct sp_error *err) {
 static bool reserve(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     uint64_t most = s->block_bytes, records = 1, bins = 1, pixels = band_pixels(d);
-    for (uint32_t i = 0; i < d->state->cut.batch_count; i++) {
-        const struct gl_batch *b = &d->state->cut.batches[i];
+    for (uint32_t i = 0; i < d->state->partition.batch_count; i++) {
+        const struct gl_batch *b = &d->state->partition.batches[i];
         uint64_t own = (uint64_t)band_tiles(d) * b->layers;
         records = b->records > records ? b->records : records;
         bins = own > bins ? own : bins;
@@ -257,15 +258,16 @@ static bool reserve(struct draw *d, struct sp_error *err) {
         if (!gl_buffer_reserve(wanted[i].buffer, wanted[i].what, wanted[i].bytes, most,
                                wanted[i].usage, err))
             return false;
-    return gl_bins_reserve(&s->bins, bins, s->room.pairs, most, err) &&
-           gl_back_reserve(&d->slot->back, HEAD_BYTES + pixels * pixel_bytes(d->job->frame), err);
+    return gl_bins_reserve(&s->bins, bins, s->workload.pairs, most, err) &&
+           gl_readback_reserve(&d->slot->readback, HEAD_BYTES + pixels * pixel_bytes(d->job->frame),
+                               err);
 }
 
 /* Layers of a batch: as many as the bins have room for. */
 static uint32_t layers_of_batch(const struct draw *d) {
-    uint32_t room = gl_room_limits(&d->state->room).bins / band_tiles(d);
+    uint32_t room = gl_workload_limits(&d->state->workload).bins / band_tiles(d);
     room = room < 1 ? 1 : room;
-    return room < d->state->room.layers ? room : d->state->room.layers;
+    return room < d->state->workload.layers ? room : d->state->workload.layers;
 }
 
 /* What a pair and a record of the frame cost. */
@@ -284,21 +286,22 @@ static struct gl_costs costs_of(const struct draw *d) {
 /* Cuts the frame for the band. */
 static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
-    if (!gl_cut_make(&s->cut, layers_of_batch(d), d->slot->pieces.records, err))
+    if (!gl_partition_make(&s->partition, layers_of_batch(d), d->slot->pieces.records, err))
         return false;
-    uint64_t enough = gl_room_limits(&s->room).record_bytes / CHUNKS_SHARE;
-    return reserve(d, err) && gl_upload_chunks(&s->upload, &s->cut, enough, s->block_bytes, err) &&
+    uint64_t enough = gl_workload_limits(&s->workload).record_bytes / CHUNKS_SHARE;
+    return reserve(d, err) &&
+           gl_upload_chunks(&s->upload, &s->partition, enough, s->block_bytes, err) &&
            gl_memory_fit(s, err);
 }
 
 static bool draw_batches(struct draw *d, struct sp_error *err) {
-    for (uint32_t i = 0; i < d->state->cut.batch_count; i++) {
-        const struct gl_batch *batch = &d->state->cut.batches[i];
+    for (uint32_t i = 0; i < d->state->partition.batch_count; i++) {
+        const struct gl_batch *batch = &d->state->partition.batches[i];
         if (sp_job_is_cancelled(d->job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         const struct gl_bins_space space = space_of(d, batch);
         gl_bins_clear(&d->state->bins, &space);
-        gl_upload_batch(&d->state->upload, &d->state->cut, batch);
+        gl_upload_batch(&d->state->upload, &d->state->partition, batch);
         project(d, batch);
         bin(d, batch);
         if (!composite(d, batch, err))
@@ -308,10 +311,10 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
 }
 
 /* The most layers that a batch has. */
-static uint32_t most_layers(const struct gl_cut *cut) {
+static uint32_t most_layers(const struct gl_partition *partition) {
     uint32_t most = 1;
-    for (uint32_t i = 0; i < cut->batch_count; i++)
-        most = cut->batches[i].layers > most ? cut->batches[i].layers : most;
+    for (uint32_t i = 0; i < partition->batch_count; i++)
+        most = partition->batches[i].layers > most ? partition->batches[i].layers : most;
     return most;
 }
 
@@ -320,13 +323,13 @@ static bool plan_band(struct draw *d, struct sp_error *err) {
     const struct gl_state *s = d->state;
     const struct gl_costs costs = costs_of(d);
     uint32_t left = d->job->frame->height - d->y;
-    uint32_t rows = gl_room_limits(&s->room).tiles / d->columns;
-    rows = rows < 1 ? 1 : rows < s->room.rows ? rows : s->room.rows;
+    uint32_t rows = gl_workload_limits(&s->workload).tiles / d->columns;
+    rows = rows < 1 ? 1 : rows < s->workload.rows ? rows : s->workload.rows;
     d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
-    d->slot->pieces = gl_room_plan(&s->room, &costs);
+    d->slot->pieces = gl_workload_plan(&s->workload, &costs);
     if (!cut(d, err))
         return false;
-    d->slot->pieces.layers = most_layers(&s->cut);
+    d->slot->pieces.layers = most_layers(&s->partition);
     d->slot->pieces.rows = tile_rows(d);
     return true;
 }
@@ -338,15 +341,15 @@ static bool is_want_of_room(const struct sp_error *why) {
 /* Plans the band in smaller and smaller pieces, until there is room for them. */
 static bool plan_smaller(struct draw *d, struct sp_error *why) {
     struct gl_state *s = d->state;
-    unsigned halvings = s->room.halvings;
+    unsigned halvings = s->workload.halvings;
     bool ok = plan_band(d, why);
-    while (!ok && is_want_of_room(why) && gl_room_halve(&s->room)) {
+    while (!ok && is_want_of_room(why) && gl_workload_halve(&s->workload)) {
         gl_memory_release(s);
-        gl_back_finish(&d->slot->back);
+        gl_readback_finish(&d->slot->readback);
         ok = plan_band(d, why);
     }
     if (!ok)
-        s->room.halvings = halvings;
+        s->workload.halvings = halvings;
     return ok;
 }
 
@@ -354,7 +357,8 @@ static bool plan_smaller(struct draw *d, struct sp_error *why) {
 static bool plan_in_room(struct draw *d, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     if (plan_smaller(d, &why) ||
-        (is_want_of_room(&why) && gl_lists_drop_samples(&d->state->lists) && plan_smaller(d, &why)))
+        (is_want_of_room(&why) && gl_residency_drop_samples(&d->state->residency) &&
+         plan_smaller(d, &why)))
         return true;
     return sp_fail(err, why.code, why.place, "%s", why.text);
 }
@@ -375,14 +379,14 @@ static bool draw_band(struct draw *d, struct sp_error *err) {
 static bool take_pixels(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
                         struct sp_error *err) {
     size_t row = (size_t)frame->width * pixel_bytes(frame);
-    const unsigned char *from = gl_back_read(&slot->back, err);
+    const unsigned char *from = gl_readback_read(&slot->readback, err);
     if (!from)
         return false;
     memcpy(head, from, sizeof *head);
     for (uint32_t y = slot->y; y < slot->end; y++)
         memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
                from + HEAD_BYTES + (y - slot->y) * row, row);
-    return gl_back_close(&slot->back, err);
+    return gl_readback_close(&slot->readback, err);
 }
 
 static double longest_dispatch(const double longest[GL_STAGES]) {
@@ -397,7 +401,7 @@ static double longest_dispatch(const double longest[GL_STAGES]) {
 static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                       struct sp_error *err) {
     struct gl_bins_head head;
-    if (!gl_fence_wait(&slot->back.fence, job->cancel, err))
+    if (!gl_fence_wait(&slot->readback.fence, job->cancel, err))
         return false;
     double start_ms = sp_clock_ms();
     if (!take_pixels(slot, job->frame, &head, err))
@@ -405,13 +409,13 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
     double longest[GL_STAGES] = { 0 };
     gl_timer_read(&slot->timer, slot->stage_ms, longest);
-    gl_room_pace(&s->room, &slot->pieces, longest_dispatch(longest));
-    bool fits = gl_room_is_enough(&slot->pieces, &head);
+    gl_workload_adapt(&s->workload, &slot->pieces, longest_dispatch(longest));
+    bool fits = gl_workload_fits(&slot->pieces, &head);
     slot->y = slot->end = fits ? slot->end : slot->y;
     s->needed = head.needed > s->needed ? head.needed : s->needed;
     if (!fits)
-        return gl_room_make(&s->room, &slot->pieces, &head, err);
-    gl_room_grow(&s->room, &slot->pieces, &head);
+        return gl_workload_retry(&s->workload, &slot->pieces, &head, err);
+    gl_workload_grow(&s->workload, &slot->pieces, &head);
     slot->splats += head.splats;
     slot->fragments += (uint64_t)head.carry << 32 | head.fragments;
     return true;
@@ -440,11 +444,11 @@ static bool write_curve(struct draw *d, struct sp_error *err) {
 static bool plan_frame(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
-    const struct gl_sources from = { &s->cache, &s->lists, s->pool, &s->arena, &s->cut };
+    const struct gl_sources from = { &s->cache, &s->residency, s->pool, &s->arena, &s->partition };
     sp_arena_reset(&s->arena);
     if (!gl_frame_begin(&d->frame, d->job, &from, err) ||
-        !gl_upload_frame(&s->upload, f, &s->cut, s->block_bytes, err) || !write_curve(d, err) ||
-        !(d->compositor = find_compositor(s, f, d->job->view, err)))
+        !gl_upload_frame(&s->upload, f, &s->partition, s->block_bytes, err) ||
+        !write_curve(d, err) || !(d->compositor = find_compositor(s, f, d->job->view, err)))
         return false;
     d->columns = gl_divide_up(d->job->frame->width, GL_TILE);
     d->slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
@@ -463,8 +467,9 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
         d->y = slot->y;
         if (!plan_in_room(d, err))
             return false;
-        if (!may_wait && (d->end < height ||
-                          (uint64_t)d->state->cut.batch_count * d->state->room.turns > behind(d)))
+        if (!may_wait &&
+            (d->end < height ||
+             (uint64_t)d->state->partition.batch_count * d->state->workload.turns > behind(d)))
             return true;
         ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
     } while (ok && slot->end < height);
@@ -484,13 +489,13 @@ static bool try_draw(struct gl_state *s, struct gl_slot *slot, const struct sp_b
 static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                  bool may_wait, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
-    s->lists.tries_again = true;
+    s->residency.tries_again = true;
     if (try_draw(s, slot, job, may_wait, &why))
         return true;
     if (!is_want_of_room(&why))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     gl_memory_release(s);
-    s->lists.tries_again = false;
+    s->residency.tries_again = false;
     return try_draw(s, slot, job, may_wait, err);
 }
 
@@ -512,7 +517,7 @@ bool gl_draw_end(struct gl_state *s, const struct sp_backend_job *job, struct sp
     bool ok = true;
     while (ok && slot->y < job->frame->height)
         ok = (slot->y < slot->end || draw(s, slot, job, true, err)) && take_band(s, slot, job, err);
-    gl_fence_drop(&slot->back.fence);
+    gl_fence_drop(&slot->readback.fence);
     s->oldest = (s->oldest + 1) % GL_IN_FLIGHT;
     s->begun--;
     if (ok)
@@ -522,7 +527,7 @@ bool gl_draw_end(struct gl_state *s, const struct sp_backend_job *job, struct sp
 
 void gl_draw_drop(struct gl_state *s) {
     for (int i = 0; i < GL_IN_FLIGHT; i++)
-        gl_fence_drop(&s->slots[i].back.fence);
+        gl_fence_drop(&s->slots[i].readback.fence);
     s->begun = 0;
 }
 
@@ -545,7 +550,7 @@ static bool open_programs(struct gl_state *s, struct sp_error *err) {
     double start_ms = sp_clock_ms();
     if (!(s->project = gl_program_open("frame bins records gradient shade 10_project", "", err)) ||
         !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
-        !gl_lists_init(&s->lists, is_software, s->block_bytes, err) ||
+        !gl_residency_init(&s->residency, is_software, s->block_bytes, err) ||
         !open_compositor(s, &plain, err) || !open_compositor(s, &clipped, err))
         return false;
     sp_log(SP_LOG_INFO, "shaders for %s compiled in %.0f ms", gl_context_info(s->context)->renderer,
@@ -556,7 +561,7 @@ static bool open_programs(struct gl_state *s, struct sp_error *err) {
 bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
     gl_memory_limit(s);
-    gl_room_init(&s->room);
+    gl_workload_init(&s->workload);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         gl_timer_init(&s->slots[i].timer);
     return open_programs(s, err) && write_cubic(s, err);
@@ -564,7 +569,7 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
 
 void gl_draw_finish(struct gl_state *s) {
     struct gl_buffer *buffers = (struct gl_buffer *)&s->buffers;
-    gl_lists_finish(&s->lists);
+    gl_residency_finish(&s->residency);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         gl_buffer_finish(&buffers[i]);
     struct gl_compositor *composite = &s->composite[0][0][0][0][0][0];
@@ -577,7 +582,7 @@ void gl_draw_finish(struct gl_state *s) {
     gl_upload_finish(&s->upload);
     gl_buffer_finish(&s->curve.buffer);
     for (int i = 0; i < GL_IN_FLIGHT; i++) {
-        gl_back_finish(&s->slots[i].back);
+        gl_readback_finish(&s->slots[i].readback);
         gl_timer_finish(&s->slots[i].timer);
     }
     s->begun = 0;

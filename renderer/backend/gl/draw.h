@@ -21,15 +21,15 @@
 #ifndef GL_DRAW_H
 #define GL_DRAW_H
 
-#include "backend/gl/back.h"
 #include "backend/gl/bins.h"
 #include "backend/gl/buffer.h"
 #include "backend/gl/context.h"
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
-#include "backend/gl/room.h"
+#include "backend/gl/readback.h"
 #include "backend/gl/timer.h"
 #include "backend/gl/upload.h"
+#include "backend/gl/workload.h"
 
 /* What a frame's times are kept of, in the order of its stages. */
 enum gl_stage {
@@ -49,7 +49,7 @@ enum { GL_IN_FLIGHT = 2 }; /* frames that may be begun and not ended */
  * its picture and its times come back: what one frame writes for the GPU and what the GPU writes
  * for itself is taken by the next in the order in which they were begun, which GL keeps. */
 struct gl_slot {
-    struct gl_back back;
+    struct gl_readback readback;
     struct gl_timer timer;
     struct gl_pieces pieces;
     uint32_t y, end; /* px */
@@ -66,12 +66,12 @@ struct gl_state {
     struct sp_pool *pool;       /* classifies, and fills what is uploaded */
     struct sp_arena arena;
     struct sp_classify_cache cache;
-    struct gl_lists lists;
+    struct gl_residency residency;
     struct gl_slot slots[GL_IN_FLIGHT];
     unsigned oldest, begun; /* slots in use: `begun` of them from `oldest` on, round the end */
     struct gl_bins bins;
     struct gl_curve curve;
-    struct gl_cut cut;
+    struct gl_partition partition;
     struct gl_upload upload;
     unsigned project, resolve; /* programs */
     /* The compositor's, made when they are first asked for: 0 = not yet, or the driver does not
@@ -85,7 +85,7 @@ struct gl_state {
     struct {
         struct gl_buffer records, spans, image, cubic, pixels;
     } buffers;
-    struct gl_room room;
+    struct gl_workload workload;
     uint64_t needed; /* pairs, the most that a batch had; memory.c sets it back */
     uint64_t block_bytes;
     char device[SP_DEVICE_NAME];

@@ -13,7 +13,7 @@
 #define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
 #define FARTHEST 1e7           /* cells; all beyond is as far, as in tile/depth.c */
 
-_Static_assert((int)SP_CUTS_MAX == (int)GL_CUTS, "room for the planes that clip");
+_Static_assert((int)SP_CUTS_MAX == (int)GL_CLIP_PLANES, "room for the planes that clip");
 _Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "room for the lights");
 _Static_assert(2 * (int)SP_LEVELS <= (int)GL_PARTS, "a part for each level, enlarged or not");
 
@@ -64,8 +64,8 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
                                         .bytes_max = from->cache->limit_bytes,
                                         .pool = from->pool,
                                         .cancel = job->cancel };
-    struct gl_levels levels;
-    if (!gl_levels_get(&levels, from->lists, from->cache, job->volume, &classify, err))
+    struct gl_mip_levels levels;
+    if (!gl_mip_levels_get(&levels, from->residency, from->cache, job->volume, &classify, err))
         return false;
     f->visible = levels.visible;
     memcpy(f->lists, levels.lists, sizeof f->lists);
@@ -110,8 +110,9 @@ static void write_adaptive(struct gl_part *to, const struct gl_frame *f, const s
     to->kernel[2][3] = (float)adaptive.lowpass;
 }
 
-static void write_part(struct gl_part *to, const struct sp_ewa_frame *e, const struct gl_list *list,
-                       enum sp_filter_mode mode, unsigned level) {
+static void write_part(struct gl_part *to, const struct sp_ewa_frame *e,
+                       const struct gl_visible_list *list, enum sp_filter_mode mode,
+                       unsigned level) {
     struct sp_ewa_brick brick;
     find_origin(e, to->origin);
     sp_ewa_brick_init(&brick, e, to->origin);
@@ -160,7 +161,7 @@ static void make_parts(struct gl_frame *f, const struct sp_view *view) {
             make_part(f, view, part / 2, part % 2);
 }
 
-static void write_constants(struct gl_frame *f, const struct gl_cut *cut,
+static void write_constants(struct gl_frame *f, const struct gl_partition *partition,
                             const struct sp_view *view) {
     struct gl_constants *c = &f->constants;
     bool is_lit = view->shading.mode == SP_SHADING_PHONG;
@@ -180,14 +181,14 @@ static void write_constants(struct gl_frame *f, const struct gl_cut *cut,
     c->choice[0] = view->camera.projection == SP_PERSPECTIVE;
     c->choice[1] = is_lit;
     c->choice[2] = (uint32_t)shade.light_count;
-    c->choice[3] = cut->sheet_count;
+    c->choice[3] = partition->sheet_count;
     c->picture[0] = view->size[0];
     c->picture[1] = view->size[1];
     c->picture[2] = f->axis;
     c->picture[3] = gl_frame_ewa(f)->clip.count;
     c->compose[0] = f->compositing;
     c->compose[1] = f->is_post;
-    c->slabs[0] = (float)((double)cut->nearest * f->thickness);
+    c->slabs[0] = (float)((double)partition->nearest * f->thickness);
     c->slabs[1] = (float)f->thickness;
     c->lens[0] = (float)f->camera.scale;
     c->lens[1] = gl_frame_ewa(f)->centre[0];
@@ -210,7 +211,7 @@ static double slab_thickness(const struct gl_frame *f, const struct sp_view *vie
 
 /* The sheets' order front to back, and the bricks in them. */
 static bool cut_sheets(struct gl_frame *f, const struct gl_sources *from,
-                       const struct gl_cut_source *source, struct sp_error *err) {
+                       const struct gl_partition_source *source, struct sp_error *err) {
     uint32_t count = f->grid->dims[f->axis];
     uint32_t *order = sp_arena_alloc(from->arena, "order of sheets", count, sizeof *order);
     uint32_t *sheets = sp_arena_alloc(from->arena, "layers of sheets", count, sizeof *sheets);
@@ -219,30 +220,30 @@ static bool cut_sheets(struct gl_frame *f, const struct gl_sources *from,
     sp_slices_sort(&f->camera, f->grid, f->axis, order);
     for (uint32_t k = 0; k < count; k++)
         sheets[order[k]] = k;
-    return gl_cut_sheets(from->cut, source, f->axis, sheets, count, err);
+    return gl_partition_sheets(from->partition, source, f->axis, sheets, count, err);
 }
 
 static bool cut_distances(struct gl_frame *f, const struct sp_view *view,
-                          const struct gl_sources *from, const struct gl_cut_source *source,
+                          const struct gl_sources *from, const struct gl_partition_source *source,
                           struct sp_error *err) {
     const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
     double reach = 0;
     f->thickness = f->compositing == SP_COMPOSITE_SLAB ? slab_thickness(f, view, &reach)
                                                        : sp_depth_thickness(ewa, SPLAT_RANGE, 0);
-    const struct gl_cut_depth depth = { .camera = &f->camera,
-                                        .thickness = f->thickness * ewa->unit,
-                                        .reach = reach * ewa->unit,
-                                        .farthest = FARTHEST * ewa->unit };
-    return gl_cut_distances(from->cut, source, &depth, err);
+    const struct gl_partition_depth depth = { .camera = &f->camera,
+                                              .thickness = f->thickness * ewa->unit,
+                                              .reach = reach * ewa->unit,
+                                              .farthest = FARTHEST * ewa->unit };
+    return gl_partition_distances(from->partition, source, &depth, err);
 }
 
 static bool cut_layers(struct gl_frame *f, const struct sp_backend_job *job,
                        const struct gl_sources *from, struct sp_error *err) {
-    const struct gl_cut_source source = { .volume = job->volume,
-                                          .lists = f->lists,
-                                          .detail = &f->detail,
-                                          .level = f->finest,
-                                          .is_enlarged = f->is_enlarged };
+    const struct gl_partition_source source = { .volume = job->volume,
+                                                .lists = f->lists,
+                                                .detail = &f->detail,
+                                                .level = f->finest,
+                                                .is_enlarged = f->is_enlarged };
     if (f->compositing == SP_COMPOSITE_SHEET)
         return cut_sheets(f, from, &source, err);
     return cut_distances(f, job->view, from, &source, err);
@@ -268,7 +269,7 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
     make_parts(f, job->view);
     if (!cut_layers(f, job, from, err))
         return false;
-    write_constants(f, from->cut, job->view);
+    write_constants(f, from->partition, job->view);
     f->stride = 2 + (f->compositing == SP_COMPOSITE_SLAB ? 2 : 0) + gl_frame_ewa(f)->clip.count;
     f->classify_ms = sp_clock_ms() - start_ms;
     return true;

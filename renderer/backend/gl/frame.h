@@ -7,8 +7,8 @@
 #define GL_FRAME_H
 
 #include "backend/backend.h"
-#include "backend/gl/cut.h"
-#include "backend/gl/levels.h"
+#include "backend/gl/mip_levels.h"
+#include "backend/gl/partition.h"
 #include "backend/gl/program.h"
 #include "base/arena.h"
 #include "splat/detail.h"
@@ -27,12 +27,12 @@ struct gl_constants {
         float view[4], footprint[4], bounds[4];
         uint32_t kind[4], rows[4], dims[4], origin[4];
     } parts[GL_PARTS]; /* level · 2 + enlarged */
-    float planes[GL_PARTS][GL_CUTS][4];
+    float planes[GL_PARTS][GL_CLIP_PLANES][4];
 };
 
 struct gl_frame {
     const struct sp_grid *grid; /* the volume's */
-    const struct gl_list *lists[SP_LEVELS];
+    const struct gl_visible_list *lists[SP_LEVELS];
     unsigned mip_level, finest, axis;
     uint32_t drawn; /* bit l: level l */
     uint32_t parts; /* bit 2l + enlarged: of level l some bricks are drawn so */
@@ -57,14 +57,14 @@ static inline const struct sp_ewa_frame *gl_frame_ewa(const struct gl_frame *fra
 /* What of the backend's state a frame needs. */
 struct gl_sources {
     struct sp_classify_cache *cache;
-    struct gl_lists *lists;
+    struct gl_residency *residency;
     struct sp_pool *pool;
     struct sp_arena *arena; /* of the frame's memory */
-    struct gl_cut *cut;
+    struct gl_partition *partition;
 };
 
-/* A frame and its layers; from->cut may have been made for another. A context must be current.
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+/* A frame and its layers; from->partition may have been made for another. A context must be
+ * current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,
                     const struct gl_sources *from, struct sp_error *err);
 

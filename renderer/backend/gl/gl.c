@@ -18,9 +18,9 @@ static void name_device(struct gl_state *state) {
 /* The context is gone, with the fences behind the frames that were begun. */
 static void lose(struct gl_state *state) {
     gl_context_destroy(&state->context);
-    gl_lists_lose(&state->lists);
+    gl_residency_lose(&state->residency);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
-        state->slots[i].back.fence = NULL;
+        state->slots[i].readback.fence = NULL;
 }
 
 /* Ends the context, with all that is there. */
@@ -38,7 +38,7 @@ static void gl_destroy(void *pointer) {
     sp_classify_cache_evict(&state->cache, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
-    gl_cut_finish(&state->cut);
+    gl_partition_finish(&state->partition);
     free(state);
 }
 
@@ -49,7 +49,7 @@ static bool init(struct gl_state *state, struct sp_error *err) {
                                                .memory_bytes = state->cache.limit_bytes };
     if (!gl_context_bind(state->context, err))
         return false;
-    state->lists.limit_bytes = gl_video_budget(gl_context_info(state->context), &budget);
+    state->residency.limit_bytes = gl_video_budget(gl_context_info(state->context), &budget);
     state->options.gpu = gl_context_info(state->context)->gpu;
     state->options.platform = gl_context_info(state->context)->platform;
     name_device(state);
@@ -94,7 +94,7 @@ static struct gl_state *make(const struct sp_backend_options *options, bool soft
         return NULL;
     }
     sp_arena_init(&state->arena);
-    gl_cut_init(&state->cut);
+    gl_partition_init(&state->partition);
     state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
     state->video_bytes = options->video_bytes;
     state->cache.limit_bytes = options->memory_bytes;
@@ -191,7 +191,7 @@ static void gl_evict(void *pointer, const struct sp_volume *volume) {
     struct gl_state *state = pointer;
     /* A lost context has taken all lists with it. */
     if (state->context && gl_context_bind(state->context, NULL)) {
-        gl_lists_evict(&state->lists, volume);
+        gl_residency_evict(&state->residency, volume);
         gl_context_unbind(state->context);
     }
     sp_classify_cache_evict(&state->cache, volume);
@@ -201,7 +201,7 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     const struct gl_state *state = pointer;
     uint64_t bytes = sp_classify_cache_bytes(&state->cache, volume);
     if (state->context)
-        bytes += gl_lists_bytes(&state->lists, volume);
+        bytes += gl_residency_bytes(&state->residency, volume);
     if (state->context && !volume)
         bytes += gl_draw_bytes(state);
     return bytes;

@@ -26,12 +26,12 @@ static uint64_t least(uint64_t a, uint64_t b) {
 }
 
 void gl_memory_limit(struct gl_state *s) {
-    uint64_t part = s->lists.limit_bytes / PARTS * 4 / 5; /* buffers have a quarter to spare */
+    uint64_t part = s->residency.limit_bytes / PARTS * 4 / 5; /* buffers have a quarter to spare */
     uint64_t block = s->block_bytes ? s->block_bytes : UINT64_MAX;
     uint64_t words = least(part / sizeof(uint32_t), block / sizeof(uint32_t) - GL_BINS_HEAD);
     uint64_t px = least(part / PIXEL_BYTES, block / GL_PIXEL_BYTES);
     bool software = gl_context_info(s->context)->software;
-    struct gl_limits *limits = &s->room.limits;
+    struct gl_limits *limits = &s->workload.limits;
     *limits =
         (struct gl_limits){ .records = RECORDS_MOST,
                             .record_bytes = part,
@@ -47,7 +47,7 @@ void gl_memory_limit(struct gl_state *s) {
 static uint64_t of_slots(const struct gl_state *s) {
     uint64_t bytes = 0;
     for (int i = 0; i < GL_IN_FLIGHT; i++)
-        bytes += s->slots[i].back.buffer.bytes;
+        bytes += s->slots[i].readback.buffer.bytes;
     return bytes;
 }
 
@@ -58,9 +58,9 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
         bytes += buffers[i].bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
            s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
-           s->lists.classify.listed.bytes + s->lists.classify.counts.bytes +
-           s->lists.classify.firsts.bytes + s->lists.classify.points.bytes +
-           s->lists.classify.reach.ends.bytes + of_slots(s);
+           s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +
+           s->residency.classify.firsts.bytes + s->residency.classify.points.bytes +
+           s->residency.classify.cell_bounds.ends.bytes + of_slots(s);
 }
 
 /* What frames are drawn in; ends with NULL. */
@@ -81,8 +81,8 @@ bool gl_memory_release(struct gl_state *s) {
         had = had || scratch.buffers[i]->name;
         gl_buffer_finish(scratch.buffers[i]);
     }
-    s->room.pairs = least(GL_PAIRS_MIN, gl_room_limits(&s->room).pairs);
-    s->lists.beside_bytes = gl_draw_bytes(s);
+    s->workload.pairs = least(GL_PAIRS_MIN, gl_workload_limits(&s->workload).pairs);
+    s->residency.beside_bytes = gl_draw_bytes(s);
     return had;
 }
 
@@ -95,20 +95,20 @@ static bool is_too_large(struct gl_buffer *buffer) {
 void gl_memory_begin(struct gl_state *s) {
     struct gl_slot *slot = &s->slots[(s->oldest + s->begun) % GL_IN_FLIGHT];
     const struct scratch scratch = scratch_of(s);
-    if (++slot->frames % LOOKS == 0 && is_too_large(&slot->back.buffer))
-        gl_back_finish(&slot->back);
+    if (++slot->frames % LOOKS == 0 && is_too_large(&slot->readback.buffer))
+        gl_readback_finish(&slot->readback);
     if (slot == &s->slots[0] && slot->frames % LOOKS == 0) {
-        if (s->room.pairs / LARGER > s->needed)
-            s->room.pairs = s->needed > GL_PAIRS_MIN ? s->needed : GL_PAIRS_MIN;
+        if (s->workload.pairs / LARGER > s->needed)
+            s->workload.pairs = s->needed > GL_PAIRS_MIN ? s->needed : GL_PAIRS_MIN;
         s->needed = 0;
         for (int i = 0; scratch.buffers[i]; i++)
             if (is_too_large(scratch.buffers[i]))
                 gl_buffer_finish(scratch.buffers[i]);
     }
-    s->lists.beside_bytes = gl_draw_bytes(s);
+    s->residency.beside_bytes = gl_draw_bytes(s);
 }
 
 bool gl_memory_fit(struct gl_state *s, struct sp_error *err) {
-    s->lists.beside_bytes = gl_draw_bytes(s);
-    return gl_lists_trim(&s->lists, err);
+    s->residency.beside_bytes = gl_draw_bytes(s);
+    return gl_residency_trim(&s->residency, err);
 }

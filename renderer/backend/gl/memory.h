@@ -14,7 +14,8 @@
 
 #include "backend/gl/draw.h"
 
-/* Limits of the pieces, from what the GPU can do and from the budget, state->lists.limit_bytes. */
+/* Limits of the pieces, from what the GPU can do and from the budget, state->residency.limit_bytes.
+ */
 void gl_memory_limit(struct gl_state *state);
 
 /* A frame is planned: once in a while scratch that was much larger than needed since goes. A

@@ -3,7 +3,7 @@
 
 #include <epoxy/gl.h>
 
-#include "backend/gl/back.h"
+#include "backend/gl/readback.h"
 #include "volume/grid.h"
 
 enum {

@@ -31,9 +31,10 @@ static bool compile(unsigned shader, const char *name, const char *defines,
     int count = 2, ok = 0, length = 0;
     snprintf(preamble, sizeof preamble,
              "#version 430 core\n#define TILE %d\n#define GROUP %d\n#define SCAN_BLOCK %d\n"
-             "#define TABLE_SCALES %d\n#define PARTS %d\n#define CUTS %d\n"
+             "#define TABLE_SCALES %d\n#define PARTS %d\n#define CLIP_PLANES %d\n"
              "#define LIGHTS %d\n",
-             GL_TILE, GL_GROUP, GL_SCAN_BLOCK, GL_TABLE_SCALES, GL_PARTS, GL_CUTS, GL_LIGHTS);
+             GL_TILE, GL_GROUP, GL_SCAN_BLOCK, GL_TABLE_SCALES, GL_PARTS, GL_CLIP_PLANES,
+             GL_LIGHTS);
     for (; sources[count - 2]; count++) {
         assert(count < SOURCES_MAX);
         texts[count] = sources[count - 2];

@@ -17,7 +17,7 @@ enum {
     GL_SCAN_BLOCK = 1024,  /* bins that one group sums: GL_GROUP · 4 */
     GL_TABLE_SCALES = 256, /* vec4 in front of a list's tables: see list.h */
     GL_PARTS = 16,         /* levels, each as it is and enlarged */
-    GL_CUTS = 14,          /* clipping planes */
+    GL_CLIP_PLANES = 14,   /* clipping planes */
     GL_LIGHTS = 8
 };
 

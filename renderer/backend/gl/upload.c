@@ -17,10 +17,10 @@ static void send(struct gl_upload *upload, const struct gl_buffer *to, uint64_t 
     upload->bytes += bytes;
 }
 
-bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f, const struct gl_cut *cut,
-                     uint64_t most, struct sp_error *err) {
+bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
+                     const struct gl_partition *partition, uint64_t most, struct sp_error *err) {
     const struct gl_constants *c = &f->constants;
-    uint64_t sheets = cut->sheet_count * sizeof *cut->sheets;
+    uint64_t sheets = partition->sheet_count * sizeof *partition->sheets;
     if (!reserve(&upload->constants, "constants", sizeof *c + sheets, most, &upload->sheets_made,
                  err))
         return false;
@@ -36,9 +36,9 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f, const s
             send(upload, &upload->constants, offsetof(struct gl_constants, planes[part]),
                  c->planes[part], planes * sizeof c->planes[part][0]);
     }
-    if (sheets && upload->sheets_made != cut->sheets_made)
-        send(upload, &upload->constants, sizeof *c, cut->sheets, sheets);
-    upload->sheets_made = cut->sheets_made;
+    if (sheets && upload->sheets_made != partition->sheets_made)
+        send(upload, &upload->constants, sizeof *c, partition->sheets, sheets);
+    upload->sheets_made = partition->sheets_made;
     return true;
 }
 
@@ -51,34 +51,34 @@ static void find_chunks(const struct gl_batch *batch, uint32_t *first, uint32_t 
     }
 }
 
-bool gl_upload_chunks(struct gl_upload *upload, const struct gl_cut *cut, uint64_t enough,
-                      uint64_t most, struct sp_error *err) {
-    uint64_t room = enough / sizeof *cut->chunks;
-    for (uint32_t i = 0; i < cut->batch_count; i++) {
+bool gl_upload_chunks(struct gl_upload *upload, const struct gl_partition *partition,
+                      uint64_t enough, uint64_t most, struct sp_error *err) {
+    uint64_t room = enough / sizeof *partition->chunks;
+    for (uint32_t i = 0; i < partition->batch_count; i++) {
         uint32_t first, count;
-        find_chunks(&cut->batches[i], &first, &count);
+        find_chunks(&partition->batches[i], &first, &count);
         room = room > count ? room : count;
     }
-    room = room < cut->chunk_count ? room : cut->chunk_count;
-    if (!reserve(&upload->chunks, "bricks", room * sizeof *cut->chunks + 1, most,
+    room = room < partition->chunk_count ? room : partition->chunk_count;
+    if (!reserve(&upload->chunks, "bricks", room * sizeof *partition->chunks + 1, most,
                  &upload->chunks_made, err))
         return false;
-    if (upload->chunks_made != cut->chunks_made)
+    if (upload->chunks_made != partition->chunks_made)
         upload->chunk_first = upload->chunk_end = 0;
-    upload->chunks_made = cut->chunks_made;
+    upload->chunks_made = partition->chunks_made;
     upload->chunk_room = (uint32_t)room;
     return true;
 }
 
-void gl_upload_batch(struct gl_upload *upload, const struct gl_cut *cut,
+void gl_upload_batch(struct gl_upload *upload, const struct gl_partition *partition,
                      const struct gl_batch *batch) {
     uint32_t first, count;
     find_chunks(batch, &first, &count);
     if (first >= upload->chunk_first && first + count <= upload->chunk_end)
         return;
-    uint32_t left = cut->chunk_count - first;
+    uint32_t left = partition->chunk_count - first;
     uint32_t n = left < upload->chunk_room ? left : upload->chunk_room;
-    send(upload, &upload->chunks, 0, cut->chunks + first, n * sizeof *cut->chunks);
+    send(upload, &upload->chunks, 0, partition->chunks + first, n * sizeof *partition->chunks);
     upload->chunk_first = first;
     upload->chunk_end = first + n;
 }

@@ -4,7 +4,7 @@
 // place; the voxels of each key; classes of entries that are there.
 
 layout(local_size_x = GROUP) in;
-// Smallest and largest ordinal, by brick; order post: by cell, with what lies around it (00_reach.glsl).
+// Smallest and largest ordinal, by brick; order post: by cell, with what lies around it (00_cell_bounds.glsl).
 layout(std430, binding = 1) buffer Ranges { ivec2 ranges[]; };
 // By brick: entries; while they are written, where the first of them goes. By key: voxels.
 layout(std430, binding = 3) buffer Counts { uint counts[]; };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list of a level → that of the next coarser one (classify/mip.c), a work group a coarse brick. By PASS: how many
-// of its cells have a visible voxel; their entries, classes and flakes; order post: values and gradients. Lists rise by
+// of its cells have a visible voxel; their entries, classes and microflakes; order post: values and gradients. Lists rise by
 // place, so that a slice of a brick is found by bisection, and a cell's eight voxels are added up in the same order every
 // time.
 
@@ -14,7 +14,7 @@ layout(std430, binding = 3) readonly buffer Firsts { uint firsts[]; };
 layout(std430, binding = 4) buffer Counts { uint counts[]; };
 layout(std430, binding = 5) writeonly buffer CoarseEntries { uint coarse_entries[]; };
 layout(std430, binding = 6) buffer CoarseTables { vec4 coarse_tables[]; };
-layout(std430, binding = 7) writeonly buffer Flakes { uint flakes[]; }; // two words each; order post: gradients
+layout(std430, binding = 7) writeonly buffer Microflakes { uint microflakes[]; }; // two words each; order post: gradients
 
 layout(location = 0) uniform uint first_brick;
 layout(location = 1) uniform uvec3 dims; // of the finer level
@@ -188,7 +188,7 @@ void write_scalar(uint out_entry, uvec3 cell) {
     }
     coarse_tables[coarse_rows.w + out_entry] = vec4(value / parts, 0.0, 0.0, 0.0);
     if (list.y != 0u)
-        flakes[out_entry] = pack_gradient(gradient / parts);
+        microflakes[out_entry] = pack_gradient(gradient / parts);
 }
 
 void write_cell(uint out_entry, uint local, uvec3 cell) {
@@ -203,8 +203,8 @@ void write_cell(uint out_entry, uint local, uvec3 cell) {
     if (list.y == 0u)
         return;
     uvec2 bits = pack_microflakes(sum);
-    flakes[2u * out_entry] = bits.x;
-    flakes[2u * out_entry + 1u] = bits.y;
+    microflakes[2u * out_entry] = bits.x;
+    microflakes[2u * out_entry + 1u] = bits.y;
 }
 
 // The thread's cell of each slice that has any.

@@ -175,7 +175,7 @@ vec4 classify(uint entry, uint word, uint gradient) {
 vec3 shade(vec3 color, uint entry, uint gradient, vec3 u) {
     vec3 to_eye = choice.x != 0u ? -normalize(u) : vec3(0.0, 0.0, -1.0);
     if (list.y == 8u)
-        return shade_flakes(color, uvec2(normals[2u * entry], normals[2u * entry + 1u]), to_eye);
+        return shade_microflakes(color, uvec2(normals[2u * entry], normals[2u * entry + 1u]), to_eye);
     return shade_normal(color, unpack_gradient(gradient), to_eye);
 }
 
@@ -279,7 +279,7 @@ bool write_cuts(Place p, Extent extent, uint at) {
     float tail = max(parts[part].footprint.y, 4.0);
     uint end = at + picture.w;
     for (uint i = 0u; i < picture.w; i++) {
-        vec4 plane = planes[CUTS * part + i];
+        vec4 plane = planes[CLIP_PLANES * part + i];
         vec3 q = p.k[0] * plane.x + p.k[1] * plane.y + p.k[2] * plane.z;
         float e = dot(plane.xyz, p.u) - plane.w, deviation = sqrt(dot(q, q));
         if (!(e > -tail * deviation))

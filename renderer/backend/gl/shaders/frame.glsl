@@ -29,6 +29,6 @@ layout(std430, binding = 0) readonly buffer Frame {
     vec4 lens;     // the camera's scale, centre x, centre y [px]
     Light lights[LIGHTS];
     Part parts[PARTS];
-    vec4 planes[PARTS * CUTS]; // that clip, by part: unit normal in camera space, offset
+    vec4 planes[PARTS * CLIP_PLANES]; // that clip, by part: unit normal in camera space, offset
     uint layers[]; // by sheet of the finest level: its place front to back
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Phong's model as splat/shade.h derives it, for a voxel with a gradient and for a coarse cell with flakes.
+// Phong's model as splat/shade.h derives it, for a voxel with a gradient and for a coarse cell with microflakes.
 
 const float FLAKES_MINOR = 0.525731112, FLAKES_MAJOR = 0.850650808;
 
@@ -30,27 +30,27 @@ float quadratic(vec3 diagonal, vec3 rest, vec3 v) {
            v.y * (diagonal.y * v.y + 2.0 * rest.z * v.z) + diagonal.z * v.z * v.z;
 }
 
-float microflakes_area(uvec2 flakes, uint i) {
-    float area = float(flakes[i >> 2] >> (8u * (i & 3u)) & 255u) / 255.0;
+float microflakes_area(uvec2 microflakes, uint i) {
+    float area = float(microflakes[i >> 2] >> (8u * (i & 3u)) & 255u) / 255.0;
     return area * area;
 }
 
-// S of the flakes (classify/microflakes.h).
-void microflakes_matrix(uvec2 flakes, out vec3 diagonal, out vec3 rest) {
+// S of the microflakes (classify/microflakes.h).
+void microflakes_matrix(uvec2 microflakes, out vec3 diagonal, out vec3 rest) {
     const float minor = 1.25 * FLAKES_MINOR * FLAKES_MINOR;
     const float major = 1.25 * FLAKES_MAJOR * FLAKES_MAJOR;
     const float mixed = 1.25 * FLAKES_MINOR * FLAKES_MAJOR;
-    vec3 a = vec3(microflakes_area(flakes, 0u), microflakes_area(flakes, 2u), microflakes_area(flakes, 4u));
-    vec3 b = vec3(microflakes_area(flakes, 1u), microflakes_area(flakes, 3u), microflakes_area(flakes, 5u));
+    vec3 a = vec3(microflakes_area(microflakes, 0u), microflakes_area(microflakes, 2u), microflakes_area(microflakes, 4u));
+    vec3 b = vec3(microflakes_area(microflakes, 1u), microflakes_area(microflakes, 3u), microflakes_area(microflakes, 5u));
     vec3 sum = a + b;
     diagonal = minor * sum.yxz + major * sum.zyx - 0.25 * (sum.x + sum.y + sum.z);
     rest = mixed * (a - b).yzx;
 }
 
-vec3 shade_flakes(vec3 color, uvec2 flakes, vec3 to_eye) {
+vec3 shade_microflakes(vec3 color, uvec2 microflakes, vec3 to_eye) {
     vec3 s, s_rest;
-    microflakes_matrix(flakes, s, s_rest);
-    float sided = float(flakes.y >> 16 & 255u) / 255.0, inverse = 1.0 / max(s.x + s.y + s.z, 1e-6);
+    microflakes_matrix(microflakes, s, s_rest);
+    float sided = float(microflakes.y >> 16 & 255u) / 255.0, inverse = 1.0 / max(s.x + s.y + s.z, 1e-6);
     vec3 t = s * inverse, t_rest = s_rest * inverse, v = t + glint.x;
     // The adjugate of T + I/p.
     vec3 g = vec3(v.y * v.z - t_rest.z * t_rest.z, v.x * v.z - t_rest.y * t_rest.y,

@@ -78,7 +78,7 @@ static void edits_leave_nothing_out(void **state) {
         struct sp_transfer_function tf = make_function(volume, from, to);
         const struct sp_classify_job job = make_job(rig, &tf, i % 7 > 3);
         if (i % 20 == 19)
-            gl_lists_evict(&rig->lists, NULL); /* as with a lost context */
+            gl_residency_evict(&rig->residency, NULL); /* as with a lost context */
         check_against_processor(rig, volume, &job, i == 0);
         from += i % 11 == 10 ? uniform(-0.3, 0.2) : uniform(-0.03, 0.03);
         from = fmin(fmax(from, 0), 0.9);
@@ -100,19 +100,19 @@ static void an_edit_uploads_no_voxels(void **state) {
     for (size_t i = 0; i < sizeof shares / sizeof shares[0]; i++) {
         struct sp_transfer_function tf = make_function(volume, shares[i][0], shares[i][1]);
         const struct sp_classify_job job = make_job(rig, &tf, true);
-        before = rig->lists.uploaded;
+        before = rig->residency.uploaded;
         get(rig, volume, &job);
-        uint64_t uploaded = rig->lists.uploaded - before;
+        uint64_t uploaded = rig->residency.uploaded - before;
         if (i == 0) /* the samples */
             assert_true(uploaded > 64 * 64 * 64);
         else
             assert_in_range(uploaded, table, table + 500);
         tf.points[0].color[2] = 1; /* a colour alone, or nothing at all */
-        before = rig->lists.uploaded;
+        before = rig->residency.uploaded;
         get(rig, volume, &job);
-        assert_int_equal(rig->lists.uploaded - before, table);
+        assert_int_equal(rig->residency.uploaded - before, table);
         get(rig, volume, &job);
-        assert_int_equal(rig->lists.uploaded - before, table);
+        assert_int_equal(rig->residency.uploaded - before, table);
     }
     forget(rig, &volume);
 }
@@ -131,7 +131,7 @@ static void lists_by_value_follow_edits(void **state) {
             struct sp_classify_job job = make_job(rig, &tf, i % 7 > 3);
             job.reach = i % 2 ? 1 : 2;
             if (i % 10 == 9)
-                gl_lists_evict(&rig->lists, NULL); /* as with a lost context */
+                gl_residency_evict(&rig->residency, NULL); /* as with a lost context */
             check_against_processor(rig, volume, &job, false);
             tf.points[1].color[1] = 0.25f; /* the list stays */
             check_against_processor(rig, volume, &job, false);
@@ -154,17 +154,17 @@ static void an_edit_by_value_uploads_a_few_bytes_a_brick(void **state) {
             struct sp_transfer_function tf = make_function(volume, 0.2 + 0.1 * i, 0.8);
             tf.order = n ? SP_TF_POST : SP_TF_PRE;
             const struct sp_classify_job job = make_job(rig, &tf, true);
-            uint64_t before = rig->lists.uploaded;
+            uint64_t before = rig->residency.uploaded;
             assert_in_range(get(rig, volume, &job)->count, 10000, 64 * 64 * 64);
             if (i > 0) /* then the samples */
-                assert_in_range(rig->lists.uploaded - before, 1, most);
+                assert_in_range(rig->residency.uploaded - before, 1, most);
             tf.points[0].color[2] = 1;
-            before = rig->lists.uploaded;
+            before = rig->residency.uploaded;
             get(rig, volume, &job);
-            assert_in_range(rig->lists.uploaded - before, 1, most);
-            before = rig->lists.uploaded;
+            assert_in_range(rig->residency.uploaded - before, 1, most);
+            before = rig->residency.uploaded;
             get(rig, volume, &job);
-            assert_int_equal(rig->lists.uploaded, before);
+            assert_int_equal(rig->residency.uploaded, before);
         }
         forget(rig, &volume);
     }
@@ -227,15 +227,15 @@ static void count_warnings(void *user, enum sp_log_level level, const char *kind
 }
 
 static void set_room(struct rig *rig, uint64_t limit_bytes, uint64_t block_bytes) {
-    rig->lists.limit_bytes = limit_bytes;
-    rig->lists.block_bytes = rig->lists.classify.block_bytes = block_bytes;
+    rig->residency.limit_bytes = limit_bytes;
+    rig->residency.block_bytes = rig->residency.classify.block_bytes = block_bytes;
 }
 
 /* Samples that do not fit into the budget, beside the list, or into a buffer. */
 static void without_room_the_processor_classifies(void **state) {
     struct rig *rig = *state;
     const struct shape shape = { SP_UINT8, { 40, 40, 40 }, false };
-    const uint64_t limit = rig->lists.limit_bytes, voxels = 40 * 40 * 40;
+    const uint64_t limit = rig->residency.limit_bytes, voxels = 40 * 40 * 40;
     for (int n = 0; n < 3; n++) {
         struct sp_volume *volume = make_volume(&shape);
         struct sp_transfer_function tf =
@@ -243,16 +243,16 @@ static void without_room_the_processor_classifies(void **state) {
         const struct sp_classify_job job = make_job(rig, &tf, true);
         rig->warnings = 0;
         get(rig, volume, &job);
-        uint64_t lists = gl_lists_bytes(&rig->lists, volume) - voxels;
+        uint64_t lists = gl_residency_bytes(&rig->residency, volume) - voxels;
         assert_int_equal(rig->warnings, 0);
         assert_int_equal(lists > voxels, n == 1);
-        gl_lists_evict(&rig->lists, volume);
+        gl_residency_evict(&rig->residency, volume);
         sp_classify_cache_evict(&rig->cache, volume);
         set_room(rig, n == 0 ? voxels - 1 : n == 1 ? lists : limit, n == 2 ? voxels - 1 : 0);
         for (int again = 0; again < 2; again++)
             check_against_processor(rig, volume, &job, true);
         assert_true(has_entries(rig, volume));
-        assert_true(gl_lists_bytes(&rig->lists, volume) <= lists);
+        assert_true(gl_residency_bytes(&rig->residency, volume) <= lists);
         assert_int_equal(rig->warnings, 1);
         set_room(rig, limit, 0);
         forget(rig, &volume);
@@ -262,7 +262,7 @@ static void without_room_the_processor_classifies(void **state) {
 /* A list that the one has counted is made by the other, and back again. */
 static void the_processor_and_the_gpu_take_turns(void **state) {
     struct rig *rig = *state;
-    const uint64_t limit = rig->lists.limit_bytes;
+    const uint64_t limit = rig->residency.limit_bytes;
     static const enum sp_type types[] = { SP_UINT8, SP_FLOAT32, SP_INT32 };
     for (int n = 0; n < 6; n++) {
         const struct shape shape = { types[n % 3], { 30, 20, 40 }, false };
@@ -272,8 +272,8 @@ static void the_processor_and_the_gpu_take_turns(void **state) {
         for (int turn = 0; turn < 4; turn++) {
             const struct sp_classify_job job = make_job(rig, &tf, turn > 0);
             bool is_gpu = turn % 2 == 0;
-            gl_lists_evict(&rig->lists, volume);
-            rig->lists.classify.block_bytes = is_gpu ? 0 : 20000; /* the samples take more */
+            gl_residency_evict(&rig->residency, volume);
+            rig->residency.classify.block_bytes = is_gpu ? 0 : 20000; /* the samples take more */
             check_against_processor(rig, volume, &job, false);
             tf.points[1].color[0] = 0.1f * (float)turn;
             check_against_processor(rig, volume, &job, false);
@@ -291,10 +291,10 @@ static void a_cancelled_pass_can_be_made_again(void **state) {
     struct sp_transfer_function tf = make_function(volume, 0.2, 0.7);
     struct sp_classify_job job = make_job(rig, &tf, true);
     atomic_bool cancel = true;
-    struct gl_levels levels;
+    struct gl_mip_levels levels;
     struct sp_error err;
     job.cancel = &cancel;
-    assert_false(gl_levels_get(&levels, &rig->lists, &rig->cache, volume, &job, &err));
+    assert_false(gl_mip_levels_get(&levels, &rig->residency, &rig->cache, volume, &job, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
     job.cancel = NULL;
     check_against_processor(rig, volume, &job, true);
@@ -329,7 +329,8 @@ static void check_scalar(const float row[4], const struct sp_visible *v, uint64_
     assert_true(apart < 0.01f * sqrtf(wanted) + 1e-4f);
 }
 
-static void check_coarse(const struct gl_list *list, const struct sp_level *wanted, bool normals) {
+static void check_coarse(const struct gl_visible_list *list, const struct sp_level *wanted,
+                         bool normals) {
     const struct sp_visible *v = &wanted->visible;
     bool is_post = wanted->transfer.tf.order == SP_TF_POST;
     uint32_t *words = read_back(&list->entries, list->count * sizeof *words);
@@ -339,8 +340,9 @@ static void check_coarse(const struct gl_list *list, const struct sp_level *want
     float(*rows)[4] = read_back(&list->tables, (list->first_class + list->count) * sizeof *rows);
     assert_int_equal(list->count, v->count);
     assert_int_equal(list->normal_bytes, normals ? v->normal_bytes : 0);
-    assert_memory_equal(list->first, v->first, (gl_list_bricks(list) + 1) * sizeof *v->first);
-    for (uint32_t b = 0; b < gl_list_bricks(list); b++) {
+    assert_memory_equal(list->first, v->first,
+                        (gl_visible_list_bricks(list) + 1) * sizeof *v->first);
+    for (uint32_t b = 0; b < gl_visible_list_bricks(list); b++) {
         uint16_t local[SP_BRICK_VOXELS];
         uint32_t count = (uint32_t)(v->first[b + 1] - v->first[b]);
         sp_visible_locals(v, b, NULL, 0, count, local);
@@ -365,11 +367,11 @@ static void check_coarse(const struct gl_list *list, const struct sp_level *want
 
 static void check_levels(struct rig *rig, struct sp_volume *volume,
                          const struct sp_classify_job *job) {
-    struct gl_levels levels;
+    struct gl_mip_levels levels;
     struct sp_classification c;
     struct sp_error err;
     struct sp_classify_job all = *job;
-    if (!gl_levels_get(&levels, &rig->lists, &rig->cache, volume, job, &err))
+    if (!gl_mip_levels_get(&levels, &rig->residency, &rig->cache, volume, job, &err))
         fail_msg("%s", err.text);
     for (unsigned l = 0; l < SP_LEVELS; l++)
         assert_int_equal(levels.lists[l] != NULL, job->levels >> l & 1);
@@ -406,7 +408,8 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
             job.levels = levels[(n + m) % 6];
             check_levels(rig, volume, &job);
         }
-        gl_lists_evict(&rig->lists, NULL); /* as with a lost context: from the samples again */
+        gl_residency_evict(&rig->residency,
+                           NULL); /* as with a lost context: from the samples again */
         struct sp_classify_job job = make_job(rig, &tf, true);
         job.levels = 8;
         check_levels(rig, volume, &job);
@@ -415,9 +418,10 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
 }
 
 static bool open_rig(struct rig *rig, struct gl_context *context, struct sp_error *err) {
-    rig->lists.limit_bytes = rig->cache.limit_bytes = (uint64_t)1 << 30;
+    rig->residency.limit_bytes = rig->cache.limit_bytes = (uint64_t)1 << 30;
     rig->pool = sp_pool_create(2, err);
-    return rig->pool && gl_context_bind(context, err) && gl_lists_init(&rig->lists, true, 0, err);
+    return rig->pool && gl_context_bind(context, err) &&
+           gl_residency_init(&rig->residency, true, 0, err);
 }
 
 int main(void) {
@@ -451,7 +455,7 @@ int main(void) {
         ON(coarse_levels_are_those_of_the_processor),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
-    gl_lists_finish(&rig.lists);
+    gl_residency_finish(&rig.residency);
     sp_classify_cache_evict(&rig.cache, NULL);
     sp_pool_destroy(&rig.pool);
     gl_context_destroy(&context);

@@ -102,12 +102,12 @@ static void check_same(struct test_image *got, const struct test_image *wanted, 
 
 /* Forgets what earlier frames had no room for. */
 static void reset(struct rig *rig, const struct gl_limits *limits) {
-    struct gl_room *room = &rig->state->room;
-    room->limits = *limits;
-    room->rows = limits->tiles;
-    room->layers = limits->bins;
-    room->records = limits->records;
-    room->turns = 1;
+    struct gl_workload *workload = &rig->state->workload;
+    workload->limits = *limits;
+    workload->rows = limits->tiles;
+    workload->layers = limits->bins;
+    workload->records = limits->records;
+    workload->turns = 1;
 }
 
 static void pieces_make_the_whole(void **state) {
@@ -117,7 +117,7 @@ static void pieces_make_the_whole(void **state) {
                                              test_scene_checkerboard };
     static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB,
                                                  SP_COMPOSITE_SPLAT, SP_COMPOSITE_SHEET };
-    const struct gl_limits whole = rig->state->room.limits;
+    const struct gl_limits whole = rig->state->workload.limits;
     struct gl_limits small[] = { whole, whole, whole, whole, whole, whole, whole };
     small[0].records = SP_BRICK_VOXELS; /* a brick or two a batch */
     small[1].bins = 1;                  /* a layer a batch */
@@ -139,13 +139,13 @@ static void pieces_make_the_whole(void **state) {
             if (small[i].bins == 1 && modes[b] != SP_COMPOSITE_SHEET)
                 continue; /* many more layers */
             reset(rig, &small[i]);
-            if (small[i].pairs < rig->state->room.pairs)
-                rig->state->room.pairs = small[i].pairs / 2;
+            if (small[i].pairs < rig->state->workload.pairs)
+                rig->state->workload.pairs = small[i].pairs / 2;
             got = draw_ok(rig, volume, &scene.view, &own);
             check_same(&got, &wanted, scene.info.name);
             assert_int_equal(own.splats, stats.splats); /* each once */
             if (small[i].dear > 1 && builds[b] == test_scene_inside)
-                assert_true(rig->state->room.rows < whole.tiles);
+                assert_true(rig->state->workload.rows < whole.tiles);
             reset(rig, &whole);
         }
         test_image_finish(&wanted);
@@ -221,7 +221,7 @@ static void a_crowded_picture_is_one_batch(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
     struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
-    const struct gl_limits whole = rig->state->room.limits;
+    const struct gl_limits whole = rig->state->workload.limits;
     struct sp_view view = scene.view;
     view.level_of_detail = SP_LOD_OFF;
     view.size[0] = view.size[1] = 8;
@@ -229,11 +229,11 @@ static void a_crowded_picture_is_one_batch(void **state) {
         view.compositing.mode = (enum sp_compositing)mode;
         reset(rig, &whole);
         struct test_image wanted = draw_ok(rig, volume, &view, NULL);
-        rig->state->room.limits.loops = 4000;
+        rig->state->workload.limits.loops = 4000;
         struct test_image got = draw_ok(rig, volume, &view, NULL);
-        print_message("  %u turns\n", rig->state->room.turns);
-        assert_int_equal(rig->state->cut.batch_count, 1);
-        assert_true(rig->state->room.turns > 1);
+        print_message("  %u turns\n", rig->state->workload.turns);
+        assert_int_equal(rig->state->partition.batch_count, 1);
+        assert_true(rig->state->workload.turns > 1);
         check_same(&got, &wanted, "in turns");
         test_image_finish(&wanted);
     }
@@ -248,17 +248,17 @@ static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
     struct sp_volume *volume = make_scene(test_scene_constant_cube, &scene);
-    const struct gl_limits whole = rig->state->room.limits;
+    const struct gl_limits whole = rig->state->workload.limits;
     for (int crowded = 0; crowded < 2; crowded++) {
         struct sp_error err = { 0 };
         struct sp_view view = scene.view;
         if (crowded) { /* in a picture of one tile, so that there are few turns */
-            rig->state->room.limits.loops = 600;
+            rig->state->workload.limits.loops = 600;
             view.compositing.mode = SP_COMPOSITE_SPLAT;
             view.level_of_detail = SP_LOD_OFF;
             view.size[0] = view.size[1] = GL_TILE;
         } else {
-            rig->state->room.limits.pairs = rig->state->room.pairs = 7;
+            rig->state->workload.limits.pairs = rig->state->workload.pairs = 7;
         }
         assert_false(draw(rig, volume, &view, NULL, NULL, NULL, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
@@ -277,16 +277,16 @@ static void an_edit_uploads_what_it_changes(void **state) {
     struct sp_volume *volume = make_scene(test_scene_constant_cube, &scene);
     struct sp_view view = scene.view;
     struct test_image before = draw_ok(rig, volume, &view, NULL);
-    uint64_t first = rig->state->lists.uploaded;
+    uint64_t first = rig->state->residency.uploaded;
     view.camera.position[0] += 5; /* a view change uploads nothing of the volume */
     struct test_image turned = draw_ok(rig, volume, &view, NULL);
-    assert_int_equal(rig->state->lists.uploaded, first);
+    assert_int_equal(rig->state->residency.uploaded, first);
     assert_true(test_image_psnr(&turned, &before) < 60);
     view = scene.view;
     for (uint32_t p = 0; p < view.transfer_function.point_count; p++)
         view.transfer_function.points[p].color[1] = 0; /* colours alone: a table */
     struct test_image tinted = draw_ok(rig, volume, &view, NULL);
-    uint64_t table = rig->state->lists.uploaded - first;
+    uint64_t table = rig->state->residency.uploaded - first;
     assert_true(table > 0 && table < 70000);
     assert_true(test_image_psnr(&tinted, &before) < 60);
     struct test_image again = draw_ok(rig, volume, &scene.view, NULL);
@@ -420,32 +420,33 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
     for (int i = 0; i < 2; i++) {
         struct test_image image = draw_ok(&rig, volumes[i], &scenes[i].view, NULL);
         test_image_finish(&image);
-        assert_true(gl_lists_bytes(&rig.state->lists, volumes[i]) > 0);
+        assert_true(gl_residency_bytes(&rig.state->residency, volumes[i]) > 0);
     }
     uint64_t bytes[2];
     for (int i = 0; i < 2; i++)
-        bytes[i] = gl_lists_bytes(&rig.state->lists, volumes[i]);
+        bytes[i] = gl_residency_bytes(&rig.state->residency, volumes[i]);
     int large = bytes[1] > bytes[0], small = !large;
-    rig.state->lists.limit_bytes = bytes[large] + gl_draw_bytes(rig.state); /* one of them */
+    rig.state->residency.limit_bytes = bytes[large] + gl_draw_bytes(rig.state); /* one of them */
     for (int turn = 0; turn < 4; turn++) { /* the large one's samples go, and its list serves on */
         int now = turn % 2 ? large : small;
-        uint64_t uploaded = rig.state->lists.uploaded;
+        uint64_t uploaded = rig.state->residency.uploaded;
         struct test_image image = draw_ok(&rig, volumes[now], &scenes[now].view, NULL);
         test_image_finish(&image);
-        assert_true(gl_lists_bytes(&rig.state->lists, volumes[small]) == bytes[small]);
-        assert_in_range(gl_lists_bytes(&rig.state->lists, volumes[large]), 1, bytes[large] - 1);
-        assert_true(rig.state->lists.uploaded == uploaded);
+        assert_true(gl_residency_bytes(&rig.state->residency, volumes[small]) == bytes[small]);
+        assert_in_range(gl_residency_bytes(&rig.state->residency, volumes[large]), 1,
+                        bytes[large] - 1);
+        assert_true(rig.state->residency.uploaded == uploaded);
     }
-    rig.state->lists.limit_bytes =
-        gl_lists_bytes(&rig.state->lists, volumes[large]) + gl_draw_bytes(rig.state);
+    rig.state->residency.limit_bytes =
+        gl_residency_bytes(&rig.state->residency, volumes[large]) + gl_draw_bytes(rig.state);
     for (int turn = 0; turn < 2; turn++) { /* one list, or the other */
         int now = turn ? small : large, other = !now;
         struct test_image image = draw_ok(&rig, volumes[now], &scenes[now].view, NULL);
         test_image_finish(&image);
-        assert_true(gl_lists_bytes(&rig.state->lists, volumes[now]) > 0);
-        assert_int_equal(gl_lists_bytes(&rig.state->lists, volumes[other]), 0);
+        assert_true(gl_residency_bytes(&rig.state->residency, volumes[now]) > 0);
+        assert_int_equal(gl_residency_bytes(&rig.state->residency, volumes[other]), 0);
     }
-    rig.state->lists.limit_bytes = 1000; /* less than either takes */
+    rig.state->residency.limit_bytes = 1000; /* less than either takes */
     assert_false(draw(&rig, volumes[0], &scenes[0].view, NULL, NULL, NULL, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_non_null(strstr(err.text, " 1000 "));

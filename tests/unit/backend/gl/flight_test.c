@@ -97,7 +97,7 @@ static void two_in_flight_do_not_meet(void **state) {
 /* Room for pairs, bins and bands is found while another frame is on the GPU. */
 static void what_had_no_room_is_drawn_again(void **state) {
     struct rig *rig = *state;
-    const struct gl_limits whole = rig->state->room.limits;
+    const struct gl_limits whole = rig->state->workload.limits;
     struct gl_limits small[] = { whole, whole, whole };
     small[0].pairs = 3000;
     small[1].tiles = 1; /* a row a band */
@@ -107,17 +107,17 @@ static void what_had_no_room_is_drawn_again(void **state) {
             struct shot *shot = &rig->shots[k];
             struct sp_backend_job jobs[2] = { make_job(rig, shot, NULL),
                                               make_job(rig, &rig->shots[0], NULL) };
-            rig->state->room.limits = small[i];
-            rig->state->room.pairs = 500;
+            rig->state->workload.limits = small[i];
+            rig->state->workload.pairs = 500;
             begin(rig, &jobs[0]);
             begin(rig, &jobs[1]);
             finish(rig, &jobs[0], shot);
             finish(rig, &jobs[1], &rig->shots[0]);
-            struct gl_room *room = &rig->state->room;
-            room->rows = room->layers = room->records = 1 << 14;
-            room->turns = 1;
+            struct gl_workload *workload = &rig->state->workload;
+            workload->rows = workload->layers = workload->records = 1 << 14;
+            workload->turns = 1;
         }
-        rig->state->room.limits = whole;
+        rig->state->workload.limits = whole;
     }
 }
 
@@ -126,15 +126,15 @@ static void a_few_batches_are_handed_over(void **state) {
     struct rig *rig = *state;
     struct sp_backend_job jobs[2] = { make_job(rig, &rig->shots[0], NULL),
                                       make_job(rig, &rig->shots[0], NULL) };
-    struct gl_room *room = &rig->state->room;
-    uint32_t layers = room->layers;
-    room->layers = 4;
+    struct gl_workload *workload = &rig->state->workload;
+    uint32_t layers = workload->layers;
+    workload->layers = 4;
     begin(rig, &jobs[0]);
     begin(rig, &jobs[1]);
-    assert_in_range(rig->state->cut.batch_count, 3, 8);
+    assert_in_range(rig->state->partition.batch_count, 3, 8);
     const struct gl_slot *second = &rig->state->slots[(rig->state->oldest + 1) % GL_IN_FLIGHT];
     assert_int_equal(second->end, SIZE);
-    room->layers = layers;
+    workload->layers = layers;
     finish(rig, &jobs[0], &rig->shots[0]);
     finish(rig, &jobs[1], &rig->shots[0]);
 }
@@ -142,14 +142,14 @@ static void a_few_batches_are_handed_over(void **state) {
 /* The second one's lists take the place of the first one's. */
 static void what_is_in_flight_may_be_dropped(void **state) {
     struct rig *rig = *state;
-    uint64_t limit = rig->state->lists.limit_bytes, bytes = 0;
+    uint64_t limit = rig->state->residency.limit_bytes, bytes = 0;
     for (int i = 0; i < 2; i++) {
-        uint64_t own = gl_lists_bytes(&rig->state->lists, rig->volumes[i]);
+        uint64_t own = gl_residency_bytes(&rig->state->residency, rig->volumes[i]);
         bytes = own > bytes ? own : bytes;
     }
-    rig->state->lists.limit_bytes = bytes + gl_draw_bytes(rig->state) + 4096;
+    rig->state->residency.limit_bytes = bytes + gl_draw_bytes(rig->state) + 4096;
     check_all(rig);
-    rig->state->lists.limit_bytes = limit;
+    rig->state->residency.limit_bytes = limit;
     struct sp_backend_job job = make_job(rig, &rig->shots[0], NULL);
     begin(rig, &job);
     rig->backend->evict(rig->state, rig->volumes[0]);
@@ -267,7 +267,7 @@ int main(int argc, char **argv) {
         return TEST_SKIPPED;
     }
     bool stays_mapped = argc < 2 || strcmp(argv[1], "mapped-on-demand") != 0;
-    if (stays_mapped == !rig.state->slots[0].back.mapped) {
+    if (stays_mapped == !rig.state->slots[0].readback.mapped) {
         fprintf(stderr, "what is read back %s\n",
                 stays_mapped ? "does not stay mapped" : "stays mapped");
         return 1;

@@ -98,11 +98,11 @@ struct sp_classify_job make_job(struct rig *rig, const struct sp_transfer_functi
                                      .pool = rig->pool };
 }
 
-const struct gl_list *get(struct rig *rig, struct sp_volume *volume,
-                          const struct sp_classify_job *job) {
-    struct gl_levels levels;
+const struct gl_visible_list *get(struct rig *rig, struct sp_volume *volume,
+                                  const struct sp_classify_job *job) {
+    struct gl_mip_levels levels;
     struct sp_error err;
-    if (!gl_levels_get(&levels, &rig->lists, &rig->cache, volume, job, &err))
+    if (!gl_mip_levels_get(&levels, &rig->residency, &rig->cache, volume, job, &err))
         fail_msg("%s", err.text);
     return levels.lists[0];
 }
@@ -192,7 +192,7 @@ static void check_row(const float row[4], const struct sp_transfer *transfer, ui
         check_class(row, &wanted);
 }
 
-void check_list(const struct gl_list *list, const struct sp_level *level, bool normals,
+void check_list(const struct gl_visible_list *list, const struct sp_level *level, bool normals,
                 bool is_exact) {
     static struct brick brick;
     const struct sp_transfer *t = &level->transfer;
@@ -205,7 +205,7 @@ void check_list(const struct gl_list *list, const struct sp_level *level, bool n
     assert_true(!normals || bytes == level->visible.normal_bytes);
     assert_int_equal(list->has_keys, t->table != NULL);
     assert_true(list->base == sp_transfer_base(t));
-    for (uint32_t b = 0; b < gl_list_bricks(list); b++) {
+    for (uint32_t b = 0; b < gl_visible_list_bricks(list); b++) {
         uint32_t wanted = read_brick(level, b, normals, &brick), found = 0;
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {
             uint32_t local = words[e] & 4095, key = words[e] >> 12;
@@ -226,7 +226,7 @@ void check_list(const struct gl_list *list, const struct sp_level *level, bool n
         }
         assert_int_equal(found, wanted);
     }
-    assert_int_equal(list->first[gl_list_bricks(list)], list->count);
+    assert_int_equal(list->first[gl_visible_list_bricks(list)], list->count);
     free(words);
     free(rows);
     free(packed);
@@ -234,7 +234,7 @@ void check_list(const struct gl_list *list, const struct sp_level *level, bool n
 
 void check_against_processor(struct rig *rig, struct sp_volume *volume,
                              const struct sp_classify_job *job, bool is_exact) {
-    const struct gl_list *list = get(rig, volume, job);
+    const struct gl_visible_list *list = get(rig, volume, job);
     struct sp_classification c;
     struct sp_error err;
     sp_classification_init(&c, volume);
@@ -245,7 +245,7 @@ void check_against_processor(struct rig *rig, struct sp_volume *volume,
 }
 
 void forget(struct rig *rig, struct sp_volume **volume) {
-    gl_lists_evict(&rig->lists, *volume);
+    gl_residency_evict(&rig->residency, *volume);
     sp_classify_cache_evict(&rig->cache, *volume);
     sp_volume_unref(volume);
 }

@@ -6,12 +6,12 @@
 #ifndef TEST_GL_LISTS_H
 #define TEST_GL_LISTS_H
 
-#include "backend/gl/levels.h"
+#include "backend/gl/mip_levels.h"
 
 enum { TYPES = SP_FLOAT64 }; /* those that the GPU classifies */
 
 struct rig {
-    struct gl_lists lists;
+    struct gl_residency residency;
     struct sp_classify_cache cache;
     struct sp_pool *pool;
     unsigned warnings;
@@ -36,8 +36,8 @@ struct sp_classify_job make_job(struct rig *rig, const struct sp_transfer_functi
                                 bool normals);
 
 /* The finest list, as the backend gets it. */
-const struct gl_list *get(struct rig *rig, struct sp_volume *volume,
-                          const struct sp_classify_job *job);
+const struct gl_visible_list *get(struct rig *rig, struct sp_volume *volume,
+                                  const struct sp_classify_job *job);
 
 /* malloc'ed. */
 void *read_back(const struct gl_buffer *buffer, uint64_t bytes);
@@ -47,7 +47,7 @@ void check_class(const float got[4], const struct sp_class *wanted);
 
 /* What of the processor's lists the GPU's differ in is nothing. What is hidden may be missing, of
  * types with a table by key, order pre, unless is_exact. */
-void check_list(const struct gl_list *list, const struct sp_level *level, bool normals,
+void check_list(const struct gl_visible_list *list, const struct sp_level *level, bool normals,
                 bool is_exact);
 
 /* Compares with a list that the processor makes of nothing. */

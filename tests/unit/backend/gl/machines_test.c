@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Machines with GPUs, good ones and bad ones, that need none: EGL and GL are played by the
- * functions of played_machine.c.
+ * functions of fake_machine.c.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -15,7 +15,7 @@
 
 #include "backend/gl/draw.h"
 #include "sp/log.h"
-#include "unit/backend/gl/played_machine.h"
+#include "unit/backend/gl/fake_machine.h"
 
 /* Index of the driver that a context comes from; −1 with *err set for none. */
 static int take(int gpu, bool software, struct gl_info *info, struct sp_error *err) {

@@ -84,7 +84,7 @@ static void must_draw(struct rig *rig, uint32_t width, struct test_image *image)
 }
 
 static uint64_t all_bytes(const struct rig *rig) {
-    return gl_lists_bytes(&rig->state->lists, NULL) + gl_draw_bytes(rig->state);
+    return gl_residency_bytes(&rig->state->residency, NULL) + gl_draw_bytes(rig->state);
 }
 
 static void a_small_budget_draws_in_smaller_pieces(void **state) {
@@ -127,12 +127,12 @@ static void a_budget_that_cannot_do_is_told_with_both_numbers(void **state) {
     struct sp_error err;
     must_open(&rig, 8 * MIB);
     must_draw(&rig, SMALL, NULL);
-    rig.state->lists.limit_bytes = MIB / 16;
+    rig.state->residency.limit_bytes = MIB / 16;
     assert_false(draw(&rig, SMALL, NULL, &err)); /* the voxels alone take more */
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_non_null(strstr(err.text, "take "));
     assert_non_null(strstr(err.text, " 65536 are allowed"));
-    rig.state->lists.limit_bytes = 8 * MIB;
+    rig.state->residency.limit_bytes = 8 * MIB;
     must_draw(&rig, SMALL, NULL);
     close_rig(&rig);
 }
@@ -146,10 +146,10 @@ static void scratch_makes_room(void **state) {
     uint64_t small = all_bytes(&rig);
     must_draw(&rig, WIDE, NULL);
     assert_true(gl_draw_bytes(rig.state) > small);
-    rig.state->lists.limit_bytes =
-        small + rig.state->slots[0].back.buffer.bytes + rig.state->slots[1].back.buffer.bytes;
+    rig.state->residency.limit_bytes = small + rig.state->slots[0].readback.buffer.bytes +
+                                       rig.state->slots[1].readback.buffer.bytes;
     must_draw(&rig, SMALL, NULL);
-    assert_true(all_bytes(&rig) <= rig.state->lists.limit_bytes);
+    assert_true(all_bytes(&rig) <= rig.state->residency.limit_bytes);
     close_rig(&rig);
 }
 
@@ -194,7 +194,7 @@ static void must_render(struct rig *rig, struct sp_volume *volume, const struct 
     struct sp_error err;
     if (!render(rig, volume, view, &err))
         fail_msg("%s", err.text);
-    assert_true(all_bytes(rig) <= rig->state->lists.limit_bytes);
+    assert_true(all_bytes(rig) <= rig->state->residency.limit_bytes);
 }
 
 /* Records of a view with many planes are large: pieces are as small as there is room for. */
@@ -261,7 +261,7 @@ static void pieces_are_what_lists_leave(void **state) {
     for (int i = 0; i < ROUNDS; i++) {
         must_render(&rig, other, &view);
         must_render(&rig, rig.volume, &view);
-        assert_int_equal(gl_lists_voxels(&rig.state->lists, rig.volume)->refusals, 0);
+        assert_int_equal(gl_residency_voxels(&rig.state->residency, rig.volume)->refusals, 0);
     }
     rig.backend->evict(rig.state, other);
     sp_volume_unref(&other);
@@ -278,7 +278,7 @@ static struct test_image picture_of(struct rig *rig, struct sp_volume *volume,
     if (!rig->backend->render(rig->state, &job, &err))
         fail_msg("%s", err.text);
     assert_true(test_image_from_frame(&image, frame));
-    assert_true(all_bytes(rig) <= rig->state->lists.limit_bytes);
+    assert_true(all_bytes(rig) <= rig->state->residency.limit_bytes);
     sp_frame_unref(&frame);
     return image;
 }
@@ -300,7 +300,7 @@ static void many_bricks_are_sent_in_turns(void **state) {
         test_image_finish(&got);
     }
     const struct gl_upload *upload = &tight.state->upload;
-    assert_true(upload->chunk_end - upload->chunk_first < tight.state->cut.chunk_count);
+    assert_true(upload->chunk_end - upload->chunk_first < tight.state->partition.chunk_count);
     struct test_image again = picture_of(&large, tight.volume, &view);
     assert_in_range(large.state->upload.bytes - before, 1, 2000); /* constants: bricks are there */
     test_image_finish(&again);
@@ -312,8 +312,8 @@ static void many_bricks_are_sent_in_turns(void **state) {
 
 static const struct gl_voxels *voxels_of(const struct rig *rig) {
     for (int i = 0; i < GL_VOLUMES; i++)
-        if (rig->state->lists.voxels[i].volume == rig->volume)
-            return &rig->state->lists.voxels[i];
+        if (rig->state->residency.voxels[i].volume == rig->volume)
+            return &rig->state->residency.voxels[i];
     fail();
     return NULL;
 }
@@ -329,7 +329,7 @@ static void scratch_makes_room_for_samples(void **state) {
     large.compositing.mode = SP_COMPOSITE_SLAB;
     const struct sp_view small = view_of(rig.volume, 32);
     must_render(&rig, other, &large);
-    assert_true(gl_draw_bytes(rig.state) + ((uint64_t)1 << 21) > rig.state->lists.limit_bytes);
+    assert_true(gl_draw_bytes(rig.state) + ((uint64_t)1 << 21) > rig.state->residency.limit_bytes);
     must_render(&rig, rig.volume, &small);
     assert_int_equal(voxels_of(&rig)->refusals, 0);
     assert_true(voxels_of(&rig)->samples.bytes > 0);
@@ -345,15 +345,15 @@ static void a_refusal_is_not_for_ever(void **state) {
     must_open(&rig, 0);
     take_volume(&rig, make_cube(128, 5000));
     const struct sp_view view = view_of(rig.volume, 16);
-    uint64_t limit = rig.state->lists.limit_bytes;
-    rig.state->lists.limit_bytes = 2 * MIB;
+    uint64_t limit = rig.state->residency.limit_bytes;
+    rig.state->residency.limit_bytes = 2 * MIB;
     gl_memory_limit(rig.state);
     for (int i = 0; i < 1 + GL_REFUSED_FRAMES; i++)
         must_render(&rig, rig.volume, &view);
     assert_int_equal(voxels_of(&rig)->refusals, 1);
     must_render(&rig, rig.volume, &view);
     assert_int_equal(voxels_of(&rig)->refusals, 2);
-    rig.state->lists.limit_bytes = limit;
+    rig.state->residency.limit_bytes = limit;
     for (int i = 0; i < 2 * GL_REFUSED_FRAMES; i++)
         must_render(&rig, rig.volume, &view);
     assert_true(voxels_of(&rig)->samples.bytes == 0);

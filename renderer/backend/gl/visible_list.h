@@ -5,19 +5,19 @@
  *   entries   a word an entry, in the order of the bricks: i0 | i1 << 4 | i2 << 8 | key << 12
  *   tables    [scale of the opacity by packed magnitude, four a row][rows of rectilinear axes]
  *             [classes: colour and depth, by key; by entry where keys do not fit the word]
- *   normals   gradients or flakes as classify/ packs them
+ *   normals   gradients or microflakes as classify/ packs them
  *
  * The order of a brick's entries, and so the axis that bricks are cut along, does not matter to
  * frames.
  */
-#ifndef GL_LIST_H
-#define GL_LIST_H
+#ifndef GL_VISIBLE_LIST_H
+#define GL_VISIBLE_LIST_H
 
 #include "backend/gl/buffer.h"
 #include "classify/classification.h"
 
-struct gl_list {
-    const struct sp_volume *volume; /* not a reference: gl_lists_evict(); NULL = empty */
+struct gl_visible_list {
+    const struct sp_volume *volume; /* not a reference: gl_residency_evict(); NULL = empty */
     uint64_t list_made, table_made; /* of the level: what was uploaded */
     uint64_t used;                  /* clock of the last use */
     struct sp_grid grid;            /* of the level */
@@ -34,12 +34,13 @@ struct gl_list {
     uint32_t first_class;  /* row of the tables */
 };
 
-static inline uint32_t gl_list_bricks(const struct gl_list *list) {
+static inline uint32_t gl_visible_list_bricks(const struct gl_visible_list *list) {
     return list->bricks[0] * list->bricks[1] * list->bricks[2];
 }
 
 /* Index of the first voxel of a brick. */
-static inline void gl_list_corner(const struct gl_list *list, uint32_t brick, uint32_t corner[3]) {
+static inline void gl_visible_list_corner(const struct gl_visible_list *list, uint32_t brick,
+                                          uint32_t corner[3]) {
     uint32_t row = brick / list->bricks[0];
     corner[0] = brick % list->bricks[0] << SP_BRICK_SHIFT;
     corner[1] = row % list->bricks[1] << SP_BRICK_SHIFT;

@@ -14,8 +14,8 @@
  * How long a dispatch takes cannot be known before one was measured: pieces of all kinds halve when
  * one took too long, and for want of memory; they grow again, slowly, while all are short.
  */
-#ifndef GL_ROOM_H
-#define GL_ROOM_H
+#ifndef GL_WORKLOAD_H
+#define GL_WORKLOAD_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -43,7 +43,7 @@ struct gl_limits {
     double dispatch_ms;    /* beyond which a dispatch is long; INFINITY: none is */
 };
 
-struct gl_room {
+struct gl_workload {
     struct gl_limits limits;
     uint64_t pairs;           /* of a batch */
     uint32_t records, layers; /* of a batch, at most */
@@ -74,29 +74,30 @@ struct gl_pieces {
 };
 
 /* The limits as they are halved now; none is less than what a piece has at least. */
-struct gl_limits gl_room_limits(const struct gl_room *room);
+struct gl_limits gl_workload_limits(const struct gl_workload *workload);
 
 /* How a band is to be drawn, but for its layers and rows. */
-struct gl_pieces gl_room_plan(const struct gl_room *room, const struct gl_costs *costs);
+struct gl_pieces gl_workload_plan(const struct gl_workload *workload, const struct gl_costs *costs);
 
 /* Halves pieces; false where they are as small as that makes them. */
-bool gl_room_halve(struct gl_room *room);
+bool gl_workload_halve(struct gl_workload *workload);
 
 /* The longest dispatch of a band that was drawn so took longest_ms: halves pieces where that is
  * long, and unmakes one halving after GL_CALM bands in turn that were far from it. */
-void gl_room_pace(struct gl_room *room, const struct gl_pieces *was, double longest_ms);
+void gl_workload_adapt(struct gl_workload *workload, const struct gl_pieces *was,
+                       double longest_ms);
 
 /* What frames begin with, but for the limits, which are set. */
-void gl_room_init(struct gl_room *room);
+void gl_workload_init(struct gl_workload *workload);
 
 /* Whether all of the band was drawn. */
-bool gl_room_is_enough(const struct gl_pieces *was, const struct gl_bins_head *head);
+bool gl_workload_fits(const struct gl_pieces *was, const struct gl_bins_head *head);
 
 /* After it was not: SP_ERR_BUDGET where nothing can be made smaller. After it was: larger pieces
  * again, where most of the room was left. */
-bool gl_room_make(struct gl_room *room, const struct gl_pieces *was,
-                  const struct gl_bins_head *head, struct sp_error *err);
-void gl_room_grow(struct gl_room *room, const struct gl_pieces *was,
-                  const struct gl_bins_head *head);
+bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was,
+                       const struct gl_bins_head *head, struct sp_error *err);
+void gl_workload_grow(struct gl_workload *workload, const struct gl_pieces *was,
+                      const struct gl_bins_head *head);
 
 #endif

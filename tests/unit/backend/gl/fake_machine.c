@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "unit/backend/gl/played_machine.h"
+#include "unit/backend/gl/fake_machine.h"
 
 struct driver drivers[DRIVERS];
 unsigned device_count;

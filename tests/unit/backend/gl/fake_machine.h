@@ -3,8 +3,8 @@
  * A machine with GPUs that needs none: EGL and GL are played, in the place of the functions that
  * libepoxy found.
  */
-#ifndef TEST_PLAYED_MACHINE_H
-#define TEST_PLAYED_MACHINE_H
+#ifndef TEST_FAKE_MACHINE_H
+#define TEST_FAKE_MACHINE_H
 
 #include "backend/gl/egl.h"
 

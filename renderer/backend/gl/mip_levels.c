@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/gl/levels.h"
+#include "backend/gl/mip_levels.h"
 
 struct work {
-    struct gl_lists *lists;
+    struct gl_residency *residency;
     struct gl_voxels *voxels; /* NULL = the processor classifies */
     const struct sp_classify_job *job;
     struct gl_list_source sources[SP_LEVELS];
@@ -25,12 +25,13 @@ static void find_sources(struct work *w, const struct sp_classification *c, unsi
 static bool count(void *user, const struct sp_classification *c, unsigned level, uint64_t *counts,
                   struct sp_error *err) {
     struct work *w = user;
-    struct gl_classify *classify = &w->lists->classify;
+    struct gl_classify *classify = &w->residency->classify;
     if (level == 0)
-        return gl_lists_load(w->lists, w->voxels, w->job->tf->order, w->job->cancel, err) &&
+        return gl_residency_load(w->residency, w->voxels, w->job->tf->order, w->job->cancel, err) &&
                gl_classify_count(classify, w->voxels, &c->levels[0], w->job->cancel, counts, err);
     find_sources(w, c, level - 1);
-    const struct gl_list *finer = gl_lists_get(w->lists, &w->sources[level - 1], err);
+    const struct gl_visible_list *finer =
+        gl_residency_get(w->residency, &w->sources[level - 1], err);
     return finer && gl_classify_count_mip(classify, finer, w->job->tf->order == SP_TF_POST,
                                           &c->levels[level], w->job->cancel, counts, err);
 }
@@ -38,41 +39,43 @@ static bool count(void *user, const struct sp_classification *c, unsigned level,
 static bool histogram(void *user, const struct sp_classification *c, uint64_t *counts,
                       struct sp_error *err) {
     struct work *w = user;
-    return gl_lists_load(w->lists, w->voxels, w->job->tf->order, w->job->cancel, err) &&
-           gl_classify_histogram(&w->lists->classify, w->voxels, c->levels[0].transfer.count,
+    return gl_residency_load(w->residency, w->voxels, w->job->tf->order, w->job->cancel, err) &&
+           gl_classify_histogram(&w->residency->classify, w->voxels, c->levels[0].transfer.count,
                                  w->job->cancel, counts, err);
 }
 
-static bool get(struct gl_levels *levels, struct work *w, struct sp_classify_cache *cache,
+static bool get(struct gl_mip_levels *levels, struct work *w, struct sp_classify_cache *cache,
                 struct sp_volume *volume, struct sp_error *err) {
     const struct sp_counter counter = { count, histogram, w };
     struct sp_classify_job job = *w->job;
     job.counter = w->voxels ? &counter : NULL;
     const struct sp_classification *c = sp_classify_cache_get(cache, volume, &job, err);
-    *levels = (struct gl_levels){ .visible = c ? c->visible : 0 };
+    *levels = (struct gl_mip_levels){ .visible = c ? c->visible : 0 };
     if (!c)
         return false;
     find_sources(w, c, SP_LEVELS - 1);
     for (unsigned l = 0; job.levels >> l; l++)
         if (job.levels >> l & 1 &&
-            !(levels->lists[l] = gl_lists_get(w->lists, &w->sources[l], err)))
+            !(levels->lists[l] = gl_residency_get(w->residency, &w->sources[l], err)))
             return false;
     return true;
 }
 
-bool gl_levels_get(struct gl_levels *levels, struct gl_lists *lists,
-                   struct sp_classify_cache *cache, struct sp_volume *volume,
-                   const struct sp_classify_job *job, struct sp_error *err) {
+bool gl_mip_levels_get(struct gl_mip_levels *levels, struct gl_residency *residency,
+                       struct sp_classify_cache *cache, struct sp_volume *volume,
+                       const struct sp_classify_job *job, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
-    gl_lists_begin(lists);
-    struct work w = { .lists = lists, .voxels = gl_lists_voxels(lists, volume), .job = job };
+    gl_residency_begin(residency);
+    struct work w = { .residency = residency,
+                      .voxels = gl_residency_voxels(residency, volume),
+                      .job = job };
     if (w.voxels && get(levels, &w, cache, volume, &why))
         return true;
     bool has_no_room = why.code == SP_ERR_BUDGET || why.code == SP_ERR_MEMORY;
-    if (w.voxels && !(has_no_room && !lists->tries_again))
+    if (w.voxels && !(has_no_room && !residency->tries_again))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     if (w.voxels)
-        gl_lists_refuse(w.voxels, &why);
+        gl_residency_refuse(w.voxels, &why);
     w.voxels = NULL;
     return get(levels, &w, cache, volume, err);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/gl/volume.h"
+#include "backend/gl/residency.h"
 
 #include <string.h>
 
@@ -18,15 +18,15 @@ struct upload {
     bool has_keys;
 };
 
-static uint64_t list_bytes(const struct gl_list *list) {
+static uint64_t list_bytes(const struct gl_visible_list *list) {
     return list->entries.bytes + list->tables.bytes + list->normals.bytes;
 }
 
-static void empty(struct gl_list *list) {
+static void empty(struct gl_visible_list *list) {
     gl_buffer_finish(&list->entries);
     gl_buffer_finish(&list->tables);
     gl_buffer_finish(&list->normals);
-    *list = (struct gl_list){ 0 };
+    *list = (struct gl_visible_list){ 0 };
 }
 
 static void write_words(void *user, size_t begin, size_t end, unsigned worker) {
@@ -63,7 +63,7 @@ static void write_entries(void *user, size_t begin, size_t end, unsigned worker)
         write_class(&u->level->transfer, sp_visible_key(&u->level->visible, e), u->classes[e]);
 }
 
-static bool upload_entries(struct gl_lists *lists, struct gl_list *list,
+static bool upload_entries(struct gl_residency *residency, struct gl_visible_list *list,
                            const struct gl_list_source *from, struct sp_error *err) {
     struct upload u = { .level = from->level, .has_keys = list->has_keys };
     const struct sp_visible *v = &from->level->visible;
@@ -73,12 +73,12 @@ static bool upload_entries(struct gl_lists *lists, struct gl_list *list,
     sp_parallel_for(from->pool, sp_visible_bricks(v), GRAIN, write_words, &u);
     if (normals)
         gl_buffer_write(&list->normals, v->normal, normals);
-    lists->uploaded += bytes + normals;
+    residency->uploaded += bytes + normals;
     return gl_buffer_unmap(&list->entries, err);
 }
 
 /* Rows of the tables that rectilinear axes take; where each begins goes to axis_row. */
-static uint32_t place_axes(struct gl_list *list, const struct sp_grid *grid) {
+static uint32_t place_axes(struct gl_visible_list *list, const struct sp_grid *grid) {
     uint32_t row = GL_TABLE_SCALES;
     for (int a = 0; a < 3; a++) {
         list->axis_row[a] = row;
@@ -87,7 +87,8 @@ static uint32_t place_axes(struct gl_list *list, const struct sp_grid *grid) {
     return row;
 }
 
-static void write_axes(const struct gl_list *list, const struct sp_grid *grid, float (*rows)[4]) {
+static void write_axes(const struct gl_visible_list *list, const struct sp_grid *grid,
+                       float (*rows)[4]) {
     if (!sp_grid_is_rectilinear(grid))
         return;
     for (unsigned a = 0; a < 3; a++)
@@ -107,7 +108,7 @@ static void write_scales(const struct sp_transfer *transfer, float (*rows)[4]) {
         rows[i / 4][i % 4] = transfer->scale ? transfer->scale[i] : 1;
 }
 
-static void write_classes(const struct gl_list *list, const struct gl_list_source *from,
+static void write_classes(const struct gl_visible_list *list, const struct gl_list_source *from,
                           float (*classes)[4]) {
     const struct sp_transfer *transfer = &from->level->transfer;
     struct upload u = { .level = from->level, .classes = classes };
@@ -118,7 +119,7 @@ static void write_classes(const struct gl_list *list, const struct gl_list_sourc
 }
 
 /* Scales, axes, and classes unless the GPU makes them. */
-static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
+static bool upload_tables(struct gl_residency *residency, struct gl_visible_list *list,
                           const struct gl_list_source *from, struct sp_error *err) {
     const struct sp_level *level = from->level;
     const struct sp_transfer *transfer = &level->transfer;
@@ -129,33 +130,34 @@ static bool upload_tables(struct gl_lists *lists, struct gl_list *list,
     float(*rows)[4];
     bool are_made = from->voxels && !list->has_keys; /* by the GPU */
     written = are_made ? list->first_class * sizeof(float[4]) : bytes;
-    if (!gl_buffer_reserve(&list->tables, "classes of visible voxels", bytes, lists->block_bytes,
-                           GL_USE_KEPT, err) ||
+    if (!gl_buffer_reserve(&list->tables, "classes of visible voxels", bytes,
+                           residency->block_bytes, GL_USE_KEPT, err) ||
         !(rows = gl_buffer_map(&list->tables, written, err)))
         return false;
     write_scales(transfer, rows);
     write_axes(list, &level->grid, rows);
     if (!are_made)
         write_classes(list, from, rows + list->first_class);
-    lists->uploaded += written;
+    residency->uploaded += written;
     return gl_buffer_unmap(&list->tables, err);
 }
 
 /* A place for another list: an empty one, or that of the least recently used. */
-static struct gl_list *take_place(struct gl_lists *lists) {
-    struct gl_list *oldest = &lists->list[0];
+static struct gl_visible_list *take_place(struct gl_residency *residency) {
+    struct gl_visible_list *oldest = &residency->list[0];
     for (int i = 1; i < GL_LISTS; i++)
-        if (lists->list[i].used < oldest->used)
-            oldest = &lists->list[i];
+        if (residency->list[i].used < oldest->used)
+            oldest = &residency->list[i];
     empty(oldest);
     return oldest;
 }
 
-static struct gl_list *find(struct gl_lists *lists, const struct gl_list_source *from) {
+static struct gl_visible_list *find(struct gl_residency *residency,
+                                    const struct gl_list_source *from) {
     for (int i = 0; i < GL_LISTS; i++)
-        if (lists->list[i].volume == from->volume &&
-            lists->list[i].list_made == from->level->list_made)
-            return &lists->list[i];
+        if (residency->list[i].volume == from->volume &&
+            residency->list[i].list_made == from->level->list_made)
+            return &residency->list[i];
     return NULL;
 }
 
@@ -165,25 +167,25 @@ static void empty_voxels(struct gl_voxels *voxels) {
     *voxels = (struct gl_voxels){ 0 };
 }
 
-struct gl_voxels *gl_lists_voxels(struct gl_lists *lists, struct sp_volume *volume) {
-    struct gl_voxels *place = &lists->voxels[0];
+struct gl_voxels *gl_residency_voxels(struct gl_residency *residency, struct sp_volume *volume) {
+    struct gl_voxels *place = &residency->voxels[0];
     if (!gl_visible_ranges_is_possible(sp_volume_info(volume)))
         return NULL;
     for (int i = 1; i < GL_VOLUMES && place->volume != volume; i++)
-        if (lists->voxels[i].volume == volume || lists->voxels[i].used < place->used)
-            place = &lists->voxels[i];
+        if (residency->voxels[i].volume == volume || residency->voxels[i].used < place->used)
+            place = &residency->voxels[i];
     if (place->volume != volume) {
         empty_voxels(place);
         place->volume = sp_volume_ref(volume);
     }
-    place->used = ++lists->clock;
+    place->used = ++residency->clock;
     if (place->skips == 0)
         return place;
     place->skips--;
     return NULL;
 }
 
-void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
+void gl_residency_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
     enum { DOUBLINGS = 8 };
     if (voxels->refusals == 0)
         sp_log(SP_LOG_WARN, "volume %s is classified by the processor: %s",
@@ -193,30 +195,31 @@ void gl_lists_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
     voxels->refusals += voxels->refusals < DOUBLINGS;
 }
 
-static bool fail_budget(const struct gl_lists *lists, const char *what, uint64_t bytes,
+static bool fail_budget(const struct gl_residency *residency, const char *what, uint64_t bytes,
                         struct sp_error *err) {
     return sp_fail(err, SP_ERR_BUDGET, "",
                    "%s %llu bytes of video memory, and %llu are allowed: make fewer visible, or "
                    "allow more",
-                   what, (unsigned long long)bytes, (unsigned long long)lists->limit_bytes);
+                   what, (unsigned long long)bytes, (unsigned long long)residency->limit_bytes);
 }
 
 /* The least recently used list, and samples, that are not of this frame; NULL = none. */
-static struct gl_list *oldest_list(struct gl_lists *lists) {
-    struct gl_list *oldest = NULL;
+static struct gl_visible_list *oldest_list(struct gl_residency *residency) {
+    struct gl_visible_list *oldest = NULL;
     for (int i = 0; i < GL_LISTS; i++) {
-        struct gl_list *list = &lists->list[i];
-        if (list->volume && list->used <= lists->frame && (!oldest || list->used < oldest->used))
+        struct gl_visible_list *list = &residency->list[i];
+        if (list->volume && list->used <= residency->frame &&
+            (!oldest || list->used < oldest->used))
             oldest = list;
     }
     return oldest;
 }
 
-static struct gl_voxels *oldest_voxels(struct gl_lists *lists) {
+static struct gl_voxels *oldest_voxels(struct gl_residency *residency) {
     struct gl_voxels *oldest = NULL;
     for (int i = 0; i < GL_VOLUMES; i++) {
-        struct gl_voxels *voxels = &lists->voxels[i];
-        if (voxels->samples.name && voxels->used <= lists->frame &&
+        struct gl_voxels *voxels = &residency->voxels[i];
+        if (voxels->samples.name && voxels->used <= residency->frame &&
             (!oldest || voxels->used < oldest->used))
             oldest = voxels;
     }
@@ -225,15 +228,16 @@ static struct gl_voxels *oldest_voxels(struct gl_lists *lists) {
 
 /* Makes room for `more` bytes by dropping what was not used for the longest time, but nothing of
  * this frame. */
-static bool trim(struct gl_lists *lists, const char *what, uint64_t more, struct sp_error *err) {
-    more += lists->beside_bytes;
-    if (more > lists->limit_bytes)
-        return fail_budget(lists, what, more, err);
-    while (gl_lists_bytes(lists, NULL) + more > lists->limit_bytes) {
-        struct gl_list *list = oldest_list(lists);
-        struct gl_voxels *voxels = oldest_voxels(lists);
+static bool trim(struct gl_residency *residency, const char *what, uint64_t more,
+                 struct sp_error *err) {
+    more += residency->beside_bytes;
+    if (more > residency->limit_bytes)
+        return fail_budget(residency, what, more, err);
+    while (gl_residency_bytes(residency, NULL) + more > residency->limit_bytes) {
+        struct gl_visible_list *list = oldest_list(residency);
+        struct gl_voxels *voxels = oldest_voxels(residency);
         if (!list && !voxels)
-            return fail_budget(lists, what, gl_lists_bytes(lists, NULL) + more, err);
+            return fail_budget(residency, what, gl_residency_bytes(residency, NULL) + more, err);
         if (!voxels || (list && list->used < voxels->used))
             empty(list);
         else
@@ -242,28 +246,28 @@ static bool trim(struct gl_lists *lists, const char *what, uint64_t more, struct
     return true;
 }
 
-bool gl_lists_trim(struct gl_lists *lists, struct sp_error *err) {
-    return trim(lists, "the visible voxels and what the picture is drawn in take", 0, err);
+bool gl_residency_trim(struct gl_residency *residency, struct sp_error *err) {
+    return trim(residency, "the visible voxels and what the picture is drawn in take", 0, err);
 }
 
-bool gl_lists_drop_samples(struct gl_lists *lists) {
+bool gl_residency_drop_samples(struct gl_residency *residency) {
     bool had = false;
     for (int i = 0; i < GL_VOLUMES; i++) {
-        had = had || lists->voxels[i].samples.name;
-        gl_voxels_drop(&lists->voxels[i]);
+        had = had || residency->voxels[i].samples.name;
+        gl_voxels_drop(&residency->voxels[i]);
     }
     return had;
 }
 
-bool gl_lists_load(struct gl_lists *lists, struct gl_voxels *voxels, enum sp_tf_order order,
-                   const atomic_bool *cancel, struct sp_error *err) {
+bool gl_residency_load(struct gl_residency *residency, struct gl_voxels *voxels,
+                       enum sp_tf_order order, const atomic_bool *cancel, struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(voxels->volume);
     bool is_post = order == SP_TF_POST;
     uint64_t more = voxels->samples.name ? 0 : info->voxel_bytes;
     if (is_post) /* two of them for the length of a pass */
-        more += gl_reach_bytes(&info->grid) * (voxels->cells.name ? 2 : 3);
-    return (more == 0 || trim(lists, "its voxels and the visible ones take", more, err)) &&
-           gl_classify_load(&lists->classify, voxels, is_post, cancel, err);
+        more += gl_cell_bounds_bytes(&info->grid) * (voxels->cells.name ? 2 : 3);
+    return (more == 0 || trim(residency, "its voxels and the visible ones take", more, err)) &&
+           gl_classify_load(&residency->classify, voxels, is_post, cancel, err);
 }
 
 /* Bytes of a normal that the list is to have. */
@@ -273,38 +277,38 @@ static uint32_t normal_bytes(const struct gl_list_source *from) {
 }
 
 /* Memory for entries; one that can never have it is refused before it is made. */
-static bool reserve(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
-                    struct sp_error *err) {
+static bool reserve(struct gl_residency *residency, struct gl_visible_list *list,
+                    const struct gl_list_source *from, struct sp_error *err) {
     uint64_t count = from->level->visible.count, words = (count + 1) * sizeof(uint32_t);
     uint64_t normals = (count * list->normal_bytes + 7) / 4 * 4;
     const char *what =
         from->voxels ? "its voxels and the visible ones take" : "the visible voxels take";
     if (!list->normal_bytes)
         normals = 0;
-    return trim(lists, what, words + normals, err) &&
-           gl_buffer_reserve(&list->entries, "visible voxels", words, lists->block_bytes,
+    return trim(residency, what, words + normals, err) &&
+           gl_buffer_reserve(&list->entries, "visible voxels", words, residency->block_bytes,
                              GL_USE_KEPT, err) &&
-           (!normals || gl_buffer_reserve(&list->normals, "gradients", normals, lists->block_bytes,
-                                          GL_USE_KEPT, err));
+           (!normals || gl_buffer_reserve(&list->normals, "gradients", normals,
+                                          residency->block_bytes, GL_USE_KEPT, err));
 }
 
 /* Makes the entries on the GPU, or their classes alone. */
-static bool fill(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
-                 bool has_entries, struct sp_error *err) {
-    struct gl_classify *c = &lists->classify;
+static bool fill(struct gl_residency *residency, struct gl_visible_list *list,
+                 const struct gl_list_source *from, bool has_entries, struct sp_error *err) {
+    struct gl_classify *c = &residency->classify;
     enum sp_tf_order order = from->order;
     if (!from->finer)
-        return gl_lists_load(lists, from->voxels, order, from->cancel, err) &&
+        return gl_residency_load(residency, from->voxels, order, from->cancel, err) &&
                (has_entries ? gl_classify_color : gl_classify_fill)(c, from->voxels, from->level,
                                                                     list, from->cancel, err);
-    const struct gl_list *finer = gl_lists_get(lists, from->finer, err);
+    const struct gl_visible_list *finer = gl_residency_get(residency, from->finer, err);
     return finer && gl_classify_fill_mip(c, finer, order == SP_TF_POST, from->level, list,
                                          from->cancel, err);
 }
 
 /* Makes what of the list is not there. */
-static bool update(struct gl_lists *lists, struct gl_list *list, const struct gl_list_source *from,
-                   struct sp_error *err) {
+static bool update(struct gl_residency *residency, struct gl_visible_list *list,
+                   const struct gl_list_source *from, struct sp_error *err) {
     const struct sp_level *level = from->level;
     uint32_t wanted = normal_bytes(from);
     bool has_entries = list->list_made && (!wanted || list->normal_bytes == wanted) &&
@@ -319,20 +323,20 @@ static bool update(struct gl_lists *lists, struct gl_list *list, const struct gl
         list->has_keys = level->transfer.table && level->visible.key_bytes <= 2 &&
                          sp_transfer_key_bytes(&level->transfer) <= 2;
     }
-    if (!has_tables && !upload_tables(lists, list, from, err))
+    if (!has_tables && !upload_tables(residency, list, from, err))
         return false;
-    if (!has_entries && !reserve(lists, list, from, err))
+    if (!has_entries && !reserve(residency, list, from, err))
         return false;
     bool fills = from->voxels && (!has_entries || (!has_tables && !list->has_keys));
-    if (fills && !fill(lists, list, from, has_entries, err))
+    if (fills && !fill(residency, list, from, has_entries, err))
         return false;
-    if (!from->voxels && !has_entries && !upload_entries(lists, list, from, err))
+    if (!from->voxels && !has_entries && !upload_entries(residency, list, from, err))
         return false;
-    return trim(lists, "the visible voxels take", 0, err);
+    return trim(residency, "the visible voxels take", 0, err);
 }
 
 /* What a frame needs of the level beside the buffers; borrowed. */
-static void describe(struct gl_list *list, const struct sp_level *level) {
+static void describe(struct gl_visible_list *list, const struct sp_level *level) {
     list->grid = level->grid;
     memcpy(list->bricks, level->visible.bricks, sizeof list->bricks);
     list->count = level->visible.count;
@@ -342,14 +346,15 @@ static void describe(struct gl_list *list, const struct sp_level *level) {
     list->table_made = level->table_made;
 }
 
-const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct gl_list_source *from,
-                                   struct sp_error *err) {
-    struct gl_list *list = find(lists, from);
+const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
+                                               const struct gl_list_source *from,
+                                               struct sp_error *err) {
+    struct gl_visible_list *list = find(residency, from);
     if (!list)
-        list = take_place(lists);
+        list = take_place(residency);
     list->volume = from->volume;
-    list->used = ++lists->clock;
-    if (!update(lists, list, from, err)) {
+    list->used = ++residency->clock;
+    if (!update(residency, list, from, err)) {
         empty(list);
         return NULL;
     }
@@ -357,43 +362,43 @@ const struct gl_list *gl_lists_get(struct gl_lists *lists, const struct gl_list_
     return list;
 }
 
-void gl_lists_evict(struct gl_lists *lists, const struct sp_volume *volume) {
+void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *volume) {
     for (int i = 0; i < GL_LISTS; i++)
-        if (!volume || lists->list[i].volume == volume)
-            empty(&lists->list[i]);
+        if (!volume || residency->list[i].volume == volume)
+            empty(&residency->list[i]);
     for (int i = 0; i < GL_VOLUMES; i++)
-        if (!volume || lists->voxels[i].volume == volume)
-            empty_voxels(&lists->voxels[i]);
+        if (!volume || residency->voxels[i].volume == volume)
+            empty_voxels(&residency->voxels[i]);
 }
 
-void gl_lists_lose(struct gl_lists *lists) {
+void gl_residency_lose(struct gl_residency *residency) {
     for (int i = 0; i < GL_LISTS; i++)
-        lists->list[i] = (struct gl_list){ 0 };
+        residency->list[i] = (struct gl_visible_list){ 0 };
     for (int i = 0; i < GL_VOLUMES; i++) {
-        sp_volume_unref(&lists->voxels[i].volume);
-        lists->voxels[i] = (struct gl_voxels){ 0 };
+        sp_volume_unref(&residency->voxels[i].volume);
+        residency->voxels[i] = (struct gl_voxels){ 0 };
     }
 }
 
-uint64_t gl_lists_bytes(const struct gl_lists *lists, const struct sp_volume *volume) {
+uint64_t gl_residency_bytes(const struct gl_residency *residency, const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < GL_LISTS; i++)
-        if (!volume || lists->list[i].volume == volume)
-            bytes += list_bytes(&lists->list[i]);
+        if (!volume || residency->list[i].volume == volume)
+            bytes += list_bytes(&residency->list[i]);
     for (int i = 0; i < GL_VOLUMES; i++)
-        if (!volume || lists->voxels[i].volume == volume)
-            bytes += gl_voxels_bytes(&lists->voxels[i]);
+        if (!volume || residency->voxels[i].volume == volume)
+            bytes += gl_voxels_bytes(&residency->voxels[i]);
     return bytes;
 }
 
-bool gl_lists_init(struct gl_lists *lists, bool software, uint64_t block_bytes,
-                   struct sp_error *err) {
-    lists->block_bytes = lists->classify.block_bytes = block_bytes;
-    lists->classify.uploaded = &lists->uploaded;
-    return gl_classify_init(&lists->classify, software, err);
+bool gl_residency_init(struct gl_residency *residency, bool software, uint64_t block_bytes,
+                       struct sp_error *err) {
+    residency->block_bytes = residency->classify.block_bytes = block_bytes;
+    residency->classify.uploaded = &residency->uploaded;
+    return gl_classify_init(&residency->classify, software, err);
 }
 
-void gl_lists_finish(struct gl_lists *lists) {
-    gl_lists_evict(lists, NULL);
-    gl_classify_finish(&lists->classify);
+void gl_residency_finish(struct gl_residency *residency) {
+    gl_residency_evict(residency, NULL);
+    gl_classify_finish(&residency->classify);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/gl/back.h"
+#include "backend/gl/readback.h"
 
 #include <assert.h>
 #include <epoxy/gl.h>
@@ -39,60 +39,61 @@ bool gl_fence_wait(void **fence, const atomic_bool *cancel, struct sp_error *err
     return is_passed || sp_fail(err, SP_ERR_BACKEND, "", "the GPU does not answer");
 }
 
-bool gl_back_reserve(struct gl_back *back, uint64_t bytes, struct sp_error *err) {
-    bool grows = bytes > back->buffer.bytes;
+bool gl_readback_reserve(struct gl_readback *readback, uint64_t bytes, struct sp_error *err) {
+    bool grows = bytes > readback->buffer.bytes;
     if (grows)
-        back->mapped = NULL; /* ends with the buffer */
-    if (!gl_buffer_reserve(&back->buffer, "picture that is read back", bytes, 0, GL_USE_READ, err))
+        readback->mapped = NULL; /* ends with the buffer */
+    if (!gl_buffer_reserve(&readback->buffer, "picture that is read back", bytes, 0, GL_USE_READ,
+                           err))
         return false;
     if (!grows)
         return true;
-    glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
+    glBindBuffer(GL_COPY_READ_BUFFER, readback->buffer.name);
     if (gl_buffer_stays_mapped(GL_USE_READ))
-        back->mapped =
-            glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)back->buffer.bytes,
+        readback->mapped =
+            glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)readback->buffer.bytes,
                              GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT);
     return gl_check("given its way back", err);
 }
 
-void gl_back_finish(struct gl_back *back) {
-    gl_fence_drop(&back->fence);
-    gl_buffer_finish(&back->buffer);
-    *back = (struct gl_back){ 0 };
+void gl_readback_finish(struct gl_readback *readback) {
+    gl_fence_drop(&readback->fence);
+    gl_buffer_finish(&readback->buffer);
+    *readback = (struct gl_readback){ 0 };
 }
 
-void gl_back_begin(struct gl_back *back) {
-    back->used = 0;
+void gl_readback_begin(struct gl_readback *readback) {
+    readback->used = 0;
 }
 
-void gl_back_copy(struct gl_back *back, const struct gl_buffer *from, uint64_t bytes) {
-    assert(back->used + bytes <= back->buffer.bytes);
-    glBindBuffer(GL_COPY_WRITE_BUFFER, back->buffer.name);
+void gl_readback_copy(struct gl_readback *readback, const struct gl_buffer *from, uint64_t bytes) {
+    assert(readback->used + bytes <= readback->buffer.bytes);
+    glBindBuffer(GL_COPY_WRITE_BUFFER, readback->buffer.name);
     glBindBuffer(GL_COPY_READ_BUFFER, from->name);
-    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, (GLintptr)back->used,
+    glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, (GLintptr)readback->used,
                         (GLsizeiptr)bytes);
-    back->used += bytes;
+    readback->used += bytes;
 }
 
-void gl_back_send(struct gl_back *back) {
-    gl_fence_set(&back->fence);
+void gl_readback_send(struct gl_readback *readback) {
+    gl_fence_set(&readback->fence);
 }
 
-const unsigned char *gl_back_read(struct gl_back *back, struct sp_error *err) {
-    if (back->mapped)
-        return back->mapped;
-    glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
+const unsigned char *gl_readback_read(struct gl_readback *readback, struct sp_error *err) {
+    if (readback->mapped)
+        return readback->mapped;
+    glBindBuffer(GL_COPY_READ_BUFFER, readback->buffer.name);
     const unsigned char *data =
-        glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)back->used, GL_MAP_READ_BIT);
+        glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)readback->used, GL_MAP_READ_BIT);
     if (!data && gl_check("read back", err))
         sp_fail(err, SP_ERR_BACKEND, "", "the frame cannot be read back");
     return data;
 }
 
-bool gl_back_close(struct gl_back *back, struct sp_error *err) {
-    if (back->mapped)
+bool gl_readback_close(struct gl_readback *readback, struct sp_error *err) {
+    if (readback->mapped)
         return true;
-    glBindBuffer(GL_COPY_READ_BUFFER, back->buffer.name);
+    glBindBuffer(GL_COPY_READ_BUFFER, readback->buffer.name);
     return glUnmapBuffer(GL_COPY_READ_BUFFER) ||
            sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was read back");
 }

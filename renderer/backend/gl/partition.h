@@ -16,11 +16,11 @@
  *     by distance
  *   room for layers or records      batches
  */
-#ifndef GL_CUT_H
-#define GL_CUT_H
+#ifndef GL_PARTITION_H
+#define GL_PARTITION_H
 
 #include "backend/gl/program.h"
-#include "backend/gl/volume.h"
+#include "backend/gl/residency.h"
 #include "base/arena.h"
 #include "splat/camera.h"
 #include "splat/detail.h"
@@ -41,23 +41,23 @@ struct gl_batch {
 };
 
 /* What bricks are taken from; their memory may go afterwards. */
-struct gl_cut_source {
+struct gl_partition_source {
     const struct sp_volume *volume;
-    const struct gl_list *const *lists; /* [SP_LEVELS] */
-    const struct sp_detail *detail;     /* sheets: the bricks, of all levels */
-    unsigned level;                     /* by distance: all of one level's, … */
-    bool is_enlarged;                   /* … drawn so */
+    const struct gl_visible_list *const *lists; /* [SP_LEVELS] */
+    const struct sp_detail *detail;             /* sheets: the bricks, of all levels */
+    unsigned level;                             /* by distance: all of one level's, … */
+    bool is_enlarged;                           /* … drawn so */
 };
 
 /* Layers by distance: layer k of the eye's is [k, k + 1) · thickness away. World units. */
-struct gl_cut_depth {
+struct gl_partition_depth {
     const struct sp_camera_frame *camera;
     double thickness;
     double reach;    /* of a kernel before and behind its voxel; single splats: 0 */
     double farthest; /* all beyond is as far */
 };
 
-struct gl_cut {
+struct gl_partition {
     struct sp_arena kept, pieces; /* of bricks; of batches and chunks */
     struct gl_item *items;        /* bricks that are not empty, level by level */
     uint32_t item_count;
@@ -86,19 +86,21 @@ struct gl_cut {
     uint32_t layers, records; /* room of a batch */
 };
 
-void gl_cut_init(struct gl_cut *cut);
-void gl_cut_finish(struct gl_cut *cut);
+void gl_partition_init(struct gl_partition *partition);
+void gl_partition_finish(struct gl_partition *partition);
 
-/* The layers of a frame: sheets along `axis`, sheets[count] as in struct gl_cut; or by distance.
- * SP_ERR_MEMORY. */
-bool gl_cut_sheets(struct gl_cut *cut, const struct gl_cut_source *from, unsigned axis,
-                   const uint32_t *sheets, uint32_t count, struct sp_error *err);
-bool gl_cut_distances(struct gl_cut *cut, const struct gl_cut_source *from,
-                      const struct gl_cut_depth *depth, struct sp_error *err);
+/* The layers of a frame: sheets along `axis`, sheets[count] as in struct gl_partition; or by
+ * distance. SP_ERR_MEMORY. */
+bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partition_source *from,
+                         unsigned axis, const uint32_t *sheets, uint32_t count,
+                         struct sp_error *err);
+bool gl_partition_distances(struct gl_partition *partition, const struct gl_partition_source *from,
+                            const struct gl_partition_depth *depth, struct sp_error *err);
 
 /* Then the batches, of at most `layers` layers and `records` records, which is at least
  * SP_BRICK_VOXELS; may be called again. They are valid until the next frame's layers are made.
  * SP_ERR_MEMORY. */
-bool gl_cut_make(struct gl_cut *cut, uint32_t layers, uint32_t records, struct sp_error *err);
+bool gl_partition_make(struct gl_partition *partition, uint32_t layers, uint32_t records,
+                       struct sp_error *err);
 
 #endif

@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/workload.h"
+
+#include "backend/gl/program.h"
+#include "classify/visible.h"
+
+enum {
+    LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
+    HALVINGS_MOST = 6,
+    SPAN_ROUNDS = 3,   /* of a splat in one layer of one tile */
+    ORDER_ROUNDS = 24, /* for a pair while its bin is put in order */
+    SHORT = 5          /* of what is long: doubled, it is not long yet */
+};
+
+static uint32_t most(uint32_t a, uint32_t b) {
+    return a > b ? a : b;
+}
+
+struct gl_limits gl_workload_limits(const struct gl_workload *workload) {
+    struct gl_limits limits = workload->limits;
+    limits.records = most(limits.records >> workload->halvings, SP_BRICK_VOXELS);
+    limits.record_bytes >>= workload->halvings;
+    limits.bins = most(limits.bins >> workload->halvings, 1);
+    limits.tiles = most(limits.tiles >> workload->halvings, 1);
+    limits.loops = most(limits.loops >> workload->halvings, 1);
+    limits.pairs = limits.pairs >> workload->halvings > 1 ? limits.pairs >> workload->halvings : 1;
+    return limits;
+}
+
+static uint32_t records_of(const struct gl_workload *workload, const struct gl_costs *costs) {
+    const struct gl_limits limits = gl_workload_limits(workload);
+    uint64_t records = workload->records < limits.records ? workload->records : limits.records;
+    uint64_t fit = limits.record_bytes / (costs->record_bytes + GL_SPAN_BYTES);
+    uint64_t block = costs->block_bytes ? costs->block_bytes / costs->record_bytes : records;
+    records = records < fit ? records : fit;
+    return most((uint32_t)(records < block ? records : block), SP_BRICK_VOXELS);
+}
+
+/* The crowd of a single brick is put in order however long that takes: no batch is smaller. */
+static uint32_t bin_pairs_of(const struct gl_workload *workload, uint32_t records) {
+    const struct gl_limits limits = gl_workload_limits(workload);
+    return records > SP_BRICK_VOXELS ? limits.loops / (ORDER_ROUNDS * limits.dear)
+                                     : workload->limits.loops / ORDER_ROUNDS;
+}
+
+struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
+                                  const struct gl_costs *costs) {
+    const struct gl_limits limits = gl_workload_limits(workload);
+    uint32_t records = records_of(workload, costs);
+    uint32_t rounds = costs->pair_rounds + costs->pair_loads * limits.dear;
+    return (struct gl_pieces){ .records = records,
+                               .pairs = workload->pairs,
+                               .turn_pairs = most(limits.loops / rounds, 1),
+                               .turns = workload->turns,
+                               .bin_pairs = most(bin_pairs_of(workload, records), 1),
+                               /* Each is an atomic addition; a row of tiles is the least. */
+                               .splat_rounds =
+                                   most(limits.loops / limits.dear, SPAN_ROUNDS * costs->columns),
+                               .halvings = workload->halvings };
+}
+
+bool gl_workload_halve(struct gl_workload *workload) {
+    if (workload->halvings == HALVINGS_MOST)
+        return false;
+    workload->halvings++;
+    workload->calm = 0;
+    uint64_t pairs = gl_workload_limits(workload).pairs;
+    workload->pairs = workload->pairs < pairs ? workload->pairs : pairs;
+    return true;
+}
+
+void gl_workload_adapt(struct gl_workload *workload, const struct gl_pieces *was,
+                       double longest_ms) {
+    if (longest_ms > workload->limits.dispatch_ms) {
+        workload->calm = 0;
+        if (was->halvings == workload->halvings) /* else that was answered already */
+            gl_workload_halve(workload);
+        return;
+    }
+    workload->calm = longest_ms < workload->limits.dispatch_ms / SHORT ? workload->calm + 1 : 0;
+    if (workload->calm < GL_CALM)
+        return;
+    workload->calm = 0;
+    workload->halvings -= workload->halvings > 0;
+}
+
+void gl_workload_init(struct gl_workload *workload) {
+    const struct gl_limits *limits = &workload->limits;
+    workload->pairs = limits->pairs < GL_PAIRS_MIN ? limits->pairs : GL_PAIRS_MIN;
+    workload->records = limits->records;
+    workload->layers = LAYERS_MOST;
+    workload->rows = limits->tiles;
+    workload->turns = 1;
+    workload->halvings = workload->calm = 0;
+}
+
+static bool has_turns(const struct gl_pieces *was, const struct gl_bins_head *head) {
+    return head->longest <= (uint64_t)was->turn_pairs * was->turns;
+}
+
+bool gl_workload_fits(const struct gl_pieces *was, const struct gl_bins_head *head) {
+    return head->needed <= was->pairs && head->crowded <= was->bin_pairs &&
+           head->widest <= was->splat_rounds && has_turns(was, head);
+}
+
+/* What has to shrink by this factor, < 1, so that something fits. */
+static uint32_t shrink(uint32_t size, double factor) {
+    uint32_t less = (uint32_t)(0.9 * factor * size);
+    return less > 1 ? less : 1;
+}
+
+static bool fail_pairs(const struct gl_workload *workload, const struct gl_bins_head *head,
+                       struct sp_error *err) {
+    return sp_fail(err, SP_ERR_BUDGET, "",
+                   "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
+                   "room for %llu: use a smaller kernel or picture",
+                   (unsigned long)head->needed, (unsigned long long)workload->limits.pairs);
+}
+
+static bool fail_order(const struct gl_pieces *was, const struct gl_bins_head *head,
+                       struct sp_error *err) {
+    return sp_fail(err, SP_ERR_BUDGET, "",
+                   "%lu splats at one distance lie over the same %d px, and the GPU puts %lu in "
+                   "order: use a larger picture, or let the level of detail be chosen",
+                   (unsigned long)head->crowded, (int)GL_TILE, (unsigned long)was->bin_pairs);
+}
+
+static void shrink_records(struct gl_workload *workload, const struct gl_pieces *was,
+                           double factor) {
+    uint32_t less = shrink(was->records, factor);
+    workload->records = less > SP_BRICK_VOXELS ? less : SP_BRICK_VOXELS;
+}
+
+static void grow_pairs(struct gl_workload *workload, const struct gl_bins_head *head,
+                       uint64_t limit) {
+    uint64_t more = (uint64_t)head->needed + head->needed / 4;
+    workload->pairs = more > limit ? limit : more > workload->pairs ? more : workload->pairs;
+}
+
+static bool make_room_for_pairs(struct gl_workload *workload, const struct gl_pieces *was,
+                                const struct gl_bins_head *head, struct sp_error *err) {
+    uint64_t wanted = gl_workload_limits(workload).pairs;
+    double factor = (double)wanted / head->needed;
+    if (head->needed <= wanted)
+        grow_pairs(workload, head, wanted);
+    else if (was->layers > 1)
+        workload->layers = shrink(was->layers, factor);
+    else if (was->records > SP_BRICK_VOXELS)
+        shrink_records(workload, was, factor);
+    else if (was->rows > 1)
+        workload->rows = shrink(was->rows, factor);
+    else if (head->needed <= workload->limits.pairs) /* a long dispatch is better than no picture */
+        grow_pairs(workload, head, workload->limits.pairs);
+    else
+        return fail_pairs(workload, head, err);
+    return true;
+}
+
+/* A row of tiles in one layer has the rounds that a splat is allowed at least. */
+static void make_narrower(struct gl_workload *workload, const struct gl_pieces *was,
+                          const struct gl_bins_head *head) {
+    double factor = (double)was->splat_rounds / head->widest;
+    if (was->rows > 1)
+        workload->rows = shrink(was->rows, factor);
+    else
+        workload->layers = shrink(was->layers, factor);
+}
+
+bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was,
+                       const struct gl_bins_head *head, struct sp_error *err) {
+    if (head->needed > was->pairs && !make_room_for_pairs(workload, was, head, err))
+        return false;
+    if (head->widest > was->splat_rounds)
+        make_narrower(workload, was, head);
+    if (head->crowded > was->bin_pairs) {
+        if (was->records <= SP_BRICK_VOXELS)
+            return fail_order(was, head, err);
+        shrink_records(workload, was, (double)was->bin_pairs / head->crowded);
+    }
+    if (!has_turns(was, head)) {
+        uint32_t turns = gl_divide_up(head->longest, was->turn_pairs);
+        turns += turns / 4;
+        workload->turns = turns > workload->turns ? turns : workload->turns;
+    }
+    return true;
+}
+
+void gl_workload_grow(struct gl_workload *workload, const struct gl_pieces *was,
+                      const struct gl_bins_head *head) {
+    const struct gl_limits *limits = &workload->limits;
+    if (head->longest <= (uint64_t)was->turn_pairs * was->turns / 4 && workload->turns > 1)
+        workload->turns -= workload->turns / 2;
+    if (head->needed > gl_workload_limits(workload).pairs / 4 ||
+        head->crowded > was->bin_pairs / 4 || head->widest > was->splat_rounds / 4)
+        return;
+    workload->layers = workload->layers < LAYERS_MOST / 2 ? 2 * workload->layers : LAYERS_MOST;
+    workload->records =
+        workload->records < limits->records / 2 ? 2 * workload->records : limits->records;
+    workload->rows = workload->rows < limits->tiles / 2 ? 2 * workload->rows : limits->tiles;
+}
