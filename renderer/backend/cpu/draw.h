@@ -1,36 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One frame on the CPU.
+ * One frame on the CPU, by one of two paths:
  *
- *   classify ─► for each band of tiles:
- *                 for each batch of visible voxels, front to back, until every tile is saturated:
- *                   splat   blocks of voxels → records              parallel over blocks
- *                   bin     records → lists a tile                  parallel over blocks
- *                   tile    lists → sheet sums → composited         parallel over tiles
- *                 resolve   composited → pixels                     parallel over tiles
- *
- * Batches bound the memory of records, bands that of tiles, whatever the volume and the picture;
- * where they are cut depends on neither threads nor time, and so neither does the image.
+ *   frame.c     camera, mip levels, classified lists                       every frame
+ *   postconv/   fast path: sheets, tile by tile, without footprints        see cpu_draw()
+ *   general.c   general path: every footprint is set up, binned and added  all other frames
  */
 #ifndef SP_BACKEND_CPU_DRAW_H
 #define SP_BACKEND_CPU_DRAW_H
 
-#include "backend/backend.h"
-#include "backend/cpu/kernels.h"
-#include "base/arena.h"
-#include "classify/cache.h"
-#include "postconv/postconv.h"
+#include "backend/cpu/frame.h"
 
-struct cpu_state {
-    struct sp_pool *pool;
-    struct sp_arena arena; /* of one frame */
-    struct cpu_kernels kernels;
-    struct sp_classify_cache cache;
-    struct sp_cubic_table cubic;
-    struct sp_postconv_tables postconv;
-    char device[SP_DEVICE_NAME];
-};
-
+/* Draws every pixel and fills the stats.
+ *
+ * The fast path is taken if all of these hold; otherwise the general path draws the frame:
+ *   1. the instruction set uses it (cpu_kernels.has_fast_path: every set except scalar);
+ *   2. sp_postconv_can_draw(): sheets of Gaussians with a cutoff of at least 3, classified before
+ *      splatting, on an evenly spaced grid, with nothing clipped;
+ *   3. sp_postconv_is_worthwhile(): filters serve at least three quarters of the voxels that the
+ *      tiles look at, which is not so if the eye is close to the voxels.
+ *
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err);
 
 #endif

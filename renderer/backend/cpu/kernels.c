@@ -8,10 +8,10 @@
 
 extern const struct cpu_kernels cpu_table_sse41, cpu_table_avx2, cpu_table_avx512, cpu_table_neon;
 
-/* Rising; NULL = this program is compiled for another architecture. */
+/* In rising order; table NULL = this program is compiled for another architecture. */
 static const struct {
     const char *name;
-    uint32_t feature; /* of the processor; 0 = none is needed */
+    uint32_t feature; /* SP_CPU_… that it needs; 0 = none */
     const struct cpu_kernels *table;
 } isas[] = {
     { "scalar", 0, &cpu_table },
@@ -40,17 +40,17 @@ const char *cpu_isa_at(unsigned i) {
 }
 
 static bool refuse(const char *isa, bool is_known, struct sp_error *err) {
-    char there[80] = "auto";
+    char available[80] = "auto";
     for (unsigned i = 0; i < ISAS; i++)
         if (can_run(i)) {
-            size_t n = strlen(there);
-            snprintf(there + n, sizeof there - n, ", %s", isas[i].name);
+            size_t n = strlen(available);
+            snprintf(available + n, sizeof available - n, ", %s", isas[i].name);
         }
     if (is_known)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, "", "this machine does not run %s; there are %s",
-                       isa, there);
-    return sp_fail(err, SP_ERR_INVALID, "", "no instruction set is called \"%.64s\"; there are %s",
-                   isa, there);
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "",
+                       "this machine cannot run instruction set %s; available: %s", isa, available);
+    return sp_fail(err, SP_ERR_INVALID, "", "unknown instruction set \"%.64s\"; available: %s", isa,
+                   available);
 }
 
 bool cpu_kernels_init(struct cpu_kernels *kernels, const char *isa, struct sp_error *err) {

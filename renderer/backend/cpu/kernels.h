@@ -2,9 +2,9 @@
  *
  * The CPU backend: the stages of classify/, splat/ and tile/ as a graph of parallel loops.
  *
- * This header is its table of kernels, the loops over voxels and pixels. They are written once and
- * compiled once an instruction set (base/isa.h); each set has a table of its own, which table.c
- * fills in the same way. The scalar one is the reference that the others are held to.
+ * This header is the table of kernels: the loops over voxels and pixels. Each kernel is written
+ * once and compiled once per instruction set (base/isa.h). table.c fills the table of each set. The
+ * scalar set is the reference that the others are held to.
  */
 #ifndef SP_BACKEND_CPU_KERNELS_H
 #define SP_BACKEND_CPU_KERNELS_H
@@ -17,8 +17,8 @@
 struct cpu_kernels {
     const char *isa; /* "scalar", "sse41", … */
     unsigned lanes;  /* SP_WIDE of that set */
-    /* What of a view is set up, added and composited so many at a time; ends with NULL. A voxel's
-     * class and a pixel's class are looked up one by one, and so is how planes cut a voxel. */
+    /* The choices of a view that are set up, added and composited `lanes` at a time; ends with
+     * NULL. Classes of voxels and pixels, and how planes clip a voxel, are computed one by one. */
     const char *const *vectorised;
     uint32_t (*set_up)(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
                        const struct sp_splats *out); /* sp_ewa_set_up() */
@@ -36,15 +36,17 @@ struct cpu_kernels {
                             float *out); /* sp_resolve_rgbaf32() */
 };
 
-/* Of the set that a source is compiled for: scalar's is called cpu_table, avx2's cpu_table_avx2. */
+/* The table of the set that the including source is compiled for: cpu_table for scalar,
+ * cpu_table_avx2 for avx2, and so on. */
 extern const struct cpu_kernels cpu_table;
 
-/* The names of instruction sets, those that this program was not compiled for too; NULL past the
- * end. The first is "scalar", and later ones are preferred. */
+/* The name of instruction set i, also if this program was not compiled for it; NULL past the end.
+ * The first is "scalar"; later ones are preferred. */
 const char *cpu_isa_at(unsigned i);
 
-/* The table of that set; "auto" is the last in cpu_isa_at()'s order that this machine can run. A
- * set that there is not here is SP_ERR_UNSUPPORTED, another name SP_ERR_INVALID. */
+/* Copies the table of the named set; "auto" is the last one in the order of cpu_isa_at() that this
+ * machine can run. SP_ERR_UNSUPPORTED if this machine or this build cannot run the set,
+ * SP_ERR_INVALID if the name is unknown. */
 bool cpu_kernels_init(struct cpu_kernels *kernels, const char *isa, struct sp_error *err);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The table of one instruction set: compiled beside its kernels, with their flags and names
- * (base/isa.h).
+ * The table of one instruction set. It is compiled once per set, with the flags and names of its
+ * kernels (base/isa.h).
  */
 #include "backend/cpu/kernels.h"
 #include "frame/resolve.h"

@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/cpu/frame.h"
+
+#include <math.h>
+
+#include "splat/adaptive.h"
+#include "splat/slices.h"
+
+_Static_assert((int)SP_MIP_LEVEL_MAX < (int)SP_LEVELS, "a level for each value of mip_level");
+
+bool cpu_fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+                   arena->failed ? arena->failed : "data");
+}
+
+/* Sheets of footprints mix bricks of several levels. All other compositing draws one level: the
+ * finest that some brick needs. */
+static uint32_t levels_drawn(const struct cpu_frame *f) {
+    bool is_mixed = f->job->view->compositing.mode == SP_COMPOSITE_SHEET;
+    return is_mixed ? f->detail.levels : 1u << f->finest;
+}
+
+bool cpu_frame_is_enlarged(const struct cpu_frame *f) {
+    for (uint32_t i = 0; i < f->detail.count; i++)
+        if (f->detail.bricks[i].level == f->finest && f->detail.bricks[i].is_enlarged)
+            return true;
+    return false;
+}
+
+static bool choose_levels(struct cpu_frame *f, struct sp_error *err) {
+    const struct sp_grid *grid = &sp_volume_info(f->job->volume)->grid;
+    struct sp_arena *arena = &f->state->arena;
+    unsigned levels = sp_detail_levels(grid->dims, SP_LEVELS);
+    struct sp_detail_job job = { .camera = &f->camera,
+                                 .grid = grid,
+                                 .view = f->job->view,
+                                 .floor = f->mip_level,
+                                 .levels = levels > f->mip_level ? levels : f->mip_level + 1 };
+    if (!sp_detail_choose(&job, arena, &f->detail))
+        return cpu_fail_memory(arena, err);
+    f->finest = (unsigned)__builtin_ctz(f->detail.levels);
+    return true;
+}
+
+static bool classify(struct cpu_frame *f, struct sp_error *err) {
+    const struct sp_view *view = f->job->view;
+    struct sp_classify_cache *cache = &f->state->cache;
+    struct sp_classify_job job = { .tf = &view->transfer_function,
+                                   .levels = levels_drawn(f),
+                                   .axis = f->axis,
+                                   .normals = view->shading.mode == SP_SHADING_PHONG ||
+                                              view->transfer_function.gradient_count > 0 ||
+                                              view->transfer_function.order == SP_TF_POST,
+                                   .reach = sp_kernel_reach(&view->filter),
+                                   .bytes_max = cache->limit_bytes,
+                                   .pool = f->state->pool,
+                                   .cancel = f->job->cancel,
+                                   .pause = f->job->pause };
+    const struct sp_classification *classification =
+        sp_classify_cache_get(cache, f->job->volume, &job, err);
+    if (!classification)
+        return false;
+    f->visible = classification->visible;
+    f->levels = classification->levels;
+    return true;
+}
+
+/* Chooses the filter of each brick of a level (adaptive). A brick whose voxels are small enough
+ * gets the filter that the voxels of the finest level would have. */
+static const uint8_t *choose_modes(struct cpu_frame *f, unsigned level, bool enlarged) {
+    struct sp_adaptive adaptive;
+    struct sp_view view = *f->job->view;
+    const struct sp_grid *grid = &f->parts[level].level->grid;
+    uint8_t *modes = sp_arena_alloc(&f->state->arena, "filter modes", sp_adaptive_count(grid), 1);
+    if (!enlarged)
+        view.filter.sigma = ldexp(view.filter.sigma, -(int)level);
+    if (modes) {
+        sp_adaptive_init(&adaptive, &f->camera, grid, &view);
+        sp_adaptive_fill(&adaptive, modes);
+    }
+    return modes;
+}
+
+static bool init_part(struct cpu_frame *f, unsigned level, bool enlarged, struct sp_error *err) {
+    const struct sp_view *view = f->job->view;
+    struct sp_level_frame *part = &f->parts[level];
+    struct sp_ewa_frame *ewa = &part->ewa[enlarged];
+    struct sp_view own = *view;
+    part->level = &f->levels[level];
+    own.filter = sp_detail_filter(&view->filter, level, enlarged);
+    sp_ewa_frame_init(ewa, &f->camera, &part->level->grid, &own);
+    sp_clip_frame_init(&ewa->clip, &f->camera, &f->levels[0].grid, &view->clip, ewa->unit);
+    if (view->filter.mode == SP_FILTER_ADAPTIVE)
+        part->modes[enlarged] = choose_modes(f, level, enlarged);
+    return view->filter.mode != SP_FILTER_ADAPTIVE || part->modes[enlarged] ||
+           cpu_fail_memory(&f->state->arena, err);
+}
+
+static bool init_parts(struct cpu_frame *f, struct sp_error *err) {
+    uint32_t levels = levels_drawn(f);
+    for (unsigned l = 0; levels >> l; l++)
+        if (levels >> l & 1 && !(init_part(f, l, false, err) && init_part(f, l, true, err)))
+            return false;
+    f->level = f->parts[f->finest].level;
+    f->ewa = &f->parts[f->finest].ewa[cpu_frame_is_enlarged(f)];
+    return true;
+}
+
+bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct sp_backend_job *job,
+                    struct sp_error *err) {
+    const struct sp_view *view = job->view;
+    *f = (struct cpu_frame){ .job = job, .state = state, .axis = SP_NO_AXIS };
+    double clock = sp_job_clock_ms(job);
+    /* A scalar averaged over 4³ voxels is another object to the transfer function. */
+    bool is_post = view->transfer_function.order == SP_TF_POST;
+    f->mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level;
+    sp_camera_frame_init(&f->camera, &view->camera, view->size);
+    if (view->compositing.mode == SP_COMPOSITE_SHEET)
+        f->axis = sp_slices_major_axis(&f->camera, &sp_volume_info(job->volume)->grid);
+    if (view->shading.mode == SP_SHADING_PHONG) {
+        sp_shade_init(&f->shade, &f->camera, &view->shading);
+        f->shading = &f->shade;
+    }
+    if (!choose_levels(f, err) || !classify(f, err) || !init_parts(f, err))
+        return false;
+    cpu_frame_add_time(f, CPU_CLASSIFY, clock);
+    return true;
+}

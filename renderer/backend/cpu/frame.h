@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What both paths of the CPU backend need of a frame: camera, mip levels, classified lists, and the
+ * constants that set up footprints.
+ */
+#ifndef SP_BACKEND_CPU_FRAME_H
+#define SP_BACKEND_CPU_FRAME_H
+
+#include "backend/backend.h"
+#include "backend/cpu/kernels.h"
+#include "base/arena.h"
+#include "classify/cache.h"
+#include "postconv/postconv.h"
+#include "splat/cubic.h"
+
+struct cpu_state {
+    struct sp_pool *pool;
+    struct sp_arena arena; /* of one frame */
+    struct cpu_kernels kernels;
+    struct sp_classify_cache cache;
+    struct sp_cubic_table cubic;
+    struct sp_postconv_tables postconv;
+    char device[SP_DEVICE_NAME];
+};
+
+enum cpu_stage { CPU_CLASSIFY, CPU_SPLAT, CPU_BIN, CPU_TILE, CPU_RESOLVE, CPU_STAGES };
+
+struct cpu_frame {
+    const struct sp_backend_job *job;
+    struct cpu_state *state;
+    double stage_ms[CPU_STAGES];
+    struct sp_camera_frame camera;
+    struct sp_detail detail; /* the bricks and their levels */
+    unsigned axis;           /* of the sheets; SP_NO_AXIS = not sheet compositing */
+    unsigned mip_level;      /* the job's: no finer level is drawn */
+    unsigned finest;         /* the finest level that is drawn */
+    uint64_t visible;        /* visible voxels of the volume */
+    const struct sp_level *levels;
+    struct sp_level_frame parts[SP_LEVELS];
+    const struct sp_level *level;   /* levels[finest] */
+    const struct sp_ewa_frame *ewa; /* of that level */
+    struct sp_shade shade;          /* set if the view is lit */
+    const struct sp_shade *shading; /* &shade; NULL = not lit */
+};
+
+/* Chooses the levels and classifies them. Memory is the state's arena, which the caller has reset.
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool cpu_frame_init(struct cpu_frame *frame, struct cpu_state *state,
+                    const struct sp_backend_job *job, struct sp_error *err);
+
+/* True if the frame's one level is enlarged in some of its bricks (sp_detail_brick.is_enlarged). */
+bool cpu_frame_is_enlarged(const struct cpu_frame *frame);
+
+static inline bool cpu_frame_is_cancelled(const struct cpu_frame *frame) {
+    return sp_job_is_cancelled(frame->job);
+}
+
+/* Adds the time since `since` to a stage; returns the time now [ms]. */
+static inline double cpu_frame_add_time(struct cpu_frame *frame, enum cpu_stage stage,
+                                        double since) {
+    double now = sp_job_clock_ms(frame->job);
+    frame->stage_ms[stage] += now - since;
+    return now;
+}
+
+/* Fills the stats that do not depend on the path. */
+static inline void cpu_frame_write_stats(const struct cpu_frame *frame) {
+    struct sp_frame_stats *stats = &frame->job->frame->stats;
+    stats->mip_level = frame->mip_level;
+    stats->visible_voxels = frame->mip_level ? frame->level->visible.count : frame->visible;
+}
+
+/* Fails with SP_ERR_MEMORY and the name of the allocation that failed; returns false. */
+bool cpu_fail_memory(const struct sp_arena *arena, struct sp_error *err);
+
+#endif
