@@ -157,7 +157,7 @@ struct probing {
 
 static void note_gpu(void *user, const struct sp_device *device) {
     struct probing *probing = user;
-    probing->works = probing->works || (device->is_gpu && !device->refusal[0]);
+    probing->works = probing->works || (device->is_gpu && device->refusal_code == SP_OK);
     probing->visit(probing->user, device);
 }
 
@@ -165,9 +165,11 @@ bool sp_probe(sp_device_visit *visit, void *user) {
     const struct sp_backend_options options = {
         .threads = count_cores(), .memory_bytes = half_of_memory(), .isa = "auto", .gpu = -1
     };
-    const struct sp_device none = {
-        .backend = "none", .place = "GPU", .refusal = "this build has no backend for one", .gpu = -1
-    };
+    const struct sp_device none = { .backend = "none",
+                                    .place = "GPU",
+                                    .refusal_code = SP_ERR_UNSUPPORTED,
+                                    .refusal = "this build has no backend for one",
+                                    .gpu = -1 };
     struct probing probing = { .visit = visit, .user = user };
     bool has_gpu = false;
     const struct sp_backend *backend;

@@ -5,9 +5,9 @@
  *
  *   renderer.c ── validate, check capabilities, time ──► backend ── stages ──► frame
  *
- * The front door does the checking and the backend trusts it: a view that reaches render() is valid
- * and asks for nothing outside the capabilities. Calls for one state come from one thread at a
- * time, not always the same one. Backends never include each other.
+ * renderer.c checks the input and the backend trusts it: a view that reaches render() is valid and
+ * asks for nothing outside the capabilities. Calls for one state come from one thread at a time,
+ * not always the same one. Backends never include each other. README.md says how one is chosen.
  */
 #ifndef SP_BACKEND_BACKEND_H
 #define SP_BACKEND_BACKEND_H
@@ -22,7 +22,7 @@
 #include "sp/volume.h"
 
 /* What a backend can do, as data: bit n of a mask stands for value n of the enum in sp/view.h;
- * 0 = nothing of it. */
+ * 0 = it supports no value. */
 struct sp_capabilities {
     uint32_t projections, filters, kernels, compositings, attenuations;
     uint32_t orders, shadings, primitives, levels_of_detail;
@@ -36,12 +36,12 @@ struct sp_backend_options {
     unsigned threads;      /* [1, 256] */
     uint64_t memory_bytes; /* as in sp_renderer_options, > 0 */
     uint64_t video_bytes;  /* as in sp_renderer_options */
-    const char *isa; /* "auto" or a name; one that the backend does not know is SP_ERR_INVALID */
-    int gpu; /* index of the GPU to use; −1 = the first that works. Of no meaning to others */
-    bool require_gpu; /* backends that do without one are not started */
-    /* What a backend for GPUs asks of each device that it could start on, with the state that it
-     * has made there, before it takes it or tries the next one. False with *err set: the device is
-     * refused. NULL = nothing is asked. */
+    const char *isa;       /* "auto" or a name; SP_ERR_INVALID if the backend does not know it */
+    int gpu;          /* index of the GPU to use; −1 = the first that works. GPU backends only */
+    bool require_gpu; /* start GPU backends only */
+    /* A GPU backend calls passes() for each device on which it has created a state, before it
+     * takes the device. False with *err set: the device is refused and the next one is tried.
+     * NULL = every device passes. */
     bool (*passes)(void *user, void *state, struct sp_error *err);
     void *user;
     /* As in sp_renderer_options; for choose.c, not for backends. */
@@ -77,55 +77,55 @@ static inline double sp_job_clock_ms(const struct sp_backend_job *job) {
 }
 
 struct sp_backend {
-    struct sp_backend_entry entry; /* as sp_backend_at() shows it */
-    bool by_name_only;             /* "auto" passes it over */
-    bool is_gpu;                   /* starts on a GPU alone, never on software that acts as one */
+    struct sp_backend_entry entry; /* as sp_backend_at() returns it */
+    bool by_name_only;             /* "auto" skips it */
+    bool is_gpu; /* starts on hardware only, never on software that emulates a GPU */
     struct sp_capabilities capabilities;
 
-    /* Mandatory. Returns the backend's state, or NULL with *err set: the reason is logged and
-     * "auto" tries the next one. */
+    /* Mandatory. Returns the backend's state, or NULL with *err set: then the reason is logged and
+     * "auto" tries the next backend. */
     void *(*create)(const struct sp_backend_options *options, struct sp_error *err);
     void (*destroy)(void *state);                                   /* never NULL */
     void (*info)(const void *state, struct sp_renderer_info *info); /* all fields; constant */
 
     /* Mandatory. Fills every pixel and, of the stats, visible_voxels, splats, fragments and the
      * stages. False with *err set leaves the frame's pixels undefined and the state usable.
-     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_UNSUPPORTED (this device cannot draw this view after
-     * all): "auto" has the frame drawn by another. SP_ERR_CANCELLED. SP_ERR_BACKEND: the same call
-     * may work now, and is made again. Nothing is begun then. */
+     * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_UNSUPPORTED (this device cannot draw this view): with
+     * "auto" another backend draws the frame. SP_ERR_CANCELLED. SP_ERR_BACKEND: the same call may
+     * succeed now, and the caller repeats it; no frame is begun then. */
     bool (*render)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
     /* Optional: render() in two halves, so that the processor prepares a frame while the device
-     * draws the one before. Frames are finished in the order in which they were begun, each with
-     * the same job, at most `depth` of them at a time. begin() hands a frame over: false = it is
-     * not begun. finish() waits for the oldest one, which is begun no longer, whatever it returns.
-     * Errors as of render(); after SP_ERR_BACKEND from either no frame is begun any more. */
+     * draws the previous one. Frames are finished in the order in which they were begun, each with
+     * the same job, at most `depth` at a time. begin() hands a frame to the device; false = it is
+     * not begun. finish() waits for the oldest frame and ends it, whatever it returns. Errors as
+     * for render(); after SP_ERR_BACKEND from either call no frame is begun any more. */
     unsigned depth; /* [2, SP_IN_FLIGHT_MAX]; 0 = both are NULL */
     bool (*begin)(void *state, const struct sp_backend_job *job, struct sp_error *err);
     bool (*finish)(void *state, const struct sp_backend_job *job, struct sp_error *err);
 
-    /* Optional; NULL = nothing is derived from volumes. */
+    /* Optional; NULL = the backend caches nothing of a volume. */
     void (*evict)(void *state, const struct sp_volume *volume);
     uint64_t (*memory)(const void *state, const struct sp_volume *volume); /* bytes */
 
-    /* Optional; NULL = nothing to tell. For sp_probe(), and without a state. */
+    /* Optional; NULL = the backend has no devices to list. For sp_probe(); needs no state. */
     void (*probe)(const struct sp_backend_options *options, sp_device_visit *visit, void *user);
 };
 
 /* registry.c: the compiled backends in the order in which "auto" tries them; NULL past the end. */
 const struct sp_backend *sp_registry_at(unsigned i);
 
-/* choose.c: starts the backend called `name`, or with "auto" the first that starts; *state is its
- * state. NULL with *err set when none does; each refusal is logged. */
+/* choose.c: starts the named backend, or with "auto" the first that starts, and sets *state. NULL
+ * with *err set if none starts. Each refusal is logged and passed to options->refused. */
 const struct sp_backend *sp_registry_start(const char *name,
                                            const struct sp_backend_options *options, void **state,
                                            struct sp_error *err);
 
-/* choose.c: has a backend tell of its devices, with what a start would ask of them. */
+/* choose.c: lists the devices of a backend; each must pass the same checks as at a start. */
 void sp_registry_probe(const struct sp_backend *backend, const struct sp_backend_options *options,
                        sp_device_visit *visit, void *user);
 
-/* The same with "auto", among those that come after `failed`. */
+/* choose.c: like sp_registry_start() with "auto", among the backends after `failed`. */
 const struct sp_backend *sp_registry_follow(const struct sp_backend *failed,
                                             const struct sp_backend_options *options, void **state,
                                             struct sp_error *err);

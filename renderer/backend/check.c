@@ -7,8 +7,8 @@
 
 enum { SIDE = 64 }; /* px */
 
-/* The ways to draw that are compared: between them they go through every stage but that which puts
- * single splats in order; one frame at a time. */
+/* The ways to draw that are compared. Together they run every stage except the sorting of single
+ * splats. */
 enum { WAYS = 2 };
 
 struct drawing {
@@ -22,7 +22,7 @@ struct check {
     struct sp_frame_pool *pool;
 };
 
-/* False when the backend cannot do it. */
+/* Sets up view number `way`; false if the backend does not support it. */
 static bool choose_way(int way, const struct sp_capabilities *can, struct sp_view *view) {
     view->size[0] = view->size[1] = SIDE;
     if (way == 0)
@@ -34,7 +34,7 @@ static bool choose_way(int way, const struct sp_capabilities *can, struct sp_vie
            can->filters & SP_CAN(SP_FILTER_EWA);
 }
 
-/* NULL with *err set; the caller's. */
+/* Returns a reference that the caller owns, or NULL with *err set. */
 static struct sp_frame *draw(const struct check *c, const struct drawing *by,
                              const struct sp_view *view, struct sp_error *err) {
     struct sp_frame *frame = sp_frame_create(c->pool, SIDE, SIDE, SP_RGBA8, err);
@@ -62,8 +62,8 @@ static bool compare(const struct check *c, const struct sp_view *view, struct sp
     bool ok = right && alike >= SP_CHECK_PSNR;
     if (right && !ok)
         sp_fail(err, SP_ERR_BACKEND, "",
-                "it draws wrong pictures: %.1f dB from those of backend %s, where %.0f are needed; "
-                "another driver may help",
+                "it draws wrong images: %.1f dB from backend %s, at least %.0f dB are required; "
+                "update the driver",
                 alike, c->reference.backend->entry.name, SP_CHECK_PSNR);
     sp_frame_unref(&own);
     sp_frame_unref(&right);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which of the registry's backends a renderer gets. Nothing here knows one by its name.
+ * Chooses the backend of a renderer from the registry. Nothing here knows a backend by its name.
  */
 #include <assert.h>
 #include <stdio.h>
@@ -15,7 +15,8 @@ const struct sp_backend_entry *sp_backend_at(unsigned i) {
     return backend ? &backend->entry : NULL;
 }
 
-/* The one that pictures are compared with: the first that starts by itself and needs no GPU. */
+/* Returns the backend that images of a GPU are compared with: the first that "auto" may choose and
+ * that needs no GPU. */
 static const struct sp_backend *find_reference(void) {
     const struct sp_backend *backend;
     for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
@@ -24,7 +25,7 @@ static const struct sp_backend *find_reference(void) {
     return backend;
 }
 
-/* What a GPU must pass before it is used: a reference to compare its pictures with. */
+/* The check that a GPU must pass before it is used. */
 struct trial {
     const struct sp_backend *backend, *reference;
     const struct sp_backend_options *options;
@@ -37,7 +38,7 @@ static bool passes(void *user, void *state, struct sp_error *err) {
     return sp_backend_check(trial->backend, state, trial->reference, trial->options, err);
 }
 
-/* The options with the trial, where there is something to compare with. */
+/* Returns the options with the check, if there is a reference to compare with. */
 static struct sp_backend_options add_trial(struct trial *trial) {
     struct sp_backend_options options = *trial->options;
     trial->reference = trial->backend->is_gpu ? find_reference() : NULL;
@@ -73,12 +74,12 @@ static bool start(const struct sp_backend *backend, const struct sp_backend_opti
                    why.text);
 }
 
-/* The first that starts by itself, from the table's place i on. */
+/* Starts the first backend that "auto" may choose, from registry entry i on. */
 static const struct sp_backend *start_any(unsigned i, const struct sp_backend_options *options,
                                           void **state, struct sp_error *err) {
     sp_fail(err, SP_ERR_BACKEND, "",
-            options->require_gpu ? "this build has no backend for a GPU, and one is required"
-                                 : "no backend starts by itself; name one");
+            options->require_gpu ? "a GPU is required, but this build has no GPU backend"
+                                 : "no backend starts automatically; name one with --backend");
     for (const struct sp_backend *backend; (backend = sp_registry_at(i)); i++)
         if (!backend->by_name_only && (backend->is_gpu || !options->require_gpu) &&
             start(backend, options, state, err))
@@ -91,7 +92,7 @@ static const struct sp_backend *fail_unknown(const char *name, struct sp_error *
     size_t used = (size_t)snprintf(names, sizeof names, "auto");
     for (unsigned i = 0; sp_backend_at(i) && used < sizeof names; i++)
         used += (size_t)snprintf(names + used, sizeof names - used, ", %s", sp_backend_at(i)->name);
-    sp_fail(err, SP_ERR_INVALID, "", "no backend is called \"%.64s\"; there are %s", name, names);
+    sp_fail(err, SP_ERR_INVALID, "", "unknown backend \"%.64s\"; available: %s", name, names);
     return NULL;
 }
 
@@ -107,7 +108,7 @@ const struct sp_backend *sp_registry_start(const char *name,
     if (!backend)
         return fail_unknown(name, err);
     if (options->require_gpu && !backend->is_gpu) {
-        sp_fail(err, SP_ERR_INVALID, "", "backend %s does without a GPU, and one is required",
+        sp_fail(err, SP_ERR_INVALID, "", "a GPU is required, but backend %s does not use one",
                 name);
         return NULL;
     }

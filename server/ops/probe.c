@@ -39,9 +39,9 @@ static void print_limits(FILE *out, const struct sp_gpu_limits *limits) {
 static void print_device(void *user, const struct sp_device *device) {
     FILE *out = user;
     fprintf(out, "%s: %s%s\n", device->backend, device->place,
-            device->refusal[0] ? " does not work" : "");
+            device->refusal_code != SP_OK ? " does not work" : "");
     print_text(out, "because", device->refusal);
-    if (!device->refusal[0] && !device->threads && !device->is_gpu)
+    if (device->refusal_code == SP_OK && !device->threads && !device->is_gpu)
         print_text(out, "kind", "software GL: used when it is named, never as a GPU");
     print_text(out, "device", device->name);
     print_text(out, "vendor", device->vendor);
@@ -49,7 +49,7 @@ static void print_device(void *user, const struct sp_device *device) {
     print_text(out, "driver", device->driver);
     if (device->threads)
         fprintf(out, "  %-16s %u\n", "cores", device->threads);
-    else if (!device->refusal[0])
+    else if (device->refusal_code == SP_OK)
         print_limits(out, &device->limits);
 }
 

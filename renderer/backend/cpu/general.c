@@ -22,8 +22,9 @@ enum {
 #define BAND_BYTES ((size_t)128 << 20)
 #define ROW_BYTES ((size_t)512 << 20)
 
-#define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance at this resolution   \
-                                */
+#define SPLAT_RANGE                                                                                \
+    (1.0 / 16) /* cells: single splats are sorted by distance at this resolution                   \
+                */
 
 /* Consecutive runs of the order, and the records made from them. */
 struct block {

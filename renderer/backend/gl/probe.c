@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every place where GL may be had, each started on as a renderer would, and left again.
+ * Lists every place that may offer OpenGL. Each one is started as a renderer would start it, and
+ * then closed.
  */
 #include <stdio.h>
 #include <string.h>
@@ -17,6 +18,11 @@ static void describe(struct sp_device *device, const struct gl_info *info) {
     memcpy(device->driver, info->driver, sizeof device->driver);
 }
 
+static void refuse(struct sp_device *device, const struct sp_error *why) {
+    device->refusal_code = why->code;
+    memcpy(device->refusal, why->text, sizeof device->refusal);
+}
+
 static void probe_place(const struct gl_place *place, const struct sp_backend_options *options,
                         sp_device_visit *visit, void *user) {
     struct sp_device device = { .backend = "gl", .gpu = place->gpu };
@@ -27,7 +33,7 @@ static void probe_place(const struct gl_place *place, const struct sp_backend_op
         describe(&device, gl_context_info(context));
     if (!context || !gl_works(&context, options, &why)) {
         gl_place_add_cause(place, &why);
-        memcpy(device.refusal, why.text, sizeof device.refusal);
+        refuse(&device, &why);
     }
     visit(user, &device);
     gl_context_destroy(&context);
@@ -41,7 +47,7 @@ void gl_probe(const struct sp_backend_options *options, sp_device_visit *visit, 
             probe_place(&places.list[i], options, visit, user);
     } else {
         struct sp_device device = { .backend = "gl", .place = "EGL", .gpu = -1 };
-        memcpy(device.refusal, why.text, sizeof device.refusal);
+        refuse(&device, &why);
         visit(user, &device);
     }
 }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The test card: no volume is read and no work is done. It serves server tests and measures
- * overhead. What it draws depends on the view and on nothing else, so that a test can tell views
- * apart: a gradient in the background's colour, and three bars at the bottom whose lengths show the
- * azimuth, the elevation and the distance of the eye as seen from the target.
+ * Draws a test card without reading the volume, for server tests and to measure overhead. The image
+ * depends on the view alone, so that a test can tell views apart: a gradient in the background's
+ * colour, and three bars at the bottom whose lengths show the azimuth, the elevation and the
+ * distance of the eye, seen from the target.
  */
 #include <math.h>
 #include <stdlib.h>

@@ -97,9 +97,10 @@ struct sp_gpu_limits {
 
 /* Something to render on, or a way to it that fails. Texts are cut to fit. */
 struct sp_device {
-    const char *backend;          /* constant; the one that would use it */
-    char place[96];               /* "EGL device 0 (/dev/dri/card0)", "surfaceless display", … */
-    char refusal[SP_ERROR_TEXT];  /* why it does not work; "" = it does, and what follows is set */
+    const char *backend;       /* constant; the one that would use it */
+    char place[96];            /* "EGL device 0 (/dev/dri/card0)", "surfaceless display", … */
+    enum sp_code refusal_code; /* SP_OK = it works, and what follows is set; else why it does not */
+    char refusal[SP_ERROR_TEXT];  /* the same for people; "" = it works */
     bool is_gpu;                  /* a hardware GPU */
     int gpu;                      /* its number for sp_renderer_options.gpu; −1 = has none */
     char name[SP_DEVICE_NAME];    /* what sp_renderer_info.device will be */

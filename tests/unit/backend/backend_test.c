@@ -143,7 +143,7 @@ static void the_check_finds_pictures_alike(void **state) {
     assert_true(sp_backend_check(cpu, other, cpu, &options, &err));
     assert_false(sp_backend_check(null, card, cpu, &options, &err));
     assert_int_equal(err.code, SP_ERR_BACKEND);
-    assert_non_null(strstr(err.text, "it draws wrong pictures"));
+    assert_non_null(strstr(err.text, "it draws wrong images"));
     cpu->destroy(other);
     null->destroy(card);
     const struct sp_backend *gl = sp_registry_start("gl-software", &options, &other, &err);

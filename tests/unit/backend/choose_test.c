@@ -52,7 +52,7 @@ static void a_name_gets_that_or_nothing(void **state) {
     fakes[GPU].starts = false;
     refuses(&(struct sp_renderer_options){ .backend = "gpu" }, SP_ERR_BACKEND, "gpu is broken");
     refuses(&(struct sp_renderer_options){ .backend = "abacus" }, SP_ERR_INVALID,
-            "there are auto, gpu, plain, last");
+            "available: auto, gpu, plain, last");
 }
 
 static void a_gpu_that_draws_wrong_pictures_does_not_start(void **state) {
@@ -65,9 +65,9 @@ static void a_gpu_that_draws_wrong_pictures_does_not_start(void **state) {
     assert_string_equal(started(NULL), "plain");
     assert_int_equal(fakes_count_warnings(), 1);
     assert_non_null(strstr(fakes_warnings,
-                           "backend gpu does not start: it draws wrong pictures: 48.1 dB "
-                           "from those of backend plain"));
-    refuses(&(struct sp_renderer_options){ .backend = "gpu" }, SP_ERR_BACKEND, "wrong pictures");
+                           "backend gpu does not start: it draws wrong images: 48.1 dB "
+                           "from backend plain"));
+    refuses(&(struct sp_renderer_options){ .backend = "gpu" }, SP_ERR_BACKEND, "wrong images");
     fakes[GPU].painted = 0;
     fakes[GPU].failures = 1;
     refuses(&(struct sp_renderer_options){ .require_gpu = true }, SP_ERR_BACKEND, "gpu hung");
@@ -116,7 +116,7 @@ static void a_gpu_can_be_required(void **state) {
     options.backend = "gpu";
     assert_string_equal(started(&options), "gpu");
     options.backend = "plain";
-    refuses(&options, SP_ERR_INVALID, "plain does without a GPU");
+    refuses(&options, SP_ERR_INVALID, "backend plain does not use one");
     options.backend = NULL;
     fakes[GPU].starts = false;
     refuses(&options, SP_ERR_BACKEND, "gpu is broken");

@@ -250,8 +250,7 @@ static bool passes(void *user, void *state, struct sp_error *err) {
     (void)user;
     assert_null(machine.current); /* as if it were to draw */
     machine.asked |= 1u << driver;
-    return !drivers[driver].is_refused ||
-           sp_fail(err, SP_ERR_BACKEND, "", "it draws wrong pictures");
+    return !drivers[driver].is_refused || sp_fail(err, SP_ERR_BACKEND, "", "it draws wrong images");
 }
 
 static const struct sp_backend_options starting = {
@@ -278,8 +277,8 @@ static void a_device_that_does_not_do_it_all_is_passed_over(void **state) {
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "EGL device 0: shader 10_project does not compile: no idea; "
                                      "EGL device 1: the GPU has no "));
-    assert_non_null(strstr(err.text, "EGL device 2: it draws wrong pictures; "
-                                     "EGL device 3: it draws wrong pictures; "
+    assert_non_null(strstr(err.text, "EGL device 2: it draws wrong images; "
+                                     "EGL device 3: it draws wrong images; "
                                      "surfaceless display: shader "));
 }
 
@@ -327,13 +326,16 @@ static void the_probe_tells_of_all(void **state) {
     assert_string_equal(found[0].backend, "gl");
     assert_true(found[0].is_gpu);
     assert_string_equal(found[0].name, "Real 100");
+    assert_int_equal(found[0].refusal_code, SP_OK);
     assert_string_equal(found[0].refusal, "");
     assert_true(found[0].limits.video_bytes == 100 << 20);
     assert_string_equal(found[1].backend, "gl-software");
     assert_false(found[1].is_gpu);
     assert_string_equal(found[1].refusal, "");
-    for (int i = 2; i < 5; i++)
+    for (int i = 2; i < 5; i++) {
+        assert_int_equal(found[i].refusal_code, SP_ERR_BACKEND);
         assert_string_equal(found[i].refusal, "eglInitialize fails: EGL_NOT_INITIALIZED");
+    }
     static const int gpus[5] = { 0, 1, 2, -1, -1 };
     static const char *const places[5] = { "EGL device 0", "EGL device 1", "EGL device 2",
                                            "surfaceless display", "default display" };
@@ -356,7 +358,7 @@ static void the_probe_tries_what_the_start_does(void **state) {
     assert_string_equal(found[0].name, "Real 100"); /* and its limits are told all the same */
     assert_string_equal(found[0].refusal, "shader 10_project does not compile: no idea");
     assert_string_equal(found[1].refusal, "");
-    assert_string_equal(found[2].refusal, "it draws wrong pictures");
+    assert_string_equal(found[2].refusal, "it draws wrong images");
     assert_string_equal(found[3].refusal, "");
     assert_int_equal(machine.asked, 1 << 1 | 1 << 2); /* software is for tests */
 }
