@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong, or awaited, in a sentence: the banner for what keeps the picture away, the notice for the rest.
+// Messages in one sentence: the banner for anything that prevents the picture, the notice for everything else.
 
 const NOTICE_MS = 9000;
 
@@ -30,7 +30,7 @@ export class Banner {
     this.#root.hidden = true;
   }
 
-  /** kind: busy | wait | error, in the middle; lost, at the top, below which the last picture stays */
+  /** kind: busy | wait | error, shown in the middle; lost: shown at the top, above the last frame */
   show({ kind, title, text = '', progress = null, canRetry = false, asksToken = false }) {
     this.#stop();
     this.#root.hidden = false;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel "Clip": a box with two sliders an axis, and one plane, whose depth is measured along its normal.
+// The panel "Clip": a box with two sliders per axis, and one plane with its depth along its normal.
 import { WHOLE, depthOf, moveFace, planeAt, sight } from '../core/clip.js';
 import { showValue } from './fields.js';
 
@@ -9,8 +9,8 @@ const percent = (part) => `${Math.round(part * 100)} %`;
 
 export class ClipPanel {
   #viewer; #faces; #toggle; #depth; #button;
-  /** The planes that were switched off last, and of which volume: switched on again, they are back. */
-  #kept = null;
+  /** The planes that the user switched off last, with their volume; switching on restores them. */
+  #saved = null;
 
   constructor(viewer) {
     this.#viewer = viewer;
@@ -38,24 +38,24 @@ export class ClipPanel {
   get #box() { return this.#viewer.view?.clip?.box ?? WHOLE; }
   get #planes() { return this.#viewer.view?.clip?.planes ?? []; }
 
-  /** make() gives the new planes; it is called when camera and volume are known. */
+  /** make() returns the new planes; it runs once camera and volume are known. */
   #set(make, time) {
     if (this.#viewer.isReady) this.#viewer.change({ clip: { planes: make() } }, time);
   }
 
-  /** A plane at right angles to where the camera looks. */
+  /** A plane perpendicular to the view direction. */
   #facing(depth) {
     return planeAt(this.#viewer.box, sight(this.#viewer.camera), depth);
   }
 
   #switch(isOn, time) {
     const { volume } = this.#viewer.view;
-    if (!isOn) this.#kept = { volume, planes: this.#planes };
-    const kept = this.#kept?.volume === volume ? this.#kept.planes : [];
-    this.#set(() => (!isOn ? [] : kept.length ? kept : [this.#facing(DEPTH)]), time);
+    if (!isOn) this.#saved = { volume, planes: this.#planes };
+    const saved = this.#saved?.volume === volume ? this.#saved.planes : [];
+    this.#set(() => (!isOn ? [] : saved.length ? saved : [this.#facing(DEPTH)]), time);
   }
 
-  /** Shows what the view says. */
+  /** Shows the values of the view. */
   show() {
     const box = this.#box;
     for (const face of this.#faces) {

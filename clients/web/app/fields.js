@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows of the panel that hold one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select or a
-// slider; and what the daemon says about a field, below its row.
+// Rows of the panel for one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select or a slider.
+// Errors of the daemon about a field appear below its row.
 import { choose, isChoice, matters, valueAt } from '../core/choices.js';
 import { logarithmic } from '../core/slider.js';
 
 const IDENTITY = { at: Number, of: Number };
 const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
 
-/** Three digits: 0.7, 12.5, 1790. */
+/** Formats a number with three digits: 0.7, 12.5, 1790. */
 export const showNumber = (value) => String(Number(value.toPrecision(3)));
 
-/** Sets a text that is read aloud when it changes, and only then. */
+/** Sets a text only if it changes, because screen readers read every change aloud. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** The text beside a slider, which is also what it says to those who do not see it. */
+/** Sets the text beside a slider and its value for screen readers. */
 export function showValue(slider, text) {
   slider.setAttribute('aria-valuetext', text);
   slider.closest('.row').querySelector('output').textContent = text;
 }
 
-/** Sets a select, though a later daemon may know more choices than the page. */
+/** Sets a select. A newer daemon may have choices that the page does not know. */
 function showChoice(select, value) {
   if (![...select.options].some((option) => option.value === value)) select.add(new Option(value, value));
   select.value = value;
@@ -30,7 +30,7 @@ function showChoice(select, value) {
 export class Fields {
   #rows = [];
 
-  /** Takes all rows below `root` whose fields are choices. */
+  /** Uses all rows below `root` whose fields are choices. */
   constructor(root, viewer) {
     for (const row of root.querySelectorAll('.row[data-pointer]')) {
       const { pointer } = row.dataset;
@@ -62,18 +62,18 @@ export class Fields {
   }
 }
 
-/** What the daemon refused, told below the controls that are to blame. */
+/** Shows errors of the daemon below the controls that they refer to. */
 export class Complaints {
   #root;
 
-  /** Below `root`, elements with data-pointer stand for the field there and all below it that none of their own stands for. */
+  /** An element with data-pointer below `root` represents that field and all fields below it without an element of their own. */
   constructor(root) {
     this.#root = root;
     root.addEventListener('input', () => this.clear(), { capture: true });
     root.addEventListener('click', ({ target }) => target.closest('button') && this.clear(), { capture: true });
   }
 
-  /** Shows `text` beside the field; false if no control on the screen is about it. */
+  /** Shows `text` beside the field. False if no visible control represents the field. */
   show(pointer, text) {
     const isAbout = (place) => pointer === place || pointer.startsWith(`${place}/`);
     const [place] = [...this.#root.querySelectorAll('[data-pointer]')].filter((element) => isAbout(element.dataset.pointer))

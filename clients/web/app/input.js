@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mouse, touch, pen, wheel and keyboard → what the viewer can do.
+// Maps mouse, touch, pen, wheel and keyboard to actions of the viewer.
 
 const KEY_TURN = 4 * Math.PI / 180;
 const KEY_PAN_PX = 24;
 const KEY_ZOOM = 1.12;
-const WHEEL_STEP = 0.0015; // of the logarithm of the distance, a px of wheel
-const PINCH_STEP = 0.01; // the same for a trackpad's pinch, which comes as a wheel with ctrl
+const WHEEL_STEP = 0.0015; // change of the logarithm of the distance per px of wheel
+const PINCH_STEP = 0.01; // the same for a trackpad's pinch, which arrives as a wheel event with ctrl
 const LINE_PX = 32;
 const PAGE_PX = 400;
 const GLIDE_MS = 70;
 const DOUBLE_TAP_MS = 300;
 const TAP_PX = 12;
 
-/** commands: {help(), panel(), pick([x, y] of the viewport)} for the keys that are not about the camera. */
+/** commands: {help(), panel(), pick([x, y] in the viewport)} for keys that do not move the camera. */
 export function attachInput(canvas, viewer, commands) {
   attachPointers(canvas, viewer);
   attachWheel(canvas, viewer);
@@ -30,7 +30,7 @@ function place(canvas, event) {
 function attachPointers(canvas, viewer) {
   const pointers = new Map();
   let mode = 'none';
-  let from = null; // orbit: where the drag began, and the orientation then
+  let from = null; // orbit: the start of the drag and the orientation there
   let start = null;
   let last = null; // pan: the last point; pinch: the last {middle, spread}
   let tap = null;
@@ -43,7 +43,7 @@ function attachPointers(canvas, viewer) {
       spread: Math.max(10, Math.hypot(a[0] - b[0], a[1] - b[1])),
     };
   };
-  // A gesture begins anew whenever a finger or button comes or goes.
+  // A gesture restarts whenever a finger or button is added or removed.
   const begin = (isPan) => {
     if (pointers.size >= 2) {
       mode = 'pinch';
@@ -98,7 +98,7 @@ function attachPointers(canvas, viewer) {
   canvas.addEventListener('dblclick', (event) => viewer.fit(event.timeStamp));
 }
 
-// touch-action: none also takes the browser's double tap, and with it dblclick on some.
+// touch-action: none also disables the browser's double tap, and with it dblclick in some browsers.
 function doubleTap(before, canvas, event, viewer) {
   const at = place(canvas, event);
   const isSecond = before && event.timeStamp - before.time < DOUBLE_TAP_MS
@@ -107,7 +107,7 @@ function doubleTap(before, canvas, event, viewer) {
   return isSecond ? null : { at, time: event.timeStamp };
 }
 
-// A wheel's notch is spread over some animation frames, so that it glides; with reduced motion it does not.
+// A notch of the wheel is spread over several animation frames, except with reduced motion.
 function attachWheel(canvas, viewer) {
   const reduced = window.matchMedia('(prefers-reduced-motion: reduce)');
   let rest = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel "Path": the keyframes of a camera path, playing it in the view, and sending it to the daemon to be drawn.
+// The panel "Path": edits the keyframes of a camera path, plays the path in the view, and sends it to the daemon.
 import {
   EMPTY, KEYS_MAX, SECONDS, append, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf,
   secondsAt, stretch, turnOf, uprightAxis, viewAt,
@@ -13,7 +13,7 @@ const LOSSLESS = ['png', 'exr'];
 const byId = (id) => document.getElementById(id);
 const seconds = (value) => `${Number(value.toFixed(2))} s`;
 
-/** An element; attributes that are false are left out. */
+/** Creates an element; attributes that are false are omitted. */
 function make(tag, { text, press, ...attributes } = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) if (value !== false) made.setAttribute(name, value);
@@ -25,21 +25,21 @@ function make(tag, { text, press, ...attributes } = {}, ...children) {
 }
 
 export class Keyframes {
-  #viewer; #screen; #api; #kept; #complain; #made;
+  #viewer; #screen; #api; #storage; #complain; #made;
   #path = EMPTY;
   #volume = null;
-  #player = null; // while it plays
+  #player = null; // set while the path plays
   #isSending = false;
 
   /**
-   * api(): the daemon's, or null where this client may make no paths; kept: {recall(key), remember(key, text)};
-   * complain(pointer, text) tells it beside the control that is to blame; made(path) is told of what the daemon took.
+   * api(): the daemon's interface, or null if this client may not create paths; storage: {recall(key), remember(key, text)};
+   * complain(pointer, text) shows an error beside its control; made(path) reports a path that the daemon accepted.
    */
-  constructor(viewer, { screen, api, kept, complain, made }) {
+  constructor(viewer, { screen, api, storage, complain, made }) {
     this.#viewer = viewer;
     this.#screen = screen;
     this.#api = api;
-    this.#kept = kept;
+    this.#storage = storage;
     this.#complain = complain;
     this.#made = made;
     const press = (id, act) => byId(id).addEventListener('click', act);
@@ -60,7 +60,7 @@ export class Keyframes {
     });
   }
 
-  /** Shows what goes with the view: each volume has a path of its own, kept for the tab. */
+  /** Follows the view. Each volume has a path of its own, which the tab remembers. */
   show() {
     const { view, canControl } = this.#viewer;
     for (const button of byId('keys').querySelectorAll('.picture')) button.disabled = !canControl;
@@ -75,21 +75,21 @@ export class Keyframes {
 
   #restore() {
     try {
-      const path = JSON.parse(this.#kept.recall(`path:${this.#volume}`));
+      const path = JSON.parse(this.#storage.recall(`path:${this.#volume}`));
       return path?.keys ? path : EMPTY;
     } catch {
-      return EMPTY; // what cannot be read is not there
+      return EMPTY; // an unreadable entry counts as missing
     }
   }
 
-  // What the path is.
+  // The path.
 
-  /** The view as it is. */
+  /** A keyframe with the current view. */
   get #seen() {
     return { view: this.#viewer.view, picture: this.#screen.thumbnail() };
   }
 
-  /** A turn that is all of the path goes round; else it comes back to where it began. */
+  /** A turn that is the whole path becomes a loop; otherwise it returns to its start. */
   async #addTurn() {
     const { camera, box, view } = this.#viewer;
     const { value } = byId('turn-axis');
@@ -98,10 +98,10 @@ export class Keyframes {
     const turned = turnOf(view, axis).slice(1).map((other) => keyOf({ view: other }));
     const isAll = this.#path.keys.length === 0;
     this.#set({ ...append(this.#path, seen, ...turned, ...(isAll ? [] : [seen])), isLoop: isAll || this.#path.isLoop });
-    for (const { view: other } of turned) await this.#illustrate(other); // one picture at a time
+    for (const { view: other } of turned) await this.#illustrate(other); // one image at a time
   }
 
-  /** Gets a picture for the key of a view that nobody has seen; without one it is but a number. */
+  /** Requests a thumbnail for the key of a view that was never shown; without one the key shows its number. */
   async #illustrate(view) {
     try {
       const reader = new FileReader();
@@ -112,11 +112,11 @@ export class Keyframes {
       this.#path = replace(this.#path, i, { picture: reader.result });
       this.#keep();
       byId('keys').children[i].querySelector('.picture').prepend(make('img', { src: reader.result, alt: '' }));
-    } catch { /* the daemon is busy, or its quota of pictures used up */ }
+    } catch { /* the daemon is busy, or the image quota is used up */ }
   }
 
   #keep() {
-    this.#kept.remember(`path:${this.#volume}`, JSON.stringify(this.#path));
+    this.#storage.remember(`path:${this.#volume}`, JSON.stringify(this.#path));
   }
 
   async #clear() {
@@ -136,14 +136,14 @@ export class Keyframes {
     this.#measure();
   }
 
-  // Showing it.
+  // The list.
 
-  /** The list is made anew where keys come, go or move. */
+  /** Rebuilds the list when keys are added, removed or moved. */
   #list() {
     byId('keys').replaceChildren(...this.#path.keys.map((key, i) => this.#entry(key, i)));
   }
 
-  /** Changes the path by the button `name` of a key; the focus goes on to that of key i, the same one where it is now. */
+  /** Changes the path by the button `name` of a key and moves the focus to the same button of key i. */
   #act(path, i, name) {
     this.#set(path);
     const entry = byId('keys').children[Math.min(i, this.#path.keys.length - 1)];
@@ -170,7 +170,7 @@ export class Keyframes {
     }, ...(picture ? [make('img', { src: picture, alt: '' })] : []), make('span', { text: i + 1 }));
     go.disabled = !this.#viewer.canControl;
     const acts = make('span', { class: 'acts' },
-      act('replace', '⟳', `Replace ${name} by the view as it is`, () => this.#replace(i)),
+      act('replace', '⟳', `Replace ${name} by the current view`, () => this.#replace(i)),
       act('up', '↑', `Move ${name} up`, () => this.#act(move(this.#path, i, -1), i - 1, 'up'), i === 0),
       act('down', '↓', `Move ${name} down`, () => this.#act(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
       act('remove', '×', `Remove ${name}`, () => this.#act(remove(this.#path, i), i, 'remove')));
@@ -180,14 +180,14 @@ export class Keyframes {
     return item;
   }
 
-  /** How key i is come to. */
+  /** The controls for the way to key i: seconds and easing. */
   #way(i, ease) {
     const from = i === 0 ? `back to keyframe 1` : `to keyframe ${i + 1}`;
     const field = make('input', {
       type: 'number', min: SECONDS.least, max: SECONDS.most, step: 'any', required: '',
       'aria-label': `Seconds ${from}`, title: `Seconds ${from}`,
     });
-    const choice = make('select', { 'aria-label': `How it goes ${from}`, title: `How it goes ${from}` },
+    const choice = make('select', { 'aria-label': `Motion ${from}`, title: `Motion ${from}` },
       ...Object.entries(EASES).map(([value, text]) => new Option(text, value, false, value === ease)));
     field.addEventListener('change', () => {
       if (field.reportValidity()) this.#set(replace(this.#path, i, { seconds: field.valueAsNumber }));
@@ -201,7 +201,7 @@ export class Keyframes {
     return field.validity.valid ? field.valueAsNumber : Number(field.defaultValue);
   }
 
-  /** [width, height]: what is not given is as in the window, or has its shape. */
+  /** [width, height] of the output; missing values follow the window or its aspect ratio. */
   get #size() {
     const [wide, high] = this.#screen.size;
     const [width, height] = ['path-width', 'path-height'].map((id) => byId(id).valueAsNumber);
@@ -209,7 +209,7 @@ export class Keyframes {
     return [width || like(height, wide / high) || wide, height || like(width, high / wide) || high];
   }
 
-  /** What follows from the keys and the form. */
+  /** Updates everything that depends on the keys and the form. */
   #measure() {
     const path = this.#path;
     const { keys, isLoop } = path;
@@ -222,7 +222,7 @@ export class Keyframes {
     byId('path-way').hidden = !isPath;
     byId('path-loop').checked = isLoop;
     const count = keys.length === 1 ? '1 keyframe; a path needs two' : `${keys.length} keyframes`;
-    setText(byId('keys-about'), !keys.length ? 'Keyframes say what is seen when; what lies between, the daemon makes.'
+    setText(byId('keys-about'), !keys.length ? 'Add views as keyframes; the daemon interpolates between them.'
       : isPath ? `${count}, ${seconds(lengthOf(path))}, ${frames} frames` : count);
     const length = byId('path-length');
     if (document.activeElement !== length) length.value = isPath ? Number(lengthOf(path).toFixed(2)) : '';
@@ -240,10 +240,10 @@ export class Keyframes {
     quality.closest('.row').toggleAttribute('data-idle', quality.disabled);
     showValue(quality, quality.disabled ? 'lossless' : quality.value);
     byId('path-draw').disabled = !isPath || this.#isSending || !this.#api();
-    setText(byId('path-draw'), isPath ? `Draw ${frames} frames` : 'Draw');
+    setText(byId('path-draw'), isPath ? `Render ${frames} frames` : 'Render');
   }
 
-  // Playing it: the view goes where the frames will be, for all who see this session.
+  // Playback: moves the view along the frames, for all participants of this session.
 
   #showPlace() {
     const at = byId('path-at');
@@ -256,19 +256,19 @@ export class Keyframes {
     this.#showPlace();
   }
 
-  /** From where the slider is, or from the beginning if that is the end. */
+  /** Plays from the slider's position, or from the start if the slider is at the end. */
   #play() {
     if (!this.#viewer.isReady) return;
     const fps = this.#fps;
     const last = framesOf(this.#path, fps) - 1;
     const at = byId('path-at').valueAsNumber;
     const first = at >= last ? 0 : at;
-    const player = { start: null, frame: null, view: null }; // what was shown last
+    const player = { start: null, frame: null, view: null }; // the frame that was shown last
     const step = (now) => {
       if (this.#player !== player) return;
       player.start ??= now;
       const frame = Math.min(last, first + Math.floor((now - player.start) / 1000 * fps));
-      const isTheirs = player.view && this.#viewer.view !== player.view; // somebody moved the view
+      const isTheirs = player.view && this.#viewer.view !== player.view; // another participant moved the view
       if (!isTheirs && frame !== player.frame) {
         this.#seek(frame, now);
         Object.assign(player, { frame, view: this.#viewer.view });
@@ -290,7 +290,7 @@ export class Keyframes {
     setText(byId('path-play'), this.#player ? 'Stop' : 'Play');
   }
 
-  // Sending it.
+  // Sending.
 
   get #output() {
     const format = byId('path-format').value;

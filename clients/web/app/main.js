@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wires the page together: address → connection → frames → canvas, and input → view → connection.
-import { Company } from '../core/company.js';
+import { Participants } from '../core/participants.js';
 import { Connection } from '../core/connection.js';
 import { FrameOrder } from '../core/order.js';
 import { VideoStream, videoFormats } from '../core/video.js';
@@ -12,18 +12,18 @@ import { Panels } from './panels.js';
 import { Paths } from './paths.js';
 import { People } from './people.js';
 import { Presets } from './presets.js';
-import { Screen, decodePicture } from './screen.js';
+import { Screen, decodeImage } from './screen.js';
 import { StatusLine } from './status.js';
 import { Viewer } from './viewer.js';
 
 const RESIZE_MS = 120;
 const LIST_MS = 500;
-const MAX_FPS = 30; // while moving the daemon shrinks the picture to hold this, so more is not better
+const MAX_FPS = 30; // the daemon lowers the detail of a moving view to reach this rate
 
 const base = new URL('.', location.href).href;
 const place = `splatd:${new URL(base).pathname}`;
 
-/** {token, session, volume, kept} of the address and of what this tab remembers; the token leaves the address. */
+/** {token, session, volume, saved} from the address and from this tab's storage. Removes the token from the address. */
 function readAddress() {
   const query = new URLSearchParams(location.search);
   const hash = new URLSearchParams(location.hash.slice(1));
@@ -38,18 +38,18 @@ function readAddress() {
     history.replaceState(null, '', location.pathname + tail('?', query) + tail('#', hash));
   }
   const token = recall('token') ?? '';
-  if (id) return { token, volume: null, kept: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
+  if (id) return { token, volume: null, saved: null, session: { id, token: recall(`join:${id}`) ?? token, isJoined: true } };
   let session = null;
   try {
     session = JSON.parse(recall('session') ?? 'null');
-  } catch { /* what cannot be read is not there */ }
+  } catch { /* an unreadable entry counts as missing */ }
   const volume = get('volume');
   const isStale = volume || (given && given !== session?.daemon);
-  const kept = get('view');
-  return { token, volume, kept, session: isStale || kept ? null : session };
+  const saved = get('view');
+  return { token, volume, saved, session: isStale || saved ? null : session };
 }
 
-// Storage may be forbidden; then the page works without remembering.
+// The browser may forbid storage; then the page works without it.
 function remember(key, value) {
   try {
     sessionStorage.setItem(`${place}${key}`, value);
@@ -92,7 +92,7 @@ const connection = new Connection({
     now: () => performance.now(),
   },
 });
-const company = new Company();
+const participants = new Participants();
 const viewer = new Viewer({ connection, viewport: () => screen.viewport });
 const status = new StatusLine(element('status'), () => screen.size);
 const help = () => (element('help').open ? element('help').close() : element('help').showModal());
@@ -106,7 +106,7 @@ const banner = new Banner(element('banner'), {
 });
 attachInput(element('screen'), viewer, { help, panel: () => panels.toggle(), pick });
 
-/** Tells what is seen at a point of the viewport. */
+/** Shows the value and position under a point of the viewport. */
 async function pick(point) {
   const { width, height } = screen.viewport;
   const at = [point[0] * screen.size[0] / width, point[1] * screen.size[1] / height];
@@ -114,7 +114,7 @@ async function pick(point) {
     const { position, value, opacity } = await connection.call('pick', { at });
     notice.show(position
       ? `Value ${showNumber(value)} at ${position.map(showNumber).join(', ')} ${viewer.volume?.unit ?? ''}`.trim()
-      : `Nothing opaque here: ${Math.round(opacity * 100)} %`);
+      : `Nothing opaque here: opacity ${Math.round(opacity * 100)} %`);
   } catch (error) {
     notice.show(error.message);
   }
@@ -124,21 +124,21 @@ async function pick(point) {
 
 const video = new VideoStream({
   env: { VideoDecoder: window.VideoDecoder, EncodedVideoChunk: window.EncodedVideoChunk },
-  toPicture: (picture, { width, height }) => createImageBitmap(picture, 0, 0, width, height),
+  toImage: (image, { width, height }) => createImageBitmap(image, 0, 0, width, height),
   askKey: () => connection.notify('stream.key', {}),
   giveUp: (error) => {
-    report(new Error(`this browser cannot decode the video, stills come instead: ${error.message}`));
+    report(new Error(`this browser cannot decode the video, images are used instead: ${error.message}`));
     setMoving('jpeg');
   },
 });
 const order = new FrameOrder({
-  decode: (frame) => (frame.isVideo ? video.decode(frame) : decodePicture(frame)),
-  draw: (picture, frame) => {
-    screen.draw(picture);
+  decode: (frame) => (frame.isVideo ? video.decode(frame) : decodeImage(frame)),
+  draw: (image, frame) => {
+    screen.draw(image);
     drawn.videos += Number(frame.isVideo);
     Object.assign(drawn, { frame: frame.frame, seq: frame.seq, width: frame.width, height: frame.height,
       isFinal: frame.isFinal, isLossless: frame.isLossless, isVideo: frame.isVideo, count: drawn.count + 1 });
-    status.drew(frame, viewer.pace.show(frame.seq));
+    status.drew(frame, viewer.updates.show(frame.seq));
     notice.hide('render');
     if (!hasPicture) {
       hasPicture = true;
@@ -146,11 +146,11 @@ const order = new FrameOrder({
     }
   },
   ack: ({ frame }) => connection.notify('stream.ack', { frame }),
-  fail: (error, { frame }) => report(new Error(`picture ${frame} could not be decoded: ${error.message}`)),
+  fail: (error, { frame }) => report(new Error(`frame ${frame} could not be decoded: ${error.message}`)),
 });
 connection.on('frame', (frame) => order.put(frame));
 
-// The picture's size follows the window, at most every RESIZE_MS, the last one always.
+// The frame size follows the window, at most every RESIZE_MS; the last size is always sent.
 let configured = '';
 let resizeTimer = null;
 configure = () => {
@@ -169,16 +169,16 @@ async function sendConfigure() {
     const name = recall('name');
     await connection.call('stream.configure', { size, max_fps: MAX_FPS, ...(name ? { name } : {}), ...wantedFormat() });
   } catch (error) {
-    if (connection.isLive) report(new Error(`the daemon refused the picture's size: ${error.message}`));
+    if (connection.isLive) report(new Error(`the daemon refused the frame size: ${error.message}`));
   }
   if (String(screen.size) !== configured) configure();
 }
 
-// While the view moves: stills, or video as far as browser and daemon have it. The choice is the window's.
+// While the view moves: images, or video if browser and daemon support it. The choice belongs to this window.
 
 const moving = element('moving');
 const VIDEO_NAMES = { vp9: 'video, VP9', vp8: 'video, VP8', h264: 'video, H.264' };
-const lossless = element('lossless'); // of a view at rest
+const lossless = element('lossless'); // for a view at rest
 const wantedFormat = () => ({ ...(moving.value === 'jpeg' ? {} : { format: [moving.value, 'jpeg'] }), lossless: lossless.checked });
 videoFormats(window.VideoDecoder).then((names) => {
   for (const name of names) moving.add(new Option(VIDEO_NAMES[name], name));
@@ -193,7 +193,7 @@ async function setMoving(format) {
     const granted = await connection.call('stream.configure', { format: [format, 'jpeg'] });
     if (granted.format !== moving.value && granted.format === 'jpeg') {
       moving.value = 'jpeg';
-      notice.show(`The daemon has no ${VIDEO_NAMES[format] ?? format}: stills come instead.`);
+      notice.show(`The daemon has no ${VIDEO_NAMES[format] ?? format}: images are used instead.`);
     }
   } catch (error) {
     if (connection.isLive) report(error);
@@ -230,7 +230,7 @@ function showState() {
     case 'refused':
       showRefused(error);
       break;
-    default: // After a loss the banner stays as it is until the picture is back.
+    default: // After a lost connection the banner stays until a frame arrives.
       if (!hasPicture) banner.show({ kind: 'busy', title: 'Connecting …' });
   }
 }
@@ -264,7 +264,7 @@ function showRefused(error) {
     });
   } else {
     banner.show({
-      kind: 'error', title: 'The daemon refused', text: error?.message ?? '', canRetry: true,
+      kind: 'error', title: 'The daemon refused the request', text: error?.message ?? '', canRetry: true,
       asksToken: error?.status === 403,
     });
   }
@@ -276,7 +276,7 @@ connection.on('state', (change) => {
     order.reset();
     video.reset();
     configured = '';
-    company.reset();
+    participants.reset();
     sendConfigure();
     viewer.resume();
   } else if (change.state === 'lost' || change.state === 'refused') {
@@ -291,8 +291,8 @@ function rememberSession({ id, tokens, token }) {
 connection.on('session', (session) => {
   if (session.isNew) {
     rememberSession(session);
-    // The address has said what it had to: a reload comes back to the session.
-    if (address.kept) history.replaceState(null, '', location.pathname);
+    // The session replaces the address: a reload returns to it.
+    if (address.saved) history.replaceState(null, '', location.pathname);
   }
   viewer.adopt(session);
   presets.refresh();
@@ -309,30 +309,30 @@ connection.on('notification', ({ method, params }) => {
       status.setPolicy(params);
       break;
     case 'view.changed':
-      if (params.view && params.by !== company.you) viewer.takeShared(params.view);
+      if (params.view && params.by !== participants.you) viewer.takeShared(params.view);
       break;
     case 'session.participants':
-      company.takeParticipants(params);
+      participants.takeParticipants(params);
       showCompany();
       break;
     case 'session.control':
-      company.takeControl(params);
+      participants.takeControl(params);
       showCompany();
       break;
     case 'volume.progress':
       refreshList();
       break;
     case 'render.error':
-      notice.show(`The picture could not be drawn: ${params.message ?? 'no reason given'}`
+      notice.show(`The picture could not be rendered: ${params.message ?? 'no reason given'}`
         + `${params.pointer ? ` (${params.pointer})` : ''}`, 'render');
       break;
-    default: // of a later version
+    default: // a message of a newer daemon
   }
 });
 
-// People.
+// Participants.
 
-/** Addresses that others can open; what this client has no token for is null. */
+/** Links for others; null where this client has no token for the link. */
 function links() {
   const { session, api, isLive } = connection;
   const none = { watch: null, control: null, view: null, fork: null };
@@ -342,11 +342,11 @@ function links() {
   return {
     watch: join(session.tokens?.view), control: join(session.tokens?.control),
     view: session.isJoined ? null : keep,
-    fork: session.isJoined && !company.hasControlRole ? null : fork,
+    fork: session.isJoined && !participants.hasControlRole ? null : fork,
   };
 }
 
-/** Goes on in a session of one's own that begins with this view. */
+/** Continues in a new session of this client that starts with this view. */
 async function fork() {
   const { session, api } = connection;
   const made = await api.sessionFrom(session.id, session.isJoined ? session.token : api.token);
@@ -356,7 +356,7 @@ async function fork() {
   location.reload();
 }
 
-const people = new People(company, {
+const people = new People(participants, {
   call: (method, params) => connection.call(method, params), fail: report, links,
   rename: (name) => {
     remember('name', name);
@@ -368,7 +368,7 @@ const presets = new Presets(viewer, {
   api: () => (connection.session && !connection.session.isJoined ? connection.api : null), fail: report,
 });
 
-// Camera paths: those who joined by a link alone have no token of the daemon.
+// Camera paths need a token of the daemon, which a client that joined by a link does not have.
 
 const pathApi = () => (connection.api.token ? connection.api : null);
 const paths = new Paths({
@@ -380,17 +380,17 @@ const paths = new Paths({
   },
 });
 const keyframes = new Keyframes(viewer, {
-  screen, api: pathApi, kept: { recall, remember }, made: (path) => paths.add(path),
+  screen, api: pathApi, storage: { recall, remember }, made: (path) => paths.add(path),
   complain: (pointer, text) => panels.complain(pointer, text) || notice.show(text),
 });
 
 function showCompany() {
-  viewer.allow(company.mayChange);
-  status.setCompany(company);
+  viewer.allow(participants.mayChange);
+  status.setParticipants(participants);
   people.show();
 }
 
-// The panel follows.
+// The panel follows the view.
 
 viewer.on('view', (view) => {
   panels.showView(view);
@@ -414,11 +414,11 @@ function refreshList() {
     listTimer = null;
     try {
       if (connection.isLive) await connection.refresh();
-    } catch { /* the stream tells when the daemon is gone */ }
+    } catch { /* the stream reports a lost daemon */ }
   }, LIST_MS);
 }
 
-// A link that is opened where the page is already differs in nothing but its hash.
+// Opening a link in a tab that already shows the page changes only the hash.
 window.addEventListener('hashchange', () => location.reload());
 window.addEventListener('online', () => connection.retryNow());
 document.addEventListener('visibilitychange', () => {
@@ -428,8 +428,8 @@ document.addEventListener('visibilitychange', () => {
 });
 
 /**
- * For tests and for looking at the page in the console; read-only, and no part of any interface.
- * frame, seq: of the last drawn frame; count, videos: frames drawn since the page opened, and those of them that were video; sent: seq of the newest update.
+ * For tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
+ * the page opened; videos: how many of them were video; sent: seq of the newest update.
  */
 Object.defineProperty(window, 'splatd', {
   value: Object.freeze({
@@ -443,11 +443,11 @@ Object.defineProperty(window, 'splatd', {
     get wanted() { return screen.size; },
     get isFinal() { return drawn.isFinal; },
     get isLossless() { return drawn.isLossless; },
-    get sent() { return viewer.pace.sent; },
-    get isIdle() { return viewer.pace.isIdle; },
+    get sent() { return viewer.updates.sent; },
+    get isIdle() { return viewer.updates.isIdle; },
     get camera() { return structuredClone(viewer.camera); },
     get canControl() { return viewer.canControl; },
-    get people() { return company.people; },
+    get people() { return participants.people; },
     get volume() { return viewer.view?.volume ?? null; },
     get background() { return structuredClone(viewer.view?.background ?? null); },
     get session() { return connection.session?.id ?? null; },

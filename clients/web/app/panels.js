@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel: volumes, how the picture is made, what is cut away.
+// The panel: volumes, rendering choices, clipping.
 import { flatLimit, hideFlat, steepest } from '../core/choices.js';
 import { quadratic } from '../core/slider.js';
 import { ClipPanel } from './clip.js';
@@ -61,12 +61,12 @@ export class Panels {
     this.#viewer.change({ background: hexToColor(text) }, time);
   }
 
-  /** Says below a field's control why the daemon refused it; false if there is no such control on the screen. */
+  /** Shows below a field's control why the daemon refused it. False if no visible control represents the field. */
   complain(pointer, text) {
     return this.#complaints.show(pointer, text);
   }
 
-  /** As far as the volume's samples can rise; without a list of volumes, as the transfer function's points do. */
+  /** The largest gradient of the volume's samples; without a list of volumes, of the transfer function's points. */
   get #flatScale() {
     const { volume, view } = this.#viewer;
     if (volume?.range) return quadratic(steepest(volume));
@@ -96,7 +96,7 @@ export class Panels {
     document.title = view.volume ? `${view.volume} — splatd` : 'splatd';
   }
 
-  /** Draws the list; `current` is the id of the volume that is shown. */
+  /** Draws the list; `current` is the id of the shown volume. */
   showVolumes(volumes, current) {
     byId('volumes-section').hidden = volumes.length === 0;
     const key = JSON.stringify([current, volumes.map((v) => [v.id, v.name, describe(v), v.progress])]);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera paths that the daemon has: how far each is, what it has become, and an end to it.
+// The list of the daemon's camera paths: progress, download, cancel and delete.
 import { ask } from './ask.js';
 import { setText } from './fields.js';
 import { shortBytes } from './status.js';
 
-/** Each stream of events takes one of the few connections that a browser opens to a daemon, of all its tabs together. */
+/** Each event stream takes one of the few connections that a browser opens to a daemon, over all tabs. */
 const WATCHES_MAX = 2;
-/** The list is read again this often while there are paths under way that are not watched. */
+/** Interval in ms at which the list is read while unwatched paths are in progress. */
 const LIST_MS = 3000;
 const NAMES = { webm: 'WebM', png: 'PNG', jpeg: 'JPEG', webp: 'WebP', exr: 'EXR' };
 const RANK = ['running', 'waiting'];
@@ -27,16 +27,16 @@ function stateText({ state, reason, done, frames, bytes }) {
 
 export class Paths {
   #api; #fail; #say; #explain;
-  #paths = new Map(); // by id, in the order of the list
+  #paths = new Map(); // id → path, in the order of the list
   #entries = new Map();
   #watches = new Map(); // id → AbortController
   #timer = null;
   #epoch = 0;
-  #ended = ''; // what became of the last one
+  #ended = ''; // the result of the last path
 
   /**
-   * api(): the daemon's, or null where this client has no token of it; fail(Error) and say(text) tell it; explain(text): why
-   * there are none, or ''.
+   * api(): the daemon's interface, or null without its token; fail(Error) and say(text) show messages; explain(text) shows why
+   * there are no paths, or ''.
    */
   constructor({ api, fail, say, explain }) {
     this.#api = api;
@@ -45,19 +45,19 @@ export class Paths {
     this.#explain = explain;
     byId('path').addEventListener('toggle', ({ target }) => {
       if (!target.open) return;
-      target.scrollIntoView({ block: 'start' }); // it is the last of the panel
-      this.refresh(); // others may have made some
+      target.scrollIntoView({ block: 'start' }); // it is the last section of the panel
+      this.refresh(); // other clients may have added some
     });
     document.addEventListener('visibilitychange', () => (document.hidden ? this.#plan() : this.refresh()));
   }
 
-  /** Reads the list, and watches what is under way. */
+  /** Reads the list and watches paths in progress. */
   async refresh() {
     const api = this.#api();
     const epoch = ++this.#epoch;
     if (!api) {
       this.#take([]);
-      this.#explain('Camera paths are for those who have a token of the daemon; this page joined by a link.');
+      this.#explain('Camera paths need a token of the daemon; this page joined by a link.');
       return;
     }
     try {
@@ -69,22 +69,22 @@ export class Paths {
       if (epoch !== this.#epoch) return;
       if ([401, 403].includes(error.status)) {
         this.#take([]);
-        this.#explain(`Camera paths are not for this token: ${error.message}.`);
+        this.#explain(`This token may not create camera paths: ${error.message}.`);
       }
-      this.#plan(); // else it is tried again
+      this.#plan(); // tries again later
     }
   }
 
-  /** The daemon has taken one of this page's. */
+  /** Adds a path that the daemon accepted from this page. */
   add(path) {
-    this.#epoch += 1; // a list that is on its way does not have it
+    this.#epoch += 1; // a list that is still loading does not contain it
     this.#paths = new Map([[path.id, path], ...this.#paths]);
     this.#show();
     byId('paths').firstElementChild.scrollIntoView({ block: 'nearest' });
     this.#plan();
   }
 
-  /** What is known keeps its place; what is new is above it, first what is under way. */
+  /** Known paths keep their places; new ones come first, those in progress at the top. */
   #take(paths) {
     const found = new Map(paths.map((path) => [path.id, path]));
     const rank = ({ state }) => (RANK.includes(state) ? RANK.indexOf(state) : RANK.length);
@@ -95,7 +95,7 @@ export class Paths {
     this.#plan();
   }
 
-  /** Watches as many as may be; for the others the list is read now and then. A tab that nobody sees does neither. */
+  /** Watches as many paths as allowed and polls the list for the others. A hidden tab does neither. */
   #plan() {
     clearTimeout(this.#timer);
     for (const [id, watch] of this.#watches) if (document.hidden || !this.#paths.has(id)) watch.abort();
@@ -117,7 +117,7 @@ export class Paths {
       isOver = event !== 'progress';
       this.#ended = { done: 'drawn', failed: 'failed' }[event] ?? this.#ended;
       this.#show();
-      if (event === 'done') this.#tell(`A path of ${path.volume} is drawn: ${path.frames} frames.`);
+      if (event === 'done') this.#tell(`A path of ${path.volume} is finished: ${path.frames} frames.`);
       if (event === 'failed') this.#tell(`A path of ${path.volume} failed: ${path.reason}`);
     };
     try {
@@ -131,12 +131,12 @@ export class Paths {
       this.#plan();
       return;
     }
-    // It broke off: what holds is read anew, but not at once.
+    // The stream broke off: reads the list again after a delay.
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.refresh(), LIST_MS);
   }
 
-  /** Who does not see the list is told by a notice; the others by the summary, which is read aloud. */
+  /** Shows a notice if the list is not visible, otherwise the summary, which screen readers read aloud. */
   #tell(text) {
     if (!byId('paths').checkVisibility()) this.#say(text);
   }
@@ -145,7 +145,7 @@ export class Paths {
     this.#paths.delete(id);
   }
 
-  // Showing them.
+  // The list.
 
   #show() {
     const paths = [...this.#paths.values()];
@@ -189,7 +189,7 @@ export class Paths {
         bar.hidden = !isUnderWay(path);
         bar.max = frames;
         bar.value = done;
-        bar.setAttribute('aria-label', `Drawing ${volume}`);
+        bar.setAttribute('aria-label', `Rendering ${volume}`);
         setText(find('save'), format === 'webm' ? 'Save movie' : 'Save frames');
         find('save').hidden = state !== 'done';
         setText(find('delete'), isUnderWay(path) ? 'Cancel' : 'Delete');
@@ -197,9 +197,9 @@ export class Paths {
     };
   }
 
-  // What may be done with one.
+  // Actions.
 
-  /** By the browser's own download. The path is asked for first, so that an error is told here. */
+  /** Starts the browser's download. Requests the path first, so that an error appears here. */
   async #save(id) {
     try {
       const api = this.#api();
@@ -215,9 +215,9 @@ export class Paths {
 
   async #delete(id) {
     const path = this.#paths.get(id);
-    const what = isUnderWay(path) ? `Stop drawing this path of ${path.volume} and remove what there is of it?`
-      : `Remove this path of ${path.volume} and its ${path.done} frames from the daemon?`;
-    if (!await ask(what, isUnderWay(path) ? 'Stop and remove' : 'Remove')) return;
+    const what = isUnderWay(path) ? `Cancel this path of ${path.volume} and delete its frames?`
+      : `Delete this path of ${path.volume} and its ${path.done} frames from the daemon?`;
+    if (!await ask(what, isUnderWay(path) ? 'Cancel and delete' : 'Delete')) return;
     try {
       await this.#api().deletePath(id);
       this.#gone(id);
@@ -227,13 +227,13 @@ export class Paths {
   }
 
   #gone(id) {
-    this.#epoch += 1; // a list that is on its way may still have it
+    this.#epoch += 1; // a list that is still loading may contain it
     this.#forget(id);
     this.#show();
     this.#plan();
   }
 
-  /** Something did not work: one that somebody else has removed is gone. */
+  /** Handles a failed action; a path that another client removed disappears. */
   #lost(id, error) {
     if (error.status === 404) this.#gone(id);
     this.#fail(error);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The people of the session, control, and what can be handed to others: links and forks.
+// The participants of the session, control, links and forks.
 
 const byId = (id) => document.getElementById(id);
 
@@ -12,17 +12,17 @@ function button(text, press) {
 }
 
 export class People {
-  #company; #call; #fail; #links;
+  #participants; #call; #fail; #links;
   #key = '';
   #asked = 0;
 
   /**
-   * call(method, params) → promise; fail(Error) tells it; links(): {watch, control, view, fork}, each a function that
-   * gives a promise of an address (fork: of nothing, it leaves the page), or null where this client cannot make it.
-   * rename(name): this participant's.
+   * call(method, params) → promise; fail(Error) shows it; links(): {watch, control, view, fork}. Each is a function that
+   * resolves to an address (fork resolves to nothing and leaves the page), or null if this client cannot create it.
+   * rename(name) sets the name of this participant.
    */
-  constructor(company, { call, fail, links, rename }) {
-    this.#company = company;
+  constructor(participants, { call, fail, links, rename }) {
+    this.#participants = participants;
     this.#call = (method, params) => call(method, params).catch(fail);
     this.#fail = fail;
     this.#links = links;
@@ -46,7 +46,7 @@ export class People {
       byId('link-row').hidden = false;
       field.value = address;
       field.focus();
-      // Without a secure context there is no clipboard: the field is to be copied from.
+      // Without a secure context there is no clipboard; the user copies from the field.
       const isCopied = await navigator.clipboard?.writeText(address).then(() => true, () => false);
       byId('link-note').textContent = isCopied ? 'copied' : 'copy it from here';
     } catch (error) {
@@ -54,16 +54,16 @@ export class People {
     }
   }
 
-  /** Draws what has changed. */
+  /** Redraws changed parts. */
   show() {
-    const { people, me, count } = this.#company;
+    const { people, me, count } = this.#participants;
     const links = this.#links();
-    byId('control-ask').hidden = count < 2 || !this.#company.mayAsk;
-    byId('control-release').hidden = count < 2 || !(this.#company.isHolder || this.#company.isAsking);
-    byId('control-release').textContent = this.#company.isHolder ? 'Release control' : 'Stop asking';
+    byId('control-ask').hidden = count < 2 || !this.#participants.mayAsk;
+    byId('control-release').hidden = count < 2 || !(this.#participants.isHolder || this.#participants.isAsking);
+    byId('control-release').textContent = this.#participants.isHolder ? 'Release control' : 'Stop asking';
     for (const kind of ['watch', 'control', 'view']) byId(`link-${kind}`).hidden = !links[kind];
     byId('fork').hidden = !links.fork;
-    const key = JSON.stringify([people, this.#company.isHolder]);
+    const key = JSON.stringify([people, this.#participants.isHolder]);
     if (key === this.#key) return;
     this.#key = key;
     const name = byId('person-name');
@@ -72,7 +72,7 @@ export class People {
     byId('people-dots').hidden = count < 2;
     byId('people').replaceChildren(...people.map((p) => this.#entry(p)));
     const asking = people.filter((p) => p.asks && !p.isYou).length;
-    if (this.#company.isHolder && asking > this.#asked) byId('people-fold').open = true;
+    if (this.#participants.isHolder && asking > this.#asked) byId('people-fold').open = true;
     this.#asked = asking;
   }
 
@@ -95,7 +95,7 @@ export class People {
     about.textContent = [person.isYou ? 'you' : '', person.isHolder ? 'controls' : '', person.asks ? 'asks' : '']
       .filter(Boolean).join(', ');
     item.append(this.#dot(person), name, about);
-    if (this.#company.isHolder && person.asks) {
+    if (this.#participants.isHolder && person.asks) {
       item.append(
         button('Grant', () => this.#call('session.grant_control', { to: person.id })),
         button('Refuse', () => this.#call('session.refuse_control', { to: person.id })),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Presets: how a picture is made, kept by the daemon under a name, and made so again, of any volume.
+// Presets: named rendering choices that the daemon stores for all volumes.
 
 const PARTS = ['transfer_function', 'filter', 'compositing', 'shading', 'background'];
 const byId = (id) => document.getElementById(id);
@@ -7,7 +7,7 @@ const byId = (id) => document.getElementById(id);
 export class Presets {
   #viewer; #api; #fail; #key = null;
 
-  /** api(): the daemon's, or null where this client may not use presets; fail(Error) tells it. */
+  /** api(): the daemon's interface, or null if this client may not use presets; fail(Error) shows an error. */
   constructor(viewer, { api, fail }) {
     this.#viewer = viewer;
     this.#api = api;
@@ -18,10 +18,10 @@ export class Presets {
       event.preventDefault();
       this.#keep(byId('preset-name').value.trim());
     });
-    byId('preset').addEventListener('pointerdown', () => this.#list()); // others may have kept some
+    byId('preset').addEventListener('pointerdown', () => this.#list()); // other clients may have saved some
   }
 
-  /** For a session that has just begun. */
+  /** Call when a session starts. */
   refresh() {
     const isAllowed = Boolean(this.#api());
     byId('preset-form').hidden = !isAllowed;

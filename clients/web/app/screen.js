@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// The canvas: as many px as the window has (up to a limit), on which pictures of any size are drawn.
+// The canvas: it has as many px as the window, up to a limit, and draws frames of any size.
 
-/** Longest side that is asked for, px: beyond it a picture costs more than the eye gets. */
+/** The longest side of a requested frame in px. Larger frames cost more than the eye can see. */
 const SIDE_MAX = 2048;
-/** Pictures whose shape differs less than this from the canvas's are stretched to fill it exactly. */
+/** Frames whose aspect ratio differs less than this from the canvas are stretched to fill it. */
 const SHAPE_TOLERANCE = 0.02;
-/** Of a thumbnail, px: twice what it has on the page, for screens that are that fine. */
+/** Size of a thumbnail in px: twice its size on the page, for screens with high resolution. */
 export const THUMBNAIL = [120, 80];
 
 export class Screen {
   #canvas; #context; #resized;
   #css = { width: 1, height: 1 };
 
-  /** resized() is called when the wanted size has changed. */
+  /** resized() is called when the wanted size changes. */
   constructor(canvas, resized) {
     this.#canvas = canvas;
     this.#context = canvas.getContext('2d', { alpha: false });
@@ -22,10 +22,10 @@ export class Screen {
     this.#measure(null);
   }
 
-  /** The canvas in CSS px, for the geometry of the input. */
+  /** The size of the canvas in CSS px, for input geometry. */
   get viewport() { return this.#css; }
 
-  /** [width, height] px of the picture that fits. */
+  /** [width, height] in px of the frame that fits. */
   get size() { return [this.#canvas.width, this.#canvas.height]; }
 
   #measure(entry) {
@@ -33,7 +33,7 @@ export class Screen {
     this.#css = { width: Math.max(1, box.width), height: Math.max(1, box.height) };
     const ratio = window.devicePixelRatio || 1;
     let full = [box.width * ratio, box.height * ratio];
-    // Where the browser says how its rounding came out, take that; emulated screens say something else altogether.
+    // Uses the browser's exact device pixels if they are plausible; emulated screens report wrong values.
     const device = entry?.devicePixelContentBoxSize?.[0];
     const exact = [device?.inlineSize, device?.blockSize];
     if (exact.every((n, i) => Math.abs(n - full[i]) <= 1)) full = exact;
@@ -47,7 +47,7 @@ export class Screen {
     this.#resized();
   }
 
-  // Resizing a canvas clears it; what it showed stays until the next picture.
+  // Resizing a canvas clears it, so the old content is drawn again until the next frame.
   #copy() {
     const { width, height } = this.#canvas;
     if (width < 2 || height < 2) return null;
@@ -56,11 +56,11 @@ export class Screen {
     return copy;
   }
 
-  draw(picture) {
-    this.#paint(picture);
+  draw(image) {
+    this.#paint(image);
   }
 
-  /** Address of a small picture of the middle of what is shown. */
+  /** The address of a thumbnail of the centre of the canvas. */
   thumbnail() {
     const [width, height] = THUMBNAIL;
     const factor = Math.max(width / this.#canvas.width, height / this.#canvas.height);
@@ -73,22 +73,22 @@ export class Screen {
     return small.toDataURL('image/jpeg', 0.8);
   }
 
-  #paint(picture) {
+  #paint(image) {
     const { width, height } = this.#canvas;
-    const shape = (picture.width / picture.height) / (width / height);
+    const shape = (image.width / image.height) / (width / height);
     this.#context.imageSmoothingQuality = 'high';
     if (Math.abs(shape - 1) < SHAPE_TOLERANCE) {
-      this.#context.drawImage(picture, 0, 0, width, height);
+      this.#context.drawImage(image, 0, 0, width, height);
       return;
     }
-    // A picture of before the window changed: fov_y is vertical, so its height is what stays.
-    const wide = height * picture.width / picture.height;
+    // A frame from before a resize keeps its height, because fov_y is vertical.
+    const wide = height * image.width / image.height;
     this.#context.fillRect(0, 0, width, height);
-    this.#context.drawImage(picture, (width - wide) / 2, 0, wide, height);
+    this.#context.drawImage(image, (width - wide) / 2, 0, wide, height);
   }
 }
 
-/** Decodes the payload of a frame off the main thread; Promise of an ImageBitmap. */
-export function decodePicture({ payload, type }) {
+/** Decodes the payload of a frame off the main thread; resolves to an ImageBitmap. */
+export function decodeImage({ payload, type }) {
   return createImageBitmap(new Blob([payload], { type }));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The status line: what the last second was like.
+// The status line: figures of the last second.
 import { detailPercent } from '../core/detail.js';
 import { policyText } from '../core/policy.js';
 
@@ -34,9 +34,9 @@ export class StatusLine {
   #newest = null;
   #wanted;
   #isLive = false;
-  #about = null; // the field's own title
+  #about = null; // the title of the field itself
 
-  /** wanted(): [width, height] of the picture that is asked for. */
+  /** wanted(): [width, height] of the requested frame. */
   constructor(root, wanted) {
     this.#root = root;
     this.#wanted = wanted;
@@ -57,9 +57,9 @@ export class StatusLine {
     if (!this.#isLive) this.#frames = [];
   }
 
-  /** How many look at this session, and who controls it if it is not this page. */
-  setCompany({ count, holder, mayChange }) {
-    const field = this.#fields.get('company');
+  /** Shows the number of participants, and the holder of control if it is not this page. */
+  setParticipants({ count, holder, mayChange }) {
+    const field = this.#fields.get('participants');
     const who = mayChange ? '' : holder ? `${holder.name} controls` : 'watching';
     field.textContent = [who, count > 1 ? `${count} people` : ''].filter(Boolean).join(', ');
   }
@@ -68,14 +68,14 @@ export class StatusLine {
     this.#stats = { ...this.#stats, ...stats };
   }
 
-  /** Why a picture has the detail that it has: told by the field when it is pointed at. */
+  /** Explains the detail of frames in the title of its field. */
   setPolicy(policy) {
     const { parentElement: item } = this.#fields.get('detail');
     this.#about ??= item.title;
     item.title = `${this.#about}\n${policyText(policy)}`;
   }
 
-  /** A frame was drawn; latency in ms, or null. */
+  /** Records a drawn frame; latency in ms, or null. */
   drew(frame, latency) {
     this.#frames.push(performance.now());
     if (latency !== null) this.#latency = latency;

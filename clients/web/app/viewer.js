@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the user looks at: the view, the camera as a rig, and what may be done with them. Every change goes out as
-// a patch through the pace. Events: view (the view changed), refused Error.
+// The current view, the camera as a rig, and the actions on them. Every change is sent as a patch through the update queue.
+// Events: view (the view changed), refused Error.
 import {
   cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
 import { applyPatch, patchBetween } from '../core/merge.js';
-import { Pace } from '../core/pace.js';
+import { UpdateQueue } from '../core/update_queue.js';
 import { drag } from '../core/trackball.js';
 
-/** At the next animation frame, or soon in a hidden tab, which has none. */
+/** Runs at the next animation frame, or soon in a hidden tab, which has no animation frames. */
 function schedule(then) {
   let isDone = false;
   const once = () => {
@@ -35,7 +35,7 @@ export class Viewer extends Emitter {
     super();
     this.#connection = connection;
     this.#viewport = viewport;
-    this.pace = new Pace({
+    this.updates = new UpdateQueue({
       send: (params) => connection.call('view.update', params),
       schedule,
       now: () => performance.now(),
@@ -46,25 +46,25 @@ export class Viewer extends Emitter {
 
   get view() { return this.#view; }
   get camera() { return this.#view?.camera ?? null; }
-  /** Is the view that of its volume, with a camera? While the volume is being changed it is not. */
+  /** True if the view belongs to its volume and has a camera; false while the volume is being changed. */
   get isSettled() { return Boolean(this.#rig) && !this.#isSwitching; }
-  /** May the camera be moved? */
+  /** True if the camera can be moved. */
   get isReady() { return this.isSettled && this.#canControl; }
-  /** What a new session begins with after a loss: all of the view, unless its volume was just being changed. */
+  /** The view for a new session after a lost connection: the whole view, unless the volume was being changed. */
   get lastView() {
     if (!this.#view || !this.#isSwitching) return this.#view;
     return { volume: this.#view.volume, background: this.#view.background };
   }
   get orientation() { return this.#rig?.orientation ?? null; }
-  /** The volume as the daemon describes it, or null where there is no list of volumes. */
+  /** The daemon's description of the volume, or null without a list of volumes. */
   get volume() { return this.#connection.volumes.find((v) => v.id === this.#view?.volume) ?? null; }
-  /** The box {center, half} of the volume, as far as it is known; null without a view. */
+  /** The box {center, half} of the volume as far as it is known; null without a view. */
   get box() { return this.#box; }
-  /** The canvas in CSS px: what the points given to the functions below refer to. */
+  /** The size of the canvas in CSS px; points in the functions below are relative to it. */
   get viewport() { return this.#viewport(); }
   get canControl() { return this.#canControl; }
 
-  /** Takes a whole view from the daemon. A default one is framed for a square: a narrow window needs more distance. */
+  /** Takes a complete view from the daemon. A default view fits a square, so a narrow window needs more distance. */
   take(view, isDefault = this.#isSwitching) {
     this.#view = view;
     this.#isSwitching = false;
@@ -79,13 +79,13 @@ export class Viewer extends Emitter {
     this.emit('view', this.#view);
   }
 
-  /** May this participant change the view? */
+  /** Sets whether this participant may change the view. */
   allow(canControl) {
     this.#canControl = canControl;
     if (this.#view) this.emit('view', this.#view);
   }
 
-  /** The list of volumes was read (again): the extent of the current one may be known now. */
+  /** Takes the list of volumes, which may tell the extent of the current volume. */
   #measure() {
     try {
       this.#box = this.volume?.dims ? volumeBox(this.volume) : null;
@@ -93,7 +93,7 @@ export class Viewer extends Emitter {
       this.#box = null;
     }
     this.#sphere = this.#box && sphereAround(this.#box);
-    // In a session that was joined by its token alone there is no list: the camera says how large things are.
+    // A session that was joined by a join token has no list of volumes; the camera tells the scale.
     if (!this.#box && this.#rig) {
       const radius = this.#rig.distance * Math.sin(this.#rig.fovY * Math.PI / 360);
       this.#sphere = { center: this.#rig.target, radius };
@@ -101,36 +101,36 @@ export class Viewer extends Emitter {
     }
   }
 
-  /** Somebody else changed the shared view. While we change it ourselves, ours is newer. */
+  /** Takes the shared view after another participant changed it, unless this client has newer changes. */
   takeShared(view) {
-    if (!this.pace.isIdle || this.#isSwitching) return;
+    if (!this.updates.isIdle || this.#isSwitching) return;
     this.take(view);
   }
 
-  /** A session was found, with its view: of a new one all counts; of an old one, what we could not tell it stays. */
+  /** Takes the view of a session. For an existing session, changes that were not sent yet stay. */
   adopt({ view, isNew, isDefault }) {
     if (isNew) {
-      this.pace.drop();
+      this.updates.drop();
       this.#canControl = true;
     }
-    if (view && (isNew || this.pace.isIdle || !this.#view)) this.take(view, isDefault);
+    if (view && (isNew || this.updates.isIdle || !this.#view)) this.take(view, isDefault);
   }
 
-  /** The stream is open. */
+  /** Call when the stream opens. */
   resume() {
-    this.pace.open();
+    this.updates.open();
   }
 
-  /** The stream is gone. */
+  /** Call when the stream is lost. */
   suspend() {
-    this.pace.close();
+    this.updates.close();
   }
 
   async #reload() {
     try {
       const answer = await this.#connection.call('view.get');
       const view = answer.view ?? answer;
-      if (this.pace.isIdle) this.take(view);
+      if (this.updates.isIdle) this.take(view);
     } catch (error) {
       if (this.#connection.isLive) this.emit('refused', error);
     }
@@ -140,23 +140,23 @@ export class Viewer extends Emitter {
     if (error.code === -32004) this.allow(false);
     this.#isSwitching = false;
     this.emit('refused', error);
-    // What the daemon refused is not what it shows: go back to its view.
+    // The daemon refused the change, so the page returns to the daemon's view.
     if (this.#connection.isLive && patch) this.#reload();
   }
 
-  /** Changes anything of the view but the camera. */
+  /** Changes fields of the view other than the camera. */
   change(patch, time) {
     if (!this.#view || !this.#canControl) return;
     this.#view = applyPatch(this.#view, patch);
-    this.pace.put(patch, { time });
+    this.updates.put(patch, { time });
     this.emit('view', this.#view);
   }
 
-  /** Goes to a whole view of the same volume, all of it but its size. */
+  /** Goes to a complete view of the same volume; the size stays. */
   show(view, time) {
     if (!this.isReady || view.volume !== this.#view.volume) return;
     const wanted = { ...view, size: this.#view.size };
-    this.pace.put(patchBetween(this.#view, wanted), { time });
+    this.updates.put(patchBetween(this.#view, wanted), { time });
     this.#view = wanted;
     this.#rig = rigFromCamera(view.camera);
     this.emit('view', this.#view);
@@ -167,7 +167,7 @@ export class Viewer extends Emitter {
     this.#isSwitching = true;
     this.#home = null;
     this.#view = { ...this.#view, volume: id };
-    this.pace.put({ volume: id }, { alone: true });
+    this.updates.put({ volume: id }, { alone: true });
     this.emit('view', this.#view);
   }
 
@@ -175,10 +175,10 @@ export class Viewer extends Emitter {
     this.#rig = rig;
     const camera = cameraFromRig(rig);
     this.#view = { ...this.#view, camera: { ...this.#view.camera, ...camera } };
-    this.pace.put({ camera }, { time });
+    this.updates.put({ camera }, { time });
   }
 
-  /** Orbit: a drag that began with orientation `start`, between two points of the viewport. */
+  /** Orbits for a drag between two points of the viewport that started with orientation `start`. */
   turn(start, from, to, time) {
     if (!this.isReady) return;
     this.#move({ ...this.#rig, orientation: drag(start, from, to, this.#viewport()) }, time);
@@ -197,12 +197,12 @@ export class Viewer extends Emitter {
     this.#move(zoom(this.#rig, factor, at, this.#viewport(), zoomLimits(this.#sphere)), time);
   }
 
-  /** The same direction, with the whole volume in the window. */
+  /** Keeps the direction and fits the whole volume into the window. */
   fit(time) {
     if (this.isReady) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
   }
 
-  /** The camera of the volume's default view. */
+  /** Returns to the camera of the volume's default view. */
   async reset(time) {
     if (!this.isReady) return;
     const id = this.#view.volume;
@@ -210,7 +210,7 @@ export class Viewer extends Emitter {
       try {
         this.#home = (await this.#connection.api.volumeView(id)).camera;
       } catch {
-        // Joined by a session's own token: fit is the best that can be done.
+        // A client with a join token cannot read the default view; fitting is the closest.
         this.fit(time);
         return;
       }
@@ -220,6 +220,6 @@ export class Viewer extends Emitter {
     this.#rig = widen(home, this.#viewport());
     const camera = this.#rig === home ? this.#home : { ...this.#home, ...cameraFromRig(this.#rig) };
     this.#view = { ...this.#view, camera };
-    this.pace.put({ camera }, { time });
+    this.updates.put({ camera }, { time });
   }
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The daemon's HTTP interface, as far as the page needs it. All addresses are relative to `base`.
+// The part of the daemon's HTTP interface that the page uses. All addresses are relative to `base`.
 import { eventReader } from './events.js';
 
-/** Why a request failed: `status` 0 = no answer at all; else HTTP's, with what the problem document says. */
+/** A failed request: the HTTP status, or 0 without an answer, and the text of the problem document. */
 export class ApiError extends Error {
   name = 'ApiError';
   constructor(status, message, { pointer = '', retryAfter = 0 } = {}) {
@@ -31,7 +31,7 @@ export class Api {
     return volumes;
   }
 
-  /** The full default view of a volume. */
+  /** The complete default view of a volume. */
   volumeView(id) {
     return this.#request('GET', `api/v1/volumes/${encodeURIComponent(id)}/view`);
   }
@@ -41,24 +41,24 @@ export class Api {
     return this.#request('POST', 'api/v1/sessions', { body: { view } });
   }
 
-  /** A session that begins with the view of another one or with a kept view; `token`: the daemon's or, to fork, its control token. */
+  /** Creates a session from the view of another session or from a saved view. `token` is the daemon's or, to fork, the control token of that session. */
   sessionFrom(id, token = this.token) {
     return this.#request('POST', 'api/v1/sessions', { body: { from: id }, token });
   }
 
-  /** {id}: a name for this view, for links. */
+  /** Saves a view for links; resolves to {id}. */
   keepView(view) {
     return this.#request('POST', 'api/v1/views', { body: view });
   }
 
-  /** Names. */
+  /** Names of all presets. */
   async presets() {
     const { presets } = await this.#request('GET', 'api/v1/presets');
     if (!Array.isArray(presets)) throw new ApiError(200, 'the list of presets is not a list');
     return presets;
   }
 
-  /** A part of a view. */
+  /** A preset, which is a part of a view. */
   preset(name) {
     return this.#request('GET', `api/v1/presets/${encodeURIComponent(name)}`);
   }
@@ -75,7 +75,7 @@ export class Api {
     return this.#request('GET', `api/v1/sessions/${encodeURIComponent(id)}`, { token });
   }
 
-  /** Address of a session's stream. */
+  /** The address of a session's stream. */
   streamUrl(id, token) {
     const url = new URL(`api/v1/sessions/${encodeURIComponent(id)}/stream`, this.#base);
     url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
@@ -83,7 +83,7 @@ export class Api {
     return url.href;
   }
 
-  /** A picture of a view: a Blob. */
+  /** An image of a view, as a Blob. */
   async still(view, size) {
     const what = 'api/v1/render?format=jpeg';
     const answer = await this.#send('POST', what, { body: { ...view, size }, accept: 'image/jpeg', signal: AbortSignal.timeout(TIMEOUT_MS) });
@@ -91,7 +91,7 @@ export class Api {
     return answer.blob();
   }
 
-  /** All camera paths that this token sees. */
+  /** All camera paths that this token may see. */
   async paths() {
     const all = [];
     let after = '';
@@ -116,7 +116,7 @@ export class Api {
     return this.#request('DELETE', `api/v1/paths/${encodeURIComponent(id)}`);
   }
 
-  /** Calls told(event, path) for all that becomes of a path, until the stream ends; the last event is done, failed or removed. */
+  /** Calls told(event, path) for every event of a path until the stream ends. The last event is done, failed or removed. */
   async watchPath(id, told, signal) {
     const address = `api/v1/paths/${encodeURIComponent(id)}/events`;
     const answer = await this.#send('GET', address, { accept: 'text/event-stream', signal });
@@ -127,8 +127,8 @@ export class Api {
   }
 
   /**
-   * Address of the file that a path has become, for the browser's own download: it has no limit of size and goes on where it
-   * broke off. It holds the token, since a download sends no header.
+   * The address of a finished path's file, for the browser's own download, which has no size limit and resumes after an
+   * interruption. The address contains the token, because a download cannot send headers.
    */
   pathFile({ id, format }) {
     const url = new URL(`api/v1/paths/${encodeURIComponent(id)}/${format === 'webm' ? 'movie' : 'archive'}`, this.#base);
@@ -136,7 +136,7 @@ export class Api {
     return url.href;
   }
 
-  /** The answer, whatever its status; its body may still be on its way. */
+  /** Resolves to the answer with any status; its body may still be loading. */
   async #send(method, path, { body, token = this.token, accept = 'application/json', signal }) {
     const headers = { Accept: accept };
     if (token) headers.Authorization = `Bearer ${token}`;

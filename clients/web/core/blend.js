@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lies between two views a and b, as the daemon blends the keyframes of a camera path (server/jobs/blend.h): at u = 0
-// it is a, at u = 1 it is b. Numbers are linear; the camera moves on an arc about its target; a transfer function is at every
-// value the mean of both; directions turn; what has no way between, like names and lists of different lengths, is a until u = 1.
+// Interpolates between two views a (u = 0) and b (u = 1), exactly as the daemon does for camera paths
+// (server/paths/blend.h). Numbers are linear, the camera moves on an arc about its target, directions turn, and transfer
+// functions are blended at every value. Names and lists of different lengths stay those of a until u = 1.
 import { cameraFromRig, rigFromCamera } from './camera.js';
 import { dot, length, normalize, scale } from './vector.js';
 
-/** Never outside [a, b], whatever rounding does. */
+/** Stays within [a, b] despite rounding. */
 const within = (x, a, b) => Math.min(Math.max(x, Math.min(a, b)), Math.max(a, b));
 const mix = (a, b, u) => within(a * (1 - u) + b * u, a, b);
-/** Equal steps of u are equal ratios; both above 0. */
+/** Equal steps of u give equal ratios. Both numbers are above 0. */
 const mixLog = (a, b, u) => within(Math.exp(mix(Math.log(a), Math.log(b), u)), a, b);
 
 const isObject = (value) => typeof value === 'object' && value !== null;
 
-/** Whatever has no rule of its own. */
+/** The rule for all fields without a rule of their own. */
 function blendAny(a, b, u) {
   if (typeof a === 'number' && typeof b === 'number') return mix(a, b, u);
   if (!isObject(a) || !isObject(b) || Array.isArray(a) !== Array.isArray(b)) return a;
@@ -21,7 +21,7 @@ function blendAny(a, b, u) {
   return Object.fromEntries(Object.entries(a).map(([key, part]) => [key, blendAny(part, b[key], u)]));
 }
 
-/** Between two vectors of length 1, in 3 or 4 dimensions, at constant speed. */
+/** Interpolates between two unit vectors in 3 or 4 dimensions at constant angular speed. */
 function slerp(a, b, u) {
   const cosine = a.reduce((sum, part, i) => sum + part * b[i], 0);
   const angle = Math.acos(within(cosine, -1, 1));
@@ -32,7 +32,7 @@ function slerp(a, b, u) {
   return sum.map((part) => part / norm);
 }
 
-/** Null if there is no way between them: opposite directions. */
+/** Null for opposite directions, which have no unique arc. */
 function blendDirection(a, b, u) {
   const [from, to] = [normalize(a), normalize(b)];
   return dot(from, to) < -1 + 1e-9 ? null : scale(slerp(from, to, u), mix(length(a), length(b), u));
@@ -41,7 +41,7 @@ function blendDirection(a, b, u) {
 function blendCamera(a, b, u) {
   const [from, to] = [rigFromCamera(a), rigFromCamera(b)];
   const cosine = from.orientation.reduce((sum, part, i) => sum + part * to.orientation[i], 0);
-  const nearer = cosine < 0 ? to.orientation.map((part) => -part) : to.orientation; // the same turn, the shorter way
+  const nearer = cosine < 0 ? to.orientation.map((part) => -part) : to.orientation; // the same rotation by the shorter arc
   const moved = cameraFromRig({
     target: blendAny(a.target, b.target, u), distance: mixLog(from.distance, to.distance, u),
     orientation: slerp(from.orientation, nearer, u),
@@ -49,7 +49,7 @@ function blendCamera(a, b, u) {
   return { ...a, ...moved, fov_y: mix(a.fov_y, b.fov_y, u), height: mixLog(a.height, b.height, u), near: mixLog(a.near, b.near, u) };
 }
 
-/** A list of points that rise in `key`, linear between, at x; the ends hold outside. */
+/** Evaluates a list of points with rising `key` at x: linear between points, constant outside. */
 function sample(points, key, x) {
   const next = points.findIndex((point) => point[key] >= x);
   if (next < 0) return points.at(-1);
@@ -58,7 +58,7 @@ function sample(points, key, x) {
   return blendAny(left, right, (x - left[key]) / (right[key] - left[key]));
 }
 
-/** The mean of two such lists; `none` stands for one without points. */
+/** Blends two such lists; `none` replaces an empty one. */
 function blendCurves(a, b, key, u, none) {
   const at = (points, x) => (points.length ? sample(points, key, x) : none);
   const places = [...new Set([...a, ...b].map((point) => point[key]))].sort((x, y) => x - y);
@@ -96,7 +96,7 @@ const RULES = {
   quality: (a) => a,
 };
 
-/** Two views of one volume; of the size of the first. */
+/** Blends two views of one volume; the size is that of the first. */
 export function blendViews(a, b, u) {
   if (u <= 0) return a;
   if (u >= 1) return { ...b, size: a.size };

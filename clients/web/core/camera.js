@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera as the client moves it, and its form in the view (protocol: "camera").
+// The camera as the client moves it, and its fields in the view (protocol: "camera").
 //
-// A rig is {projection, target, distance, orientation, fovY, height}: one unit quaternion says how the
-// camera is turned (its columns are right, up and back in world space), so that position and up are
-// always derived, never accumulated, and up stays at right angles to the line of sight.
+// A rig is {projection, target, distance, orientation, fovY, height}. The orientation is one unit quaternion, whose
+// columns are right, up and back in world space. Position and up are always computed from it, so errors do not
+// accumulate and up stays perpendicular to the line of sight.
 // A viewport is {width, height} in CSS px; screen points are px from its upper left corner, y down.
 import {
   add, subtract, scale, dot, cross, length, normalize, rotate, multiply, axisAngle, fromAxes,
@@ -12,7 +12,7 @@ import {
 
 const DEGREE = Math.PI / 180;
 
-/** Rig of a view's camera {projection, position, target, up, fov_y, height}. Throws RangeError when degenerate. */
+/** The rig of a view's camera {projection, position, target, up, fov_y, height}. Throws RangeError if it is degenerate. */
 export function rigFromCamera(camera) {
   const sight = subtract(camera.target, camera.position);
   const forward = normalize(sight);
@@ -28,7 +28,7 @@ export function rigFromCamera(camera) {
   };
 }
 
-/** The fields of the view's camera that moving it changes. */
+/** The fields of the view's camera that a movement changes. */
 export function cameraFromRig(rig) {
   const camera = {
     position: add(rig.target, rotate(rig.orientation, [0, 0, rig.distance])),
@@ -39,21 +39,21 @@ export function cameraFromRig(rig) {
   return camera;
 }
 
-/** World units a px in the plane through the target that is parallel to the image. */
+/** World units per px in the plane through the target that is parallel to the image. */
 export function worldPerPixel(rig, viewport) {
   const seen = rig.projection === 'orthographic'
     ? rig.height : 2 * rig.distance * Math.tan(rig.fovY * DEGREE / 2);
   return seen / viewport.height;
 }
 
-/** The point of the target's plane that is seen at the screen point (x, y). */
+/** The point of the target's plane under the screen point (x, y). */
 export function pointOnPlane(rig, [x, y], viewport) {
   const unit = worldPerPixel(rig, viewport);
   const offset = [(x - viewport.width / 2) * unit, (viewport.height / 2 - y) * unit, 0];
   return add(rig.target, rotate(rig.orientation, offset));
 }
 
-/** Screen point of a world point, or null when it is not in front of the camera. */
+/** The screen point of a world point, or null if it is not in front of the camera. */
 export function project(rig, point, viewport) {
   const { position } = cameraFromRig(rig);
   const from = subtract(point, position);
@@ -71,15 +71,15 @@ export function project(rig, point, viewport) {
   ];
 }
 
-/** Moves the camera in the image plane so that what is seen at the target's depth follows (dx, dy) px. */
+/** Moves the camera in the image plane, so that points at the target's depth follow (dx, dy) px. */
 export function pan(rig, [dx, dy], viewport) {
   const unit = worldPerPixel(rig, viewport);
   return { ...rig, target: subtract(rig.target, rotate(rig.orientation, [dx * unit, -dy * unit, 0])) };
 }
 
 /**
- * Brings the target nearer (factor < 1) or away, keeping the point of its plane under `at` where it is.
- * `limits` is {nearest, farthest}: of the distance (perspective) or the height (orthographic), world units.
+ * Moves towards the target (factor < 1) or away from it and keeps the point under `at` in place. `limits` is
+ * {nearest, farthest} of the distance (perspective) or of the height (orthographic), in world units.
  */
 export function zoom(rig, factor, at, viewport, limits) {
   const key = rig.projection === 'orthographic' ? 'height' : 'distance';
@@ -89,7 +89,7 @@ export function zoom(rig, factor, at, viewport, limits) {
   return { ...rig, [key]: value, target: add(anchor, scale(subtract(rig.target, anchor), real)) };
 }
 
-/** Turns the camera about the target by angles [rad] about its own up (yaw), right (pitch) and sight (roll) axes. */
+/** Turns the camera about the target by angles [rad] about its own up (yaw), right (pitch) and view (roll) axes. */
 export function orbit(rig, yaw, pitch, roll = 0) {
   let q = rig.orientation;
   if (yaw) q = multiply(q, axisAngle([0, 1, 0], yaw));
@@ -98,14 +98,14 @@ export function orbit(rig, yaw, pitch, roll = 0) {
   return { ...rig, orientation: normalizeQuaternion(q) };
 }
 
-/** Where a volume begins and ends along an axis: half a gap beyond its samples, measured from the first one. */
+/** Start and end of a volume along an axis: half a gap beyond its samples, measured from the first sample. */
 function extent({ dims, spacing, coordinates }, axis) {
   const at = coordinates?.[axis];
   if (!at || at.length < 2) return [-spacing[axis] / 2, (dims[axis] - 0.5) * spacing[axis]];
   return [(at[0] - at[1]) / 2, at.at(-1) + (at.at(-1) - at.at(-2)) / 2];
 }
 
-/** The box {center, half: its three half edges as vectors} of a volume as the protocol describes it (dims, spacing, …). */
+/** The box {center, half: three half edges as vectors} of a volume as the protocol describes it (dims, spacing, …). */
 export function volumeBox(volume) {
   const { origin = [0, 0, 0], direction: rows = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] } = volume;
   const world = (axes) => rows.map((row) => dot(row, axes));
@@ -122,16 +122,16 @@ export function sphereAround({ center, half: [a, b, c] }) {
   return { center, radius: Math.max(...corners.map((corner) => length(add(a, corner)))) };
 }
 
-/** How near and how far zooming may go around a sphere. */
+/** The limits of zooming around a sphere. */
 export const zoomLimits = ({ radius }) => ({ nearest: radius * 0.02, farthest: radius * 40 });
 
-/** A camera that frames its volume in a square, moved back so far that a narrower viewport shows as much across. */
+/** Moves a camera that frames its volume in a square back, so that a narrower viewport shows the same width. */
 export function widen(rig, viewport) {
   const aspect = viewport.width / viewport.height;
   return aspect < 1 ? { ...rig, distance: rig.distance / aspect, height: rig.height / aspect } : rig;
 }
 
-/** The same orientation, with the whole sphere in the viewport. */
+/** Keeps the orientation and fits the whole sphere into the viewport. */
 export function fit(rig, { center, radius }, viewport) {
   const aspect = viewport.width / viewport.height;
   const half = rig.fovY * DEGREE / 2;

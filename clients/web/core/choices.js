@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The choices of how a picture is made, by their JSON pointers in the view: what they default to, which of them matter beside
-// the others, and what else a change has to change so that the daemon takes it.
+// The rendering choices of the page, by their JSON pointers in the view: their defaults, which of them have an effect beside
+// the others, and which fields must change together so that the daemon accepts a change.
 
 const DEFAULTS = Object.freeze({
   '/filter/mode': 'adaptive',
@@ -18,14 +18,14 @@ export const isChoice = (pointer) => Object.hasOwn(DEFAULTS, pointer);
 
 const names = (pointer) => pointer.slice(1).split('/');
 
-/** What the view says at a choice's pointer; the protocol's default where it says nothing. */
+/** The value of a choice in the view, or the protocol's default. */
 export function valueAt(view, pointer) {
   return names(pointer).reduce((part, name) => part?.[name], view) ?? DEFAULTS[pointer];
 }
 
 const patchAt = (pointer, value) => names(pointer).reduceRight((inner, name) => ({ [name]: inner }), value);
 
-/** Does the choice change the picture, given the others? Where it does not, the daemon keeps and ignores it. */
+/** True if the choice affects the image beside the others. The daemon stores and ignores a choice without effect. */
 export function matters(view, pointer) {
   const mode = valueAt(view, '/filter/mode');
   switch (pointer) {
@@ -38,7 +38,7 @@ export function matters(view, pointer) {
   }
 }
 
-/** The merge patch that makes a choice, with what it needs: classification after interpolation and slabs come and go together. */
+/** The merge patch for a choice. Post-classification and slabs are switched on and off together. */
 export function choose(view, pointer, value) {
   const patch = patchAt(pointer, value);
   if (pointer === '/transfer_function/order' && value === 'post') {
@@ -50,11 +50,11 @@ export function choose(view, pointer, value) {
   return patch;
 }
 
-/** The gradient axis that hides what changes by less than `magnitude` a world unit, the less the more; 0 hides nothing. */
+/** The gradient axis that fades regions in which the value changes by less than `magnitude` per world unit; 0 hides nothing. */
 export const hideFlat = (magnitude) => (magnitude > 0
   ? [{ magnitude: 0, scale: 0 }, { magnitude, scale: 1 }] : []);
 
-/** The magnitude that gives this gradient axis, 0 without one, or null when hideFlat() does not make it. */
+/** The inverse of hideFlat(): the magnitude, 0 without a gradient axis, or null for another gradient axis. */
 export function flatLimit(gradient = []) {
   if (gradient.length === 0) return 0;
   const [first, second] = gradient;
@@ -62,5 +62,5 @@ export function flatLimit(gradient = []) {
   return isOurs ? second.magnitude : null;
 }
 
-/** The largest magnitude along one axis that central differences of the volume's samples can have. */
+/** The largest gradient magnitude that central differences of the volume's samples can have along one axis. */
 export const steepest = ({ range: [low, high], spacing }) => (high - low) / (2 * Math.min(...spacing));

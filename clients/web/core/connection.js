@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// From an address to a live stream, and back to one after every failure.
+// Gets from an address to a live stream, and back to one after every failure.
 //
 //   GET volumes ─► a ready one ─► POST sessions ─► stream (WebSocket) ─► frames
 //
-// A session outlives its connections: after a loss the same one is joined again if the daemon still has it, else
-// a new one is made from the last view. Events: state {state, reason, retryMs, error}, volumes [list],
+// A session outlives its connections. After a lost connection the client joins the same session again if it still exists,
+// and otherwise creates one from the last view. Events: state {state, reason, retryMs, error}, volumes [list],
 // session {id, token, tokens, view, isNew, isDefault}, frame {header and payload}, notification {method, params},
-// fault Error (something that the daemon sent was wrong, or an unexpected failure; the stream goes on).
+// fault Error (a wrong message from the daemon or an unexpected failure; the stream continues).
 import { Api, ApiError } from './api.js';
 import { Emitter } from './emitter.js';
 import { FrameError, decodeFrame } from './frame.js';
-import { Machine } from './machine.js';
+import { ConnectionState } from './connection_state.js';
 import { Rpc } from './rpc.js';
 
 export const SUBPROTOCOL = 'splatd.v1';
@@ -20,16 +20,16 @@ const POLL_LOADING_MS = 300;
 const POLL_MS = 2000;
 const PING_MS = 5000;
 const OPEN_TIMEOUT_MS = 10000;
-const GONE_MAX = 3; // sessions that vanish one after the other before waiting between them
+const GONE_MAX = 3; // sessions that may vanish in a row before the client waits between attempts
 const OPEN = 1;
 
 export class Connection extends Emitter {
-  #env; #api; #machine;
+  #env; #api; #states;
   #socket = null;
   #rpc = null;
   #session = null;
   #volumes = [];
-  #wanted; #kept;
+  #wanted; #saved;
   #epoch = 0;
   #failures = 0;
   #timer = null;
@@ -40,26 +40,26 @@ export class Connection extends Emitter {
   #size = () => [512, 512];
 
   /**
-   * base: address of the page's folder; token: of the daemon; session: {id, token, isJoined} to join, or null;
-   * volume: id to begin with, or null; kept: id of a kept view to begin with, or null; lastView(): the view to restore, or null; size(): [width, height] px.
-   * env: {fetch, WebSocket, setTimeout, clearTimeout, now}.
+   * base: address of the page's folder; token: the daemon's token; session: {id, token, isJoined} to join, or null;
+   * volume: id of the first volume, or null; saved: id of the saved view to start with, or null; lastView(): the view to
+   * restore, or null; size(): [width, height] px; env: {fetch, WebSocket, setTimeout, clearTimeout, now}.
    */
-  constructor({ base, token, session = null, volume = null, kept = null, lastView, size, env }) {
+  constructor({ base, token, session = null, volume = null, saved = null, lastView, size, env }) {
     super();
     this.#env = env;
     this.#api = new Api({ base, token, fetch: env.fetch });
     this.#session = session;
     this.#wanted = volume;
-    this.#kept = kept;
+    this.#saved = saved;
     this.#lastView = lastView;
     this.#size = size;
-    this.#machine = new Machine();
+    this.#states = new ConnectionState();
   }
 
-  get state() { return this.#machine.state; }
+  get state() { return this.#states.state; }
   get volumes() { return this.#volumes; }
   get session() { return this.#session; }
-  /** Round trip of the newest ping, ms; 0 = not measured yet. */
+  /** Round trip of the newest ping in ms; 0 = not measured yet. */
   get rttMs() { return this.#rtt; }
   get api() { return this.#api; }
   get isLive() { return this.state === 'live' || this.state === 'draining'; }
@@ -69,15 +69,15 @@ export class Connection extends Emitter {
     this.#seek();
   }
 
-  /** Tries again at once, if it waits to. */
+  /** Ends the wait before the next attempt. */
   retryNow() {
-    if (!this.#machine.can('retry')) return;
+    if (!this.#states.can('retry')) return;
     this.#clearTimer();
     this.#step('retry');
     this.#seek();
   }
 
-  /** Another token, given by the user: joins nothing of before. */
+  /** Takes another token from the user and forgets the old session. */
   useToken(token) {
     this.#api.token = token;
     this.#session = null;
@@ -90,7 +90,7 @@ export class Connection extends Emitter {
     this.#hangUp(new Error('the page stopped'));
   }
 
-  /** Promise of a call's result; rejects at once when there is no stream. */
+  /** Calls a method; resolves to its result. Rejects at once without a stream. */
   call(method, params) {
     if (!this.#rpc) return Promise.reject(new Error('there is no stream'));
     return this.#rpc.call(method, params);
@@ -100,7 +100,7 @@ export class Connection extends Emitter {
     this.#rpc?.notify(method, params);
   }
 
-  /** Reads the list of volumes again; resolves to it. */
+  /** Reads the list of volumes again and resolves to it. */
   async refresh() {
     const volumes = await this.#api.volumes();
     this.#setVolumes(volumes);
@@ -113,11 +113,11 @@ export class Connection extends Emitter {
   }
 
   #step(step, detail = {}) {
-    this.#machine.step(step);
+    this.#states.step(step);
     this.emit('state', { state: this.state, reason: '', retryMs: 0, error: null, ...detail });
   }
 
-  // Each attempt and each stream is an epoch: what belongs to an older one and comes late is ignored.
+  // Each attempt and each stream is an epoch. Late results of an older epoch are ignored.
   async #seek() {
     const epoch = ++this.#epoch;
     try {
@@ -132,7 +132,7 @@ export class Connection extends Emitter {
     }
   }
 
-  /** The session to join, joined or new; null when there is nothing to show yet (state: waiting). */
+  /** The session to join, existing or new; null if there is nothing to show yet (state: waiting). */
   async #findSession(epoch) {
     const known = this.#session;
     if (!known?.isJoined) await this.#readVolumes(epoch);
@@ -150,7 +150,7 @@ export class Connection extends Emitter {
         this.#session = null;
       }
     }
-    if (this.#kept) {
+    if (this.#saved) {
       const begun = await this.#createKept(epoch);
       if (begun || epoch !== this.#epoch) return begun;
     }
@@ -164,7 +164,7 @@ export class Connection extends Emitter {
     return this.#create(volume, last);
   }
 
-  /** A session of our own is asked for with the daemon's token, so that 404 means that it is gone. */
+  /** Asks for our own session with the daemon's token, so that 404 means that the session is gone. */
   #askSession({ id, token, isJoined }) {
     return this.#api.session(id, isJoined ? token : this.#api.token);
   }
@@ -174,7 +174,7 @@ export class Connection extends Emitter {
     if (epoch === this.#epoch) this.#setVolumes(volumes);
   }
 
-  /** The volume of the last view, the wanted one, else the first that is ready. */
+  /** The volume of the last view, else the requested volume, else the first ready volume. */
   #pick(last) {
     const ready = this.#volumes.filter((v) => v.state === 'ready');
     const byId = (id) => this.#volumes.find((v) => v.id === id);
@@ -186,15 +186,15 @@ export class Connection extends Emitter {
     return ready[0] ?? null;
   }
 
-  /** Of the kept view; null if there is none that can be shown. It is for the beginning alone: later the last view counts. */
+  /** A session from the saved view, or null if it cannot be shown. Used at the start only; later the last view counts. */
   async #createKept(epoch) {
     try {
-      const session = await this.#api.sessionFrom(this.#kept);
-      this.#kept = null;
+      const session = await this.#api.sessionFrom(this.#saved);
+      this.#saved = null;
       return { ...session, isNew: true };
     } catch (error) {
       if (error.status !== 422 || epoch !== this.#epoch) throw error;
-      this.#kept = null;
+      this.#saved = null;
       this.emit('fault', new Error(`the view of the link could not be shown: ${error.message}`));
       return null;
     }
@@ -206,7 +206,7 @@ export class Connection extends Emitter {
       try {
         return { ...await this.#api.createSession({ ...last, size }), isNew: true };
       } catch (error) {
-        // The daemon may have another version or backend: then its own default view is better than nothing.
+        // The daemon may have another version or backend. Then its default view is better than nothing.
         if (error.status !== 422) throw error;
         this.emit('fault', new Error(`the last view could not be restored: ${error.message}`));
       }
@@ -244,7 +244,7 @@ export class Connection extends Emitter {
     this.#rpc = new Rpc({
       write: (text) => { if (socket.readyState === OPEN) socket.send(text); },
       notified: (method, params) => {
-        if (method === 'server.draining' && this.#machine.can('drain')) {
+        if (method === 'server.draining' && this.#states.can('drain')) {
           this.#step('drain', { reason: params.reason ?? '' });
         }
         this.emit('notification', { method, params });
@@ -274,7 +274,7 @@ export class Connection extends Emitter {
         this.#rpc.take(data);
       } else {
         const frame = decodeFrame(data);
-        this.#failures = 0; // only now it works: a daemon that opens and closes is left in peace
+        this.#failures = 0; // reset here, so that a daemon that opens and closes at once is not flooded
         this.emit('frame', frame);
       }
     } catch (error) {
@@ -290,7 +290,7 @@ export class Connection extends Emitter {
     else this.#lose(epoch, what);
   }
 
-  // A browser does not tell why a stream was refused: ask for the session by HTTP, which does.
+  // A browser does not say why a WebSocket was refused. A request for the session over HTTP does.
   async #explain(epoch, what) {
     this.#clearTimer();
     try {
@@ -322,7 +322,7 @@ export class Connection extends Emitter {
   }
 
   #lose(epoch, reason, error = null) {
-    if (epoch !== this.#epoch || !this.#machine.can('lose')) return;
+    if (epoch !== this.#epoch || !this.#states.can('lose')) return;
     this.#hangUp(new Error(reason || 'the connection was lost'));
     const backoff = Math.min(RETRY_MAX_MS, RETRY_FIRST_MS * 2 ** this.#failures);
     const retryMs = Math.min(RETRY_MAX_MS, Math.max(backoff, (error?.retryAfter ?? 0) * 1000));

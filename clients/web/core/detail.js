@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much of the full detail a picture has, in percent of what can be told apart along a side: half the size, or
-// 2×2×2 voxels drawn as one, is 50. frame: {width, height, isFinal}; wanted: [width, height] that was asked for;
-// coarse: of stream.stats, a little older than the picture.
+// The detail of a frame in percent of the full resolution along a side: half the size, or 2×2×2 voxels drawn as one, is 50.
+// frame: {width, height, isFinal}; wanted: the requested [width, height]; coarse: the mip level of stream.stats, which may
+// be slightly older than the frame.
 
 export function detailPercent(frame, wanted, coarse = 0) {
   if (frame.isFinal) return 100;

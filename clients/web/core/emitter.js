@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Named events with one payload; a listener that throws does not keep the others from hearing.
+// Named events with one payload. A listener that throws does not stop the other listeners.
 
 export class Emitter {
   #listeners = new Map();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Server-sent events (text/event-stream), for streams that are read by fetch, since EventSource sends no Authorization.
+// Parses server-sent events (text/event-stream). The page reads them by fetch, because EventSource cannot send a token.
 
-/** Returns take(text), which takes any pieces of the stream and calls told(event, data) for each event that is whole. */
+/** Returns take(text), which accepts any pieces of the stream and calls told(event, data) for each complete event. */
 export function eventReader(told) {
   let rest = '';
   let event = '';
@@ -18,7 +18,7 @@ export function eventReader(told) {
     else if (name === 'data') data.push(value ?? '');
   };
   return (text) => {
-    const lines = (rest + text).split(/\r\n|\n|\r(?!$)/); // a \r at the end may be half of \r\n
+    const lines = (rest + text).split(/\r\n|\n|\r(?!$)/); // a \r at the end may be the first half of \r\n
     rest = lines.pop();
     lines.forEach(line);
   };

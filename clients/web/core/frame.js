@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binary frame of the stream: a 32-byte little-endian header, then the encoded picture (protocol.md).
+// The binary frame of the stream: a 32-byte little-endian header, then the encoded image (protocol/stream.md).
 
 export const HEADER_BYTES = 32;
 export const FLAG_KEY = 1;
 export const FLAG_FINAL = 2;
 export const FLAG_LOSSLESS = 4;
 
-/** MIME types: a browser decodes images by itself, video with a decoder that remembers (video.js). */
+/** MIME types. A browser decodes images directly and video with a stateful decoder (video.js). */
 const CODECS = new Map([[1, 'image/jpeg'], [2, 'image/png'], [3, 'image/webp'],
   [4, 'video/h264'], [5, 'video/vp9'], [7, 'video/vp8']]);
 const SIDE_MAX = 8192;

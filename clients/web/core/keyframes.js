@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera path that is being made: {keys, isLoop}, plain data that is never changed in place.
+// A camera path in the editor: {keys, isLoop}, plain data that is never changed in place.
 //
-//   keys    [{view, seconds, ease, picture}]  each a whole view of the same volume; `seconds` from the key before, `ease` how it
-//           is come to; of the first key they count in a loop alone, which comes back to it; picture: an address, or null
-//   frames  the first key is frame 0; the last one is the last frame, or in a loop the one behind it, so that nothing is shown twice
+//   keys    [{view, seconds, ease, picture}]: each key is a complete view of the same volume. `seconds` and `ease` describe
+//           the way from the key before; those of the first key apply to loops only. picture: an address, or null
+//   frames  the first key is frame 0. The last key is the last frame; in a loop the path ends one frame before the first
+//           key, so that no frame is shown twice
 import { blendViews } from './blend.js';
 import { patchBetween } from './merge.js';
 import { add, axisAngle, dot, normalize, rotate, scale, subtract } from './vector.js';
 
 export const EMPTY = Object.freeze({ keys: Object.freeze([]), isLoop: false });
-/** The daemon takes 256 behind the first; a loop's way back is one of them. */
+/** The daemon accepts 256 keyframes after the first one. The way back of a loop is one of them. */
 export const KEYS_MAX = 256;
 export const SECONDS = Object.freeze({ least: 0.1, most: 3600, usual: 2 });
 
@@ -21,17 +22,17 @@ export const append = (path, ...keys) => ({ ...path, keys: [...path.keys, ...key
 export const remove = (path, i) => ({ ...path, keys: path.keys.filter((_, n) => n !== i) });
 export const replace = (path, i, change) => ({ ...path, keys: path.keys.map((key, n) => (n === i ? { ...key, ...change } : key)) });
 
-/** Key i changes its place with the one at i + by: views move, the times between places stay. */
+/** Swaps the views of the keys i and i + by; the times between positions stay. */
 export function move(path, i, by) {
   const [a, b] = [path.keys[i], path.keys[i + by]];
   if (!a || !b) return path;
   return replace(replace(path, i, { view: b.view, picture: b.picture }), i + by, { view: a.view, picture: a.picture });
 }
 
-/** Can it be drawn? */
+/** True if the path can be rendered. */
 export const isWhole = ({ keys }) => keys.length >= 2;
 
-/** The seconds of each key; of a loop also those when it is back at the first. */
+/** The time of each key in seconds; for a loop also the time of the return to the first key. */
 function times({ keys, isLoop }) {
   let time = 0;
   const all = keys.map(({ seconds }, i) => (i === 0 ? 0 : time += seconds));
@@ -40,18 +41,18 @@ function times({ keys, isLoop }) {
 
 export const lengthOf = (path) => times(path).at(-1) ?? 0;
 
-/** The same motion, quicker or slower. */
+/** The same motion, faster or slower. */
 export function stretch(path, seconds) {
   const factor = seconds / lengthOf(path);
   if (!(factor > 0) || !Number.isFinite(factor)) return path;
   return { ...path, keys: path.keys.map((key) => ({ ...key, seconds: hold(key.seconds * factor) })) };
 }
 
-/** The number of the last key's frame: keys lie in equal measure before it, so that it is met exactly. */
+/** The frame number of the last key. Times are scaled so that the last key falls exactly on a frame. */
 const lastFrame = (path, fps) => Math.max(1, Math.round(lengthOf(path) * fps));
 export const framesOf = (path, fps) => lastFrame(path, fps) + (path.isLoop ? 0 : 1);
 
-/** What is to be seen at each place of times(). */
+/** The view at each time of times(). */
 const stops = ({ keys, isLoop }) => (isLoop && keys.length ? [...keys, keys[0]] : keys);
 function places(path, fps) {
   const all = times(path);
@@ -60,7 +61,7 @@ function places(path, fps) {
 
 const eased = { linear: (u) => u, smooth: (u) => u * u * (3 - 2 * u), step: () => 0 };
 
-/** The view of a frame, as the daemon draws it. */
+/** The view of a frame, as the daemon renders it. */
 export function viewAt(path, fps, frame) {
   const [at, keys] = [places(path, fps), stops(path)];
   const next = at.findIndex((place) => place > frame);
@@ -69,12 +70,12 @@ export function viewAt(path, fps, frame) {
   return blendViews(keys[next - 1].view, keys[next].view, eased[keys[next].ease](u));
 }
 
-/** The seconds at a frame, for people. */
+/** The time of a frame in seconds, for display. */
 export const secondsAt = (path, fps, frame) => frame / lastFrame(path, fps) * lengthOf(path);
 
 /**
- * The body of POST /paths. output: {size, fps, format, quality}. Members of the view that are the same in all keys are left
- * out of the keyframes: they hold still.
+ * The body of POST /paths. output: {size, fps, format, quality}. The keyframes omit members of the view that are equal in
+ * all keys.
  */
 export function requestOf(path, output) {
   const [at, keys] = [places(path, output.fps), stops(path)];
@@ -91,14 +92,14 @@ export function requestOf(path, output) {
   };
 }
 
-/** The pointer into that body as one into the path: the view is the first key, and so is a loop's last. */
+/** Maps a JSON pointer into that body to one into the path: the view is the first key, and so is the last key of a loop. */
 export function pointerInto(path, pointer) {
   const [, number, rest] = /^\/keyframes\/(\d+)(.*)$/.exec(pointer) ?? [];
   if (number !== undefined) return `/keyframes/${(Number(number) + 1) % path.keys.length}${rest}`;
   return pointer === '/view' || pointer.startsWith('/view/') ? `/keyframes/0${pointer}` : pointer;
 }
 
-/** The axis of the volume, half edges of its box, that is the most upright on the screen, upwards. */
+/** The half edge of the volume's box that is the most upright on the screen, pointing up. */
 export function uprightAxis(camera, half) {
   const up = normalize(camera.up);
   const axes = half.map(normalize);
@@ -107,8 +108,8 @@ export function uprightAxis(camera, half) {
 }
 
 /**
- * A full turn of the camera about its target and an axis: views at quarters, between which the shorter way is the way on.
- * The last one, which is the first again, is left out.
+ * A full turn of the camera about its target and an axis: one view per quarter, because the daemon interpolates along the
+ * shorter arc. The last view would equal the first and is omitted.
  */
 export function turnOf(view, axis) {
   const { camera } = view;

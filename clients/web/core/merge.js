@@ -3,7 +3,7 @@
 
 const isObject = (value) => typeof value === 'object' && value !== null && !Array.isArray(value);
 
-/** `target` with `patch` applied; neither is changed. Members that are null in the patch are removed. */
+/** Applies `patch` to `target` without changing either. A member that is null in the patch is removed. */
 export function applyPatch(target, patch) {
   if (!isObject(patch)) return patch;
   const result = isObject(target) ? { ...target } : {};
@@ -14,7 +14,7 @@ export function applyPatch(target, patch) {
   return result;
 }
 
-/** One patch that does what `first` and then `second` do: as applyPatch, but null stays, since it means "default". */
+/** Combines two patches into one with the same effect. Like applyPatch, but null stays, because it means "default". */
 export function joinPatches(first, second) {
   if (!isObject(first) || !isObject(second)) return second;
   const result = { ...first };
@@ -24,7 +24,7 @@ export function joinPatches(first, second) {
   return result;
 }
 
-/** The patch that makes `to` of `from`: what is missing in `to` is null, which means "default" in a view. */
+/** The patch from `from` to `to`. A member that is missing in `to` becomes null, which means "default" in a view. */
 export function patchBetween(from, to) {
   const patch = {};
   for (const key of Object.keys(from)) if (!(key in to)) patch[key] = null;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drawing in order: pictures decode at the same time and may finish in any order; an older one is never drawn
-// over a newer one, and every frame is acknowledged exactly once, whether it was drawn, overtaken or undecodable.
+// Draws frames in order. Frames decode in parallel and may finish in any order. An older frame is never drawn over a newer
+// one. Every frame is acknowledged exactly once, whether it was drawn, superseded or undecodable.
 
 export class FrameOrder {
   #decode; #draw; #ack; #fail;
@@ -8,7 +8,7 @@ export class FrameOrder {
   #newest = -1;
 
   /**
-   * decode(frame) → Promise of a picture (with an optional close()), or of null if there is none; draw(picture, frame), synchronous;
+   * decode(frame) → Promise of an image (with an optional close()), or of null; draw(image, frame) is synchronous;
    * ack(frame); fail(error, frame).
    */
   constructor({ decode, draw, ack, fail }) {
@@ -18,28 +18,28 @@ export class FrameOrder {
     this.#fail = fail;
   }
 
-  /** A new stream: frame numbers begin again, and what still decodes belongs to the old one. */
+  /** Starts a new stream: frame numbers start again, and frames that still decode are dropped. */
   reset() {
     this.#epoch += 1;
     this.#newest = -1;
   }
 
-  /** Takes one decoded header with its payload; resolves to true once drawn, false when it was not. */
+  /** Takes one frame header with its payload. Resolves to true once the frame is drawn, or to false if it is not. */
   async put(frame) {
     const epoch = this.#epoch;
-    let picture = null;
+    let image = null;
     let drawn = false;
     try {
-      picture = await this.#decode(frame);
-      if (picture && epoch === this.#epoch && frame.frame > this.#newest) {
+      image = await this.#decode(frame);
+      if (image && epoch === this.#epoch && frame.frame > this.#newest) {
         this.#newest = frame.frame;
-        this.#draw(picture, frame);
+        this.#draw(image, frame);
         drawn = true;
       }
     } catch (error) {
       if (epoch === this.#epoch) this.#fail(error, frame);
     } finally {
-      picture?.close?.();
+      image?.close?.();
     }
     if (epoch === this.#epoch) this.#ack(frame);
     return drawn;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// What stream.policy says, for people: a line for the picture while the view moves, one for that at rest.
+// Describes stream.policy for the user: one line for frames while the view moves, one for the frame at rest.
 
 const REASONS = {
-  quality: () => 'lower quality keeps it quick',
+  quality: () => 'lower quality is faster',
   time: ({ sharp_ms: sharp, budget_ms: budget }) =>
     (Number.isFinite(sharp) && Number.isFinite(budget)
-      ? `full detail would take ${Math.round(sharp)} ms and there are ${Math.round(budget)}` : 'full detail would take too long'),
-  unknown_time: () => 'it is not known yet how long full detail takes',
-  shared_time: () => 'other sessions move, too',
-  video_pixels: () => 'there is no room for more video',
+      ? `full detail would take ${Math.round(sharp)} ms of a budget of ${Math.round(budget)} ms` : 'full detail would take too long'),
+  unknown_time: () => 'the time for full detail is not known yet',
+  shared_time: () => 'other sessions are moving, too',
+  video_pixels: () => 'the video capacity is used up',
 };
 
-function picture({ format, quality, subsampling, size, coarse } = {}) {
+function describe({ format, quality, subsampling, size, coarse } = {}) {
   if (!format) return '';
   const parts = [format.toUpperCase() + (quality === undefined ? ', lossless' : `, quality ${quality}`)];
   if (subsampling) parts.push(`colours ${subsampling}`);
@@ -22,7 +22,7 @@ function picture({ format, quality, subsampling, size, coarse } = {}) {
 
 /** policy: params of stream.policy, or null. */
 export function policyText(policy) {
-  const [moving, final] = [picture(policy?.moving), picture(policy?.final)];
+  const [moving, final] = [describe(policy?.moving), describe(policy?.final)];
   if (!moving || !final) return '';
   const why = (policy.why ?? []).filter((reason) => Object.hasOwn(REASONS, reason)).map((reason) => REASONS[reason](policy));
   return `Moving: ${moving}${why.length ? ` (${why.join('; ')})` : ''}\nAt rest: ${final}`;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON-RPC 2.0 over the text messages of a stream: calls and their answers, notifications both ways.
+// JSON-RPC 2.0 over the text messages of a stream: calls with answers, and notifications in both directions.
 
 export class RpcError extends Error {
   name = 'RpcError';
@@ -15,13 +15,13 @@ export class Rpc {
   #id = 0;
   #calls = new Map();
 
-  /** write(text) sends a message; notified(method, params) is told of the server's notifications. */
+  /** write(text) sends a message; notified(method, params) receives the server's notifications. */
   constructor({ write, notified }) {
     this.#write = write;
     this.#notified = notified;
   }
 
-  /** Promise of the result; rejects with RpcError, or with the reason given to close(). */
+  /** Calls a method; resolves to the result. Rejects with RpcError, or with the reason given to close(). */
   call(method, params = {}) {
     const id = ++this.#id;
     return new Promise((resolve, reject) => {
@@ -34,7 +34,7 @@ export class Rpc {
     this.#write(JSON.stringify({ jsonrpc: '2.0', method, params }));
   }
 
-  /** Takes one text message. Throws on what is not JSON-RPC 2.0. */
+  /** Takes one text message. Throws if it is not JSON-RPC 2.0. */
   take(text) {
     const message = JSON.parse(text);
     if (message?.jsonrpc !== '2.0') throw new Error('a text message that is not JSON-RPC 2.0');
@@ -52,7 +52,7 @@ export class Rpc {
     else call.resolve(message.result);
   }
 
-  /** No answer will come any more: all calls reject with `reason`. */
+  /** Rejects all pending calls with `reason`. */
   close(reason) {
     const calls = [...this.#calls.values()];
     this.#calls.clear();

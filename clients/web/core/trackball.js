@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Orbit by dragging: Shoemake's arcball (Graphics Interface 1992) on Bell's surface, a sphere that goes over
-// into a hyperbola, so that nothing jumps at the ball's edge.
+// Orbit by dragging: Shoemake's arcball (Graphics Interface 1992) on Bell's surface. The sphere continues as a hyperbola, so
+// that the rotation does not jump at the edge of the ball.
 //
-// A drag is always computed from where it began: the turn depends on the two end points alone. Therefore a
-// closed path ends where it started, small steps cannot accumulate an error, and there is no pole to flip at.
+// A drag is always computed from its start: the rotation depends on the two end points only. Therefore a closed path ends
+// where it started, small steps accumulate no error, and there is no pole at which the view flips.
 import { conjugate, cross, dot, multiply, normalize, normalizeQuaternion } from './vector.js';
 
-/** Radius of the ball as a part of the viewport's shorter side: dragging across it turns by about half a turn. */
+/** Radius of the ball as a fraction of the viewport's shorter side. A drag across it is about half a turn. */
 export const BALL_RADIUS = 0.75;
 
 /** Unit vector (camera space: x right, y up, z towards the viewer) of the ball under a screen point. */
@@ -19,14 +19,14 @@ export function pointOnBall([x, y], { width, height }) {
   return normalize([px, py, z]);
 }
 
-/** Rotation in camera space that dragging from one screen point to another asks of what is seen. */
+/** The rotation of the scene in camera space for a drag from one screen point to another. */
 export function turn(from, to, viewport) {
   const a = pointOnBall(from, viewport);
   const b = pointOnBall(to, viewport);
   return normalizeQuaternion([...cross(a, b), dot(a, b)]);
 }
 
-/** Orientation of the camera after a drag that began with orientation `start` (see camera.js). */
+/** The orientation of the camera after a drag that started with orientation `start` (see camera.js). */
 export function drag(start, from, to, viewport) {
   return normalizeQuaternion(multiply(start, conjugate(turn(from, to, viewport))));
 }

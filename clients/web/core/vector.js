@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vectors [x, y, z] and unit quaternions [x, y, z, w], as plain arrays. Nothing is changed in place.
+// Vectors [x, y, z] and unit quaternions [x, y, z, w], as plain arrays. No function changes its arguments.
 
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 export const subtract = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -19,7 +19,7 @@ export function normalize(a) {
 
 export const IDENTITY = Object.freeze([0, 0, 0, 1]);
 
-/** Rotation `b` first, then `a`. */
+/** The rotation `b` followed by `a`. */
 export const multiply = (a, b) => [
   a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
   a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
@@ -41,7 +41,7 @@ export function axisAngle(axis, angle) {
   return [axis[0] * s, axis[1] * s, axis[2] * s, Math.cos(angle / 2)];
 }
 
-/** `v` turned by the unit quaternion `q`. */
+/** Rotates `v` by the unit quaternion `q`. */
 export function rotate(q, v) {
   const u = [q[0], q[1], q[2]];
   const t = scale(cross(u, v), 2);

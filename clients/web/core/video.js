@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video of a view that moves (protocol/stream.md, Video): frames of video in the order in which they came, through a decoder
-// of the browser (WebCodecs), out as pictures. A delta needs all frames since the key frame before it: after a failure nothing
-// is decoded until the next key frame, which is asked for.
+// Decodes video of a moving view (protocol/stream.md, Video) with the browser's decoder (WebCodecs), in the order of arrival.
+// A delta frame needs all frames since its key frame. After a failure the client requests a key frame and decodes nothing
+// until it arrives.
 
-/** By the codec number of the frame's header: the protocol's name and the browser's. */
+/** The protocol's and the browser's name of a codec, by the codec number in the frame header. */
 const CODECS = new Map([
   [5, { name: 'vp9', codec: 'vp09.00.10.08' }],
   [7, { name: 'vp8', codec: 'vp8' }],
@@ -11,7 +11,7 @@ const CODECS = new Map([
 ]);
 const FAILURES_MAX = 3;
 
-/** The names of the formats that this browser decodes, the smallest pictures first; empty without WebCodecs. */
+/** The video formats that this browser decodes, the one with the smallest frames first; empty without WebCodecs. */
 export async function videoFormats(VideoDecoder) {
   const names = [];
   if (!VideoDecoder) return names;
@@ -24,7 +24,7 @@ export async function videoFormats(VideoDecoder) {
 }
 
 export class VideoStream {
-  #env; #toPicture; #askKey; #giveUp;
+  #env; #toImage; #askKey; #giveUp;
   #decoder = null;
   #codec = 0;
   #time = 0;
@@ -32,23 +32,23 @@ export class VideoStream {
   #pending = new Map();
 
   /**
-   * env: {VideoDecoder, EncodedVideoChunk}; toPicture(videoFrame, frame) → Promise of a picture; askKey(): the next frame must
-   * be a key frame; giveUp(error): it failed time and again.
+   * env: {VideoDecoder, EncodedVideoChunk}; toImage(videoFrame, frame) → Promise of an image; askKey() requests a key frame;
+   * giveUp(error) reports repeated failures.
    */
-  constructor({ env, toPicture, askKey, giveUp }) {
+  constructor({ env, toImage, askKey, giveUp }) {
     this.#env = env;
-    this.#toPicture = toPicture;
+    this.#toImage = toImage;
     this.#askKey = askKey;
     this.#giveUp = giveUp;
   }
 
-  /** A new stream: what still decodes belongs to the old one and gives no picture. */
+  /** Starts a new stream; frames that still decode are dropped. */
   reset() {
     this.#failures = 0;
     this.#drop();
   }
 
-  /** Frames in the order of their numbers. Promise of a picture; of null for a frame that cannot be decoded by itself. */
+  /** Takes frames in the order of their numbers. Resolves to an image, or to null for a frame that cannot be decoded. */
   decode(frame) {
     if (frame.isKey && (!this.#decoder || this.#codec !== frame.codec)) {
       this.#drop();
@@ -91,7 +91,7 @@ export class VideoStream {
     this.#pending.delete(picture.timestamp);
     this.#failures = 0;
     try {
-      waiting.resolve(await this.#toPicture(picture, waiting.frame));
+      waiting.resolve(await this.#toImage(picture, waiting.frame));
     } catch {
       waiting.resolve(null);
     } finally {

@@ -8,8 +8,8 @@ const final = { format: 'jpeg', quality: 90, subsampling: '4:4:4', size: [800, 6
 test('a policy in words', () => {
   const moving = { format: 'jpeg', quality: 60, subsampling: '4:2:0', size: [400, 300], coarse: 1 };
   assert.equal(policyText({ moving, final, why: ['quality', 'time', 'shared_time'], budget_ms: 33.1, sharp_ms: 180.4 }),
-    'Moving: JPEG, quality 60, colours 4:2:0, 400 × 300, 2×2×2 voxels as one (lower quality keeps it quick; full detail would take'
-    + ' 180 ms and there are 33; other sessions move, too)\nAt rest: JPEG, quality 90, colours 4:4:4, 800 × 600');
+    'Moving: JPEG, quality 60, colours 4:2:0, 400 × 300, 2×2×2 voxels as one (lower quality is faster; full detail would take'
+    + ' 180 ms of a budget of 33 ms; other sessions are moving, too)\nAt rest: JPEG, quality 90, colours 4:4:4, 800 × 600');
 });
 
 test('what is not known is left out, and so are reasons of a later version', () => {

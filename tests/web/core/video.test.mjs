@@ -26,7 +26,7 @@ function bench() {
   }
   it.video = new VideoStream({
     env: { VideoDecoder, EncodedVideoChunk: class { constructor(init) { Object.assign(this, init); } } },
-    toPicture: async (picture, frame) => ({ of: frame.frame }),
+    toImage: async (picture, frame) => ({ of: frame.frame }),
     askKey: () => { it.asked += 1; },
     giveUp: (error) => it.given.push(error.message),
   });

@@ -308,6 +308,6 @@ test('V tells the value under the cursor', async (context) => {
   await page.locator('#notice-text', { hasText: /^Value -?[\d.]+ at -?[\d.]+, -?[\d.]+, -?[\d.]+/ }).waitFor();
   await page.mouse.move(890, 10);
   await page.keyboard.press('v');
-  await page.locator('#notice', { hasText: 'Nothing opaque here: 0 %' }).waitFor();
+  await page.locator('#notice', { hasText: 'Nothing opaque here: opacity 0 %' }).waitFor();
   assert.deepEqual(said, []);
 });

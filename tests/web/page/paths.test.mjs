@@ -81,7 +81,7 @@ test('two views are keyframes; the daemon draws pictures between them, which are
   await page.selectOption('#path-format', 'png');
   assert.ok(await page.locator('#path-quality').isDisabled());
   await shot(page, 'path-keys');
-  await page.locator('#path-draw', { hasText: 'Draw 6 frames' }).click();
+  await page.locator('#path-draw', { hasText: 'Render 6 frames' }).click();
   await it.entry('done').waitFor();
   await page.locator('#path-busy', { hasText: 'drawn' }).waitFor();
   await shot(page, 'path-done');
@@ -111,7 +111,7 @@ test('a turntable is one press, and becomes a movie', async (context) => {
   far.position.forEach((x, i) => assert.ok(Math.abs(x - (i < 2 ? 2 * first.target[i] - first.position[i] : first.position[i])) < 1e-9));
   await fill(page, { 'path-length': 1, 'path-fps': 6, 'path-width': 64, 'path-height': 48 });
   await shot(page, 'path-turn');
-  await page.locator('#path-draw', { hasText: 'Draw 6 frames' }).click();
+  await page.locator('#path-draw', { hasText: 'Render 6 frames' }).click();
   await it.entry('done').waitFor();
   const { name, bytes } = await it.save();
   assert.match(name, /^phantom-[0-9a-f]{8}\.webm$/);
@@ -152,8 +152,8 @@ test('keyframes are replaced, moved, removed and gone to by keyboard; each volum
   assert.equal(await focused(), 'Move keyframe 2 up', 'the focus goes with it');
   await it.press('ArrowUp');
   const { position } = await camera(page);
-  await act('Replace keyframe 1 by the view as it is');
-  assert.equal(await focused(), 'Replace keyframe 1 by the view as it is');
+  await act('Replace keyframe 1 by the current view');
+  assert.equal(await focused(), 'Replace keyframe 1 by the current view');
   await it.press('ArrowDown');
   await at(1, position);
   await page.selectOption('#keys li:nth-child(2) select', 'smooth');
@@ -333,7 +333,7 @@ test('few streams of events, whatever there is to watch; one that breaks off is 
   await page.locator('#path > summary').click();
   await eventually('both streams', () => watched() === 'a,e');
   mock.follow('a', { state: 'done', done: 10 }, 'done');
-  await page.locator('#notice', { hasText: 'A path of phantom is drawn: 10 frames.' }).waitFor();
+  await page.locator('#notice', { hasText: 'A path of phantom is finished: 10 frames.' }).waitFor();
   assert.deepEqual(it.said.filter((line) => !line.includes('ERR_INCOMPLETE_CHUNKED_ENCODING')), []);
 });
 

@@ -126,7 +126,7 @@ test('a decoder that never works gives way to stills, and says so', async (conte
   const { page } = await setUp(context, moving, 'vp9', breakDecoder('() => true'));
   await drag(page, [520, 320], [690, 240], { steps: 40 });
   await until(page, 'stills', (s) => document.getElementById('moving').value === 'jpeg' && s.isIdle && s.seq === s.sent);
-  assert.match((await page.evaluate(() => window.splatd.errors)).join(), /cannot decode the video, stills come instead/);
+  assert.match((await page.evaluate(() => window.splatd.errors)).join(), /cannot decode the video, images are used instead/);
   assert.equal(await page.evaluate(() => window.splatd.videos), 0);
   await showsTheView(page, moving);
 });

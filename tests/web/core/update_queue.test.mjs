@@ -2,12 +2,12 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { applyPatch, joinPatches } from '../../../clients/web/core/merge.js';
-import { Pace } from '../../../clients/web/core/pace.js';
+import { UpdateQueue } from '../../../clients/web/core/update_queue.js';
 
-/** A pace with a hand-driven clock, animation frame and server. */
+/** An update queue with a hand-driven clock, animation frame and server. */
 function bench({ limit = 3 } = {}) {
   const it = { sent: [], answers: [], frames: [], failed: [], done: [], now: 0 };
-  it.pace = new Pace({
+  it.updates = new UpdateQueue({
     send: (params) => {
       it.sent.push(params);
       return new Promise((resolve, reject) => it.answers.push({ resolve, reject }));
@@ -20,14 +20,14 @@ function bench({ limit = 3 } = {}) {
   });
   it.frame = () => it.frames.splice(0).forEach((then) => then());
   it.settle = () => new Promise((resolve) => { setImmediate(resolve); });
-  it.pace.open();
+  it.updates.open();
   return it;
 }
 
 test('many moves between two animation frames are one update, the newest', () => {
   const it = bench();
-  for (let i = 0; i < 50; i += 1) it.pace.put({ camera: { position: [i, 0, 0] } });
-  it.pace.put({ background: [1, 1, 1, 1] });
+  for (let i = 0; i < 50; i += 1) it.updates.put({ camera: { position: [i, 0, 0] } });
+  it.updates.put({ background: [1, 1, 1, 1] });
   assert.equal(it.frames.length, 1);
   it.frame();
   assert.deepEqual(it.sent, [{ seq: 1, patch: { camera: { position: [49, 0, 0] }, background: [1, 1, 1, 1] } }]);
@@ -36,11 +36,11 @@ test('many moves between two animation frames are one update, the newest', () =>
 test('no more than the limit are unanswered; the last is sent as soon as there is room', async () => {
   const it = bench({ limit: 3 });
   for (let i = 1; i <= 10; i += 1) {
-    it.pace.put({ n: i });
+    it.updates.put({ n: i });
     it.frame();
   }
   assert.deepEqual(it.sent.map((s) => s.patch.n), [1, 2, 3]);
-  assert.equal(it.pace.unanswered, 3);
+  assert.equal(it.updates.unanswered, 3);
   it.answers[0].resolve({ seq: 1 });
   await it.settle();
   it.frame();
@@ -49,16 +49,16 @@ test('no more than the limit are unanswered; the last is sent as soon as there i
   assert.deepEqual(it.done, [{ n: 1 }]);
   it.answers.forEach((answer) => answer.resolve({}));
   await it.settle();
-  assert.ok(it.pace.isIdle);
+  assert.ok(it.updates.isIdle);
   it.frame();
   assert.equal(it.sent.length, 4);
 });
 
 test('a refused update is reported and does not hold up the next', async () => {
   const it = bench({ limit: 1 });
-  it.pace.put({ n: 1 });
+  it.updates.put({ n: 1 });
   it.frame();
-  it.pace.put({ n: 2 });
+  it.updates.put({ n: 2 });
   it.frame();
   it.answers[0].reject(new Error('no'));
   await it.settle();
@@ -70,48 +70,48 @@ test('a refused update is reported and does not hold up the next', async () => {
 test('a refused update is not one that a picture will show', async () => {
   const it = bench();
   for (const n of [1, 2, 3]) {
-    it.pace.put({ n });
+    it.updates.put({ n });
     it.frame();
   }
-  assert.equal(it.pace.sent, 3);
+  assert.equal(it.updates.sent, 3);
   it.answers[1].resolve({ seq: 2 });
   it.answers[2].reject(new Error('no'));
   await it.settle();
-  assert.equal(it.pace.sent, 2);
+  assert.equal(it.updates.sent, 2);
   it.answers[0].resolve({ seq: 1 });
   await it.settle();
-  assert.equal(it.pace.sent, 2);
-  it.pace.put({ n: 4 });
+  assert.equal(it.updates.sent, 2);
+  it.updates.put({ n: 4 });
   it.frame();
-  assert.deepEqual([it.sent.at(-1).seq, it.pace.sent], [4, 4], 'no seq is used twice');
+  assert.deepEqual([it.sent.at(-1).seq, it.updates.sent], [4, 4], 'no seq is used twice');
 });
 
 test('what a lost stream did not answer is sent again, joined, on the next one, which counts anew', async () => {
   const it = bench();
-  it.pace.put({ a: 1, camera: { position: [1] } });
+  it.updates.put({ a: 1, camera: { position: [1] } });
   it.frame();
-  it.pace.put({ camera: { position: [2] } });
+  it.updates.put({ camera: { position: [2] } });
   it.frame();
-  it.pace.put({ b: 3 });
-  it.pace.close();
+  it.updates.put({ b: 3 });
+  it.updates.close();
   it.answers.forEach((answer) => answer.reject(new Error('the connection was lost')));
   await it.settle();
   it.frame();
   assert.equal(it.sent.length, 2, 'nothing is sent while there is no stream');
   assert.deepEqual(it.failed, []);
-  it.pace.open();
+  it.updates.open();
   it.frame();
   assert.deepEqual(it.sent[2], { seq: 1, patch: { a: 1, camera: { position: [2] }, b: 3 } });
 });
 
 test('drop forgets what waits; alone replaces it', () => {
   const it = bench();
-  it.pace.put({ camera: { position: [1] } });
-  it.pace.put({ volume: 'head' }, { alone: true });
+  it.updates.put({ camera: { position: [1] } });
+  it.updates.put({ volume: 'head' }, { alone: true });
   it.frame();
   assert.deepEqual(it.sent[0].patch, { volume: 'head' });
-  it.pace.put({ n: 1 });
-  it.pace.drop();
+  it.updates.put({ n: 1 });
+  it.updates.drop();
   it.frame();
   assert.equal(it.sent.length, 1);
 });
@@ -119,27 +119,27 @@ test('drop forgets what waits; alone replaces it', () => {
 test('latency runs from the first action of an update to the picture that shows it', () => {
   const it = bench();
   it.now = 100;
-  it.pace.put({ n: 1 }, { time: 90 });
-  it.pace.put({ n: 2 }, { time: 99 });
+  it.updates.put({ n: 1 }, { time: 90 });
+  it.updates.put({ n: 2 }, { time: 99 });
   it.frame();
   it.now = 140;
-  assert.equal(it.pace.show(0), null, 'a picture of before');
-  assert.equal(it.pace.show(1), 50);
-  assert.equal(it.pace.show(1), null, 'the refined picture is not a new answer');
-  assert.equal(it.pace.show(7), null, 'a seq that was never sent');
-  assert.equal(it.pace.drawn, 1);
+  assert.equal(it.updates.show(0), null, 'a picture of before');
+  assert.equal(it.updates.show(1), 50);
+  assert.equal(it.updates.show(1), null, 'the refined picture is not a new answer');
+  assert.equal(it.updates.show(7), null, 'a seq that was never sent');
+  assert.equal(it.updates.drawn, 1);
 });
 
 test('a picture that shows a newer update also answers the older ones', () => {
   const it = bench();
   for (const n of [1, 2, 3]) {
     it.now = n * 10;
-    it.pace.put({ n });
+    it.updates.put({ n });
     it.frame();
   }
   it.now = 60;
-  assert.equal(it.pace.show(3), 30);
-  assert.equal(it.pace.show(2), null);
+  assert.equal(it.updates.show(3), 30);
+  assert.equal(it.updates.show(2), null);
 });
 
 test('merge patches (RFC 7396): null removes from a value, and stays in a patch', () => {

@@ -1,50 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { Company } from '../../../clients/web/core/company.js';
+import { Participants } from '../../../clients/web/core/participants.js';
 
 const person = (id, role = 'control') => ({ id, role, name: `N${id}`, color: `#00000${id}` });
 
-function company({ you = 2, holder = null, requests = [], roles = ['control', 'control', 'view'] } = {}) {
-  const made = new Company();
+function participants({ you = 2, holder = null, requests = [], roles = ['control', 'control', 'view'] } = {}) {
+  const made = new Participants();
   made.takeParticipants({ you, participants: roles.map((role, i) => person(i + 1, role)) });
   made.takeControl({ holder, requests });
   return made;
 }
 
 test('who may change the view: the holder, or while there is none whoever has the role', () => {
-  assert.equal(company().mayChange, true);
-  assert.equal(company({ holder: 2 }).mayChange, true);
-  assert.equal(company({ holder: 1 }).mayChange, false);
-  assert.equal(company({ you: 3 }).mayChange, false);
-  assert.equal(company({ you: 3, holder: 3 }).mayChange, true, 'a grant counts, not the role');
+  assert.equal(participants().mayChange, true);
+  assert.equal(participants({ holder: 2 }).mayChange, true);
+  assert.equal(participants({ holder: 1 }).mayChange, false);
+  assert.equal(participants({ you: 3 }).mayChange, false);
+  assert.equal(participants({ you: 3, holder: 3 }).mayChange, true, 'a grant counts, not the role');
 });
 
 test('who may ask: not the holder, not twice, and a view role only somebody', () => {
-  assert.equal(company({ holder: 1 }).mayAsk, true);
-  assert.equal(company({ holder: 2 }).mayAsk, false);
-  assert.equal(company({ holder: 1, requests: [{ id: 2, seconds: 5 }] }).mayAsk, false);
-  assert.equal(company({ you: 3 }).mayAsk, false);
-  assert.equal(company({ you: 3, holder: 1 }).mayAsk, true);
+  assert.equal(participants({ holder: 1 }).mayAsk, true);
+  assert.equal(participants({ holder: 2 }).mayAsk, false);
+  assert.equal(participants({ holder: 1, requests: [{ id: 2, seconds: 5 }] }).mayAsk, false);
+  assert.equal(participants({ you: 3 }).mayAsk, false);
+  assert.equal(participants({ you: 3, holder: 1 }).mayAsk, true);
 });
 
 test('the list: oneself first, with who holds control and who asks', () => {
-  const list = company({ holder: 1, requests: [{ id: 3, seconds: null }, { id: 2, seconds: 4 }] }).people;
+  const list = participants({ holder: 1, requests: [{ id: 3, seconds: null }, { id: 2, seconds: 4 }] }).people;
   assert.deepEqual(list.map((p) => [p.id, p.name, p.isYou, p.isHolder, p.asks]), [
     [2, 'N2', true, false, { seconds: 4 }], [1, 'N1', false, true, null], [3, 'N3', false, false, { seconds: null }]]);
-  assert.equal(company({ holder: 1 }).holder.id, 1);
+  assert.equal(participants({ holder: 1 }).holder.id, 1);
 });
 
 test('before the daemon has spoken, and after a loss: nobody', () => {
-  const empty = new Company();
+  const empty = new Participants();
   assert.deepEqual([empty.count, empty.people, empty.holder, empty.me, empty.isHolder, empty.isAsking], [0, [], null, null, false, false]);
-  const lost = company({ holder: 2 });
+  const lost = participants({ holder: 2 });
   lost.reset();
   assert.deepEqual([lost.count, lost.isHolder, lost.mayChange], [0, false, true]);
 });
 
 test('a participant of an older daemon has no name and no colour', () => {
-  const old = new Company();
+  const old = new Participants();
   old.takeParticipants({ you: 7, participants: [{ id: 7, role: 'view' }] });
   assert.equal(old.people[0].name, 'Guest 7');
   assert.match(old.people[0].color, /^#[0-9a-f]{6}$/);

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pace of view.update: what the user does between two sends is joined into one patch; one patch is sent an
-// animation frame at most; while `limit` updates are unanswered, nothing is sent, and the newest waits. What
-// waits is always sent in the end, so that the last picture shows the last view.
+// Throttles view.update. Changes between two sends are merged into one patch. At most one patch is sent per animation frame,
+// and none while `limit` updates are unanswered. The last change is always sent, so that the last frame shows the last view.
 import { joinPatches } from './merge.js';
 
-export class Pace {
+export class UpdateQueue {
   #send; #schedule; #now; #limit; #fail; #done;
   #seq = 0;
   #taken = 0;
@@ -18,9 +17,8 @@ export class Pace {
   #times = new Map();
 
   /**
-   * send({seq, patch}) → Promise of the answer; schedule(f) calls f at the next animation frame; now() in ms;
-   * done(patch) is told of an accepted update, fail(error, patch) of a refused one. At most `limit` updates are
-   * unanswered.
+   * send({seq, patch}) → Promise of the answer; schedule(f) calls f at the next animation frame; now() in ms; done(patch)
+   * reports an accepted update, fail(error, patch) a refused one. At most `limit` updates are unanswered.
    */
   constructor({ send, schedule, now, done = () => {}, fail, limit = 4 }) {
     this.#send = send;
@@ -31,16 +29,16 @@ export class Pace {
     this.#limit = limit;
   }
 
-  /** Newest seq that was sent on this stream and not refused: a picture will show it; 0 before the first. */
+  /** The newest seq that was sent on this stream and not refused; a frame will show it. 0 before the first. */
   get sent() { return Math.max(this.#taken, ...this.#flying.keys()); }
-  /** Newest seq that a drawn picture shows. */
+  /** The newest seq that a drawn frame shows. */
   get drawn() { return this.#drawn; }
-  /** Updates that were sent and not answered. */
+  /** The number of unanswered updates. */
   get unanswered() { return this.#flying.size; }
-  /** Nothing waits and nothing is unanswered. */
+  /** True if no update waits and none is unanswered. */
   get isIdle() { return !this.#waiting && this.#flying.size === 0; }
 
-  /** Joins `patch` to what waits. `time` is when the user did it. `alone` drops what waits before. */
+  /** Merges `patch` into the waiting patch. `time` is the time of the user's action. `alone` drops the waiting patch first. */
   put(patch, { time = this.#now(), alone = false } = {}) {
     if (this.#waiting && !alone) {
       this.#waiting = joinPatches(this.#waiting, patch);
@@ -51,7 +49,7 @@ export class Pace {
     this.#plan();
   }
 
-  /** A stream is open: sending may go on. Each stream counts its own seq, from 1. */
+  /** Starts sending on a new stream, whose seq counts from 1. */
   open() {
     this.#open = true;
     this.#seq = 0;
@@ -60,7 +58,7 @@ export class Pace {
     this.#plan();
   }
 
-  /** The stream is gone: what was not answered waits again, older first, since it may be lost. */
+  /** Stops sending because the stream is gone. Unanswered patches wait again, older first, because they may be lost. */
   close() {
     this.#open = false;
     this.#epoch += 1;
@@ -73,12 +71,12 @@ export class Pace {
     this.#waiting = this.#waiting ? joinPatches(joined, this.#waiting) : joined;
   }
 
-  /** Forgets what waits: the view has been replaced as a whole. */
+  /** Drops the waiting patch, because the whole view has been replaced. */
   drop() {
     this.#waiting = null;
   }
 
-  /** A picture that shows `seq` was drawn; returns the ms from the user's action to now, or null if unknown. */
+  /** Reports a drawn frame that shows `seq`. Returns the time since the user's action in ms, or null if it is unknown. */
   show(seq) {
     if (seq <= this.#drawn || seq > this.#seq) return null;
     this.#drawn = seq;

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The states of the connection and the only steps between them. An illegal step is a fault of this client and
-// throws; nothing is guessed.
+// The states of the connection and the legal steps between them. An illegal step is a bug in this client and throws.
 //
 //   idle ─start─► seeking ─found─► joining ─opened─► live ─drain─► draining
 //                  │  ▲ └─empty─► waiting ─again─► seeking            │
 //                  │  └──gone──── joining                             │
 //                  └─ refuse ─► refused ─retry─► seeking              │
 //   seeking, waiting, joining, live, draining ─lose─► lost ─retry─► seeking
-//   every state but stopped ─stop─► stopped
+//   every state except stopped ─stop─► stopped
 
 export const STEPS = Object.freeze({
   idle: { start: 'seeking' },
@@ -21,7 +20,7 @@ export const STEPS = Object.freeze({
   stopped: {},
 });
 
-export class Machine {
+export class ConnectionState {
   #state = 'idle';
   #listener;
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who is in the session and who holds control of its view, as the daemon tells it (session.participants and
-// session.control). `you` is the id of this client.
+// The participants of the session and the holder of control, from the messages session.participants and session.control.
+// `you` is the id of this client.
 
-export class Company {
+export class Participants {
   #people = [];
   #you = null;
   #holder = null;
   #requests = [];
 
-  /** Nothing is known any more: the stream is gone. */
+  /** Forgets everything, because the stream is gone. */
   reset() {
     this.#people = [];
     this.#you = this.#holder = null;
@@ -30,14 +30,14 @@ export class Company {
   get count() { return this.#people.length; }
   get isHolder() { return this.#holder !== null && this.#holder === this.#you; }
   get isAsking() { return this.#requests.some((r) => r.id === this.#you); }
-  /** Its token may control, whether it does now or not. */
+  /** True if the token of this client may control the view, even if another participant does now. */
   get hasControlRole() { return this.me?.role !== 'view'; }
-  /** Would a change of the view be taken now? Who holds control may, and if nobody does whoever has the role. */
+  /** True if the daemon accepts a change of the view now: from the holder or, without a holder, from any control role. */
   get mayChange() { return this.isHolder || (this.#holder === null && this.hasControlRole); }
-  /** Is there any sense in asking? A view role gets control from a holder alone. */
+  /** True if a request for control can succeed. A view role can get control from a holder only. */
   get mayAsk() { return !this.isHolder && !this.isAsking && (this.#holder !== null || this.hasControlRole); }
 
-  /** [{id, name, color, isYou, isHolder, asks}], this client first; asks: null, or {seconds} until control passes on (null = never). */
+  /** [{id, name, color, isYou, isHolder, asks}], this client first. asks: null, or {seconds} until control passes on (null = never). */
   get people() {
     const rank = (p) => (p.id === this.#you ? -1 : p.id);
     return [...this.#people].sort((a, b) => rank(a) - rank(b)).map((p) => {
@@ -49,6 +49,6 @@ export class Company {
     });
   }
 
-  /** Who holds control, or null. */
+  /** The holder of control, or null. */
   get holder() { return this.people.find((p) => p.isHolder) ?? null; }
 }
