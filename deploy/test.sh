@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what is needed, builds, and runs every test through ctest.
+# Installs the dependencies, builds, and runs the tests through ctest.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 usage() {
@@ -8,23 +8,32 @@ usage() {
 Usage: deploy/test.sh [--no-install] [--quick]
 
 Installs the Debian packages and npm modules that the tests need, builds with warnings as
-errors, and runs the tests: with ASan and UBSan, with TSan, the fuzz targets for a short
-time, and at last the whole suite on the release build.
+errors, and runs the tests in three stages:
+
+  asan      AddressSanitizer and UBSan: unit, kernel, conformance, protocol, integration and
+            bench tests, and each fuzz target for a few seconds
+  tsan      ThreadSanitizer: unit and integration tests
+  release   all tests, with the web page and lint
+
+A test that checks a sample under a sanitizer says so in its output; this script lists the
+tests that run in the release stage only. At the end it prints the slowest 20 tests, the
+time of each stage, and the summary of ctest.
 
   --no-install   use what is already installed
-  --quick        the release build's tests alone
-  --help         this text
+  --quick        only lint, the fast unit and protocol tests and a few integration tests, on
+                 the release build: a verdict within 3 minutes after the build
+  --help         print this text
 
-Real volumes are looked for in ../shared/data, or where SPLATD_DATA_DIR points; the tests
-that need them are skipped, and say so, when the folder is not there.
+SPLATD_DATA_DIR names the folder of the real volumes (default ../shared/data). Without it,
+the tests that need real volumes are skipped and say so.
 TEXT
 }
 
-install=yes quick=no
+install=yes mode=full
 for argument in "$@"; do
     case $argument in
     --no-install) install=no ;;
-    --quick) quick=yes ;;
+    --quick) mode=quick ;;
     --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
     esac
@@ -33,9 +42,9 @@ done
 if [[ $install == yes ]]; then
     install_packages build test
     if [[ ! -e $root/tests/node_modules/.package-lock.json || $root/tests/package-lock.json -nt $root/tests/node_modules/.package-lock.json ]]; then
-        say "installing the tests' npm modules"
+        say "installing the npm modules of the tests"
         (cd "$root/tests" && npm ci --no-audit --no-fund --silent) ||
-            die "npm could not install tests/package.json: check the network, then run again"
+            die "npm could not install the modules of tests/package.json: check the network, then run again"
     fi
     requirements=$root/tests/protocol/requirements.txt
     if ! cmp -s "$requirements" "$root/build/python/requirements.txt"; then
@@ -50,32 +59,79 @@ fi
 
 data=$(realpath -m "${SPLATD_DATA_DIR:-$root/../shared/data}")
 CMAKE_ARGS=(-DSPLATD_WERROR=ON "-DSPLATD_DATA_DIR=$data")
-[[ -d $data ]] || say "no real volumes at $data: their tests will be skipped"
+[[ -d $data ]] || say "no real volumes in $data: their tests are skipped"
 
-failed=()
-# run PRESET CTEST-ARGUMENT...: a preset that fails does not keep the next from running. A test a core, but for those
-# that want them all (RUN_SERIAL).
-run() {
-    local preset=$1 begun=$SECONDS
-    shift
-    say "testing $preset"
-    (cd "$root" && ctest --preset "$preset" --parallel "$(nproc)" "$@") || failed+=("$preset")
-    say "$preset took $((SECONDS - begun)) s"
-}
-
-# Shaders are compiled once, not by each preset again, nor by each run of a test.
+# All stages share one cache of compiled shaders.
 export MESA_SHADER_CACHE_DIR=$root/build/shaders
 mkdir -p "$MESA_SHADER_CACHE_DIR"
 
-if [[ $quick == no ]]; then
-    build asan
-    run asan -LE "lint|web"
-    build tsan
-    run tsan -L "unit|integration"
-    build fuzz
-    run fuzz
+failed=() stages=()
+logs=$(mktemp -d)
+trap 'rm -rf "$logs"' EXIT
+
+# cpu_seconds: user and system time of all finished child processes.
+cpu_seconds() {
+    times | awk 'NR == 2 { gsub(/[ms]/, " "); print int($1 * 60 + $2 + $3 * 60 + $4) }'
+}
+
+# timed NAME COMMAND...: runs the command and records its wall-clock and CPU time. Returns the status of the command.
+timed() {
+    local name=$1 begun=$SECONDS cpu status=0
+    shift
+    cpu=$(cpu_seconds)
+    "$@" || status=$?
+    stages+=("$(printf '%-16s %5d s wall  %5d s CPU' "$name" $((SECONDS - begun)) $(($(cpu_seconds) - cpu)))")
+    return $status
+}
+
+# run PRESET CTEST-ARGUMENT...: runs the tests, one per core, longest first. A failure does not stop the next stage. The
+# summary of ctest goes to $logs/PRESET.summary and is printed by the caller.
+run() {
+    local preset=$1
+    shift
+    rm -f "$logs/$preset.summary"
+    (cd "$root" && ctest --preset "$preset" --parallel "$(nproc)" "$@" 2>&1) |
+        tee "$logs/$preset.log" |
+        awk -v summary="$logs/$preset.summary" '/^[0-9]+% tests passed/ { held = 1 } held { print > summary; next } { print; fflush() }' ||
+        failed+=("$preset")
+}
+
+# stage PRESET CTEST-ARGUMENT...: builds and tests a preset.
+stage() {
+    local preset=$1
+    timed "build $preset" build "$preset"
+    say "testing $preset"
+    timed "test $preset" run "$@"
+}
+
+# left_out PRESET LABELS: says which tests run only in the release stage.
+left_out() {
+    say "$1 leaves to the release stage:" $(cd "$root" && ctest --preset "$1" -N -L "$2" | sed -n 's/^ *Test *#[0-9]*: //p')
+}
+
+# report: the slowest 20 tests, and the time of each stage.
+report() {
+    local log
+    say "slowest 20 tests"
+    for log in "$logs"/*.log; do
+        sed -nE "s|^ *[0-9]+/[0-9]+ +Test +#[0-9]+: +([^ ]+) .* ([0-9.]+) sec *\$|\2 s  $(basename "$log" .log)  \1|p" "$log"
+    done | sort -rn | head -n 20 >&2
+    say "time of each stage"
+    printf '%s\n' "${stages[@]}" "$(printf '%-16s %5d s wall' total $SECONDS)" >&2
+}
+
+if [[ $mode == quick ]]; then
+    stage release -L "lint|unit|protocol|quick" -LE slow
+else
+    stage asan -LE "lint|web|unsanitized"
+    left_out asan "lint|web|unsanitized"
+    cat "$logs/asan.summary"
+    stage tsan -L "unit|integration" -LE unsanitized
+    left_out tsan unsanitized
+    cat "$logs/tsan.summary"
+    [[ ${#failed[@]} -eq 0 ]] || say "already failed: ${failed[*]}"
+    stage release
 fi
-build release
-[[ ${#failed[@]} -eq 0 ]] || say "already failed: ${failed[*]}"
-run release
+report
+cat "$logs/release.summary"
 [[ ${#failed[@]} -eq 0 ]] || die "failed: ${failed[*]} (see above); one test again: ctest --preset PRESET -R NAME"

@@ -223,8 +223,10 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_po
 static inline void deposit(const struct sp_postconv_tables *tables, const struct chunk *c, int i,
                            const struct sp_class *class, bool cross, float *grid) {
     enum { STRIDE = POSTCONV_PITCH * 4 };
-    const float *sx = tables->spline[0] + c->phase[0][i];
-    const float *sy = tables->spline[0] + c->phase[1][i];
+    const float *spline = (const float *)tables->spline; /* phases index floats, not rows */
+    const float *slope = (const float *)tables->slope;
+    const float *sx = spline + c->phase[0][i];
+    const float *sy = spline + c->phase[1][i];
     vec4 wx = load4(sx) + c->delta[0][i] * load4(sx + 4);
     vec4 wy = load4(sy) + c->delta[1][i] * load4(sy + 4);
     vec4 sums;
@@ -235,8 +237,8 @@ static inline void deposit(const struct sp_postconv_tables *tables, const struct
     wy *= c->gain[i];
     vec4 dx = wx, dy = wy;
     if (cross) {
-        dx = c->delta[2][i] * load4(tables->slope[0] + c->phase[0][i] / 2);
-        dy = load4(tables->slope[0] + c->phase[1][i] / 2) * c->gain[i];
+        dx = c->delta[2][i] * load4(slope + c->phase[0][i] / 2);
+        dy = load4(slope + c->phase[1][i] / 2) * c->gain[i];
     }
     float *to = grid + c->at[i];
     for (int p = 0; p < VECTORS; p++) {
