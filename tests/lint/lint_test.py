@@ -30,7 +30,7 @@ class Tree(unittest.TestCase):
         for path, name, target in [
                 ('renderer/base/a.c', 'sp/status.h', 'renderer/include/sp/status.h'),
                 ('renderer/tile/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
-                ('renderer/postconv/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
+                ('renderer/postconv/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
                 ('renderer/backend/cpu/a.c', 'backend/cpu/kernels.h', 'renderer/backend/cpu/kernels.h'),
                 ('renderer/backend/cpu/a.c', 'backend/backend.h', 'renderer/backend/backend.h'),
                 ('renderer/backend/registry.c', 'backend/cpu/cpu.h', 'renderer/backend/cpu/cpu.h'),
@@ -54,7 +54,8 @@ class Tree(unittest.TestCase):
                 ('renderer/volume/a.c', 'frame/frame.h', 'renderer/frame/frame.h'),
                 ('renderer/classify/a.c', 'splat/ewa.h', 'renderer/splat/ewa.h'),
                 ('renderer/splat/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
-                ('renderer/tile/a.c', 'postconv/layer.h', 'renderer/postconv/layer.h'),
+                ('renderer/postconv/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
+                ('renderer/tile/a.c', 'postconv/postconv.h', 'renderer/postconv/postconv.h'),
                 ('renderer/tile/a.c', 'backend/backend.h', 'renderer/backend/backend.h'),
                 ('renderer/import/a.c', 'classify/transfer.h', 'renderer/classify/transfer.h'),
                 ('renderer/encode/a.c', 'tile/bin.h', 'renderer/tile/bin.h'),
