@@ -20,7 +20,7 @@
 #include "support/sanitized.h"
 #include "support/truth.h"
 
-enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, ROWS_STEP = TEST_SANITIZED ? 3 : 1 };
+enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, ROWS_STEP = TEST_SANITIZED ? 6 : 1 };
 
 struct run {
     struct test_target targets[TARGETS_MAX];
