@@ -9,19 +9,21 @@
 
 #include "protocol/limits.h"
 #include "protocol/pointer.h"
-#include "protocol/scan.h"
+#include "protocol/position.h"
 
-/* memory */
-
-/* The library does not look whether its buffer for a token grew: without memory for that it would
- * lose a character, abort, or write past a block. So while a document is parsed the first
- * allocation that fails is served from a spare block, which is larger than any such buffer can
- * become; then the document ends for the library, and what it made is thrown away. */
+/* Memory.
+ *
+ * While it reads a token, jansson does not check that its buffer grew: without memory it would lose
+ * a character, abort, or write past a block. So the first allocation that fails during a parse is
+ * served from a spare block, which is larger than any such buffer can become. The parse then ends,
+ * and its result is thrown away. jansson passes no user pointer to its allocator, hence the
+ * thread-local variable. */
 struct parse {
-    const char *at, *end;
+    struct proto_position position; /* lags behind the bytes that were delivered by one */
+    size_t size, delivered;
     void *spare;
     size_t spare_size;
-    bool is_short;
+    bool is_short; /* of memory */
 };
 static _Thread_local struct parse *parsing; /* NULL = this thread parses nothing */
 
@@ -38,93 +40,84 @@ static void release(void *block) {
         free(block);
 }
 
-__attribute__((constructor)) static void use_this_memory(void) {
+__attribute__((constructor)) static void install_allocator(void) {
     json_set_alloc_funcs(allocate, release);
 }
 
-/* A byte at a time, so that what follows a failed allocation is not read. */
+/* Parsing. */
+
+/* Delivers one byte per call, so that jansson sees nothing behind a failed allocation or a bracket
+ * that is too deep. The position lags by one byte because jansson puts back the byte that ends a
+ * number. */
 static size_t read_byte(void *buffer, size_t size, void *user) {
     struct parse *parse = user;
     (void)size;
-    if (parse->at == parse->end || parse->is_short)
+    if (parse->is_short || !proto_position_advance(&parse->position, parse->delivered) ||
+        parse->delivered == parse->size)
         return 0;
-    *(char *)buffer = *parse->at++;
+    *(char *)buffer = parse->position.bytes[parse->delivered++];
     return 1;
 }
 
-/* parsing */
-
-static void line_and_column(const char *bytes, size_t end, unsigned *line, unsigned *column) {
-    *line = *column = 1;
-    for (size_t i = 0; i < end; i++)
-        if (bytes[i] == '\n') {
-            ++*line;
-            *column = 1;
-        } else if (((unsigned char)bytes[i] & 0xc0) != 0x80) {
-            ++*column;
-        }
-}
-
-static proto_json *refuse_at(const char *bytes, size_t at, const char *text, struct sp_error *err) {
-    char pointer[SP_ERROR_PLACE];
-    unsigned line, column;
-    proto_scan(bytes, &at, pointer, sizeof pointer);
-    line_and_column(bytes, at, &line, &column);
-    sp_fail(err, SP_ERR_FORMAT, pointer, "not valid JSON at line %u, column %u: %s", line, column,
-            text);
-    return NULL;
-}
-
-/* NULL: *error, unless it *is_short of memory. */
-static json_t *load(const char *bytes, size_t size, size_t flags, bool *is_short,
-                    json_error_t *error) {
-    enum { BUFFER_MIN = 64 };
-    struct parse parse = { .at = bytes, .end = bytes + size, .spare_size = 2 * size + BUFFER_MIN };
-    json_t *json = NULL;
-    if ((parse.spare = malloc(parse.spare_size))) {
-        parsing = &parse;
-        json = json_load_callback(read_byte, &parse, flags, error);
-        if (parse.is_short) {
-            json_decref(json);
-            json = NULL;
-        }
-        parsing = NULL;
+/* NULL on failure: parse->is_short, parse->position.is_too_deep, or else *error. */
+static json_t *load(struct parse *parse, size_t flags, json_error_t *error) {
+    parse->position = (struct proto_position){ .bytes = parse->position.bytes };
+    parse->delivered = 0;
+    parsing = parse;
+    json_t *json = json_load_callback(read_byte, parse, flags, error);
+    if (parse->is_short) {
+        json_decref(json);
+        json = NULL;
     }
-    *is_short = !parse.spare || parse.is_short;
-    free(parse.spare);
+    parsing = NULL;
     return json;
 }
 
-proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *err) {
-    if (size > PROTO_BODY_MAX) {
-        sp_fail(err, SP_ERR_FORMAT, "", "%zu bytes of JSON; the limit is %d", size, PROTO_BODY_MAX);
-        return NULL;
+static void report(struct parse *parse, const json_error_t *error, struct sp_error *err) {
+    struct proto_pointer pointer;
+    unsigned line, column;
+    if (parse->is_short) {
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %zu bytes of JSON", parse->size);
+        return;
     }
-    size_t end = size;
-    char pointer[SP_ERROR_PLACE];
-    if (!proto_scan(bytes, &end, pointer, sizeof pointer)) {
-        unsigned line, column;
-        line_and_column(bytes, end, &line, &column);
-        sp_fail(err, SP_ERR_FORMAT, pointer,
+    size_t end = error->position > 0 ? (size_t)error->position : 0;
+    proto_position_advance(&parse->position, end < parse->delivered ? end : parse->delivered);
+    proto_position_pointer(&parse->position, &pointer);
+    proto_position_line(&parse->position, &line, &column);
+    if (parse->position.is_too_deep)
+        sp_fail(err, SP_ERR_FORMAT, pointer.text,
                 "nested deeper than %d at line %u, column %u; flatten the document",
                 PROTO_DEPTH_MAX, line, column);
+    else
+        sp_fail(err, SP_ERR_FORMAT, pointer.text, "not valid JSON at line %u, column %u: %s", line,
+                column, error->text);
+}
+
+proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *err) {
+    enum { TOKEN_BUFFER_MIN = 64 }; /* bytes */
+    if (size > PROTO_BODY_MAX) {
+        sp_fail(err, SP_ERR_FORMAT, "", "%zu bytes of JSON; the limit is %d; send less at once",
+                size, PROTO_BODY_MAX);
         return NULL;
     }
-    json_error_t error;
-    bool is_short;
+    struct parse parse = { .position.bytes = bytes,
+                           .size = size,
+                           .spare_size = 2 * size + TOKEN_BUFFER_MIN };
+    json_error_t error = { .position = 0 };
+    json_t *json = NULL;
+    parse.spare = malloc(parse.spare_size);
+    parse.is_short = !parse.spare;
     const size_t flags = JSON_REJECT_DUPLICATES | JSON_DECODE_ANY;
-    json_t *json = load(bytes, size, flags, &is_short, &error);
-    /* Only integers beyond 64 bits fail here and pass there: they are numbers like any other. */
-    if (!json && !is_short && json_error_code(&error) == json_error_numeric_overflow)
-        json = load(bytes, size, flags | JSON_DECODE_INT_AS_REAL, &is_short, &error);
-    if (json)
-        return json;
-    if (is_short) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %zu bytes of JSON", size);
-        return NULL;
-    }
-    size_t at = error.position > 0 ? (size_t)error.position : 0;
-    return refuse_at(bytes, at < size ? at : size, error.text, err);
+    if (parse.spare)
+        json = load(&parse, flags, &error);
+    /* jansson refuses integers beyond 64 bits unless it reads all integers as doubles. */
+    if (!json && !parse.is_short && !parse.position.is_too_deep &&
+        json_error_code(&error) == json_error_numeric_overflow)
+        json = load(&parse, flags | JSON_DECODE_INT_AS_REAL, &error);
+    if (!json)
+        report(&parse, &error, err);
+    free(parse.spare);
+    return json;
 }
 
 proto_json *proto_json_ref(proto_json *json) {
@@ -136,7 +129,7 @@ void proto_json_free(proto_json **json) {
     *json = NULL;
 }
 
-/* reading */
+/* Reading. */
 
 enum proto_json_type proto_json_type(const proto_json *json) {
     if (!json)
@@ -248,7 +241,7 @@ bool proto_json_bool(const proto_json *json, bool *out) {
     return true;
 }
 
-/* building */
+/* Building. */
 
 proto_json *proto_json_object(void) {
     return json_object();
@@ -357,7 +350,7 @@ bool proto_json_append_integer(proto_json *array, int64_t value) {
     return proto_json_append(array, json_integer(value));
 }
 
-/* writing */
+/* Writing. */
 
 struct text {
     char *bytes;
