@@ -11,7 +11,7 @@
 #include "protocol/view_fields.h"
 
 struct decoder {
-    struct proto_pointer at; /* the value that is being read */
+    struct proto_pointer at; /* the current value */
     struct sp_error *err;
 };
 
@@ -30,7 +30,8 @@ static bool refuse_type(struct decoder *decoder, const char *expected, const pro
                   proto_json_type_name(proto_json_type(json)));
 }
 
-/* The nearest float; of magnitude 1 only if the number is, since opacities end before 1. */
+/* Returns the nearest float. The result is ±1 only if the number is, because opacities are below
+ * 1. */
 static float to_float(double number) {
     float nearest = (float)number;
     return fabsf(nearest) == 1 && fabs(number) < 1 ? nextafterf(nearest, 0) : nearest;
@@ -52,15 +53,16 @@ static bool decode_number(struct decoder *decoder, enum proto_field_kind kind,
         *(uint32_t *)out = (uint32_t)whole;
     } else if (kind == PROTO_FIELD_FLOAT) {
         if (fabs(number) > FLT_MAX)
-            return refuse(decoder, "%g is too large", number);
+            return refuse(decoder, "%g is outside [-%g, %g]", number, (double)FLT_MAX,
+                          (double)FLT_MAX);
         *(float *)out = to_float(number);
     } else {
-        *(double *)out = number + 0.0; /* no -0: equal views are equal bytes */
+        *(double *)out = number + 0.0; /* -0 becomes 0: equal views have equal bytes */
     }
     return true;
 }
 
-/* `columns` numbers at `out`, or rows of them if `rows` > 0. */
+/* Decodes `columns` numbers to `out`, or `rows` arrays of them if `rows` > 0. */
 static bool decode_array(struct decoder *decoder, const struct proto_field *field, unsigned rows,
                          const proto_json *json, void *out) {
     size_t count = rows ? rows : field->columns;
@@ -119,7 +121,7 @@ static bool decode_name(struct decoder *decoder, const proto_json *json, char *o
     size_t size = strlen(name);
     if (size < 1 || size >= SP_NAME_BYTES)
         return refuse(decoder, "must have 1 to %d bytes, not %zu", SP_NAME_BYTES - 1, size);
-    memset(out, 0, SP_NAME_BYTES); /* equal views are equal bytes */
+    memset(out, 0, SP_NAME_BYTES); /* equal views have equal bytes */
     memcpy(out, name, size);
     return true;
 }
@@ -127,7 +129,15 @@ static bool decode_name(struct decoder *decoder, const proto_json *json, char *o
 static bool decode_field(struct decoder *decoder, const struct proto_field *field,
                          const proto_json *json, const void *defaults, void *out);
 
-/* The members of an object into a view or a list's item at `out`. */
+static bool refuse_unknown(struct decoder *decoder, const struct proto_group *group) {
+    char known[192] = "";
+    for (size_t i = 0; i < group->count; i++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "",
+                 group->fields[i].name);
+    return refuse(decoder, "unknown field; known: %s", known);
+}
+
+/* Decodes the members of an object into the view or the list item at `out`. */
 static bool decode_members(struct decoder *decoder, const struct proto_group *group,
                            const proto_json *json, const void *defaults, void *out) {
     if (proto_json_type(json) != PROTO_JSON_OBJECT)
@@ -145,7 +155,7 @@ static bool decode_members(struct decoder *decoder, const struct proto_group *gr
         if (!field) {
             const char *meant = proto_nearest_name(key, group);
             return meant ? refuse(decoder, "unknown field; did you mean \"%s\"?", meant)
-                         : refuse(decoder, "unknown field");
+                         : refuse_unknown(decoder, group);
         }
         if (!decode_field(decoder, field, value, defaults, out))
             return false;
@@ -160,7 +170,7 @@ static bool decode_list(struct decoder *decoder, const struct proto_field *field
         return refuse_type(decoder, "an array", json);
     size_t count = proto_json_size(json);
     if (count > field->item_max)
-        return refuse(decoder, "%zu items; at most %zu are possible", count, field->item_max);
+        return refuse(decoder, "has %zu items; the limit is %zu", count, field->item_max);
     char *items = (char *)out + field->offset;
     memset(items, 0, field->item_max * field->item_bytes);
     for (size_t i = 0; i < count; i++) {
@@ -170,7 +180,7 @@ static bool decode_list(struct decoder *decoder, const struct proto_field *field
         char *to = items + i * field->item_bytes;
         if (field->group->item)
             memcpy(to, field->group->item, field->item_bytes);
-        /* An item has no defaults to go back to: null is a wrong type there. */
+        /* An item has no defaults, so null is a wrong type. */
         if (!decode_members(decoder, field->group, item, NULL, to))
             return false;
         for (size_t m = 0; m < field->group->count; m++) {
@@ -232,7 +242,7 @@ bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, s
                       struct sp_error *err) {
     struct decoder decoder = { .err = err };
     struct sp_view merged;
-    memcpy(&merged, view, sizeof merged); /* with its padding, so that equal views stay equal */
+    memcpy(&merged, view, sizeof merged); /* with the padding: equal views have equal bytes */
     if (!decode_members(&decoder, &proto_view_group, patch, defaults, &merged) ||
         !sp_view_validate(&merged, err))
         return false;

@@ -173,7 +173,7 @@ const proto_json *proto_json_at(const proto_json *array, size_t i) {
 
 bool proto_json_next(const proto_json *object, void **at, const char **key,
                      const proto_json **value) {
-    json_t *o = (json_t *)object; /* the library's iterators are not const, and change nothing */
+    json_t *o = (json_t *)object; /* the iterators take no const, but change nothing */
     *at = *at ? json_object_iter_next(o, *at) : json_object_iter(o);
     if (!*at)
         return false;
@@ -251,7 +251,7 @@ proto_json *proto_json_array(void) {
     return json_array();
 }
 
-/* Length of the UTF-8 character at s (RFC 3629), 0 if there is none. */
+/* Returns the length of the UTF-8 character at s (RFC 3629), 0 if it is invalid. */
 static size_t utf8_length(const unsigned char *s) {
     if (s[0] < 0x80)
         return 1;
@@ -400,7 +400,7 @@ static void put_number(struct text *out, const json_t *json) {
         n = snprintf(text, sizeof text, "%lld", (long long)json_integer_value(json));
     } else {
         double d = json_real_value(json);
-        d = d == 0 ? 0 : d; /* no -0 */
+        d = d == 0 ? 0 : d; /* -0 becomes 0 */
         if (fabs(d) < 1e15 && d == floor(d))
             n = snprintf(text, sizeof text, "%.0f", d);
         else
@@ -442,7 +442,7 @@ static void put_object(struct text *out, json_t *json) {
     free(keys);
 }
 
-/* Recursion ends: parsing limits the depth, and builders cannot make a cycle. */
+/* The recursion is bounded: parsing limits the depth, and builders cannot create a cycle. */
 static void put_value(struct text *out, json_t *json) {
     switch (json_typeof(json)) {
     case JSON_OBJECT:
@@ -480,7 +480,7 @@ static char *to_text(const proto_json *json, bool sorted, size_t *size) {
     if (!json)
         return NULL;
     struct text out = { .sorted = sorted };
-    put_value(&out, (json_t *)json); /* reads only */
+    put_value(&out, (json_t *)json); /* does not modify it */
     if (out.failed) {
         free(out.bytes);
         return NULL;

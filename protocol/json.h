@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * JSON for the rest of the program: strict parsing, reading, building, writing. The library behind
- * it is included in json.c alone.
+ * JSON for the rest of the program: strict parsing, reading, building, writing. Only json.c
+ * includes the library behind it.
  *
- * A `proto_json` is one node of a document, reference-counted. Whoever got it from a function
- * without const owns one reference and frees it with proto_json_free(); nodes got through const
- * functions live as long as the document. A document belongs to one thread at a time. Functions
- * that read accept NULL as "not there".
+ * A `proto_json` is one node of a document, reference-counted. A function that returns it without
+ * const gives the caller one reference, to be dropped with proto_json_free(). A const node is
+ * borrowed and lives as long as its document. A document belongs to one thread at a time. Functions
+ * that read accept NULL as "missing".
  */
 #ifndef PROTO_JSON_H
 #define PROTO_JSON_H
@@ -20,7 +20,7 @@
 typedef struct json_t proto_json;
 
 enum proto_json_type {
-    PROTO_JSON_NONE, /* of NULL: not there */
+    PROTO_JSON_NONE, /* NULL: missing */
     PROTO_JSON_NULL,
     PROTO_JSON_BOOL,
     PROTO_JSON_NUMBER,
@@ -29,63 +29,66 @@ enum proto_json_type {
     PROTO_JSON_OBJECT
 };
 
-/* Parses one UTF-8 document that fills `size` bytes. Refused with SP_ERR_FORMAT, line and column in
- * err->text and the JSON pointer reached in err->place: anything that RFC 8259 does not allow (NaN,
- * comments, trailing bytes, bad UTF-8 …) and, beyond it, duplicate keys, the character U+0000,
- * numbers too large for a double, nesting deeper than PROTO_DEPTH_MAX and more than PROTO_BODY_MAX
- * bytes. SP_ERR_MEMORY when out of memory. NULL on failure. */
+/* Parses one UTF-8 document of `size` bytes. Returns NULL on failure. SP_ERR_FORMAT: the text
+ * breaks RFC 8259 (NaN, comments, trailing bytes, bad UTF-8 …), or it has duplicate keys, the
+ * character U+0000, a number too large for a double, nesting deeper than PROTO_DEPTH_MAX, or more
+ * than PROTO_BODY_MAX bytes. Then err->text has line and column, and err->place the JSON pointer of
+ * the error. SP_ERR_MEMORY: out of memory. Thread-safe. */
 proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *err);
 
-proto_json *proto_json_ref(proto_json *json); /* one more reference; returns its argument */
-void proto_json_free(proto_json **json);      /* drops one reference; accepts NULL; nulls */
+proto_json *proto_json_ref(proto_json *json); /* adds a reference; returns its argument */
+void proto_json_free(proto_json **json); /* drops a reference; accepts NULL; sets *json to NULL */
 
 enum proto_json_type proto_json_type(const proto_json *json);
 const char *proto_json_type_name(enum proto_json_type type); /* "a number", …; never NULL */
 
-/* The member of an object; NULL if `object` is no object or has none. */
+/* Returns a member of an object; NULL if `object` is not an object or has no such member. */
 const proto_json *proto_json_get(const proto_json *object, const char *key);
-/* Elements of an array, members of an object, else 0. */
+/* Returns the number of elements of an array or members of an object; 0 for other types. */
 size_t proto_json_size(const proto_json *json);
-/* Element i of an array; NULL past the end or if it is no array. */
+/* Returns element i of an array; NULL past the end, or if `array` is not an array. */
 const proto_json *proto_json_at(const proto_json *array, size_t i);
-/* Walks the members of an object in the order of the text: start with *at = NULL, stop at false. */
+/* Iterates over the members of an object in the order of the text. Set *at = NULL before the first
+ * call; false means that there are no more. */
 bool proto_json_next(const proto_json *object, void **at, const char **key,
                      const proto_json **value);
-/* Are all members of an object among the known (NULL at the end)? Else SP_ERR_INVALID, with the
- * pointer of the first that is not, and the known in the text. */
+/* True if every member of the object is in `known`, which ends with NULL. Otherwise SP_ERR_INVALID:
+ * err->place points to the first unknown member, and err->text lists the known ones. */
 bool proto_json_only(const proto_json *object, const char *const *known, struct sp_error *err);
 
-/* The value; NULL or false, with *out untouched, if the node is of another type. A number is an
- * integer if its value is whole and within ±2^53, however it is written. */
+/* Read a value. NULL or false, with *out unchanged, if the node has another type. A number is an
+ * integer if its value is whole and within ±2^53, in any notation. The string is borrowed. */
 const char *proto_json_string(const proto_json *json);
 bool proto_json_number(const proto_json *json, double *out);
 bool proto_json_integer(const proto_json *json, int64_t *out);
 bool proto_json_bool(const proto_json *json, bool *out);
 
-/* Building. NULL or false = out of memory; a failed call leaves a valid document, and a value to be
- * stolen is freed. `object`, `array` and `value` may be NULL (= an earlier call failed): false. */
+/* Build a document. NULL or false means out of memory; the document stays valid, and a value that
+ * the call should own is freed. `object`, `array` and `value` may be NULL because an earlier call
+ * failed; the result is then false. */
 proto_json *proto_json_object(void);
 proto_json *proto_json_array(void);
-proto_json *proto_json_new_string(const char *text); /* bytes that are not UTF-8 become '?' */
+proto_json *proto_json_new_string(const char *text); /* replaces invalid UTF-8 by '?' */
 proto_json *proto_json_new_number(double value);     /* finite */
-proto_json *proto_json_new_float(float value); /* finite; the shortest decimal that gives it back */
+proto_json *proto_json_new_float(float value);       /* finite; the shortest decimal that
+                                                        reads back as the same float */
 proto_json *proto_json_new_integer(int64_t value);
 proto_json *proto_json_new_null(void);
-bool proto_json_set(proto_json *object, const char *key, proto_json *value); /* steals value */
+bool proto_json_set(proto_json *object, const char *key, proto_json *value); /* takes ownership */
 bool proto_json_set_string(proto_json *object, const char *key, const char *text);
 bool proto_json_set_number(proto_json *object, const char *key, double value);
 bool proto_json_set_integer(proto_json *object, const char *key, int64_t value);
 bool proto_json_set_bool(proto_json *object, const char *key, bool value);
 bool proto_json_set_null(proto_json *object, const char *key);
-bool proto_json_append(proto_json *array, proto_json *value); /* steals value */
+bool proto_json_append(proto_json *array, proto_json *value); /* takes ownership */
 bool proto_json_append_string(proto_json *array, const char *text);
 bool proto_json_append_number(proto_json *array, double value);
 bool proto_json_append_integer(proto_json *array, int64_t value);
 
-/* Text without spaces, malloc'ed and NUL-terminated; *size (may be NULL) without the NUL. Numbers
- * take the shortest form that gives the same double. NULL when `json` is NULL or memory is out. The
- * canonical text has its keys sorted by bytes, so that equal values give equal bytes (for ETags).
- */
+/* Return the text without spaces, NUL-terminated, to be freed by the caller; *size (may be NULL)
+ * excludes the NUL. Numbers have the shortest form that reads back as the same double. NULL if
+ * `json` is NULL or memory runs out. The canonical text sorts the keys by bytes, so equal values
+ * give equal bytes (for ETags). */
 char *proto_json_to_text(const proto_json *json, size_t *size);
 char *proto_json_to_canonical(const proto_json *json, size_t *size);
 

@@ -4,9 +4,10 @@
 #include <ctype.h>
 #include <string.h>
 
-enum { LONGEST = 32 }; /* bytes of a name that are worth comparing */
+enum { LONGEST = 32 }; /* bytes; longer names are not compared */
 
-/* Wagner and Fischer 1974, one row at a time. Both at most LONGEST bytes. */
+/* Returns the Levenshtein distance (Wagner and Fischer 1974), one row at a time. Both names have at
+ * most LONGEST bytes. */
 static unsigned distance(const char *a, const char *b) {
     unsigned row[LONGEST + 1];
     size_t bn = strlen(b);

@@ -4,8 +4,9 @@
 
 #include "protocol/view_fields.h"
 
-/* The name of the group's field that was probably meant by a misspelt one: at most a third of its
- * letters inserted, dropped or replaced (Levenshtein distance), case ignored. NULL if none is. */
+/* Returns the name of the group's field that a misspelt name probably means: at most a third of its
+ * letters are inserted, deleted or replaced (Levenshtein distance, case ignored). NULL if no field
+ * is that close. Borrowed from the table of fields. Thread-safe. */
 const char *proto_nearest_name(const char *misspelt, const struct proto_group *group);
 
 #endif

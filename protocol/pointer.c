@@ -5,11 +5,11 @@
 #include <string.h>
 
 static void append(struct proto_pointer *pointer, const char *bytes, size_t size) {
-    size_t room = sizeof pointer->text - 1 - pointer->length;
-    if (size > room) {
-        size = room;
+    size_t capacity = sizeof pointer->text - 1 - pointer->length;
+    if (size > capacity) {
+        size = capacity;
         while (size > 0 && ((unsigned char)bytes[size] & 0xc0) == 0x80)
-            size--; /* never half a character */
+            size--; /* do not cut a character in half */
     }
     memcpy(pointer->text + pointer->length, bytes, size);
     pointer->length += size;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A JSON pointer (RFC 6901) that grows and shrinks as a document is walked.
+ * A JSON pointer (RFC 6901) that follows a walk through a document.
  */
 #ifndef PROTO_POINTER_H
 #define PROTO_POINTER_H
@@ -14,8 +14,8 @@ struct proto_pointer { /* all zero = the whole document, "" */
     size_t length; /* bytes of text */
 };
 
-/* Append one token; '~' and '/' are escaped. What does not fit is cut at the end. Undo by putting
- * the old length back with proto_pointer_pop(). */
+/* Append one token and escape '~' and '/'. A pointer that does not fit is cut at its end. Save the
+ * length before a push; proto_pointer_pop() with that length undoes it. */
 void proto_pointer_push(struct proto_pointer *pointer, const char *key, size_t key_bytes);
 void proto_pointer_push_index(struct proto_pointer *pointer, size_t index);
 void proto_pointer_pop(struct proto_pointer *pointer, size_t old_length);

@@ -6,7 +6,7 @@
 
 #include "protocol/limits.h"
 
-/* Beyond it a number need not come back as it was written. */
+/* Larger numbers may lose digits as doubles. */
 #define ID_MAX 9007199254740992.0
 
 static bool refuse(enum proto_rpc_code value, enum proto_rpc_code *code, struct sp_error *err,
@@ -23,7 +23,7 @@ static bool decode_id(struct proto_rpc_message *message, const proto_json *id) {
     if (type == PROTO_JSON_STRING ? strlen(proto_json_string(id)) > PROTO_RPC_ID_MAX
                                   : !proto_json_number(id, &number) || fabs(number) > ID_MAX)
         return false;
-    message->id = (proto_json *)id; /* const only because the document was read, which we own */
+    message->id = (proto_json *)id; /* the message owns the document */
     return true;
 }
 
@@ -40,14 +40,14 @@ bool proto_rpc_decode(const char *bytes, size_t size, struct proto_rpc_message *
     }
     if (proto_json_type(document) == PROTO_JSON_ARRAY)
         return refuse(PROTO_RPC_REQUEST, code, err, "",
-                      "a message is one object; send the parts of a batch one by one");
+                      "a batch is not supported; send each request as its own message");
     if (proto_json_type(document) != PROTO_JSON_OBJECT)
-        return refuse(PROTO_RPC_REQUEST, code, err, "", "a message is an object");
+        return refuse(PROTO_RPC_REQUEST, code, err, "", "a message must be an object");
     const proto_json *id = proto_json_get(document, "id");
     message->has_id = id != NULL;
     if (!decode_id(message, id))
         return refuse(PROTO_RPC_REQUEST, code, err, "/id",
-                      "an id is a number within 2^53 or a string of at most 256 bytes");
+                      "\"id\" must be a number in [-2^53, 2^53] or a string of at most 256 bytes");
     const char *version = proto_json_string(proto_json_get(document, "jsonrpc"));
     if (!version || strcmp(version, "2.0") != 0)
         return refuse(PROTO_RPC_REQUEST, code, err, "/jsonrpc", "\"jsonrpc\" must be \"2.0\"");
@@ -68,7 +68,7 @@ void proto_rpc_finish(struct proto_rpc_message *message) {
     *message = (struct proto_rpc_message){ 0 };
 }
 
-/* Steals `value`. */
+/* Takes ownership of `value`. */
 static char *write_message(const char *key, proto_json *value, bool with_id, proto_json *id,
                            const char *method, size_t *size) {
     proto_json *message = proto_json_object();

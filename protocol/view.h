@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The view between JSON and `struct sp_view`. One table of fields (view_fields.c) drives both
- * directions; names, units and ranges are published in view.schema.json.
+ * Converts the view between JSON and `struct sp_view`. One table of fields (view_fields.c) drives
+ * both directions; view.schema.json publishes names, units and ranges.
  *
  *   patch (RFC 7396)  ─► types, names ─► merged into a copy ─► sp_view_validate() ─► *view
  */
@@ -14,23 +14,27 @@
 #include "sp/status.h"
 #include "sp/view.h"
 
-/* Merges a patch into *view: a member that is there replaces, one that is not stays, null goes back
- * to `defaults` (which may be `view` itself: then null changes nothing), arrays are taken whole.
- * *view must be valid, so that what is refused is the patch's doing; it is untouched on failure.
- * SP_ERR_INVALID with the JSON pointer of the culprit in err->place: the patch is no object, an
- * unknown field (with the name that was probably meant), a wrong type, an unknown name of an
- * enumeration (with the known ones), a list too long, or whatever sp_view_validate() refuses. Pure.
+/* Merges a patch into *view. A member of the patch replaces the field; a missing member keeps it;
+ * null resets it to `defaults`; an array replaces the whole array. `defaults` may be `view` itself:
+ * then null changes nothing. *view must be valid before the call, so that an error is always about
+ * the patch; on failure it is unchanged.
  *
- * Numbers of 32-bit fields (colours, opacities) are rounded to the nearest, but never up to ±1. */
+ * Errors: SP_ERR_INVALID with the JSON pointer of the wrong field in err->place. The patch is not
+ * an object, has an unknown field (the text suggests a name), a wrong type, an unknown name of an
+ * enumeration (the text lists the names) or a list that is too long, or sp_view_validate() refuses
+ * the result. Thread-safe.
+ *
+ * Numbers of 32-bit fields (colours, opacities) are rounded to the nearest float, but never to ±1,
+ * because opacities are below 1. */
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err);
 
-/* Every field. Decoding what was encoded gives the same bits. NULL when out of memory. */
+/* Encodes every field. Decoding the result gives the same bits. NULL when out of memory. */
 proto_json *proto_view_encode(const struct sp_view *view);
 
-/* The "volume" of a patch if it has one and it is a string, else NULL. A patch that changes the
- * volume starts from that volume's default view (all but size and background); the caller does
- * that. Lives as long as the patch. */
+/* Returns the "volume" of a patch if it is a string, else NULL. Borrowed from the patch. A patch
+ * that changes the volume starts from the default view of the new volume and keeps size and
+ * background; the caller does that. */
 const char *proto_view_volume(const proto_json *patch);
 
 #endif

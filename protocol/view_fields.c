@@ -154,6 +154,6 @@ size_t proto_field_bytes(const struct proto_field *field) {
     case PROTO_FIELD_LIST:
         break;
     }
-    assert(!"a group has no bytes of its own");
+    assert(!"objects and lists have no size of their own");
     return 0;
 }

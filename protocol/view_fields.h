@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The table of the view's fields: what each is called in JSON, what it may hold, and where it lies
- * in `struct sp_view`. decode.c and encode.c walk it; a new field is one line in view_fields.c.
- * Ranges are not here: sp_view_validate() has them. Private to protocol/.
+ * The table of the view's fields: the name in JSON, the type, and the offset in `struct sp_view`.
+ * decode.c and encode.c walk it; a new field is one line in view_fields.c. sp_view_validate()
+ * checks the ranges. Private to protocol/.
  */
 #ifndef PROTO_VIEW_FIELDS_H
 #define PROTO_VIEW_FIELDS_H
@@ -13,13 +13,13 @@
 
 enum proto_field_kind {
     PROTO_FIELD_DOUBLE,
-    PROTO_FIELD_AUTO, /* double; null is a value, kept as NaN: "choose for me" */
+    PROTO_FIELD_AUTO, /* double; null is a value, stored as NaN: the renderer chooses */
     PROTO_FIELD_FLOAT,
     PROTO_FIELD_COUNT,  /* uint32_t */
-    PROTO_FIELD_ENUM,   /* an enum from 0, written as one of `names` */
-    PROTO_FIELD_NAME,   /* char[SP_NAME_BYTES], 1 byte or more */
-    PROTO_FIELD_OBJECT, /* members in `group`, their offsets counted like this field's own */
-    PROTO_FIELD_LIST    /* of objects; their members' offsets are within one item */
+    PROTO_FIELD_ENUM,   /* an enum whose values index `names` */
+    PROTO_FIELD_NAME,   /* char[SP_NAME_BYTES], at least 1 byte long */
+    PROTO_FIELD_OBJECT, /* members in `group`; their offsets are in the view, like this field's */
+    PROTO_FIELD_LIST    /* of objects; the offsets of their members are within one item */
 };
 
 struct proto_group;
@@ -27,24 +27,24 @@ struct proto_group;
 struct proto_field {
     const char *name;
     enum proto_field_kind kind;
-    bool optional;            /* members of list items: may be missing */
+    bool optional;            /* a member of a list item that may be missing */
     uint8_t rows, columns;    /* numbers: {0,0} one, {0,n} an array of n, {m,n} m arrays of n */
     size_t offset;            /* bytes from the start of the view, or of the list's item */
     const char *const *names; /* ENUM: NULL-terminated */
     const struct proto_group *group; /* OBJECT, LIST */
-    size_t count_offset;             /* LIST: of the uint32_t that counts the items */
+    size_t count_offset;             /* LIST: offset of the uint32_t number of items */
     size_t item_bytes, item_max;     /* LIST */
 };
 
 struct proto_group {
     const struct proto_field *fields;
     size_t count;
-    const void *item; /* LIST: what an item holds before its members are read; NULL = zeros */
+    const void *item; /* LIST: default values of an item; NULL = zeros */
 };
 
 extern const struct proto_group proto_view_group;
 
-/* Bytes of a field's value, for the kinds that are plain values. */
+/* Returns the size of the field's value in bytes. Not for OBJECT and LIST. */
 size_t proto_field_bytes(const struct proto_field *field);
 
 #endif

@@ -21,7 +21,7 @@ static proto_json *dims(const struct sp_grid *grid) {
     return array;
 }
 
-/* An array an axis, null for an even one. */
+/* Returns one array per axis, null for an evenly spaced axis. */
 static proto_json *coordinates(const struct sp_grid *grid) {
     proto_json *axes = proto_json_array();
     for (int i = 0; i < 3; i++)

@@ -7,10 +7,11 @@
 #include "protocol/json.h"
 #include "sp/volume.h"
 
-/* {"id", "name", "source", "dims", "spacing", "origin", "direction" (3 rows), "unit", "type",
- * "components", "range", "nonfinite", "bytes"}; of a rectilinear grid "coordinates", an array or
- * null an axis; if wanted, "histogram": {"range", "counts"} of 256 bins. The daemon adds "state",
- * "progress" and "memory". NULL when out of memory. */
+/* Encodes {"id", "name", "source", "dims", "spacing", "origin", "direction" (3 rows), "unit",
+ * "type", "components", "range", "nonfinite", "bytes"}. A rectilinear grid also has "coordinates":
+ * per axis an array, or null if the axis is evenly spaced. with_histogram adds "histogram":
+ * {"range", "counts"} with 256 bins. The daemon adds "state", "progress" and "memory". NULL when
+ * out of memory. Thread-safe. */
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram);
 

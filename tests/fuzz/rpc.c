@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Bytes → JSON-RPC message → answer. Every answer must be JSON again.
+ * Bytes → JSON-RPC message → answer. Every answer must be valid JSON.
  */
 #include <stdint.h>
 #include <stdlib.h>

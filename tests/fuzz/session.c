@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Bytes → what was kept of a session → a session. What is accepted can be saved again, unless its
- * view is one that cannot be shown.
+ * Bytes → persisted session → active session. An accepted session can be persisted again, unless
+ * its view is refused.
  */
 #include <stdint.h>
 #include <stdlib.h>

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds openapi.yaml and the examples against the real daemon.
+"""Compares openapi.yaml and the examples with the running daemon.
 
   contract_test.py SPLATD SOURCE_DIR
 
-Every answer has a documented status and media type, and a body of its schema; every documented operation is asked,
-and every documented view is drawn.
-Every invalid example gives 400 or 422 with its pointer, over HTTP too. Exit status 77: skipped.
+The test calls every documented operation and renders every documented view. Every answer has a documented status and media
+type, and a body that satisfies its schema. Every invalid example gives 400 or 422 with its pointer. Exit status 77: skipped.
 """
 import glob
 import http.client
@@ -41,7 +40,7 @@ def check(ok, text):
 
 class Daemon:
     def __init__(self, program, *options, token=None):
-        """token: with --token-file, where the daemon does not print it"""
+        """token: the token of --token-file; without that option the daemon prints one"""
         self.log = tempfile.TemporaryFile()
         self.process = subprocess.Popen([program, '--listen', '127.0.0.1:0', '--backend', 'null', '--volume',
                                          'demo:engine?size=16', *options], stdout=subprocess.PIPE, stderr=self.log)
@@ -68,12 +67,12 @@ class Daemon:
         return answer.status, answer.headers, data
 
     def stop(self):
-        """The exit status and what was logged."""
+        """Ends the daemon. Returns its exit status and its log."""
         self.process.terminate()
         return self.wait()
 
     def wait(self):
-        """The same, of one that ends by itself."""
+        """Waits until the daemon exits. Returns its exit status and its log."""
         self.process.communicate(timeout=DEADLINE_S)
         self.log.seek(0)
         return self.process.returncode, self.log.read().decode(errors='replace')
@@ -114,7 +113,7 @@ class Contract:
 
 
 def asker(daemon, contract):
-    """ask(expected status, method, path template, …): what the answer holds; checks the status and all of the answer."""
+    """Returns ask(expected status, method, path template, …), which checks the whole answer and returns its content."""
     def ask(expected, method, template, body=None, headers=None, token=True, query='', **names):
         path = template.format(**names) + query
         status, answered, data = daemon.ask(method, path, body, headers, token)
@@ -125,7 +124,7 @@ def asker(daemon, contract):
 
 
 def walk(daemon, contract):
-    """Asks each operation at least once, rightly and wrongly."""
+    """Calls each operation at least once, with valid and invalid requests."""
     ask, api = asker(daemon, contract), '/api/v1'
     ask(200, 'GET', '/healthz', token=False)
     ask(200, 'GET', '/readyz', token=False)
@@ -142,8 +141,8 @@ def walk(daemon, contract):
         while ask(200, 'GET', f'{api}/volumes/{{id}}', id=volume)['state'] == 'loading':
             pass
     check([len(c) for c in ask(200, 'GET', f'{api}/volumes/{{id}}', id='graded')['coordinates']] == [16, 16, 8],
-          'a rectilinear volume tells its coordinates')
-    check('coordinates' not in ask(200, 'GET', f'{api}/volumes/{{id}}', id='p'), 'an even volume has none')
+          'a rectilinear volume has coordinates')
+    check('coordinates' not in ask(200, 'GET', f'{api}/volumes/{{id}}', id='p'), 'an evenly spaced volume has no coordinates')
     ask(409, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=17', 'id': 'p'})
     ask(400, 'POST', f'{api}/volumes', '{')
     ask(422, 'POST', f'{api}/volumes', {'path': 'a', 'uri': 'demo:engine'})
@@ -173,7 +172,7 @@ def walk(daemon, contract):
     check(sorted(s['id'] for s in listed) == sorted([session['id'], fork['id']]), f'sessions: {listed}')
     check(all(s['volume'] == 'engine' and not s['asleep'] and s['participants'] == 0 for s in listed), f'sessions: {listed}')
     ask(401, 'GET', f'{api}/sessions', token=session['tokens']['control'])
-    walk_kept(daemon, ask, api)
+    walk_saved_views(daemon, ask, api)
     walk_presets(ask, api)
     walk_paths(daemon, contract, ask, api)
     names = {'id': session['id']}
@@ -192,13 +191,13 @@ def walk(daemon, contract):
             operation = contract.document['paths'][template].get(method)
             if operation and operation.get('security') != []:
                 ask(401, method.upper(), template, token=False, id='engine', name='x', frame='0')
-            check(not operation or (method, template) in contract.seen, f'{method} {template} was not asked')
+            check(not operation or (method, template) in contract.seen, f'{method} {template} was not called')
 
 
 def walk_pages(ask, template, name):
-    """All items, which come one a page as well."""
+    """Returns all items of a list, and checks that pages of one item give the same list."""
     whole = ask(200, 'GET', template)
-    check('next' not in whole, f'{template}: there is no next page')
+    check('next' not in whole, f'{template}: a complete list has a next page')
     single, query = [], '?limit=1'
     while query:
         page = ask(200, 'GET', template, query=query)
@@ -210,7 +209,7 @@ def walk_pages(ask, template, name):
     return whole[name]
 
 
-def walk_kept(daemon, ask, api):
+def walk_saved_views(daemon, ask, api):
     kept = ask(201, 'POST', f'{api}/views', {'size': [16, 8]})
     ask(422, 'POST', f'{api}/views', {'size': [0, 8]})
     ask(400, 'POST', f'{api}/views', '{')
@@ -233,7 +232,7 @@ def walk_kept(daemon, ask, api):
     ask(204, 'DELETE', f'{api}/views/{{id}}', **other)
     ask(404, 'DELETE', f'{api}/views/{{id}}', **other)
     ask(404, 'GET', f'{api}/views/{{id}}', **other)
-    check(len(ask(200, 'GET', f'{api}/views')['views']) == 1, 'one is left')
+    check(len(ask(200, 'GET', f'{api}/views')['views']) == 1, 'the list does not hold exactly one view')
     for wrong in ('size=8', 'size=8,8,8', 'size=-1,2', 'camera=%7B', 'quality=0'):
         ask(400, 'GET', template, query=f'?{wrong}', **kept)
     for wrong in ('size=8,0', 'size=8,9999', 'camera=5', f'camera={urllib.parse.quote(json.dumps(dict(x=1)))}'):
@@ -250,13 +249,13 @@ def walk_paths(daemon, contract, ask, api):
         for name in ('done', 'state', 'bytes'):
             path.pop(name)
         events = ask(200, 'GET', f'{one}/events', id=path['id']).decode()
-        check(events.endswith('\n\n') and 'event: done\n' in events, f'the last event is done: {events[-300:]}')
+        check(events.endswith('\n\n') and 'event: done\n' in events, f'the last event is not done: {events[-300:]}')
         last = events.rstrip().split('\n\n')[-1].split('\n')[0][len('id: '):]
         ask(204, 'GET', f'{one}/events', headers={'Last-Event-ID': last}, id=path['id'])
         told = ask(200, 'GET', one, id=path['id'])
-        check({**told, **path} == told and told['state'] == 'done', f'{told} is what was asked for')
+        check({**told, **path} == told and told['state'] == 'done', f'the path is {told}, requested was {path}')
     listed = [p['id'] for p in ask(200, 'GET', f'{api}/paths')['paths']]
-    check(listed == sorted(listed) and {pictures['id'], movie['id']} <= set(listed), 'paths in the order of their ids')
+    check(listed == sorted(listed) and {pictures['id'], movie['id']} <= set(listed), 'the paths are not in the order of their ids')
     frame = {'id': pictures['id'], 'frame': '1'}
     ask(200, 'GET', f'{one}/frames/{{frame}}', **frame)
     ask(304, 'GET', f'{one}/frames/{{frame}}', headers={'If-None-Match': f'"{pictures["id"]}-1"'}, **frame)
@@ -294,8 +293,8 @@ def walk_presets(ask, api):
     ask(201, 'PUT', one, bones, name='bones')
     ask(204, 'PUT', one, bones, name='bones')
     ask(201, 'PUT', one, {'volume': 'not-there', 'camera': {'fov_y': 20}}, name='a.b-c_D9')
-    check(ask(200, 'GET', one, name='bones') == bones, 'a preset comes back as it was put')
-    check(ask(200, 'GET', f'{api}/presets')['presets'] == ['bones', 'a.b-c_D9'], 'presets in their order')
+    check(ask(200, 'GET', one, name='bones') == bones, 'a preset is not returned as it was saved')
+    check(ask(200, 'GET', f'{api}/presets')['presets'] == ['bones', 'a.b-c_D9'], 'the presets are not in their order')
     ask(404, 'GET', one, name='none')
     ask(422, 'PUT', one, bones, name='a%20b')
     ask(422, 'PUT', one, bones, name='x' * 65)
@@ -319,7 +318,7 @@ def check_examples(daemon, folder):
         else:
             body = (example['text'] if 'text' in example else json.dumps(example['view'])).encode()
         if not body:
-            continue  # no body is a body of defaults
+            continue  # no body stands for {}
         wanted = 400 if example['error']['code'] == 'format' else 422
         status, _, data = daemon.ask('POST', '/api/v1/render', body)
         answer = json.loads(data) if data[:1] == b'{' else {}

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every file of protocol/examples through the decoder: valid ones are accepted and survive encoding
- * bit for bit, invalid ones give the error that they name.
+ * Decodes every file of protocol/examples. The decoder accepts the valid ones, and they round-trip
+ * bit for bit; the invalid ones give the error that they name.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -40,8 +40,8 @@ static proto_json *parse_file(const char *path) {
     return json;
 }
 
-/* Calls `check` for each .json file of a folder; the number of files, and of failures in *failed.
- */
+/* Calls `check` for each .json file of a folder. Returns the number of files; *failed is the number
+ * of failures. */
 static int each_file(const char *kind, bool (*check)(const char *path), int *failed) {
     char folder[512], path[1024];
     snprintf(folder, sizeof folder, "%s/protocol/examples/%s", SPLATD_SOURCE_DIR, kind);
@@ -72,7 +72,7 @@ static bool check_valid(const char *path) {
     again.camera.fov_y = 77;
     ok = ok && proto_view_apply(encoded, &defaults, &again, &err);
     if (ok && memcmp(&again, &view, sizeof view) != 0) {
-        print_error("%s: changed by encoding and decoding\n", path);
+        print_error("%s: encoding and decoding changed the view\n", path);
         ok = false;
     }
     proto_json_free(&encoded);
@@ -87,7 +87,8 @@ static void valid_examples_are_accepted(void **state) {
     assert_int_equal(failed, 0);
 }
 
-/* The bytes that an invalid example stands for: its view, its text, or its bytes in hexadecimal. */
+/* Returns the bytes of an invalid example: its view, its text, or its hexadecimal bytes. The caller
+ * frees them. */
 static char *example_bytes(const proto_json *example, size_t *size) {
     const proto_json *view = proto_json_get(example, "view");
     const char *text = proto_json_string(proto_json_get(example, "text"));
@@ -117,7 +118,7 @@ static bool check_invalid(const char *path) {
     const char *code = proto_json_string(proto_json_get(error, "code"));
     const char *pointer = proto_json_string(proto_json_get(error, "pointer"));
     if (!code || !pointer) {
-        print_error("%s does not name its error\n", path);
+        print_error("%s: the member \"error\" with code and pointer is missing\n", path);
         proto_json_free(&example);
         return false;
     }
@@ -127,17 +128,18 @@ static bool check_invalid(const char *path) {
     struct sp_view defaults = fixture_view(), view = defaults;
     proto_json *patch = proto_json_parse(bytes, size, &err);
     bool accepted = patch && proto_view_apply(patch, &defaults, &view, &err);
-    bool ok = !accepted && strcmp(sp_code_name(err.code), code) == 0 &&
-              strcmp(err.place, pointer) == 0 && err.text[0] &&
-              memcmp(&view, &defaults, sizeof view) == 0;
-    if (!ok)
-        print_error("%s: %s %s \"%s\" instead of %s %s\n", path,
-                    accepted ? "accepted" : sp_code_name(err.code), err.place, err.text, code,
-                    pointer);
+    bool has_error = !accepted && strcmp(sp_code_name(err.code), code) == 0 &&
+                     strcmp(err.place, pointer) == 0 && err.text[0];
+    if (!has_error)
+        print_error("%s: expected the error %s at \"%s\", got %s at \"%s\": %s\n", path, code,
+                    pointer, accepted ? "no error" : sp_code_name(err.code), err.place, err.text);
+    bool is_unchanged = memcmp(&view, &defaults, sizeof view) == 0;
+    if (!is_unchanged)
+        print_error("%s: the refused patch changed the view\n", path);
     proto_json_free(&patch);
     proto_json_free(&example);
     free(bytes);
-    return ok;
+    return has_error && is_unchanged;
 }
 
 static void invalid_examples_give_their_error(void **state) {

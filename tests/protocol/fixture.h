@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The volume that examples and patches are tried on, so that defaults are always the same.
+ * The volume and default view of the protocol tests.
  */
 #ifndef PROTOCOL_FIXTURE_H
 #define PROTOCOL_FIXTURE_H

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests from the contract: values that a JSON Schema describes, values beside it, and whole requests from an
-OpenAPI operation. Everything comes from one random number generator, so that a seed gives the same requests.
+"""Generates requests from the contract: values that satisfy a JSON Schema, values that violate it, and whole requests of an
+OpenAPI operation. One random number generator makes all choices, so a seed always gives the same requests.
 """
 import copy
 import json
@@ -22,11 +22,11 @@ PATTERNS = {
     '^[^\\u0000]*$': TEXTS,
     '^[^\\u0000/]*$': ['engine', 'Zoë', '🦊', 'x' * 127, '~1', '%', '"'],
 }
-PIXELS_MAX = 1 << 16  # of a picture that is asked for: larger ones are a matter of time, not of the contract
+PIXELS_MAX = 1 << 16  # of a requested image: larger images take time and test nothing about the contract
 
 
 class Values:
-    """Values of a schema, whose references begin in `document`."""
+    """Generates values of a schema; references are resolved in `document`."""
 
     def __init__(self, document, rng):
         self.document, self.rng = document, rng
@@ -44,7 +44,7 @@ class Values:
 
     def valid(self, schema):
         schema = self.node(schema)
-        if schema.get('allOf'):  # the first one says what may be there, the others what may not
+        if schema.get('allOf'):  # the first schema allows fields, the others forbid some of them
             first, *others = schema['allOf']
             value = self.valid(first)
             for other in others:
@@ -107,7 +107,7 @@ class Values:
         return {n: self.valid(properties[n]) for n in properties if n in names}
 
     def beside(self, schema):
-        """Just beyond a bound of the schema; junk where it has none."""
+        """Returns a value just outside a bound of the schema; junk if it has no bound."""
         schema = self.node(schema)
         if 'maximum' in schema or 'minimum' in schema or 'exclusiveMinimum' in schema:
             step = 1 if schema.get('type') == 'integer' else 1e-3
@@ -121,7 +121,7 @@ class Values:
         return self.junk()
 
     def broken(self, value, schema):
-        """A copy of a valid value with one thing changed that the schema may or may not allow."""
+        """Returns a copy of a valid value with one change, which the schema may or may not allow."""
         value = copy.deepcopy(value)
         places = []
 
@@ -149,21 +149,21 @@ class Values:
 
 
 class Requests:
-    """Requests of operations."""
+    """Generates requests of operations."""
 
     def __init__(self, document, rng):
         self.document, self.rng = document, rng
         self.values = Values(document, rng)
 
     def request(self, template, method, ids):
-        """{path, headers, body, is_sound, has_id}: is_sound = the contract says that it is a valid request. `ids`: those that exist."""
+        """Returns {path, headers, body, is_sound, has_id}. is_sound: the contract allows the request. `ids`: the ids that exist."""
         item = self.document['paths'][template]
         operation = item[method]
         made = {'path': template, 'headers': {}, 'body': None, 'is_sound': True, 'has_id': True}
         query = {}
         for parameter in map(self.values.node, item.get('parameters', []) + operation.get('parameters', [])):
             self._parameter(made, query, parameter, ids)
-        if self.rng.random() < 0.3:  # to all: who answers 304 must say so
+        if self.rng.random() < 0.3:  # to all operations: one that answers 304 must document it
             made['headers']['If-None-Match'] = self.rng.choice(['*', '"x"', 'W/"y", "z"', '', '"' * 50])
         if query:
             made['path'] += '?' + urllib.parse.urlencode(query)
@@ -196,7 +196,7 @@ class Requests:
             made['headers'][name] = self.rng.choice(['image/png', 'image/*;q=0.5', '*/*', 'text/html', ';;,', 'image/webp;q=0, image/jpeg'])
 
     def _read(self, text, schema):
-        """A parameter as the schema sees it: a number if it should be one and is written so."""
+        """Returns a parameter as the schema sees it: a number if the schema wants one and the text is one."""
         if self.values.node(schema).get('type') == 'integer' and text.isascii() and text.isdigit():
             return int(text)
         return text

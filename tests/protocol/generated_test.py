@@ -4,10 +4,10 @@
 
   generated_test.py SPLATD SOURCE_DIR
 
-Every operation is asked many times, with bodies, parameters, headers and tokens that the contract describes and with such
-that it does not. Every answer must be documented; what is sound must not be refused as malformed, what is not must
-not be accepted; and in the end every documented status has been seen, but for those that a test of overload or failure
-brings about. SPLATD_SEED chooses other requests, SPLATD_REQUESTS how many for each operation. Exit status 77: skipped.
+The test calls every operation many times, with valid and invalid bodies, parameters, headers and tokens. The contract must
+document every answer; the daemon must not refuse a valid request as malformed and must not accept an invalid one. At the
+end every documented status has occurred, except those that only overload or a failure causes. SPLATD_SEED selects other
+requests, SPLATD_REQUESTS their number per operation. Exit status 77: skipped.
 """
 import http.client
 import json
@@ -23,12 +23,11 @@ from generate import Requests
 
 MALFORMED = {400, 406, 422}
 REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
-# What no request brings about by itself: failures (integration.life, unit.server_interactive_worker), and sessions of
-# an earlier run that wait for their volume (integration.state); a full disk (integration.paths).
+# Statuses that a request alone cannot cause: failures (integration.life, unit.server_interactive_worker), sessions of an
+# earlier run whose volume is still loading (integration.state), a full disk (integration.paths).
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('get', '/api/v1/sessions/{id}', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
 
-
-# Where views and requests are wrong in a way that a schema cannot say (its description lists them), or cannot be drawn.
+# Fields with rules that a schema cannot express (its description lists them), or that a backend cannot render.
 BEYOND = re.compile(
     r'(/view)?(/volume|/camera(/position|/target|/up)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
     r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/shading/lights/\d/direction|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/frames|/keyframes/\d+(/.*)?')
@@ -41,7 +40,7 @@ class Caller:
         self.ids = {'volumes': ['engine']}
 
     def ids_of(self, template):
-        """Names of what there is: /api/v1/views/{id} and /api/v1/render/{id} are about views, and so on."""
+        """Returns the existing ids for a path: /api/v1/views/{id} and /api/v1/render/{id} take ids of views, and so on."""
         kind = template.split('/')[3] if template.startswith('/api/') else ''
         return self.ids.setdefault('views' if kind == 'render' else kind, [])
 
@@ -55,7 +54,7 @@ class Caller:
         return self.rng.choice(['wrong', self.daemon.token[:-1], self.daemon.token + 'x', "'", '🦊'.encode().hex()]), False
 
     def remember(self, ids, made, method, status, answer):
-        """What there is now: sessions, views and paths are named by the daemon, presets by who puts them."""
+        """Updates the existing ids: the daemon names sessions, views and paths; the client names presets."""
         given = answer.get('id') if isinstance(answer, dict) else None
         new = {('post', 201): given, ('post', 202): given, ('put', 201): made.get('name')}.get((method, status))
         if new and len(ids) < 20:
@@ -68,9 +67,9 @@ class Caller:
         secured = operation.get('security') != []
         ids = self.ids_of(template)
         if (method, template) == ('delete', '/api/v1/volumes/{id}'):
-            ids = []  # it would be missed
+            ids = []  # other calls need the volume
         if template.endswith('/volumes'):
-            ids = []  # they need not be ready
+            ids = []  # a new volume need not be ready
         made = self.requests.request(template, method, ids)
         token, is_good = self.token(secured)
         status, headers, data = self.daemon.ask(method.upper(), made['path'], made['body'], made['headers'], token=token or False)
@@ -82,22 +81,22 @@ class Caller:
     def judge(self, made, is_good, method, status, answer):
         what = f'{method.upper()} {made["path"][:200]} {made["headers"]} {(made["body"] or "")[:300]} → {status} {answer if status >= 400 else ""}'
         if '%00' in made['path']:
-            check(status == 400, f'no address: {what}')
+            check(status == 400, f'a path with %00 is not refused: {what}')
         elif not is_good:
-            check(status in (401, 404) if made['path'].startswith('/api/v1/sessions/') else status == 401, f'without a good token: {what}')
+            check(status in (401, 404) if made['path'].startswith('/api/v1/sessions/') else status == 401, f'accepted without a valid token: {what}')
         elif not made['has_id'] and '{' not in made['path'] and status == 404:
             pass
         elif not made['is_sound']:
-            check(status in MALFORMED | {404, 409, 503}, f'accepted against the contract: {what}')
-            check(status != 503 or 'memory' not in answer['detail'], f'malformed, but called out of memory: {what}')
+            check(status in MALFORMED | {404, 409, 503}, f'an invalid request is accepted: {what}')
+            check(status != 503 or 'memory' not in answer['detail'], f'an invalid request is answered with out of memory: {what}')
         else:
-            check(status != 400, f'sound, but called malformed: {what}')
+            check(status != 400, f'a valid request is refused as malformed: {what}')
             pointer = answer.get('pointer', '') if status == 422 else ''
             is_beyond = BEYOND.fullmatch(pointer) and (made['body'] is None or '/size/' not in pointer)
-            check(not pointer or is_beyond, f'sound, but refused: {what}')
+            check(not pointer or is_beyond, f'a valid request is refused: {what}')
         if status in (400, 422) and answer:
-            check(len(answer['detail']) > 5, f'no reason: {what}')
-            check(answer.get('pointer', '/')[:1] == '/', f'no pointer: {what}')
+            check(len(answer['detail']) > 5, f'the answer has no reason: {what}')
+            check(answer.get('pointer', '/')[:1] == '/', f'the pointer is not a JSON pointer: {what}')
 
 
 def operations(document):
@@ -108,7 +107,7 @@ def operations(document):
 
 
 def bring_about(daemon, contract):
-    """Statuses that chance would hardly find."""
+    """Causes the statuses that random requests hardly cause."""
     ask, api = asker(daemon, contract), '/api/v1'
     for template, method in operations(contract.document):
         if 'requestBody' in contract.document['paths'][template][method]:
@@ -120,7 +119,7 @@ def bring_about(daemon, contract):
             ask(204, 'DELETE', f'{api}/sessions/{{id}}', id=session['id'])
         if '{' in template:
             ask(400, method.upper(), template, id='%00', name='%00', frame='%00')
-    # A volume that is too large for the memory is there, but cannot be looked at.
+    # A volume that is too large for the memory exists, but cannot be rendered.
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=512', 'id': 'large'})
     while ask(200, 'GET', f'{api}/volumes/{{id}}', id='large')['state'] == 'loading':
         pass
@@ -137,7 +136,7 @@ def bring_about(daemon, contract):
     stream = f'{api}/sessions/{{id}}/stream'
     ask(400, 'GET', stream, headers={**UPGRADE, 'Sec-WebSocket-Key': 'short'}, id=session['id'])
     ask(404, 'GET', stream, headers=UPGRADE, id='0' * 16)
-    # Nor can a kept view be drawn whose volume is gone.
+    # A saved view whose volume was unloaded cannot be rendered.
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=8', 'id': 'passing'})
     while ask(200, 'GET', f'{api}/volumes/{{id}}', id='passing')['state'] == 'loading':
         pass
@@ -154,7 +153,7 @@ def all_operations(document):
 
 
 def refused(daemon, contract, status, template, method, headers=(), query='', token=None):
-    """Asks with these headers, which may be there twice, and expects the status, as documented."""
+    """Sends a request with these headers, which may repeat, and expects the status, as documented."""
     path = template.format(id='engine', name='x', frame='0') + query
     connection = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
     connection.putrequest(method.upper(), path)
@@ -178,7 +177,7 @@ def refused(daemon, contract, status, template, method, headers=(), query='', to
 
 
 def whatever_is_asked(program, contract):
-    """400, 403, 405, 414, 429 and 503 do not depend on what is asked for."""
+    """Checks that every operation can answer 400, 403, 405, 414, 429 and 503."""
     operations_ = list(all_operations(contract.document))
     with tempfile.NamedTemporaryFile('w') as tokens:
         tokens.write('admin-0123456789ab\nmetrics-0123456789ab role=metrics\nview-0123456789ab role=view\n')
@@ -195,7 +194,7 @@ def whatever_is_asked(program, contract):
             refused(daemon, contract, 405, template, method)
     status, _, _ = daemon.ask('GET', '/readyz', headers={'X': 'x' * 40000})
     check(status == 431, f'headers over their limit: {status}')
-    check(daemon.stop()[0] == 0, 'splatd did not end well')
+    check(daemon.stop()[0] == 0, 'splatd did not exit with 0')
     for status, limit in ((429, '--connections-per-address'), (503, '--connections')):
         daemon = Daemon(program, limit, '1')
         first = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
@@ -204,7 +203,7 @@ def whatever_is_asked(program, contract):
         for template, method, _ in operations_:
             refused(daemon, contract, status, template, method)
         first.close()
-        check(daemon.stop()[0] == 0, 'splatd did not end well')
+        check(daemon.stop()[0] == 0, 'splatd did not exit with 0')
 
 
 def check_coverage(contract):
@@ -212,7 +211,7 @@ def check_coverage(contract):
         for status in contract.document['paths'][template][method]['responses']:
             seen = (method, template, status) in contract.statuses
             check(seen or ELSEWHERE & {status, (method, template, status)},
-                  f'{method.upper()} {template}: {status} is documented and never came')
+                  f'{method.upper()} {template}: {status} is documented but never occurred')
 
 
 def main():

@@ -16,6 +16,12 @@
 #include "protocol/limits.h"
 #include "protocol/pointer.h"
 
+/* cmocka compares floats only; this one prints both doubles. */
+static void assert_double(double actual, double expected) {
+    if (actual != expected)
+        fail_msg("%.17g is not %.17g", actual, expected);
+}
+
 static proto_json *parse(const char *text) {
     struct sp_error err = { 0 };
     proto_json *json = proto_json_parse(text, strlen(text), &err);
@@ -35,7 +41,7 @@ static void assert_text(const char *text, const char *expected) {
     assert_null(json);
 }
 
-static void text_is_compact_and_numbers_are_short(void **state) {
+static void text_is_compact_and_numbers_are_shortest(void **state) {
     (void)state;
     assert_text(" [ 1 , 2.0,\t0.1 ,1e3, -0.0, 1e22, 1.5e-7]\n", "[1,2,0.1,1000,0,1e+22,1.5e-07]");
     assert_text("[true,false,null,{},[]]", "[true,false,null,{},[]]");
@@ -46,7 +52,7 @@ static void text_is_compact_and_numbers_are_short(void **state) {
     assert_text("{\"b\":1,\"a\":2}", "{\"b\":1,\"a\":2}");
 }
 
-static void doubles_and_floats_survive(void **state) {
+static void doubles_and_floats_round_trip(void **state) {
     (void)state;
     uint64_t seed = 88172645463325252u;
     for (int i = 0; i < 20000; i++) {
@@ -62,8 +68,10 @@ static void doubles_and_floats_survive(void **state) {
         assert_true(proto_json_append(array, proto_json_new_float(f)));
         char *text = proto_json_to_text(array, NULL);
         proto_json *back = parse(text);
-        assert_true(proto_json_number(proto_json_at(back, 0), &d2) && d2 == d);
-        assert_true(proto_json_number(proto_json_at(back, 1), &d2) && (float)d2 == f);
+        assert_true(proto_json_number(proto_json_at(back, 0), &d2));
+        assert_double(d2, d);
+        assert_true(proto_json_number(proto_json_at(back, 1), &d2));
+        assert_double((float)d2, f);
         free(text);
         proto_json_free(&array);
         proto_json_free(&back);
@@ -75,7 +83,7 @@ static void doubles_and_floats_survive(void **state) {
     proto_json_free(&number);
 }
 
-static void numbers_that_are_not_finite_cannot_be_built(void **state) {
+static void infinity_and_nan_are_refused(void **state) {
     (void)state;
     proto_json *object = proto_json_object();
     assert_false(proto_json_set_number(object, "a", INFINITY));
@@ -100,7 +108,7 @@ static void canonical_text_does_not_depend_on_order_or_spelling(void **state) {
     }
 }
 
-static void refusals_say_where(void **state) {
+static void syntax_errors_have_pointer_line_and_column(void **state) {
     (void)state;
     struct sp_error err;
     const char *text = "{\n  \"camera\": {\n    \"up\": [0, é]\n  }\n}";
@@ -149,15 +157,20 @@ static void values_are_read_by_type(void **state) {
     int64_t i = -1;
     double d = -1;
     bool b = false;
-    assert_true(proto_json_integer(proto_json_get(json, "i"), &i) && i == 7);
-    assert_true(proto_json_integer(proto_json_get(json, "r"), &i) && i == 7);
+    assert_true(proto_json_integer(proto_json_get(json, "i"), &i));
+    assert_int_equal(i, 7);
+    i = -1;
+    assert_true(proto_json_integer(proto_json_get(json, "r"), &i));
+    assert_int_equal(i, 7);
     assert_false(proto_json_integer(proto_json_get(json, "f"), &i));
     assert_false(proto_json_integer(proto_json_get(json, "big"), &i));
     assert_false(proto_json_integer(proto_json_get(json, "long"), &i));
     assert_false(proto_json_integer(proto_json_get(json, "s"), &i));
-    assert_true(proto_json_number(proto_json_get(json, "i"), &d) && d == 7);
+    assert_true(proto_json_number(proto_json_get(json, "i"), &d));
+    assert_double(d, 7);
     assert_false(proto_json_number(proto_json_get(json, "t"), &d));
-    assert_true(proto_json_bool(proto_json_get(json, "t"), &b) && b);
+    assert_true(proto_json_bool(proto_json_get(json, "t"), &b));
+    assert_true(b);
     assert_false(proto_json_bool(proto_json_get(json, "i"), &b));
     assert_string_equal(proto_json_string(proto_json_get(json, "s")), "x");
     assert_null(proto_json_string(proto_json_get(json, "n")));
@@ -181,7 +194,7 @@ static void values_are_read_by_type(void **state) {
     proto_json_free(&json);
 }
 
-static void building_survives_missing_parts(void **state) {
+static void building_accepts_null_parts(void **state) {
     (void)state;
     assert_false(proto_json_set(NULL, "a", proto_json_new_integer(1)));
     assert_false(proto_json_append(NULL, proto_json_new_integer(1)));
@@ -201,7 +214,7 @@ static void building_survives_missing_parts(void **state) {
     assert_null(proto_json_to_text(NULL, NULL));
 }
 
-static void unknown_members_are_told_by_their_pointers(void **state) {
+static void unknown_members_are_reported_with_their_pointers(void **state) {
     (void)state;
     static const char *const known[] = { "view", "from", NULL };
     struct sp_error err;
@@ -217,7 +230,7 @@ static void unknown_members_are_told_by_their_pointers(void **state) {
     proto_json_free(&json);
 }
 
-static void pointers_are_escaped_and_cut(void **state) {
+static void pointers_are_escaped_and_truncated(void **state) {
     (void)state;
     struct proto_pointer pointer = { .length = 0 };
     proto_pointer_push(&pointer, "a/b~c", 5);
@@ -237,16 +250,16 @@ static void pointers_are_escaped_and_cut(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(text_is_compact_and_numbers_are_short),
-        cmocka_unit_test(doubles_and_floats_survive),
-        cmocka_unit_test(numbers_that_are_not_finite_cannot_be_built),
+        cmocka_unit_test(text_is_compact_and_numbers_are_shortest),
+        cmocka_unit_test(doubles_and_floats_round_trip),
+        cmocka_unit_test(infinity_and_nan_are_refused),
         cmocka_unit_test(canonical_text_does_not_depend_on_order_or_spelling),
-        cmocka_unit_test(refusals_say_where),
+        cmocka_unit_test(syntax_errors_have_pointer_line_and_column),
         cmocka_unit_test(size_and_depth_are_limited),
         cmocka_unit_test(values_are_read_by_type),
-        cmocka_unit_test(building_survives_missing_parts),
-        cmocka_unit_test(unknown_members_are_told_by_their_pointers),
-        cmocka_unit_test(pointers_are_escaped_and_cut),
+        cmocka_unit_test(building_accepts_null_parts),
+        cmocka_unit_test(unknown_members_are_reported_with_their_pointers),
+        cmocka_unit_test(pointers_are_escaped_and_truncated),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

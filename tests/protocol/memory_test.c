@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every allocation fails, alone or with all after it: each function then says so, and loses nothing
- * (the leak checker of the ASan build looks on).
+ * Makes every allocation fail, alone or with all later ones. Each function then reports that memory
+ * ran out and leaks nothing (the ASan build checks for leaks).
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -20,7 +20,8 @@
 #include "protocol/volume.h"
 #include "support/fake_memory.h"
 
-/* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds; returns how often it failed.
+/* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds. Returns the number of
+ * failures.
  */
 static int fail_each(bool (*attempt)(void), enum memory_end end) {
     for (long n = 0; n < 100000; n++) {
@@ -31,17 +32,17 @@ static int fail_each(bool (*attempt)(void), enum memory_end end) {
         if (!refused)
             return (int)n;
     }
-    fail_msg("never succeeds");
+    fail_msg("still fails with 100000 allocations");
     return 0;
 }
 
-static char text[256]; /* that is parsed */
+static char text[256]; /* input of parse() */
 
 static bool parse(void) {
     struct sp_error err = { 0 };
     proto_json *json = proto_json_parse(text, strlen(text), &err);
     memory_spare_thread(true);
-    if (json) { /* then it says what the text does */
+    if (json) { /* the document equals the text */
         char *back = proto_json_to_text(json, NULL);
         assert_string_equal(back, text);
         free(back);
@@ -55,15 +56,15 @@ static bool parse(void) {
     return ok;
 }
 
-static void parsing(void **state) {
+static void parsing_reports_lack_of_memory(void **state) {
     (void)state;
     strcpy(text, "{\"camera\":{\"up\":[0,1,0.5]},\"volume\":\"é\",\"filter\":{\"c_max\":null}}");
     assert_true(fail_each(parse, MEMORY_FAILS_ONCE) > 10);
     assert_true(fail_each(parse, MEMORY_STAYS_OUT) > 10);
 }
 
-/* The library's buffer for a key, string or number grows while it reads one. */
-static void parsing_what_is_long(void **state) {
+/* The library's token buffer grows while it reads a long key, string or number. */
+static void parsing_long_tokens_reports_lack_of_memory(void **state) {
     (void)state;
     enum { STRING_MAX = 70, NUMBER_MAX = 18 };
     char digits[STRING_MAX];
@@ -98,7 +99,7 @@ static bool encode_volume(void) {
     return ok;
 }
 
-static void encoding(void **state) {
+static void encoding_reports_lack_of_memory(void **state) {
     (void)state;
     assert_true(fail_each(encode_view, MEMORY_FAILS_ONCE) > 100);
     assert_true(fail_each(encode_volume, MEMORY_FAILS_ONCE) > 100);
@@ -128,7 +129,7 @@ static bool answer_error(void) {
     return ok;
 }
 
-static void answering(void **state) {
+static void answering_reports_lack_of_memory(void **state) {
     (void)state;
     assert_true(fail_each(answer_result, MEMORY_FAILS_ONCE) > 10);
     assert_true(fail_each(answer_error, MEMORY_FAILS_ONCE) > 10);
@@ -136,10 +137,10 @@ static void answering(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parsing),
-        cmocka_unit_test(parsing_what_is_long),
-        cmocka_unit_test(encoding),
-        cmocka_unit_test(answering),
+        cmocka_unit_test(parsing_reports_lack_of_memory),
+        cmocka_unit_test(parsing_long_tokens_reports_lack_of_memory),
+        cmocka_unit_test(encoding_reports_lack_of_memory),
+        cmocka_unit_test(answering_reports_lack_of_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

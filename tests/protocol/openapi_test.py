@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds openapi.yaml together, and against the daemon's table of routes.
+"""Checks openapi.yaml, and compares it with the daemon's table of routes.
 
   openapi_test.py SOURCE_DIR
 
-Every $ref resolves, every operation has an id, a summary and described answers, every schema is one, what is
-documented is what server/http routes, and the errors use application/problem+json. Exit status 77: skipped.
+Every $ref resolves; every operation has an id, a summary and described answers; every schema is valid; the documented
+operations and query parameters are those of server/http/request.c; the errors use application/problem+json. Exit status 77:
+skipped.
 """
 import json
 import re
@@ -19,7 +20,7 @@ except ImportError as e:
     sys.exit(77)
 
 failures = 0
-# What any request may be answered with; 405 belongs to a path.
+# Statuses that any request may get; 405 belongs to a path.
 EVERYWHERE = {'400', '414', '429', '503'}
 METHODS = {'get', 'post', 'patch', 'delete', 'put'}
 
@@ -55,11 +56,11 @@ def check_node(document, view, used):
         ref = node.get('$ref')
         if isinstance(ref, str) and ref.startswith('#/'):
             used.add(ref)
-            check(resolve(document, ref) is not None, f'{path}: {ref} leads nowhere')
+            check(resolve(document, ref) is not None, f'{path}: {ref} does not resolve')
         elif isinstance(ref, str):
             name, _, place = ref.partition('#')
             check(name == 'view.schema.json' and resolve(view, f'#{place or "/"}') is not None,
-                  f'{path}: {ref} is not published')
+                  f'{path}: {ref} does not resolve to a published document')
         if isinstance(node.get('schema'), dict):
             try:
                 jsonschema.Draft202012Validator.check_schema(node['schema'])
@@ -71,7 +72,7 @@ def check_node(document, view, used):
 def check_operations(document):
     ids = set()
     for path, item in document['paths'].items():
-        check('x-other-methods' in item, f'{path} does not say what happens to other methods')
+        check('x-other-methods' in item, f'{path} has no x-other-methods')
         for method in METHODS & item.keys():
             operation, name = item[method], f'{method.upper()} {path}'
             check(operation.get('operationId') not in ids, f'{name}: operationId is missing or used twice')
@@ -81,11 +82,11 @@ def check_operations(document):
                 check(status in operation['responses'], f'{name} does not describe {status}')
             for status, answer in operation['responses'].items():
                 answer = resolve(document, answer['$ref']) if '$ref' in answer else answer
-                check(isinstance(status, str), f'{name}: status {status} is no string')
+                check(isinstance(status, str), f'{name}: status {status} is not a string')
                 check(answer.get('description'), f'{name} {status} has no description')
                 if int(status) >= 400:
                     check(list(answer.get('content', {})) == ['application/problem+json'],
-                          f'{name} {status} is no problem document')
+                          f'{name} {status} is not a problem document')
             named = {p for p in re.findall(r'\{(\w+)\}', path)}
             declared = set()
             for p in item.get('parameters', []) + operation.get('parameters', []):
@@ -113,7 +114,7 @@ def read_routes(source):
 
 def check_routes(document, source):
     routed = read_routes(source)
-    check(len(routed) > 5, 'the table of routes in server/http/request.c was not understood')
+    check(len(routed) > 5, 'the table of routes in server/http/request.c could not be parsed')
     documented = {(method.upper(), re.sub(r'\{\w+\}', '{}', path), query_parameters(document, item, item[method]))
                   for path, item in document['paths'].items() for method in METHODS & item.keys()}
     for method, path, query in sorted(routed ^ documented, key=str):

@@ -26,7 +26,8 @@ static void requests_are_decoded(void **state) {
     assert_string_equal(message.method, "view.update");
     assert_true(message.has_id);
     int64_t seq = 0;
-    assert_true(proto_json_integer(proto_json_get(message.params, "seq"), &seq) && seq == 3);
+    assert_true(proto_json_integer(proto_json_get(message.params, "seq"), &seq));
+    assert_int_equal(seq, 3);
     size_t size;
     proto_json *result = proto_json_object();
     proto_json_set_integer(result, "seq", 3);
@@ -55,7 +56,7 @@ static void notifications_have_no_id(void **state) {
     assert_null(proto_rpc_result(NULL, NULL, NULL));
 }
 
-static void bad_messages_get_their_code_and_id(void **state) {
+static void bad_messages_give_the_code_and_keep_the_id(void **state) {
     (void)state;
     static const struct {
         const char *text;
@@ -123,7 +124,7 @@ static void errors_carry_the_pointer(void **state) {
     free(text);
 }
 
-static void frame_headers_lie_as_documented(void **state) {
+static void frame_headers_match_the_documented_layout(void **state) {
     (void)state;
     const struct proto_frame_header header = { .codec = PROTO_CODEC_PNG,
                                                .flags = PROTO_FRAME_KEY | PROTO_FRAME_LOSSLESS,
@@ -167,14 +168,14 @@ static void frame_headers_lie_as_documented(void **state) {
         copy[broken[i].at] = broken[i].value;
         assert_false(proto_frame_header_decode(copy, sizeof copy, &back));
     }
-    uint8_t later[39]; /* a later version with four bytes more in its header */
+    uint8_t later[39]; /* a later version whose header has four more bytes */
     memcpy(later, message, 32);
     memset(later + 32, 9, 7);
     later[6] = 36;
     assert_true(proto_frame_header_decode(later, sizeof later, &back));
 }
 
-static void volumes_are_described(void **state) {
+static void volumes_are_encoded(void **state) {
     (void)state;
     struct sp_volume_info info = fixture_info();
     proto_json *volume = proto_volume_encode(&info, "an id", true);
@@ -203,10 +204,10 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(requests_are_decoded),
         cmocka_unit_test(notifications_have_no_id),
-        cmocka_unit_test(bad_messages_get_their_code_and_id),
+        cmocka_unit_test(bad_messages_give_the_code_and_keep_the_id),
         cmocka_unit_test(errors_carry_the_pointer),
-        cmocka_unit_test(frame_headers_lie_as_documented),
-        cmocka_unit_test(volumes_are_described),
+        cmocka_unit_test(frame_headers_match_the_documented_layout),
+        cmocka_unit_test(volumes_are_encoded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds view.schema.json and the decoder against each other.
+"""Compares view.schema.json with the decoder.
 
   schema_test.py VIEW_TOOL PROTOCOL_DIR
 
-The examples, the default view, values on and beside each bound that the schema states, and random
-patches go through both; random sequences of patches are merged by SQLite's json_patch (RFC 7396) too.
-Exit status 0 all agree, 1 they do not, 77 skipped.
+Both check the examples, the default view, values on and beside each bound of the schema, and random patches. SQLite's
+json_patch (RFC 7396) merges random sequences of patches as a reference. Exit status: 0 all agree, 1 a difference, 77 skipped.
 """
 import glob
 import json
@@ -34,14 +33,14 @@ def check(ok, text):
 
 
 class Tool:
-    """The decoder, through view_tool."""
+    """Runs the decoder through view_tool."""
 
     def __init__(self, path):
         self.process = subprocess.Popen([path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
                                         encoding='utf-8')
 
     def apply(self, *patches):
-        """The view after the patches, or the error."""
+        """Returns the view after the patches, or the error."""
         self.process.stdin.write(json.dumps(patches, ensure_ascii=False) + '\n')
         self.process.stdin.flush()
         return json.loads(self.process.stdout.readline())
@@ -61,7 +60,7 @@ def resolve(schema, node):
 
 
 def check_documented(schema, node, default, path):
-    """Everything is described, and holds exactly the decoder's fields with its defaults."""
+    """Checks that every field is described, and that fields and defaults equal the decoder's."""
     node = resolve(schema, node)
     if path:
         check(len(node.get('description', '')) > 5, f'{path} has no description')
@@ -88,7 +87,7 @@ def check_examples(tool, validator, folder):
                   f'{os.path.basename(path)}: {"refused" if refused else "accepted"} by the schema')
 
 
-# A valid item of each list, and what else makes a value at a bound valid on its own.
+# A valid item of each list, so that a value at a bound is valid on its own.
 ITEMS = {
     'point': {'value': 0, 'color': [0, 0, 0], 'opacity': 0},
     'gradient_point': {'magnitude': 0, 'scale': 0},
@@ -98,7 +97,7 @@ ITEMS = {
 
 
 def scalars(schema, node, make):
-    """Each number or string of the schema as (its schema, function from a value to a patch)."""
+    """Yields each number or string of the schema as (its schema, function from a value to a patch)."""
     name = node.get('$ref', '').rsplit('/', 1)[-1]
     node = resolve(schema, node)
     kind = node.get('type', [])
@@ -116,7 +115,7 @@ def scalars(schema, node, make):
         inner = [0, 0, 0] if item.get('type') == 'array' else item.get('minimum', 0)
         last = [1, 1, 1] if inner == [0, 0, 0] else inner
         for i in range(count):
-            # Of a box, the lower corner stays 0 and the upper 1, so that each bound is seen alone.
+            # The lower corner of a box stays 0 and the upper one 1, so that each bound is tested alone.
             rest = [inner if j == 0 else last for j in range(count)]
             yield from scalars(schema, item, lambda v, i=i, r=rest: make(r[:i] + [v] + r[i + 1:]))
     else:
@@ -139,7 +138,7 @@ def probe_values(node):
         if key in node:
             b = node[key]
             beside = (b - 1, b + 1) if whole else (math.nextafter(b, -math.inf), math.nextafter(b, math.inf))
-            # Colours and opacities are floats: what lies within half a float's step of a bound is that bound.
+            # Colours and opacities are floats: a value within half a float step of a bound equals the bound.
             far = () if whole else (b - 1e-6 * max(abs(b), 1), b + 1e-6 * max(abs(b), 1))
             yield from (b, *far, b - 1, b + 1)
             if key.startswith('exclusive') or whole:
@@ -153,11 +152,11 @@ def check_bounds(tool, validator, schema):
         for value in probe_values(node):
             patch = make(value)
             if 'c_max' in patch.get('filter', {}):
-                patch['filter']['c_min'] = 5e-324  # at most c_max, whatever that is
+                patch['filter']['c_min'] = 5e-324  # below any c_max
             if patch.get('transfer_function', {}).get('order') == 'post':
-                patch['compositing'] = {'mode': 'slab'}  # which it needs
+                patch['compositing'] = {'mode': 'slab'}  # post requires it
             if patch.get('camera', {}).keys() & {'position', 'target', 'up'}:
-                # Any finite vector is one; only the type matters, degenerate cameras have their examples.
+                # Only the type matters here; the examples cover degenerate cameras.
                 if isinstance(value, (int, float)) and not isinstance(value, bool):
                     continue
             answer, by_schema = tool.apply(patch), validator.is_valid(patch)
@@ -176,7 +175,7 @@ def check_bounds(tool, validator, schema):
 
 
 def random_patch(rng, node, schema, depth=0):
-    """A patch that is mostly valid, with nulls."""
+    """Returns a random patch that is mostly valid, with nulls."""
     patch = {}
     for name, child in schema['properties'].items() if depth == 0 else node['properties'].items():
         if rng.random() < (0.5 if depth == 0 else 0.6):
@@ -206,7 +205,7 @@ def random_patch(rng, node, schema, depth=0):
 
 
 def fill(view, default):
-    """What null removed takes the default back."""
+    """Replaces the fields that null removed by their defaults."""
     if not isinstance(default, dict):
         return default if view is None else view
     view = view or {}
@@ -214,7 +213,7 @@ def fill(view, default):
 
 
 def same(a, b):
-    """Equal up to the rounding of colours and opacities to floats and of those to short decimals."""
+    """True if both are equal up to the rounding of colours and opacities to floats and short decimals."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
     if isinstance(a, list) and isinstance(b, list):
@@ -232,7 +231,7 @@ def difference(a, b, path=''):
 
 
 def check_merge(tool, schema, default, rounds):
-    """Sequences of patches against SQLite's merge patch: whole views, nulls filled from the default."""
+    """Compares sequences of patches with SQLite's merge patch; nulls are replaced by defaults."""
     db = sqlite3.connect(':memory:')
     merged_count = 0
     rng = random.Random(7396)

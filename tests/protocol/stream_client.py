@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A WebSocket client (RFC 6455) of one stream, just enough for tests: JSON-RPC calls, notifications, acknowledgements."""
+"""A small WebSocket client (RFC 6455) of one stream for tests: JSON-RPC calls, notifications, acknowledgements."""
 import base64
 import json
 import os
@@ -10,7 +10,7 @@ TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 
 
 class Stream:
-    """Frames are acknowledged at once. `notes` are the notifications so far; `closed` is the code of the close."""
+    """Acknowledges frames at once. `notes`: the notifications so far; `closed`: the close code, None while open."""
 
     def __init__(self, host, session, token, deadline_s=60):
         name, port = host.rsplit(':', 1)
@@ -48,7 +48,7 @@ class Stream:
         self.socket.sendall(head + mask + bytes(byte ^ mask[i & 3] for i, byte in enumerate(data)))
 
     def read(self):
-        """Takes one message."""
+        """Reads and handles one message."""
         first, second = self._take(2)
         size = second & 127
         if size > 125:
@@ -69,7 +69,7 @@ class Stream:
                 self.answers[message['id']] = message
 
     def ask(self, message):
-        """The answer to a message, an object to which the id is added."""
+        """Sends a message, an object without an id, and returns its answer."""
         self.last_id += 1
         self.send(json.dumps({'jsonrpc': '2.0', 'id': self.last_id, **message}))
         while self.last_id not in self.answers:
@@ -77,12 +77,12 @@ class Stream:
         return self.answers.pop(self.last_id)
 
     def note(self, method):
-        """Waits for a notification of that method, if there was none yet."""
+        """Waits for a notification of that method, unless one has arrived already."""
         while not any(note['method'] == method for note in self.notes):
             self.read()
 
     def end(self):
-        """Reads to the end that the daemon makes."""
+        """Reads until the daemon closes the stream."""
         try:
             while self.closed is None:
                 self.read()

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the daemon's streams to stream.schema.json with calls that are generated from it.
+"""Tests the daemon's streams with calls that are generated from stream.schema.json.
 
   stream_test.py SPLATD SOURCE_DIR
 
-Every method is called many times by three participants of a session, with params that the schema describes and with such
-that it does not; every answer and every notification must be described. SPLATD_SEED and SPLATD_REQUESTS as in
-generated_test.py. Exit status 77: skipped.
+Three participants of a session call every method many times, with valid and invalid params. The schema must describe every
+answer and every notification. SPLATD_SEED and SPLATD_REQUESTS work as in generated_test.py. Exit status 77: skipped.
 """
 import json
 import os
@@ -20,14 +19,14 @@ from stream_client import Stream
 
 REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 300))
 PARAMS = -32602
-# What may be wrong with params that the schema allows.
+# Errors that params may cause although the schema allows them.
 BEYOND = {
     'view.update': {-32000, -32001, -32002, -32003, -32004, -32007},
     'session.request_control': {-32004}, 'session.grant_control': {PARAMS, -32007}, 'session.refuse_control': {PARAMS, -32007},
     'pick': {PARAMS, -32005}, 'stream.ack': {PARAMS}, 'stream.configure': {PARAMS},
 }
 OPAQUE = {'transfer_function': {'points': [{'value': 0, 'color': [1, 1, 1], 'opacity': 0.9}]}}
-# It takes a renderer that fails: integration.stream has one.
+# Only a failing renderer causes it: integration.stream tests it.
 ELSEWHERE = {'render.error'}
 
 
@@ -60,20 +59,20 @@ def call(contract, values, stream, method, rng):
     if 'result' in answer:
         contract.holds(values, what, {'$ref': '#/components/schemas/Stream/$defs/result'}, answer)
         contract.holds(values, what, contract.methods[method]['result'], answer['result'])
-        check(is_sound, f'accepted against the schema: {what}')
+        check(is_sound, f'invalid params are accepted: {what}')
     else:
         contract.holds(values, what, {'$ref': '#/components/schemas/Stream/$defs/error'}, answer)
         code = answer['error']['code']
         pointer = answer['error'].get('data', {}).get('pointer')
         may_refuse = method != 'stream.configure' or pointer == '/name' or (pointer, params.get('format')) == ('/format', 'h264')
-        check(not is_sound or may_refuse, f'sound, but refused: {what}')
-        # Params that are no object are no request at all.
-        check(code in (BEYOND.get(method, set()) if is_sound else BEYOND.get(method, set()) | {PARAMS, -32600}), f'another error than described: {what}')
+        check(not is_sound or may_refuse, f'valid params are refused: {what}')
+        # Params that are not an object make an invalid request.
+        check(code in (BEYOND.get(method, set()) if is_sound else BEYOND.get(method, set()) | {PARAMS, -32600}), f'an undocumented error: {what}')
     return 'result' in answer
 
 
 def hand_over(stream, taken):
-    """Asks for control until the holder's time is up, then answers itself: chance would seldom do so in time."""
+    """Requests control until the holder's time is up, then grants and refuses: random calls are seldom in time."""
     stream.note('session.participants')
     me = next(note for note in stream.notes if note['method'] == 'session.participants')['params']['you']
     methods = {'session.grant_control', 'session.refuse_control'}
@@ -91,7 +90,7 @@ def check_notes(contract, values, streams):
             contract.holds(values, method, {'$ref': '#/components/schemas/Stream/$defs/call'}, note)
             check(method in contract.notifications, f'{method} is not described')
             contract.holds(values, method, contract.notifications.get(method, {}), note.get('params', {}))
-    check(seen | ELSEWHERE == set(contract.notifications), f'never told: {set(contract.notifications) - seen}')
+    check(seen | ELSEWHERE == set(contract.notifications), f'these notifications never came: {set(contract.notifications) - seen}')
 
 
 def main():
@@ -99,7 +98,7 @@ def main():
     rng = random.Random(seed)
     contract = StreamContract(f'{sys.argv[2]}/protocol')
     values = Values(contract.document, rng)
-    # Whoever asks for control has it soon, so that all of them change the view now and then.
+    # Control passes on quickly, so that all participants change the view now and then.
     daemon = Daemon(sys.argv[1], '--control-time', '0.05')
     streams, taken = [], set()
     try:
@@ -111,13 +110,13 @@ def main():
             stream.ask({'method': 'stream.configure', 'params': {'size': [16, 16]}})
         hit = streams[0].ask({'method': 'pick', 'params': {'at': [8, 8]}})['result']
         contract.holds(values, f'a hit: {hit}', contract.methods['pick']['result'], hit)
-        check(hit['position'], f'the middle is transparent: {hit}')
+        check(hit['position'], f'a pick in the middle hits nothing: {hit}')
         for _ in range(REQUESTS):
             for method in contract.methods:
                 if call(contract, values, rng.choice(streams), method, rng):
                     taken.add(method)
         hand_over(streams[0], taken)
-        check(taken == set(contract.methods), f'never answered by a result: {set(contract.methods) - taken}')
+        check(taken == set(contract.methods), f'these methods never succeeded: {set(contract.methods) - taken}')
         unknown = streams[0].ask({'method': 'view.explode'})
         check(unknown['error']['code'] == -32601, f'an unknown method: {unknown}')
         daemon.ask('POST', '/api/v1/volumes', {'uri': 'demo:phantom?size=8'})

@@ -14,6 +14,12 @@
 #include "protocol/fixture.h"
 #include "protocol/view.h"
 
+/* cmocka compares floats only; this one prints both doubles. */
+static void assert_double(double actual, double expected) {
+    if (actual != expected)
+        fail_msg("%.17g is not %.17g", actual, expected);
+}
+
 static bool apply(const char *text, struct sp_view *view, struct sp_error *err) {
     const struct sp_view defaults = fixture_view();
     proto_json *patch = proto_json_parse(text, strlen(text), err);
@@ -28,25 +34,25 @@ static void must_apply(const char *text, struct sp_view *view) {
         fail_msg("%s: %s: %s", text, err.place, err.text);
 }
 
-static void patches_merge_and_arrays_are_whole(void **state) {
+static void patches_merge_and_arrays_are_replaced(void **state) {
     (void)state;
     struct sp_view view = fixture_view(), before = view;
     must_apply("{\"camera\":{\"fov_y\":45},\"size\":[640,480]}", &view);
-    assert_true(view.camera.fov_y == 45);
+    assert_double(view.camera.fov_y, 45);
     assert_int_equal(view.size[0], 640);
-    assert_true(view.camera.near == before.camera.near);
+    assert_double(view.camera.near, before.camera.near);
     must_apply("{\"transfer_function\":{\"points\":[{\"value\":3,\"color\":[0,0.5,1],\"opacity\":"
                "0.25}]}}",
                &view);
     assert_int_equal(view.transfer_function.point_count, 1);
-    assert_true(view.transfer_function.points[0].opacity == 0.25f);
-    assert_true(view.transfer_function.points[1].value == 0);
-    assert_true(view.camera.fov_y == 45);
+    assert_double(view.transfer_function.points[0].opacity, 0.25);
+    assert_double(view.transfer_function.points[1].value, 0);
+    assert_double(view.camera.fov_y, 45);
     must_apply("{\"shading\":{\"lights\":[]}}", &view);
     assert_int_equal(view.shading.light_count, 0);
 }
 
-static void null_goes_back_to_the_default(void **state) {
+static void null_resets_a_field_to_its_default(void **state) {
     (void)state;
     struct sp_view view = fixture_view(), defaults = view;
     must_apply(
@@ -57,8 +63,8 @@ static void null_goes_back_to_the_default(void **state) {
         &view);
     assert_string_equal(view.volume, "other");
     must_apply("{\"camera\":{\"fov_y\":null},\"filter\":{\"c_max\":null}}", &view);
-    assert_true(view.camera.fov_y == defaults.camera.fov_y);
-    assert_true(view.camera.up[1] == 1);
+    assert_double(view.camera.fov_y, defaults.camera.fov_y);
+    assert_double(view.camera.up[1], 1);
     assert_true(isnan(view.filter.c_max));
     must_apply("{\"volume\":null,\"size\":null,\"camera\":null,\"filter\":null,\"shading\":null,"
                "\"primitive\":null,\"clip\":null,\"transfer_function\":{\"points\":null}}",
@@ -88,7 +94,7 @@ static void a_refused_patch_changes_nothing(void **state) {
     assert_memory_equal(&view, &before, sizeof view);
 }
 
-static void messages_help(void **state) {
+static void errors_name_the_field_and_the_remedy(void **state) {
     (void)state;
     static const struct {
         const char *patch, *place, *text;
@@ -97,7 +103,8 @@ static void messages_help(void **state) {
         { "{\"camera\":{\"fov\":1}}", "/camera/fov", "unknown field; did you mean \"fov_y\"?" },
         { "{\"filter\":{\"Kernal\":1}}", "/filter/Kernal",
           "unknown field; did you mean \"kernel\"?" },
-        { "{\"filter\":{\"zzz\":1}}", "/filter/zzz", "unknown field" },
+        { "{\"filter\":{\"zzz\":1}}", "/filter/zzz",
+          "unknown field; known: mode, kernel, sigma, cutoff, lowpass, c_min, c_max" },
         { "{\"filter\":{\"kernel\":\"box\"}}", "/filter/kernel",
           "must be \"gaussian\" or \"cubic\", not \"box\"" },
         { "{\"compositing\":{\"mode\":7}}", "/compositing/mode",
@@ -131,8 +138,8 @@ static void opacity_is_never_rounded_up_to_one(void **state) {
     must_apply("{\"transfer_function\":{\"points\":[{\"value\":0,\"color\":[0.9999999999,0,1],"
                "\"opacity\":0.9999999999999999}]}}",
                &view);
-    assert_true(view.transfer_function.points[0].opacity == nextafterf(1, 0));
-    assert_true(view.transfer_function.points[0].color[2] == 1);
+    assert_double(view.transfer_function.points[0].opacity, nextafterf(1, 0));
+    assert_double(view.transfer_function.points[0].color[2], 1);
 }
 
 /* xorshift, Marsaglia 2003 */
@@ -188,7 +195,7 @@ static char *canonical(const struct sp_view *view) {
     return text;
 }
 
-static void random_views_survive_bit_for_bit(void **state) {
+static void random_views_round_trip_bit_for_bit(void **state) {
     (void)state;
     uint64_t seed = 0x9e3779b97f4a7c15;
     for (int round = 0; round < 300; round++) {
@@ -206,7 +213,7 @@ static void random_views_survive_bit_for_bit(void **state) {
     }
 }
 
-static void the_default_view_survives(void **state) {
+static void the_default_view_round_trips(void **state) {
     (void)state;
     struct sp_view view = fixture_view(), back = view;
     back.camera.fov_y = 99;
@@ -218,7 +225,7 @@ static void the_default_view_survives(void **state) {
     free(text);
 }
 
-static void the_volume_of_a_patch(void **state) {
+static void the_volume_of_a_patch_is_read(void **state) {
     (void)state;
     proto_json *patch = proto_json_parse("{\"volume\":\"engine\"}", 19, NULL);
     assert_string_equal(proto_view_volume(patch), "engine");
@@ -231,15 +238,15 @@ static void the_volume_of_a_patch(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(patches_merge_and_arrays_are_whole),
-        cmocka_unit_test(null_goes_back_to_the_default),
+        cmocka_unit_test(patches_merge_and_arrays_are_replaced),
+        cmocka_unit_test(null_resets_a_field_to_its_default),
         cmocka_unit_test(defaults_may_be_the_view_itself),
         cmocka_unit_test(a_refused_patch_changes_nothing),
-        cmocka_unit_test(messages_help),
+        cmocka_unit_test(errors_name_the_field_and_the_remedy),
         cmocka_unit_test(opacity_is_never_rounded_up_to_one),
-        cmocka_unit_test(random_views_survive_bit_for_bit),
-        cmocka_unit_test(the_default_view_survives),
-        cmocka_unit_test(the_volume_of_a_patch),
+        cmocka_unit_test(random_views_round_trip_bit_for_bit),
+        cmocka_unit_test(the_default_view_round_trips),
+        cmocka_unit_test(the_volume_of_a_patch_is_read),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

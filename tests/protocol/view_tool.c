@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The decoder for scripts: each line of standard input is an array of patches, applied one by one
- * to the fixture's default view; each line of standard output is {"view": …}, or {"error": {"code",
- * "pointer", "text"}} for the first that was refused.
+ * The decoder as a program, for scripts. Each line of standard input is an array of patches; they
+ * are applied in order to the fixture's default view. Each line of standard output is {"view": …},
+ * or
+ * {"error": {"code", "pointer", "text"}} for the first refused patch.
  */
 #include <stdio.h>
 #include <stdlib.h>
