@@ -383,7 +383,7 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
     if (is_whole)
         sp_log(SP_LOG_INFO, "reloaded");
     else
-        sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s%s%s", err.place,
+        sp_log(SP_LOG_ERROR, "reload failed; keeping the old configuration: %s%s%s", err.place,
                err.place[0] ? ": " : "", err.text);
 }
 

@@ -1,21 +1,40 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splatd: settings → daemon → signal (SIGHUP: reload) → drain.
+ * splatd: reads the settings, starts the daemon, waits for a signal (SIGHUP reloads), drains.
  */
+#include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "common/clock.h"
 #include "config/config.h"
 #include "ops/probe.h"
 #include "ops/service.h"
-#include "ops/standard.h"
 #include "server/daemon.h"
 
 enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_NO_GPU = 3 };
+
+/* Opens /dev/null for each standard descriptor that is closed. Otherwise a connection could get its
+ * number and receive log lines. Writing to standard output still fails. Call it first. */
+static void occupy_standard_descriptors(void) {
+    int fd;
+    do
+        fd = open("/dev/null", O_RDONLY);
+    while (fd >= 0 && fd <= STDERR_FILENO);
+    if (fd >= 0)
+        close(fd);
+}
+
+/* True if everything printed on standard output was written. SP_ERR_IO. */
+static bool finish_standard_output(struct sp_error *err) {
+    return (fflush(stdout) == 0 && !ferror(stdout)) ||
+           sp_fail(err, SP_ERR_IO, "standard output", "cannot write: %s", strerror(errno));
+}
 
 static int complain(const struct sp_error *err) {
     fprintf(stderr, "splatd: %s%s%s\n", err->place, err->place[0] ? ": " : "", err->text);
@@ -27,7 +46,7 @@ static void on_second_signal(int number) {
     _exit(EXIT_FAILED);
 }
 
-/* These are taken by main() alone; all threads inherit the mask. */
+/* Only main() receives these signals; all threads inherit the mask. */
 static void block_signals(sigset_t *set) {
     sigemptyset(set);
     sigaddset(set, SIGTERM);
@@ -35,10 +54,10 @@ static void block_signals(sigset_t *set) {
     sigaddset(set, SIGHUP);
     pthread_sigmask(SIG_BLOCK, set, NULL);
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); /* a file over its limit is an error of the write */
+    signal(SIGXFSZ, SIG_IGN); /* writing beyond the file size limit is then an error */
 }
 
-static void let_second_signal_end(const sigset_t *set) {
+static void exit_on_second_signal(const sigset_t *set) {
     struct sigaction action = { .sa_handler = on_second_signal };
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
@@ -51,18 +70,19 @@ static void reload(struct srv_daemon *daemon, const struct srv_config *config, i
     struct sp_error err = { .code = SP_OK };
     srv_service_reloading();
     if (!srv_config_init(&fresh, &err)) {
-        sp_log(SP_LOG_ERROR, "not reloaded: %s", err.text);
+        sp_log(SP_LOG_ERROR, "reload failed; keeping the old configuration: %s", err.text);
     } else {
         if (srv_config_parse(&fresh, argc, argv, &err))
             srv_daemon_reload(daemon, &fresh);
         else
-            sp_log(SP_LOG_ERROR, "not reloaded, what was there stays: %s: %s", err.place, err.text);
+            sp_log(SP_LOG_ERROR, "reload failed; keeping the old configuration: %s: %s", err.place,
+                   err.text);
         srv_config_finish(&fresh);
     }
     srv_service_ready(config->listen);
 }
 
-/* Until a signal that ends the daemon; returns its number. */
+/* Serves until a signal ends the daemon, and returns its number. */
 static int serve(struct srv_daemon *daemon, const struct srv_config *config,
                  const sigset_t *signals, int argc, char **argv) {
     double watchdog_ms = srv_service_watchdog_ms();
@@ -78,21 +98,20 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
         if (watchdog_ms > 0 && silent_ms < watchdog_ms / 2)
             srv_service_alive();
         else if (watchdog_ms > 0)
-            sp_log(SP_LOG_ERROR,
-                   "no sign of life: the stream thread did not come round for %.0f ms", silent_ms);
+            sp_log(SP_LOG_ERROR, "the stream thread has been blocked for %.0f ms", silent_ms);
     }
 }
 
-/* Whoever waits for this line and does not get it would wait for ever: then there is no daemon. */
+/* If this fails, the daemon stops: a program that waits for this line would wait for ever. */
 static bool print_address(const struct srv_daemon *daemon, struct sp_error *err) {
     char url[256];
     srv_daemon_url(daemon, url, sizeof url);
     printf("splatd: listening on %s\n", url);
-    return srv_standard_end(err);
+    return finish_standard_output(err);
 }
 
 static int run(const struct srv_config *config, int argc, char **argv) {
-    static struct srv_log log; /* outlives every thread */
+    static struct srv_log log; /* static: the log thread may outlive main() */
     struct sp_error err = { .code = SP_OK };
     enum sp_log_level level = SP_LOG_INFO;
     sigset_t signals;
@@ -110,8 +129,8 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     int number = serve(daemon, config, &signals, argc, argv);
     srv_service_stopping();
     sigdelset(&signals, SIGHUP);
-    sp_log(SP_LOG_INFO, "signal %d: shutting down; once more ends at once", number);
-    let_second_signal_end(&signals);
+    sp_log(SP_LOG_INFO, "received signal %d: shutting down; a second signal exits at once", number);
+    exit_on_second_signal(&signals);
     srv_daemon_stop(&daemon);
     srv_log_tick(&log, INFINITY);
     sp_log(SP_LOG_INFO, "stopped");
@@ -119,7 +138,7 @@ static int run(const struct srv_config *config, int argc, char **argv) {
     return EXIT_OK;
 }
 
-/* What is asked for in place of a daemon. */
+/* Handles the options that print something and exit. */
 static int print(const struct srv_config *config, struct sp_error *err) {
     int status = EXIT_OK;
     if (config->help)
@@ -130,14 +149,14 @@ static int print(const struct srv_config *config, struct sp_error *err) {
         status = srv_probe(stdout) ? EXIT_OK : EXIT_NO_GPU;
     else
         srv_config_print(config, stdout);
-    return srv_standard_end(err) ? status : complain(err);
+    return finish_standard_output(err) ? status : complain(err);
 }
 
 int main(int argc, char **argv) {
     struct srv_config config;
     struct sp_error err = { .code = SP_OK };
     int status;
-    srv_standard_hold();
+    occupy_standard_descriptors();
     if (!srv_config_init(&config, &err) || !srv_config_parse(&config, argc, argv, &err))
         status = complain(&err);
     else if (config.help || config.version || config.probe || config.print_config)

@@ -19,7 +19,7 @@ void *srv_page_slot(struct srv_page *page, const char *id) {
     if (at == page->max)
         return NULL;
     if (page->count < page->max)
-        page->count++; /* or else the last one gives way */
+        page->count++; /* else the last item drops out */
     memmove(items + (at + 1) * bytes, items + at * bytes, (page->count - 1 - at) * bytes);
     return items + at * bytes;
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A page of a list in the order of its ids, so that one goes on where the last one ended whatever
- * came and went meanwhile: of all that is shown to it, the first `max` behind `after`.
+ * One page of a list that is sorted by id. The caller shows all items, in any order; the page keeps
+ * the first `max` of those whose ids come after `after`. So a client that continues after the last
+ * id of its page misses nothing and sees nothing twice, even if items come and go in between.
  */
 #ifndef SRV_COMMON_PAGINATION_H
 #define SRV_COMMON_PAGINATION_H
@@ -9,14 +10,14 @@
 #include <stddef.h>
 
 struct srv_page {
-    void *items;       /* the caller's: max items, each of which begins with its id, a text */
-    size_t item_bytes; /* of one */
+    void *items;       /* the caller's array of `max` items; each begins with its id as text */
+    size_t item_bytes; /* size of one item */
     unsigned max, count;
-    const char *after; /* "" = from the first */
+    const char *after; /* "" = from the first id */
 };
 
-/* Room for the item of this id, in its place, which the caller fills at once; NULL: it is not on
- * the page. */
+/* Returns the place for the item with this id; the caller fills it at once. NULL = the item is not
+ * on the page. */
 void *srv_page_slot(struct srv_page *page, const char *id);
 
 #endif

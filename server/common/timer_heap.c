@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stddef.h>
 
-/* Of two heaps one; each may be NULL. */
+/* Melds two trees into one; each may be NULL. */
 static struct srv_timer *meld(struct srv_timer *a, struct srv_timer *b) {
     if (!a || !b)
         return a ? a : b;
@@ -21,7 +21,7 @@ static struct srv_timer *meld(struct srv_timer *a, struct srv_timer *b) {
     return a;
 }
 
-/* Of a row of heaps one: in pairs from the left, and these from the right. */
+/* Melds a list of sibling trees: in pairs from the left, then the pairs from the right. */
 static struct srv_timer *meld_row(struct srv_timer *row) {
     struct srv_timer *pairs = NULL, *all = NULL;
     while (row) {
@@ -43,46 +43,46 @@ static struct srv_timer *meld_row(struct srv_timer *row) {
     return all;
 }
 
-void srv_timer_clear(struct srv_timer_heap *dues, struct srv_timer *due) {
-    if (!due->is_set)
+void srv_timer_clear(struct srv_timer_heap *heap, struct srv_timer *timer) {
+    if (!timer->is_set)
         return;
-    struct srv_timer *below = meld_row(due->child);
-    if (due == dues->first) {
-        dues->first = below;
+    struct srv_timer *below = meld_row(timer->child);
+    if (timer == heap->first) {
+        heap->first = below;
     } else {
-        if (due->before->child == due)
-            due->before->child = due->next;
+        if (timer->before->child == timer)
+            timer->before->child = timer->next;
         else
-            due->before->next = due->next;
-        if (due->next)
-            due->next->before = due->before;
-        dues->first = meld(dues->first, below);
+            timer->before->next = timer->next;
+        if (timer->next)
+            timer->next->before = timer->before;
+        heap->first = meld(heap->first, below);
     }
-    *due = (struct srv_timer){ .of = due->of };
+    *timer = (struct srv_timer){ .of = timer->of };
 }
 
-void srv_timer_set(struct srv_timer_heap *dues, struct srv_timer *due, double at) {
-    srv_timer_clear(dues, due);
+void srv_timer_set(struct srv_timer_heap *heap, struct srv_timer *timer, double at) {
+    srv_timer_clear(heap, timer);
     if (at == INFINITY)
         return;
-    due->at = at;
-    due->is_set = true;
-    dues->first = meld(dues->first, due);
+    timer->at = at;
+    timer->is_set = true;
+    heap->first = meld(heap->first, timer);
 }
 
-void srv_timer_set_by(struct srv_timer_heap *dues, struct srv_timer *due, double at) {
-    if (!due->is_set || at < due->at)
-        srv_timer_set(dues, due, at);
+void srv_timer_set_by(struct srv_timer_heap *heap, struct srv_timer *timer, double at) {
+    if (!timer->is_set || at < timer->at)
+        srv_timer_set(heap, timer, at);
 }
 
-void *srv_timer_take(struct srv_timer_heap *dues, double now) {
-    struct srv_timer *due = dues->first;
-    if (!due || due->at > now)
+void *srv_timer_take(struct srv_timer_heap *heap, double now) {
+    struct srv_timer *timer = heap->first;
+    if (!timer || timer->at > now)
         return NULL;
-    srv_timer_clear(dues, due);
-    return due->of;
+    srv_timer_clear(heap, timer);
+    return timer->of;
 }
 
-double srv_timer_next(const struct srv_timer_heap *dues) {
-    return dues->first ? dues->first->at : INFINITY;
+double srv_timer_next(const struct srv_timer_heap *heap) {
+    return heap->first ? heap->first->at : INFINITY;
 }

@@ -1,40 +1,42 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What is due when: of many things that wait for a time, those whose time has come, without a look
- * at the others. A pairing heap (Fredman, Sedgewick, Sleator and Tarjan 1986) of nodes that lie in
- * what waits, so that nothing is allocated: set() takes constant time, take() and clear() the
- * logarithm of how many there are, on the average of many calls.
+ * Timers: finds those whose time has come without looking at the others. A pairing heap (Fredman,
+ * Sedgewick, Sleator and Tarjan 1986). The nodes are members of the caller's objects, so nothing is
+ * allocated. set() takes constant time; take() and clear() take amortised O(log n).
  *
- * Most times move on again and again, by each use. It is enough to set the first one: when that has
- * come, whoever takes it finds out whether it is time, and sets the next.
+ * An object whose deadline moves with every use need not move its timer each time. Set the timer
+ * once; whoever takes it compares the time with the real deadline and sets the timer again.
  *
- * Instead of a time it may be any number that rises. All of one heap is guarded by its owner.
+ * `at` may also be any other rising number. The owner of a heap serialises all calls.
+ *
+ * Why not a library: GLib's and libuv's timers bring their own event loop and clock, and the tests
+ * of this daemon need virtual time.
  */
 #ifndef SRV_COMMON_TIMER_HEAP_H
 #define SRV_COMMON_TIMER_HEAP_H
 
 #include <stdbool.h>
 
-struct srv_timer { /* zeroed but for `of`: waits for nothing */
-    void *of;      /* the caller's: what waits */
+struct srv_timer { /* zeroed except for `of`: not set */
+    void *of;      /* the caller's object, which srv_timer_take() returns */
     double at;
     bool is_set;
-    struct srv_timer *child, *next; /* the first one below it; the next one beside it */
-    struct srv_timer *before;       /* the one beside it, or for the first one, above it */
+    struct srv_timer *child, *next; /* first child; next sibling */
+    struct srv_timer *before;       /* previous sibling; of the first child, the parent */
 };
 
 struct srv_timer_heap { /* zeroed: empty */
     struct srv_timer *first;
 };
 
-/* At another time than before, if it was set already; INFINITY = never: cleared. */
-void srv_timer_set(struct srv_timer_heap *dues, struct srv_timer *due, double at);
-/* No later than that. */
-void srv_timer_set_by(struct srv_timer_heap *dues, struct srv_timer *due, double at);
-void srv_timer_clear(struct srv_timer_heap *dues, struct srv_timer *due);
-/* What waits for the least time, if that is no later than `now`: it is cleared. NULL = nothing. */
-void *srv_timer_take(struct srv_timer_heap *dues, double now);
-/* The least time; INFINITY = none is set. */
-double srv_timer_next(const struct srv_timer_heap *dues);
+/* Sets the timer, or moves it if it is set. INFINITY clears it. */
+void srv_timer_set(struct srv_timer_heap *heap, struct srv_timer *timer, double at);
+/* Sets the timer, or moves it if it is set for a later time than `at`. */
+void srv_timer_set_by(struct srv_timer_heap *heap, struct srv_timer *timer, double at);
+void srv_timer_clear(struct srv_timer_heap *heap, struct srv_timer *timer);
+/* Clears the earliest timer and returns its object. NULL = no timer is set for `now` or earlier. */
+void *srv_timer_take(struct srv_timer_heap *heap, double now);
+/* Returns the earliest time; INFINITY = no timer is set. */
+double srv_timer_next(const struct srv_timer_heap *heap);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Connections that are refused: each is counted, and the log tells of it within its bound
- * (log_bound.h). Thread-safe.
+ * (log_limit.h). Thread-safe.
  */
 #ifndef SRV_HTTP_REFUSALS_H
 #define SRV_HTTP_REFUSALS_H

@@ -29,7 +29,9 @@ enum srv_log_format srv_log_format_from(const char *name) {
     return (enum srv_log_format)format;
 }
 
-/* Bytes of the UTF-8 character at `c`; 0 = it is none (RFC 3629), or controls a terminal. */
+/* Returns the bytes of the UTF-8 character at `c`; 0 = not valid UTF-8 (RFC 3629), or a control
+ * character, which could drive a terminal. Written here because the C library checks UTF-8 only in
+ * a UTF-8 locale. */
 static unsigned character(const unsigned char *c) {
     if (c[0] < 0x80)
         return c[0] >= 0x20 && c[0] != 0x7f;
@@ -45,7 +47,7 @@ static unsigned character(const unsigned char *c) {
     return overlong || outside || controls ? 0 : size;
 }
 
-/* What is not UTF-8, and control characters, become '?'. */
+/* Copies the line, cut to `capacity`. Invalid UTF-8 and control characters become '?'. */
 static void copy(const char *line, bool in_quotes, char *out, unsigned capacity) {
     unsigned used = 0;
     const unsigned char *c = (const unsigned char *)line;
@@ -67,7 +69,7 @@ static void copy(const char *line, bool in_quotes, char *out, unsigned capacity)
     out[used] = 0;
 }
 
-/* All fields, each behind a separator. */
+/* Writes the fields, each with its separator. Fields that do not fit are left out. */
 static void write_fields(const struct sp_log_field *fields, bool json, char *out,
                          unsigned capacity) {
     unsigned used = 0;
@@ -106,7 +108,7 @@ unsigned srv_log_line(enum srv_log_format format, const char *stamp, enum sp_log
     return (unsigned)size;
 }
 
-/* lines: for how many it counts if it is lost. */
+/* `lines` is added to the count of lost lines if this line is lost. */
 static void put_line(struct srv_log *log, enum sp_log_level level,
                      const struct sp_log_field *fields, const char *line, unsigned lines) {
     char out[SRV_LOG_LINE], seconds[24], stamp[48];
@@ -122,18 +124,18 @@ static void put_line(struct srv_log *log, enum sp_log_level level,
 
 static const struct sp_log_field none = { NULL, NULL };
 
-static void tell_lost(struct srv_log *log) {
+static void report_lost(struct srv_log *log) {
     char line[128];
     unsigned lost = srv_log_ring_take_lost(&log->ring);
     if (lost == 0)
         return;
-    snprintf(line, sizeof line, "%u lines were lost: who reads the log stood still", lost);
+    snprintf(line, sizeof line, "%u log lines were lost: the reader of the log was too slow", lost);
     put_line(log, SP_LOG_WARN, &none, line, lost);
 }
 
 static void write_line(struct srv_log *log, enum sp_log_level level,
                        const struct sp_log_field *fields, const char *line) {
-    tell_lost(log);
+    report_lost(log);
     put_line(log, level, fields, line, 1);
 }
 
@@ -141,29 +143,30 @@ static void sink(void *user, enum sp_log_level level, const char *kind,
                  const struct sp_log_field *fields, const char *line) {
     struct srv_log *log = user;
     char more[1200];
-    unsigned left_out = 0;
-    if (level != SP_LOG_DEBUG && !srv_log_bound_take(&log->bound, kind, srv_clock_ms(), &left_out))
+    unsigned suppressed = 0;
+    if (level != SP_LOG_DEBUG &&
+        !srv_log_limit_allow(&log->limit, kind, srv_clock_ms(), &suppressed))
         return;
-    if (left_out > 0)
-        snprintf(more, sizeof more, "%s; %u more like it since the last such line", line, left_out);
-    write_line(log, level, fields, left_out > 0 ? more : line);
+    if (suppressed > 0)
+        snprintf(more, sizeof more, "%s; %u similar lines suppressed", line, suppressed);
+    write_line(log, level, fields, suppressed > 0 ? more : line);
 }
 
 void srv_log_tick(struct srv_log *log, double now_ms) {
     const char *kind;
-    unsigned left_out;
-    while ((kind = srv_log_bound_next(&log->bound, now_ms, &left_out))) {
+    unsigned suppressed;
+    while ((kind = srv_log_limit_next(&log->limit, now_ms, &suppressed))) {
         char line[1024];
-        snprintf(line, sizeof line, "%u lines like this were left out: %.900s", left_out, kind);
+        snprintf(line, sizeof line, "%u similar lines suppressed: %.900s", suppressed, kind);
         write_line(log, SP_LOG_WARN, &none, line);
     }
-    tell_lost(log);
+    report_lost(log);
 }
 
 bool srv_log_start(struct srv_log *log, enum sp_log_level level, enum srv_log_format format,
                    struct sp_error *err) {
     log->format = format;
-    srv_log_bound_init(&log->bound);
+    srv_log_limit_init(&log->limit);
     if (!srv_log_ring_start(&log->ring, STDERR_FILENO, err))
         return false;
     sp_log_init(sink, log, level);

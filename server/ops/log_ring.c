@@ -10,10 +10,10 @@
 
 struct record {
     size_t size;
-    unsigned lines; /* for which it counts */
+    unsigned lines; /* counted if this line is lost */
 };
 
-/* All with the mutex held but for write_out(). */
+/* The caller of these holds the mutex, except for write_out(). */
 
 static void append(struct srv_log_ring *ring, const void *from, size_t size) {
     size_t at = (ring->start + ring->used) % SRV_LOG_RING;
@@ -35,7 +35,8 @@ static bool is_done(const struct srv_log_ring *ring) {
     return ring->used == 0 && !ring->is_writing;
 }
 
-/* One call, one line, so that lines of several programs do not mix. May wait for ever. */
+/* Writes a line with one write(), so that lines of several programs do not mix. May block for ever.
+ */
 static bool write_out(int fd, const char *line, size_t size) {
     while (size > 0) {
         ssize_t count = write(fd, line, size);
@@ -86,7 +87,7 @@ bool srv_log_ring_start(struct srv_log_ring *ring, int fd, struct sp_error *err)
     pthread_cond_init(&ring->written, &monotonic);
     pthread_condattr_destroy(&monotonic);
     return pthread_create(&ring->thread, NULL, write_lines, ring) == 0 ||
-           sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the thread that writes the log");
+           sp_fail(err, SP_ERR_MEMORY, NULL, "cannot start the log thread: out of memory");
 }
 
 void srv_log_ring_put(struct srv_log_ring *ring, const char *line, size_t size, unsigned lines) {

@@ -12,7 +12,8 @@ static const double bounds_s[] = { 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.
 enum { BOUNDS = sizeof bounds_s / sizeof *bounds_s };
 
 struct histogram {
-    _Atomic uint64_t buckets[BOUNDS + 1]; /* each time in one of them; the last has no bound */
+    _Atomic uint64_t
+        buckets[BOUNDS + 1]; /* each duration in one bucket; the last has no upper bound */
     _Atomic uint64_t sum_ns;
 };
 
@@ -31,59 +32,64 @@ struct family {
     const char *values[6];
 };
 static const struct family families[] = {
-    { "splatd_frames_total", "Frames that streams were sent", NULL, SRV_COUNT_FRAMES, 1, { NULL } },
-    { "splatd_pictures_total", "Pictures drawn for requests", NULL, SRV_COUNT_SNAPSHOTS, 1, { 0 } },
+    { "splatd_frames_total", "Frames sent to streams", NULL, SRV_COUNT_FRAMES, 1, { NULL } },
+    { "splatd_pictures_total",
+      "Snapshots rendered for HTTP requests",
+      NULL,
+      SRV_COUNT_SNAPSHOTS,
+      1,
+      { 0 } },
     { "splatd_drops_total",
-      "Frames that were begun and not sent",
+      "Frames that were started and not sent",
       "reason",
       SRV_COUNT_DROP_REPLACED,
       5,
       { "replaced", "late", "outdated", "failed", "left" } },
-    { "splatd_streams_joined_total", "Streams that began", NULL, SRV_COUNT_JOINED, 1, { NULL } },
+    { "splatd_streams_joined_total", "Streams opened", NULL, SRV_COUNT_JOINED, 1, { NULL } },
     { "splatd_streams_ended_total",
-      "Streams that ended",
+      "Streams closed",
       "reason",
       SRV_COUNT_END_CLOSED,
       5,
       { "closed", "stalled", "silent", "protocol", "lost" } },
     { "splatd_stream_bytes_total",
-      "Bytes on the sockets of streams",
+      "Bytes received from and sent to streams",
       "direction",
       SRV_COUNT_BYTES_IN,
       2,
       { "in", "out" } },
     { "splatd_http_requests_total",
-      "Requests by the class of their status",
+      "HTTP requests by status class",
       "status",
       SRV_COUNT_HTTP_1XX,
       5,
       { "1xx", "2xx", "3xx", "4xx", "5xx" } },
     { "splatd_http_bytes_total",
-      "Bytes of the bodies of requests and answers",
+      "Bytes of HTTP request and response bodies",
       "direction",
       SRV_COUNT_HTTP_BYTES_IN,
       2,
       { "in", "out" } },
     { "splatd_path_frames_total",
-      "Frames drawn for camera paths",
+      "Frames rendered for camera paths",
       NULL,
       SRV_COUNT_PATH_FRAMES,
       1,
       { NULL } },
     { "splatd_path_waits_total",
-      "Frames of camera paths that were put off, each time",
+      "Times that a frame of a camera path was postponed",
       "reason",
       SRV_COUNT_PATH_WAIT_VOLUME,
       5,
       { "volume", "disk", "limit", "memory", "backend" } },
     { "splatd_path_failures_total",
-      "Camera paths that failed for good",
+      "Camera paths that failed permanently",
       NULL,
       SRV_COUNT_PATH_FAILED,
       1,
       { NULL } },
     { "splatd_connections_refused_total",
-      "Connections that were refused",
+      "Refused connections",
       "reason",
       SRV_COUNT_REFUSED_FULL,
       4,
@@ -163,7 +169,7 @@ void srv_metrics_print(const struct srv_metrics *metrics, FILE *out) {
         }
     }
     srv_metrics_family(out, "splatd_stage_seconds", "histogram",
-                       "What frames and pictures spend their time with");
+                       "Time that frames and snapshots spend per stage");
     for (int t = 0; t < SRV_TIMINGS; t++)
         print_histogram(&metrics->timings[t], timing_names[t], out);
 }

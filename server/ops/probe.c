@@ -11,7 +11,7 @@ static void print_text(FILE *out, const char *what, const char *text) {
         fprintf(out, "  %-16s %s\n", what, text);
 }
 
-/* [B], also as the unit that gives the shortest number. */
+/* Prints a size in the largest unit that divides it; 0 = unknown. */
 static void print_bytes(FILE *out, const char *what, uint64_t bytes) {
     static const char *const units[] = { "bytes", "KiB", "MiB", "GiB", "TiB" };
     unsigned unit = 0;
@@ -21,14 +21,14 @@ static void print_bytes(FILE *out, const char *what, uint64_t bytes) {
     if (bytes)
         fprintf(out, "  %-16s %" PRIu64 " %s\n", what, count, units[unit]);
     else
-        fprintf(out, "  %-16s not told\n", what);
+        fprintf(out, "  %-16s unknown\n", what);
 }
 
 static void print_limits(FILE *out, const struct sp_gpu_limits *limits) {
     const unsigned *size = limits->group_size, *count = limits->group_count;
     print_bytes(out, "video memory", limits->video_bytes);
     print_bytes(out, "storage block", limits->storage_block_bytes);
-    fprintf(out, "  %-16s %u in a shader, at multiples of %u bytes\n", "storage blocks",
+    fprintf(out, "  %-16s %u per shader, aligned to %u bytes\n", "storage blocks",
             limits->storage_blocks, limits->storage_alignment);
     print_bytes(out, "shared memory", limits->shared_bytes);
     fprintf(out, "  %-16s %u invocations, at most %u x %u x %u; %u x %u x %u groups\n",
@@ -54,7 +54,7 @@ static void print_device(void *user, const struct sp_device *device) {
 }
 
 bool srv_probe(FILE *out) {
-    sp_log_set_level(SP_LOG_WARN); /* what goes well is told below */
+    sp_log_set_level(SP_LOG_WARN); /* successes are printed below */
     bool works = sp_probe(print_device, out);
     fprintf(out, works ? "A GPU works.\n" : "No GPU works.\n");
     return works;

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#ifndef SRV_PROBE_H
-#define SRV_PROBE_H
+#ifndef SRV_OPS_PROBE_H
+#define SRV_OPS_PROBE_H
 
 #include <stdbool.h>
 #include <stdio.h>
 
-/* Prints what there is to render on, one paragraph each, and why the rest does not work. Returns
- * whether a GPU works. */
+/* Implements --probe: prints the devices that can render, one paragraph each, and why other devices
+ * do not work. True if a GPU works. */
 bool srv_probe(FILE *out);
 
 #endif

@@ -18,7 +18,7 @@ void srv_service_reloading(void) {
 }
 
 void srv_service_stopping(void) {
-    sd_notify(0, "STOPPING=1\nSTATUS=finishing what is under way");
+    sd_notify(0, "STOPPING=1\nSTATUS=finishing requests in progress");
 }
 
 double srv_service_watchdog_ms(void) {

@@ -17,12 +17,12 @@
 
 enum { APPLICATION_ID = 0x53504c54 }; /* "SPLT" */
 
-/* Step i brings layout i to layout i + 1. */
-static const char *const layouts[] = {
+/* Step i upgrades schema i to schema i + 1. */
+static const char *const schemas[] = {
     "CREATE TABLE record(kind TEXT NOT NULL, id TEXT NOT NULL, body TEXT NOT NULL,"
     " UNIQUE(kind, id));",
 };
-enum { LAYOUT = sizeof layouts / sizeof *layouts };
+enum { SCHEMA = sizeof schemas / sizeof *schemas };
 
 static const char *const kind_names[SRV_KINDS] = { "volume", "session", "view",
                                                    "preset", "path",    "clock" };
@@ -34,7 +34,7 @@ struct srv_database {
     sqlite3_stmt *put, *remove;
 };
 
-/* What the code of SQLite means to whoever runs the daemon. */
+/* Translates SQLite's error code into an error with a remedy for the administrator. */
 static bool fail(const struct srv_database *d, const char *what, struct sp_error *err) {
     int code = sqlite3_errcode(d->sqlite);
     const char *text = sqlite3_errmsg(d->sqlite);
@@ -42,23 +42,22 @@ static bool fail(const struct srv_database *d, const char *what, struct sp_error
     case SQLITE_NOTADB:
     case SQLITE_CORRUPT:
         return sp_fail(err, SP_ERR_FORMAT, d->path,
-                       "the database is damaged (%s: %s); restore a copy, or move it away and "
-                       "what was kept is lost",
+                       "the database is damaged (%s: %s); restore a copy, or move the file "
+                       "away and lose its contents",
                        what, text);
     case SQLITE_FULL:
-        return sp_fail(err, SP_ERR_IO, d->path, "%s: the disk is full; make room", what);
+        return sp_fail(err, SP_ERR_IO, d->path, "%s: the disk is full; free some space", what);
     case SQLITE_READONLY:
     case SQLITE_CANTOPEN:
     case SQLITE_PERM:
         return sp_fail(err, SP_ERR_IO, d->path,
-                       "%s: %s; the user of the daemon must be allowed to write the file and its "
-                       "folder",
+                       "%s: %s; the daemon's user needs write access to the file and its folder",
                        what, text);
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
-        return sp_fail(err, SP_ERR_IO, d->path, "%s: another program keeps it locked", what);
+        return sp_fail(err, SP_ERR_IO, d->path, "%s: another program has locked it", what);
     case SQLITE_NOMEM:
-        return sp_fail(err, SP_ERR_MEMORY, d->path, "%s: no memory", what);
+        return sp_fail(err, SP_ERR_MEMORY, d->path, "%s: out of memory", what);
     default:
         return sp_fail(err, SP_ERR_IO, d->path, "%s: %s (error %d)", what, text,
                        sqlite3_extended_errcode(d->sqlite));
@@ -69,7 +68,7 @@ static bool run(struct srv_database *d, const char *sql, const char *what, struc
     return sqlite3_exec(d->sqlite, sql, NULL, NULL, NULL) == SQLITE_OK || fail(d, what, err);
 }
 
-/* The first column of the first row. */
+/* Reads the first column of the first row. */
 static bool ask(struct srv_database *d, const char *sql, int64_t *value, struct sp_error *err) {
     sqlite3_stmt *statement = NULL;
     bool ok = sqlite3_prepare_v2(d->sqlite, sql, -1, &statement, NULL) == SQLITE_OK &&
@@ -82,39 +81,39 @@ static bool ask(struct srv_database *d, const char *sql, int64_t *value, struct 
     return ok;
 }
 
-/* What was made in a folder is still there after the machine went down. */
+/* Syncs a folder, so that new files in it survive a crash of the machine. */
 static bool sync_folder(const char *folder, struct sp_error *err) {
     int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     bool ok = fd >= 0 && fsync(fd) == 0;
     if (!ok)
-        sp_fail(err, SP_ERR_IO, folder, "cannot write this folder to the disk: %s",
-                strerror(errno));
+        sp_fail(err, SP_ERR_IO, folder, "cannot sync this folder to the disk: %s", strerror(errno));
     if (fd >= 0)
         close(fd);
     return ok;
 }
 
-/* Is it there, and as a name in the folder above it on the disk? */
+/* Creates the folder if it is missing, and syncs its parent folder. */
 static bool make_folder(const char *folder, struct sp_error *err) {
     char above[PATH_MAX];
     if (mkdir(folder, 0700) != 0)
         return errno == EEXIST ||
-               sp_fail(err, SP_ERR_IO, folder, "cannot make this folder for --state: %s",
+               sp_fail(err, SP_ERR_IO, folder, "cannot create this folder for --state: %s",
                        strerror(errno));
     int size = snprintf(above, sizeof above, "%s/..", folder);
-    return size >= (int)sizeof above || sync_folder(above, err); /* too long: told below */
+    return size >= (int)sizeof above ||
+           sync_folder(above, err); /* take_folder() reports a path that is too long */
 }
 
-/* One daemon a folder. The lock ends with the process, however that ends. */
+/* Locks the folder for this daemon. The lock ends with the process, however that ends. */
 static bool take_folder(struct srv_database *d, const char *folder, struct sp_error *err) {
     struct stat found;
     if (!make_folder(folder, err))
         return false;
     if (stat(folder, &found) != 0 || !S_ISDIR(found.st_mode))
-        return sp_fail(err, SP_ERR_IO, folder, "cannot use this for --state: it is no folder");
+        return sp_fail(err, SP_ERR_IO, folder, "cannot use this for --state: it is not a folder");
     if (found.st_mode & 077)
-        sp_log(SP_LOG_WARN, "state %s is open to other users (mode %03o): it holds tokens", folder,
-               (unsigned)(found.st_mode & 0777));
+        sp_log(SP_LOG_WARN, "state %s is open to other users (mode %03o), but it contains tokens",
+               folder, (unsigned)(found.st_mode & 0777));
     char path[PATH_MAX];
     if (snprintf(path, sizeof path, "%s/" SRV_DATABASE_LOCK, folder) >= (int)sizeof path ||
         snprintf(d->path, sizeof d->path, "%s/" SRV_DATABASE_NAME, folder) >= (int)sizeof d->path)
@@ -123,31 +122,32 @@ static bool take_folder(struct srv_database *d, const char *folder, struct sp_er
     d->lock = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (d->lock < 0)
         return sp_fail(err, SP_ERR_IO, path,
-                       "cannot write in the folder of --state: %s; the user of the daemon must be "
-                       "allowed to",
+                       "cannot write to the folder of --state: %s; the daemon's user needs write "
+                       "access",
                        strerror(errno));
     if (flock(d->lock, LOCK_EX | LOCK_NB) != 0)
         return sp_fail(err, SP_ERR_IO, folder,
-                       "another splatd keeps its state here; give each a --state of its own");
+                       "another splatd uses this folder; give each daemon its own --state");
     return true;
 }
 
-/* Ours, and of which layout? Refuses what is not. */
-static bool check(struct srv_database *d, int64_t *layout, struct sp_error *err) {
+/* Reads the version of the schema. Refuses a file that is damaged, newer, or not ours. */
+static bool check(struct srv_database *d, int64_t *schema, struct sp_error *err) {
     int64_t application, objects;
     if (!ask(d, "PRAGMA application_id", &application, err) ||
-        !ask(d, "PRAGMA user_version", layout, err) ||
+        !ask(d, "PRAGMA user_version", schema, err) ||
         !ask(d, "SELECT count(*) FROM sqlite_schema", &objects, err))
         return false;
-    if (application == 0 && *layout == 0 && objects == 0)
+    if (application == 0 && *schema == 0 && objects == 0)
         return true; /* new */
-    if (application != APPLICATION_ID || *layout < 1)
+    if (application != APPLICATION_ID || *schema < 1)
         return sp_fail(err, SP_ERR_FORMAT, d->path,
-                       "this is the database of another program; give --state a folder of its own");
-    if (*layout > LAYOUT)
+                       "this database belongs to another program; give --state its own folder");
+    if (*schema > SCHEMA)
         return sp_fail(err, SP_ERR_UNSUPPORTED, d->path,
-                       "a newer splatd wrote this (layout %lld, this one knows %d); start that one",
-                       (long long)*layout, LAYOUT);
+                       "a newer splatd wrote this database (schema %lld; this version knows %d); "
+                       "start that version",
+                       (long long)*schema, SCHEMA);
     sqlite3_stmt *statement = NULL;
     bool ok =
         sqlite3_prepare_v2(d->sqlite, "PRAGMA quick_check(1)", -1, &statement, NULL) == SQLITE_OK &&
@@ -157,14 +157,14 @@ static bool check(struct srv_database *d, int64_t *layout, struct sp_error *err)
         fail(d, "cannot check", err);
     else if (strcmp(found, "ok") != 0)
         ok = sp_fail(err, SP_ERR_FORMAT, d->path,
-                     "the database is damaged (%.200s); restore a copy, or move it away and what "
-                     "was kept is lost",
+                     "the database is damaged (%.200s); restore a copy, or move the file away "
+                     "and lose its contents",
                      found);
     sqlite3_finalize(statement);
     return ok && found;
 }
 
-/* SQLite answers with the mode that there is now, which need not be the one asked for. */
+/* Switches to WAL. SQLite answers with the mode in effect, which may be another one. */
 static bool use_wal(struct srv_database *d, struct sp_error *err) {
     sqlite3_stmt *statement = NULL;
     const char *mode = NULL;
@@ -177,21 +177,21 @@ static bool use_wal(struct srv_database *d, struct sp_error *err) {
         fail(d, "cannot write", err);
     else if (!ok)
         sp_fail(err, SP_ERR_UNSUPPORTED, d->path,
-                "the file system has no shared memory for SQLite (journal mode '%.16s', not WAL); "
-                "give --state a folder on a local disk",
+                "the file system does not support SQLite's WAL mode (got '%.16s'); give --state a "
+                "folder on a local disk",
                 mode);
     sqlite3_finalize(statement);
     return ok;
 }
 
-/* To the layout of today in one transaction, which also shows that writing works. */
-static bool bring_up_to_date(struct srv_database *d, int64_t layout, struct sp_error *err) {
+/* Upgrades the schema in one transaction, which also proves that writing works. */
+static bool upgrade(struct srv_database *d, int64_t schema, struct sp_error *err) {
     char marks[96];
     snprintf(marks, sizeof marks, "PRAGMA application_id=%d;PRAGMA user_version=%d;",
-             APPLICATION_ID, LAYOUT);
+             APPLICATION_ID, SCHEMA);
     bool ok = run(d, "BEGIN IMMEDIATE", "cannot write", err);
-    for (int64_t i = layout; ok && i < LAYOUT; i++)
-        ok = run(d, layouts[i], "cannot bring the layout up to date", err);
+    for (int64_t i = schema; ok && i < SCHEMA; i++)
+        ok = run(d, schemas[i], "cannot upgrade the schema", err);
     ok = ok && run(d, marks, "cannot write", err) && run(d, "COMMIT", "cannot write", err);
     if (!ok)
         sqlite3_exec(d->sqlite, "ROLLBACK", NULL, NULL, NULL);
@@ -206,27 +206,25 @@ static bool prepare(struct srv_database *d, const char *sql, sqlite3_stmt **stat
 }
 
 static bool open_file(struct srv_database *d, const char *vfs, struct sp_error *err) {
-    int64_t layout = 0;
+    int64_t schema = 0;
     int made = open(d->path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (made < 0)
         return sp_fail(err, SP_ERR_IO, d->path,
-                       "cannot open the database: %s; the user of the daemon must be allowed to "
-                       "write it",
+                       "cannot open the database: %s; the daemon's user needs write access",
                        strerror(errno));
     close(made);
     int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_NOFOLLOW;
     int code = sqlite3_open_v2(d->path, &d->sqlite, flags, vfs);
     if (!d->sqlite)
-        return sp_fail(err, SP_ERR_MEMORY, d->path, "no memory for the database");
+        return sp_fail(err, SP_ERR_MEMORY, d->path, "out of memory while opening the database");
     if (code != SQLITE_OK)
         return fail(d, "cannot open", err);
-    sqlite3_busy_timeout(d->sqlite, 1000); /* somebody makes a copy */
-    /* What lies in a foreign file shall not run here. */
+    sqlite3_busy_timeout(d->sqlite, 1000); /* another program may be making a copy */
+    /* Do not run code from a prepared file (triggers, views). */
     sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_DEFENSIVE, 1, NULL);
     sqlite3_db_config(d->sqlite, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
-    return check(d, &layout, err) && use_wal(d, err) &&
-           run(d, "PRAGMA synchronous=FULL", "cannot write", err) &&
-           bring_up_to_date(d, layout, err) &&
+    return check(d, &schema, err) && use_wal(d, err) &&
+           run(d, "PRAGMA synchronous=FULL", "cannot write", err) && upgrade(d, schema, err) &&
            prepare(d,
                    "INSERT INTO record(kind, id, body) VALUES(?1, ?2, ?3)"
                    " ON CONFLICT(kind, id) DO UPDATE SET body = excluded.body",
@@ -237,7 +235,7 @@ static bool open_file(struct srv_database *d, const char *vfs, struct sp_error *
 struct srv_database *srv_database_open(const char *folder, const char *vfs, struct sp_error *err) {
     struct srv_database *d = calloc(1, sizeof *d);
     if (!d) {
-        sp_fail(err, SP_ERR_MEMORY, folder, "no memory for the database");
+        sp_fail(err, SP_ERR_MEMORY, folder, "out of memory while opening the database");
         return NULL;
     }
     d->lock = -1;
@@ -279,7 +277,7 @@ bool srv_database_read(struct srv_database *d, struct srv_table *table, struct s
                 break;
             enum srv_kind kind = kind_from(kind_name);
             if (kind == SRV_KINDS || strlen(id) > SRV_STORE_ID_MAX)
-                sp_log(SP_LOG_WARN, "%s: a record of kind '%.32s' is not known here", d->path,
+                sp_log(SP_LOG_WARN, "%s: ignoring a record of unknown kind '%.32s'", d->path,
                        kind_name);
             else if (!srv_table_put(table, kind, id, body,
                                     (size_t)sqlite3_column_bytes(statement, 2), false))
@@ -288,7 +286,7 @@ bool srv_database_read(struct srv_database *d, struct srv_table *table, struct s
     }
     bool ok = step == SQLITE_DONE;
     if (step == SQLITE_ROW)
-        sp_fail(err, SP_ERR_MEMORY, d->path, "no memory for what was kept");
+        sp_fail(err, SP_ERR_MEMORY, d->path, "out of memory while reading the records");
     else if (!ok)
         fail(d, "cannot read", err);
     sqlite3_finalize(statement);
@@ -310,7 +308,8 @@ static bool write_one(struct srv_database *d, const struct srv_change *c, struct
     return ok;
 }
 
-/* Ends what a failed write left open. That can fail as well: without memory it stays for later. */
+/* Rolls back a transaction that a failed write left open. If that fails too, for want of memory,
+ * the next write tries again. */
 static void roll_back(struct srv_database *d) {
     if (!sqlite3_get_autocommit(d->sqlite))
         sqlite3_exec(d->sqlite, "ROLLBACK", NULL, NULL, NULL);

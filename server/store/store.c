@@ -21,17 +21,17 @@ struct waiter {
 
 struct srv_store {
     struct srv_store_options options;
-    struct srv_database *database; /* the writer's; NULL = nothing is written */
+    struct srv_database *database; /* used by the writer thread; NULL = memory only */
     bool (*collect)(void *user);
     void *user;
     pthread_t writer;
     atomic_bool is_nudged;
-    pthread_mutex_t mutex; /* of all below */
+    pthread_mutex_t mutex; /* guards all members below */
     pthread_cond_t wake;
     struct srv_table *table;
     struct waiter *waiters;
     bool is_running, stop;
-    double next_ms; /* no write that nobody waits for before this */
+    double next_ms; /* earliest time of a write that no flush waits for */
     struct srv_store_status status;
 };
 
@@ -41,15 +41,17 @@ static const char *const kind_words[SRV_KINDS] = { "volumes", "sessions", "views
 static bool open_database(struct srv_store *store, struct sp_error *err) {
     const char *folder = store->options.folder;
     if (!folder) {
-        sp_log(SP_LOG_INFO, "no --state: sessions and kept views end with the daemon");
+        sp_log(SP_LOG_INFO,
+               "no --state: sessions, saved views and camera paths are lost when the daemon ends");
         return true;
     }
     store->status.has_folder = true;
     store->database = srv_database_open(folder, store->options.vfs, err);
     if (!store->database || !srv_database_read(store->database, store->table, err))
         return false;
-    sp_log(SP_LOG_INFO, "state %s: %u volumes, %u sessions, %u views, %u presets, %u paths", folder,
-           srv_table_count(store->table, SRV_KIND_VOLUME),
+    sp_log(SP_LOG_INFO,
+           "state %s: loaded %u volumes, %u sessions, %u views, %u presets, %u camera paths",
+           folder, srv_table_count(store->table, SRV_KIND_VOLUME),
            srv_table_count(store->table, SRV_KIND_SESSION),
            srv_table_count(store->table, SRV_KIND_VIEW),
            srv_table_count(store->table, SRV_KIND_PRESET),
@@ -61,7 +63,7 @@ struct srv_store *srv_store_create(const struct srv_store_options *options, stru
     struct srv_store *store = calloc(1, sizeof *store);
     if (!store || !(store->table = srv_table_create())) {
         free(store);
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what is kept");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating the store");
         return NULL;
     }
     store->options = *options;
@@ -79,13 +81,14 @@ struct srv_store *srv_store_create(const struct srv_store_options *options, stru
 
 /* The writer. */
 
-/* With the mutex held. */
+/* Updates the status after a write. The caller holds the mutex. */
 static void note_result(struct srv_store *store, bool ok, const struct sp_error *err) {
     struct srv_store_status *status = &store->status;
     if (ok && status->is_failing)
-        sp_log(SP_LOG_INFO, "state is written again, and nothing was lost");
+        sp_log(SP_LOG_INFO, "state is being written again; nothing was lost");
     if (!ok && !status->is_failing)
-        sp_log(SP_LOG_ERROR, "state is not written and kept in memory alone: %s: %s", err->place,
+        sp_log(SP_LOG_ERROR,
+               "cannot write the state; keeping it in memory and trying again: %s: %s", err->place,
                err->text);
     status->is_failing = !ok;
     snprintf(status->reason, sizeof status->reason, "%s", ok ? "" : err->text);
@@ -94,7 +97,8 @@ static void note_result(struct srv_store *store, bool ok, const struct sp_error 
     store->next_ms = srv_clock_ms() + (ok ? store->options.pause_ms : store->options.retry_ms);
 }
 
-/* Writes what changed. With the mutex held, which is let go meanwhile. */
+/* Writes the changes. The caller holds the mutex, which is released during collect() and the write.
+ */
 static bool write_changes(struct srv_store *store) {
     struct sp_error err = { .code = SP_OK };
     struct srv_change *changes = NULL;
@@ -103,11 +107,12 @@ static bool write_changes(struct srv_store *store) {
     bool is_all = !store->collect || store->collect(store->user);
     pthread_mutex_lock(&store->mutex);
     if (!is_all)
-        atomic_store(&store->is_nudged, true); /* once more, after a pause */
+        atomic_store(&store->is_nudged, true); /* try again after a pause */
     else if (srv_table_changes(store->table) == 0 && !store->status.is_failing)
         return true;
     bool ok = srv_table_copy_changes(store->table, &changes) ||
-              sp_fail(&err, SP_ERR_MEMORY, store->options.folder, "no memory for a copy");
+              sp_fail(&err, SP_ERR_MEMORY, store->options.folder,
+                      "out of memory while copying the changes");
     pthread_mutex_unlock(&store->mutex);
     double start_ms = srv_clock_ms();
     ok = ok && (!changes || srv_database_write(store->database, changes, &err));
@@ -119,7 +124,7 @@ static bool write_changes(struct srv_store *store) {
     }
     if (ok && !is_all)
         ok = sp_fail(&err, SP_ERR_MEMORY, store->options.folder,
-                     "no memory for what changed in the sessions");
+                     "out of memory while collecting changes of sessions");
     note_result(store, ok, &err);
     srv_changes_free(&changes);
     return ok;
@@ -134,7 +139,7 @@ static void answer(struct waiter *waiters, bool durable) {
     }
 }
 
-/* With the mutex held. */
+/* The caller holds the mutex. */
 static void wait_until(struct srv_store *store, double until_ms) {
     struct timespec until = srv_clock_at(until_ms);
     pthread_cond_timedwait(&store->wake, &store->mutex, &until);
@@ -163,7 +168,7 @@ static void *writer_main(void *user) {
     }
     unsigned lost = srv_table_changes(store->table);
     if (lost > 0)
-        sp_log(SP_LOG_ERROR, "%u changes of the state are lost: %s", lost, store->status.reason);
+        sp_log(SP_LOG_ERROR, "lost %u changes of the state: %s", lost, store->status.reason);
     struct waiter *late = store->waiters;
     store->waiters = NULL;
     store->is_running = false;
@@ -181,8 +186,8 @@ bool srv_store_start(struct srv_store *store, bool (*collect)(void *user), void 
     store->is_running = true;
     int failed = pthread_create(&store->writer, NULL, writer_main, store);
     store->is_running = failed == 0;
-    return !failed ||
-           sp_fail(err, SP_ERR_IO, NULL, "cannot start the writer thread: %s", strerror(failed));
+    return !failed || sp_fail(err, SP_ERR_IO, NULL, "cannot start the store's writer thread: %s",
+                              strerror(failed));
 }
 
 void srv_store_stop(struct srv_store *store) {
@@ -208,19 +213,19 @@ void srv_store_destroy(struct srv_store **store_pointer) {
     free(store);
 }
 
-/* What other threads call. */
+/* For any thread. */
 
-/* With the mutex held. */
+/* The caller holds the mutex. */
 static bool put(struct srv_store *store, enum srv_kind kind, const char *id, const char *text,
                 size_t size, struct sp_error *err) {
     bool ok = true;
     size_t old;
     unsigned max = store->options.max[kind], count = srv_table_count(store->table, kind);
     if (max > 0 && count >= max && !srv_table_get(store->table, kind, id, &old))
-        ok = sp_fail(err, SP_ERR_BUDGET, NULL, "%u %s are kept and --%s allows %u", count,
-                     kind_words[kind], kind_words[kind], max);
+        ok = sp_fail(err, SP_ERR_BUDGET, NULL, "there are %u %s and --%s allows %u; delete some",
+                     count, kind_words[kind], kind_words[kind], max);
     else if (!srv_table_put(store->table, kind, id, text, size, store->database != NULL))
-        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to keep %zu bytes", size);
+        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing %zu bytes", size);
     else
         pthread_cond_signal(&store->wake);
     return ok;
@@ -234,7 +239,7 @@ bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, 
     return ok;
 }
 
-/* How many texts of a kind begin so. With the mutex held. */
+/* Counts the records of a kind whose texts begin with `beginning`. The caller holds the mutex. */
 static unsigned count_beginning(const struct srv_store *store, enum srv_kind kind,
                                 const char *beginning) {
     const void *at = NULL;
@@ -254,7 +259,7 @@ bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, 
     unsigned count = ok || !share->most ? 0 : count_beginning(store, kind, share->beginning);
     if (!ok && share->most && count >= share->most)
         sp_fail(err, SP_ERR_BUDGET, share->place,
-                "%s keeps %u %s, and its token allows %u; delete some", share->name, count,
+                "%s has %u %s and its token allows %u; delete some", share->name, count,
                 kind_words[kind], share->most);
     else if (!ok)
         ok = put(store, kind, id, text, size, err);
@@ -277,9 +282,9 @@ char *srv_store_get(struct srv_store *store, enum srv_kind kind, const char *id,
     pthread_mutex_lock(&store->mutex);
     const char *text = srv_table_get(store->table, kind, id, &bytes);
     if (!text)
-        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is nothing kept as '%.127s'", id);
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no record '%.127s'", id);
     else if (!(copy = malloc(bytes + 1)))
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a copy of %zu bytes", bytes);
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while copying %zu bytes", bytes);
     else
         memcpy(copy, text, bytes + 1);
     pthread_mutex_unlock(&store->mutex);
@@ -322,7 +327,7 @@ void srv_store_page(struct srv_store *store, enum srv_kind kind, const char *beg
 
 void srv_store_nudge(struct srv_store *store) {
     if (atomic_exchange(&store->is_nudged, true))
-        return; /* the writer knows */
+        return; /* the writer thread is already notified */
     pthread_mutex_lock(&store->mutex);
     pthread_cond_signal(&store->wake);
     pthread_mutex_unlock(&store->mutex);

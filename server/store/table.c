@@ -8,19 +8,19 @@
 enum { BUCKETS_MIN = 64 };
 
 struct record {
-    struct record *in_bucket;      /* the next one */
-    struct record *before, *after; /* in the order of adding */
-    struct record *older, *newer;  /* among the changed ones */
-    uint64_t stamp;                /* of its newest change; 0 = written */
+    struct record *in_bucket;      /* next in its bucket */
+    struct record *before, *after; /* neighbours in the order of adding */
+    struct record *older, *newer;  /* neighbours among the changed records */
+    uint64_t stamp;                /* number of its newest change; 0 = written */
     enum srv_kind kind;
-    char *text; /* NULL = removed, but the database still has it */
+    char *text; /* NULL = removed, and the database still has it */
     size_t size;
     char id[];
 };
 
 struct srv_table {
     struct record **buckets;
-    size_t bucket_count, record_count; /* with those removed */
+    size_t bucket_count, record_count; /* record_count includes removed records */
     struct record *first, *last;
     struct record *oldest, *newest;
     unsigned changed, count[SRV_KINDS];
@@ -70,7 +70,7 @@ static struct record *find(const struct srv_table *table, enum srv_kind kind, co
     return r;
 }
 
-/* Twice the buckets; without memory for them it stays as it is. */
+/* Doubles the number of buckets. Without memory the table stays as it is, only slower. */
 static void grow(struct srv_table *table) {
     struct record **larger = calloc(table->bucket_count * 2, sizeof *larger);
     if (!larger)
@@ -128,7 +128,7 @@ static void delete_record(struct srv_table *table, struct record *r) {
     free(r);
 }
 
-/* Counts the record in (+1) or out (-1). */
+/* Adds (sign +1) or subtracts (-1) the record from the totals. */
 static void count(struct srv_table *table, const struct record *r, int sign) {
     uint64_t bytes = strlen(r->id) + r->size;
     table->count[r->kind] += (unsigned)sign;
@@ -167,7 +167,7 @@ bool srv_table_put(struct srv_table *table, enum srv_kind kind, const char *id, 
     copy[size] = 0;
     if (r->text) {
         count(table, r, -1);
-    } else { /* new, or again */
+    } else { /* new, or put again after it was removed */
         unlink_record(table, r);
         append(table, r);
     }
@@ -229,7 +229,7 @@ unsigned srv_table_changes(const struct srv_table *table) {
     return table->changed;
 }
 
-/* One block: the change, its id, its text. */
+/* Allocates one block for the change, its id and its text. */
 static struct srv_change *copy_change(const struct record *r) {
     size_t id_size = strlen(r->id) + 1;
     struct srv_change *change = malloc(sizeof *change + id_size + r->size + 1);

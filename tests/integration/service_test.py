@@ -126,7 +126,7 @@ class Service(unittest.TestCase):
         manager.until_told('WATCHDOG=1')
         with open(hold, encoding='utf-8') as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # the stream thread hangs
-            manager.until_logged('no sign of life: the stream thread did not come round for', len(manager.lines))
+            manager.until_logged('the stream thread has been blocked for', len(manager.lines))
             told = []
             for _ in range(2):  # the main thread goes on, and says nothing between the two but this
                 manager.process.send_signal(signal.SIGHUP)
@@ -160,7 +160,7 @@ class Service(unittest.TestCase):
         self.assertEqual([self.status_with(address, t) for t in TOKENS], [401, 200])
         manager.until_logged('level=debug')
         # What cannot be read changes nothing.
-        for name, text, why in (('config', 'nonsense = 1\n', "there is no setting 'nonsense'"),
+        for name, text, why in (('config', 'nonsense = 1\n', "unknown setting 'nonsense'"),
                                 ('token', 'short', '16 to 128')):
             start = len(manager.lines)
             with open(os.path.join(self.folder.name, name), encoding='utf-8') as f:

@@ -334,10 +334,10 @@ test('a folder that cannot be used: why and what to do', async () => {
     assert.equal(status, 1);
     assert.match(err.trim().split('\n').at(-1), text);
   };
-  await refused(state, /^splatd: .*another splatd keeps its state here; give each a --state of its own/);
+  await refused(state, /^splatd: .*another splatd uses this folder; give each daemon its own --state/);
   assert.equal(await daemon.stop(), 0);
   writeFileSync(path.join(state, 'splatd.db'), 'no database at all, but long enough to have a header of one hundred bytes, which it has not'.repeat(9));
-  await refused(state, /splatd\.db: the database is damaged .*; restore a copy, or move it away/);
+  await refused(state, /splatd\.db: the database is damaged .*; restore a copy, or move the file away/);
   await refused('/dev/null', /folder/);
 });
 
@@ -393,9 +393,9 @@ test('a full disk: the daemon goes on, says so, and catches up', async () => {
   assert.equal(ready.status, 200);
   assert.equal(ready.json.state.status, 'failing');
   assert.ok(ready.json.state.reason && ready.json.state.waiting > 0);
-  await daemon.untilLogged('state is not written and kept in memory alone');
+  await daemon.untilLogged('cannot write the state; keeping it in memory');
   execFileSync('prlimit', ['--pid', String(daemon.child.pid), '--fsize=unlimited:']);
-  await daemon.untilLogged('state is written again'); // by itself
+  await daemon.untilLogged('state is being written again'); // by itself
   assert.equal((await daemon.json('/readyz', { token: null })).json.state.status, 'written');
   await killed(daemon);
   const again = await start(state);

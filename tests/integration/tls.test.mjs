@@ -352,7 +352,7 @@ test('SIGHUP: new connections get the new certificate, old ones go on; a bad one
   assert.equal((await ask('/healthz')).subject, 'two');
   writeFileSync(cert, 'no certificate');
   daemon.kill('SIGHUP');
-  await daemon.untilLogged(/not reloaded, what was there stays: \S+cert\.pem: is no certificate in PEM/);
+  await daemon.untilLogged(/reload failed; keeping the old configuration: \S+cert\.pem: is no certificate in PEM/);
   assert.equal((await ask('/healthz')).subject, 'two');
   await stream.update({ background: [0, 0, 1, 1] }, 9);
   await stream.final(9);

@@ -165,7 +165,7 @@ test('kept views are of who kept them first, and have a quota', async () => {
   assert.deepEqual([one.status, two.status, (await keep(40, 'render')).status], [201, 201, 201], 'what is kept already is no further one');
   const third = await keep(42, 'render');
   assert.deepEqual([third.status, third.headers.get('Retry-After')], [429, '1']);
-  assert.match(third.json.detail, /bob keeps 2 views, and its token allows 2/);
+  assert.match(third.json.detail, /bob has 2 views and its token allows 2/);
   const other = await keep(42, 'admin');
   assert.equal((await keep(42, 'render')).json.id, other.json.id, 'it is there');
   assert.deepEqual((await views('render')).map(({ id, owner }) => [id, owner]).sort(), [one, two].map(({ json }) => [json.id, 'bob']).sort());
@@ -197,7 +197,7 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   const status = async (role) => (await daemon.fetch('/metrics', { token: of(role) })).status;
   fs.writeFileSync(file, `${LINES.join('\n')}\n${of('more')} role=king\n`);
   daemon.kill('SIGHUP');
-  await daemon.untilLogged(/not reloaded, what was there stays.*line 8/);
+  await daemon.untilLogged(/reload failed; keeping the old configuration.*line 8/);
   assert.deepEqual([await status('metrics'), await status('more')], [200, 401]);
   const { sessions } = (await daemon.json('/api/v1/sessions', { token: of('control') })).json;
   const { json: session } = await daemon.json(`/api/v1/sessions/${sessions[0].id}`);

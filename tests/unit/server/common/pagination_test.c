@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Pages of a list.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,34 +17,35 @@
 
 enum { IDS = 500, BYTES = 8 };
 
-static unsigned show(struct srv_page *page, const char *gone) {
+static unsigned show(struct srv_page *page, const char *removed) {
     unsigned at = 7;
-    for (int i = 0; i < IDS; i++) { /* every number once, in no order */
+    for (int i = 0; i < IDS; i++) { /* every number once, in a scattered order */
         char id[BYTES];
         at = (at + 211) % IDS;
         snprintf(id, sizeof id, "%03u", at);
-        char *slot = strcmp(id, gone) == 0 ? NULL : srv_page_slot(page, id);
+        char *slot = strcmp(id, removed) == 0 ? NULL : srv_page_slot(page, id);
         if (slot)
             strcpy(slot, id);
     }
     return page->count;
 }
 
-/* Pages of every length hold each id once and in order, also when the last one of a page goes. */
+/* Pages of any length hold each id once and in order, also when the last item of a page is removed
+ * before the next page is requested. */
 static void pages_hold_all_once(void **state) {
     (void)state;
     static char items[IDS + 1][BYTES];
     for (unsigned max = 1; max <= IDS + 1; max += max < 9 ? 1 : 97) {
-        bool last_goes = max % 2;
+        bool is_last_removed = max % 2;
         char after[BYTES] = "", expected[BYTES];
         unsigned seen = 0;
         for (;;) {
             struct srv_page page = {
                 .items = items, .item_bytes = BYTES, .max = max, .after = after
             };
-            if (show(&page, last_goes ? after : "none") == 0)
+            if (show(&page, is_last_removed ? after : "none") == 0)
                 break;
-            assert_true(page.count <= max);
+            assert_in_range(page.count, 1, max);
             for (unsigned i = 0; i < page.count; i++) {
                 snprintf(expected, sizeof expected, "%03u", seen++);
                 assert_string_equal(items[i], expected);

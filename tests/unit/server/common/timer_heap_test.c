@@ -1,4 +1,7 @@
-/* SPDX-License-Identifier: Apache-2.0 */
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The timer heap.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,7 +17,7 @@
 
 enum { COUNT = 60, STEPS = 20000, TIMES = 50 };
 
-static struct srv_timer_heap dues;
+static struct srv_timer_heap heap;
 static struct srv_timer nodes[COUNT];
 static double model[COUNT]; /* INFINITY = not set */
 
@@ -35,37 +38,37 @@ static double least(void) {
 
 static void take(double now) {
     double at = least();
-    struct srv_timer *due = srv_timer_take(&dues, now);
+    struct srv_timer *timer = srv_timer_take(&heap, now);
     if (at > now) {
-        assert_null(due);
+        assert_null(timer);
         return;
     }
-    assert_non_null(due);
-    assert_true(model[due - nodes] == at);
-    assert_false(due->is_set);
-    model[due - nodes] = INFINITY;
+    assert_non_null(timer);
+    assert_true(model[timer - nodes] == at);
+    assert_false(timer->is_set);
+    model[timer - nodes] = INFINITY;
 }
 
-/* Against a list that is searched, step by step; many of the times are equal. */
-static void what_is_due_comes_in_order(void **state) {
+/* Compares the heap with a plain array after each of many random steps. Many times are equal. */
+static void timers_expire_in_order(void **state) {
     (void)state;
     for (int i = 0; i < COUNT; i++) {
         nodes[i].of = &nodes[i];
         model[i] = INFINITY;
     }
-    assert_true(srv_timer_next(&dues) == INFINITY);
+    assert_true(srv_timer_next(&heap) == INFINITY);
     unsigned most = 0;
     for (int step = 0; step < STEPS; step++) {
         unsigned i = dice(COUNT), what = dice(8);
         double at = dice(TIMES);
         if (what < 3) {
-            srv_timer_set(&dues, &nodes[i], at);
+            srv_timer_set(&heap, &nodes[i], at);
             model[i] = at;
         } else if (what < 5) {
-            srv_timer_set_by(&dues, &nodes[i], at);
+            srv_timer_set_by(&heap, &nodes[i], at);
             model[i] = fmin(model[i], at);
         } else if (what == 5) {
-            srv_timer_clear(&dues, &nodes[i]);
+            srv_timer_clear(&heap, &nodes[i]);
             model[i] = INFINITY;
         } else {
             take(at / 4);
@@ -76,31 +79,31 @@ static void what_is_due_comes_in_order(void **state) {
             set += nodes[k].is_set;
         }
         most = set > most ? set : most;
-        assert_true(srv_timer_next(&dues) == least());
+        assert_true(srv_timer_next(&heap) == least());
     }
     assert_true(most > COUNT / 2);
     while (least() < INFINITY)
         take(TIMES);
-    assert_null(srv_timer_take(&dues, INFINITY));
+    assert_null(srv_timer_take(&heap, INFINITY));
 }
 
-static void never_is_not_set(void **state) {
+static void a_timer_at_infinity_is_not_set(void **state) {
     (void)state;
-    struct srv_timer due = { .of = &due };
-    srv_timer_set_by(&dues, &due, INFINITY);
-    assert_false(due.is_set);
-    srv_timer_set(&dues, &due, 5);
-    srv_timer_set_by(&dues, &due, INFINITY);
-    assert_true(srv_timer_next(&dues) == 5);
-    srv_timer_set(&dues, &due, INFINITY);
-    assert_false(due.is_set);
-    assert_null(srv_timer_take(&dues, INFINITY));
+    struct srv_timer timer = { .of = &timer };
+    srv_timer_set_by(&heap, &timer, INFINITY);
+    assert_false(timer.is_set);
+    srv_timer_set(&heap, &timer, 5);
+    srv_timer_set_by(&heap, &timer, INFINITY);
+    assert_true(srv_timer_next(&heap) == 5);
+    srv_timer_set(&heap, &timer, INFINITY);
+    assert_false(timer.is_set);
+    assert_null(srv_timer_take(&heap, INFINITY));
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_due_comes_in_order),
-        cmocka_unit_test(never_is_not_set),
+        cmocka_unit_test(timers_expire_in_order),
+        cmocka_unit_test(a_timer_at_infinity_is_not_set),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

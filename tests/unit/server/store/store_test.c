@@ -179,7 +179,7 @@ static void keeps_in_memory(void **state) {
     assert_false(srv_store_add(store, SRV_KIND_VIEW, "c", "23", 2, &share, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_string_equal(err.place, "here");
-    assert_string_equal(err.text, "ann keeps 1 views, and its token allows 1; delete some");
+    assert_string_equal(err.text, "ann has 1 views and its token allows 1; delete some");
     assert_false(srv_store_add(store, SRV_KIND_VIEW, "c", "3", 1, &other, &err));
     assert_non_null(strstr(err.text, "--views allows 2"));
     holds(store, SRV_KIND_SESSION, "a", "session");
@@ -264,7 +264,7 @@ static void what_cannot_be_used(void **state) {
     database_path(*state, path);
     refused("/dev/null", SP_ERR_IO, "folder");
     snprintf(folder, sizeof folder, "%s/none/deeper", (char *)*state);
-    refused(folder, SP_ERR_IO, "cannot make this folder");
+    refused(folder, SP_ERR_IO, "cannot create this folder");
 
     FILE *file = fopen(path, "w"); /* no database */
     memset(text, 'x', sizeof text);
