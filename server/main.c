@@ -2,13 +2,10 @@
  *
  * splatd: reads the settings, starts the daemon, waits for a signal (SIGHUP reloads), drains.
  */
-#include <errno.h>
-#include <fcntl.h>
 #include <math.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "common/clock.h"
@@ -18,23 +15,6 @@
 #include "server/daemon.h"
 
 enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_NO_GPU = 3 };
-
-/* Opens /dev/null for each standard descriptor that is closed. Otherwise a connection could get its
- * number and receive log lines. Writing to standard output still fails. Call it first. */
-static void occupy_standard_descriptors(void) {
-    int fd;
-    do
-        fd = open("/dev/null", O_RDONLY);
-    while (fd >= 0 && fd <= STDERR_FILENO);
-    if (fd >= 0)
-        close(fd);
-}
-
-/* True if everything printed on standard output was written. SP_ERR_IO. */
-static bool finish_standard_output(struct sp_error *err) {
-    return (fflush(stdout) == 0 && !ferror(stdout)) ||
-           sp_fail(err, SP_ERR_IO, "standard output", "cannot write: %s", strerror(errno));
-}
 
 static int complain(const struct sp_error *err) {
     fprintf(stderr, "splatd: %s%s%s\n", err->place, err->place[0] ? ": " : "", err->text);
@@ -107,7 +87,7 @@ static bool print_address(const struct srv_daemon *daemon, struct sp_error *err)
     char url[256];
     srv_daemon_url(daemon, url, sizeof url);
     printf("splatd: listening on %s\n", url);
-    return finish_standard_output(err);
+    return srv_standard_finish(err);
 }
 
 static int run(const struct srv_config *config, int argc, char **argv) {
@@ -149,14 +129,14 @@ static int print(const struct srv_config *config, struct sp_error *err) {
         status = srv_probe(stdout) ? EXIT_OK : EXIT_NO_GPU;
     else
         srv_config_print(config, stdout);
-    return finish_standard_output(err) ? status : complain(err);
+    return srv_standard_finish(err) ? status : complain(err);
 }
 
 int main(int argc, char **argv) {
     struct srv_config config;
     struct sp_error err = { .code = SP_OK };
     int status;
-    occupy_standard_descriptors();
+    srv_standard_occupy();
     if (!srv_config_init(&config, &err) || !srv_config_parse(&config, argc, argv, &err))
         status = complain(&err);
     else if (config.help || config.version || config.probe || config.print_config)

@@ -1,10 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ops/service.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <stdint.h>
+#include <stdio.h>
+#include <string.h>
 #include <systemd/sd-daemon.h>
 #include <time.h>
+#include <unistd.h>
+
+void srv_standard_occupy(void) {
+    int fd;
+    do
+        fd = open("/dev/null", O_RDONLY);
+    while (fd >= 0 && fd <= STDERR_FILENO);
+    if (fd >= 0)
+        close(fd);
+}
+
+bool srv_standard_finish(struct sp_error *err) {
+    return (fflush(stdout) == 0 && !ferror(stdout)) ||
+           sp_fail(err, SP_ERR_IO, "standard output", "cannot write: %s", strerror(errno));
+}
 
 void srv_service_ready(const char *listen) {
     sd_notifyf(0, "READY=1\nSTATUS=listening on %s", listen);

@@ -1,10 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Notifications to the service manager that started the daemon (systemd: Type=notify,
- * WatchdogSec=). Without a service manager the functions do nothing. Main thread only.
+ * The process and its parent: standard descriptors, and notifications to the service manager that
+ * started the daemon (systemd: Type=notify, WatchdogSec=). Without a service manager the
+ * notifications do nothing. Main thread only.
  */
 #ifndef SRV_OPS_SERVICE_H
 #define SRV_OPS_SERVICE_H
+
+#include <stdbool.h>
+
+#include "sp/status.h"
+
+/* Opens /dev/null for each standard descriptor that is closed. Otherwise a connection could get its
+ * number and receive log lines. Writing to standard output still fails. Call it first. */
+void srv_standard_occupy(void);
+/* True if everything printed on standard output was written. SP_ERR_IO. */
+bool srv_standard_finish(struct sp_error *err);
 
 /* Reports that the daemon is ready: after the start and after each reload. `systemctl status` shows
  * the address. */

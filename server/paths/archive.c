@@ -10,26 +10,26 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { BLOCK = 64 * 1024, ROOM = 4 * BLOCK };
+enum { BLOCK = 64 * 1024, CAPACITY = 4 * BLOCK };
 
 struct srv_archive {
     struct srv_folder folder;
     char id[65], extension[8];
-    uint32_t count, next; /* next: the frame after the one at hand */
+    uint32_t count, next; /* next: the frame after the current one */
     struct archive *tar;
-    int fd; /* of the frame at hand; −1 = none */
+    int fd; /* of the current frame; −1 = none */
     bool is_closed;
-    bool is_given_up;  /* what is still written goes nowhere */
-    size_t start, end; /* of what is written and not read yet */
-    char bytes[ROOM];
+    bool is_cancelled; /* discard further output */
+    size_t start, end; /* the part of `bytes` that is not yet read */
+    char bytes[CAPACITY];
 };
 
 static la_ssize_t on_write(struct archive *tar, void *user, const void *bytes, size_t size) {
     struct srv_archive *a = user;
-    if (a->is_given_up)
+    if (a->is_cancelled)
         return (la_ssize_t)size;
-    if (size > ROOM - a->end) {
-        archive_set_error(tar, ARCHIVE_FATAL, "a block does not fit");
+    if (size > CAPACITY - a->end) {
+        archive_set_error(tar, ARCHIVE_FATAL, "the buffer is full");
         return ARCHIVE_FATAL;
     }
     memcpy(a->bytes + a->end, bytes, size);
@@ -53,7 +53,7 @@ struct srv_archive *srv_archive_create(const struct srv_folder *folder, const ch
         archive_write_set_bytes_per_block(a->tar, 0) == ARCHIVE_OK &&
         archive_write_open(a->tar, a, NULL, on_write, NULL) == ARCHIVE_OK)
         return a;
-    sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an archive");
+    sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating an archive");
     srv_archive_destroy(&a);
     return NULL;
 }
@@ -63,8 +63,8 @@ void srv_archive_destroy(struct srv_archive **archive) {
     *archive = NULL;
     if (!a)
         return;
-    a->is_given_up = true;
-    archive_write_free(a->tar); /* closes it; after archive_write_fail() it would leak */
+    a->is_cancelled = true;
+    archive_write_free(a->tar); /* closes it, too; after archive_write_fail() this would leak */
     if (a->fd >= 0)
         close(a->fd);
     free(a);
@@ -91,7 +91,7 @@ static bool begin_frame(struct srv_archive *a) {
     return ok;
 }
 
-/* Writes something more: a header, a block of a file, or the end. */
+/* Produces more output: a header, a block of a file, or the end. */
 static bool advance(struct srv_archive *a) {
     char block[BLOCK];
     if (a->fd < 0 && a->next < a->count)

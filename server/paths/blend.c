@@ -4,17 +4,18 @@
 #include <math.h>
 #include <string.h>
 
-/* Never outside [a, b], whatever rounding does: both may be the end of a range. */
+/* Linear. The result is never outside [a, b] despite rounding: both may be the end of a range. */
 static double mix(double a, double b, double u) {
     double x = u >= 1 ? b : u <= 0 ? a : a * (1 - u) + b * u;
     return fmin(fmax(x, fmin(a, b)), fmax(a, b));
 }
 
 static float mix_float(float a, float b, double u) {
-    return (float)mix((double)a, (double)b, u); /* rounding is monotonic: it stays within, too */
+    return (float)mix((double)a, (double)b,
+                      u); /* rounding is monotonic: the result stays in [a, b] */
 }
 
-/* Both above 0: equal steps of u are equal ratios. */
+/* Linear in the logarithm; both are above 0. */
 static double mix_log(double a, double b, double u) {
     double x = u >= 1 ? b : u <= 0 ? a : exp(mix(log(a), log(b), u));
     return fmin(fmax(x, fmin(a, b)), fmax(a, b));
@@ -48,13 +49,13 @@ static void slerp_weights(double cosine, double u, double weight[2]) {
     double angle = acos(fmin(fmax(cosine, -1), 1));
     weight[0] = 1 - u;
     weight[1] = u;
-    if (sin(angle) < 1e-9) /* so near that the arc is its chord */
+    if (sin(angle) < 1e-9) /* so close that the arc equals its chord */
         return;
     weight[0] = sin((1 - u) * angle) / sin(angle);
     weight[1] = sin(u * angle) / sin(angle);
 }
 
-/* False if there is no way between them: opposite directions. */
+/* False for opposite directions: the way between them is undefined. */
 static bool mix_direction(const double a[3], const double b[3], double u, double out[3]) {
     double from[3], to[3], weight[2];
     memcpy(from, a, sizeof from);
@@ -74,7 +75,7 @@ static bool mix_direction(const double a[3], const double b[3], double u, double
 /* The camera. */
 
 struct pose {
-    double turn[4]; /* unit quaternion w, x, y, z: of the axes right, up, back */
+    double turn[4]; /* unit quaternion w, x, y, z of the axes right, up, back */
     double distance;
 };
 
@@ -119,7 +120,7 @@ static void mix_turn(const double a[4], const double b[4], double u, double q[4]
     double weight[2], cosine = 0, square = 0;
     for (int i = 0; i < 4; i++)
         cosine += a[i] * b[i];
-    double sign = cosine < 0 ? -1 : 1; /* q and −q are the same turn: take the shorter way */
+    double sign = cosine < 0 ? -1 : 1; /* q and −q are the same rotation: take the shorter way */
     slerp_weights(sign * cosine, u, weight);
     for (int i = 0; i < 4; i++) {
         q[i] = a[i] * weight[0] + sign * b[i] * weight[1];
@@ -155,7 +156,7 @@ void srv_blend_camera(const struct sp_camera *a, const struct sp_camera *b, doub
     }
 }
 
-/* The transfer function: points in the order of their values, linear between. */
+/* The transfer function: points in the order of their values, linear in between. */
 
 enum { CHANNELS_MAX = 4 };
 struct curve {
@@ -164,10 +165,10 @@ struct curve {
     float y[SP_TF_POINTS_MAX][CHANNELS_MAX];
 };
 
-/* At x, of which `next` is the first point at or behind it. */
+/* Evaluates the curve at x; `next` is its first point at or after x. */
 static void sample(const struct curve *curve, uint32_t next, double x, unsigned channels,
                    float *y) {
-    if (curve->count == 0) { /* a gradient without influence */
+    if (curve->count == 0) { /* no gradient points: 1 everywhere */
         y[0] = 1;
         return;
     }
@@ -176,12 +177,14 @@ static void sample(const struct curve *curve, uint32_t next, double x, unsigned 
         return;
     }
     double left = curve->value[next - 1], right = curve->value[next];
-    double u = (x / 2 - left / 2) / (right / 2 - left / 2); /* halves: a range may overflow */
+    double u =
+        (x / 2 - left / 2) / (right / 2 - left / 2); /* halves: the difference may overflow */
     for (unsigned c = 0; c < channels; c++)
         y[c] = mix_float(curve->y[next - 1][c], curve->y[next][c], u);
 }
 
-/* The values of both, rising, each once: calls visit for each. Returns how many. */
+/* Blends at the values of both curves, rising, each value once. Returns their number, which may be
+ * above `max`; out NULL = count only. */
 static unsigned blend_curves(const struct curve *a, const struct curve *b, double u,
                              unsigned channels, unsigned max, struct curve *out) {
     uint32_t i = 0, j = 0;
@@ -292,7 +295,7 @@ static void blend_lights(const struct sp_shading *a, const struct sp_shading *b,
         const struct sp_light *from = &a->lights[i], *to = &b->lights[i];
         for (int c = 0; c < 3; c++)
             out->lights[i].color[c] = mix_float(from->color[c], to->color[c], u);
-        if (from->space == to->space) /* else they are directions of different worlds */
+        if (from->space == to->space) /* otherwise the directions cannot be compared */
             mix_direction(from->direction, to->direction, u, out->lights[i].direction);
     }
 }

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What lies between two values of a member of a view: from a (u = 0) to b (u = 1). Both must be
- * valid. At u = 0 the result is a, at u = 1 it is b, to the bit.
+ * Interpolates the members of a view from a (u = 0) to b (u = 1). Both must be valid. At u = 0 the
+ * result equals a bit for bit, at u = 1 it equals b.
  *
  *   numbers, colours   linear
  *   names              a until u = 1
- *   camera             moves on an arc about its target: the target is linear, the orientation
- *                      turns at constant speed about one axis, the shorter way (slerp), and the
+ *   camera             moves on an arc around its target: the target is linear, the orientation
+ *                      turns at constant speed around one axis, the shorter way (slerp), and the
  *                      distance is linear in its logarithm, as are height and near plane
  *   transfer function  a function of value: at each value the linear mean of both. Both are linear
  *                      between points, so that the points of both together give it exactly; so does
@@ -22,8 +22,8 @@
 
 void srv_blend_camera(const struct sp_camera *a, const struct sp_camera *b, double u,
                       struct sp_camera *out);
-/* Points of both together: more than there may be if one of them is larger than SP_TF_POINTS_MAX or
- * SP_GRADIENT_POINTS_MAX; such a pair cannot be blended. */
+/* Counts the distinct points of both together. A pair with more than SP_TF_POINTS_MAX points or
+ * SP_GRADIENT_POINTS_MAX gradient points cannot be blended. */
 void srv_blend_count(const struct sp_transfer_function *a, const struct sp_transfer_function *b,
                      unsigned *points, unsigned *gradient);
 void srv_blend_transfer_function(const struct sp_transfer_function *a,

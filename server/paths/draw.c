@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The thread of the paths: a frame after the other, from the view to the file.
+ * The thread of the camera paths: renders one frame after the other, encodes it and writes its
+ * file.
  */
 #include <math.h>
 #include <stdio.h>
@@ -15,23 +16,23 @@
 #include "sp/log.h"
 
 enum { VIDEO_THREADS = 1 };
-#define PAUSE_MS 1000.0 /* before what failed is tried again: twice as long each time */
+#define PAUSE_MS 1000.0 /* before the first retry; doubles with each further one */
 #define PAUSE_MAX_MS 60000.0
-#define KEY_SECONDS 2.0 /* between key frames, to which players seek */
+#define KEY_SECONDS 2.0 /* between key frames of a movie; players seek to these */
 
-struct encoder { /* of a movie, between its frames, too */
+struct encoder { /* the encoder of one movie; it lives between frames */
     struct encoder *next;
     char id[SRV_PATH_ID_BYTES];
     struct sp_video *video;
     uint64_t px;
 };
 
-struct drawing { /* what the thread has */
+struct drawing { /* the state of the thread */
     struct srv_paths *paths;
     struct sp_encoder *encoder;
-    struct encoder *videos;          /* the last used one first */
-    struct srv_path *path;           /* that it is at; NULL = none */
-    struct srv_keyframes *keyframes; /* of the path; NULL = not read */
+    struct encoder *videos;          /* most recently used first */
+    struct srv_path *path;           /* the current path; NULL = none */
+    struct srv_keyframes *keyframes; /* of the path; NULL = not yet read */
 };
 
 static void leave_path(struct drawing *d) {
@@ -55,15 +56,15 @@ static struct encoder **find_video(struct drawing *d, const char *id) {
     return at;
 }
 
-/* The path needs it no more, or not for a while. */
+/* Frees the encoder of a path that is done or must wait. */
 static void drop_video_of(struct drawing *d, const char *id) {
     struct encoder **at = find_video(d, id);
     if (*at)
         drop_video(at);
 }
 
-/* Drops those that were not used for longest until there is room for so many px. The next frame of
- * their movies is a key frame, which any movie may have anywhere. */
+/* Frees the least recently used encoders until `px` more pixels fit into --video-pixels. The next
+ * frame of their movies becomes a key frame, which a movie may have anywhere. */
 static void evict_videos(struct drawing *d, uint64_t px) {
     struct encoder **at = &d->videos;
     while (*at && px + (*at)->px <= d->paths->options.video_px) {
@@ -74,7 +75,7 @@ static void evict_videos(struct drawing *d, uint64_t px) {
         drop_video(at);
 }
 
-/* The encoder of the path's movie. */
+/* Returns the encoder of the path's movie, creating it if necessary. */
 static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
     struct encoder **at = find_video(d, d->path->id), *encoder = *at;
     if (encoder) {
@@ -86,7 +87,7 @@ static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
         encoder = calloc(1, sizeof *encoder);
         if (!encoder || !(encoder->video = sp_video_create(SP_VIDEO_VP9, VIDEO_THREADS, err))) {
             if (!encoder)
-                sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for an encoder");
+                sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a video encoder");
             free(encoder);
             return NULL;
         }
@@ -98,7 +99,7 @@ static struct sp_video *take_video(struct drawing *d, struct sp_error *err) {
     return encoder->video;
 }
 
-/* The mutex is held by the two, and by what is called in pairs of unlock and lock below. */
+/* The caller of set_state() holds the mutex. */
 
 static void set_state(struct srv_paths *paths, struct srv_path *path, enum srv_path_state state,
                       const char *reason) {
@@ -117,7 +118,7 @@ static void fail_path(struct drawing *d, const struct sp_error *err) {
     sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", d->path->id }), "path %s failed at %s",
                 d->path->id, reason);
     pthread_mutex_lock(&paths->records);
-    if (!atomic_load(&d->path->is_removed)) /* else its record goes, or went */
+    if (!atomic_load(&d->path->is_removed)) /* otherwise its record is removed */
         srv_path_record_fail(paths, d->path->id, reason);
     pthread_mutex_unlock(&paths->records);
     srv_metrics_add(paths->options.metrics, SRV_COUNT_PATH_FAILED, 1);
@@ -126,9 +127,9 @@ static void fail_path(struct drawing *d, const struct sp_error *err) {
     pthread_mutex_unlock(&paths->mutex);
 }
 
-/* Can it be otherwise another time: a full disk, memory, what others take up? Which one is what
- * *missing counts. */
-static bool passes(enum sp_code code, enum srv_counter *missing) {
+/* True if the error may go away by itself: a full disk, no memory, a quota in use. *missing is the
+ * counter for it. */
+static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
     switch (code) {
     case SP_ERR_IO:
         *missing = SRV_COUNT_PATH_WAIT_DISK;
@@ -158,27 +159,28 @@ static bool passes(enum sp_code code, enum srv_counter *missing) {
     return false;
 }
 
-/* Waits until what it waits for has changed since `generation`, or until_ms. */
+/* Marks the path as waiting until something changes after `generation`, or until until_ms. */
 static void block(struct drawing *d, uint64_t generation, double until_ms, enum srv_counter missing,
                   const char *reason) {
     struct srv_paths *paths = d->paths;
     srv_metrics_add(paths->options.metrics, missing, 1);
-    drop_video_of(d, d->path->id); /* it may have seen a frame that is not on the disk */
+    drop_video_of(d, d->path->id); /* it may have encoded a frame that is not on the disk */
     pthread_mutex_lock(&paths->mutex);
     d->path->blocked_ms = paths->generation == generation ? until_ms : 0;
     set_state(paths, d->path, SRV_PATH_WAITING, reason);
     pthread_mutex_unlock(&paths->mutex);
 }
 
-/* The path cannot go on: what passes is waited for, longer and longer. */
+/* Handles an error: a permanent one fails the path, a temporary one is retried after a pause that
+ * doubles each time. */
 static void stop_path(struct drawing *d, uint64_t generation, const struct sp_error *err) {
     struct srv_path *path = d->path;
     char reason[SP_ERROR_TEXT];
     const char *slash = strrchr(err->place, '/');
     enum srv_counter missing;
-    if (err->code == SP_ERR_CANCELLED) /* it was removed, or the daemon stops */
+    if (err->code == SP_ERR_CANCELLED) /* the path was removed, or the daemon stops */
         return;
-    if (!passes(err->code, &missing)) {
+    if (!is_temporary(err->code, &missing)) {
         fail_path(d, err);
         return;
     }
@@ -187,14 +189,14 @@ static void stop_path(struct drawing *d, uint64_t generation, const struct sp_er
     if (path->pause_ms == 0)
         sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "path", path->id }),
                     "path %s waits at frame %u: %s", path->id, path->done, reason);
-    if (err->code == SP_ERR_IO) /* where its files lie is not for clients */
+    if (err->code == SP_ERR_IO) /* clients must not learn the folder */
         snprintf(reason, sizeof reason, "%.100s: %.280s", slash ? slash + 1 : err->place,
                  err->text);
     path->pause_ms = fmin(fmax(2 * path->pause_ms, PAUSE_MS), PAUSE_MAX_MS);
     block(d, generation, srv_clock_ms() + path->pause_ms, missing, reason);
 }
 
-/* The frame, by the scheduler. */
+/* Rendering a frame. */
 
 struct answer {
     struct srv_paths *paths;
@@ -215,17 +217,17 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
         answer->frame = sp_frame_ref(result->frame);
     else
         answer->err = result->err;
-    answer->is_there = true; /* it may be gone once the mutex is */
+    answer->is_there = true; /* the waiter may free `answer` once the mutex is released */
     pthread_cond_broadcast(&paths->wake);
     pthread_mutex_unlock(&paths->mutex);
 }
 
-static bool is_given_up(void *user) {
+static bool is_cancelled(void *user) {
     const struct answer *answer = user;
     return atomic_load(&answer->path->is_removed) || atomic_load(&answer->paths->stop);
 }
 
-/* Takes over the use of the volume. */
+/* Renders one view; takes over the reference to the volume. */
 static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
                                struct srv_volume *volume, struct sp_error *err) {
     struct answer answer = { .paths = d->paths, .path = d->path };
@@ -236,7 +238,7 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
                                   .expected_ms = d->path->frame_ms,
                                   .wants_frame = true,
                                   .done = on_done,
-                                  .is_gone = is_given_up,
+                                  .is_gone = is_cancelled,
                                   .user = &answer };
     if (d->path->output.is_movie)
         still.format = SP_IMAGE_PNG;
@@ -254,7 +256,7 @@ static struct sp_frame *render(struct drawing *d, const struct sp_view *view,
     return answer.frame;
 }
 
-/* The path's frame as messages of room have it. */
+/* Writes the subject of a quota error: "frame 7 has". */
 static const char *frame_has(const struct srv_path *path, char text[32]) {
     snprintf(text, 32, "frame %u has", path->done);
     return text;
@@ -266,7 +268,7 @@ static void give_back_bytes(struct drawing *d, uint64_t bytes) {
     pthread_mutex_unlock(&d->paths->mutex);
 }
 
-/* Writes the frame's file. */
+/* Encodes the frame and writes its file. */
 static bool write_frame(struct drawing *d, const struct sp_frame *frame, struct sp_error *err) {
     const struct srv_path_output *output = &d->path->output;
     struct sp_video_packet packet = { .size = 0 };
@@ -310,7 +312,7 @@ static void count_frame(struct drawing *d) {
     pthread_mutex_unlock(&paths->mutex);
 }
 
-/* A use of the path's volume. SP_ERR_INVALID: it will never have one. */
+/* Acquires the path's volume. SP_ERR_INVALID = the path can never have it again. */
 static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
     struct srv_catalog *catalog = d->paths->options.catalog;
     const struct srv_path *path = d->path;
@@ -329,14 +331,13 @@ static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
         sp_fail(err, SP_ERR_INVALID, NULL, "the volume '%s' was unloaded", path->volume);
     else if (why.code == SP_ERR_NOT_FOUND)
         sp_fail(err, why.code, NULL,
-                "the volume '%s' is not there: load it under this id, or delete the path",
-                path->volume);
+                "there is no volume '%s'; load it under this id, or delete the path", path->volume);
     else if (!volume)
         *err = why;
     else
         sp_fail(err, SP_ERR_INVALID, NULL,
-                "the volume '%s' is not the one that the path was made for: its file was replaced, "
-                "or another has its name",
+                "the volume '%s' is not the one that the path was created for: its file was "
+                "replaced, or another volume has its name",
                 path->volume);
     return NULL;
 }
@@ -349,8 +350,7 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
         srv_path_quota_has(d->paths, d->path, d->path->wants, frame_has(d->path, what), &err);
     struct srv_volume *volume = has_bytes ? acquire(d, &err) : NULL;
     if (!volume) {
-        /* One that loads, could not, or is not there is waited for until there is news of volumes.
-         */
+        /* The volume is loading, failed to load or is unknown: wait until a volume changes. */
         if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED ||
             err.code == SP_ERR_NOT_FOUND)
             block(d, generation, INFINITY, SRV_COUNT_PATH_WAIT_VOLUME, err.text);
@@ -359,7 +359,7 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
         return;
     }
     pthread_mutex_lock(&d->paths->mutex);
-    if (d->path->pause_ms == 0) /* else it waits until this frame is there */
+    if (d->path->pause_ms == 0) /* otherwise it stays "waiting" until this frame is done */
         set_state(d->paths, d->path, SRV_PATH_RUNNING, "");
     pthread_mutex_unlock(&d->paths->mutex);
     struct sp_frame *frame = NULL;
@@ -375,7 +375,7 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
         stop_path(d, generation, &err);
 }
 
-/* The packets become a movie: until it is whole both take room. */
+/* Writes the movie from the packets. Until it is complete, both count towards the quotas. */
 static bool make_movie(struct drawing *d, struct sp_error *err) {
     struct srv_paths *paths = d->paths;
     struct srv_path *path = d->path;
@@ -396,7 +396,7 @@ static bool make_movie(struct drawing *d, struct sp_error *err) {
     return true;
 }
 
-/* All frames are there. */
+/* Called when all frames are on the disk. */
 static void finish_path(struct drawing *d, uint64_t generation) {
     struct srv_paths *paths = d->paths;
     struct srv_path *path = d->path;
@@ -407,11 +407,11 @@ static void finish_path(struct drawing *d, uint64_t generation) {
     }
     pthread_mutex_lock(&paths->mutex);
     set_state(paths, path, SRV_PATH_DONE, "");
-    if (path->output.is_movie) /* another file has taken its frames' place */
+    if (path->output.is_movie) /* the movie is smaller than its packets: other paths may continue */
         srv_paths_unblock(paths);
     pthread_mutex_unlock(&paths->mutex);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "path", path->id }),
-                "path %s is done: %u frames, %llu bytes", path->id, path->output.frames,
+                "path %s finished: %u frames, %llu bytes", path->id, path->output.frames,
                 (unsigned long long)path->bytes);
 }
 
@@ -419,13 +419,13 @@ static bool is_over(const struct srv_path *path) {
     return path->state == SRV_PATH_DONE || path->state == SRV_PATH_FAILED;
 }
 
-/* When it can go on; INFINITY = not before something happens. */
+/* Returns the time when the path can continue; INFINITY = not before something changes. */
 static double ready_ms(const struct srv_path *path) {
     return is_over(path) || path->unwritten > 0 ? INFINITY : path->blocked_ms;
 }
 
-/* Of those that can go on the oldest of the owner whose turn it is; NULL = none. With the mutex
- * held. */
+/* Returns the oldest path that can continue of the owner whose turn it is; NULL = none. The caller
+ * holds the mutex. */
 static struct srv_path *next_path(struct srv_paths *paths) {
     struct srv_path *next = NULL;
     uint64_t first = UINT64_MAX;
@@ -441,7 +441,7 @@ static struct srv_path *next_path(struct srv_paths *paths) {
     return next;
 }
 
-/* Removes the files of a removed path, then its record. Without the mutex. */
+/* Deletes the files of a removed path, then its record. The caller does not hold the mutex. */
 static bool clear(struct drawing *d, const char *id) {
     struct srv_paths *paths = d->paths;
     struct sp_error err;
@@ -451,11 +451,13 @@ static bool clear(struct drawing *d, const char *id) {
         return true;
     }
     sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
-                "files of path %s stay until the next start: %s: %s", id, err.place, err.text);
+                "cannot delete the files of path %s; trying again at the next start: %s: %s", id,
+                err.place, err.text);
     return false;
 }
 
-/* All whose records say that they are removed. With the mutex held, which is let go meanwhile. */
+/* Deletes the files of all removed paths whose records say so on the disk. The caller holds the
+ * mutex, which is released in between. */
 static void clear_gone(struct drawing *d) {
     struct srv_paths *paths = d->paths;
     for (struct srv_path **at = &paths->gone, *path = *at; path; path = *at) {
@@ -473,11 +475,11 @@ static void clear_gone(struct drawing *d) {
         }
         srv_path_unref(path);
         srv_paths_unblock(paths);
-        at = &paths->gone; /* there may be others */
+        at = &paths->gone; /* the list may have changed */
     }
 }
 
-/* Until there is something to do, or a path to be tried again. With the mutex held. */
+/* Waits until there is something to do or a retry is due. The caller holds the mutex. */
 static void wait(struct srv_paths *paths) {
     double until_ms = INFINITY;
     for (const struct srv_path *path = paths->list; path; path = path->next)
@@ -490,18 +492,19 @@ static void wait(struct srv_paths *paths) {
     pthread_cond_timedwait(&paths->wake, &paths->mutex, &until);
 }
 
-/* Of a path that is not removed. */
+/* Reads the keyframes of the path from its record. */
 static struct srv_keyframes *read_keyframes(struct srv_paths *paths, const char *id,
                                             struct sp_error *err) {
     proto_json *record = srv_path_record_read(paths, id, err);
     struct srv_keyframes *keyframes = record ? srv_path_record_keyframes(record, err) : NULL;
     proto_json_free(&record);
-    if (!keyframes && err->code == SP_ERR_FORMAT) /* it was valid before: see proto_json_parse() */
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    if (!keyframes && err->code == SP_ERR_FORMAT) /* the record was valid, so parsing failed for
+                                                     want of memory: see proto_json_parse() */
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while reading a camera path");
     return keyframes;
 }
 
-/* One step of a path. With the mutex held, which is let go meanwhile. */
+/* Does one step of a path. The caller holds the mutex, which is released in between. */
 static void step(struct drawing *d, struct srv_path *path) {
     struct srv_paths *paths = d->paths;
     struct sp_error err;
@@ -514,7 +517,7 @@ static void step(struct drawing *d, struct srv_path *path) {
     path->by->turn = ++paths->turn;
     pthread_mutex_unlock(&paths->mutex);
     if (!d->keyframes && !(d->keyframes = read_keyframes(paths, path->id, &err))) {
-        if (!atomic_load(&path->is_removed)) /* else its record has gone, too */
+        if (!atomic_load(&path->is_removed)) /* otherwise its record was removed, too */
             stop_path(d, generation, &err);
     } else if (path->done < path->output.frames) {
         draw_frame(d, generation);
@@ -529,7 +532,7 @@ static void step(struct drawing *d, struct srv_path *path) {
 void *srv_paths_main(void *user) {
     struct drawing d = { .paths = user };
     struct srv_paths *paths = user;
-    srv_background_thread_enter("the thread for paths");
+    srv_background_thread_enter("the thread for camera paths");
     d.encoder = paths->encoder;
     pthread_mutex_lock(&paths->mutex);
     while (!atomic_load(&paths->stop)) {

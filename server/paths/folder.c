@@ -16,10 +16,10 @@ static bool fail(const char *path, const char *what, struct sp_error *err) {
 }
 
 static bool make_folder(const char *path, struct sp_error *err) {
-    return mkdir(path, 0700) == 0 || errno == EEXIST || fail(path, "make this folder", err);
+    return mkdir(path, 0700) == 0 || errno == EEXIST || fail(path, "create this folder", err);
 }
 
-/* Private folders. Whoever holds the lock on one lives, or is removing it. */
+/* Private folders. The holder of the lock is alive, or is removing the folder. */
 
 #define PRIVATE "splatd-frames-"
 enum { ID_CHARACTERS = 32, TRIES = 100 };
@@ -33,17 +33,17 @@ static bool is_id(const char *name) {
     return strlen(name) == ID_CHARACTERS && strspn(name, "0123456789abcdef") == ID_CHARACTERS;
 }
 
-/* What is no job's is not ours to remove. */
-static void remove_jobs(const struct srv_folder *left) {
-    DIR *jobs = opendir(left->root);
-    for (struct dirent *job; jobs && (job = readdir(jobs));)
-        if (is_id(job->d_name))
-            srv_folder_remove(left, job->d_name, NULL);
-    if (jobs)
-        closedir(jobs);
+/* Removes only folders of paths; anything else is not ours. */
+static void remove_paths(const struct srv_folder *left) {
+    DIR *paths = opendir(left->root);
+    for (struct dirent *entry; paths && (entry = readdir(paths));)
+        if (is_id(entry->d_name))
+            srv_folder_remove(left, entry->d_name, NULL);
+    if (paths)
+        closedir(paths);
 }
 
-/* Removes what a process has left that was killed: it is ours, and nobody holds the lock. */
+/* Removes the folder of a killed process: it belongs to our user, and nobody holds its lock. */
 static void remove_left(int parent, const char *name, const char *parent_path) {
     struct srv_folder left = { .lock = -1 };
     struct stat st;
@@ -51,7 +51,7 @@ static void remove_left(int parent, const char *name, const char *parent_path) {
     int n = snprintf(left.root, sizeof left.root, "%s/%s", parent_path, name);
     if (fd >= 0 && n > 0 && (size_t)n < sizeof left.root && fstat(fd, &st) == 0 &&
         st.st_uid == geteuid() && flock(fd, LOCK_EX | LOCK_NB) == 0) {
-        remove_jobs(&left);
+        remove_paths(&left);
         rmdir(left.root);
     }
     if (fd >= 0)
@@ -67,26 +67,27 @@ static void remove_all_left(const char *parent) {
         closedir(folders);
 }
 
-/* A new folder with the lock on it; again if another process took it for one that was left. */
+/* Creates a folder and locks it. Tries again if another process removed the folder before the lock
+ * was taken. */
 static bool open_private(struct srv_folder *folder, struct sp_error *err) {
     struct stat st;
     remove_all_left(temporary());
     for (int i = 0; i < TRIES; i++) {
         int n = snprintf(folder->root, sizeof folder->root, "%s/" PRIVATE "XXXXXX", temporary());
         if (n < 0 || (size_t)n >= sizeof folder->root)
-            return sp_fail(err, SP_ERR_INVALID, NULL, "the name of $TMPDIR is too long");
+            return sp_fail(err, SP_ERR_INVALID, NULL, "the path of $TMPDIR is too long");
         if (!mkdtemp(folder->root))
-            return fail(folder->root, "make a folder for frames", err);
+            return fail(folder->root, "create a folder for camera paths", err);
         folder->lock = open(folder->root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (folder->lock < 0)
             continue;
-        flock(folder->lock, LOCK_EX); /* a disk that has no locks has none to remove it by */
+        flock(folder->lock, LOCK_EX); /* on a file system without locks nobody removes it either */
         if (fstat(folder->lock, &st) == 0 && st.st_nlink > 0)
             return true;
         close(folder->lock);
     }
     folder->lock = -1;
-    return fail(folder->root, "make a folder for frames", err);
+    return fail(folder->root, "create a folder for camera paths", err);
 }
 
 bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_error *err) {
@@ -96,13 +97,13 @@ bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_err
         return open_private(folder, err);
     int n = snprintf(folder->root, sizeof folder->root, "%s/paths", state);
     if (n < 0 || (size_t)n >= sizeof folder->root)
-        return sp_fail(err, SP_ERR_INVALID, state, "the folder's name is too long");
+        return sp_fail(err, SP_ERR_INVALID, state, "the path of this folder is too long");
     return make_folder(folder->root, err);
 }
 
 void srv_folder_close(struct srv_folder *folder) {
     if (folder->is_private && folder->root[0])
-        rmdir(folder->root); /* the jobs' folders are gone by now */
+        rmdir(folder->root); /* the folders of the paths have been removed */
     if (folder->is_private && folder->lock >= 0)
         close(folder->lock);
     folder->root[0] = 0;
@@ -113,7 +114,7 @@ void srv_folder_path(const struct srv_folder *folder, const char *id, const char
     snprintf(path, SRV_FILE_BYTES, "%s/%.64s%s%.32s", folder->root, id, *name ? "/" : "", name);
 }
 
-/* Renames and file names outlive a crash of the machine from here on. */
+/* Syncs a folder, so that its new names survive a crash of the machine. */
 static bool sync_folder(const char *path) {
     int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     bool ok = fd >= 0 && fsync(fd) == 0;
@@ -137,13 +138,13 @@ static bool write_all(int fd, const char *bytes, size_t size) {
 
 bool srv_folder_take(const struct srv_folder *folder, const char *id, const char *part,
                      const char *name, struct sp_error *err) {
-    char from[SRV_FILE_BYTES], to[SRV_FILE_BYTES], job[SRV_FILE_BYTES];
+    char from[SRV_FILE_BYTES], to[SRV_FILE_BYTES], parent[SRV_FILE_BYTES];
     srv_folder_path(folder, id, part, from);
     srv_folder_path(folder, id, name, to);
-    srv_folder_path(folder, id, "", job);
+    srv_folder_path(folder, id, "", parent);
     int fd = open(from, O_RDONLY | O_CLOEXEC);
     bool is_renamed = fd >= 0 && fsync(fd) == 0 && rename(from, to) == 0;
-    bool ok = is_renamed && sync_folder(job);
+    bool ok = is_renamed && sync_folder(parent);
     if (!ok)
         fail(to, "write", err);
     if (fd >= 0)
@@ -160,7 +161,7 @@ bool srv_folder_write(const struct srv_folder *folder, const char *id, const cha
     srv_folder_path(folder, id, "", path);
     bool is_new = mkdir(path, 0700) == 0;
     if (is_new ? !sync_folder(folder->root) : errno != EEXIST) {
-        fail(path, "make this folder", err);
+        fail(path, "create this folder", err);
         if (is_new)
             rmdir(path);
         return false;
@@ -224,7 +225,7 @@ bool srv_folder_remove(const struct srv_folder *folder, const char *id, struct s
     return sync_folder(folder->root) || fail(folder->root, "write", err);
 }
 
-/* Of the regular files in a folder; false: it is none. */
+/* Adds the sizes of the regular files in a folder. False: it is not a folder. */
 static bool add_bytes(int parent, const char *name, uint64_t *bytes) {
     struct stat st;
     int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
@@ -242,12 +243,12 @@ static bool add_bytes(int parent, const char *name, uint64_t *bytes) {
 unsigned srv_folder_strays(const struct srv_folder *folder,
                            bool (*known)(void *user, const char *id), void *user, uint64_t *bytes) {
     unsigned count = 0;
-    DIR *jobs = opendir(folder->root);
+    DIR *paths = opendir(folder->root);
     *bytes = 0;
-    for (struct dirent *job; jobs && (job = readdir(jobs));)
-        if (is_id(job->d_name) && !known(user, job->d_name))
-            count += add_bytes(dirfd(jobs), job->d_name, bytes);
-    if (jobs)
-        closedir(jobs);
+    for (struct dirent *entry; paths && (entry = readdir(paths));)
+        if (is_id(entry->d_name) && !known(user, entry->d_name))
+            count += add_bytes(dirfd(paths), entry->d_name, bytes);
+    if (paths)
+        closedir(paths);
     return count;
 }

@@ -26,21 +26,21 @@ static const char *const track_names[TRACKS] = {
     "primitive",  "clip",   "quality",
 };
 
-/* How a track comes to a key. */
+/* How a track approaches a key. */
 enum ease { EASE_LINEAR, EASE_SMOOTH, EASE_STEP, EASES };
 static const char *const ease_names[EASES] = { "linear", "smooth", "step" };
 
 struct key {
-    double at;       /* in frames */
-    unsigned tracks; /* a bit each */
+    double at;       /* position, in frames */
+    unsigned tracks; /* bit set of enum track */
     enum ease ease;
-    struct sp_view view; /* all that holds from then on */
+    struct sp_view view; /* the complete view at this key */
 };
 
 struct srv_keyframes {
     struct srv_path_output output;
     unsigned count;
-    struct key keys[]; /* the first is the path's view: all tracks, at 0 */
+    struct key keys[]; /* keys[0] is the path's view: all tracks, at frame 0 */
 };
 
 #define FPS_DEFAULT 30.0
@@ -62,7 +62,7 @@ static bool read_integer(const proto_json *json, const char *name, int64_t low, 
     if (!proto_json_integer(value, out))
         return refuse_type(place, "a whole number", value, err);
     return (*out >= low && *out <= high) ||
-           sp_fail(err, SP_ERR_INVALID, place, "%lld is outside [%lld, %lld]", (long long)*out,
+           sp_fail(err, SP_ERR_INVALID, place, "%lld is out of range [%lld, %lld]", (long long)*out,
                    (long long)low, (long long)high);
 }
 
@@ -88,21 +88,21 @@ static bool read_output(const proto_json *json, uint32_t frames_max, struct srv_
     const proto_json *fps = proto_json_get(json, "fps");
     output->fps = FPS_DEFAULT;
     if (!proto_json_get(json, "frames"))
-        return sp_fail(err, SP_ERR_INVALID, "/frames", "is missing: how many frames?");
+        return sp_fail(err, SP_ERR_INVALID, "/frames", "is required");
     if (!read_integer(json, "frames", 1, frames_max, &frames, err) ||
         !read_integer(json, "quality", 1, 100, &quality, err))
         return false;
     if (fps && !proto_json_number(fps, &output->fps))
         return refuse_type("/fps", "a number", fps, err);
     if (!(output->fps >= 1 && output->fps <= SRV_PATH_FPS_MAX))
-        return sp_fail(err, SP_ERR_INVALID, "/fps", "%g is outside [1, %g]", output->fps,
+        return sp_fail(err, SP_ERR_INVALID, "/fps", "%g is out of range [1, %g]", output->fps,
                        SRV_PATH_FPS_MAX);
     output->frames = (uint32_t)frames;
     output->quality = (int)quality;
     return read_format(json, output, err);
 }
 
-/* Reads one member of a keyframe other than its view. `place` is the member's. */
+/* Reads one member of a keyframe other than its view. `place` is the pointer to the member. */
 static bool read_member(const char *name, const proto_json *value, const char *place,
                         const struct srv_path_output *output, struct key *key,
                         struct sp_error *err) {
@@ -112,26 +112,27 @@ static bool read_member(const char *name, const proto_json *value, const char *p
         if (!proto_json_number(value, &number))
             return refuse_type(place, "a number", value, err);
         if (!(number >= 0 && number * scale <= output->frames))
-            return sp_fail(err, SP_ERR_INVALID, place, "%g is outside [0, %g], the path's length",
-                           number, output->frames / scale);
+            return sp_fail(err, SP_ERR_INVALID, place,
+                           "%g is out of range [0, %g], the length of the path", number,
+                           output->frames / scale);
         if (key->at >= 0)
-            return sp_fail(err, SP_ERR_INVALID, place, "give either time or frame");
+            return sp_fail(err, SP_ERR_INVALID, place, "give either time or frame, not both");
         key->at = number * scale;
         return true;
     }
     if (strcmp(name, "ease") != 0)
         return sp_fail(err, SP_ERR_INVALID, place,
-                       "unknown member; known: time, frame, ease, view");
+                       "unknown member; a keyframe has time, frame, ease and view");
     const char *given = proto_json_string(value);
     for (int e = 0; e < EASES; e++)
         if (given && strcmp(given, ease_names[e]) == 0) {
             key->ease = (enum ease)e;
             return true;
         }
-    return sp_fail(err, SP_ERR_INVALID, place, "is none of: linear, smooth, step");
+    return sp_fail(err, SP_ERR_INVALID, place, "must be one of linear, smooth, step");
 }
 
-/* The patch of a keyframe into its view, which holds what the keys before it made. */
+/* Merges the patch of a keyframe into its view, which is a copy of the view before it. */
 static bool read_view(const proto_json *patch, const char *place, const struct sp_view *defaults,
                       struct key *key, struct sp_error *err) {
     void *at = NULL;
@@ -177,18 +178,18 @@ static bool read_key(const proto_json *json, unsigned i, const struct sp_view *d
         proto_pointer_pop(&at, length);
     }
     if (key->at < 0)
-        return sp_fail(err, SP_ERR_INVALID, at.text, "needs a time or a frame");
+        return sp_fail(err, SP_ERR_INVALID, at.text, "needs either time or frame");
     if (key->at <= key[-1].at && i > 0)
         return sp_fail(err, SP_ERR_INVALID, at.text,
-                       "is at frame %g, not behind the keyframe before it (%g)", key->at,
+                       "is at frame %g, which is not after the previous keyframe (%g)", key->at,
                        key[-1].at);
     if (!proto_json_get(json, "view"))
-        return sp_fail(err, SP_ERR_INVALID, at.text, "has no view");
+        return sp_fail(err, SP_ERR_INVALID, at.text, "needs a view");
     snprintf(place, sizeof place, "%.200s/view", at.text);
     return read_view(proto_json_get(json, "view"), place, defaults, key, err);
 }
 
-/* The last key of a track at or before a frame, and the next one; NULL = there is none behind. */
+/* Returns the last key of a track at or before a frame; *next is the one after it, NULL = none. */
 static const struct key *find(const struct srv_keyframes *keyframes, enum track track, double frame,
                               const struct key **next) {
     const struct key *last = &keyframes->keys[0];
@@ -205,7 +206,7 @@ static const struct key *find(const struct srv_keyframes *keyframes, enum track 
     return last;
 }
 
-/* Can every pair of neighbouring transfer functions be blended? */
+/* Checks that every pair of neighbouring transfer functions can be blended. */
 static bool check_points(const struct srv_keyframes *keyframes, struct sp_error *err) {
     for (unsigned i = 1; i < keyframes->count; i++) {
         const struct key *next, *key;
@@ -221,11 +222,12 @@ static bool check_points(const struct srv_keyframes *keyframes, struct sp_error 
         char place[96];
         snprintf(place, sizeof place, "/keyframes/%u/view/transfer_function/%s", i - 1,
                  is_gradient ? "gradient" : "points");
-        return sp_fail(err, SP_ERR_INVALID, place,
-                       "between it and the one before lie %u points, those of both; at most %d are "
-                       "possible: share some, or come to it by \"ease\": \"step\"",
-                       is_gradient ? gradient : points,
-                       is_gradient ? SP_GRADIENT_POINTS_MAX : SP_TF_POINTS_MAX);
+        return sp_fail(
+            err, SP_ERR_INVALID, place,
+            "blending with the previous key needs %u points, and at most %d are possible; "
+            "let the keys share some points, or use \"ease\": \"step\"",
+            is_gradient ? gradient : points,
+            is_gradient ? SP_GRADIENT_POINTS_MAX : SP_TF_POINTS_MAX);
     }
     return true;
 }
@@ -255,14 +257,14 @@ struct srv_keyframes *srv_keyframes_read(const proto_json *json, const struct sp
         return NULL;
     }
     if (count < 1 || count > SRV_KEYFRAMES_MAX) {
-        sp_fail(err, SP_ERR_INVALID, "/keyframes", "%zu items are outside [1, %d]", count,
+        sp_fail(err, SP_ERR_INVALID, "/keyframes", "%zu keyframes are out of range [1, %d]", count,
                 SRV_KEYFRAMES_MAX);
         return NULL;
     }
     struct srv_keyframes *keyframes =
         calloc(1, sizeof *keyframes + (count + 1) * sizeof keyframes->keys[0]);
     if (!keyframes) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while reading a camera path");
         return NULL;
     }
     keyframes->output = output;
@@ -291,7 +293,7 @@ const struct sp_view *srv_keyframes_key(const struct srv_keyframes *keyframes, u
     return i < keyframes->count ? &keyframes->keys[i].view : NULL;
 }
 
-/* The frame. */
+/* Interpolation. */
 
 static double eased(enum ease ease, double u) {
     return ease == EASE_STEP ? 0 : ease == EASE_SMOOTH ? u * u * (3 - 2 * u) : u;

@@ -13,18 +13,18 @@
 
 #define PART "movie.part"
 
-/* A packet's file in memory, malloc'ed; NULL with *err set. */
+/* Reads the file of a packet into memory; malloc'ed, the caller's. NULL with *err set. */
 static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err) {
     struct stat st;
     uint8_t *bytes = NULL;
     int fd = open(path, O_RDONLY | O_CLOEXEC);
     bool ok = fd >= 0 && fstat(fd, &st) == 0 && st.st_size > 1;
     if (fd < 0) {
-        sp_fail(err, SP_ERR_IO, path, "cannot be read: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, path, "cannot read this file: %s", strerror(errno));
         return NULL;
     }
     if (ok && !(bytes = malloc((size_t)st.st_size))) {
-        sp_fail(err, SP_ERR_MEMORY, path, "no memory for a packet");
+        sp_fail(err, SP_ERR_MEMORY, path, "out of memory while reading a video packet");
     } else {
         size_t got = 0;
         for (ssize_t n = 1; ok && n > 0 && got < (size_t)st.st_size; got += (size_t)(n > 0 ? n : 0))
@@ -32,7 +32,7 @@ static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err
         ok = ok && got == (size_t)st.st_size && bytes[0] <= SRV_PACKET_KEY;
         *size = got;
         if (!ok) {
-            sp_fail(err, SP_ERR_FORMAT, path, "this is no packet of video");
+            sp_fail(err, SP_ERR_FORMAT, path, "the file is not a video packet");
             free(bytes);
             bytes = NULL;
         }
@@ -55,14 +55,14 @@ static bool add_packets(struct srv_webm *webm, const struct srv_folder *folder, 
         bool ok = srv_webm_add(webm, i, bytes + 1, size - 1, bytes[0] == SRV_PACKET_KEY, reason);
         free(bytes);
         if (!ok)
-            return sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
+            return sp_fail(err, SP_ERR_IO, NULL, "cannot write the movie: %s", reason);
     }
     return srv_webm_finish(webm, reason) ||
-           sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
+           sp_fail(err, SP_ERR_IO, NULL, "cannot write the movie: %s", reason);
 }
 
 uint64_t srv_movie_bytes_max(uint64_t bytes, uint32_t packets) {
-    enum { FILE_BYTES = 512, PACKET_BYTES = 64 }; /* a packet may have a cluster and a cue */
+    enum { FILE_BYTES = 512, PACKET_BYTES = 64 }; /* each packet may need a cluster and a cue */
     return bytes + FILE_BYTES + (uint64_t)PACKET_BYTES * packets;
 }
 
@@ -74,7 +74,7 @@ bool srv_movie_write(const struct srv_folder *folder, const char *id, const char
     struct srv_webm *webm =
         srv_webm_create(path, size[0], size[1], output->fps, output->frames, reason);
     if (!webm)
-        return sp_fail(err, SP_ERR_IO, NULL, "the movie cannot be written: %s", reason);
+        return sp_fail(err, SP_ERR_IO, NULL, "cannot write the movie: %s", reason);
     bool ok = add_packets(webm, folder, id, output->frames, err);
     srv_webm_destroy(&webm);
     if (!ok)
@@ -82,5 +82,5 @@ bool srv_movie_write(const struct srv_folder *folder, const char *id, const char
     if (!ok || !srv_folder_take(folder, id, PART, name, err))
         return false;
     return srv_folder_size(folder, id, name, bytes) ||
-           sp_fail(err, SP_ERR_IO, NULL, "the movie is not where it was written");
+           sp_fail(err, SP_ERR_IO, NULL, "the movie file has disappeared");
 }

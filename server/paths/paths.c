@@ -53,35 +53,35 @@ const char *srv_path_state_name(const struct srv_path *path) {
     return names[path->state];
 }
 
-void srv_path_describe(const struct srv_path *path, struct srv_path_info *note) {
-    *note = (struct srv_path_info){ .state = srv_path_state_name(path),
+void srv_path_describe(const struct srv_path *path, struct srv_path_info *info) {
+    *info = (struct srv_path_info){ .state = srv_path_state_name(path),
                                     .size = { path->size[0], path->size[1] },
                                     .output = path->output,
                                     .done = path->done,
                                     .bytes = path->bytes };
-    memcpy(note->id, path->id, sizeof note->id);
-    memcpy(note->owner, path->owner, sizeof note->owner);
-    memcpy(note->reason, path->reason, sizeof note->reason);
-    memcpy(note->volume, path->volume, sizeof note->volume);
+    memcpy(info->id, path->id, sizeof info->id);
+    memcpy(info->owner, path->owner, sizeof info->owner);
+    memcpy(info->reason, path->reason, sizeof info->reason);
+    memcpy(info->volume, path->volume, sizeof info->volume);
 }
 
-proto_json *srv_path_info_encode(const struct srv_path_info *note) {
+proto_json *srv_path_info_encode(const struct srv_path_info *info) {
     proto_json *json = proto_json_object(), *size = proto_json_array();
-    bool ok = proto_json_set_string(json, "id", note->id);
-    if (note->owner[0])
-        ok = proto_json_set_string(json, "owner", note->owner) && ok;
-    ok = proto_json_set_string(json, "state", note->state) && ok;
-    if (note->reason[0])
-        ok = proto_json_set_string(json, "reason", note->reason) && ok;
-    ok = proto_json_set_string(json, "volume", note->volume) && ok;
-    ok = proto_json_append_integer(size, note->size[0]) &&
-         proto_json_append_integer(size, note->size[1]) && ok;
+    bool ok = proto_json_set_string(json, "id", info->id);
+    if (info->owner[0])
+        ok = proto_json_set_string(json, "owner", info->owner) && ok;
+    ok = proto_json_set_string(json, "state", info->state) && ok;
+    if (info->reason[0])
+        ok = proto_json_set_string(json, "reason", info->reason) && ok;
+    ok = proto_json_set_string(json, "volume", info->volume) && ok;
+    ok = proto_json_append_integer(size, info->size[0]) &&
+         proto_json_append_integer(size, info->size[1]) && ok;
     ok = proto_json_set(json, "size", size) && ok;
-    ok = proto_json_set_string(json, "format", srv_path_format_name(&note->output)) && ok;
-    ok = proto_json_set_number(json, "fps", note->output.fps) && ok;
-    ok = proto_json_set_integer(json, "frames", note->output.frames) && ok;
-    ok = proto_json_set_integer(json, "done", note->done) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)note->bytes) && ok;
+    ok = proto_json_set_string(json, "format", srv_path_format_name(&info->output)) && ok;
+    ok = proto_json_set_number(json, "fps", info->output.fps) && ok;
+    ok = proto_json_set_integer(json, "frames", info->output.frames) && ok;
+    ok = proto_json_set_integer(json, "done", info->done) && ok;
+    ok = proto_json_set_integer(json, "bytes", (int64_t)info->bytes) && ok;
     if (!ok)
         proto_json_free(&json);
     return json;
@@ -101,15 +101,15 @@ static void append(struct srv_paths *paths, struct srv_path *path) {
     *at = path;
 }
 
-struct looking {
+struct file_filter {
     struct srv_path *path;
     bool has_movie;
 };
 
-/* Is a file the path's? What was being written when the daemon was killed is not, nor are the
- * packets of a movie that is there. */
+/* True if the path needs this file. It does not need a file that was only partly written, nor the
+ * packets of a movie that is complete. */
 static bool is_file_of_path(void *user, const char *name) {
-    const struct looking *l = user;
+    const struct file_filter *l = user;
     char expected[32];
     if (l->has_movie)
         return strcmp(name, SRV_PATH_MOVIE_NAME) == 0;
@@ -117,15 +117,15 @@ static bool is_file_of_path(void *user, const char *name) {
     return strcmp(name, expected) == 0;
 }
 
-/* What the disk has of a path: its frames up to the first that is not there, or its movie. */
-static void look_at_files(struct srv_paths *paths, struct srv_path *path) {
+/* Finds the files of a path: its frames up to the first missing one, or its movie. */
+static void find_files(struct srv_paths *paths, struct srv_path *path) {
     uint64_t size;
     char name[32];
-    struct looking looking = { path, path->output.is_movie &&
-                                         srv_folder_size(&paths->folder, path->id,
-                                                         SRV_PATH_MOVIE_NAME, &size) };
-    srv_folder_clean(&paths->folder, path->id, is_file_of_path, &looking);
-    if (looking.has_movie) {
+    struct file_filter filter = { path, path->output.is_movie &&
+                                            srv_folder_size(&paths->folder, path->id,
+                                                            SRV_PATH_MOVIE_NAME, &size) };
+    srv_folder_clean(&paths->folder, path->id, is_file_of_path, &filter);
+    if (filter.has_movie) {
         path->done = path->output.frames;
         srv_path_quota_add(paths, path, size);
         path->state = SRV_PATH_DONE;
@@ -141,11 +141,11 @@ static void look_at_files(struct srv_paths *paths, struct srv_path *path) {
         path->state = SRV_PATH_DONE;
 }
 
-/* A path whose removal was not finished: the thread does that. */
+/* Takes up a path whose removal was not finished; the thread finishes it. */
 static bool restore_gone(struct srv_paths *paths, const char *id, struct sp_error *err) {
     struct srv_path *path = make_removed_path(paths, id);
     if (!path)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
     atomic_store(&path->is_removed, true);
     path->next = paths->gone;
     paths->gone = path;
@@ -157,7 +157,7 @@ static bool restore_path(struct srv_paths *paths, const char *id, const proto_js
     struct srv_fingerprint content;
     const char *text = proto_json_string(proto_json_get(record, "content"));
     if (!srv_fingerprint_decode(text, &content))
-        return sp_fail(err, SP_ERR_FORMAT, "/content", "this is no path");
+        return sp_fail(err, SP_ERR_FORMAT, "/content", "the record is not a camera path");
     struct srv_keyframes *keyframes = srv_path_record_keyframes(record, err);
     const char *owner = proto_json_string(proto_json_get(record, "owner"));
     struct srv_path *path =
@@ -167,14 +167,14 @@ static bool restore_path(struct srv_paths *paths, const char *id, const proto_js
         srv_path_unref(path);
         path = NULL;
     } else if (path) {
-        look_at_files(paths, path);
+        find_files(paths, path);
         if (failed && path->state != SRV_PATH_DONE) {
             path->state = SRV_PATH_FAILED;
             snprintf(path->reason, sizeof path->reason, "%s", failed);
         }
         append(paths, path);
     } else if (keyframes) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
     }
     srv_keyframes_free(&keyframes);
     return path != NULL;
@@ -188,7 +188,7 @@ static bool restore(struct srv_paths *paths, const char *id, struct sp_error *er
     return ok;
 }
 
-/* `user`: ids one behind the other. */
+/* `user`: a list of ids as srv_store_ids() returns it. */
 static bool is_among(void *user, const char *id) {
     const char *at = user;
     while (*at && strcmp(at, id) != 0)
@@ -196,32 +196,31 @@ static bool is_among(void *user, const char *id) {
     return *at != 0;
 }
 
-/* Files that no record knows, because the database is another one. */
-static void look_at_strays(struct srv_paths *paths, char *ids) {
+/* Counts files without a record, which happens when the database was replaced. */
+static void count_strays(struct srv_paths *paths, char *ids) {
     uint64_t bytes;
     unsigned count = srv_folder_strays(&paths->folder, is_among, ids, &bytes);
     paths->bytes += bytes;
     if (count > 0)
         sp_log(SP_LOG_WARN,
-               "%u folders in %s, of %llu bytes, belong to no camera path that is known; they "
-               "stay, and count for --path-bytes: remove them, or bring back the database that had "
-               "them",
+               "%u folders in %s (%llu bytes) belong to no known camera path; they are kept and "
+               "count towards --path-bytes: delete them, or restore the database that knows them",
                count, paths->folder.root, (unsigned long long)bytes);
 }
 
 static bool restore_all(struct srv_paths *paths, struct sp_error *err) {
     char *ids = srv_store_ids(paths->options.store, SRV_KIND_PATH);
     if (!ids)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what was kept");
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while restoring the camera paths");
     for (const char *id = ids; *id; id += strlen(id) + 1) {
         struct sp_error why;
         if (restore(paths, id, &why))
             continue;
         sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
-                    "the kept path %s cannot come back: %s%s%s", id, why.place,
+                    "cannot restore camera path %s: %s%s%s", id, why.place,
                     why.place[0] ? ": " : "", why.text);
     }
-    look_at_strays(paths, ids);
+    count_strays(paths, ids);
     free(ids);
     return true;
 }
@@ -229,7 +228,7 @@ static bool restore_all(struct srv_paths *paths, struct sp_error *err) {
 struct srv_paths *srv_paths_create(const struct srv_paths_options *options, struct sp_error *err) {
     struct srv_paths *paths = calloc(1, sizeof *paths);
     if (!paths) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for paths");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating the camera paths");
         return NULL;
     }
     paths->options = *options;
@@ -250,8 +249,8 @@ struct srv_paths *srv_paths_create(const struct srv_paths_options *options, stru
 bool srv_paths_start(struct srv_paths *paths, struct sp_error *err) {
     int failed = pthread_create(&paths->thread, NULL, srv_paths_main, paths);
     paths->is_running = failed == 0;
-    return !failed ||
-           sp_fail(err, SP_ERR_IO, NULL, "cannot start the thread for paths: %s", strerror(failed));
+    return !failed || sp_fail(err, SP_ERR_IO, NULL, "cannot start the thread for camera paths: %s",
+                              strerror(failed));
 }
 
 static void drop(struct srv_paths *paths, struct srv_path *list) {
@@ -314,7 +313,7 @@ void srv_paths_unloaded(struct srv_paths *paths, const char *volume) {
 static const char *const members[] = { "view",   "keyframes", "frames", "fps",
                                        "format", "quality",   "size",   NULL };
 
-/* Is there ever room for its encoder? */
+/* Checks that the encoder of a movie fits into --video-pixels at all. */
 static bool check_movie(struct srv_paths *paths, const struct srv_keyframes *keyframes,
                         struct sp_error *err) {
     const uint32_t *size = srv_keyframes_key(keyframes, 0)->size;
@@ -325,7 +324,8 @@ static bool check_movie(struct srv_paths *paths, const struct srv_keyframes *key
                    size[1], (unsigned long long)px, (unsigned long long)max);
 }
 
-/* Can all that is between be drawn? Names, which decide that, are those of the keys. */
+/* Checks that the renderers support every frame. Only the names in a view decide that, and between
+ * two keyframes all names come from one of them. */
 static bool check_support(struct srv_paths *paths, const struct srv_keyframes *keyframes,
                           struct sp_error *err) {
     struct sp_error why;
@@ -343,13 +343,14 @@ static bool check_support(struct srv_paths *paths, const struct srv_keyframes *k
     return true;
 }
 
-/* With the mutex held: the record has changed, and flush() follows without it. */
+/* Notes that the record has changed; flush() must follow, without the mutex. The caller holds it.
+ */
 static void begin_write(struct srv_path *path) {
     path->unwritten++;
     path->refs++;
 }
 
-/* Written or not: what the disk does not take holds in memory. */
+/* Called also if writing failed: the record is valid in memory then. */
 static void on_written(void *user, bool durable) {
     struct srv_path *path = user;
     struct srv_paths *paths = path->paths;
@@ -365,14 +366,15 @@ static void flush(struct srv_path *path) {
     srv_store_flush(path->paths->options.store, on_written, path);
 }
 
-/* Keeps the path and its record. Room for it was taken. */
+/* Stores the path and its record. The path has been counted in the quotas. */
 static proto_json *store_path(struct srv_paths *paths, struct srv_path *path,
                               const struct srv_keyframes *keyframes, const proto_json *body,
                               const struct sp_view *defaults, struct sp_error *err) {
-    struct srv_path_info note;
-    srv_path_describe(path, &note);
-    proto_json *json = srv_path_info_encode(&note);
-    bool ok = json || sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+    struct srv_path_info info;
+    srv_path_describe(path, &info);
+    proto_json *json = srv_path_info_encode(&info);
+    bool ok =
+        json || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
     ok = ok && srv_path_record_put(paths, path, keyframes, body, defaults, err);
     pthread_mutex_lock(&paths->mutex);
     if (ok) {
@@ -407,7 +409,7 @@ proto_json *srv_paths_add(struct srv_paths *paths, const proto_json *body,
               srv_secret_hex(id, SRV_PATH_ID_BYTES - 1, err);
     if (ok &&
         !(path = make_path(paths, id, owner, keyframes, srv_volume_fingerprint(view->volume))))
-        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
     if (ok && (path->by = srv_path_quota_request_path(paths, owner, is_full, err)))
         json = store_path(paths, path, keyframes, body, &view->defaults, err);
     else
@@ -421,17 +423,17 @@ bool srv_path_not_found(const char *id, struct sp_error *err) {
 }
 
 proto_json *srv_paths_get(struct srv_paths *paths, const char *id, struct sp_error *err) {
-    struct srv_path_info note;
+    struct srv_path_info info;
     pthread_mutex_lock(&paths->mutex);
     struct srv_path *path = *srv_paths_find(paths, id);
     if (path)
-        srv_path_describe(path, &note);
+        srv_path_describe(path, &info);
     pthread_mutex_unlock(&paths->mutex);
-    proto_json *json = path ? srv_path_info_encode(&note) : NULL;
+    proto_json *json = path ? srv_path_info_encode(&info) : NULL;
     if (!path)
         srv_path_not_found(id, err);
     else if (!json)
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
     return json;
 }
 
@@ -439,15 +441,15 @@ void srv_paths_list(struct srv_paths *paths, const char *owner, struct srv_page 
     pthread_mutex_lock(&paths->mutex);
     for (struct srv_path *path = paths->list; path; path = path->next) {
         bool is_shown = !owner || strcmp(path->owner, owner) == 0;
-        struct srv_path_info *note = is_shown ? srv_page_slot(page, path->id) : NULL;
-        if (note)
-            srv_path_describe(path, note);
+        struct srv_path_info *info = is_shown ? srv_page_slot(page, path->id) : NULL;
+        if (info)
+            srv_path_describe(path, info);
     }
     pthread_mutex_unlock(&paths->mutex);
 }
 
-/* Nobody finds it from here on. */
-static void give_up(struct srv_paths *paths, struct srv_path *path) {
+/* Moves a path to the removed ones, where no request finds it. */
+static void mark_removed(struct srv_paths *paths, struct srv_path *path) {
     pthread_mutex_lock(&paths->mutex);
     *srv_paths_find(paths, path->id) = path->next;
     path->next = paths->gone;
@@ -461,25 +463,25 @@ static void give_up(struct srv_paths *paths, struct srv_path *path) {
 }
 
 bool srv_paths_remove(struct srv_paths *paths, const char *id, struct sp_error *err) {
-    pthread_mutex_lock(&paths->records); /* who holds it alone takes paths out */
+    pthread_mutex_lock(&paths->records); /* only its holder removes paths from the list */
     pthread_mutex_lock(&paths->mutex);
     struct srv_path *path = *srv_paths_find(paths, id);
     pthread_mutex_unlock(&paths->mutex);
     bool ok = path ? srv_path_record_remove(paths, id, err) : srv_path_not_found(id, err);
     if (ok)
-        give_up(paths, path);
+        mark_removed(paths, path);
     pthread_mutex_unlock(&paths->records);
     if (ok)
         flush(path);
     return ok;
 }
 
-void srv_paths_stats(struct srv_paths *paths, struct srv_paths_stats *numbers) {
+void srv_paths_stats(struct srv_paths *paths, struct srv_paths_stats *stats) {
     pthread_mutex_lock(&paths->mutex);
-    *numbers = (struct srv_paths_stats){ .paths = paths->count, .bytes = paths->bytes };
+    *stats = (struct srv_paths_stats){ .paths = paths->count, .bytes = paths->bytes };
     for (struct srv_path *path = paths->list; path; path = path->next) {
-        numbers->unfinished += path->state == SRV_PATH_WAITING || path->state == SRV_PATH_RUNNING;
-        numbers->waiting += path->state == SRV_PATH_WAITING && path->reason[0] != 0;
+        stats->unfinished += path->state == SRV_PATH_WAITING || path->state == SRV_PATH_RUNNING;
+        stats->waiting += path->state == SRV_PATH_WAITING && path->reason[0] != 0;
     }
     pthread_mutex_unlock(&paths->mutex);
 }

@@ -1,29 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Camera paths that are drawn: paths.
+ * The camera paths of the daemon: stores them, renders their frames one after the other, and serves
+ * the results.
  *
- *   POST ─► record in the store ─► waiting ─► running ─► done      a frame after the other, in the
- *                                     ▲          │                 scheduler's lowest class: one
- *                                     └──────────┴──► failed       thread, which encodes and
- *                                  its volume loads                writes, too
+ *   POST ─► record in the store ─► waiting ─► running ─► done      one thread asks for a frame with
+ *                                     ▲          │                 the lowest priority, encodes it
+ *                                     └──────────┴──► failed       and writes its file
+ *                                  what is missing
+ *                                  may have come
  *
- * Those who made paths have a frame each in turn, of the oldest of their paths that can go on.
+ * The owners of paths take turns: each gets one frame, of its oldest path that can continue.
  *
- * What is known of a path's progress are its files (folder.h): after a restart of the daemon it
- * goes on behind the last frame that is there. Its record, kept by the store, holds what to draw,
- * and how it ended.
+ * The files of a path are its progress (folder.h): after a restart it continues behind the last
+ * frame that is there. Its record in the store holds the request and, if it failed, the reason.
  *
  *   record ─► on the disk ─► first file ─► … ─► "removed" ─► on the disk ─► no file ─► no record
  *
- * So wherever a crash comes, files have a record, and one that says so if they are to go. Files
- * without a record are those of a database that is not there: they stay.
+ * So after a crash at any time, files have a record, and one that says whether they are to be
+ * removed. Files without a record belong to a database that is not there: they stay.
  *
- * All frames of a path show one volume, told by its fingerprint, which the record holds. While
- * there is none of that name the path waits, whether it loads, could not, or is not known: it may
- * come. It fails when the volume is unloaded on request, or when another has its name.
+ * All frames of a path show one volume, identified by the fingerprint in the record. While no
+ * volume of that name is ready (it loads, failed to load or is unknown), the path waits. It fails
+ * if the volume is unloaded on request or if another volume has its name.
  *
- * All functions are thread-safe. The mutex is never held while the catalog, the scheduler or the
- * store is called.
+ * All functions are thread-safe. The mutex is never held during calls to the catalog, the render
+ * pool or the store.
  */
 #ifndef SRV_PATHS_PATHS_H
 #define SRV_PATHS_PATHS_H
@@ -40,53 +41,53 @@
 
 struct srv_paths;
 
-enum { SRV_PATH_ID_BYTES = 33 };
+enum { SRV_PATH_ID_BYTES = 33 }; /* 32 hexadecimal digits and a NUL */
 
 struct srv_paths_options {
     struct srv_catalog *catalog;
     struct srv_render_pool *render_pool;
     struct srv_store *store;
     struct srv_metrics *metrics;
-    struct srv_tokens *tokens; /* whose quotas hold; asked whenever room is taken */
-    const char *state;         /* folder; NULL = a private one, and nothing outlives the daemon */
-    unsigned paths_max;        /* that are not removed */
-    uint32_t frames_max;       /* of a path */
+    struct srv_tokens *tokens; /* the quotas; asked before every frame */
+    const char *state;         /* --state; NULL = a private folder that is removed at the end */
+    unsigned paths_max;        /* camera paths that are not removed */
+    uint32_t frames_max;       /* per path */
     uint64_t bytes_max;        /* of all files of all paths */
-    uint64_t video_px;         /* of the encoders of all movies, of one movie */
+    uint64_t video_px;         /* of the encoders of all movies together, and so of one movie */
 };
 
-/* Takes up the paths of an earlier run. SP_ERR_IO (folder), SP_ERR_MEMORY. */
+/* Restores the paths of earlier runs. NULL: SP_ERR_IO (folder), SP_ERR_MEMORY. */
 struct srv_paths *srv_paths_create(const struct srv_paths_options *options, struct sp_error *err);
 bool srv_paths_start(struct srv_paths *paths, struct sp_error *err);
-/* Begins no further frame, gives up the one at hand, and ends all watches. */
+/* Starts no further frame, cancels the current one and ends all watches. */
 void srv_paths_close(struct srv_paths *paths);
-/* After the scheduler was stopped and the last watch ended. Accepts NULL. */
+/* Call it after the render pool has stopped and the last watch has ended. */
 void srv_paths_destroy(struct srv_paths **paths);
 
-/* Some volume's state has changed, or the tokens' quotas. */
+/* Tries waiting paths again: the state of a volume or the quotas of tokens have changed. */
 void srv_paths_wake(struct srv_paths *paths);
-/* A volume is gone because somebody wanted that: paths that need it fail. From the catalog's own
- * callback, so before another has its id. */
+/* Fails the paths of a volume that was unloaded on request. Call it from the catalog's callback,
+ * before another volume can have the id. */
 void srv_paths_unloaded(struct srv_paths *paths, const char *volume);
 
-struct srv_path_request { /* what the "view" of a request was resolved to */
+struct srv_path_request { /* the resolved "view" of a request */
     struct sp_view view, defaults;
-    struct srv_volume *volume; /* a use of the caller's, so that it is not unloaded meanwhile */
+    struct srv_volume *volume; /* a reference of the caller's, so that it stays loaded */
 };
-/* Keeps a path for `body`, the document of POST /paths, whose "view" is *view. `owner` is a token's
- * name. NULL with *err set: SP_ERR_INVALID with a pointer into the body, SP_ERR_UNSUPPORTED,
- * SP_ERR_MEMORY, SP_ERR_BUDGET (too many paths; at SRV_PLACE_QUOTA, too many or too many bytes of
- * this owner), or, with *is_full, the bytes of all files. Answers are JSON as of GET /paths/{id}.
+/* Creates a path from `body`, the document of POST /paths, whose "view" has been resolved to *view.
+ * `owner` is the name of a token. Returns JSON as GET /paths/{id} does. NULL: SP_ERR_INVALID with a
+ * pointer into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY, SP_ERR_BUDGET (too many paths; at
+ * SRV_PLACE_QUOTA, a quota of this owner), or with *is_full, the total size of all files.
  */
 proto_json *srv_paths_add(struct srv_paths *paths, const proto_json *body,
                           const struct srv_path_request *view, const char *owner,
                           char id[SRV_PATH_ID_BYTES], bool *is_full, struct sp_error *err);
 proto_json *srv_paths_get(struct srv_paths *paths, const char *id, struct sp_error *err);
 
-struct srv_path_info { /* what is told of a path */
+struct srv_path_info { /* what clients learn about a path */
     char id[SRV_PATH_ID_BYTES];
-    char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that made it; empty = not known */
-    const char *state;                /* constant */
+    char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that created it; empty = unknown */
+    const char *state;                /* a constant */
     char reason[SP_ERROR_TEXT];       /* empty = none */
     char volume[SP_NAME_BYTES];
     uint32_t size[2];
@@ -94,17 +95,18 @@ struct srv_path_info { /* what is told of a path */
     uint32_t done;
     uint64_t bytes;
 };
-/* Notes of all paths, or of one owner's, into the page. */
+/* Shows the page all paths, or those of one owner (NULL = all). Its items are struct srv_path_info.
+ */
 void srv_paths_list(struct srv_paths *paths, const char *owner, struct srv_page *page);
-proto_json *srv_path_info_encode(const struct srv_path_info *note); /* NULL when out of memory */
-/* Gives up what is drawn of it and removes all of it. SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
+proto_json *srv_path_info_encode(const struct srv_path_info *info); /* NULL = out of memory */
+/* Cancels and removes a path with its files. False: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
 bool srv_paths_remove(struct srv_paths *paths, const char *id, struct sp_error *err);
 
-/* Results. SP_ERR_NOT_FOUND; SP_ERR_TIMEOUT: there is none yet. */
+/* Results. On failure: SP_ERR_NOT_FOUND, or SP_ERR_TIMEOUT if the result is not there yet. */
 struct srv_path_file {
-    int fd; /* the caller's */
+    int fd; /* the caller closes it */
     uint64_t size;
-    const char *mime; /* constant */
+    const char *mime; /* a constant */
 };
 bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t frame,
                           struct srv_path_file *file, struct sp_error *err);
@@ -113,31 +115,33 @@ bool srv_paths_open_movie(struct srv_paths *paths, const char *id, struct srv_pa
 struct srv_archive *srv_paths_open_archive(struct srv_paths *paths, const char *id,
                                            struct sp_error *err);
 
-/* Watching a path's progress: events are of the state then, so that none queue up. */
+/* Watches a path's progress. An event describes the current state, so events never queue up. */
 struct srv_path_watch;
 struct srv_path_watcher {
     void *user;
-    /* With the paths' mutex held, in turns, sleep() first: nothing is to be told now; there is. */
+    /* Called with the mutex held, alternately, sleep() first: sleep() when there is no event to
+     * send, wake() when there is one. */
     void (*sleep)(void *user);
     void (*wake)(void *user);
-    bool (*is_gone)(void *user); /* asked while it sleeps */
+    bool (*is_gone)(
+        void *user); /* true if the client has left; called between sleep() and wake() */
 };
-/* after: the id of the last event that the watcher has; NULL = none. *is_over: it has the last one
- * that there will be, and NULL is returned without an error. */
+/* after: the id of the last event that the client has; NULL = none. *is_over = true: that was the
+ * last event of the path, and the function returns NULL without an error. */
 struct srv_path_watch *srv_paths_watch(struct srv_paths *paths, const char *id, const char *after,
                                        const struct srv_path_watcher *watcher, bool *is_over,
                                        struct sp_error *err);
 void srv_path_watch_end(struct srv_path_watch **watch); /* accepts NULL */
 enum srv_path_watch_result { SRV_WATCH_EVENT, SRV_WATCH_WAITING, SRV_WATCH_OVER, SRV_WATCH_FAILED };
-/* The next event as text/event-stream has it, or a comment if nothing was told for long: malloc'ed,
- * the caller's. SRV_WATCH_FAILED: there is no memory to tell what is new. */
+/* Returns the next event in the format of text/event-stream, or a comment after 15 s of silence, in
+ * *text: malloc'ed, the caller's. SRV_WATCH_FAILED = out of memory. */
 enum srv_path_watch_result srv_path_watch_next(struct srv_path_watch *watch, char **text,
                                                size_t *size);
-/* Wakes those who are gone or have heard nothing for long; about ten times a second. */
+/* Wakes watches whose clients have left or need a comment. Call it about ten times per second. */
 void srv_paths_tick(struct srv_paths *paths, double now_ms);
 
 struct srv_paths_stats {
-    unsigned paths, unfinished, waiting; /* waiting: for what is missing, of the unfinished */
+    unsigned paths, unfinished, waiting; /* waiting: unfinished paths that lack something */
     uint64_t bytes;
 };
 void srv_paths_stats(struct srv_paths *paths, struct srv_paths_stats *numbers);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How many paths there may be, and how many bytes their files may have: of all, and of each token.
+ * Limits on the number of paths and the bytes of their files: in total and per token.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,35 +15,35 @@ static struct srv_path_owner **find_owner(struct srv_paths *paths, const char *n
     return at;
 }
 
-/* What is of a token that is no more has no quota. */
+/* Returns the quota of a token; one that was removed has none. */
 static struct srv_quota quota_of(struct srv_paths *paths, const char *owner) {
     struct srv_quota quota = { .paths = 0 };
     srv_tokens_of_name(paths->options.tokens, owner, NULL, &quota);
     return quota;
 }
 
-/* May there be a further path? With the mutex held. */
+/* Checks that one more path is allowed. The caller holds the mutex. */
 static bool may_enter(struct srv_paths *paths, const struct srv_path_owner *owner,
                       const struct srv_quota *quota, bool *is_full, struct sp_error *err) {
     if (owner && quota->paths && owner->count >= quota->paths)
         return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                       "%s has %u paths, and its token allows %u; delete those that are done",
+                       "%s has %u camera paths and its token allows %u; delete finished ones",
                        owner->name, owner->count, quota->paths);
     if (owner && quota->path_bytes && owner->bytes >= quota->path_bytes)
         return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
-                       "the files of the paths of %s have %llu bytes, and its token allows %llu; "
-                       "delete those that are done",
+                       "the camera paths of %s use %llu bytes and its token allows %llu; delete "
+                       "finished ones",
                        owner->name, (unsigned long long)owner->bytes,
                        (unsigned long long)quota->path_bytes);
     if (paths->count >= paths->options.paths_max)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "there are %u paths and --paths allows %u; delete those that are done",
+                       "there are %u camera paths and --paths allows %u; delete finished ones",
                        paths->count, paths->options.paths_max);
     *is_full = paths->bytes >= paths->options.bytes_max;
     return !*is_full ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the files of all paths have %llu bytes and --path-bytes allows "
-                   "%llu; delete those that are done",
+                   "all camera paths use %llu bytes and --path-bytes allows %llu; delete finished "
+                   "ones",
                    (unsigned long long)paths->bytes, (unsigned long long)paths->options.bytes_max);
 }
 
@@ -51,10 +51,11 @@ struct srv_path_owner *srv_path_quota_add_path(struct srv_paths *paths, const ch
                                                struct sp_error *err) {
     struct srv_path_owner **at = find_owner(paths, name), *owner = *at;
     if (!owner && !(owner = *at = calloc(1, sizeof *owner))) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while creating a camera path");
         return NULL;
     }
-    if (owner->count++ == 0) { /* behind all others: nobody is first again by coming again */
+    if (owner->count++ ==
+        0) { /* a new owner goes last, so that leaving and coming back gains nothing */
         snprintf(owner->name, sizeof owner->name, "%s", name);
         owner->turn = ++paths->turn;
     }
@@ -98,20 +99,19 @@ void srv_path_quota_give_back(struct srv_paths *paths, struct srv_path *path, ui
     path->bytes -= bytes;
 }
 
-/* With the mutex held. */
-static bool is_there(const struct srv_paths *paths, const struct srv_path *path,
-                     const struct srv_quota *quota, uint64_t bytes, const char *what,
-                     struct sp_error *err) {
+/* The caller holds the mutex. */
+static bool fits(const struct srv_paths *paths, const struct srv_path *path,
+                 const struct srv_quota *quota, uint64_t bytes, const char *what,
+                 struct sp_error *err) {
     const struct srv_path_owner *owner = path->by;
     if (quota->path_bytes && owner->bytes + bytes > quota->path_bytes)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "the files of the paths of %s have %llu bytes, %s %llu, and its token "
-                       "allows %llu",
+                       "the camera paths of %s use %llu bytes, %s %llu, and its token allows %llu",
                        owner->name, (unsigned long long)owner->bytes, what,
                        (unsigned long long)bytes, (unsigned long long)quota->path_bytes);
     return paths->bytes + bytes <= paths->options.bytes_max ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the files of all paths have %llu bytes, %s %llu, and --path-bytes allows %llu",
+                   "all camera paths use %llu bytes, %s %llu, and --path-bytes allows %llu",
                    (unsigned long long)paths->bytes, what, (unsigned long long)bytes,
                    (unsigned long long)paths->options.bytes_max);
 }
@@ -120,7 +120,7 @@ bool srv_path_quota_has(struct srv_paths *paths, struct srv_path *path, uint64_t
                         const char *what, struct sp_error *err) {
     struct srv_quota quota = quota_of(paths, path->owner);
     pthread_mutex_lock(&paths->mutex);
-    bool ok = is_there(paths, path, &quota, bytes, what, err);
+    bool ok = fits(paths, path, &quota, bytes, what, err);
     pthread_mutex_unlock(&paths->mutex);
     return ok;
 }
@@ -129,7 +129,7 @@ bool srv_path_quota_take(struct srv_paths *paths, struct srv_path *path, uint64_
                          const char *what, struct sp_error *err) {
     struct srv_quota quota = quota_of(paths, path->owner);
     pthread_mutex_lock(&paths->mutex);
-    bool ok = is_there(paths, path, &quota, bytes, what, err);
+    bool ok = fits(paths, path, &quota, bytes, what, err);
     if (ok)
         srv_path_quota_add(paths, path, bytes);
     pthread_mutex_unlock(&paths->mutex);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the store has of paths: {"owner", "view", "defaults", "content", "keyframes", "frames",
- * "fps", "format", "quality", "failed"?}, "content" being the fingerprint of the volume; or, of one
- * whose files are to be removed, {"removed": true}.
+ * The record of a path in the store: {"owner", "view", "defaults", "content", "keyframes",
+ * "frames", "fps", "format", "quality", "failed"?}, where "content" is the fingerprint of the
+ * volume. If the files of the path are to be removed, it is {"removed": true}.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 #include "protocol/view.h"
 #include "sp/log.h"
 
-/* A whole view. It needs no volume: all fields are there. */
+/* Reads a complete view. It needs no volume, because all fields are present. */
 static bool read_whole(const proto_json *json, struct sp_view *view, struct sp_error *err) {
     struct sp_volume_info cube = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
     for (int i = 0; i < 3; i++) {
@@ -62,7 +62,7 @@ bool srv_path_record_put(struct srv_paths *paths, const struct srv_path *path,
     size_t size = 0;
     char *text = ok ? proto_json_to_text(record, &size) : NULL;
     ok = text ? srv_store_put(paths->options.store, SRV_KIND_PATH, path->id, text, size, err)
-              : sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a path");
+              : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while storing a camera path");
     proto_json_free(&record);
     free(text);
     return ok;
@@ -76,8 +76,8 @@ void srv_path_record_fail(struct srv_paths *paths, const char *id, const char *r
     free(text);
     text = proto_json_set_string(json, "failed", reason) ? proto_json_to_text(json, &size) : NULL;
     if (!text || !srv_store_put(paths->options.store, SRV_KIND_PATH, id, text, size, &err))
-        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }),
-                    "path %s failed, and that cannot be kept", id);
+        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "path", id }), "cannot store that path %s failed",
+                    id);
     free(text);
     proto_json_free(&json);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What paths have made: files and archives of them.
+ * The results of paths: frames, movies and archives.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -9,7 +9,7 @@
 
 #include "paths/paths_private.h"
 
-/* What a request for results needs to know of a path. */
+/* Copies what a request for results needs. */
 static bool look_up(struct srv_paths *paths, const char *id, struct srv_path *copy,
                     struct sp_error *err) {
     pthread_mutex_lock(&paths->mutex);
@@ -35,10 +35,10 @@ static bool open_file(struct srv_paths *paths, const char *id, const char *name,
     file->size = size < 0 ? 0 : (uint64_t)size;
     if (size >= 0)
         return true;
-    if (errno == ENOENT) /* it was deleted meanwhile */
+    if (errno == ENOENT) /* the path was deleted in between */
         srv_path_not_found(id, err);
-    else /* too many open files, say: another time */
-        sp_fail(err, SP_ERR_BUDGET, NULL, "the file cannot be read: %s", strerror(errno));
+    else /* for example too many open files: the client may try again */
+        sp_fail(err, SP_ERR_BUDGET, NULL, "cannot read the file: %s", strerror(errno));
     if (file->fd >= 0)
         close(file->fd);
     return false;
@@ -51,13 +51,13 @@ bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t fram
     if (!look_up(paths, id, &path, err))
         return false;
     if (path.output.is_movie)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has a movie, not frames");
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path makes a movie, not frames");
     if (frame >= path.output.frames)
         return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has frames 0 to %u",
                        path.output.frames - 1);
     if (frame >= path.done)
-        return sp_fail(err, SP_ERR_TIMEOUT, NULL, "frame %u is not drawn yet, %u are", frame,
-                       path.done);
+        return sp_fail(err, SP_ERR_TIMEOUT, NULL, "frame %u is not rendered yet; %u frames are",
+                       frame, path.done);
     srv_path_file_name(&path.output, frame, name);
     return open_file(paths, id, name, sp_image_format_info(path.output.format)->mime, file, err);
 }
@@ -65,7 +65,7 @@ bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t fram
 static bool check_done(const struct srv_path *path, bool is_movie, struct sp_error *err) {
     if (path->output.is_movie != is_movie)
         return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has %s",
-                       is_movie ? "frames, not a movie: \"format\": \"webm\" makes one"
+                       is_movie ? "frames, not a movie; use \"format\": \"webm\" for a movie"
                                 : "a movie, not frames");
     return path->state == SRV_PATH_DONE ||
            sp_fail(err, SP_ERR_TIMEOUT, NULL, "this path is %s with %u of %u frames",

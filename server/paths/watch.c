@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Those who watch a path: each is told what holds now, and sleeps until that changes.
+ * Watches of a path: each sends the current state, then sleeps until the state changes.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,11 +9,11 @@
 #include "common/clock.h"
 #include "paths/paths_private.h"
 
-#define SILENCE_MS 15000.0 /* after which a comment keeps proxies from giving up */
+#define SILENCE_MS 15000.0 /* after this a comment keeps proxies from closing the connection */
 
-/* The id of the event that tells what holds now: of two reasons there are two. */
+/* Writes the id of the event for the current state. Different reasons give different ids. */
 static void event_id(const struct srv_path *path, char id[32]) {
-    uint32_t hash = 2166136261; /* FNV-1a */
+    uint32_t hash = 2166136261; /* FNV-1a: short, and equal on every machine and in every run */
     for (const char *c = path->reason; *c; c++)
         hash = (hash ^ (uint8_t)*c) * 16777619;
     int n = snprintf(id, 32, "%s-%u", srv_path_state_name(path), path->done);
@@ -26,7 +26,7 @@ static bool is_over(const struct srv_path *path) {
            atomic_load(&path->is_removed);
 }
 
-/* With the mutex held. */
+/* The caller holds the mutex. */
 static void wake(struct srv_path_watch *watch) {
     if (!watch->is_asleep)
         return;
@@ -64,7 +64,7 @@ struct srv_path_watch *srv_paths_watch(struct srv_paths *paths, const char *id, 
     struct srv_path_watch *watch = calloc(1, sizeof *watch);
     *over = false;
     if (!watch) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to watch a path");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while watching a camera path");
         return NULL;
     }
     watch->paths = paths;
@@ -111,11 +111,11 @@ void srv_path_watch_end(struct srv_path_watch **pointer) {
     free(watch);
 }
 
-/* With the mutex held. */
+/* The caller holds the mutex. */
 static char *event_text(const struct srv_path *path, const char *id, size_t *size) {
-    struct srv_path_info note;
-    srv_path_describe(path, &note);
-    proto_json *json = srv_path_info_encode(&note);
+    struct srv_path_info info;
+    srv_path_describe(path, &info);
+    proto_json *json = srv_path_info_encode(&info);
     char *data = proto_json_to_text(json, NULL), *text = NULL;
     const char *name = atomic_load(&path->is_removed) ? "removed"
                        : is_over(path)                ? srv_path_state_name(path)

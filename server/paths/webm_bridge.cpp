@@ -26,16 +26,17 @@ using namespace libmatroska;
 
 namespace {
 const uint64_t SCALE_NS = 1000000;      /* times are in ms */
-const uint64_t CLUSTER_NS = 5000000000; /* a cluster is no longer */
-const size_t CLUSTER_BYTES = 4 << 20;   /* and, unless one packet is, no larger: it is in memory */
-const uint64_t SEEK_BYTES = 96;         /* kept for the seek head */
+const uint64_t CLUSTER_NS = 5000000000; /* longest duration of a cluster */
+const size_t CLUSTER_BYTES =
+    4 << 20; /* its size limit, unless one packet is larger: it is kept in memory */
+const uint64_t SEEK_BYTES = 96; /* reserved for the seek head */
 } // namespace
 
 struct srv_webm {
     std::unique_ptr<StdIOCallback> file;
     KaxSegment segment;
     KaxCues cues;
-    EbmlVoid room;
+    EbmlVoid reserved;
     std::unique_ptr<KaxCluster> cluster;
     KaxTrackEntry *track = nullptr;
     uint64_t start_ns = 0; /* of the cluster */
@@ -108,7 +109,7 @@ template <typename Action> static bool guarded(char *reason, Action action) {
     } catch (const std::exception &e) {
         std::snprintf(reason, SRV_WEBM_REASON, "%s", e.what());
     } catch (...) {
-        std::snprintf(reason, SRV_WEBM_REASON, "the file cannot be written");
+        std::snprintf(reason, SRV_WEBM_REASON, "cannot write the file");
     }
     return false;
 }
@@ -123,8 +124,8 @@ extern "C" struct srv_webm *srv_webm_create(const char *path, uint32_t width, ui
         webm->file = std::make_unique<StdIOCallback>(path, MODE_CREATE);
         write_head(*webm->file);
         webm->segment.WriteHead(*webm->file, 8);
-        webm->room.SetSize(SEEK_BYTES);
-        webm->room.Render(*webm->file);
+        webm->reserved.SetSize(SEEK_BYTES);
+        webm->reserved.Render(*webm->file);
         webm->cues.SetGlobalTimecodeScale(SCALE_NS);
         write_info(*webm, frames);
         write_tracks(*webm, width, height);
@@ -170,7 +171,7 @@ extern "C" bool srv_webm_finish(struct srv_webm *webm, char reason[SRV_WEBM_REAS
         seek.IndexThis(GetChild<KaxInfo>(w.segment), w.segment);
         seek.IndexThis(GetChild<KaxTracks>(w.segment), w.segment);
         seek.IndexThis(w.cues, w.segment);
-        w.room.ReplaceWith(seek, *w.file, true);
+        w.reserved.ReplaceWith(seek, *w.file, true);
         w.segment.ForceSize(end - w.segment.GetElementPosition() - w.segment.HeadSize());
         w.segment.OverwriteHead(*w.file);
         w.file->close();

@@ -188,7 +188,7 @@ test('each token has its frames in turn, its quota, and sees its own paths', asy
   const third = await bob.post(API, pathOf());
   assert.equal(third.status, 429);
   assert.ok(third.headers.get('retry-after'));
-  assert.match(third.json.detail, /bob has 2 paths, and its token allows 2/);
+  assert.match(third.json.detail, /bob has 2 camera paths and its token allows 2/);
   const quick = await make(pathOf(), eve);
   assert.equal((await end(quick, { of: eve })).event, 'done', 'it does not wait for all of bob\'s frames');
   const state = async (id) => (await own.json(`${API}/${id}`)).json;
@@ -217,7 +217,7 @@ test('the files of a token\'s paths have a quota: its own paths wait, and go on 
   const first = await make(pathOf({ frames: 50 }), bob);
   const { state, reason, done } = await waits(first);
   assert.equal(state, 'waiting');
-  assert.match(reason, /the files of the paths of bob have \d+ bytes, frame \d+ has \d+, and its token allows 3072/);
+  assert.match(reason, /the camera paths of bob use \d+ bytes, frame \d+ has \d+, and its token allows 3072/);
   const second = await make(pathOf({ frames: 50 }), bob);
   await waits(second);
   const bytes = (await bob.json(API)).json.paths.reduce((sum, one) => sum + one.bytes, 0);
@@ -231,7 +231,7 @@ test('the files of a token\'s paths have a quota: its own paths wait, and go on 
   const over = await bob.post(API, pathOf());
   assert.equal(over.status, 429);
   assert.ok(over.headers.get('retry-after'));
-  assert.match(over.json.detail, /the files of the paths of bob have \d+ bytes, and its token allows 1024; delete those that are done/);
+  assert.match(over.json.detail, /the camera paths of bob use \d+ bytes and its token allows 1024; delete finished ones/);
   assert.equal((await eve.post(API, pathOf())).status, 202);
   await allow('path-bytes=1M');
   assert.equal((await end(second, { of: bob })).event, 'done', 'a quota that grows is room');
@@ -246,7 +246,7 @@ test('a movie\'s bytes count beside its packets\' while it is put together', asy
   const id = await make(body, bob);
   const { data } = await event(id, (e) => e.data.reason, { of: bob });
   assert.deepEqual([data.state, data.done], ['waiting', 9], 'all its packets are there');
-  assert.match(data.reason, /the files of the paths of bob have \d+ bytes, the movie up to \d+, and its token allows \d+/);
+  assert.match(data.reason, /the camera paths of bob use \d+ bytes, the movie up to \d+, and its token allows \d+/);
   const [has, needs] = /have (\d+) bytes, the movie up to (\d+)/.exec(data.reason).slice(1).map(Number);
   assert.equal(has, data.bytes);
   assert.ok(needs >= whole);
@@ -410,8 +410,8 @@ test('a database that is not there costs no frame', async () => {
   for (const name of moved) fs.renameSync(path.join(folder, name), path.join(away, name));
   for (let run = 0; run < 2; run++) {
     own = await Daemon.start([...args, '--path-bytes', '1K'], { backend: 'cpu' });
-    assert.deepEqual(own.log.match(/\d+ folders in[^"]*/g), [`2 folders in ${frames}, of ${size} bytes, belong to no camera path that is known; `
-      + 'they stay, and count for --path-bytes: remove them, or bring back the database that had them']);
+    assert.deepEqual(own.log.match(/\d+ folders in[^"]*/g), [`2 folders in ${frames} (${size} bytes) belong to no known camera path; `
+      + 'they are kept and count towards --path-bytes: delete them, or restore the database that knows them']);
     assert.deepEqual(await list(own), []);
     await own.loaded('engine');
     assert.equal((await own.post(API, pathOf())).status, 507);
@@ -474,7 +474,7 @@ test('after a restart a path goes on with the volume that it was made for, and w
   for (const [one, done] of [[id, 39], [other, 0]]) {
     const last = await end(one, { of: own });
     assert.deepEqual([last.event, last.data.done], ['failed', done]);
-    assert.match(last.data.reason, /the volume 'cube' is not the one that the path was made for/);
+    assert.match(last.data.reason, /the volume 'cube' is not the one that the path was created for/);
   }
   assert.ok((await frame(id, 0, own)).equals(first), 'it keeps its frames');
   assert.equal(await own.stop(), 0);
@@ -487,14 +487,14 @@ test('limits: paths, frames and bytes are refused with both numbers', async () =
   const id = await make(pathOf({ frames: 50 }), own);
   const { data } = await event(id, (e) => e.data.reason, { of: own });
   assert.equal(data.state, 'waiting');
-  assert.match(data.reason, /have \d+ bytes, frame \d+ has \d+, and --path-bytes allows 3072/);
+  assert.match(data.reason, /use \d+ bytes, frame \d+ has \d+, and --path-bytes allows 3072/);
   assert.ok(data.bytes <= 3072 && data.done > 0);
   assert.equal((await own.fetch(`${API}/${id}/frames/0`)).status, 200, 'what was drawn stays');
   assert.equal((await own.fetch(`${API}/${id}/archive`)).status, 409);
   const other = await make(pathOf({ frames: 1, keyframes: [{ frame: 0, view: {} }] }), own);
   const third = await own.post(API, pathOf());
   assert.equal(third.status, 503);
-  assert.match(third.json.detail, /there are 2 paths and --paths allows 2/);
+  assert.match(third.json.detail, /there are 2 camera paths and --paths allows 2/);
   await own.fetch(`${API}/${other}`, { method: 'DELETE' });
   await own.fetch(`${API}/${id}`, { method: 'DELETE' });
   assert.equal(await own.stop(), 0);
@@ -581,7 +581,7 @@ test('a full store of frames takes no further path until one is deleted', async 
   await own.loaded('engine');
   const full = await own.post(API, pathOf());
   assert.equal(full.status, 507);
-  assert.match(full.json.detail, new RegExp(`have ${data.bytes} bytes and --path-bytes allows 1024`));
+  assert.match(full.json.detail, new RegExp(`use ${data.bytes} bytes and --path-bytes allows 1024`));
   await own.fetch(`${API}/${id}`, { method: 'DELETE' });
   for (let status = 507; status !== 202;) status = (await own.post(API, pathOf())).status; // once its files are gone
   assert.equal(await own.stop(), 0);

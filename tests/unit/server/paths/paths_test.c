@@ -685,7 +685,7 @@ static void a_volume_that_is_not_back_is_waited_for(void **state) {
     char id[SRV_PATH_ID_BYTES];
     draw_one_frame(id);
     begin_empty();
-    struct srv_path_info note = wait_for(id, "waiting", "the volume 'v' is not there: load it");
+    struct srv_path_info note = wait_for(id, "waiting", "there is no volume 'v'; load it");
     assert_int_equal(note.done, 1);
     assert_int_equal(waits(), 1);
     assert_int_equal(WAITS("volume"), 1);
@@ -727,7 +727,7 @@ static void another_volume_of_the_name_ends_it(void **state) {
     draw_one_frame(id);
     begin_empty();
     assert_int_equal(load("v", OTHER), SRV_VOLUME_READY);
-    static const char reason[] = "the volume 'v' is not the one that the path was made for";
+    static const char reason[] = "the volume 'v' is not the one that the path was created for";
     assert_int_equal(wait_for(id, "failed", reason).done, 1);
     assert_int_equal(metric("splatd_path_failures_total"), 1);
     assert_int_equal(waiting(), 0);
