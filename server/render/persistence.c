@@ -21,7 +21,7 @@ static bool restore_volume(struct srv_catalog *catalog, const char *id, const ch
     request.name = proto_json_string(proto_json_get(json, "name"));
     if (ok &&
         (!request.source || !proto_json_bool(proto_json_get(json, "confined"), &request.confined)))
-        ok = sp_fail(err, SP_ERR_FORMAT, NULL, "this is no volume");
+        ok = sp_fail(err, SP_ERR_FORMAT, NULL, "the record is not a volume");
     ok = ok && srv_catalog_add(catalog, &request, given, &existed, &conflict, err);
     proto_json_free(&json);
     return ok;
@@ -31,7 +31,7 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
                          struct srv_catalog *catalog, struct sp_error *err) {
     char *ids = srv_store_ids(store, kind);
     if (!ids)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for what was kept");
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while restoring the state");
     for (const char *id = ids; *id; id += strlen(id) + 1) {
         struct sp_error why;
         size_t size;
@@ -40,7 +40,7 @@ static bool restore_kind(struct srv_store *store, enum srv_kind kind, struct srv
                                ? srv_hub_restore(hub, id, text, size, srv_clock_ms(), &why)
                                : restore_volume(catalog, id, text, size, &why));
         if (!ok)
-            sp_log(SP_LOG_ERROR, "the kept %s %s cannot come back: %s%s%s",
+            sp_log(SP_LOG_ERROR, "cannot restore %s %s: %s%s%s",
                    kind == SRV_KIND_SESSION ? "session" : "volume", id, why.place,
                    why.place[0] ? ": " : "", why.text);
         free(text);
@@ -59,7 +59,7 @@ static bool put_session(void *user, const char *id, const char *text, size_t siz
     struct sp_error err;
     if (srv_store_put(user, SRV_KIND_SESSION, id, text, size, &err))
         return true;
-    sp_log(SP_LOG_ERROR, "session %s is not kept: %s", id, err.text);
+    sp_log(SP_LOG_ERROR, "cannot store session %s: %s", id, err.text);
     return false;
 }
 
@@ -78,7 +78,7 @@ double srv_persistence_ran_ms(struct srv_store *store) {
     return ok ? ran_s * 1000 : 0;
 }
 
-/* What cannot be put now is put with the next write. */
+/* If this fails, the next write tries again. */
 static void put_clock(struct srv_store *store, double ran_ms) {
     struct sp_error err;
     char text[64];
@@ -109,7 +109,7 @@ bool srv_persistence_put_volume(struct srv_store *store, const char *id,
     size_t size = 0;
     char *text = ok ? proto_json_to_text(json, &size) : NULL;
     if (!text)
-        ok = sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory");
+        ok = sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory");
     else if (strcmp(source, request->source) != 0)
         ok = sp_fail(&err, SP_ERR_UNSUPPORTED, NULL, "its path is not UTF-8");
     ok = ok && srv_store_put(store, SRV_KIND_VOLUME, id, text, size, &err);

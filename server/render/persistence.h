@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What is kept of volumes, sessions and the time: between the store, which knows neither, and those
- * who do not know the store.
+ * Persistence of volumes, sessions and the clock. It connects the store, which does not know their
+ * types, with the catalog and the hub, which do not know the store. It stands beside the catalog
+ * because no folder further left may include all three.
  */
 #ifndef SRV_RENDER_PERSISTENCE_H
 #define SRV_RENDER_PERSISTENCE_H
@@ -10,19 +11,18 @@
 #include "session/hub.h"
 #include "store/store.h"
 
-/* Brings back sessions, which sleep until somebody asks for them, and queues the loads. What
- * cannot come back is logged and stays in the store. SP_ERR_MEMORY. */
+/* Restores the sessions, hibernated, and queues the loads of volumes. A record that cannot be
+ * restored is logged and stays in the store. False: SP_ERR_MEMORY. */
 bool srv_persistence_restore(struct srv_store *store, struct srv_hub *hub,
                              struct srv_catalog *catalog, struct sp_error *err);
 
-/* For how long daemons ran that kept what is in the store: 0 = it is new, or of one that did not
- * count. */
+/* Returns for how long daemons have run with this store, ms; 0 = a new store. */
 double srv_persistence_ran_ms(struct srv_store *store);
-/* Puts that, to the second, and the sessions that changed. False: not all of them. */
+/* Puts that time, to the second, and the sessions that changed. False: not all could be put. */
 bool srv_persistence_save_sessions(struct srv_store *store, struct srv_hub *hub, double ran_ms);
 
-/* Puts a volume's source; request NULL removes it. False: it cannot be put, which is logged, and is
- * not in the store. */
+/* Puts the source of a volume; request NULL removes it. False: the record cannot be put; this is
+ * logged, and the volume is not loaded again after a restart. */
 bool srv_persistence_put_volume(struct srv_store *store, const char *id,
                                 const struct srv_volume_request *request);
 

@@ -53,7 +53,7 @@ static int tear_down(void **state) {
     return 0;
 }
 
-static void all_frames_are_in_it(void **state) {
+static void an_archive_has_all_frames(void **state) {
     struct fixture *f = *state;
     char *bytes = malloc(ALL_BYTES), *read = malloc(FRAME_BYTES);
     size_t size = 0;
@@ -85,7 +85,7 @@ static void all_frames_are_in_it(void **state) {
 }
 
 /* By the C library's own count, since libarchive's memory is not ours to count. */
-static void one_that_is_given_up_leaves_nothing(void **state) {
+static void a_cancelled_archive_frees_everything(void **state) {
     const struct fixture *f = *state;
     enum { TRIES = 1000 };
     char bytes[1000];
@@ -105,7 +105,7 @@ static void one_that_is_given_up_leaves_nothing(void **state) {
 }
 
 /* A frame that was removed ends it; so does what it had begun. */
-static void without_a_frame_it_breaks_off(void **state) {
+static void a_missing_frame_is_an_error(void **state) {
     struct fixture *f = *state;
     char *bytes = malloc(ALL_BYTES);
     ssize_t n;
@@ -122,9 +122,9 @@ static void without_a_frame_it_breaks_off(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(all_frames_are_in_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(one_that_is_given_up_leaves_nothing, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(without_a_frame_it_breaks_off, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_archive_has_all_frames, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_cancelled_archive_frees_everything, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_missing_frame_is_an_error, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -183,7 +183,7 @@ static unsigned count_files(const char *path) {
 
 /* Tests. */
 
-static void a_name_stands_for_all_bytes(void **state) {
+static void a_name_stands_for_a_complete_file(void **state) {
     struct sp_error err;
     assert_true(watched_write(*state, 0, &err));
     assert_true(is_whole(disk.final));
@@ -193,7 +193,7 @@ static void a_name_stands_for_all_bytes(void **state) {
 }
 
 /* Only what close() says of folders and of what is synchronised already does not matter. */
-static void each_failure_leaves_nothing(void **state) {
+static void a_failed_write_leaves_no_file(void **state) {
     const struct srv_folder *folder = *state;
     unsigned failures = 0;
     for (unsigned at = 1;; at++) {
@@ -215,7 +215,7 @@ static void each_failure_leaves_nothing(void **state) {
     assert_true(failures >= 10);
 }
 
-static void what_was_written_elsewhere_is_taken_whole(void **state) {
+static void srv_folder_take_publishes_a_complete_file(void **state) {
     const struct srv_folder *folder = *state;
     char part[SRV_FILE_BYTES];
     srv_folder_path(folder, ID, "movie.part", part);
@@ -244,9 +244,9 @@ static void what_was_written_elsewhere_is_taken_whole(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_name_stands_for_all_bytes, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(each_failure_leaves_nothing, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(what_was_written_elsewhere_is_taken_whole, set_up,
+        cmocka_unit_test_setup_teardown(a_name_stands_for_a_complete_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_failed_write_leaves_no_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(srv_folder_take_publishes_a_complete_file, set_up,
                                         tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Camera paths: what lies between keyframes, and what is refused.
+ * Keyframes: interpolation, and the checks of a request.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -31,7 +31,7 @@ static int set_up(void **state) {
     return 0;
 }
 
-/* A path of frames 0 to 100 with these keyframes; NULL with *err set. */
+/* Reads a path of frames 0 to 100 with these keyframes; NULL with *err set. */
 static struct srv_keyframes *try_keys(const char *keys, struct sp_error *err) {
     static const char format[] = "{\"frames\": 101, \"fps\": 10, \"keyframes\": %s}";
     size_t room = sizeof format + strlen(keys);
@@ -67,7 +67,7 @@ static void assert_near(double a, double b) {
         fail_msg("%.17g is not %.17g", a, b);
 }
 
-static void a_keyframe_is_met_to_the_bit(void **state) {
+static void a_keyframe_is_reproduced_bit_for_bit(void **state) {
     (void)state;
     struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 30, \"view\": {\"camera\": {\"position\": [70, 20, 0.3], \"fov_y\": 41.7}, "
@@ -141,7 +141,7 @@ static double turn_between(const struct srv_keyframes *keyframes, uint32_t f, ui
 }
 
 /* From any orientation to any: equal steps of the path are equal angles. */
-static void it_turns_at_constant_speed(void **state) {
+static void the_camera_turns_at_constant_speed(void **state) {
     (void)state;
     static const double to[][6] = { { 50, 80, -30, 0, 0, 1 },  { 0, 0, -100, 0, -1, 0 },
                                     { -90, 1, 2, 1, 1, 0 },    { 1, 99, 1, 0, 0, -1 },
@@ -162,7 +162,8 @@ static void it_turns_at_constant_speed(void **state) {
             sum += turn;
             assert_true(fabs(turn - step) < 1e-6);
         }
-        assert_true(step > 0.001 && sum < M_PI + 1e-4); /* the shorter way */
+        assert_true(step > 0.001);
+        assert_true(sum < M_PI + 1e-4); /* the shorter way */
         srv_keyframes_free(&keyframes);
     }
 }
@@ -186,7 +187,7 @@ static double scale_at(const struct sp_transfer_function *tf, double x) {
     return tf->gradient_count ? opacity_at(&points, x) : 1;
 }
 
-static void a_transfer_function_is_the_mean_of_both_at_every_value(void **state) {
+static void transfer_functions_are_blended_at_every_value(void **state) {
     (void)state;
     struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 0, \"view\": {\"transfer_function\": {\"points\": ["
@@ -221,7 +222,7 @@ static void a_transfer_function_is_the_mean_of_both_at_every_value(void **state)
     srv_keyframes_free(&keyframes);
 }
 
-static void tracks_go_their_own_ways(void **state) {
+static void tracks_are_interpolated_independently(void **state) {
     (void)state;
     struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 20, \"view\": {\"filter\": {\"sigma\": 1.7}}},"
@@ -238,7 +239,7 @@ static void tracks_go_their_own_ways(void **state) {
     srv_keyframes_free(&keyframes);
 }
 
-static void names_change_at_their_key(void **state) {
+static void names_change_at_the_next_key(void **state) {
     (void)state;
     struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 40, \"view\": {\"transfer_function\": {\"order\": \"post\"}, "
@@ -260,7 +261,7 @@ static void names_change_at_their_key(void **state) {
     srv_keyframes_free(&keyframes);
 }
 
-static void what_has_no_way_between_stays_until_the_key(void **state) {
+static void values_that_cannot_be_blended_stay_until_the_key(void **state) {
     (void)state;
     struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 0, \"view\": {\"clip\": {\"planes\": [{\"normal\": [0, 0, 1], \"offset\": "
@@ -280,7 +281,7 @@ static void what_has_no_way_between_stays_until_the_key(void **state) {
     srv_keyframes_free(&keyframes);
 }
 
-static void a_key_may_be_come_to_smoothly_or_at_once(void **state) {
+static void a_key_may_be_approached_smoothly_or_in_one_step(void **state) {
     (void)state;
     struct srv_keyframes *keyframes =
         read_keys("[{\"frame\": 40, \"ease\": \"smooth\", \"view\": {\"camera\": {\"fov_y\": 70}}},"
@@ -292,7 +293,7 @@ static void a_key_may_be_come_to_smoothly_or_at_once(void **state) {
     srv_keyframes_free(&keyframes);
 }
 
-static void what_is_wrong_is_told_with_its_place(void **state) {
+static void errors_have_a_pointer(void **state) {
     (void)state;
     static const char *const wrong[][2] = {
         { "7", "/keyframes" },
@@ -323,7 +324,7 @@ static void what_is_wrong_is_told_with_its_place(void **state) {
     }
 }
 
-static void what_a_path_makes_is_checked(void **state) {
+static void the_output_of_a_path_is_checked(void **state) {
     (void)state;
     static const char *const wrong[][2] = {
         { "{\"keyframes\": []}", "/frames" },
@@ -356,7 +357,7 @@ static char *many_points(char *at, double first) {
     return at;
 }
 
-static void points_of_both_must_have_room(void **state) {
+static void too_many_points_of_both_are_refused(void **state) {
     (void)state;
     static const struct {
         double second;
@@ -391,17 +392,17 @@ static void points_of_both_must_have_room(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_keyframe_is_met_to_the_bit),
+        cmocka_unit_test(a_keyframe_is_reproduced_bit_for_bit),
         cmocka_unit_test(the_camera_moves_on_an_arc),
-        cmocka_unit_test(it_turns_at_constant_speed),
-        cmocka_unit_test(a_transfer_function_is_the_mean_of_both_at_every_value),
-        cmocka_unit_test(tracks_go_their_own_ways),
-        cmocka_unit_test(names_change_at_their_key),
-        cmocka_unit_test(what_has_no_way_between_stays_until_the_key),
-        cmocka_unit_test(a_key_may_be_come_to_smoothly_or_at_once),
-        cmocka_unit_test(what_is_wrong_is_told_with_its_place),
-        cmocka_unit_test(what_a_path_makes_is_checked),
-        cmocka_unit_test(points_of_both_must_have_room),
+        cmocka_unit_test(the_camera_turns_at_constant_speed),
+        cmocka_unit_test(transfer_functions_are_blended_at_every_value),
+        cmocka_unit_test(tracks_are_interpolated_independently),
+        cmocka_unit_test(names_change_at_the_next_key),
+        cmocka_unit_test(values_that_cannot_be_blended_stay_until_the_key),
+        cmocka_unit_test(a_key_may_be_approached_smoothly_or_in_one_step),
+        cmocka_unit_test(errors_have_a_pointer),
+        cmocka_unit_test(the_output_of_a_path_is_checked),
+        cmocka_unit_test(too_many_points_of_both_are_refused),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }

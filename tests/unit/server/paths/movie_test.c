@@ -43,11 +43,13 @@ static struct element element_at(const uint8_t *at, const uint8_t *limit) {
     size_t id = (size_t)__builtin_clz(at[0]) - 23;
     e.id = (uint32_t)number(at, id);
     at += id;
-    assert_true(at < limit && at[0]);
+    assert_true(at < limit);
+    assert_int_not_equal(at[0], 0);
     size_t width = (size_t)__builtin_clz(at[0]) - 23;
     uint64_t size = number(at, width) & ((UINT64_C(1) << 7 * width) - 1);
     e.data = at + width;
-    assert_true(e.data <= limit && size <= (uint64_t)(limit - e.data));
+    assert_true(e.data <= limit);
+    assert_true(size <= (uint64_t)(limit - e.data));
     e.end = e.data + size;
     return e;
 }
@@ -89,7 +91,9 @@ static void write_packets(void) {
     struct sp_frame_pool *pool = sp_frame_pool_create(1 << 20, &err);
     struct sp_frame *frame = sp_frame_create(pool, WIDTH, HEIGHT, SP_RGBA8, &err);
     struct sp_video *video = sp_video_create(SP_VIDEO_VP9, 1, &err);
-    assert_true(pool && frame && video);
+    assert_non_null(pool);
+    assert_non_null(frame);
+    assert_non_null(video);
     for (uint32_t i = 0; i < FRAMES; i++) {
         struct sp_video_packet packet;
         char name[32];
@@ -149,7 +153,9 @@ static uint8_t *make_movie_of(const char *id, const struct srv_path_output *made
     srv_folder_path(&folder, id, "m.webm", path);
     FILE *file = fopen(path, "rb");
     uint8_t *movie = malloc(length);
-    assert_true(file && movie && fread(movie, 1, length, file) == length);
+    assert_non_null(file);
+    assert_non_null(movie);
+    assert_int_equal(fread(movie, 1, length, file), length);
     fclose(file);
     *bytes = length;
     assert_in_range(length, 1, room_of(id, made->frames));
@@ -160,7 +166,7 @@ static uint8_t *make_movie(size_t *bytes) {
     return make_movie_of("a", &output, bytes);
 }
 
-static void a_player_finds_what_it_needs(void **state) {
+static void the_headers_are_complete(void **state) {
     (void)state;
     size_t bytes;
     uint8_t *movie = make_movie(&bytes);
@@ -196,7 +202,7 @@ static void a_player_finds_what_it_needs(void **state) {
     free(movie);
 }
 
-static void cues_lead_to_key_frames(void **state) {
+static void cues_point_to_key_frames(void **state) {
     (void)state;
     size_t bytes;
     uint8_t *movie = make_movie(&bytes);
@@ -233,7 +239,7 @@ static double luma(vpx_codec_ctx_t *decoder, const uint8_t *bytes, size_t count)
     return sum / (WIDTH * HEIGHT);
 }
 
-static void every_frame_is_there_in_its_time(void **state) {
+static void every_frame_has_its_time(void **state) {
     (void)state;
     size_t bytes;
     uint8_t *movie = make_movie(&bytes);
@@ -256,7 +262,7 @@ static void every_frame_is_there_in_its_time(void **state) {
     free(movie);
 }
 
-static void a_packet_that_is_none_is_told(void **state) {
+static void an_invalid_packet_is_an_error(void **state) {
     (void)state;
     struct sp_error err;
     uint64_t bytes;
@@ -271,7 +277,7 @@ static void a_packet_that_is_none_is_told(void **state) {
     assert_false(srv_folder_size(&folder, "a", "movie.part", &bytes)); /* nothing is left */
 }
 
-static void a_cluster_is_bounded(void **state) {
+static void clusters_have_a_size_limit(void **state) {
     (void)state;
     enum { COUNT = 4, BYTES = 3 << 20 }; /* more than one does not fit */
     const struct srv_path_output large = { .frames = COUNT, .fps = FPS, .is_movie = true };
@@ -296,7 +302,7 @@ static void a_cluster_is_bounded(void **state) {
     srv_folder_remove(&folder, "b", NULL);
 }
 
-static void the_smallest_packets_have_room(void **state) {
+static void the_size_bound_holds_for_tiny_packets(void **state) {
     (void)state;
     enum { COUNT = 200 }; /* each of them with a cluster, and a cue of many digits */
     const struct srv_path_output many = { .frames = COUNT, .fps = 1e-4, .is_movie = true };
@@ -312,7 +318,7 @@ static void the_smallest_packets_have_room(void **state) {
     srv_folder_remove(&folder, "c", NULL);
 }
 
-static void a_folder_that_cannot_be_made_is_told(void **state) {
+static void a_folder_that_cannot_be_created_is_an_error(void **state) {
     (void)state;
     struct sp_error err;
     struct srv_folder nowhere = { .root = "/dev/full" };
@@ -322,13 +328,13 @@ static void a_folder_that_cannot_be_made_is_told(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_player_finds_what_it_needs),
-        cmocka_unit_test(cues_lead_to_key_frames),
-        cmocka_unit_test(every_frame_is_there_in_its_time),
-        cmocka_unit_test(a_packet_that_is_none_is_told),
-        cmocka_unit_test(a_cluster_is_bounded),
-        cmocka_unit_test(the_smallest_packets_have_room),
-        cmocka_unit_test(a_folder_that_cannot_be_made_is_told),
+        cmocka_unit_test(the_headers_are_complete),
+        cmocka_unit_test(cues_point_to_key_frames),
+        cmocka_unit_test(every_frame_has_its_time),
+        cmocka_unit_test(an_invalid_packet_is_an_error),
+        cmocka_unit_test(clusters_have_a_size_limit),
+        cmocka_unit_test(the_size_bound_holds_for_tiny_packets),
+        cmocka_unit_test(a_folder_that_cannot_be_created_is_an_error),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

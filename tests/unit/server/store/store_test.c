@@ -160,14 +160,15 @@ static void by_hand(const char *folder, const char *sql) {
 
 /* The tests. */
 
-static void keeps_in_memory(void **state) {
+static void records_are_kept_in_memory(void **state) {
     (void)state;
     struct srv_store_options o = { .max = { [SRV_KIND_VIEW] = 2 } };
     struct sp_error err;
     struct srv_store_status status;
     struct srv_store *store = srv_store_create(&o, &err);
     assert_true(srv_store_start(store, NULL, NULL, &err));
-    assert_true(put(store, SRV_KIND_VIEW, "b", "1") && put(store, SRV_KIND_VIEW, "a", "2"));
+    assert_true(put(store, SRV_KIND_VIEW, "b", "1"));
+    assert_true(put(store, SRV_KIND_VIEW, "a", "2"));
     assert_false(srv_store_put(store, SRV_KIND_VIEW, "c", "3", 1, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_true(put(store, SRV_KIND_VIEW, "a", "22")); /* is there already */
@@ -199,7 +200,7 @@ static void keeps_in_memory(void **state) {
 }
 
 /* More records than the first buckets hold, put, changed and removed in an order of chance. */
-static void many_records(void **state) {
+static void the_table_holds_many_records(void **state) {
     struct srv_store *store = started(*state);
     char id[16], text[32];
     uint32_t chance = 1;
@@ -228,11 +229,12 @@ static void many_records(void **state) {
     srv_store_destroy(&store);
 }
 
-static void survives_and_keeps_the_order(void **state) {
+static void records_survive_in_order(void **state) {
     struct srv_store *store = started(*state);
     struct stat found;
     char path[128];
-    assert_true(put(store, SRV_KIND_VOLUME, "z", "first") && put(store, SRV_KIND_VOLUME, "a", "x"));
+    assert_true(put(store, SRV_KIND_VOLUME, "z", "first"));
+    assert_true(put(store, SRV_KIND_VOLUME, "a", "x"));
     assert_true(put(store, SRV_KIND_VOLUME, "gone", "x"));
     assert_true(flush(store));
     assert_true(put(store, SRV_KIND_VOLUME, "z", "changed é"));
@@ -251,7 +253,7 @@ static void survives_and_keeps_the_order(void **state) {
     srv_store_destroy(&store);
 }
 
-static void one_daemon_a_folder(void **state) {
+static void one_daemon_uses_a_folder(void **state) {
     struct srv_store *store = create(*state);
     refused(*state, SP_ERR_IO, "another splatd");
     srv_store_destroy(&store);
@@ -259,7 +261,7 @@ static void one_daemon_a_folder(void **state) {
     srv_store_destroy(&store);
 }
 
-static void what_cannot_be_used(void **state) {
+static void an_unusable_folder_is_refused(void **state) {
     char path[128], folder[128], text[8192];
     database_path(*state, path);
     refused("/dev/null", SP_ERR_IO, "folder");
@@ -308,11 +310,12 @@ static bool is_synced(const char *folder) {
 }
 
 /* A new folder is a change of the one above it, and a new database one of the folder. */
-static void names_are_on_the_disk(void **state) {
+static void new_names_are_synced(void **state) {
     char folder[128];
     snprintf(folder, sizeof folder, "%s/new", (char *)*state);
     struct srv_store *store = create(folder);
-    assert_true(is_synced(*state) && is_synced(folder));
+    assert_true(is_synced(*state));
+    assert_true(is_synced(folder));
     srv_store_destroy(&store);
     sync_fails = true;
     refused(folder, SP_ERR_IO, "to the disk");
@@ -320,12 +323,12 @@ static void names_are_on_the_disk(void **state) {
     refused(folder, SP_ERR_IO, "to the disk");
 }
 
-static void a_disk_without_shared_memory(void **state) {
+static void a_file_system_without_wal_is_refused(void **state) {
     disk->has_no_shared_memory = true;
     refused(*state, SP_ERR_UNSUPPORTED, "local disk");
 }
 
-static void a_database_that_cannot_be_written(void **state) {
+static void an_unwritable_database_is_refused(void **state) {
     char path[128];
     struct srv_store *store = create(*state);
     srv_store_destroy(&store);
@@ -342,7 +345,7 @@ static void a_database_that_cannot_be_written(void **state) {
 }
 
 /* The disk fills up at every moment in turn; when there is room again nothing is missing. */
-static void full_disk(void **state) {
+static void a_full_disk_delays_writes(void **state) {
     bool was_durable = false;
     int failures = 0;
     for (int end = BAD_DISK_FULL; end <= BAD_DISK_BROKEN; end++) {
@@ -378,7 +381,7 @@ static void full_disk(void **state) {
 }
 
 /* Nobody asks any more: the writer tries again by itself. */
-static void catches_up_by_itself(void **state) {
+static void the_writer_retries_by_itself(void **state) {
     struct srv_store *store = started(*state);
     struct srv_store_status status;
     atomic_store(&disk->left, 0);
@@ -409,7 +412,7 @@ static bool collect(void *user) {
     return !atomic_load(&source->is_short);
 }
 
-static void collects_before_it_writes(void **state) {
+static void the_writer_collects_before_it_writes(void **state) {
     struct srv_store_options o = options(*state);
     o.pause_ms = 1e9;
     struct source source = { .store = srv_store_create(&o, NULL) };
@@ -433,7 +436,7 @@ static bool collect_nothing(void *user) {
 
 /* What could not be collected is no promise kept, whether there is something else to write or not;
  * it is collected later without anybody asking. */
-static void what_is_not_collected_is_not_durable(void **state) {
+static void a_failed_collection_is_not_durable(void **state) {
     for (int i = 0; i < 2; i++) {
         struct source source = { .store = create(*state) };
         struct srv_store_status status;
@@ -441,7 +444,8 @@ static void what_is_not_collected_is_not_durable(void **state) {
         assert_true(srv_store_start(source.store, i ? collect_nothing : collect, &source, NULL));
         assert_false(flush(source.store));
         srv_store_status(source.store, &status);
-        assert_true(status.is_failing && strstr(status.reason, "sessions"));
+        assert_true(status.is_failing);
+        assert_non_null(strstr(status.reason, "sessions"));
         atomic_store(&source.is_short, false);
         do
             srv_store_status(source.store, &status);
@@ -471,7 +475,7 @@ static void dying(const char *folder, int told) {
     _exit(0);
 }
 
-static void death_at_any_write(void **state) {
+static void records_survive_a_kill_at_any_write(void **state) {
     int status = -1, most = 0;
     long n = 0;
     for (; status != 0; n++) {
@@ -491,7 +495,8 @@ static void death_at_any_write(void **state) {
             durable += more;
         close(pipes[0]);
         assert_int_equal(waitpid(child, &status, 0), child);
-        assert_true(WIFEXITED(status) && (WEXITSTATUS(status) == 9 || WEXITSTATUS(status) == 0));
+        assert_true(WIFEXITED(status));
+        assert_true(WEXITSTATUS(status) == 9 || WEXITSTATUS(status) == 0);
         struct srv_store *store = create(folder);
         for (int i = 0; i < durable; i++) {
             snprintf(text, sizeof text, "%d", i);
@@ -514,7 +519,7 @@ static void death_at_any_write(void **state) {
 
 /* Every allocation fails once, in creating, putting, flushing and reading: each says so or works,
  * nothing is lost, and what was durable stays. */
-static void no_memory(void **state) {
+static void out_of_memory_is_an_error(void **state) {
     bool whole = false;
     int failed_to_open = 0, failed_to_write = 0;
     for (long n = 0; !whole; n++) {
@@ -526,7 +531,8 @@ static void no_memory(void **state) {
         struct srv_store *store = srv_store_create(&o, &err);
         if (!store) {
             memory_come_back();
-            assert_true(err.code != SP_OK && err.text[0]);
+            assert_int_not_equal(err.code, SP_OK);
+            assert_string_not_equal(err.text, "");
             failed_to_open++;
             continue;
         }
@@ -545,7 +551,8 @@ static void no_memory(void **state) {
             holds(store, SRV_KIND_SESSION, "s", text);
         srv_store_destroy(&store);
     }
-    assert_true(failed_to_open > 20 && failed_to_write > 5);
+    assert_true(failed_to_open > 20);
+    assert_true(failed_to_write > 5);
 }
 
 /* Threads that put, remove, read, nudge and flush at once. */
@@ -572,7 +579,7 @@ static void *in_the_crowd(void *user) {
     return NULL;
 }
 
-static void from_many_threads(void **state) {
+static void many_threads_use_the_store(void **state) {
     enum { THREADS = 4 };
     pthread_t threads[THREADS];
     struct crowd crowd[THREADS];
@@ -593,21 +600,21 @@ static void from_many_threads(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(keeps_in_memory),
-        cmocka_unit_test_setup_teardown(many_records, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(survives_and_keeps_the_order, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(one_daemon_a_folder, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(what_cannot_be_used, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_database_that_cannot_be_written, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(full_disk, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(catches_up_by_itself, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(collects_before_it_writes, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(what_is_not_collected_is_not_durable, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(names_are_on_the_disk, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_disk_without_shared_memory, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(death_at_any_write, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(no_memory, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(from_many_threads, set_up, tear_down),
+        cmocka_unit_test(records_are_kept_in_memory),
+        cmocka_unit_test_setup_teardown(the_table_holds_many_records, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(records_survive_in_order, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(one_daemon_uses_a_folder, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_unusable_folder_is_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_unwritable_database_is_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_full_disk_delays_writes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(the_writer_retries_by_itself, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(the_writer_collects_before_it_writes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_failed_collection_is_not_durable, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(new_names_are_synced, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_file_system_without_wal_is_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(records_survive_a_kill_at_any_write, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(out_of_memory_is_an_error, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(many_threads_use_the_store, set_up, tear_down),
     };
     memory_play_sqlite();
     disk = bad_disk_register();
