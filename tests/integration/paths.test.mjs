@@ -247,7 +247,7 @@ test('a movie\'s bytes count beside its packets\' while it is put together', asy
   const { data } = await event(id, (e) => e.data.reason, { of: bob });
   assert.deepEqual([data.state, data.done], ['waiting', 9], 'all its packets are there');
   assert.match(data.reason, /the camera paths of bob use \d+ bytes, the movie up to \d+, and its token allows \d+/);
-  const [has, needs] = /have (\d+) bytes, the movie up to (\d+)/.exec(data.reason).slice(1).map(Number);
+  const [has, needs] = /use (\d+) bytes, the movie up to (\d+)/.exec(data.reason).slice(1).map(Number);
   assert.equal(has, data.bytes);
   assert.ok(needs >= whole);
   assert.equal((await bob.fetch(`${API}/${id}/movie`)).status, 409);
