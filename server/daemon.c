@@ -28,23 +28,24 @@ struct srv_daemon {
     struct srv_render_pool *render_pool;
     struct srv_snapshot_memory *snapshot_memory;
     struct srv_tokens *tokens;
-    char token[SRV_TOKEN_DIGITS + 1]; /* the only one, if there is no file */
+    char token[SRV_TOKEN_DIGITS + 1]; /* the only token if there is no --token-file */
     struct srv_hub *hub;
     struct srv_store *store;
     struct srv_metrics *metrics;
     struct srv_streams *streams;
-    _Atomic(struct srv_paths *) paths; /* the load and stream threads look at it, too */
-    _Atomic(struct srv_http *) http;   /* the stream thread looks at it while it is being made */
-    _Atomic double alive_ms;           /* when the stream thread ticked last */
-    double ran_ms; /* with the clock: for how long daemons ran with this store; constant */
+    _Atomic(struct srv_paths *) paths; /* also read by the load and stream threads */
+    _Atomic(struct srv_http *) http;   /* read by the stream thread while it is being created */
+    _Atomic double alive_ms;           /* time of the last tick */
+    double
+        ran_ms; /* plus srv_clock_ms(): for how long daemons have run with this store; constant */
     struct srv_http_options http_options;
-    /* Backends that did not start, for /readyz. Constant once the renderer was created. */
+    /* Backends that did not start, for /readyz. Constant once the renderer is created. */
     char refusals[REFUSALS_MAX][REFUSAL_BYTES];
     const char *refusal_list[REFUSALS_MAX];
     unsigned refusal_count;
 };
 
-/* Who tells whom. */
+/* Callbacks: which part notifies which. */
 
 static void on_progress(void *user, const char *id, const char *state, double progress,
                         const char *reason) {
@@ -132,9 +133,10 @@ static uint64_t half_of_memory(void) {
     return pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page / 2 : UINT64_C(1) << 30;
 }
 
-/* What the renderers of streams and stills may derive together is as much as all volumes may take,
- * but they must be able to work; that of the express lane has half of what one of them has. Each
- * has half of what there is on a GPU. */
+/* The renderers of the interactive and the snapshot worker may together cache as much as all
+ * volumes take, and at least DERIVED_BYTES_MIN each, so that they can work. The renderer of the
+ * preemption worker has half of what one of them has. Each of the two has half of the GPU memory.
+ */
 #define LARGE_BYTES (512 << 10)
 #define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
 
@@ -235,7 +237,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
            srv_render_pool_start(d->render_pool, d->hub, err);
 }
 
-/* Those of the file, or a random one. */
+/* Reads the token file, or creates a random token. */
 static bool start_tokens(struct srv_daemon *d, struct sp_error *err) {
     static const char name[] = "printed";
     const char *file = d->config->token_file;
@@ -251,7 +253,8 @@ static bool start_tokens(struct srv_daemon *d, struct sp_error *err) {
     return srv_tokens_set(d->tokens, list, count, err);
 }
 
-/* Nobody knows which program this is: the ETags of its pictures end with it. */
+/* Used if the fingerprint of the program cannot be read: the ETags of images are then valid for
+ * this run only. */
 static bool make_up(struct srv_fingerprint *program, struct sp_error *err) {
     char random[SRV_TOKEN_DIGITS + 1];
     if (!srv_secret_hex(random, SRV_TOKEN_DIGITS, err))
@@ -320,8 +323,9 @@ static bool start_paths(struct srv_daemon *d, struct sp_error *err) {
     return paths && srv_paths_start(paths, err);
 }
 
-/* Large blocks, as of video encoders that come and go, are given back to the system when they are
- * freed. Left to itself the C library keeps ever larger ones, in a pool for each thread. */
+/* Returns large blocks to the system when they are freed, for example those of video encoders. By
+ * default the C library raises its threshold and keeps larger and larger blocks, in a pool per
+ * thread. */
 static void give_back_memory(void) {
 #ifdef __GLIBC__
     mallopt(M_MMAP_THRESHOLD, LARGE_BYTES);
@@ -334,7 +338,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     struct srv_daemon *d = calloc(1, sizeof *d);
     if (!d || !(d->metrics = srv_metrics_create())) {
         free(d);
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to start");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while starting");
         return NULL;
     }
     d->config = config;
@@ -368,7 +372,7 @@ void srv_daemon_url(const struct srv_daemon *d, char *url, size_t size) {
 static void on_difference(void *user, const char *name) {
     (void)user;
     if (strcmp(name, "log-level") != 0)
-        sp_log(SP_LOG_WARN, "the setting %s has changed; it is taken at the next start", name);
+        sp_log(SP_LOG_WARN, "the setting %s has changed and takes effect at the next start", name);
 }
 
 void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
@@ -379,9 +383,9 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
         sp_log_set_level(level);
     bool is_whole = srv_http_reload(atomic_load(&d->http), &err);
     srv_hub_renew_tokens(d->hub);
-    srv_paths_wake(atomic_load(&d->paths)); /* which may have room */
+    srv_paths_wake(atomic_load(&d->paths)); /* their quotas may have changed */
     if (is_whole)
-        sp_log(SP_LOG_INFO, "reloaded");
+        sp_log(SP_LOG_INFO, "configuration reloaded");
     else
         sp_log(SP_LOG_ERROR, "reload failed; keeping the old configuration: %s%s%s", err.place,
                err.place[0] ? ": " : "", err.text);
@@ -391,7 +395,7 @@ double srv_daemon_alive_ms(const struct srv_daemon *d) {
     return atomic_load(&d->alive_ms);
 }
 
-/* Stop: from the outside inwards. */
+/* Stopping, from the outside inwards. */
 
 void srv_daemon_stop(struct srv_daemon **daemon) {
     struct srv_daemon *d = *daemon;
@@ -400,10 +404,10 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         return;
     struct srv_http *http = atomic_load(&d->http);
     if (http)
-        srv_http_close(http); /* before anybody is told */
+        srv_http_close(http); /* before clients are notified */
     struct srv_paths *paths = atomic_load(&d->paths);
     if (paths)
-        srv_paths_close(paths); /* answers of events end now */
+        srv_paths_close(paths); /* ends the event streams */
     if (d->hub)
         srv_hub_drain(d->hub);
     if (http)
@@ -416,7 +420,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_render_pool_stop(d->render_pool);
     if (d->store)
         srv_store_stop(d->store);
-    /* Both woke every request that still waited for them. */
+    /* The render pool and the store have now woken every request that waited for them. */
     /* The streams give their connections back before the listener ends them. */
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);

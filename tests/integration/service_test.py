@@ -156,7 +156,7 @@ class Service(unittest.TestCase):
         self.file('config', 'log-level = debug\nsessions = 6\n')
         manager.process.send_signal(signal.SIGHUP)
         manager.until_told('READY=1')
-        manager.until_logged('the setting sessions has changed; it is taken at the next start')
+        manager.until_logged('the setting sessions has changed and takes effect at the next start')
         self.assertEqual([self.status_with(address, t) for t in TOKENS], [401, 200])
         manager.until_logged('level=debug')
         # What cannot be read changes nothing.
