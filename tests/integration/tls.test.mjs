@@ -380,8 +380,8 @@ test('what is wrong with certificate or key is said at the start', async () => {
   copyFileSync(key, open);
   chmodSync(open, 0o644);
   const cases = [
-    [['--tls-cert', cert], 2, '--tls-cert: --tls-cert and --tls-key go together'],
-    [['--tls-key', key], 2, '--tls-key: --tls-cert and --tls-key go together'],
+    [['--tls-cert', cert], 2, '--tls-cert: --tls-cert and --tls-key must be given together'],
+    [['--tls-key', key], 2, '--tls-key: --tls-cert and --tls-key must be given together'],
     [['--tls-cert', at('none'), '--tls-key', key], 1, `${at('none')}: cannot read it: No such file`],
     [['--tls-cert', folder, '--tls-key', key], 1, `${folder}: cannot read it: Is a directory`],
     [['--tls-cert', '/dev/zero', '--tls-key', key], 1, '/dev/zero: cannot read it'],
