@@ -10,7 +10,9 @@
 
 #include "backend/backend.h"
 #include "base/clock.h"
+#include "sp/inflight.h"
 #include "sp/log.h"
+#include "sp/probe.h"
 
 /* A frame that was begun. */
 struct flight {

@@ -17,6 +17,8 @@
 
 #include "base/interrupt.h"
 #include "sp/frame.h"
+#include "sp/inflight.h"
+#include "sp/probe.h"
 #include "sp/renderer.h"
 #include "sp/view.h"
 #include "sp/volume.h"

@@ -8,7 +8,9 @@
 
 #include "backend/backend.h"
 #include "backend/check.h"
+#include "sp/inflight.h"
 #include "sp/log.h"
+#include "sp/probe.h"
 
 const struct sp_backend_entry *sp_backend_at(unsigned i) {
     const struct sp_backend *backend = sp_registry_at(i);

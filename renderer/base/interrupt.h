@@ -10,6 +10,7 @@
 #include <stdbool.h>
 
 #include "base/clock.h"
+#include "sp/inflight.h"
 #include "sp/renderer.h"
 
 /* Both pointers belong to the caller and live as long as the computation. */

@@ -8,6 +8,7 @@
 #include "classify/change.h"
 #include "classify/collect.h"
 #include "classify/mip.h"
+#include "sp/inflight.h"
 #include "sp/renderer.h"
 
 bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err) {

@@ -7,6 +7,7 @@
 #define SP_CLASSIFY_CLASSIFICATION_H
 
 #include "classify/visible.h"
+#include "sp/inflight.h"
 
 /* The visible voxels at one resolution. */
 struct sp_level {

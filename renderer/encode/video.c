@@ -159,7 +159,7 @@ static bool make_image(struct sp_video *video, const struct sp_frame *frame, str
     return true;
 }
 
-bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int quality, bool key,
+bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int quality, bool is_key,
                      struct sp_video_packet *packet, struct sp_error *err) {
     struct sp_i420 image;
     struct sp_coder_packet coded = { .size = 0 };
@@ -170,13 +170,13 @@ bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int q
         restart(video);
     video->width = image.width;
     video->height = image.height;
-    key = key || !video->state;
+    is_key = is_key || !video->state;
     if (!video->state)
         video->state = video->coder->create(image.width, image.height, video->threads);
     if (!video->state)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory for video of %u × %u", image.width,
                        image.height);
-    const char *failed = video->coder->encode(video->state, &image, quality, key, &coded);
+    const char *failed = video->coder->encode(video->state, &image, quality, is_key, &coded);
     if (!failed && coded.size == 0)
         failed = "the packet is empty";
     if (failed) {

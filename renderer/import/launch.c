@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/locate.h"
 #include "import/confine.h"
 #include "import/handover.h"
 #include "volume/volume.h"
@@ -55,27 +56,12 @@ static bool find_root(struct import *im, struct sp_error *err) {
     return true;
 }
 
-/* Looks beside the running program, then in ../bin. */
 static bool find_importer(struct import *im, struct sp_error *err) {
-    if (im->options->importer) {
+    struct sp_error why;
+    if (im->options->importer)
         snprintf(im->importer, sizeof im->importer, "%s", im->options->importer);
-    } else {
-        char self[PATH_MAX];
-        ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
-        if (n < 0)
-            return sp_fail(err, SP_ERR_IO, "/proc/self/exe", "cannot find splat-import: %s",
-                           strerror(errno));
-        self[n] = 0;
-        char *slash = strrchr(self, '/');
-        *slash = 0;
-        static const char *const places[] = { "splat-import", "../bin/splat-import" };
-        for (size_t i = 0; i < 2; i++) {
-            int length = snprintf(im->importer, sizeof im->importer, "%s/%s", self, places[i]);
-            if (length < (int)sizeof im->importer && access(im->importer, X_OK) == 0)
-                return true;
-        }
-        snprintf(im->importer, sizeof im->importer, "%.4000s/splat-import", self);
-    }
+    else if (!sp_locate("splat-import", im->importer, &why) && why.code == SP_ERR_IO)
+        return sp_fail(err, SP_ERR_IO, why.place, "%s", why.text);
     if (access(im->importer, X_OK) != 0)
         return sp_fail(err, SP_ERR_IO, im->importer, "cannot run the importer: %s",
                        strerror(errno));

@@ -4,6 +4,7 @@
 #include <inttypes.h>
 
 #include "sp/log.h"
+#include "sp/probe.h"
 #include "sp/renderer.h"
 
 static void print_text(FILE *out, const char *what, const char *text) {

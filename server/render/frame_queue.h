@@ -21,6 +21,7 @@
 #include <stdatomic.h>
 
 #include "session/hub.h"
+#include "sp/inflight.h"
 #include "sp/renderer.h"
 
 struct srv_inflight {

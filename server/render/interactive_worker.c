@@ -8,6 +8,7 @@
 
 #include "common/clock.h"
 #include "render/render_pool_private.h"
+#include "sp/inflight.h"
 #include "sp/log.h"
 
 #define KEPT_BYTES_MAX ((size_t)64 << 20)

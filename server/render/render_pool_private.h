@@ -13,6 +13,7 @@
 #include "render/render_pool.h"
 #include "render/video.h"
 #include "session/encode_params.h"
+#include "sp/inflight.h"
 
 enum {
     SRV_WORKER_ENCODES =

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "bench/allocations.h"
+#include "sp/inflight.h"
 
 enum { STEPS = 24, ROUNDS = 2, TRIES = 4 };
 

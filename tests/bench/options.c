@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "bench/options.h"
+#include "sp/inflight.h"
 
 #include <getopt.h>
 #include <stdio.h>

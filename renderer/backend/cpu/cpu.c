@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "backend/cpu/draw.h"
+#include "sp/probe.h"
 
 /* The processor's name as the system gives it. */
 static void read_device(char *text, size_t size) {

@@ -8,6 +8,7 @@
 
 #include "backend/gl/egl.h"
 #include "sp/log.h"
+#include "sp/probe.h"
 
 #define UNTOLD_BYTES (UINT64_C(1) << 30) /* what any GPU is taken to have for this program */
 

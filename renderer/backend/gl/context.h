@@ -14,6 +14,7 @@
 
 #include <stdbool.h>
 
+#include "sp/probe.h"
 #include "sp/renderer.h"
 #include "sp/status.h"
 

@@ -16,6 +16,7 @@
 
 #include "backend/backend.h"
 #include "backend/gl/context.h"
+#include "sp/probe.h"
 
 struct gl_place {
     const char *platform; /* as in gl_info */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "backend/gl/egl.h"
+#include "sp/probe.h"
 
 static void describe(struct sp_device *device, const struct gl_info *info) {
     device->backend = info->software ? "gl-software" : "gl";

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A frame: one finished image, reference-counted, its memory recycled through a pool.
- * Row 0 is the top row. Rows start at multiples of 64 bytes.
+ * A frame: one finished image, reference-counted. A pool recycles the memory of frames, so that a
+ * stream of frames of one size allocates once. Row 0 is the top row.
  */
 #ifndef SP_FRAME_H
 #define SP_FRAME_H
@@ -10,57 +10,76 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "sp/api.h"
 #include "sp/status.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Both formats hold the image over the view's background. */
 enum sp_pixel_format {
-    SP_RGBA8,  /* 4 bytes, sRGB display values, NOT associated alpha, over the view's background */
-    SP_RGBAF32 /* 4 floats, ASSOCIATED alpha, over the background (an opaque background gives alpha
-                  1) */
+    SP_RGBA8,  /* 4 bytes per pixel: sRGB display values, straight (not premultiplied) alpha */
+    SP_RGBAF32 /* 4 floats per pixel: display values, premultiplied alpha; an opaque background
+                  gives alpha 1 */
 };
 
-enum { SP_STAGES_MAX = 8 };
+enum { SP_STAGES_MAX = 8, SP_DEVICE_NAME = 128 };
+
 struct sp_stage_time {
-    const char *name;
-    double ms;
-}; /* name: constant string, "classify", "splat", "bin", "tile", "resolve"; of a GPU also "read" */
+    const char *name; /* constant: "classify", "splat", "bin", "tile", "resolve"; on a GPU also
+                         "read" */
+    double ms;        /* wall-clock time of the stage, >= 0 */
+};
 
-enum { SP_DEVICE_NAME = 128 };
-
+/* How a frame was drawn. All fields are set by the renderer. */
 struct sp_frame_stats {
-    const char *backend;         /* constant: "cpu", "null", … */
-    const char *isa;             /* constant: "scalar", … or "" */
-    char device[SP_DEVICE_NAME]; /* the CPU's or GPU's name */
-    uint32_t threads;
-    uint32_t mip_level;       /* 0 = all voxels, n = 2^n × 2^n × 2^n averaged into one */
-    uint64_t visible_voxels;  /* after classification */
-    uint64_t splats;          /* drawn: not culled */
-    uint64_t fragments;       /* pixels touched by footprints, before early termination */
-    double render_ms, cpu_ms; /* wall, and the sum over all threads */
-    uint32_t stage_count;
-    struct sp_stage_time stages[SP_STAGES_MAX];
+    const char *backend;         /* constant: "cpu", "gl", "null", … */
+    const char *isa;             /* constant: instruction set, "scalar", "avx2", …; "" = none */
+    char device[SP_DEVICE_NAME]; /* name of the CPU or GPU */
+    uint32_t threads;            /* render threads of the backend */
+    uint32_t mip_level; /* [0, SP_MIP_LEVEL_MAX]; n = 2^n × 2^n × 2^n voxels averaged into one;
+                           0 = full detail */
+    uint64_t visible_voxels; /* visible after classification */
+    uint64_t splats;         /* footprints that were drawn, without culled ones */
+    uint64_t fragments;      /* area of these footprints inside the image [px], before early
+                                termination */
+    double render_ms;        /* wall-clock time of the renderer's calls for this frame */
+    double cpu_ms;           /* CPU time of these calls, summed over all threads */
+    uint32_t stage_count;    /* [0, SP_STAGES_MAX] */
+    struct sp_stage_time stages[SP_STAGES_MAX]; /* in the order in which the stages ran */
 };
 
 struct sp_frame {
-    uint32_t width, height; /* px, [1, 8192] */
+    uint32_t width, height; /* px, [1, SP_SIZE_MAX] */
     enum sp_pixel_format format;
-    size_t stride_bytes; /* multiple of 64 */
-    void *pixels;        /* 64-byte aligned, height · stride_bytes, owned by the frame */
-    bool is_opaque;      /* every alpha is 1, to 8 bits; false = that is not known */
+    size_t stride_bytes; /* from row to row; a multiple of 64 */
+    void *pixels;        /* height · stride_bytes bytes, 64-byte aligned; owned by the frame */
+    bool is_opaque;      /* every alpha is 1, to 8 bits; false = not known */
     struct sp_frame_stats stats;
 };
 
-struct sp_frame_pool;
+struct sp_frame_pool; /* opaque */
 
-/* `cap_bytes` of idle memory are kept for reuse. NULL with *err set when out of memory. */
-struct sp_frame_pool *sp_frame_pool_create(size_t cap_bytes, struct sp_error *err);
-void sp_frame_pool_destroy(
-    struct sp_frame_pool **pool); /* frames still referenced stay valid and free themselves later */
+/* Creates a pool that keeps at most cap_bytes of idle frame memory for reuse (0 = none). Returns
+ * NULL on failure: SP_ERR_MEMORY. Thread-safe. */
+SP_API struct sp_frame_pool *sp_frame_pool_create(size_t cap_bytes, struct sp_error *err);
+/* Accepts a NULL pool and nulls *pool. Frames that are still referenced stay valid; their memory is
+ * freed with their last reference. */
+SP_API void sp_frame_pool_destroy(struct sp_frame_pool **pool);
 
-/* One reference to a frame whose pixels are not initialised; NULL with *err set. Thread-safe. */
-struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
-                                 enum sp_pixel_format format, struct sp_error *err);
-struct sp_frame *sp_frame_ref(struct sp_frame *frame);
-void sp_frame_unref(struct sp_frame **frame); /* accepts NULL, nulls; the last one gives the memory
-                                                 back; thread-safe */
+/* Returns one reference to a frame with uninitialised pixels. width and height in px, [1,
+ * SP_SIZE_MAX]. Returns NULL on failure: SP_ERR_MEMORY. Thread-safe. */
+SP_API struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uint32_t height,
+                                        enum sp_pixel_format format, struct sp_error *err);
+/* Adds a reference and returns its argument. Thread-safe. */
+SP_API struct sp_frame *sp_frame_ref(struct sp_frame *frame);
+/* Drops a reference and nulls *frame, which may be NULL. The last reference gives the memory back
+ * to the pool. Thread-safe. */
+SP_API void sp_frame_unref(struct sp_frame **frame);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -1,32 +1,44 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What one sees at a point of the picture, computed on the processor from the volume itself: every
- * sample fills its cell (from the middle of one gap to the middle of the next) with the colour and
- * extinction of the transfer function, at the magnitude of its own gradient if that counts, and the
- * ray adds up the extinction of the cells that it crosses, exactly. Kernels, filters and slabs are
- * of pictures and play no part; near plane and clip do.
+ * Picking: what the ray through a point of the image hits. It is computed on the CPU from the
+ * samples. Every sample fills its cell, which reaches from the middle of one gap to the middle of
+ * the next, with the colour and extinction of the transfer function at the sample's value (and its
+ * gradient magnitude, if that counts). The optical depth of the ray is the exact sum over the cells
+ * that it crosses:
  *
- *   τ(t) = Σ extinction(cell) · length in it     opacity(t) = 1 − e^−τ(t)
+ *   τ(t) = Σ extinction(cell) · length of the ray in the cell      opacity(t) = 1 − e^−τ(t)
+ *
+ * Kernel, filter and compositing have no influence; the near plane and the clip do.
  */
 #ifndef SP_PICK_H
 #define SP_PICK_H
 
 #include <stdbool.h>
 
+#include "sp/api.h"
 #include "sp/view.h"
 #include "sp/volume.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 struct sp_pick {
-    double opacity;     /* of the whole ray, [0,1] */
-    bool is_hit;        /* it reaches a half; then: */
-    double position[3]; /* world, where it does */
-    double value;       /* of the sample whose cell that is in, data unit */
+    double opacity;     /* of the whole ray, [0, 1] */
+    bool is_hit;        /* the opacity reaches 0.5; the fields below are set only then */
+    double position[3]; /* world position where the opacity reaches 0.5 */
+    double value;       /* of the sample whose cell contains that position [data unit] */
 };
 
-/* Looks along the ray of `at`: px of a picture of `size` px from its upper left corner, x to the
- * right, y down, so that (0.5, 0.5) is the middle of the first pixel; finite. The view is valid.
- * Steps at most from cell to cell: dims[0] + dims[1] + dims[2] of them. Any thread. */
-void sp_pick_at(const struct sp_volume *volume, const struct sp_view *view, const uint32_t size[2],
-                const double at[2], struct sp_pick *pick);
+/* Follows the ray through point `at` of an image of `size` px. `at` is in px from the upper left
+ * corner, x to the right, y down, finite; (0.5, 0.5) is the centre of the first pixel. The view
+ * must be valid (sp_view_validate()). Takes at most dims[0] + dims[1] + dims[2] steps. Thread-safe.
+ */
+SP_API void sp_pick_at(const struct sp_volume *volume, const struct sp_view *view,
+                       const uint32_t size[2], const double at[2], struct sp_pick *pick);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

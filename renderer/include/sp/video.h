@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Frames → packets of a video stream, for pictures that move. Unlike a still (sp/encode.h) a packet
- * may need those before it:
+ * Encodes frames as packets of a video stream. Unlike an image file (sp/encode.h), a packet may
+ * depend on the packets before it:
  *
- *   key ─► delta ─► delta ─► key ─► delta        a delta can be decoded by who has every packet
- *                                                since the key before it, and by nobody else
+ *   key ─► delta ─► delta ─► key ─► delta      a decoder needs every packet since the last key
+ * frame
  *
- * Each frame gives exactly one packet, at once; none is held back, dropped or reordered. Quality is
- * constant: what changes little costs few bytes. VP8 and VP9 (libvpx) are linked in; H.264 comes
- * with a module, splat-x264.so, which is built apart (SPLATD_X264: libx264 is under the GPL) and is
- * there or not.
+ * Each frame gives exactly one packet at once: none is delayed, dropped or reordered. Quality is
+ * constant, so an image that changes little costs few bytes. VP8 and VP9 (libvpx) are linked in.
+ * H.264 needs the module splat-x264.so, which is an optional part of the build (SPLATD_X264)
+ * because libx264 is under the GPL.
  *
- * Pictures are 4:2:0, BT.601, limited range, over black like a JPEG. Those of H.264 have even
- * sides: the last column and row of an odd one is there twice.
+ * Images are converted to 4:2:0, BT.601, limited range, blended over black like a JPEG. H.264
+ * images have even sides: the last column or row of an odd side is repeated.
  */
 #ifndef SP_VIDEO_H
 #define SP_VIDEO_H
@@ -21,35 +21,47 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "sp/api.h"
 #include "sp/frame.h"
 #include "sp/status.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum sp_video_codec { SP_VIDEO_VP8, SP_VIDEO_VP9, SP_VIDEO_H264, SP_VIDEO_CODEC_COUNT };
 
-const char *sp_video_codec_name(enum sp_video_codec codec); /* "vp8", "vp9", "h264" */
-/* SP_VIDEO_CODEC_COUNT if unknown. */
-enum sp_video_codec sp_video_codec_find(const char *name);
-/* Can it be encoded here? Looks for the module. Thread-safe. */
-bool sp_video_is_available(enum sp_video_codec codec);
+/* "vp8", "vp9", "h264": constant strings. Thread-safe. */
+SP_API const char *sp_video_codec_name(enum sp_video_codec codec);
+/* Returns SP_VIDEO_CODEC_COUNT if the name is unknown. Thread-safe. */
+SP_API enum sp_video_codec sp_video_codec_find(const char *name);
+/* True if this installation can encode the codec. Looks for the module's file. Thread-safe. */
+SP_API bool sp_video_is_available(enum sp_video_codec codec);
 
 /* The encoder of one stream. One thread at a time. */
 struct sp_video;
 
-/* threads: most that it may use of its own, [1, 8]. NULL with *err set: SP_ERR_MEMORY, or
+/* threads: the most that the encoder may start, [1, 8]. Returns NULL on failure: SP_ERR_MEMORY, or
  * SP_ERR_UNSUPPORTED if the codec is not available. */
-struct sp_video *sp_video_create(enum sp_video_codec codec, unsigned threads, struct sp_error *err);
-void sp_video_destroy(struct sp_video **video);
+SP_API struct sp_video *sp_video_create(enum sp_video_codec codec, unsigned threads,
+                                        struct sp_error *err);
+/* Accepts a NULL encoder and nulls *video. */
+SP_API void sp_video_destroy(struct sp_video **video);
 
 struct sp_video_packet {
-    const uint8_t *bytes; /* the encoder's, until its next call */
-    size_t size;
-    bool is_key;
+    const uint8_t *bytes; /* owned by the encoder; valid until its next call */
+    size_t size;          /* bytes, > 0 */
+    bool is_key;          /* a decoder can start here */
 };
 
-/* quality in [1,100], about that of a JPEG of the same number. key: make a key frame; the first
- * picture, and one of another size than the one before, is one in any case. After a failure the
- * next packet is a key frame. */
-bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int quality, bool key,
-                     struct sp_video_packet *packet, struct sp_error *err);
+/* Encodes one frame. quality: [1, 100], about that of a JPEG of the same number. is_key: make a key
+ * frame. The first frame, a frame of a new size, and the frame after a failure are key frames in
+ * any case. Errors: SP_ERR_MEMORY, SP_ERR_BACKEND (the codec failed). */
+SP_API bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int quality,
+                            bool is_key, struct sp_video_packet *packet, struct sp_error *err);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -1,8 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The view: everything that a frame depends on, as plain data. It is produced by `protocol/` from
- * JSON, held by a session, and copied by value when a frame starts, so that an edit never tears a
- * frame. The JSON pointer of each field is given in quotes; sp_view_validate() reports it as place.
+ * The view: everything that a frame depends on, as plain data. `protocol/` produces it from JSON, a
+ * session holds it, and the renderer copies it when a frame begins, so that an edit never tears a
+ * frame. The JSON pointer of each struct or field stands in quotes; sp_view_validate() reports it
+ * as the place of an error.
+ *
+ * Numbers are finite unless a comment says otherwise. A default in brackets is what sp_view_init()
+ * sets. "world unit" is the unit of the volume's grid (sp_volume_info.unit). Terms and formulas:
+ * renderer/README.md.
  */
 #ifndef SP_VIEW_H
 #define SP_VIEW_H
@@ -10,10 +15,15 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "sp/api.h"
 #include "sp/status.h"
 #include "sp/volume.h"
 
-#define SP_SIZE_MAX 8192 /* px an image side */
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define SP_SIZE_MAX 8192 /* px per image side */
 enum {
     SP_TF_POINTS_MAX = 256,
     SP_GRADIENT_POINTS_MAX = 16,
@@ -23,17 +33,22 @@ enum {
 
 enum sp_projection { SP_PERSPECTIVE, SP_ORTHOGRAPHIC };
 enum sp_filter_mode {
-    SP_FILTER_ADAPTIVE,
-    SP_FILTER_EWA,
-    SP_FILTER_RECONSTRUCTION,
-    SP_FILTER_LOWPASS,
-    SP_FILTER_SWAN,
-    SP_FILTER_NONE
+    SP_FILTER_ADAPTIVE,       /* per brick, one of the next three (Chen et al. 2004, eq. 7) */
+    SP_FILTER_EWA,            /* footprint and low-pass filter (Zwicker et al. 2001, eq. 21) */
+    SP_FILTER_RECONSTRUCTION, /* footprint alone; aliases when minified */
+    SP_FILTER_LOWPASS,        /* low-pass filter alone; leaves holes when magnified */
+    SP_FILTER_SWAN,           /* footprint scaled up to the low-pass radius (Swan et al. 1997) */
+    SP_FILTER_NONE            /* a flat rectangle per voxel (Botha and Post 2003) */
 };
-enum sp_kernel { SP_KERNEL_GAUSSIAN, SP_KERNEL_CUBIC };
-enum sp_compositing { SP_COMPOSITE_SPLAT, SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB };
+enum sp_kernel { SP_KERNEL_GAUSSIAN, SP_KERNEL_CUBIC /* Crawfis and Max 1993 */ };
+enum sp_compositing {
+    SP_COMPOSITE_SPLAT, /* each splat on its own, sorted by distance */
+    SP_COMPOSITE_SHEET, /* slices along the axis closest to the view direction (Westover 1990) */
+    SP_COMPOSITE_SLAB   /* slabs of equal distance from the eye (Mueller and Crawfis 1998) */
+};
+/* Opacity of optical depth T: 1 − e^−T, or min(T, 1). */
 enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
-enum sp_tf_order { SP_TF_PRE, SP_TF_POST };
+enum sp_tf_order { SP_TF_PRE, SP_TF_POST }; /* classify voxels, or classify pixels of a slab */
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };
 enum sp_primitive {
@@ -45,94 +60,103 @@ enum sp_primitive {
 enum sp_lod { SP_LOD_AUTO, SP_LOD_OFF };
 
 struct sp_camera {                 /* "/camera" */
-    enum sp_projection projection; /* "perspective" (default) | "orthographic" */
-    double position[3];            /* eye, world */
-    double target[3]; /* point that is seen in the middle, world; must differ from position */
-    double up[3];     /* not zero, not parallel to the view direction */
-    double fov_y;     /* degrees, vertical, [1, 170], default 30; perspective only */
-    double height;    /* world units seen vertically, > 0; orthographic only */
-    double near;      /* > 0, world units; voxels nearer than this plane are not drawn */
+    enum sp_projection projection; /* [perspective] */
+    double position[3];            /* eye, world [frames the volume] */
+    double target[3]; /* world point in the centre of the image; differs from position [the volume's
+                         centre] */
+    double up[3];     /* any length but 0, not parallel to the view direction [±z] */
+    double fov_y;     /* vertical angle, degrees, [1, 170]; perspective only [30] */
+    double height;    /* world units that the image shows vertically, > 0; orthographic only
+                         [diameter of the volume] */
+    double near;      /* distance of the near plane, world units, > 0: nearer voxels are not drawn
+                         [0.1 · smallest spacing] */
 };
 
 struct sp_tf_point {
-    double value;   /* in the data's own unit; strictly rising along the list */
-    float color[3]; /* sRGB display values, [0,1], composited as they are */
-    float opacity;  /* [0,1), over reference_length */
+    double value;   /* data unit; rises strictly along the list */
+    float color[3]; /* sRGB display values, [0, 1]; composited as they are */
+    float opacity;  /* [0, 1), over the reference length; 0 = transparent */
 };
 struct sp_gradient_point {
-    double magnitude; /* data unit a world unit, >= 0, strictly rising */
-    float scale;      /* [0,1], multiplies the opacity */
+    double magnitude; /* data unit per world unit, >= 0; rises strictly along the list */
+    float scale;      /* [0, 1]; multiplies the opacity */
 };
-struct sp_transfer_function { /* "/transfer_function" */
-    double reference_length;  /* world units, > 0; default: the smallest spacing */
-    enum sp_tf_order order;   /* "pre" (default) | "post", which needs slabs */
-    uint32_t point_count;     /* [1, SP_TF_POINTS_MAX] */
-    struct sp_tf_point points[SP_TF_POINTS_MAX]; /* linear between; the end values hold outside */
-    uint32_t gradient_count; /* [0, SP_GRADIENT_POINTS_MAX]; 0 = magnitude has no influence */
+/* extinction = −ln(1 − opacity) / reference_length. Linear between points; the first and the last
+ * point hold beyond the ends. */
+struct sp_transfer_function {                    /* "/transfer_function" */
+    double reference_length;                     /* world units, > 0 [smallest spacing] */
+    enum sp_tf_order order;                      /* "post" needs compositing "slab" [pre] */
+    uint32_t point_count;                        /* [1, SP_TF_POINTS_MAX] */
+    struct sp_tf_point points[SP_TF_POINTS_MAX]; /* [from the histogram] */
+    uint32_t gradient_count; /* [0, SP_GRADIENT_POINTS_MAX]; 0 = magnitude has no influence [0] */
     struct sp_gradient_point gradient[SP_GRADIENT_POINTS_MAX];
 };
 
-struct sp_filter { /* "/filter"; see mathematics: footprint, filters */
-    enum sp_filter_mode mode;
-    enum sp_kernel kernel;
-    double sigma;        /* voxels, [0.3, 2], default 0.7; gaussian only */
-    double cutoff;       /* Mahalanobis radius, [1, 6], default 3; gaussian only */
-    double lowpass;      /* standard deviation in px, [0, 8], default 1 */
-    double c_min, c_max; /* adaptive thresholds, > 0, c_min <= c_max; c_min 0.07; c_max NaN (JSON
-                            null) = 2.5(1+2tan²(fov/2)) */
+struct sp_filter {            /* "/filter" */
+    enum sp_filter_mode mode; /* [adaptive] */
+    enum sp_kernel kernel;    /* [gaussian] */
+    double sigma;             /* standard deviation, voxels, [0.3, 2]; gaussian only [0.7] */
+    double cutoff;  /* Mahalanobis radius where footprints end, [1, 6]; gaussian only [3] */
+    double lowpass; /* standard deviation of the low-pass filter, px, [0, 8]; 0 = none [1] */
+    double c_min; /* adaptive threshold (Chen et al. 2004, eq. 7), no unit, > 0, <= c_max [0.07] */
+    double c_max; /* the same, > 0; NaN (JSON null) = 2.5·(1 + 2·tan²(fov_y / 2)) [NaN] */
 };
 
 struct sp_compositing_options {      /* "/compositing" */
-    enum sp_compositing mode;        /* default sheet */
-    enum sp_attenuation attenuation; /* default exponential */
-    double slab; /* thickness in smallest (mean) spacings, [0.05, 64], default 1; slab mode only */
+    enum sp_compositing mode;        /* [sheet] */
+    enum sp_attenuation attenuation; /* [exponential] */
+    double slab; /* thickness in smallest (mean) spacings, [0.05, 64]; slab mode only [1] */
 };
 
 struct sp_light {
-    double direction[3]; /* towards the light, not zero; camera space: x right, y up, z towards the
-                            viewer */
-    enum sp_light_space space;
-    float color[3]; /* [0,4] */
+    double direction[3]; /* towards the light, any length but 0; camera space: x right, y up, z
+                            towards the viewer */
+    enum sp_light_space space; /* of `direction` */
+    float color[3];            /* [0, 4]; 0 = dark */
 };
-struct sp_shading { /* "/shading" */
-    enum sp_shading_mode mode;
-    double ambient, diffuse, specular; /* [0,4] */
-    double exponent;                   /* Blinn, [1, 1024] */
-    uint32_t light_count;              /* [0, SP_LIGHTS_MAX] */
+struct sp_shading {                    /* "/shading" */
+    enum sp_shading_mode mode;         /* [phong] */
+    double ambient, diffuse, specular; /* weights, [0, 4]; 0 = none [0.25, 0.8, 0.25] */
+    double exponent;                   /* of the highlight (Blinn 1977), [1, 1024] [24] */
+    uint32_t light_count;              /* [0, SP_LIGHTS_MAX]; 0 = ambient light alone [1] */
     struct sp_light lights[SP_LIGHTS_MAX];
 };
 
 struct sp_clip_plane {
-    double normal[3], offset;
-};                    /* keeps dot(normal, world) >= offset */
+    double normal[3]; /* world, any length but 0 */
+    double offset;    /* keeps the half space dot(normal, world) >= offset */
+};
 struct sp_clip {      /* "/clip" */
-    double box[2][3]; /* lower and upper corner as fractions of the volume's extent, [0,1]; default
-                         the whole */
-    uint32_t plane_count;
+    double box[2][3]; /* lower and upper corner, fractions of the volume's extent, [0, 1] [all] */
+    uint32_t plane_count; /* [0, SP_CLIP_PLANES_MAX] [0] */
     struct sp_clip_plane planes[SP_CLIP_PLANES_MAX];
 };
 
 struct sp_view {
-    char volume[SP_NAME_BYTES]; /* "/volume": id; the renderer ignores it, its caller resolves it */
-    uint32_t size[2];    /* "/size": width, height in px, [1, SP_SIZE_MAX], default 512×512 */
-    float background[4]; /* "/background": RGBA, not associated, [0,1], default opaque black */
+    char volume[SP_NAME_BYTES]; /* "/volume": id; the caller resolves it, the renderer ignores it */
+    uint32_t size[2];           /* "/size": width, height, px, [1, SP_SIZE_MAX] [512, 512] */
+    float background[4];        /* "/background": RGBA, straight alpha, [0, 1] [opaque black] */
     struct sp_camera camera;
     struct sp_transfer_function transfer_function;
     struct sp_filter filter;
     struct sp_compositing_options compositing;
     struct sp_shading shading;
-    enum sp_primitive primitive; /* "/primitive/type" */
+    enum sp_primitive primitive; /* "/primitive/type" [volume] */
     struct sp_clip clip;
-    enum sp_lod level_of_detail; /* "/quality/level_of_detail" */
+    enum sp_lod level_of_detail; /* "/quality/level_of_detail" [auto] */
 };
 
-/* Fills *view with the default for a volume: the camera frames it (perspective, 30°), the transfer
- * function comes from its histogram. `id` is copied to view->volume. Pure; never fails. */
-void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id);
+/* Fills *view with the defaults for a volume: the camera frames it, and the transfer function comes
+ * from its histogram. `id` is copied to view->volume. Thread-safe; never fails. */
+SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id);
 
-/* Checks every range above and the camera. On failure err->place is the JSON pointer of the culprit
- * and the code SP_ERR_INVALID. It does not check what a backend supports: the renderer does
- * (SP_ERR_UNSUPPORTED, with the pointer and what is supported). Pure. */
-bool sp_view_validate(const struct sp_view *view, struct sp_error *err);
+/* Checks every range above and the camera. On failure the code is SP_ERR_INVALID and err->place the
+ * JSON pointer of the field. What a backend supports is checked by the renderer
+ * (sp_renderer_supports()). Thread-safe. */
+SP_API bool sp_view_validate(const struct sp_view *view, struct sp_error *err);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

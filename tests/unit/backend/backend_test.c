@@ -15,7 +15,9 @@
 #include "backend/check.h"
 #include "backend/cpu/draw.h"
 #include "frame/pool.h"
+#include "sp/inflight.h"
 #include "sp/log.h"
+#include "sp/probe.h"
 #include "sp/renderer.h"
 
 static void drop_line(void *user, enum sp_log_level level, const char *kind,

@@ -7,6 +7,7 @@
 #define TEST_FAKES_H
 
 #include "backend/backend.h"
+#include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/renderer.h"
 

@@ -12,6 +12,7 @@
 
 #include <string.h>
 
+#include "sp/inflight.h"
 #include "unit/backend/fakes.h"
 
 /* Begins a frame `width` wide, which tells it from others. */

@@ -18,6 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/renderer.h"
 #include "support/data.h"

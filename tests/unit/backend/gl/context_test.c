@@ -19,6 +19,7 @@
 #include "backend/gl/context.h"
 #include "backend/gl/egl.h"
 #include "sp/log.h"
+#include "sp/probe.h"
 
 enum { SKIPPED = 77 };
 static const struct gl_options hardware = { .gpu = -1 }, software = { .gpu = -1, .software = true };

@@ -17,6 +17,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/renderer.h"
 

@@ -15,6 +15,7 @@
 
 #include "backend/gl/draw.h"
 #include "sp/log.h"
+#include "sp/probe.h"
 #include "unit/backend/gl/fake_machine.h"
 
 /* Index of the driver that a context comes from; −1 with *err set for none. */

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "render/frame_queue.h"
+#include "sp/inflight.h"
 
 enum { A = 1, B = 2 }; /* sessions */
 

@@ -19,6 +19,7 @@
 #include <cmocka.h>
 
 #include "common/clock.h"
+#include "sp/inflight.h"
 #include "support/gate.h"
 #include "support/render_fixture.h"
 
