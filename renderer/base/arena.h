@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Memory of one frame: named allocations from blocks that are kept from frame to frame, so that the
- * steady state allocates nothing. sp_arena_reset() forgets all allocations and keeps the memory;
- * when the last frame needed several blocks, it joins them into one.
+ * steady state allocates nothing. sp_arena_reset() ends all allocations and keeps the memory; if
+ * the last frame needed several blocks, it joins them into one. One thread at a time.
  */
 #ifndef SP_BASE_ARENA_H
 #define SP_BASE_ARENA_H
@@ -18,16 +18,17 @@ struct sp_arena {
     size_t total;                  /* bytes handed out since the last reset */
     uint64_t system_allocations;   /* calls to the system's allocator since init; constant in the
                                       steady state */
-    const char
-        *failed; /* name of the first allocation that failed since the last reset; NULL = none */
+    const char *failed; /* name of the first allocation that failed since the last reset, a constant
+                           string; NULL = none */
 };
 
 void sp_arena_init(struct sp_arena *arena);
 void sp_arena_finish(struct sp_arena *arena);
 void sp_arena_reset(struct sp_arena *arena);
 
-/* `count` elements of `size` bytes, 64-byte aligned, not initialised; NULL when out of memory or
- * when the product overflows. `name` (a constant string) is what an error message calls it. */
+/* Returns `count` elements of `size` bytes, 64-byte aligned, uninitialised, valid until the next
+ * reset; NULL when out of memory or when the product overflows. `name` is a constant string for
+ * error messages. */
 void *sp_arena_alloc(struct sp_arena *arena, const char *name, size_t count, size_t size);
 
 #endif

@@ -2,8 +2,7 @@
 #ifndef SP_BASE_CLOCK_H
 #define SP_BASE_CLOCK_H
 
-/* Milliseconds of a monotonic clock, and of CPU time of all threads of this process. Thread-safe.
- */
+/* Time of a monotonic clock, and CPU time of all threads of this process [ms]. Thread-safe. */
 double sp_clock_ms(void);
 double sp_clock_cpu_ms(void);
 

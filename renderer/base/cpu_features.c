@@ -10,7 +10,7 @@ static atomic_uint cpu_mask; /* 0 = not looked up */
 #if defined __x86_64__
 #include <cpuid.h>
 
-/* The compiler's builtin asks the system too: whether it saves the wide registers. */
+/* The compiler's builtin also checks that the system saves the wide registers. */
 static uint32_t look_up(void) {
     uint32_t mask = 0;
     unsigned a = 0, b = 0, c = 0, d = 0;
@@ -40,7 +40,7 @@ static uint32_t look_up(void) {
 uint32_t sp_cpu_features(void) {
     unsigned mask = atomic_load_explicit(&cpu_mask, memory_order_relaxed);
     if (!mask) {
-        mask = look_up() | LOOKED_UP; /* whoever comes first: all find the same */
+        mask = look_up() | LOOKED_UP; /* a race is harmless: all threads find the same mask */
         atomic_store_explicit(&cpu_mask, mask, memory_order_relaxed);
     }
     return mask & ~(uint32_t)LOOKED_UP;

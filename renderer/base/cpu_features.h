@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What this machine's processor and system can run, of what the kernels are compiled for.
+ * The instruction sets that the kernels are compiled for and that this machine can run: the
+ * processor has them, and the system saves their registers.
  */
 #ifndef SP_BASE_CPU_FEATURES_H
 #define SP_BASE_CPU_FEATURES_H
@@ -14,7 +15,7 @@ enum {
     SP_CPU_NEON = 8,
 };
 
-/* Looked up at the first call. Any thread. */
+/* Returns a mask of SP_CPU_…, looked up at the first call. Thread-safe. */
 uint32_t sp_cpu_features(void);
 
 #endif

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Kernels are written once and compiled once an instruction set: the reference with the compiler's
- * plain flags and the names as they are written, the others with SP_ISA defined (-DSP_ISA=avx2) and
- * those names followed by the set's:
+ * Kernels are written once and compiled once per instruction set. The scalar reference uses the
+ * compiler's plain flags and the names as written; the others are compiled with SP_ISA defined
+ * (-DSP_ISA=avx2), which appends the set's name to each of their functions:
  *
  *   sheet.c ─┬─ SP_ISA not defined ─► sp_sheet_add          scalar: the reference
  *            ├─ -DSP_ISA=sse41      ─► sp_sheet_add_sse41
  *            └─ -DSP_ISA=avx2 …     ─► sp_sheet_add_avx2
  *
- * Every header that declares such a function includes this one. The list is of all functions that
- * the kernels' sources (splat_kernels() in the rooms' CMakeLists.txt) share, with each other and
- * with the table (backend/cpu/table.c): one that is missing here is defined twice, and does not
+ * Every header that declares such a function includes this one. The list has all functions that the
+ * kernel sources (splat_kernels() in the folders' CMakeLists.txt) share with each other and with
+ * the table (backend/cpu/table.c). A function that is missing here is defined twice and does not
  * link.
  */
 #ifndef SP_BASE_ISA_H

@@ -39,7 +39,7 @@ static void write_line(enum sp_log_level level, const struct sp_log_field *field
                        const char *format, va_list args) {
     char line[1024];
     vsnprintf(line, sizeof line, format, args);
-    /* A line is a line, whatever a peer or a file put into it. */
+    /* Text of a peer or a file must not start a new line. */
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';

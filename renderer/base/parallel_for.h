@@ -2,12 +2,12 @@
  *
  * A pool of workers that claim blocks of an index range.
  *
- *   range [0, count)  ─► blocks of `grain`  ─► claimed one by one by workers 0 … threads-1
+ *   range [0, count)  ─► blocks of `grain`  ─► each claimed by one of the workers 0 … threads − 1
  *
- * Worker 0 is the calling thread; one thread runs the same code. Results must not depend on who did
- * which block, only on the block: then an image is bit-equal for any number of threads. Workers
- * flush denormals (FTZ, DAZ), and so does the caller for the length of a call. One loop at a time a
- * pool.
+ * Worker 0 is the calling thread; a pool of one thread runs the same code. A result may depend on
+ * its block but not on the worker that computed it, so that an image is bit-equal for any number of
+ * threads. Workers flush denormals to zero (FTZ, DAZ), and so does the caller during a call. A pool
+ * runs one loop at a time.
  */
 #ifndef SP_BASE_PARALLEL_FOR_H
 #define SP_BASE_PARALLEL_FOR_H
@@ -18,16 +18,18 @@
 
 struct sp_pool;
 
-/* threads in [1, 256]; NULL with *err set when threads cannot be started. */
+/* Creates a pool of `threads` workers, [1, 256], of which the caller is one. Returns NULL if
+ * threads cannot be started: SP_ERR_MEMORY. */
 struct sp_pool *sp_pool_create(unsigned threads, struct sp_error *err);
 void sp_pool_destroy(struct sp_pool **pool);
 unsigned sp_pool_threads(const struct sp_pool *pool);
 
-/* Handles [begin, end), at most `grain` long and starting at a multiple of it. `worker` < threads
- * is stable for the length of the call: use it to pick scratch memory. */
+/* Processes [begin, end), which is at most `grain` long and starts at a multiple of it. `worker` <
+ * threads belongs to this thread during the call: use it to select scratch memory. */
 typedef void sp_block_fn(void *user, size_t begin, size_t end, unsigned worker);
 
-/* Returns when every block is done. grain > 0; count may be 0. */
+/* Calls fn() for every block and returns when all calls have returned. grain > 0; count may be 0.
+ * One thread at a time per pool. */
 void sp_parallel_for(struct sp_pool *pool, size_t count, size_t grain, sp_block_fn *fn, void *user);
 
 #endif

@@ -78,7 +78,7 @@ static inline double sp_mat3_determinant(const struct sp_mat3 *a) {
            a->m[0][2] * (a->m[1][0] * a->m[2][1] - a->m[1][1] * a->m[2][0]);
 }
 
-/* The inverse; *determinant == 0 means that there is none and the result is not meaningful. */
+/* Returns the inverse. If *determinant is 0 there is none, and the result is meaningless. */
 static inline struct sp_mat3 sp_mat3_inverse(const struct sp_mat3 *a, double *determinant) {
     double d = *determinant = sp_mat3_determinant(a), s = d != 0 ? 1 / d : 0;
     struct sp_mat3 r;

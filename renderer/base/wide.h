@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * SP_WIDE floats at a time: written once, compiled once an instruction set (isa.h). The compiler's
- * portable vectors carry the arithmetic (+ − * / & | ~); functions carry what those lack. Four
- * floats in the reference and with SSE and NEON, eight with AVX2, sixteen with AVX-512.
+ * SIMD on SP_WIDE floats: written once, compiled once per instruction set (isa.h). The compiler's
+ * portable vectors provide the arithmetic (+ − * / & | ~); functions provide the rest. A vector has
+ * four floats in the reference, with SSE and with NEON, eight with AVX2, sixteen with AVX-512.
  *
- * No alignment is needed to load or store. A mask comes from a comparison (sp_wide_lt …) and is
- * combined with & | ~; it is a bit a lane with AVX-512, 0 or −1 a lane elsewhere.
+ * Loads and stores need no alignment. A mask comes from a comparison (sp_wide_lt …) and is combined
+ * with & | ~. It has one bit per lane with AVX-512, and 0 or −1 in each lane elsewhere.
  */
 #ifndef SP_BASE_WIDE_H
 #define SP_BASE_WIDE_H
@@ -34,7 +34,7 @@ enum { SP_WIDE = 8 };
 enum { SP_WIDE = 4 };
 #endif
 
-enum { SP_WIDE_MAX = 16 }; /* of any instruction set: for memory that all of them use */
+enum { SP_WIDE_MAX = 16 }; /* largest SP_WIDE of all instruction sets, for memory that they share */
 
 typedef float sp_wide __attribute__((vector_size(SP_WIDE * 4)));
 typedef int32_t sp_wide_int __attribute__((vector_size(SP_WIDE * 4)));
@@ -42,7 +42,7 @@ typedef uint32_t sp_wide_bits __attribute__((vector_size(SP_WIDE * 4)));
 #if defined SP_WIDE_AVX512
 typedef __mmask16 sp_wide_mask;
 #else
-typedef sp_wide_int sp_wide_mask; /* 0 or −1 a lane */
+typedef sp_wide_int sp_wide_mask; /* 0 or −1 in each lane */
 #endif
 
 static inline sp_wide sp_wide_all(float x) {
@@ -68,7 +68,7 @@ static inline sp_wide sp_wide_from_int(sp_wide_int a) {
     return __builtin_convertvector(a, sp_wide);
 }
 
-/* Towards zero. Lanes that do not fit hold any number. */
+/* Rounds towards zero. A lane that is out of range gets an unspecified number. */
 static inline sp_wide_int sp_wide_to_int(sp_wide a) {
 #if defined SP_WIDE_AVX512
     return (sp_wide_int)_mm512_cvttps_epi32((__m512)a);
@@ -103,7 +103,7 @@ static inline void sp_wide_int_store(int32_t *p, sp_wide_int a) {
     memcpy(p, &a, sizeof a);
 }
 
-/* Comparisons; false where a lane is not a number. */
+/* Comparisons: false where a lane is NaN. */
 #if defined SP_WIDE_AVX512
 static inline sp_wide_mask sp_wide_lt(sp_wide a, sp_wide b) {
     return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OQ);
@@ -130,12 +130,12 @@ static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
 }
 #endif
 
-/* The first n lanes; n may be negative or more than SP_WIDE. */
+/* Masks the first n lanes; n may be negative or more than SP_WIDE. */
 static inline sp_wide_mask sp_wide_first(int n) {
     return sp_wide_int_lt(sp_wide_int_count(), sp_wide_int_all(n));
 }
 
-/* Whether any lane of the mask is set. */
+/* True if any lane of the mask is set. */
 static inline bool sp_wide_any(sp_wide_mask mask) {
 #if defined SP_WIDE_AVX512
     return mask != 0;
@@ -166,7 +166,7 @@ static inline unsigned sp_wide_mask_bits(sp_wide_mask mask) {
 #endif
 }
 
-/* Lanes of a where the mask names them, of b elsewhere. */
+/* Lanes of a where the mask is set, of b elsewhere. */
 static inline sp_wide sp_wide_select(sp_wide_mask mask, sp_wide a, sp_wide b) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_mask_blend_ps(mask, (__m512)b, (__m512)a);
@@ -179,7 +179,7 @@ static inline sp_wide sp_wide_select(sp_wide_mask mask, sp_wide a, sp_wide b) {
 #endif
 }
 
-/* The lanes of a that the mask names; 0 in the others. */
+/* Lanes of a where the mask is set, 0 elsewhere. */
 static inline sp_wide sp_wide_keep(sp_wide_mask mask, sp_wide a) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_maskz_mov_ps(mask, (__m512)a);
@@ -188,7 +188,7 @@ static inline sp_wide sp_wide_keep(sp_wide_mask mask, sp_wide a) {
 #endif
 }
 
-/* a < b ? a : b, and a > b ? a : b; b where a lane is not a number. */
+/* a < b ? a : b, and a > b ? a : b; b where a lane is NaN. */
 static inline sp_wide sp_wide_min(sp_wide a, sp_wide b) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_min_ps((__m512)a, (__m512)b);
@@ -217,7 +217,7 @@ static inline sp_wide sp_wide_abs(sp_wide a) {
     return (sp_wide)((sp_wide_int)a & 0x7fffffff);
 }
 
-/* a·b + c; rounded once where the instruction set can. */
+/* a·b + c; rounded once if the instruction set has FMA. */
 static inline sp_wide sp_wide_fma(sp_wide a, sp_wide b, sp_wide c) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
@@ -243,7 +243,7 @@ static inline sp_wide sp_wide_sqrt(sp_wide a) {
 #endif
 }
 
-/* Largest integer that is no more; a within ±2³¹, and any number beyond without SSE4.1. */
+/* Rounds down. Beyond ±2³¹ the result is unspecified without SSE4.1. */
 static inline sp_wide sp_wide_floor(sp_wide a) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_floor_ps((__m512)a);
@@ -257,7 +257,7 @@ static inline sp_wide sp_wide_floor(sp_wide a) {
 #endif
 }
 
-/* table[index] a lane. */
+/* table[index] for each lane. */
 static inline sp_wide sp_wide_gather(const float *table, sp_wide_int index) {
 #if defined SP_WIDE_AVX512
     return (sp_wide)_mm512_i32gather_ps((__m512i)index, table, 4);
@@ -271,7 +271,7 @@ static inline sp_wide sp_wide_gather(const float *table, sp_wide_int index) {
 #endif
 }
 
-/* Sum of the lanes, in pairs: one order whatever the width. */
+/* Sum of the lanes, added in pairs. */
 static inline float sp_wide_sum(sp_wide a) {
     float lane[SP_WIDE];
     memcpy(lane, &a, sizeof lane);
