@@ -11,7 +11,6 @@
 
 #include "base/clock.h"
 #include "sp/inflight.h"
-#include "sp/renderer.h"
 
 /* Both pointers belong to the caller and live as long as the computation. */
 struct sp_interrupt {
