@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a backend keeps of the volumes that it has drawn: a few classifications, the least recently
- * used replaced first. Several a volume, so that sessions with different transfer
- * functions do not undo each other's work; edits of one follow each other in the same.
+ * The classifications that a backend caches; the least recently used is replaced first. A volume
+ * can have several, so that sessions with different transfer functions do not undo each other's
+ * work. Successive edits of one transfer function update the same classification.
  */
 #ifndef SP_CLASSIFY_CACHE_H
 #define SP_CLASSIFY_CACHE_H
@@ -15,22 +15,22 @@ struct sp_classify_cache {
     struct sp_classify_slot {
         struct sp_classification c; /* c.volume == NULL: empty */
         uint64_t used;              /* clock of the last use */
-        uint32_t repeats;           /* uses in a row for the transfer function that it has */
+        uint32_t repeats;           /* successive uses without a change of the transfer function */
     } slots[SP_CLASSIFY_SLOTS];
     uint64_t clock;
-    uint64_t made;        /* lists and tables, so far: see struct sp_level */
-    uint64_t limit_bytes; /* beyond this the least recently used go; one alone may not need more */
+    uint64_t made;        /* last serial number of lists and tables: see struct sp_level */
+    uint64_t limit_bytes; /* of all slots; no single classification may need more */
 };
 
-/* The classification of the volume under job->tf, brought up to date; the cache keeps a reference
- * to the volume. Valid until the next call. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET,
+/* Returns the classification of the volume under job->tf, up to date and valid until the next call.
+ * The cache keeps a reference to the volume. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET,
  * SP_ERR_CANCELLED. */
 struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
                                                 struct sp_volume *volume,
                                                 const struct sp_classify_job *job,
                                                 struct sp_error *err);
 
-/* Drops what was derived from the volume; NULL = from any. */
+/* Drops what is cached of the volume; NULL = of all volumes. */
 void sp_classify_cache_evict(struct sp_classify_cache *cache, const struct sp_volume *volume);
 uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
                                  const struct sp_volume *volume);

@@ -7,18 +7,9 @@
 
 #include "classify/change.h"
 #include "classify/collect.h"
+#include "classify/dense.h"
 #include "classify/mip.h"
-#include "sp/inflight.h"
 #include "sp/renderer.h"
-
-bool sp_classify_cancelled(const struct sp_classify_job *job, struct sp_error *err) {
-    if (job->pause && atomic_load_explicit(&job->pause->requested, memory_order_relaxed))
-        job->pause->wait(job->pause->user);
-    if (!job->cancel || !atomic_load_explicit(job->cancel, memory_order_relaxed))
-        return false;
-    sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    return true;
-}
 
 /* May the classification grow by `more` bytes for `count` visible voxels? */
 static bool may_grow(const struct sp_classification *c, const struct sp_classify_job *job,
@@ -31,24 +22,6 @@ static bool may_grow(const struct sp_classification *c, const struct sp_classify
         "%llu voxels are visible, which takes %llu bytes beside the volume, and %llu are "
         "allowed: make fewer visible, or allow more memory",
         (unsigned long long)count, (unsigned long long)need, (unsigned long long)job->bytes_max);
-}
-
-static void drop_lists(struct sp_level *level) {
-    sp_visible_finish(&level->visible);
-    level->list_made = 0;
-    free(level->listed);
-    level->listed = NULL;
-    free(level->cells);
-    level->cells = NULL;
-}
-
-void sp_level_finish(struct sp_level *level) {
-    drop_lists(level);
-    sp_transfer_finish(&level->transfer);
-    for (int axis = 0; axis < 3; axis++)
-        free(level->coordinates[axis]);
-    free(level->ranges);
-    *level = (struct sp_level){ 0 };
 }
 
 void sp_classification_init(struct sp_classification *c, struct sp_volume *volume) {
@@ -119,7 +92,7 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
     if (!sp_transfer_init_like(&next, job->tf, sp_volume_info(c->volume), &all->transfer, err))
         return false;
     if (!keeps_list(c, &next, job))
-        drop_lists(all);
+        sp_level_drop_list(all);
     for (int l = 1; l < SP_LEVELS; l++) /* they hold colours */
         sp_level_finish(&c->levels[l]);
     sp_transfer_finish(&all->transfer);
@@ -129,7 +102,7 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
 }
 
 static void drop_all_lists(struct sp_classification *c) {
-    drop_lists(&c->levels[0]);
+    sp_level_drop_list(&c->levels[0]);
     for (int l = 1; l < SP_LEVELS; l++)
         sp_level_finish(&c->levels[l]);
 }
@@ -265,11 +238,11 @@ static bool make_list(struct sp_classification *c, const struct sp_classify_job 
     exact.widens = false;
     if (collect_voxels(c, job, &why))
         return true;
-    drop_lists(&c->levels[0]);
+    sp_level_drop_list(&c->levels[0]);
     bool was_widened = job->widens && why.code == SP_ERR_BUDGET;
     if (was_widened && collect_voxels(c, &exact, &why))
         return true;
-    drop_lists(&c->levels[0]);
+    sp_level_drop_list(&c->levels[0]);
     if (err)
         *err = why;
     return false;
@@ -284,7 +257,7 @@ static bool fill_list(struct sp_classification *c, const struct sp_classify_job 
     if (may_grow(c, job, count, sp_visible_entry_bytes(&all->visible, count, job->normals), err) &&
         sp_collect_fill(all, c->volume, job, &source, err))
         return true;
-    drop_lists(all);
+    sp_level_drop_list(all);
     return false;
 }
 
@@ -350,7 +323,7 @@ static bool update_coarse(struct sp_classification *c, unsigned l,
 static bool turn(const struct sp_visible *list, const struct sp_classify_job *job,
                  struct sp_error *err) {
     unsigned axis = job->axis < SP_NO_AXIS ? job->axis : 2;
-    return !list->place || sp_visible_turn(list, axis, job->pool, job->cancel) ||
+    return !list->place || sp_dense_turn(list, axis, job->pool, job->cancel) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 enum { ROWS = SP_BRICK * SP_BRICK, FULL = 0xffff };
+enum { BRICKS_GRAIN = 16 }; /* bricks turned between two polls of the cancel flag */
 
 uint32_t sp_dense_count(const struct sp_dense *dense) {
     /* Four rows at a time: bits of pairs, fours, bytes, then the bytes' sum. */
@@ -122,4 +123,40 @@ void sp_dense_unpack(struct sp_dense *dense, const struct sp_visible *list, uint
     if (list->normal)
         scatter_all((const uint8_t *)list->normal + first * list->normal_bytes, &dense->normal,
                     element, count, list->normal_bytes);
+}
+
+struct turn {
+    const struct sp_visible *visible;
+    unsigned axis;
+    const atomic_bool *cancel;
+    atomic_bool cancelled;
+};
+
+static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    struct turn *t = user;
+    struct sp_dense dense;
+    if (t->cancel && atomic_load_explicit(t->cancel, memory_order_relaxed)) {
+        atomic_store_explicit(&t->cancelled, true, memory_order_relaxed);
+        return;
+    }
+    dense.axis = t->axis;
+    for (size_t b = begin; b < end; b++) {
+        if (t->visible->axis[b] == t->axis)
+            continue;
+        sp_dense_unpack(&dense, t->visible, (uint32_t)b);
+        sp_dense_pack(&dense, t->visible, (uint32_t)b);
+    }
+}
+
+bool sp_dense_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
+                   const atomic_bool *cancel) {
+    uint32_t bricks = sp_visible_bricks(visible), b = 0;
+    while (b < bricks && visible->axis[b] == axis)
+        b++;
+    if (b == bricks)
+        return true;
+    struct turn turn = { .visible = visible, .axis = axis, .cancel = cancel };
+    sp_parallel_for(pool, bricks, BRICKS_GRAIN, turn_bricks, &turn);
+    return !turn.cancelled;
 }

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One brick of a list as an array of all its 16³ cells, and which of them are used: what lists are
- * packed from, in whichever order a view wants.
+ * One brick as an array of all its 16³ cells, with a mask of the used ones. Lists are packed from
+ * it, in the order that a view needs.
  *
  *   element (slice, row, column) at slice << 8 | row << 4 | column
  *   axis 2: (i2, i1, i0)      axis 1: (i1, i2, i0)      axis 0: (i0, i2, i1)
  *
- * so that a list's entries are the used elements in rising order (visible.h), whatever happened to
- * the list before.
+ * so that the entries of a list are the used elements in rising order (visible.h), however often
+ * the list was changed.
  */
 #ifndef SP_CLASSIFY_DENSE_H
 #define SP_CLASSIFY_DENSE_H
@@ -16,16 +16,16 @@
 
 struct sp_dense {
     unsigned axis;
-    uint16_t used[SP_BRICK * SP_BRICK]; /* by slice << 4 | row: a bit a column */
+    uint16_t used[SP_BRICK * SP_BRICK]; /* [slice << 4 | row]: one bit per column */
     _Alignas(64) union {
         uint8_t bytes[SP_BRICK_VOXELS];
         uint16_t halves[SP_BRICK_VOXELS];
         uint32_t words[SP_BRICK_VOXELS];
         struct sp_microflakes microflakes[SP_BRICK_VOXELS];
-    } key, normal; /* as wide as the list's */
+    } key, normal; /* as wide as those of the list */
 };
 
-/* Element of the voxel at i0 | i1 << 4 | i2 << 8. */
+/* Returns the element of the voxel at i0 | i1 << 4 | i2 << 8. */
 static inline uint32_t sp_dense_element(unsigned axis, uint32_t local) {
     if (axis == 2)
         return local;
@@ -37,12 +37,16 @@ static inline uint32_t sp_dense_element(unsigned axis, uint32_t local) {
 /* Number of used elements. */
 uint32_t sp_dense_count(const struct sp_dense *dense);
 
-/* Writes the brick's entries, which have their place, from the used elements; normals if the list
- * has them. */
+/* Writes the brick's entries from the used elements, with normals if the list has them. Memory for
+ * them is allocated. */
 void sp_dense_pack(const struct sp_dense *dense, const struct sp_visible *list, uint32_t brick);
 
-/* Reads a brick's entries into the order of dense->axis; elements that are not used keep what they
- * were. */
+/* Reads a brick's entries into the order of dense->axis. Unused elements keep their old values. */
 void sp_dense_unpack(struct sp_dense *dense, const struct sp_visible *list, uint32_t brick);
+
+/* Turns all bricks of a list to slices along `axis`, without allocating. False if cancelled: bricks
+ * then differ in their axis. cancel: NULL = never. */
+bool sp_dense_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
+                   const atomic_bool *cancel);
 
 #endif

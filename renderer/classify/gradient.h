@@ -23,38 +23,40 @@
 
 enum { SP_GRADIENT_STEPS = 1023, SP_GRADIENT_MAGNITUDES = 1023, SP_DIRECTION_STEPS = 127 };
 
-/* What all voxels of a volume share. */
+/* What the gradients of one volume have in common. */
 struct sp_gradient_grid {
     const void *voxels;
     enum sp_type type;
     const struct sp_grid *grid;
-    double to_world[3][3]; /* (direction · spacing)⁻ᵀ: differences a spacing to a world gradient */
+    double to_world[3][3]; /* (direction · spacing)⁻ᵀ: turns differences per spacing into a world
+                              gradient */
     double scale;          /* brings samples to order 1 before they are subtracted */
     double bound;          /* largest magnitude possible, scaled; > 0 */
-    double unit;           /* magnitude in data units a world unit = unit · stored fraction² */
+    double unit;           /* magnitude in data units per world unit = unit · stored fraction² */
 };
 
-/* Fills all but the samples. */
+/* Fills all fields but the samples. */
 void sp_gradient_units_init(struct sp_gradient_grid *grid, const struct sp_volume_info *info);
 
 /* Borrows the volume's samples. */
 void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume);
 
-/* World gradient at voxel i, not quantised, times grid->scale. */
+/* Computes the world gradient at voxel i, times grid->scale, not quantised. */
 void sp_gradient_at(const struct sp_gradient_grid *grid, const uint32_t i[3], double gradient[3]);
 
-/* gradient times grid->scale → packed. */
+/* Packs a gradient that is multiplied by grid->scale. */
 uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double gradient[3]);
 
-/* Any gradient → its direction in 16 bits. */
+/* Packs the direction of a gradient of any scale into 16 bits. */
 uint16_t sp_gradient_pack_direction(const double gradient[3]);
 
-/* The same for voxels of a brick of an 8- or 16-bit volume, i0 | i1 << 4 | i2 << 8 from its corner
- * on: sp_gradient_pack_direction() of sp_gradient_at(), to the bit. */
+/* Equals sp_gradient_pack_direction() of sp_gradient_at(), to the bit, for `count` voxels of a
+ * brick of an 8- or 16-bit volume. local: i0 | i1 << 4 | i2 << 8, relative to the brick's corner.
+ */
 void sp_gradient_pack_directions(const struct sp_gradient_grid *grid, const uint32_t corner[3],
                                  const uint16_t *local, uint32_t count, uint16_t *packed);
 
-/* A direction in 16 bits as a packed gradient of full magnitude. */
+/* Converts a 16-bit direction to a packed gradient of the largest magnitude. */
 static inline uint32_t sp_gradient_widen(uint16_t direction) {
     /* 1031/128 is SP_GRADIENT_STEPS over SP_DIRECTION_STEPS, rounded to the nearest step. */
     int u = ((direction & 255) - SP_DIRECTION_STEPS) * 1031 + 64;
@@ -85,7 +87,7 @@ static inline float sp_gradient_share(uint32_t packed) {
     return f * f;
 }
 
-/* Magnitude in data units a world unit. */
+/* Magnitude in data units per world unit. */
 static inline double sp_gradient_magnitude(const struct sp_gradient_grid *grid, uint32_t packed) {
     double f = (double)(packed >> 22) / SP_GRADIENT_MAGNITUDES;
     return grid->unit * f * f;

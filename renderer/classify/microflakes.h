@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How the parts of a coarse cell face: microflakes (after Heitz, Dupuy, Crassin, Dachsbacher: The
- * SGGX Microflake Distribution, SIGGRAPH 2015).
+ * Microflakes: the distribution of the normals inside a coarse cell (after Heitz, Dupuy, Crassin,
+ * Dachsbacher: The SGGX Microflake Distribution, SIGGRAPH 2015).
  *
- * A mean normal is not lit as its parts are; the mean of |n·l| is what two-sided light l gives. It
- * is the area that the cell's flakes show to l, and all of it follows from six directions:
+ * A mean normal is not lit as its parts are. Two-sided light from l gives the mean of |n·l|, which
+ * is the projected area of the cell's microflakes. It follows from six directions:
  *
  *   a_i = mean of |n·w_i|     w_i: the six axes of an icosahedron, world space
  *   S = Σ a_i² (5/4 w_i w_iᵀ − 1/4)        mean of |n·l| ≈ √(lᵀ S l)
  *
- * wᵀSw is a_i² on each axis, because their squared cosines are 1/5. So the root is exact there, and
- * in all directions for a single normal (S = n nᵀ) and for evenly spread ones (S = ¼). Means of
- * means are means: levels are made one of the other, and no light or eye has to be known.
+ * wᵀSw is a_i² on each axis, because the squared cosines between axes are 1/5. So the root is exact
+ * there. It is exact in all directions for a single normal (S = n nᵀ) and for evenly spread normals
+ * (S = ¼). Means of means are means: each level is made from the next finer one, independent of
+ * light and eye.
  *
- * A part without a gradient has no side; flakes say how much of the cell has one.
+ * A part without a gradient has no normal; the last field is the share of the cell that has one.
  *
- *   word 0: | 8 bits a_3 | a_2 | a_1 | a_0 |      word 1: | 0 | share with a side | a_5 | a_4 |
+ *   word 0: | 8 bits a_3 | a_2 | a_1 | a_0 |      word 1: | 0 | share with a normal | a_5 | a_4 |
  */
 #ifndef SP_CLASSIFY_MICROFLAKES_H
 #define SP_CLASSIFY_MICROFLAKES_H
@@ -35,12 +36,12 @@ struct sp_microflakes {
     uint32_t word[2];
 };
 
-/* What the parts of a cell add up to, each with its weight. */
+/* Weighted sums over the parts of a cell. */
 struct sp_microflakes_sum {
-    float area[SP_MICROFLAKES_AXES], sided; /* of those with a side: Σ weight·|n·w|, Σ weight */
+    float area[SP_MICROFLAKES_AXES], sided; /* over parts with a normal: Σ weight·|n·w|, Σ weight */
 };
 
-/* A voxel's packed gradient. */
+/* Adds a voxel by its packed gradient. */
 static inline void sp_microflakes_add_normal(struct sp_microflakes_sum *sum, uint32_t packed,
                                              float weight) {
     float n[3];
@@ -57,7 +58,7 @@ static inline void sp_microflakes_add_normal(struct sp_microflakes_sum *sum, uin
     sum->sided += weight;
 }
 
-/* A finer cell. */
+/* Adds a finer cell. */
 static inline void sp_microflakes_add(struct sp_microflakes_sum *sum,
                                       struct sp_microflakes microflakes, float weight) {
     const float step = 1.0f / SP_MICROFLAKES_STEPS;
@@ -67,7 +68,7 @@ static inline void sp_microflakes_add(struct sp_microflakes_sum *sum,
     sum->sided += weight;
 }
 
-/* Of parts whose weights add up to `weight`. */
+/* Packs the sums of parts whose weights add up to `weight`. */
 static inline struct sp_microflakes sp_microflakes_pack(const struct sp_microflakes_sum *sum,
                                                         float weight) {
     struct sp_microflakes microflakes = { { 0 } };

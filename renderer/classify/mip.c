@@ -66,13 +66,13 @@ struct sum {
 /* The cells of one brick; all zero between bricks. */
 struct cells {
     struct sum sums[SP_BRICK_VOXELS];
-    uint64_t used[SP_BRICK_VOXELS / 64]; /* a bit a cell */
+    uint64_t used[SP_BRICK_VOXELS / 64]; /* a bit per cell */
 };
 
 struct merge {
     const struct sp_level *fine;
     struct sp_level *coarse;
-    struct cells *cells; /* one a worker */
+    struct cells *cells; /* one per worker */
     bool is_post;        /* order post: scalars, not classes */
     const struct sp_classify_job *job;
 };
@@ -242,7 +242,7 @@ static void fill_brick(const struct merge *m, struct cells *cells, uint32_t bric
             cells->sums[cell] = (struct sum){ 0 };
         }
         list->start[brick][w / 4 + 1] =
-            (uint16_t)(out - list->first[brick]); /* 256 cells a slice */
+            (uint16_t)(out - list->first[brick]); /* 256 cells per slice */
     }
 }
 

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Classification: which voxels of a volume are visible under a transfer function, their colour,
- * extinction and gradient. What was derived is kept and rerun only for what changed.
+ * Classification finds which voxels of a volume are visible under a transfer function, and their
+ * colour, extinction and gradient. Results are cached, and only what changed is computed again.
  *
  *   volume ─┬► transfer (value → colour, optical depth) ─► visible (lists slice by slice) ─► splat/
  *           └► gradient (quantised, of visible voxels, when shading asks) ───────┘
  *
- * This header is the transfer function made fast. A voxel's *key* is what a list keeps of its
- * value: for 8- and 16-bit types an index into an exact table by value, for the others the bits of
- * the float (value − base), evaluated exactly when a splat is set up.
+ * This header evaluates transfer functions fast. A voxel's *key* is what a list stores of its
+ * value: for 8- and 16-bit types an index into an exact table, for other types the bits of the
+ * float (value − base), which is evaluated exactly when a splat is set up.
  */
 #ifndef SP_CLASSIFY_TRANSFER_H
 #define SP_CLASSIFY_TRANSFER_H
@@ -29,67 +29,68 @@ struct sp_class {
 };
 
 struct sp_transfer {
-    struct sp_transfer_function tf; /* what it was made from */
+    struct sp_transfer_function tf; /* a copy of the function */
     enum sp_type type;
-    struct sp_class *table; /* by value − first; NULL for types without a table */
-    uint8_t *is_visible;    /* beside the table: depth > 0 */
+    struct sp_class *table; /* [value − first], owned; NULL for types without a table */
+    uint8_t *is_visible;    /* parallel to the table, owned: 1 = depth > 0 */
     int32_t first;          /* value of table[0]: the volume's smallest */
     uint32_t count;         /* entries */
     double base;            /* value of key 0.0f; types without a table */
-    float *scale; /* by packed magnitude (gradient.h): of the opacity; NULL = no gradient axis */
+    float *scale; /* of the opacity, by packed magnitude (gradient.h), owned; NULL = no gradient
+                     axis */
 };
 
-/* Makes the table for the values that the volume has. False with *err set when out of memory;
- * *transfer is then all zero. */
+/* Makes the table for the values of the volume. SP_ERR_MEMORY; *transfer is then all zero. */
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, struct sp_error *err);
 
-/* The same; pieces of the function that `like`, made for the same volume, has as well are copied.
+/* The same. Pieces that equal those of `like`, a transfer of the same volume, are copied from it.
  */
 bool sp_transfer_init_like(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                            const struct sp_volume_info *info, const struct sp_transfer *like,
                            struct sp_error *err);
 void sp_transfer_finish(struct sp_transfer *transfer);
 
-/* Scale of the opacity at a gradient magnitude [data units a world unit]: linear between the points
- * of the gradient axis, the end values held outside; 1 without one. */
+/* Scale of the opacity at a gradient magnitude [data units per world unit]: linear between the
+ * points of the gradient axis, the end values held outside; 1 without one. */
 double sp_transfer_function_scale(const struct sp_transfer_function *tf, double magnitude);
 
-/* Whether two transfer functions classify every value alike (field by field). */
+/* True if all fields that classification depends on are equal. */
 bool sp_transfer_function_equal(const struct sp_transfer_function *a,
                                 const struct sp_transfer_function *b);
 
-/* Whether both give the same voxels of one volume the same keys and the same visibility, so that a
- * list made for one serves the other. */
+/* True if both give each voxel of a volume the same key and visibility, so that a list made for one
+ * serves the other. */
 bool sp_transfer_same_voxels(const struct sp_transfer *a, const struct sp_transfer *b);
 
-/* The transfer function itself, linear between points, the end values held outside; a value that is
+/* Evaluates the transfer function: linear between points, constant beyond the ends; a value that is
  * not finite is transparent. */
 void sp_transfer_function_eval(const struct sp_transfer_function *tf, double value,
                                struct sp_class *out);
 
-/* Keys of samples [begin, begin + count) of the array, and whether each is visible (0 or 1). */
+/* Computes the keys of samples [begin, begin + count) of the array, and 1 or 0 if each is visible
+ * or not. */
 void sp_transfer_keys(const struct sp_transfer *transfer, const void *voxels, size_t begin,
                       size_t count, uint32_t *keys, uint8_t *visible);
 
-/* What the values of sp_transfer_value() are counted from, in data units. */
+/* The zero point of sp_transfer_value() [data unit]. */
 static inline double sp_transfer_base(const struct sp_transfer *transfer) {
     return transfer->table ? (double)transfer->first : transfer->base;
 }
 
-/* Bytes that hold any key of the table: 1 or 2; 4 for types without one. */
+/* Bytes per key: 1 or 2 with a table, otherwise 4. */
 static inline uint32_t sp_transfer_key_bytes(const struct sp_transfer *transfer) {
     if (!transfer->table)
         return 4;
     return transfer->type == SP_UINT8 || transfer->type == SP_INT8 ? 1 : 2;
 }
 
-/* Whether the lists' gradients must have a magnitude. */
+/* True if the gradients of lists need a magnitude. */
 static inline bool sp_transfer_wants_magnitudes(const struct sp_transfer_function *tf) {
     return tf->gradient_count > 0 || tf->order == SP_TF_POST;
 }
 
-/* The value of a key, from the base on. */
+/* The value of a key, relative to the base. */
 static inline float sp_transfer_value(const struct sp_transfer *transfer, uint32_t key) {
     union {
         uint32_t bits;

@@ -3,10 +3,6 @@
 
 #include <stdlib.h>
 
-#include "classify/dense.h"
-
-enum { BRICKS_GRAIN = 16 }; /* bricks turned between two looks at the cancel flag */
-
 static void *allocate(uint64_t count, size_t size) {
     return count > SIZE_MAX / 2 / size ? NULL : malloc(count ? count * size : 1);
 }
@@ -88,40 +84,4 @@ void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const u
             s++;
         local[n] = sp_visible_local(axis, s, place[e]);
     }
-}
-
-struct turn {
-    const struct sp_visible *visible;
-    unsigned axis;
-    const atomic_bool *cancel;
-    atomic_bool cancelled;
-};
-
-static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
-    (void)worker;
-    struct turn *t = user;
-    struct sp_dense dense;
-    if (t->cancel && atomic_load_explicit(t->cancel, memory_order_relaxed)) {
-        atomic_store_explicit(&t->cancelled, true, memory_order_relaxed);
-        return;
-    }
-    dense.axis = t->axis;
-    for (size_t b = begin; b < end; b++) {
-        if (t->visible->axis[b] == t->axis)
-            continue;
-        sp_dense_unpack(&dense, t->visible, (uint32_t)b);
-        sp_dense_pack(&dense, t->visible, (uint32_t)b);
-    }
-}
-
-bool sp_visible_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
-                     const atomic_bool *cancel) {
-    uint32_t bricks = sp_visible_bricks(visible), b = 0;
-    while (b < bricks && visible->axis[b] == axis)
-        b++;
-    if (b == bricks)
-        return true;
-    struct turn turn = { .visible = visible, .axis = axis, .cancel = cancel };
-    sp_parallel_for(pool, bricks, BRICKS_GRAIN, turn_bricks, &turn);
-    return !turn.cancelled;
 }

@@ -5,13 +5,13 @@
  *   brick b ─► entries first[b] + [start[b][s], start[b][s + 1]) in slice s, up to first[b + 1]
  *   entry e ─► place[e] in its slice, key[e], normal[e]
  *
- * A brick can be made anew without the others, be skipped as a whole, and be turned to another axis
- * while it is in the cache; its entries then lie in the order in which a view draws them. In a
- * slice they rise by place, so that the order is the same whatever happened to the list before.
+ * A brick can be made again without the others, be skipped as a whole, and be turned to another
+ * axis while it is in the CPU's cache. Its entries are in the order in which a view draws them. In
+ * a slice they rise by place, so the order does not depend on the history of the list.
  *
- * Keys are as wide as the volume's type needs, and normals half a word for 8 and 16 bits: there an
- * entry takes 2 and 3 bytes, 4 and 5 with normals; 5 and 9 for other types. Coarse levels keep
- * flakes in their place.
+ * Keys are as wide as the volume's type needs. Normals take 2 bytes for 8 and 16 bits, otherwise 4.
+ * An entry of 8 / 16 bits / other types thus takes 2 / 3 / 5 bytes, with normals 4 / 5 / 9. Coarse
+ * levels keep microflakes instead of normals.
  */
 #ifndef SP_CLASSIFY_VISIBLE_H
 #define SP_CLASSIFY_VISIBLE_H
@@ -27,26 +27,28 @@
 
 enum { SP_BRICK = 16, SP_BRICK_SHIFT = 4, SP_BRICK_VOXELS = 4096, SP_PLACES_BEYOND = 16 };
 
-/* Smallest and largest value of a brick, as sp_transfer_value() gives them; low > high: none. */
+/* Smallest and largest value of a brick, as sp_transfer_value() gives them; low > high = no values.
+ */
 struct sp_range {
     float low, high;
 };
 
 struct sp_visible {
-    uint32_t bricks[3];              /* an axis, axis 0 fastest; 0 = no list */
+    uint32_t bricks[3];              /* per axis, axis 0 fastest; 0 = no list */
     uint64_t count;                  /* entries */
     uint64_t *first;                 /* [bricks + 1] */
     uint16_t (*start)[SP_BRICK + 1]; /* [bricks] */
-    uint8_t *axis;  /* [bricks]: that each is cut along; sp_visible_turn() makes them one */
-    uint8_t *place; /* SP_PLACES_BEYOND more may be read; axis 2: i0 | i1 << 4, 1: i0 | i2 << 4, 0:
-                       i1 | i2 << 4; NULL = entries are counted, and somebody else has them */
+    uint8_t *axis;  /* [bricks]: slices are perpendicular to it; sp_dense_turn() makes all equal */
+    uint8_t *place; /* place in the slice; axis 2: i0 | i1 << 4, 1: i0 | i2 << 4, 0: i1 | i2 << 4.
+                       SP_PLACES_BEYOND more bytes can be read. NULL = entries are only counted; the
+                       GPU has them */
     void *key;      /* see transfer.h; sp_visible_key() reads them */
-    uint32_t key_bytes;    /* of each: 1, 2 or 4, unsigned */
+    uint32_t key_bytes;    /* per key: 1, 2 or 4, unsigned */
     void *normal;          /* see gradient.h; sp_visible_normal() reads them; NULL = not made */
-    uint32_t normal_bytes; /* of each: 2 (direction alone) or 4; 8: struct sp_microflakes instead */
+    uint32_t normal_bytes; /* per entry: 2 (direction only), 4, or 8 = struct sp_microflakes */
 };
 
-/* Number of bricks; under 2^25, as volumes go. */
+/* Number of bricks; below 2^25, because volumes have at most 2^36 voxels. */
 static inline uint32_t sp_visible_bricks(const struct sp_visible *visible) {
     return visible->bricks[0] * visible->bricks[1] * visible->bricks[2];
 }
@@ -78,8 +80,8 @@ static inline void sp_visible_set_key(const struct sp_visible *visible, uint64_t
         ((uint32_t *)visible->key)[e] = key;
 }
 
-/* Packed gradient of entry e of a list that has them, and no flakes; of 2 bytes the magnitude is
- * unknown, and full unless the gradient is zero. */
+/* Packed gradient of entry e of a list with gradients, not microflakes. A 2-byte gradient has no
+ * magnitude: it is returned as the largest one, unless the gradient is zero. */
 static inline uint32_t sp_visible_normal(const struct sp_visible *visible, uint64_t e) {
     if (visible->normal_bytes == 2)
         return sp_gradient_widen(((const uint16_t *)visible->normal)[e]);
@@ -94,7 +96,7 @@ static inline void sp_visible_set_normal(const struct sp_visible *visible, uint6
         ((uint32_t *)visible->normal)[e] = packed;
 }
 
-/* Place in the brick, i0 | i1 << 4 | i2 << 8, of a place in slice s along an axis. */
+/* Converts a place in slice s along an axis to a place in the brick, i0 | i1 << 4 | i2 << 8. */
 static inline uint16_t sp_visible_local(unsigned axis, uint32_t s, uint8_t place) {
     uint32_t column = place & 15u, row = place >> 4;
     return (uint16_t)(axis == 2   ? column | row << 4 | s << 8
@@ -102,8 +104,8 @@ static inline uint16_t sp_visible_local(unsigned axis, uint32_t s, uint8_t place
                                   : s | column << 4 | row << 8);
 }
 
-/* The same of entries order[begin …] of a brick, counted from its first, `count` of them; order:
- * NULL = as they are. */
+/* The same for `count` entries of a brick: order[begin], order[begin + 1], …, relative to the
+ * brick's first entry. order: NULL = begin, begin + 1, …. */
 void sp_visible_locals(const struct sp_visible *visible, uint32_t brick, const uint16_t *order,
                        uint32_t begin, uint32_t count, uint16_t *local);
 
@@ -111,31 +113,26 @@ static inline bool sp_visible_has_microflakes(const struct sp_visible *visible) 
     return visible->normal && visible->normal_bytes == sizeof(struct sp_microflakes);
 }
 
-/* Flakes of entry e of a list that has them. */
+/* Microflakes of entry e of a list that has them. */
 static inline struct sp_microflakes *sp_visible_microflakes(const struct sp_visible *visible,
                                                             uint64_t e) {
     return (struct sp_microflakes *)visible->normal + e;
 }
 
-/* Sets bricks and widths and takes memory for what there is a brick, all zero; SP_ERR_MEMORY. */
+/* Sets bricks and widths and allocates the arrays per brick, all zero. SP_ERR_MEMORY. */
 bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_t key_bytes,
                      uint32_t normal_bytes, struct sp_error *err);
 
-/* Turns first[b + 1] = entries of brick b into places and sets count. */
+/* Turns first[b + 1] = number of entries of brick b into prefix sums, and sets count. */
 void sp_visible_sum(struct sp_visible *visible);
 
-/* Memory for visible->count entries, with normals or without; SP_ERR_MEMORY. */
+/* Allocates visible->count entries, with normals or without. SP_ERR_MEMORY. */
 bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_error *err);
 
 void sp_visible_finish(struct sp_visible *visible);
 uint64_t sp_visible_bytes(const struct sp_visible *visible);
 
-/* Bytes of `count` entries of such a list. */
+/* Bytes of `count` entries of this list. */
 uint64_t sp_visible_entry_bytes(const struct sp_visible *visible, uint64_t count, bool normals);
-
-/* Cuts all bricks along `axis`, without taking memory; false when cancelled, the list then holds
- * bricks of several axes. cancel: NULL = never. */
-bool sp_visible_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
-                     const atomic_bool *cancel);
 
 #endif
