@@ -5,7 +5,7 @@
  *
  *   test_conformance_ewa [SCENE]      one scene alone
  *
- * What falls below its floor is written as a picture (support/image.h: test_image_dump).
+ * What falls below its floor is written as an image (support/image.h: test_image_dump).
  */
 #include <assert.h>
 #include <math.h>
@@ -71,7 +71,7 @@ static void name_row(const struct manifest_row *row, char *name, size_t size) {
              row->attenuation == SP_ATTENUATION_LINEAR ? "-linear" : "");
 }
 
-/* Pictures of one row that others are held to; not made: no pixels. */
+/* Images of one row that others are held to; not made: no pixels. */
 struct references {
     struct test_image scalar; /* the CPU's reference */
     struct test_image wide;   /* the first of its other instruction sets */
@@ -136,7 +136,7 @@ static bool is_beyond(struct run *run, unsigned t, const struct test_scene *scen
     return true;
 }
 
-/* One picture against the truth, and against the CPU's reference, which comes first; the PSNR, or
+/* One image against the truth, and against the CPU's reference, which comes first; the PSNR, or
  * NAN when nothing was rendered. */
 static double check(struct run *run, unsigned t, const struct test_scene *scene,
                     const struct manifest_row *row, const struct test_image *truth,
@@ -269,6 +269,6 @@ int main(int argc, char **argv) {
             run.failed += !run_scene(&run, &manifest[i]);
     for (unsigned t = 0; t < run.count; t++)
         test_renderer_close(&run.renderers[t]);
-    printf("%u of %u checks failed, %u pictures skipped\n", run.failed, run.checks, run.skipped);
+    printf("%u of %u checks failed, %u images skipped\n", run.failed, run.checks, run.skipped);
     return run.failed || !run.checks;
 }

@@ -255,7 +255,7 @@ struct subject {
     struct tally tally;
 };
 
-/* A scene, and its picture by the formulas, which all targets share. */
+/* A scene, and its image by the formulas, which all targets share. */
 struct task {
     unsigned seed;
     struct test_scene scene;

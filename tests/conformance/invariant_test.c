@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What must not change the picture, or must change it in a known way, whatever the integral says:
+ * What must not change the image, or must change it in a known way, whatever the integral says:
  * threads, units, mirrors, the order of axes, the format of the frame. Each runs on every backend
  * and instruction set.
  */
@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "sp/log.h"
+#include "support/compare.h"
 #include "support/data.h"
 #include "support/render.h"
 
@@ -56,12 +57,12 @@ static void same(const char *name, struct test_image *got, struct test_image *wa
         fail_msg("%s: %.1f dB, wanted %.1f; worst at (%u,%u) channel %u: %g for %g", name, psnr,
                  floor, d.x, d.y, d.channel, d.a, d.b);
     }
-    assert_true(mean > 0.01); /* two empty pictures agree, too */
+    assert_true(mean > 0.01); /* two empty images agree, too */
     test_image_finish(got);
     test_image_finish(wanted);
 }
 
-/* Sheets without footprints against pictures with them. Measured: 65.0 dB, and depths that add up
+/* Sheets without footprints against images with them. Measured: 65.0 dB, and depths that add up
  * within 0.31 % of the largest. */
 #define OTHER_FLOOR 64.5
 #define OTHER_DEPTH 4e-3
@@ -98,7 +99,8 @@ static bool is_same_frame(const struct test_target *target, const struct sp_fram
     struct test_image x, y;
     if (strcmp(target->backend, "cpu") == 0)
         return test_frames_equal(a, b);
-    assert_true(test_image_from_frame(&x, a) && test_image_from_frame(&y, b));
+    assert_true(test_image_from_frame(&x, a));
+    assert_true(test_image_from_frame(&y, b));
     double psnr = test_image_psnr(&x, &y), step = test_image_difference(&x, &y).largest;
     test_image_finish(&x);
     test_image_finish(&y);
@@ -407,7 +409,8 @@ static void a_plane_and_its_opposite_make_the_whole(void **state) {
             most = fmax(most, depth[2]);
         }
         print_message("  way %d: depths up to %.2f add up within %.1g\n", way, most, worst);
-        assert_true(most > 0.5 && worst < slack * most);
+        assert_compare(most, >, 0.5);
+        assert_compare(worst, <, slack * most);
         for (int k = 0; k < 3; k++)
             test_image_finish(&parts[k]);
         test_scene_finish(&s);
@@ -532,7 +535,7 @@ static void nothing_to_see_is_the_background(void **state) {
     }
 }
 
-/* Samples that are not numbers are transparent: a hole, never a NaN in the picture. */
+/* Samples that are not numbers are transparent: a hole, never a NaN in the image. */
 static void not_a_number_is_transparent(void **state) {
     struct context *c = *state;
     struct test_scene s;

@@ -14,7 +14,7 @@
 
 #include "support/scene.h"
 
-/* One picture of a scene: what differs from the scene's own view. Held to the integral, which is
+/* One image of a scene: what differs from the scene's own view. Held to the integral, which is
  * convolved with the low-pass. */
 struct manifest_row {
     enum sp_filter_mode filter;
@@ -48,7 +48,7 @@ enum { MANIFEST_ALIKE = 60 };
  * all: its view, or the way its bricks are seen, asks for them. */
 #define MANIFEST_ISA_FLOOR 96.7
 
-/* Any other backend against the scalar reference, in every picture that it can draw. Measured:
+/* Any other backend against the scalar reference, in every image that it can draw. Measured:
  * 87.60 at least with llvmpipe; GPUs are given more, because their exponentials are their own. */
 #define MANIFEST_BACKEND_FLOOR 80.0
 

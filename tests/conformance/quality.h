@@ -39,7 +39,7 @@ struct test_image quality_render(const struct quality *q, struct sp_volume *volu
 struct sp_volume *quality_volume(const struct test_scene *scene);
 
 /* The integral of the scene as its view has it, convolved with the view's low-pass filter. It takes
- * longer than a picture, and targets share it: all ask for the same ones in the same order. Ends
+ * longer than an image, and targets share it: all ask for the same ones in the same order. Ends
  * the program where they do not, and when out of memory. */
 const struct test_image *quality_integrate(struct quality *q, const struct test_scene *scene,
                                            const struct test_truth_options *options);

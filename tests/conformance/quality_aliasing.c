@@ -1,32 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Aliasing on planes that recede to the horizon: how much of a picture's energy lies above the
- * Nyquist rate, and how much the picture flickers when the camera moves slowly.
+ * Aliasing on planes that recede to the horizon: how much of an image's energy lies above the
+ * Nyquist rate, and how much the image flickers when the camera moves slowly.
  *
  * The pattern on the plane is periodic, so that moving the camera by a period along the plane
- * gives the same picture again. In between, the value of a pixel is a function p(s, t) of the two
- * moves, periodic in both, and its Fourier series separates by itself what a picture mixes up:
+ * gives the same image again. In between, the value of a pixel is a function p(s, t) of the two
+ * moves, periodic in both, and its Fourier series separates by itself what an image mixes up:
  *
  *   p(s, t) = Σ c_kl e^{2πi (k s + l t)}     component (k, l) of the pattern, as the filter left it
  *
- *   frequency of (k, l) in the picture = k ∇s(x) + l ∇t(x)     [1/px], from the geometry alone
+ *   frequency of (k, l) in the image = k ∇s(x) + l ∇t(x)     [1/px], from the geometry alone
  *
  * A component of more than half a cycle a pixel along either side of a pixel cannot be shown:
  * what is left of it appears as something else. Its energy |c_kl|² is what is counted here as above
  * the Nyquist rate, and what lies below it, the contrast that was kept. That is the condition of
  * Swan et al., section 4.2, eq. 2 (sampling frequency ≥ 2·highest frequency), taken pixel by pixel.
- * It asks for no reference picture, and holds for any filter and for compositing that is not
+ * It asks for no reference image, and holds for any filter and for compositing that is not
  * linear. Moves of less than a voxel show the components of the voxels themselves, too.
  *
- * Flicker is the mean change from one picture to the next along the moves, less that of the same
- * pictures without what lies above the Nyquist rate: their true motion.
+ * Flicker is the mean change from one image to the next along the moves, less that of the same
+ * images without what lies above the Nyquist rate: their true motion.
  *
  * Claims. On the checkerboards of Swan et al. (498×398×1, 270×157 px) and Chen et al. (512×512×3),
  * swan and ewa leave next to nothing above the Nyquist rate and do not flicker, reconstruction and
  * none do. On the square zebras of Zwicker et al., figure 8 (1024×512×3 and 1024×256×3, that is
  * kernels of 2:1 and 4:1, 400×150 px), ewa keeps more contrast than swan while it aliases no more.
  * The zebras are drawn thin: where opacity saturates, the near side of a filter hides its far side,
- * which sharpens the picture by as much for every filter and would blur the comparison.
+ * which sharpens the image by as much for every filter and would blur the comparison.
  */
 #include <complex.h>
 #include <math.h>
@@ -44,7 +44,7 @@ struct plane {
     test_value_fn *value;
     unsigned ahead;    /* the axis that the camera looks along, 0 or 1; the other is sideways */
     double period[2];  /* of the pattern sideways and ahead, world units */
-    unsigned moves[2]; /* pictures a period, at most MOVES_MAX */
+    unsigned moves[2]; /* images a period, at most MOVES_MAX */
     unsigned size[2];  /* px */
     double focal;      /* px */
     double height;     /* of the eye above the plane, world units */
@@ -64,7 +64,7 @@ static double zebra(const void *user, double x, double y, double z) {
     return 127.5 + 127.5 * sin(2 * M_PI * (ahead + 0.25 * sin(2 * M_PI * sideways)));
 }
 
-/* Where the plane is hit, from the point below the eye, by the ray of a point of the picture [px];
+/* Where the plane is hit, from the point below the eye, by the ray of a point of the image [px];
  * and how that changes by px to the right and downwards. */
 struct hit {
     double at[2], right[2], down[2]; /* sideways and ahead, world units */
@@ -131,21 +131,21 @@ static bool build(const struct plane *p, struct test_scene *scene) {
                              &p->spacing[1]);
 }
 
-/* The pictures of all moves, one number a pixel. */
-struct pictures {
+/* The images of all moves, one number per pixel. */
+struct images {
     const struct plane *plane;
     float *value; /* [moves ahead][moves sideways][height][width] */
 };
 
-static float *picture(const struct pictures *p, unsigned s, unsigned t) {
+static float *image_at(const struct images *p, unsigned s, unsigned t) {
     const struct plane *plane = p->plane;
     return p->value + (size_t)(t * plane->moves[0] + s) * plane->size[0] * plane->size[1];
 }
 
-static struct pictures take_pictures(const struct quality *q, const struct plane *p,
-                                     struct sp_volume *volume, struct sp_view *view) {
+static struct images take_images(const struct quality *q, const struct plane *p,
+                                 struct sp_volume *volume, struct sp_view *view) {
     size_t pixels = (size_t)p->size[0] * p->size[1];
-    struct pictures all = { p, malloc(pixels * p->moves[0] * p->moves[1] * sizeof(float)) };
+    struct images all = { p, malloc(pixels * p->moves[0] * p->moves[1] * sizeof(float)) };
     if (!all.value)
         exit(EXIT_FAILURE);
     for (unsigned t = 0; t < p->moves[1]; t++)
@@ -153,7 +153,7 @@ static struct pictures take_pictures(const struct quality *q, const struct plane
             look(p, &view->camera, p->period[0] * s / p->moves[0], p->period[1] * t / p->moves[1]);
             struct test_image image = quality_render(q, volume, view);
             for (size_t i = 0; i < pixels; i++)
-                picture(&all, s, t)[i] = (float)image.rgba[4 * i];
+                image_at(&all, s, t)[i] = (float)image.rgba[4 * i];
             test_image_finish(&image);
         }
     return all;
@@ -192,7 +192,7 @@ static bool is_above(const struct plane *p, const struct hit *hit, unsigned k, u
 
 struct spectrum {
     double above, below; /* mean energy a pixel */
-    double flicker;      /* mean change from picture to picture */
+    double flicker;      /* mean change from image to image */
     double motion;       /* what of it is true */
     unsigned pixels;
 };
@@ -207,14 +207,14 @@ static double change(const double complex *v, const struct plane *p) {
     return sum / (2 * n * m);
 }
 
-static void add_pixel(const struct pictures *all, unsigned x, unsigned y, const struct hit *hit,
+static void add_pixel(const struct images *all, unsigned x, unsigned y, const struct hit *hit,
                       struct spectrum *sum) {
     const struct plane *p = all->plane;
     unsigned n = p->moves[1], m = p->moves[0];
     double complex v[MOVES_MAX * MOVES_MAX] = { 0 };
     for (unsigned t = 0; t < n; t++)
         for (unsigned s = 0; s < m; s++)
-            v[t * m + s] = (double)picture(all, s, t)[(size_t)y * p->size[0] + x];
+            v[t * m + s] = (double)image_at(all, s, t)[(size_t)y * p->size[0] + x];
     double all_change = change(v, p);
     transform(v, n, m, -1);
     for (unsigned l = 0; l < n; l++)
@@ -236,7 +236,7 @@ static void add_pixel(const struct pictures *all, unsigned x, unsigned y, const 
 }
 
 /* Over the pixels that see the inside of the plane during all moves. */
-static struct spectrum measure_spectrum(const struct pictures *all) {
+static struct spectrum measure_spectrum(const struct images *all) {
     const struct plane *p = all->plane;
     unsigned f = p->ahead, s = 1 - f;
     double side = 0.5 * p->spacing[s] * p->dims[s] - p->period[0] - 5 * p->spacing[s];
@@ -257,7 +257,7 @@ static struct spectrum measure_spectrum(const struct pictures *all) {
 
 static struct spectrum run(const struct quality *q, const struct plane *p, struct sp_volume *volume,
                            struct sp_view *view) {
-    struct pictures all = take_pictures(q, p, volume, view);
+    struct images all = take_images(q, p, volume, view);
     struct spectrum spectrum = measure_spectrum(&all);
     free(all.value);
     printf("  %-10s %-14s %4.2f  %9.2f  %9.1f  %9.1f  %9.1f\n", p->name,

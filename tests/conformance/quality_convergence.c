@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Slabs tend to the integral: the thinner they are and the farther kernels reach, the closer the
- * picture comes to the brute-force integral, until the affine approximation of the perspective is
- * all that is left. In orthographic projection there is none, and nothing bounds the picture but
+ * image comes to the brute-force integral, until the affine approximation of the perspective is
+ * all that is left. In orthographic projection there is none, and nothing bounds the image but
  * single precision.
  *
  * Filter ewa without low-pass, against the integral along the rays through the pixel centres.

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Level of detail: pictures of minified volumes with it and without, in three lights.
+ * Level of detail: images of minified volumes with it and without, in three lights.
  *
  * Claim: they agree to 40 dB or better (the least of three views), and the median of the scenes
  * to 45 in each light. Two made scenes are lit less well: faces that all lie along the axes are

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A filter may spread what a voxel absorbs, but neither add to it nor lose any: whatever the
- * distance, the picture of a thin medium holds the energy that the medium has.
+ * distance, the image of a thin medium holds the energy that the medium has.
  *
- * Measured is the sum of optical depth over the picture, Σ -ln(1 - α) [px²], of blobs so thin that
+ * Measured is the sum of optical depth over the image, Σ -ln(1 - α) [px²], of blobs so thin that
  * compositing is a sum. In perspective it falls with the square of the distance as the solid angle
  * does, and a voxel at u takes part with g v |det J| = g v f² |u| / u2³ (mathematics: Footprint).
  * The sum of that over all voxels is what is wanted; measured over wanted is printed, and far away
  * it is the same as total energy times the distance squared.
  *
- * Claim: it is 1 within 1 %, and so constant, while the camera recedes from four pixels a voxel to
- * a sixteenth of one. The reconstruction filter alone is shown without a claim: once a kernel is
+ * Claim: it is 1 within 1 %, and so constant, while the camera recedes from four pixels per voxel
+ * to a sixteenth of one. The reconstruction filter alone is shown without a claim: once a kernel is
  * smaller than a pixel it is missed or hit by chance, which is what the others are for.
  */
 #include <math.h>
@@ -101,7 +101,7 @@ static void measure(struct quality *q) {
             printf("  %10.5f", ratio);
             test_image_finish(&image);
             if (filters[k].claimed)
-                quality_expect(q, fabs(ratio - 1) < 0.01, "%s at %.4f px a voxel: %.5f",
+                quality_expect(q, fabs(ratio - 1) < 0.01, "%s at %.4f px per voxel: %.5f",
                                filters[k].name, scale, ratio);
         }
         printf("\n");

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Popping: on an orbit through 45 degrees the sheets change from one axis of the volume to
- * another, and the picture jumps; slabs follow the eye and have nothing to change.
+ * another, and the image jumps; slabs follow the eye and have nothing to change.
  *
- * Measured are the changes from frame to frame, as the root of the mean square over the picture,
+ * Measured are the changes from frame to frame, as the root of the mean square over the image,
  * on an orbit of small steps. The median of them is what the motion alone changes; what the
  * largest has beyond that is the pop.
  *

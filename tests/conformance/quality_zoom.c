@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which filter is right at which distance. The camera recedes from 32 pixels a voxel to an eighth
- * of one, and each filter is held to the integral convolved with the low-pass filter: the picture
- * that all of them stand for. Pictures are cut to the volume, so that no empty margin flatters.
+ * Which filter is right at which distance. The camera recedes from 32 pixels per voxel to an eighth
+ * of one, and each filter is held to the integral convolved with the low-pass filter: the image
+ * that all of them stand for. Images are cut to the volume, so that no empty margin flatters.
  *
  * Claims, at every step: ewa is at least as good as the reconstruction filter alone and as the
  * low-pass filter alone; adaptive is within half a decibel of ewa, or has 48 dB where sheets are
@@ -47,7 +47,7 @@ static const struct zoom zooms[] = {
 };
 static const double scales[] = {
     28, 16, 8, 4, 2, 1.414, 1, 0.707, 0.595, 0.5, 0.354, 0.25, 0.125
-}; /* px a voxel */
+}; /* px per voxel */
 
 /* The eye where a voxel of spacing 1 in the middle is `scale` px wide. */
 static void place(struct test_scene *scene, const struct zoom *zoom, double scale) {

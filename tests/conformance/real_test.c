@@ -2,9 +2,9 @@
  *
  * Real volumes: CT scans from SPLATD_DATA_DIR, loaded as the daemon loads them and rendered at 256²
  * with their default views and, where `bench/scenes` lies beside that folder, with those views.
- * There is no truth for them at this size; the picture must be full of something, the same each
+ * There is no truth for them at this size; the image must be full of something, the same each
  * time, and its mean and variance within the recorded bands. SPLATD_TEST_DUMP=FOLDER writes the
- * pictures.
+ * images.
  */
 #include <math.h>
 #include <stdio.h>
@@ -103,7 +103,7 @@ static bool in_band(const char *what, double got, double recorded, double factor
     return ok;
 }
 
-/* Is the picture full of something that is neither black nor white? */
+/* Is the image full of something that is neither black nor white? */
 static bool check_image(const struct band *band, const struct test_image *image) {
     size_t count = (size_t)image->width * image->height, lit = 0, white = 0;
     double sum = 0, squares = 0;

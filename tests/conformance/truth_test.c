@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "support/sample.h"
 #include "support/scene.h"
 #include "support/truth.h"
@@ -236,7 +237,7 @@ static void the_nearer_layer_hides_the_farther(void **state) {
 }
 
 /* Half the step, nearly twice the rays, a wider kernel: nothing above CONVERGED dB changes. Only
- * the middle of the picture is compared, which keeps this under some seconds. */
+ * the middle of the image is compared, which keeps this under some seconds. */
 enum { CONVERGED = 90, CROP = 12 };
 
 static void finer_changes_nothing(void **state) {
@@ -279,14 +280,19 @@ static void finer_changes_nothing(void **state) {
 static void psnr_is_what_it_says(void **state) {
     (void)state;
     struct test_image a, b;
-    assert_true(test_image_init(&a, 7, 5) && test_image_init(&b, 7, 5));
+    assert_true(test_image_init(&a, 7, 5));
+    assert_true(test_image_init(&b, 7, 5));
     assert_true(isinf(test_image_psnr(&a, &b)));
     for (int i = 0; i < 7 * 5 * 4; i++)
         b.rgba[i] = 0.1;
     assert_true(fabs(test_image_psnr(&a, &b) - 20) < 1e-9);
     b.rgba[17] = -0.5;
     struct test_difference d = test_image_difference(&a, &b);
-    assert_true(d.largest == 0.5 && d.x == 4 && d.y == 0 && d.channel == 1 && d.b == -0.5);
+    assert_compare(d.largest, ==, 0.5);
+    assert_compare(d.x, ==, 4);
+    assert_compare(d.y, ==, 0);
+    assert_compare(d.channel, ==, 1);
+    assert_compare(d.b, ==, -0.5);
     b.rgba[3] = NAN;
     assert_true(isnan(test_image_psnr(&a, &b)));
     test_image_finish(&a);

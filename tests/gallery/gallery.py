@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the pictures and the figures of renderer/gallery.md anew.
+"""Makes the images and the figures of renderer/gallery.md.
 
   gallery.py --build build/release [--data DIR] [--only PREFIX]
   gallery.py --check
 
-The page is its own recipe. Every block ```json of it that names "pictures" is drawn with `splatctl render
---local`: the block's "view" with the merge patch of each picture, on "volume", which is a built-in volume
+The page is its own recipe. Every block ```json of it that names "images" is drawn with `splatctl render
+--local`: the block's "view" with the merge patch of each image, on "volume", which is a built-in volume
 (demo:NAME), one of the volumes that this script writes (made:NAME), or a file of the data folder (data:NAME;
-where it is missing the picture stays as it is). "difference": [A, B, GAIN] is a picture too: the middle grey
-plus GAIN times B - A. Pictures whose names begin with _ serve such a difference and are not kept. Every block ```console is a test program; what it prints is filled in. --check draws nothing: it compares the recipe with the folder.
+where it is missing the image stays as it is). "difference": [A, B, GAIN] is an image too: the middle grey
+plus GAIN times B - A. Images whose names begin with _ serve such a difference and are not kept. Every block ```console is a test program; what it prints is filled in. --check draws nothing: it compares the recipe with the folder.
 """
 import argparse
 import json
@@ -91,7 +91,7 @@ def merge(base, patch):
 
 
 def read_png(path):
-    """Width, height, bytes a pixel and the rows of an 8-bit PNG without interlacing."""
+    """Width, height, bytes per pixel and the rows of an 8-bit PNG without interlacing."""
     with open(path, 'rb') as f:
         data = f.read()
     at, packed = 8, b''
@@ -133,7 +133,7 @@ def write_png(path, width, height, rows):
 
 
 def write_difference(path, a, b, gain):
-    """128 + gain·(b - a) of two pictures of one size."""
+    """128 + gain·(b - a) of two images of one size."""
     width, height, bpp, first = read_png(a)
     _, _, _, second = read_png(b)
     rows = [bytes(max(0, min(255, 128 + gain * (q[x * bpp + c] - p[x * bpp + c])))
@@ -163,11 +163,11 @@ class Gallery:
         return name
 
     def draw(self, block):
-        wanted = [name for name in block['pictures'] if name[0] != '_' and name.startswith(self.options.only)]
+        wanted = [name for name in block['images'] if name[0] != '_' and name.startswith(self.options.only)]
         if not wanted:
             return
         volume, base = self.volume(block['volume']), block.get('view', {})
-        for name, patch in block['pictures'].items():
+        for name, patch in block['images'].items():
             path = self.path(name)
             if name[0] != '_' and name not in wanted:
                 continue
@@ -200,7 +200,7 @@ class Gallery:
 def check(text):
     """What does not fit between the recipe, the page and the folder."""
     made = {name for body in re.findall(r'```json\n(.*?)```', text, re.S)
-            for name in json.loads(body).get('pictures', {}) if name[0] != '_'}
+            for name in json.loads(body).get('images', {}) if name[0] != '_'}
     shown = set(re.findall(r'\(gallery/([^)]+)\)', text))
     folder = os.path.join(ROOM, 'gallery')
     there = set(os.listdir(folder))
@@ -210,7 +210,7 @@ def check(text):
     findings += [f'{name}: made, but not in the folder' for name in sorted(made - there)]
     findings += [f'{name}: in the folder, but not made' for name in sorted(there - made)]
     findings += ['a claim of a test failed'] * ('FAILED' in text)
-    findings += [f'the pictures take {size} bytes, more than {SIZE_MAX}'] * (size > SIZE_MAX)
+    findings += [f'the images take {size} bytes, more than {SIZE_MAX}'] * (size > SIZE_MAX)
     return findings
 
 
@@ -218,7 +218,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--build', default='build/release')
     parser.add_argument('--data', default=os.path.join(HERE, '..', '..', '..', 'shared', 'data'))
-    parser.add_argument('--only', default='', metavar='PREFIX', help='only pictures whose names begin so, no figures')
+    parser.add_argument('--only', default='', metavar='PREFIX', help='only images whose names begin so, no figures')
     parser.add_argument('--check', action='store_true', help='compare the page with its folder, no drawing')
     options = parser.parse_args()
     page = os.path.join(ROOM, 'gallery.md')
@@ -232,7 +232,7 @@ def main():
         gallery = Gallery(options, work)
         for body in re.findall(r'```json\n(.*?)```', text, re.S):
             block = json.loads(body)
-            if 'pictures' in block:
+            if 'images' in block:
                 gallery.draw(block)
         if not options.only:
             text = re.sub(r'```console\n\$ (\S+)\n.*?```',

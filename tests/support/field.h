@@ -31,7 +31,7 @@ struct test_axis {
 
 struct test_field {
     size_t dims[3];         /* padded */
-    int pad, reach;         /* kernels of 2·reach + 1 voxels an axis count at a point */
+    int pad, reach;         /* kernels of 2·reach + 1 voxels per axis count at a point */
     int quads;              /* a voxel, 1 or 2 */
     test_quad *voxels;      /* i0 fastest */
     unsigned char *near_by; /* 1 where a point nearest to this voxel may see something */

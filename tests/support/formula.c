@@ -100,7 +100,7 @@ static void slab_range(const struct formula *f, const struct test_footprint *foo
     *last = (long)floor((foot->distance + foot->reach) / f->thickness);
 }
 
-/* Makes room for the sums of all layers. */
+/* Allocates the sums of all layers. */
 static bool open_layers(struct formula *f) {
     const struct sp_view *view = &f->scene->view;
     const double *spacing = f->scene->info.grid.spacing;

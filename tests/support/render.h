@@ -41,7 +41,7 @@ bool test_render_scene(const struct test_renderer *r, const struct test_scene *s
                        struct test_image *image, struct sp_error *err);
 
 /* Does the target draw this scene's sheets without footprints (postconv/postconv.h)? The scalar
- * reference never does: held to it or to what has footprints, such a picture is another
+ * reference never does: held to it or to what has footprints, such an image is another
  * algorithm's, whose kernels end where filters do and not at view.filter.cutoff. */
 bool test_uses_postconv(const struct test_target *target, const struct test_scene *scene);
 

@@ -21,8 +21,8 @@ size_t test_sample_index(const struct sp_grid *grid, const uint32_t i[3]);
 /* Its place in the world. */
 void test_sample_place(const struct sp_grid *grid, const uint32_t i[3], double world[3]);
 
-/* The gradient in world space [data unit a world unit] by central differences, (f₊ - f₋)/(c₊ - c₋)
- * along each axis; one-sided at a border and beside a sample that is not finite. */
+/* The gradient in world space [data unit per world unit] by central differences, (f₊ - f₋)/(c₊ -
+ * c₋) along each axis; one-sided at a border and beside a sample that is not finite. */
 void test_gradient(const struct sp_volume_info *info, const void *voxels, const uint32_t i[3],
                    double gradient[3]);
 

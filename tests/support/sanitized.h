@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sanitizers make everything several times slower, and look for other faults than wrong pictures:
- * where TEST_SANITIZED is 1, tests of pictures may draw fewer or smaller ones, and print that they
+ * Sanitizers make everything several times slower, and look for other faults than wrong images:
+ * where TEST_SANITIZED is 1, tests of images may draw fewer or smaller ones, and print that they
  * do.
  */
 #ifndef TESTS_SUPPORT_SANITIZED_H

@@ -127,7 +127,7 @@ bool test_scene_clip_box(struct test_scene *scene) {
 bool test_scene_clip_edge(struct test_scene *scene) {
     if (!named(scene, test_scene_blobs, "clip-edge"))
         return false;
-    /* Across the line of sight, leaning in the picture. */
+    /* Across the line of sight, leaning in the image. */
     const double *eye = scene->view.camera.position;
     double right[3] = { eye[2], 0, -eye[0] }, normal[3];
     double length = hypot(eye[0], eye[2]);

@@ -41,7 +41,7 @@ struct test_truth_options {
                          Gaussian kernels, 0.2 for cubic ones, which are not as smooth, 0.1 for
                          order post, where the transfer function makes corners (see truth_modes) */
     double radius;    /* Gaussians are summed out to at least this many σ; 0 = 4.5 */
-    unsigned threads; /* 0 = one a core */
+    unsigned threads; /* 0 = one per core */
 };
 
 /* The integral along every ray: (width + 2·margin)·samples by (height + 2·margin)·samples,

@@ -12,6 +12,7 @@
 
 #include "sp/view.h"
 #include "splat/camera.h"
+#include "support/compare.h"
 
 static void make_info(struct sp_volume_info *info) {
     *info = (struct sp_volume_info){
@@ -26,7 +27,7 @@ static void make_info(struct sp_volume_info *info) {
         info->histogram[b] = b < 20 ? 10000 : b > 90 && b < 110 ? 500 : b > 180 && b < 190 ? 50 : 1;
 }
 
-/* All eight corners lie inside the picture and fill more than half of it one way. `ends` are the
+/* All eight corners lie inside the image and fill more than half of it one way. `ends` are the
  * distances along each axis between which the volume's cells lie. */
 static void check_framing(const struct sp_view *view, const struct sp_grid *grid,
                           const double ends[3][2]) {
@@ -46,8 +47,10 @@ static void check_framing(const struct sp_view *view, const struct sp_grid *grid
             high[k] = fmax(high[k], x);
         }
     }
-    for (int k = 0; k < 2; k++)
-        assert_true(low[k] > 0 && high[k] < 512);
+    for (int k = 0; k < 2; k++) {
+        assert_compare(low[k], >, 0);
+        assert_compare(high[k], <, 512);
+    }
     assert_true(high[0] - low[0] > 256 || high[1] - low[1] > 256);
 }
 
@@ -105,7 +108,8 @@ static void the_default_hides_the_background(void **state) {
     const struct sp_transfer_function *tf = &view.transfer_function;
     double air = 100 + 1000 * 20 / 256.0, tissue = 100 + 1000 * 110 / 256.0;
     assert_true(tf->points[0].opacity == 0);
-    assert_true(tf->points[0].value >= air && tf->points[0].value < tissue);
+    assert_compare(tf->points[0].value, >=, air);
+    assert_compare(tf->points[0].value, <, tissue);
     assert_true(tf->points[tf->point_count - 1].opacity > 0.5f);
     /* One value alone, and a range that is not finite, still give a valid view. */
     info.range[1] = info.range[0];

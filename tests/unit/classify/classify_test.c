@@ -13,6 +13,7 @@
 #include "classify/classification.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
+#include "support/compare.h"
 
 static const struct sp_transfer_function ramp = {
     .reference_length = 1,
@@ -47,7 +48,8 @@ static void check_class(struct sp_class c, double value) {
         blue = 0;
     }
     assert_true(fabs((double)c.depth + log(1 - opacity)) < 1e-6);
-    assert_true(fabs((double)c.color[0] - red) < 1e-6 && fabs((double)c.color[2] - blue) < 1e-6);
+    assert_compare(fabs((double)c.color[0] - red), <, 1e-6);
+    assert_compare(fabs((double)c.color[2] - blue), <, 1e-6);
 }
 
 static void every_type_is_classified_by_the_same_law(void **state) {
@@ -194,7 +196,8 @@ static void gradients_of_rectilinear_grids_are_those_of_the_world(void **state) 
         for (int r = 0; r < 3; r++)
             assert_true(fabs(gradient[r] / gradients.scale - slope[r]) < 1e-9);
         uint32_t packed = sp_gradient_pack(&gradients, gradient);
-        assert_true(packed >> 22 > 0 && packed >> 22 < SP_GRADIENT_MAGNITUDES);
+        assert_compare(packed >> 22, >, 0);
+        assert_compare(packed >> 22, <, SP_GRADIENT_MAGNITUDES);
     }
     sp_volume_unref(&v);
 }
@@ -218,7 +221,9 @@ static double worst_packing(bool is_short) {
         sp_gradient_unpack(packed, unit);
         if (length == 0) {
             assert_int_equal(packed, 0);
-            assert_true(unit[0] == 0 && unit[1] == 0 && unit[2] == 0);
+            assert_compare(unit[0], ==, 0);
+            assert_compare(unit[1], ==, 0);
+            assert_compare(unit[2], ==, 0);
             continue;
         }
         for (int r = 0; r < 3; r++)
@@ -302,7 +307,9 @@ static void gradients_pass_by_what_is_not_a_number(void **state) {
     double gradient[3];
     sp_gradient_grid_init(&grid, v);
     sp_gradient_at(&grid, (uint32_t[3]){ 1, 1, 1 }, gradient);
-    assert_true(fabs(gradient[0] / grid.scale - 2) < 1e-12 && gradient[1] == 0 && gradient[2] == 0);
+    assert_compare(fabs(gradient[0] / grid.scale - 2), <, 1e-12);
+    assert_compare(gradient[1], ==, 0);
+    assert_compare(gradient[2], ==, 0);
     sp_volume_unref(&v);
 }
 
@@ -458,14 +465,17 @@ static void coarse_levels_average_what_was_classified(void **state) {
             }
     }
     /* The first sample of a cell of two voxels lies half a voxel in, of four one and a half. */
-    assert_true(c.levels[1].grid.origin[0] == 0.5 && c.levels[2].grid.origin[1] == 1.5);
-    assert_true(c.levels[2].grid.spacing[2] == 4 && c.levels[2].grid.dims[0] == 18);
+    assert_compare(c.levels[1].grid.origin[0], ==, 0.5);
+    assert_compare(c.levels[2].grid.origin[1], ==, 1.5);
+    assert_compare(c.levels[2].grid.spacing[2], ==, 4);
+    assert_compare(c.levels[2].grid.dims[0], ==, 18);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
 }
 
-/* Flakes of every level, whatever its bricks' axis, are those of all the voxels of each cell. */
+/* Microflakes of every level, whatever its bricks' axis, are those of all the voxels of each cell.
+ */
 static void microflakes_match_those_of_all_voxels(void **state) {
     (void)state;
     enum { X = 69, Y = 18, Z = 21 };
@@ -538,7 +548,8 @@ static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
     static const double middles[4] = { 1, 4.5, 9.25, 15 };
     const struct sp_grid *coarse = &c.levels[1].grid;
     assert_int_equal(coarse->dims[0], 4);
-    assert_true(coarse->origin[0] == 11 && coarse->origin[1] == 0.5);
+    assert_compare(coarse->origin[0], ==, 11);
+    assert_compare(coarse->origin[1], ==, 0.5);
     for (int i = 0; i < 4; i++)
         assert_true(coarse->coordinates[0][i] == middles[i] - 1);
     assert_null(coarse->coordinates[1]);

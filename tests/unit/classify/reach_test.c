@@ -18,6 +18,7 @@
 #include "classify/gradient.h"
 #include "classify/reach.h"
 #include "classify/visible_ranges.h"
+#include "support/compare.h"
 #include "volume/grid.h"
 
 enum { X = 37, Y = 21, Z = 50 };
@@ -156,7 +157,9 @@ static void lists_follow_the_kernel(void **state) {
         assert_true(sp_classification_update(&c, &job, NULL));
         counts[i] = c.levels[0].visible.count;
     }
-    assert_true(counts[1] > counts[0] && counts[2] == counts[1] && counts[3] < counts[0]);
+    assert_compare(counts[1], >, counts[0]);
+    assert_compare(counts[2], ==, counts[1]);
+    assert_compare(counts[3], <, counts[0]);
     tf.order = SP_TF_PRE; /* and the list of visible voxels is another one */
     struct sp_classify_job job = { .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
@@ -200,7 +203,8 @@ static void coarse_levels_average_the_scalar(void **state) {
         assert_true(fabs(got - want) < 1e-4);
         float n[3];
         sp_gradient_unpack(sp_visible_normal(&level->visible, e), n);
-        assert_true(fabs((double)(n[0] / n[2]) - 0.4) < 0.01 && fabsf(n[1]) < 0.01f);
+        assert_compare(fabs((double)(n[0] / n[2]) - 0.4), <, 0.01);
+        assert_compare(fabsf(n[1]), <, 0.01f);
     }
     sp_classification_finish(&c);
     sp_volume_unref(&v);

@@ -13,11 +13,12 @@
 #include <string.h>
 
 #include "encode/encoder.h"
+#include "support/compare.h"
 #include "support/fake_memory.h"
 
 enum { SIDE = 512, QUALITY = 100 };
 
-/* Noise: no format makes it small, so that files outgrow the room they begin with. */
+/* Noise: no format compresses it, so files outgrow the initial capacity. */
 static struct sp_frame noise(bool opaque) {
     struct sp_frame frame = {
         .width = SIDE, .height = SIDE, .format = SP_RGBA8, .stride_bytes = 4 * SIDE
@@ -79,7 +80,7 @@ static void memory_that_runs_out_is_an_error_and_changes_nothing(void **state) {
 }
 
 /* What a file needs is kept for the next. */
-static void the_second_image_finds_room(void **state) {
+static void the_second_image_finds_capacity(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
         struct sp_frame frame = noise(opaque);
@@ -116,9 +117,10 @@ static void a_buffer_grows_and_gives_back_what_is_far_too_much(void **state) {
     assert_int_equal(buffer.bytes[2], 1);
 
     assert_true(sp_buffer_reserve(&buffer, LARGE, NULL));
-    assert_true(buffer.size == 0 && buffer.capacity == LARGE);
+    assert_compare(buffer.size, ==, 0);
+    assert_compare(buffer.capacity, ==, LARGE);
     assert_true(sp_buffer_reserve(&buffer, LARGE / 8, NULL));
-    assert_true(buffer.capacity == LARGE);
+    assert_compare(buffer.capacity, ==, LARGE);
     assert_true(sp_buffer_reserve(&buffer, LARGE / 8 - 1, NULL));
     assert_true(buffer.capacity == LARGE / 8 - 1);
     free(buffer.bytes);
@@ -127,7 +129,7 @@ static void a_buffer_grows_and_gives_back_what_is_far_too_much(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(memory_that_runs_out_is_an_error_and_changes_nothing),
-        cmocka_unit_test(the_second_image_finds_room),
+        cmocka_unit_test(the_second_image_finds_capacity),
         cmocka_unit_test(a_buffer_grows_and_gives_back_what_is_far_too_much),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -41,7 +41,7 @@ static float *pixel32(const struct sp_frame *frame, uint32_t x, uint32_t y) {
     return (float *)(void *)((uint8_t *)frame->pixels + y * frame->stride_bytes + 16 * x);
 }
 
-/* A smooth picture, with noise in the lowest bits, alpha rising to the right if not opaque. */
+/* A smooth image, with noise in the lowest bits, alpha rising to the right if not opaque. */
 static struct sp_frame picture8(uint32_t width, uint32_t height, bool opaque) {
     struct sp_frame frame = make_frame(width, height, SP_RGBA8);
     for (uint32_t y = 0; y < height; y++)
@@ -159,7 +159,7 @@ static void jpeg_subsamples_colour_below_90(void **state) {
     free(frame.pixels);
 }
 
-/* Columns of two colours in one half of the picture, rows of them in the other: 4:2:2 mixes the
+/* Columns of two colours in one half of the image, rows of them in the other: 4:2:2 mixes the
  * columns, 4:2:0 both. */
 static void jpeg_chroma_is_chosen(void **state) {
     (void)state;
@@ -208,7 +208,7 @@ static void jpeg_chroma_is_chosen(void **state) {
     free(frame.pixels);
 }
 
-/* The picture by one call of the library. */
+/* The image by one call of the library. */
 static struct decoded_image encode_whole(const struct sp_frame *frame, int sampling) {
     tjhandle library = tjInitCompress();
     unsigned char *bytes = NULL;
@@ -372,7 +372,7 @@ static void webp_is_close_and_keeps_alpha(void **state) {
         for (uint32_t y = 0; y < frame.height && !opaque; y++)
             for (uint32_t x = 0; x < frame.width; x++)
                 assert_int_equal(lroundf(read_at(&image, x, y, 3) * 255), pixel8(&frame, x, y)[3]);
-        /* Colour is lost where nothing is seen; the opaque picture has no such place. */
+        /* Colour is lost where nothing is seen; the opaque image has no such place. */
         if (opaque && difference > 3)
             fail_msg("mean difference %.3f", difference);
         free(image.pixels);

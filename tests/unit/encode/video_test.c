@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Video: packets, decoded again by libvpx, against the pictures that went in. H.264 has no decoder
+ * Video: packets, decoded again by libvpx, against the images that went in. H.264 has no decoder
  * here: of it the shape of the stream is looked at.
  */
 #include <setjmp.h>
@@ -19,6 +19,7 @@
 
 #include "sp/encode.h"
 #include "sp/video.h"
+#include "support/compare.h"
 
 static struct sp_frame make_frame(uint32_t width, uint32_t height) {
     struct sp_frame frame = { .width = width, .height = height, .format = SP_RGBA8 };
@@ -120,7 +121,8 @@ static void names(void **state) {
     assert_int_equal(sp_video_codec_find("h264"), SP_VIDEO_H264);
     assert_int_equal(sp_video_codec_find("jpeg"), SP_VIDEO_CODEC_COUNT);
     assert_string_equal(sp_video_codec_name(SP_VIDEO_VP9), "vp9");
-    assert_true(sp_video_is_available(SP_VIDEO_VP8) && sp_video_is_available(SP_VIDEO_VP9));
+    assert_true(sp_video_is_available(SP_VIDEO_VP8));
+    assert_true(sp_video_is_available(SP_VIDEO_VP9));
 }
 
 /* Every frame comes back as it was, one packet each; only the first is a key frame. */
@@ -228,7 +230,7 @@ static void another_size(void **state) {
     free(frames[1].pixels);
 }
 
-/* More quality: more bytes and a better picture; it may change from frame to frame. */
+/* More quality: more bytes and a better image; it may change from frame to frame. */
 static void quality(void **state) {
     (void)state;
     struct sp_frame frame = make_frame(320, 240);
@@ -244,7 +246,8 @@ static void quality(void **state) {
             double db = psnr(&frame, decode(&decoder, &packet));
             print_message("%s quality %d: %zu bytes, %.1f dB\n",
                           sp_video_codec_name((enum sp_video_codec)codec), q, packet.size, db);
-            assert_true(packet.size > last_bytes && db > last_db);
+            assert_compare(packet.size, >, last_bytes);
+            assert_compare(db, >, last_db);
             last_bytes = packet.size;
             last_db = db;
         }
@@ -317,10 +320,12 @@ static void h264(void **state) {
         bool is_key = i % 4 == 0;
         assert_int_equal(packet.is_key, is_key);
         unit_types(&packet, types, sizeof types);
-        /* With a key frame come the parameters; whatever else there is, no picture of the other
+        /* With a key frame come the parameters; whatever else there is, no image of the other
          * kind. */
-        assert_true(!strchr(types, '7') == !is_key && !strchr(types, '8') == !is_key);
-        assert_true(!strchr(types, '5') == !is_key && !strchr(types, '1') == is_key);
+        assert_true(!strchr(types, '7') == !is_key);
+        assert_true(!strchr(types, '8') == !is_key);
+        assert_true(!strchr(types, '5') == !is_key);
+        assert_true(!strchr(types, '1') == is_key);
         if (i == 0)
             key_bytes = packet.size;
         else if (!is_key)

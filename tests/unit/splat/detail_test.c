@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The cut through the octree of bricks: that it holds each voxel once, that nothing in it is larger
- * in the picture than it may be, and that it is taken where it saves work.
+ * in the image than it may be, and that it is taken where it saves work.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,6 +16,7 @@
 
 #include "classify/visible.h"
 #include "splat/detail.h"
+#include "support/compare.h"
 
 enum { LEVELS = 6 };
 
@@ -85,7 +86,7 @@ static void find_box(const struct sp_grid *grid, const struct sp_detail_brick *b
     }
 }
 
-/* At the corners of the brick that are in the picture, a cell's edges are not longer than allowed.
+/* At the corners of the brick that are in the image, a cell's edges are not longer than allowed.
  */
 static void check_size(const struct sp_camera_frame *camera, const struct sp_grid *grid,
                        const struct sp_detail_brick *brick, const uint32_t first[3],
@@ -133,7 +134,8 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
             const struct sp_detail_brick *b = &detail.bricks[i];
             uint32_t first[3], last[3];
             levels |= 1u << b->level;
-            assert_true(b->level >= job.floor && b->level < job.levels);
+            assert_compare(b->level, >=, job.floor);
+            assert_compare(b->level, <, job.levels);
             find_box(&grid, b, first, last);
             for (uint32_t z = first[2]; z <= last[2]; z++)
                 for (uint32_t y = first[1]; y <= last[1]; y++)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Light on coarse cells: the formulas over flakes against the mean of what each of a cell's normals
- * is lit by.
+ * Light on coarse cells: the formulas over microflakes against the mean of what each of a cell's
+ * normals is lit by.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -15,6 +15,7 @@
 #include <string.h>
 
 #include "splat/shade.h"
+#include "support/compare.h"
 
 enum { NORMALS = 256 };
 
@@ -65,8 +66,10 @@ static struct light light_microflakes(const struct sp_shade *shade,
     sp_wide lit[3], shine[3];
     sp_shade_microflakes(shade, word, eye, lit, shine);
     for (int c = 0; c < 3; c++)
-        for (int i = 0; i < SP_WIDE; i++)
-            assert_true(lit[c][i] == lit[0][0] && shine[c][i] == shine[0][0]);
+        for (int i = 0; i < SP_WIDE; i++) {
+            assert_compare(lit[c][i], ==, lit[0][0]);
+            assert_compare(shine[c][i], ==, shine[0][0]);
+        }
     return (struct light){ (double)lit[0][0], (double)shine[0][0] };
 }
 
@@ -98,7 +101,7 @@ static struct sp_microflakes spread_normals(double spread, uint32_t packed[NORMA
     return sp_microflakes_pack(&sum, 2 * NORMALS);
 }
 
-/* Root of the mean square of what flakes are off by, for one spread and exponent. */
+/* Root of the mean square of what microflakes are off by, for one spread and exponent. */
 static struct light measure(double spread, double exponent) {
     struct light off = { 0, 0 };
     enum { TRIALS = 400 };
@@ -135,7 +138,8 @@ static void cells_are_lit_as_their_parts_are(void **state) {
         struct light off = measure(cases[i].spread, cases[i].exponent);
         print_message("spread %4.1f, exponent %3.0f: facing off by %.4f, highlight by %.4f\n",
                       cases[i].spread, cases[i].exponent, off.facing, off.glint);
-        assert_true(off.facing <= cases[i].facing && off.glint <= cases[i].glint);
+        assert_compare(off.facing, <=, cases[i].facing);
+        assert_compare(off.glint, <=, cases[i].glint);
     }
 }
 
@@ -147,7 +151,8 @@ static void parts_without_a_side_face_the_light(void **state) {
     struct sp_microflakes_sum sum = { 0 };
     sp_microflakes_add_normal(&sum, 0, 3);
     struct light none = light_microflakes(&shade, sp_microflakes_pack(&sum, 3), to_eye);
-    assert_true(none.facing == 1 && none.glint == 0);
+    assert_compare(none.facing, ==, 1);
+    assert_compare(none.glint, ==, 0);
     uint32_t packed[NORMALS];
     struct sp_microflakes microflakes = spread_normals(0, packed);
     struct light all = light_microflakes(&shade, microflakes, to_eye);
@@ -204,7 +209,10 @@ static void any_words_give_light_within_bounds(void **state) {
         if (n % 7 == 0)
             microflakes.word[n % 2] = n % 3 ? 0 : UINT32_MAX;
         struct light got = light_microflakes(&shade, microflakes, to_eye);
-        assert_true(got.facing >= 0 && got.facing <= 2.5 && got.glint >= 0 && got.glint <= 1);
+        assert_compare(got.facing, >=, 0);
+        assert_compare(got.facing, <=, 2.5);
+        assert_compare(got.glint, >=, 0);
+        assert_compare(got.glint, <=, 1);
     }
 }
 

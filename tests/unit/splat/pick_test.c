@@ -14,6 +14,7 @@
 #include <cmocka.h>
 
 #include "sp/pick.h"
+#include "support/compare.h"
 #include "support/sample.h"
 
 enum { NX = 7, NY = 6, NZ = 5, STEPS = 200000 };
@@ -211,9 +212,11 @@ static void homogeneous(void **state) {
         .reference_length = 1, .point_count = 1, .points = { { 5, { 1, 1, 1 }, 0.25f } }
     };
     sp_pick_at(volume, &view, size, middle, &pick);
-    assert_true(pick.is_hit && pick.value == 5);
+    assert_true(pick.is_hit);
+    assert_compare(pick.value, ==, 5);
     assert_true(fabs(pick.position[2] - (-0.5 + log(2) / -log(0.75))) < 1e-6);
-    assert_true(fabs(pick.position[0] - 3.2) < 1e-9 && fabs(pick.position[1] - 3.3) < 1e-9);
+    assert_compare(fabs(pick.position[0] - 3.2), <, 1e-9);
+    assert_compare(fabs(pick.position[1] - 3.3), <, 1e-9);
     assert_true(fabs(pick.opacity - (1 - pow(0.75, 8))) < 1e-6);
 
     view.clip.box[0][2] = 0.25; /* begins two voxels deeper */
@@ -226,10 +229,13 @@ static void homogeneous(void **state) {
     assert_true(fabs(pick.position[2] - (2.5 + log(2) / -log(0.75))) < 1e-6);
 
     sp_pick_at(volume, &view, size, outside, &pick);
-    assert_true(!pick.is_hit && pick.opacity == 0);
+    assert_true(!pick.is_hit);
+    assert_compare(pick.opacity, ==, 0);
     view.transfer_function.points[0].opacity = 0.05f;
     sp_pick_at(volume, &view, size, middle, &pick);
-    assert_true(!pick.is_hit && pick.opacity > 0.2 && pick.opacity < 0.5);
+    assert_true(!pick.is_hit);
+    assert_compare(pick.opacity, >, 0.2);
+    assert_compare(pick.opacity, <, 0.5);
     view.camera.position[2] = 3; /* inside, looking out; exactly along a face of cells */
     view.camera.target[2] = 9;
     view.camera.position[0] = view.camera.target[0] = 3.5;
@@ -258,7 +264,8 @@ static void extremes(void **state) {
         for (int r = 0; r < 3; r++)
             view.camera.position[r] = uniform(-1, 1) * pow(10, uniform(-9, 15));
         sp_pick_at(volume, &view, size, at, &pick);
-        assert_true(pick.opacity >= 0 && pick.opacity <= 1);
+        assert_compare(pick.opacity, >=, 0);
+        assert_compare(pick.opacity, <=, 1);
     }
     sp_volume_unref(&volume);
 }

@@ -14,6 +14,7 @@
 #include "splat/adaptive.h"
 #include "splat/ewa.h"
 #include "splat/exp2.h"
+#include "support/compare.h"
 
 static const struct sp_transfer_function thin = {
     .reference_length = 1,
@@ -131,7 +132,8 @@ static void variance_is_that_of_the_projection(void **state) {
             struct sp_splat s;
             assert_true(set_up(g, &view, i, &s));
             struct sp_vec3 x = project(&view, world(g, (double[3]){ 1, 7, 3 }));
-            assert_true(fabs((double)s.x - x.v[0]) < 1e-3 && fabs((double)s.y - x.v[1]) < 1e-3);
+            assert_compare(fabs((double)s.x - x.v[0]), <, 1e-3);
+            assert_compare(fabs((double)s.y - x.v[1]), <, 1e-3);
             assert_int_equal(s.sheet, 7);
             double d[3][3], v[2][2] = { { 0 } }, h2 = view.filter.lowpass * view.filter.lowpass;
             differentiate(&view, g, i, d);
@@ -235,7 +237,7 @@ static void voxels_out_of_sight_are_culled(void **state) {
     for (int k = 0; k < 3; k++)
         view.camera.target[k] = 2 * view.camera.position[k] - view.camera.target[k];
     assert_false(set_up(&grids[0], &view, i, &s));
-    view = make_view(SP_ORTHOGRAPHIC); /* beside the picture */
+    view = make_view(SP_ORTHOGRAPHIC); /* beside the image */
     view.camera.height = 2;
     assert_false(set_up(&grids[0], &view, (uint32_t[3]){ 0, 0, 0 }, &s));
 }
@@ -246,7 +248,7 @@ static float random_extreme(void) {
     return x;
 }
 
-/* Whatever the numbers, a splat that is drawn is finite and its box lies in the picture. */
+/* Whatever the numbers, a splat that is drawn is finite and its box lies in the image. */
 static void extreme_views_give_finite_splats(void **state) {
     (void)state;
     srand(4);
@@ -281,9 +283,16 @@ static void extreme_views_give_finite_splats(void **state) {
         const float numbers[] = { s.x, s.y, s.a, s.b, s.c, s.depth, s.emission[0], s.emission[2] };
         for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++)
             assert_true(isfinite(numbers[k]));
-        assert_true(s.a >= 0 && s.c >= 0 && s.depth > 0 && s.depth <= SP_DEPTH_MAX);
-        assert_true(s.x0 >= 0 && s.x0 < s.x1 && s.x1 <= (int)view.size[0]);
-        assert_true(s.y0 >= 0 && s.y0 < s.y1 && s.y1 <= (int)view.size[1]);
+        assert_compare(s.a, >=, 0);
+        assert_compare(s.c, >=, 0);
+        assert_compare(s.depth, >, 0);
+        assert_compare(s.depth, <=, SP_DEPTH_MAX);
+        assert_compare(s.x0, >=, 0);
+        assert_compare(s.x0, <, s.x1);
+        assert_compare(s.x1, <=, (int)view.size[0]);
+        assert_compare(s.y0, >=, 0);
+        assert_compare(s.y0, <, s.y1);
+        assert_compare(s.y1, <=, (int)view.size[1]);
     }
     assert_true(drawn > 4500);
 }
@@ -305,8 +314,8 @@ static void adaptive_rule_is_conservative(void **state) {
             struct sp_adaptive adaptive;
             sp_camera_frame_init(&camera, &view.camera, view.size);
             sp_adaptive_init(&adaptive, &camera, &g, &view);
-            assert_true(fabs(adaptive.radius[0] - 0.7) < 1e-9 &&
-                        fabs(adaptive.radius[1] - 2.1) < 1e-9);
+            assert_compare(fabs(adaptive.radius[0] - 0.7), <, 1e-9);
+            assert_compare(fabs(adaptive.radius[1] - 2.1), <, 1e-9);
             uint8_t modes[5 * 3 * 3];
             assert_int_equal(sp_adaptive_count(&g), sizeof modes);
             enum sp_filter_mode shared = sp_adaptive_fill(&adaptive, modes);
@@ -428,11 +437,15 @@ static void powers_of_two_are_close(void **state) {
         float x = (float)n * 0.001f;
         assert_true(fabs((double)sp_exp2(x) / exp2((double)x) - 1) < 2e-7);
         sp_wide wide = sp_wide_exp2((sp_wide){ x, -x, 0, x });
-        assert_true(wide[0] == sp_exp2(x) && wide[1] == sp_exp2(-x) && wide[2] == 1);
+        assert_compare(wide[0], ==, sp_exp2(x));
+        assert_compare(wide[1], ==, sp_exp2(-x));
+        assert_compare(wide[2], ==, 1);
         float y = exp2f(x);
         assert_true(fabs((double)sp_log2(y) - log2((double)y)) < 3e-6 * fmax(1, fabs((double)x)));
     }
-    assert_true(sp_exp2(-1e30f) > 0 && sp_exp2(-1e30f) < 1e-37f && isfinite(sp_exp2(1e30f)));
+    assert_compare(sp_exp2(-1e30f), >, 0);
+    assert_compare(sp_exp2(-1e30f), <, 1e-37f);
+    assert_true(isfinite(sp_exp2(1e30f)));
 }
 
 int main(void) {

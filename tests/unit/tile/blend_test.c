@@ -37,7 +37,8 @@ static struct bench make_bench(enum sp_compositing mode) {
                                   .thickness = 1 } };
     b.sums = calloc(SLOTS * (size_t)5 * SP_TILE_AREA, sizeof *b.sums);
     b.tile = aligned_alloc(64, sizeof *b.tile);
-    assert_true(b.sums && b.tile);
+    assert_true(b.sums);
+    assert_true(b.tile);
     b.tile->sums = b.sums;
     return b;
 }

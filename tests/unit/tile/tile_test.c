@@ -16,7 +16,7 @@
 
 enum { COLUMNS = 5, ROWS = 4, WIDTH = 150, HEIGHT = 117, SPLATS = 3000 };
 
-/* A splat with a random footprint whose box touches the picture. */
+/* A splat with a random footprint whose box touches the image. */
 static struct sp_splat random_splat(uint32_t sheet, float cut) {
     struct sp_splat s = { .sheet = sheet };
     for (;;) {
@@ -53,7 +53,8 @@ static const struct sp_blend blending = {
 static void start_tile(struct sp_tile *tile, int x, int y, const int size[2]) {
     tile->sums = malloc(SP_PLANES * SP_TILE_AREA * sizeof *tile->sums);
     tile->dirty = malloc(sizeof *tile->dirty);
-    assert_true(tile->sums && tile->dirty);
+    assert_true(tile->sums);
+    assert_true(tile->dirty);
     sp_tile_init(tile, x, y, size, &blending);
 }
 
@@ -149,7 +150,7 @@ static void every_touched_tile_gets_the_splat_once_and_in_order(void **state) {
     free_grid(&grid);
 }
 
-/* The whole picture without tiles, in double precision. */
+/* The whole image without tiles, in double precision. */
 static void draw_untiled(const struct sp_splat *records, float cut, double (*done)[4]) {
     double(*sums)[4] = calloc(WIDTH * HEIGHT, sizeof *sums);
     for (int p = 0; p < WIDTH * HEIGHT; p++)

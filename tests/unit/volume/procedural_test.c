@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "volume/procedural.h"
 
 static struct sp_volume *load(const char *source) {
@@ -26,7 +27,9 @@ static double sample(const struct sp_volume *volume, uint32_t i, uint32_t j, uin
     const struct sp_volume_info *info = sp_volume_info(volume);
     const void *voxels = sp_volume_voxels(volume);
     const uint32_t *d = info->grid.dims;
-    assert_true(i < d[0] && j < d[1] && k < d[2]);
+    assert_compare(i, <, d[0]);
+    assert_compare(j, <, d[1]);
+    assert_compare(k, <, d[2]);
     size_t at = ((size_t)k * d[1] + j) * d[0] + i;
     return info->type == SP_UINT8    ? ((const uint8_t *)voxels)[at]
            : info->type == SP_UINT16 ? ((const uint16_t *)voxels)[at]
@@ -64,16 +67,18 @@ static void every_demo_is_as_announced(void **state) {
         uint64_t voxels = 1, counted = info->nonfinite;
         for (int axis = 0; axis < 3; axis++) {
             assert_int_equal(info->grid.dims[axis], expected[i].dims[axis]);
-            assert_true(info->grid.spacing[axis] == 1 && info->grid.origin[axis] == 0);
+            assert_compare(info->grid.spacing[axis], ==, 1);
+            assert_compare(info->grid.origin[axis], ==, 0);
             voxels *= info->grid.dims[axis];
         }
         assert_string_equal(info->name, demo->name);
         assert_string_equal(info->source, source);
         assert_int_equal(info->nonfinite, 0);
         /* The extremes are reached, to sampling: a voxel centre need not lie on a peak. */
-        assert_true(info->range[0] >= expected[i].low && info->range[0] <= expected[i].low + 1e-4);
-        assert_true(info->range[1] <= expected[i].high &&
-                    info->range[1] >= 0.99 * expected[i].high);
+        assert_compare(info->range[0], >=, expected[i].low);
+        assert_compare(info->range[0], <=, expected[i].low + 1e-4);
+        assert_compare(info->range[1], <=, expected[i].high);
+        assert_compare(info->range[1], >=, 0.99 * expected[i].high);
         for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
             counted += info->histogram[b];
         assert_int_equal(counted, voxels);
@@ -310,7 +315,8 @@ static void galaxy_is_graded(void **state) {
             assert_near(sample(volume, i, j, 20), sample(volume, i, j, 27), 1);
             arms += sample(volume, i, j, 20) > 1000;
         }
-    assert_true(arms > 500 && arms < 96 * 96 / 2);
+    assert_compare(arms, >, 500);
+    assert_compare(arms, <, 96 * 96 / 2);
     sp_volume_unref(&volume);
     sp_volume_unref(&fine);
 }
@@ -379,7 +385,8 @@ static void vessels_are_one_piece(void **state) {
                     }
                 }
     }
-    assert_true(solid > 10000 && solid < COUNT / 20);
+    assert_compare(solid, >, 10000);
+    assert_compare(solid, <, COUNT / 20);
     assert_true(reached > solid * 97 / 100);
     sp_volume_unref(&volume);
 }
@@ -403,7 +410,8 @@ static bool on_reserve(void *user, uint64_t bytes, struct sp_error *err) {
 
 static bool on_progress(void *user, double fraction) {
     struct calls *c = user;
-    assert_true(fraction >= 0 && fraction <= 1);
+    assert_compare(fraction, >=, 0);
+    assert_compare(fraction, <=, 1);
     c->last = fraction;
     return ++c->progresses != c->cancel_after;
 }
@@ -419,7 +427,8 @@ static void budget_progress_and_cancel(void **state) {
     assert_non_null(volume);
     assert_int_equal(calls.reserves, 1);
     assert_int_equal(calls.bytes, 64 * 64 * 64 * 4);
-    assert_true(calls.progresses > 1 && calls.last == 1);
+    assert_compare(calls.progresses, >, 1);
+    assert_compare(calls.last, ==, 1);
     sp_volume_unref(&volume);
 
     calls = (struct calls){ .refuse = true };

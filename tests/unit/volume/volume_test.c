@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "volume/volume.h"
 
 static struct sp_grid grid_of(uint32_t nx, uint32_t ny, uint32_t nz) {
@@ -58,7 +59,8 @@ static void samples_are_copied_and_described(void **state) {
     assert_int_equal(info->voxel_bytes, 24);
     assert_string_equal(info->name, "twelve");
     assert_string_equal(info->unit, "");
-    assert_true(info->range[0] == -5 && info->range[1] == 11);
+    assert_compare(info->range[0], ==, -5);
+    assert_compare(info->range[1], ==, 11);
     /* (3 + 5)/16·256 = 128 */
     assert_int_equal(info->histogram[0], 1);
     assert_int_equal(info->histogram[128], 10);
@@ -94,7 +96,8 @@ static void histograms_follow_their_definition(void **state) {
     struct sp_grid grid = grid_of(N, N, N);
     double *values = malloc(COUNT * sizeof *values);
     void *samples = malloc(COUNT * sizeof *values);
-    assert_true(values && samples);
+    assert_true(values);
+    assert_true(samples);
     for (int type = 0; type < SP_TYPE_COUNT; type++) {
         uint32_t seed = 7;
         for (int i = 0; i < COUNT; i++) {
@@ -136,7 +139,8 @@ static void histograms_follow_their_definition(void **state) {
                 low = fmin(low, values[i]);
                 high = fmax(high, values[i]);
             }
-        assert_true(info->range[0] == low && info->range[1] == high);
+        assert_compare(info->range[0], ==, low);
+        assert_compare(info->range[1], ==, high);
         check_histogram(info, values, COUNT);
         sp_volume_unref(&volume);
     }
@@ -151,7 +155,8 @@ static void odd_contents_have_a_range(void **state) {
     const float none[4] = { NAN, INFINITY, -INFINITY, NAN };
     struct sp_volume *volume = sp_volume_create(&grid, SP_FLOAT32, none, "none", &err);
     const struct sp_volume_info *info = sp_volume_info(volume);
-    assert_true(info->range[0] == 0 && info->range[1] == 0);
+    assert_compare(info->range[0], ==, 0);
+    assert_compare(info->range[1], ==, 0);
     assert_int_equal(info->nonfinite, 4);
     assert_int_equal(info->histogram[0], 0);
     sp_volume_unref(&volume);
@@ -159,7 +164,8 @@ static void odd_contents_have_a_range(void **state) {
     const float same[4] = { 2.5f, 2.5f, NAN, 2.5f };
     volume = sp_volume_create(&grid, SP_FLOAT32, same, "same", &err);
     info = sp_volume_info(volume);
-    assert_true(info->range[0] == 2.5 && info->range[1] == 2.5);
+    assert_compare(info->range[0], ==, 2.5);
+    assert_compare(info->range[1], ==, 2.5);
     assert_int_equal(info->nonfinite, 1);
     assert_int_equal(info->histogram[0], 3);
     sp_volume_unref(&volume);
@@ -241,17 +247,21 @@ static void samples_lie_where_the_coordinates_say(void **state) {
     assert_true(sp_grid_is_rectilinear(&grid));
     double extent[2];
     sp_grid_extent(&grid, 0, extent);
-    assert_true(extent[0] == -0.5 && extent[1] == 7.5);
+    assert_compare(extent[0], ==, -0.5);
+    assert_compare(extent[1], ==, 7.5);
     sp_grid_extent(&grid, 1, extent);
-    assert_true(extent[0] == -0.5 && extent[1] == 2.5);
+    assert_compare(extent[0], ==, -0.5);
+    assert_compare(extent[1], ==, 2.5);
     sp_grid_extent(&grid, 2, extent);
-    assert_true(extent[0] == -2.5 && extent[1] == 2.5);
+    assert_compare(extent[0], ==, -2.5);
+    assert_compare(extent[1], ==, 2.5);
     static const double local[4] = { 1, 1.5, 2.5, 3 };
     for (uint32_t i = 0; i < 4; i++) {
         assert_true(sp_grid_distance(&grid, 0, i) == x[i]);
         assert_true(sp_grid_local_spacing(&grid, 0, i) == local[i]);
     }
-    assert_true(sp_grid_distance(&grid, 1, 2) == 2 && sp_grid_local_spacing(&grid, 1, 2) == 1);
+    assert_compare(sp_grid_distance(&grid, 1, 2), ==, 2);
+    assert_compare(sp_grid_local_spacing(&grid, 1, 2), ==, 1);
     assert_true(sp_grid_local_spacing(&grid, 2, 0) == 5);
 }
 
