@@ -14,33 +14,33 @@
 #include "sp/log.h"
 #include "sp/probe.h"
 
-/* A frame that was begun. */
-struct flight {
+/* A frame in flight. */
+struct inflight {
     struct sp_backend_job job; /* with references to volume and frame */
     struct sp_view view;
-    bool is_begun;       /* by the backend */
-    struct sp_error why; /* its begin() failed; SP_OK = it did not, or was not called */
-    double ms, cpu_ms;   /* spent in the calls for it so far */
+    bool is_begun;       /* the backend works on it */
+    struct sp_error why; /* why the backend's begin() failed; SP_OK = it did not fail */
+    double ms, cpu_ms;   /* spent in sp_renderer_begin() */
 };
 
-/* What draws a frame that the backend cannot; NULL before the first one. */
+/* Draws frames that the backend cannot draw. All zero until the first such frame. */
 struct fallback {
     const struct sp_backend *backend;
     void *state;
     struct sp_renderer_info info;
-    bool is_missing; /* none starts */
+    bool is_missing; /* no other backend starts */
 };
 
 struct sp_renderer {
-    _Atomic(const struct sp_backend *) backend; /* read by other threads too */
+    _Atomic(const struct sp_backend *) backend; /* other threads read it */
     void *state;
     struct sp_renderer_info info;
     struct fallback fallback;
-    struct sp_backend_options wanted; /* for the next backend; isa is owned */
-    bool any;                         /* was started with "auto" */
+    struct sp_backend_options wanted; /* for every backend that is started; isa is owned */
+    bool is_auto;                     /* created with "auto": may change the backend */
     unsigned failures;                /* of the backend, in a row */
-    struct flight flights[SP_IN_FLIGHT_MAX];
-    unsigned oldest, begun; /* flights in use: `begun` of them from `oldest` on, round the end */
+    struct inflight queue[SP_IN_FLIGHT_MAX];
+    unsigned oldest, begun; /* a ring: `begun` frames from queue[oldest] on */
 };
 
 enum { THREADS_MAX = 256, GPUS_MAX = 64, FAILURES_MAX = 3 };
@@ -89,8 +89,8 @@ static bool read_options(struct sp_renderer *r, const struct sp_renderer_options
     return parse_gpu(o->gpu, &r->wanted.gpu, err);
 }
 
-/* Makes a backend that has just started the renderer's. */
-static void take(struct sp_renderer *r, const struct sp_backend *backend, void *state) {
+/* Adopts a backend that has just started. */
+static void adopt(struct sp_renderer *r, const struct sp_backend *backend, void *state) {
     r->state = state;
     r->failures = 0;
     backend->info(state, &r->info);
@@ -110,26 +110,26 @@ struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options
         return NULL;
     }
     atomic_init(&r->backend, NULL);
-    r->any = strcmp(name, "auto") == 0;
+    r->is_auto = strcmp(name, "auto") == 0;
     const struct sp_backend *backend = NULL;
     void *state = NULL;
     if (read_options(r, o, err))
         backend = sp_registry_start(name, &r->wanted, &state, err);
     r->wanted.refused = NULL; /* the caller's user pointer is valid in this call only */
     if (backend)
-        take(r, backend, state);
+        adopt(r, backend, state);
     else
         sp_renderer_destroy(&r);
     return r;
 }
 
-static struct flight *flight_at(struct sp_renderer *r, unsigned i) {
-    return &r->flights[(r->oldest + i) % SP_IN_FLIGHT_MAX];
+static struct inflight *inflight_at(struct sp_renderer *r, unsigned i) {
+    return &r->queue[(r->oldest + i) % SP_IN_FLIGHT_MAX];
 }
 
-/* The oldest frame is begun no longer. */
-static void land(struct sp_renderer *r) {
-    struct flight *f = flight_at(r, 0);
+/* Removes the oldest frame from the queue. */
+static void pop_oldest(struct sp_renderer *r) {
+    struct inflight *f = inflight_at(r, 0);
     sp_volume_unref(&f->job.volume);
     sp_frame_unref(&f->job.frame);
     r->oldest = (r->oldest + 1) % SP_IN_FLIGHT_MAX;
@@ -145,7 +145,7 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
     if (r->fallback.backend)
         r->fallback.backend->destroy(r->fallback.state);
     while (r->begun)
-        land(r);
+        pop_oldest(r);
     free((char *)r->wanted.isa);
     free(r);
     *renderer = NULL;
@@ -154,10 +154,10 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
 struct probing {
     sp_device_visit *visit;
     void *user;
-    bool works; /* a GPU */
+    bool works; /* any GPU so far */
 };
 
-static void note_gpu(void *user, const struct sp_device *device) {
+static void visit_device(void *user, const struct sp_device *device) {
     struct probing *probing = user;
     probing->works = probing->works || (device->is_gpu && device->refusal_code == SP_OK);
     probing->visit(probing->user, device);
@@ -170,7 +170,7 @@ bool sp_probe(sp_device_visit *visit, void *user) {
     const struct sp_device none = { .backend = "none",
                                     .place = "GPU",
                                     .refusal_code = SP_ERR_UNSUPPORTED,
-                                    .refusal = "this build has no backend for one",
+                                    .refusal = "this build has no GPU backend",
                                     .gpu = -1 };
     struct probing probing = { .visit = visit, .user = user };
     bool has_gpu = false;
@@ -180,7 +180,7 @@ bool sp_probe(sp_device_visit *visit, void *user) {
     if (!has_gpu)
         visit(user, &none);
     for (unsigned i = 0; (backend = sp_registry_at(i)); i++)
-        sp_registry_probe(backend, &options, note_gpu, &probing);
+        sp_registry_probe(backend, &options, visit_device, &probing);
     return probing.works;
 }
 
@@ -188,8 +188,8 @@ void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_inf
     *info = renderer->info;
 }
 
-/* One choice of the view against a capability mask. `names`: the protocol's words, NULL at the end.
- */
+/* Checks one choice of the view against a capability mask. `names` are the protocol's names, ended
+ * by NULL. */
 static bool check_choice(const char *backend, const char *pointer, unsigned value, uint32_t mask,
                          const char *const *names, struct sp_error *err) {
     if (mask & SP_CAN(value))
@@ -263,11 +263,11 @@ bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_vi
     return sp_view_validate(view, err) && check_support(atomic_load(&renderer->backend), view, err);
 }
 
-/* Starts what comes after the backend, unless it is there; false if nothing starts by itself, or if
- * the user has named the one to use. */
+/* Starts the backend after this one, unless it runs already. False if no other backend starts, or
+ * if the caller has named the backend to use. */
 static bool start_fallback(struct sp_renderer *r) {
     struct fallback *s = &r->fallback;
-    if (r->any && !s->backend && !s->is_missing) {
+    if (r->is_auto && !s->backend && !s->is_missing) {
         s->backend = sp_registry_follow(atomic_load(&r->backend), &r->wanted, &s->state, NULL);
         s->is_missing = !s->backend;
         if (s->backend)
@@ -276,16 +276,16 @@ static bool start_fallback(struct sp_renderer *r) {
     return s->backend != NULL;
 }
 
-/* Puts the next backend in the place of the one that fails; false if there is none. */
-static bool give_up(struct sp_renderer *r, const struct sp_error *why) {
+/* Replaces the failing backend by the next one; false if there is none. */
+static bool fail_over(struct sp_renderer *r, const struct sp_error *why) {
     const struct sp_backend *failed = atomic_load(&r->backend);
     void *failed_state = r->state;
-    r->fallback.is_missing = false; /* it may start now */
+    r->fallback.is_missing = false; /* try again: it may start now */
     if (!start_fallback(r))
         return false;
     const struct fallback next = r->fallback;
     r->fallback = (struct fallback){ .backend = NULL };
-    take(r, next.backend, next.state);
+    adopt(r, next.backend, next.state);
     failed->destroy(failed_state);
     snprintf(r->info.failover_reason, sizeof r->info.failover_reason,
              "backend %s failed %d times in a row: %.300s", failed->entry.name, FAILURES_MAX,
@@ -294,27 +294,28 @@ static bool give_up(struct sp_renderer *r, const struct sp_error *why) {
     return true;
 }
 
-/* What draws the frame. */
-static void sign(struct sp_frame *frame, const struct sp_renderer_info *by) {
+/* Names the backend that draws the frame in its statistics. */
+static void name_backend(struct sp_frame *frame, const struct sp_renderer_info *by) {
     frame->stats =
         (struct sp_frame_stats){ .backend = by->backend, .isa = by->isa, .threads = by->threads };
     memcpy(frame->stats.device, by->device, sizeof by->device);
 }
 
-/* Whether the view is too much for the backend, which is sound. */
-static bool is_too_much(const struct sp_error *why) {
+/* True if the backend works but cannot draw this view. */
+static bool is_beyond_backend(const struct sp_error *why) {
     return why->code == SP_ERR_MEMORY || why->code == SP_ERR_BUDGET ||
            why->code == SP_ERR_UNSUPPORTED;
 }
 
-/* A frame that is too much for the backend is drawn by the next one, which keeps what it derives
- * for others of this kind. False with *why set when there is none that could do it, or it fails. */
-static bool draw_instead(struct sp_renderer *r, const struct flight *f, struct sp_error *why) {
+/* Draws a frame on the fallback backend, whose cache then serves other frames of this kind. False
+ * with *why set if there is no fallback that supports the view, or if it fails. */
+static bool draw_on_fallback(struct sp_renderer *r, const struct inflight *f,
+                             struct sp_error *why) {
     struct fallback *s = &r->fallback;
     if (!start_fallback(r) || !check_support(s->backend, &f->view, NULL))
         return false;
     const struct sp_error first = *why;
-    sign(f->job.frame, &s->info);
+    name_backend(f->job.frame, &s->info);
     if (!s->backend->render(s->state, &f->job, why))
         return false;
     if (!r->info.fallback_reason[0]) {
@@ -326,12 +327,13 @@ static bool draw_instead(struct sp_renderer *r, const struct flight *f, struct s
     return true;
 }
 
-/* False with *why set; after SP_ERR_BACKEND the backend has begun nothing any more. */
-static bool draw_once(struct sp_renderer *r, struct flight *f, struct sp_error *why) {
+/* Draws the frame on the backend. False with *why set; after SP_ERR_BACKEND the backend works on no
+ * frame any more. */
+static bool draw_once(struct sp_renderer *r, struct inflight *f, struct sp_error *why) {
     const struct sp_backend *backend = atomic_load(&r->backend);
     bool ok = false, is_begun = f->is_begun;
     f->is_begun = false;
-    sign(f->job.frame, &r->info);
+    name_backend(f->job.frame, &r->info);
     if (f->why.code != SP_OK)
         *why = f->why;
     else if (is_begun)
@@ -340,22 +342,22 @@ static bool draw_once(struct sp_renderer *r, struct flight *f, struct sp_error *
         ok = backend->render(r->state, &f->job, why);
     f->why.code = SP_OK;
     for (unsigned i = 0; !ok && why->code == SP_ERR_BACKEND && i < r->begun; i++)
-        flight_at(r, i)->is_begun = false;
+        inflight_at(r, i)->is_begun = false;
     return ok;
 }
 
-/* A backend that fails is tried again, so that one whose device comes back loses no frame, and
- * given up after three times. What a view or the machine's memory is to blame for does not count.
- */
-static bool draw(struct sp_renderer *r, struct flight *f, struct sp_error *err) {
+/* Draws the frame. A backend that fails is tried again, so that no frame is lost if its device
+ * comes back, and replaced after three failures in a row. Failures that are due to the view or to
+ * memory do not count. */
+static bool draw(struct sp_renderer *r, struct inflight *f, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     while (!draw_once(r, f, &why)) {
         bool again = why.code == SP_ERR_BACKEND;
-        if (is_too_much(&why) && draw_instead(r, f, &why))
+        if (is_beyond_backend(&why) && draw_on_fallback(r, f, &why))
             return true;
         if (again) {
-            sp_log(SP_LOG_WARN, "backend %s fails: %s", r->info.backend, why.text);
-            again = ++r->failures < FAILURES_MAX || give_up(r, &why);
+            sp_log(SP_LOG_WARN, "backend %s failed: %s", r->info.backend, why.text);
+            again = ++r->failures < FAILURES_MAX || fail_over(r, &why);
         }
         if (!again || sp_job_is_cancelled(&f->job) ||
             !check_support(atomic_load(&r->backend), &f->view, &why))
@@ -370,16 +372,16 @@ unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
     return depth > 1 ? depth : 1;
 }
 
-/* Hands the frame to the backend where it takes several at a time, and is not behind one that it
- * has still to draw. A failure is for finish(). */
-static void begin(struct sp_renderer *r, struct flight *f) {
+/* Hands the frame to a backend that takes several frames at a time, unless an older frame has still
+ * to be handed over. sp_renderer_finish() reports a failure. */
+static void begin(struct sp_renderer *r, struct inflight *f) {
     const struct sp_backend *backend = atomic_load(&r->backend);
     for (unsigned i = 0; i < r->begun; i++)
-        if (!flight_at(r, i)->is_begun)
+        if (!inflight_at(r, i)->is_begun)
             return;
     f->is_begun = r->begun < backend->depth && backend->begin(r->state, &f->job, &f->why);
     for (unsigned i = 0; f->why.code == SP_ERR_BACKEND && i < r->begun; i++)
-        flight_at(r, i)->is_begun = false;
+        inflight_at(r, i)->is_begun = false;
 }
 
 bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
@@ -394,8 +396,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame)
         return false;
-    frame->is_opaque = view->background[3] == 1; /* whatever lies over it (frame/resolve.h) */
-    struct flight *f = flight_at(renderer, renderer->begun);
+    frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
+    struct inflight *f = inflight_at(renderer, renderer->begun);
     f->view = *view;
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),
                                       .view = &f->view,
@@ -414,14 +416,14 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
 
 struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
     assert(renderer->begun > 0);
-    struct flight *f = flight_at(renderer, 0);
+    struct inflight *f = inflight_at(renderer, 0);
     double start_ms = sp_job_clock_ms(&f->job), start_cpu_ms = sp_clock_cpu_ms();
     struct sp_frame *frame = draw(renderer, f, err) ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);
         frame->stats.cpu_ms = f->cpu_ms + sp_clock_cpu_ms() - start_cpu_ms;
     }
-    land(renderer);
+    pop_oldest(renderer);
     return frame;
 }
 

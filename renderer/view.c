@@ -54,7 +54,7 @@ static bool is_plain_stack(const struct sp_volume_info *info) {
 }
 
 /* From the front (the side of low index 1), a little from the right and above. Close enough to fill
- * the picture, but no closer than three quarters of the distance at which the volume can be turned
+ * the image, but no closer than three quarters of the distance at which the volume can be turned
  * all around inside it. */
 static void init_camera(struct sp_camera *camera, const struct sp_volume_info *info,
                         double smallest) {
@@ -102,7 +102,7 @@ static void split_histogram(const uint64_t *histogram, int cuts[CLASSES - 1]) {
 }
 
 /* The lowest class is background and transparent; the other three are soft matter, which is seen
- * through, dense matter, which shapes the picture, and the densest. */
+ * through, dense matter, which shapes the image, and the densest. */
 static void init_transfer_function(struct sp_transfer_function *tf,
                                    const struct sp_volume_info *info, double smallest) {
     static const struct {

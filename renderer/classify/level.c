@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "classify/level.h"
+#include "sp/inflight.h"
 
 #include <stdlib.h>
 

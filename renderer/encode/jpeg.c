@@ -44,7 +44,7 @@ void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *
     encoder->share_user = user;
 }
 
-/* A large picture is cut into stripes by its size alone. Each is encoded as a JPEG of its own:
+/* A large image is cut into stripes by its size alone. Each is encoded as a JPEG of its own:
  *
  *   SOI tables SOF DHT SOS │ scan │ EOI        SOI tables SOF DHT SOS │ scan │ EOI       …
  *   └──────────┬─────────┘   │      │          └───── dropped ──────┘    │      │
@@ -60,8 +60,8 @@ struct stripes {
     int quality, sampling;
     uint32_t rows; /* of each; the last may have fewer */
     unsigned count;
-    uint8_t *bytes; /* of stripe i: at i · room */
-    size_t room;
+    uint8_t *bytes; /* of stripe i: at i · capacity */
+    size_t capacity;
     unsigned long sizes[STRIPES_MAX];
     struct sp_error *err; /* of the first that fails */
     atomic_bool failed;
@@ -75,17 +75,17 @@ static void cut(struct stripes *s, uint32_t most) {
     if (count > 1)
         s->rows = (s->rows + STRIPE_ALIGN - 1) / STRIPE_ALIGN * STRIPE_ALIGN;
     s->count = (height + s->rows - 1) / s->rows;
-    s->room = tjBufSize((int)width, (int)s->rows, s->sampling);
+    s->capacity = tjBufSize((int)width, (int)s->rows, s->sampling);
 }
 
 static void encode_stripe(void *of, unsigned i, struct sp_encoder *with) {
     struct stripes *s = of;
     const struct sp_raster *raster = s->raster;
     uint32_t top = i * s->rows, left = raster->height - top;
-    uint8_t *bytes = s->bytes + i * s->room;
+    uint8_t *bytes = s->bytes + i * s->capacity;
     if (!with->jpeg)
         with->jpeg = tjInitCompress();
-    s->sizes[i] = s->room;
+    s->sizes[i] = s->capacity;
     if (with->jpeg &&
         tjCompress2(with->jpeg, (const uint8_t *)raster->pixels + top * raster->stride,
                     (int)raster->width, (int)raster->stride, (int)(left < s->rows ? left : s->rows),
@@ -112,7 +112,7 @@ static bool are_alike(const struct stripes *s, size_t frame, size_t scan) {
     if (!frame || !scan || find_segment(s->bytes, s->sizes[0], MARK_DRI))
         return false;
     for (unsigned i = 1; i < s->count; i++) {
-        const uint8_t *stripe = s->bytes + i * s->room;
+        const uint8_t *stripe = s->bytes + i * s->capacity;
         if (s->sizes[i] < scan || memcmp(stripe, s->bytes, frame + 5) != 0 ||
             memcmp(stripe + frame + 7, s->bytes + frame + 7, scan - frame - 7) != 0)
             return false;
@@ -142,7 +142,7 @@ static bool join(const struct stripes *s, size_t *size) {
     scan += 2 + (size_t)(first[scan + 2] << 8 | first[scan + 3]);
     for (unsigned i = 1; i < s->count; i++) {
         end[-1] = (uint8_t)(MARK_RST + (i - 1) % 8); /* in the place of EOI */
-        memmove(end, s->bytes + i * s->room + scan, s->sizes[i] - scan);
+        memmove(end, s->bytes + i * s->capacity + scan, s->sizes[i] - scan);
         end += s->sizes[i] - scan;
     }
     *size = (size_t)(end - first) + DRI_BYTES;
@@ -152,7 +152,7 @@ static bool join(const struct stripes *s, size_t *size) {
 static bool encode(struct sp_encoder *encoder, struct stripes *s, uint32_t most) {
     cut(s, most);
     size_t before = s->count > 1 ? DRI_BYTES : 0;
-    if (!sp_buffer_reserve(&encoder->output, before + s->count * s->room, s->err))
+    if (!sp_buffer_reserve(&encoder->output, before + s->count * s->capacity, s->err))
         return false;
     s->bytes = encoder->output.bytes + before;
     if (encoder->share && s->count > 1)

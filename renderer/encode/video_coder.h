@@ -26,7 +26,7 @@ enum { SP_CODER_VERSION = 1 };
 struct sp_video_coder {
     unsigned version; /* SP_CODER_VERSION */
     bool wants_even;  /* both sides */
-    /* For pictures of one size. NULL: out of memory, or the library refuses. */
+    /* For images of one size. NULL: out of memory, or the library refuses. */
     void *(*create)(unsigned width, unsigned height, unsigned threads);
     /* One packet. NULL, or why not: a constant string. quality: [1, 100]. */
     const char *(*encode)(void *state, const struct sp_i420 *image, int quality, bool key,

@@ -97,14 +97,14 @@ static const char *encode(void *state, const struct sp_i420 *image, int quality,
     }
     /* Takes the planes as they are; the memory stays ours. */
     if (!vpx_img_wrap(&wrapped, VPX_IMG_FMT_I420, image->width, image->height, 1, image->planes[0]))
-        return "libvpx refuses the picture";
+        return "libvpx refuses the image";
     for (int p = 0; p < 3; p++) {
         wrapped.planes[p] = image->planes[p];
         wrapped.stride[p] = (int)image->strides[p];
     }
     if (vpx_codec_encode(&vpx->codec, &wrapped, vpx->time, 1, key ? VPX_EFLAG_FORCE_KF : 0,
                          VPX_DL_REALTIME) != VPX_CODEC_OK)
-        return "libvpx cannot encode the picture";
+        return "libvpx cannot encode the image";
     vpx->time++;
     vpx_codec_iter_t at = NULL;
     const vpx_codec_cx_pkt_t *got;

@@ -8,39 +8,38 @@ struct sink {
     bool is_short; /* of memory; the library does not always say that a write failed */
 };
 
-static int append(const uint8_t *bytes, size_t size, const WebPPicture *picture) {
-    struct sink *sink = picture->custom_ptr;
+static int append(const uint8_t *bytes, size_t size, const WebPPicture *image) {
+    struct sink *sink = image->custom_ptr;
     sink->is_short = !sp_buffer_append(sink->output, bytes, size);
     return !sink->is_short;
 }
 
-static bool write_webp(WebPPicture *picture, const WebPConfig *config,
+static bool write_webp(WebPPicture *image, const WebPConfig *config,
                        const struct sp_raster *raster) {
     const uint8_t *pixels = raster->pixels;
     int stride = (int)raster->stride;
-    return (raster->is_opaque ? WebPPictureImportRGBX(picture, pixels, stride)
-                              : WebPPictureImportRGBA(picture, pixels, stride)) &&
-           WebPEncode(config, picture);
+    return (raster->is_opaque ? WebPPictureImportRGBX(image, pixels, stride)
+                              : WebPPictureImportRGBA(image, pixels, stride)) &&
+           WebPEncode(config, image);
 }
 
 bool sp_encode_webp(struct sp_encoder *encoder, const struct sp_raster *raster, int quality,
                     struct sp_error *err) {
     struct sink sink = { .output = &encoder->output };
     WebPConfig config;
-    WebPPicture picture;
-    if (!WebPConfigPreset(&config, WEBP_PRESET_DEFAULT, (float)quality) ||
-        !WebPPictureInit(&picture))
+    WebPPicture image;
+    if (!WebPConfigPreset(&config, WEBP_PRESET_DEFAULT, (float)quality) || !WebPPictureInit(&image))
         return sp_fail(err, SP_ERR_BACKEND, "",
                        "cannot encode as webp: this program was built for another libwebp");
     if (!sp_buffer_reserve(sink.output, (size_t)raster->width * raster->height, err))
         return false;
-    picture.width = (int)raster->width;
-    picture.height = (int)raster->height;
-    picture.writer = append;
-    picture.custom_ptr = &sink;
-    bool ok = write_webp(&picture, &config, raster);
-    WebPEncodingError why = picture.error_code;
-    WebPPictureFree(&picture);
+    image.width = (int)raster->width;
+    image.height = (int)raster->height;
+    image.writer = append;
+    image.custom_ptr = &sink;
+    bool ok = write_webp(&image, &config, raster);
+    WebPEncodingError why = image.error_code;
+    WebPPictureFree(&image);
     if (sink.is_short || why == VP8_ENC_ERROR_OUT_OF_MEMORY ||
         why == VP8_ENC_ERROR_BITSTREAM_OUT_OF_MEMORY)
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory to encode %u × %u as webp", raster->width,

@@ -86,7 +86,7 @@ static const char *encode(void *state, const struct sp_i420 *image, int quality,
     in.i_type = key ? X264_TYPE_IDR : X264_TYPE_AUTO;
     int size = x264_encoder_encode(x->encoder, &units, &count, &in, &out);
     if (size <= 0)
-        return size < 0 ? "libx264 cannot encode the picture" : "libx264 gave no packet";
+        return size < 0 ? "libx264 cannot encode the image" : "libx264 gave no packet";
     /* The units lie one behind the other. */
     *packet = (struct sp_coder_packet){ .bytes = units[0].p_payload,
                                         .size = (size_t)size,

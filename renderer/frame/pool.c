@@ -23,7 +23,7 @@ struct sp_frame_pool {
     pthread_mutex_t lock;
     struct block *idle;
     size_t idle_bytes, cap_bytes;
-    size_t live; /* frames out there; the pool's memory goes with the last of them */
+    size_t live; /* frames with references; the pool is freed after the last one */
     uint64_t allocations;
     bool closed;
 };

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The adaptive filter (Chen et al. 2004, eq. 7): which of the two filters dominates a footprint is
- * decided for the bricks of the lists (visible.h). With R = f·r_k/u2 the kernel's radius on the
- * screen and r_h the low-pass filter's, both as standard deviations in px:
+ * The adaptive filter (Chen et al. 2004, eq. 7) decides per brick (visible.h) which filter
+ * dominates the footprints. R = f·r_k/u2 is the kernel's radius in the image and r_h that of the
+ * low-pass filter, both as standard deviations in px:
  *
  *   R·c_min > r_h for the smallest kernel radius and the farthest corner   → reconstruction
  *   R·c_max < r_h for the largest kernel radius and the nearest corner     → lowpass
  *   else                                                                   → ewa
  *
- * so that a block takes a cheaper filter only when all of it may.
+ * A brick takes a cheaper filter only if the condition holds for all of it.
  */
 #ifndef SP_SPLAT_ADAPTIVE_H
 #define SP_SPLAT_ADAPTIVE_H
@@ -28,35 +28,36 @@ struct sp_adaptive {
     double lowpass;   /* r_h, px */
     double c_min, c_max;
     double depth[3], base; /* u2 = base + Σ depth·distance along the axis */
-    uint32_t blocks[3];    /* bricks an axis */
+    uint32_t blocks[3];    /* bricks per axis */
 };
 
-/* The view's c_max, or its default for the camera: 2.5·(1 + 2·tan²(fov/2)), orthographic 2.5. */
+/* Returns the view's c_max, or its default for the camera: 2.5·(1 + 2·tan²(fov/2)),
+ * orthographic 2.5. */
 double sp_adaptive_c_max(const struct sp_filter *filter, const struct sp_camera *camera);
 
-/* Standard deviation of the view's kernel, voxels. */
+/* Returns the standard deviation of the view's kernel [voxels]. */
 double sp_kernel_sigma(const struct sp_filter *filter);
 
-/* Radius where the view's kernel ends, voxels. */
+/* Returns the radius where the view's kernel ends [voxels]. */
 double sp_kernel_reach(const struct sp_filter *filter);
 
-/* Smallest and largest standard deviation of any kernel of the grid in any direction, world units.
- */
+/* Computes the smallest and the largest standard deviation of any kernel of the grid in any
+ * direction [world unit]. */
 void sp_kernel_radii(const struct sp_grid *grid, double sigma, double radius[2]);
 
-/* The grid is borrowed. */
+/* Fills *adaptive for a frame; the grid is borrowed. */
 void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame *camera,
                       const struct sp_grid *grid, const struct sp_view *view);
 
-/* The filter of kernels of standard deviations in [radius[0], radius[1]] whose u2 lies in
- * [nearest, farthest]; world units. */
+/* Returns the filter for kernels with standard deviations in [radius[0], radius[1]] and u2 in
+ * [nearest, farthest] [world unit]. */
 enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *adaptive, const double radius[2],
                                      double nearest, double farthest);
 
-/* The filter of one block. */
+/* Returns the filter of one brick. */
 enum sp_filter_mode sp_adaptive_block(const struct sp_adaptive *adaptive, const uint32_t block[3]);
 
-/* Number of blocks of a grid. */
+/* Returns the number of bricks of a grid. */
 uint64_t sp_adaptive_count(const struct sp_grid *grid);
 
 /* Fills modes[blocks], axis 0 fastest. Returns the mode that all of them share, or

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The cubic reconstruction kernel (Crawfis & Max 1993, in the coefficients of the mathematics
- * page): spherical in index space, with a compact support and no ripple worth seeing.
+ * The cubic reconstruction kernel (Crawfis and Max 1993, with coefficients that are C1 at both
+ * joints): spherical in index space, with compact support and an invisible ripple.
  *
  *   g(r) = 0.557526 − 1.157743 r² + 0.671033 r³           r ≤ 0.889392
  *          0.067599 (t−r)² + 0.282474 (t−r)³              0.889392 < r ≤ t = 1.556228      [voxels]
  *
- *   footprint F(ρ) = ∫ g(√(ρ²+z²)) dz, and the part of it before z: both in closed form
+ *   footprint F(ρ) = ∫ g(√(ρ²+z²)) dz, and its part before z: both in closed form
  *
  * A linear map turns the sphere into an ellipsoid, so that one table by ρ serves every footprint.
- * To share the code of the Gaussian, lengths are counted in the kernel's standard deviation s =
- * 0.44655 voxels an axis: the footprint has the variance V̂ = s²·M Mᵀ, and the Mahalanobis radius m
- * of a pixel is ρ/s. A low-pass filter of variance h² adds to V̂, as it does for a Gaussian: the
+ * To share the code of the Gaussian, lengths are measured in the kernel's standard deviation s =
+ * 0.44655 voxels per axis: the footprint has the variance V̂ = s²·M Mᵀ, and the Mahalanobis radius
+ * m of a pixel is ρ/s. A low-pass filter of variance h² adds to V̂, as it does for a Gaussian: the
  * variance of the convolution is exact, its shape stays the cubic's.
  */
 #ifndef SP_SPLAT_CUBIC_H
@@ -33,7 +33,7 @@ double sp_cubic_footprint(double rho);
 
 enum { SP_CUBIC_STEPS = 512, SP_CUBIC_ROWS = 32, SP_CUBIC_COLUMNS = 64 };
 
-/* Tables for loops over pixels, by q = (ρ/t)²; linear between entries. */
+/* Tables for pixel loops, by q = (ρ/t)², with linear interpolation. */
 struct sp_cubic_table {
     float weight[SP_CUBIC_STEPS + 2];                     /* F(ρ)/F(0) */
     float share[SP_CUBIC_ROWS + 2][SP_CUBIC_COLUMNS + 2]; /* ∫₀^z / F(ρ), by z/√(t²−ρ²) */
@@ -50,8 +50,8 @@ static inline sp_wide sp_wide_cubic_weight(const struct sp_cubic_table *table, s
     return sp_wide_keep(inside, low + (at - sp_wide_from_int(i)) * (high - low));
 }
 
-/* The share of a ray's way through the kernel that lies before ζ: ½ at 0, 1 where it leaves.
- * q = (ρ/t)² in [0, 1); ζ in standard deviations. */
+/* The share of the kernel along a ray that lies before ζ: ½ at 0, 1 where the ray leaves the
+ * kernel. q = (ρ/t)² in [0, 1); ζ in standard deviations. */
 static inline sp_wide sp_wide_cubic_share(const struct sp_cubic_table *table, sp_wide q,
                                           sp_wide zeta) {
     enum { ROW = SP_CUBIC_COLUMNS + 2 };

@@ -41,7 +41,7 @@ struct sp_filter sp_detail_filter(const struct sp_filter *filter, unsigned level
     return own;
 }
 
-/* The longest that a voxel of the box may be in the picture. */
+/* The longest that a voxel of the box may be in the image. */
 static double voxel_size(const struct choice *c, const uint32_t first[3], const uint32_t last[3]) {
     const struct sp_grid *grid = c->job->grid;
     double nearest = c->base;

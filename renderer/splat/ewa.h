@@ -1,38 +1,43 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Voxel + view → splat: the EWA footprint of one voxel (Zwicker et al. 2001, eq. 21 and 22, in the
- * notation of the project's mathematics page).
+ * From a voxel and a view to a splat: the EWA footprint of the voxel (Zwicker et al. 2001, eq. 21
+ * and 22). README.md of this folder explains the terms.
  *
- *   voxel i ─► u = C·i + u₀ ─► x = (cx + f·u0/u2, cy + f·u1/u2)                     camera, ray
- * space kernel  V'' = K Kᵀ, K = σ·C in camera space (C = W·direction·spacing), any direction matrix
- *   M = first two rows of J·K     V̂ = M Mᵀ       footprint variance [px²]
- *   V̂ + h²I ─► conic, box, depth at the centre τ = g·v·|det J| / (2π √det(V̂ + h²I)) / (1 −
- * e^{−r²/2})
+ *   voxel i ─► u = C·i + u₀ ─► x = (cx + f·u0/u2, cy + f·u1/u2)          camera and ray space
+ *   kernel  V'' = K Kᵀ, K = σ·C in camera space (C = W·direction·spacing), for any direction matrix
+ *   M = first two rows of J·K,   V̂ = M Mᵀ            footprint variance [px²], J the Jacobian
+ *   V̂ + h²I ─► conic, box, and the optical depth at the centre
+ *   τ = g·v·|det J| / (2π √det(V̂ + h²I)) / (1 − e^{−r²/2})
  *
- * With rows k0, k1, k2 of K, perspective:  m_i = (f/u2)·(k_i − (u_i/u2)·k2), and
+ * With the rows k0, k1, k2 of K, perspective:  m_i = (f/u2)·(k_i − (u_i/u2)·k2), and
  * |det J| = f²·√(1 + (u0/u2)² + (u1/u2)²)/u2²;  orthographic: m_i = s·k_i, |det J| = s².
- * The determinant is taken as |m0 × m1|² + h²(V00 + V11) + h⁴, a sum of positive terms, because
+ * The determinant is computed as |m0 × m1|² + h²(V00 + V11) + h⁴, a sum of positive terms, because
  * V00·V11 − V01² cancels for long thin footprints.
  *
- * All lengths are divided by the edge of a cube that has a cell's volume, so that single precision
- * holds whatever the world's unit is; then v = 1 and g has no unit.
+ * All lengths are divided by the edge of a cube with a cell's volume, so that single precision
+ * suffices for any world unit. Then v = 1 and g has no unit.
  *
- * Close-ups. The affine approximation is the first-order expansion at the voxel's centre; it is
- * bounded where it would run away: u_i/u2 in J is held inside the picture's frustum plus a margin
- * (SP_EWA_MARGIN, SP_EWA_SLACK), which only touches voxels whose centre lies outside the picture,
- * and voxels nearer than the near plane or a thousandth of a cell are not drawn. Footprints are
- * clipped to the picture, depths to SP_DEPTH_MAX, and whatever is not finite is not drawn.
+ * Close-ups: the affine approximation is the first-order expansion at the voxel's centre. Where it
+ * would diverge it is bounded: u_i/u2 in J stays inside the image's frustum plus a margin
+ * (SP_EWA_MARGIN, SP_EWA_SLACK), which changes only voxels with a centre outside the image. Voxels
+ * nearer than the near plane or a thousandth of a cell are not drawn. Footprints are clipped to the
+ * image, depths to SP_DEPTH_MAX, and whatever is not finite is not drawn.
  *
- * Along the ray. With m2, the third row of J·K, the kernel's distribution along the ray of a pixel
- * at d from the centre is normal with (slab and clip want it) mean μ(d) = x2 + s·d,  s = (V̂ +
- * h²I)⁻¹ (V02, V12)         variance V22 − (V02, V12)·s and a half-space n·t ≥ o, whose value at
- * the voxel is e = n·t_k − o, keeps of it the share Φ((e + k·d)/w),  k = (V̂ + h²I)⁻¹ c,  c_i =
- * m_i·Kᵀn,  w² = |Kᵀn|² − c·k which is the probability to lie inside given the pixel: the plane's
- * edge gets the low-pass filter as well.
+ * Along the ray, for slabs and clipping: with m2, the third row of J·K, the depth of the kernel on
+ * the ray of a pixel at d from the centre has a normal distribution with
+ *
+ *   mean μ(d) = x2 + s·d,  s = (V̂ + h²I)⁻¹ (V02, V12),      variance V22 − (V02, V12)·s
+ *
+ * A half-space n·t ≥ o, whose value at the voxel is e = n·t_k − o, keeps the share Φ((e + k·d)/w):
+ *
+ *   k = (V̂ + h²I)⁻¹ c,  c_i = m_i·Kᵀn,  w² = |Kᵀn|² − c·k
+ *
+ * This is the probability of lying inside, given the pixel, so that the low-pass filter also
+ * applies to the plane's edge.
  *
  * Other filters scale or replace rows of this: swan multiplies m0 and m1 so that the smaller
- * variance is h², and none draws a flat rectangle of max(1.6 voxels, 1 px) an axis. The cubic
- * kernel (cubic.h) has its own standard deviation and profile, and the same formulas.
+ * variance is h²; none draws a flat rectangle of max(1.6 voxels, 1 px) per axis. The cubic kernel
+ * (cubic.h) has its own standard deviation and profile, and the same formulas.
  */
 #ifndef SP_SPLAT_EWA_H
 #define SP_SPLAT_EWA_H
@@ -51,7 +56,8 @@
 #define SP_EWA_SLACK 0.3f  /* … plus this bound u0/u2 and u1/u2 in the Jacobian */
 #define SP_DEPTH_MAX 1e6f  /* optical depth of one splat at its centre; opaque from 20 on */
 #define SP_VARIANCE_MIN                                                                            \
-    1e-6f /* px², the least low-pass: keeps a footprint without one invertible */
+    1e-6f /* px², smallest low-pass variance: keeps a footprint without a low-pass filter         \
+             invertible */
 
 /* One splat, ready to be added to the pixels of its box:
  * weight(dx, dy) = 2^−p, p = a·dx² + b·dx·dy + c·dy², where p is at most the frame's `cut`, with
@@ -62,17 +68,17 @@ struct sp_splat {
     float depth;            /* optical depth τ at the centre; post: its length over L */
     float emission[3];      /* colour · depth; post: gradient · depth */
     float value;            /* post: scalar · depth */
-    uint32_t sheet;         /* its layer's place in the order front to back */
-    int16_t x0, y0, x1, y1; /* box in px, half open, inside the picture, not empty */
-    float area;             /* px inside the cutoff, without clipping to the picture */
-    uint32_t cuts;          /* planes that cut it: so many of its sp_cut count */
+    uint32_t sheet;         /* number of its layer, front to back */
+    int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
+    float area;             /* px inside the cutoff, without clipping to the image */
+    uint32_t cuts; /* number of planes that cut it: as many elements of its sp_cut are used */
     uint32_t unused;
 };
 
-/* Where splats are written: arrays in step. */
+/* Output of the set-up: parallel arrays, borrowed. */
 struct sp_splats {
     struct sp_splat *splat;
-    struct sp_span *span; /* NULL = not wanted */
+    struct sp_span *span; /* NULL = not needed */
     struct sp_cut *cut;   /* NULL = nothing is clipped */
 };
 
@@ -82,13 +88,13 @@ static inline struct sp_splats sp_splats_from(const struct sp_splats *all, size_
                                all->cut ? all->cut + n : NULL };
 }
 
-/* Constants of a frame. */
+/* The constants of a frame and level. */
 struct sp_ewa_frame {
     enum sp_projection projection;
     const struct sp_grid *grid;    /* of the level that is drawn */
     double unit;                   /* edge of a cube with a cell's volume, world units: a "cell" */
     float step[3][3];              /* C: column a = camera-space step along index axis a */
-    double step_hi[3][3], base[3]; /* C again, and u of voxel (0,0,0) */
+    double step_hi[3][3], base[3]; /* C in double precision, and u of voxel (0, 0, 0) */
     float kernel[3][3];            /* rows of K */
     float scale;                   /* f, or s times the unit */
     float centre[2];
@@ -99,16 +105,16 @@ struct sp_ewa_frame {
     bool post;         /* splats carry the scalar, not a colour */
     float sigma;       /* of the kernel, voxels */
     float radius, cut; /* r, and ½·log2 e·r² */
-    float gain;        /* depth of a class → τ, but for the footprint: unit/L */
-    float peak;        /* of a footprint of unit variance: 1/(2π·(1 − e^{−r²/2})) */
-    float flat;        /* half of 1.6 voxels in standard deviations: none */
+    float gain;        /* factor from the depth of a class to τ, without the footprint: unit/L */
+    float peak; /* centre value of a footprint of unit variance: 1/(2π·(1 − e^{−r²/2})) */
+    float flat; /* filter none: half of 1.6 voxels, in standard deviations */
     struct sp_clip_frame clip;
-    int size[2]; /* of the picture, px */
-    int rows[2]; /* [first, end) of the picture's rows that are being drawn */
+    int size[2]; /* of the image, px */
+    int rows[2]; /* [first, end) of the image's rows that are being drawn */
 };
 
-/* Fills everything but rows (= the whole picture) and clip (= nothing is clipped). The view is
- * valid; the grid is borrowed. */
+/* Fills the constants; rows = the whole image, clip = no planes. The view must be valid; the grid
+ * is borrowed. */
 void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame *camera,
                        const struct sp_grid *grid, const struct sp_view *view);
 
@@ -118,7 +124,7 @@ struct sp_ewa_brick {
     float base[3];
     const float *at[3];        /* from the brick's first voxel; evenly spaced: 0, 1, 2, … */
     const float *size[3];      /* local spacing over the axis's; evenly spaced: 1 */
-    float own[3][2][SP_BRICK]; /* of rectilinear axes; the struct must stay where it is */
+    float own[3][2][SP_BRICK]; /* storage of rectilinear axes: the struct must not be moved */
 };
 
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *frame,
@@ -135,7 +141,7 @@ static inline void sp_ewa_brick_place(const struct sp_ewa_brick *brick,
             brick->base[r] + frame->step[r][0] * x + frame->step[r][1] * y + frame->step[r][2] * z;
 }
 
-/* x2: distance from the eye, orthographic: from its plane. Cells. */
+/* Returns x2, the distance from the eye (orthographic: from the eye's plane) [cells]. */
 float sp_ewa_distance(const struct sp_ewa_frame *frame, const float u[3]);
 
 /* Entries of one brick: places [begin, begin + count) of its order. */
@@ -148,11 +154,11 @@ struct sp_ewa_run {
     uint64_t first;               /* list entry of the brick's entry 0 */
     const uint16_t *order;        /* of the brick: entry at each place; NULL = identity */
     uint32_t begin, count;
-    uint32_t sheet;           /* the layer's place, front to back */
+    uint32_t sheet;           /* number of the layer, front to back */
     enum sp_filter_mode mode; /* of the brick; not ADAPTIVE */
 };
 
-/* Sets up the run's splats that touch the rows being drawn, in order; returns how many were
+/* Sets up the splats of a run that touch the rows being drawn, in order. Returns how many were
  * written, at most run->count. */
 uint32_t sp_ewa_set_up(const struct sp_ewa_frame *frame, const struct sp_ewa_run *run,
                        const struct sp_splats *out);

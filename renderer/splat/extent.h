@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a splat is along the ray: its span of depth, for slabs, and the planes that cut it. Both are
- * linear forms of the pixel, so that a compositor asks one question: which share of the ray's way
- * through the kernel counts? (ewa.h has the derivation.)
+ * The extent of a splat along the ray: its span of depth, for slabs, and the clip planes that cut
+ * it. Both are linear forms of the pixel, and both give the share of the kernel on the ray that
+ * counts. ewa.h has the derivation.
  */
 #ifndef SP_SPLAT_EXTENT_H
 #define SP_SPLAT_EXTENT_H
@@ -15,19 +15,18 @@
 
 enum { SP_CUTS_MAX = 6 + SP_CLIP_PLANES_MAX };
 
-/* Depth of the kernel on the ray of a pixel at d from the splat's centre: normal, of mean
- * distance + slope·d and variance 1/sharpness². Lengths in cells. */
+/* Depth of the kernel on the ray of a pixel at d px from the splat's centre: a normal distribution
+ * of mean distance + slope·d and variance 1/sharpness². Lengths in cells. */
 struct sp_span {
     float distance; /* x2 of the centre */
-    float slope[2]; /* a pixel */
+    float slope[2]; /* per pixel, along x and y */
     float sharpness;
-    float reach; /* the kernel ends this far before and behind its centre */
+    float reach; /* the kernel ends at distance ± reach */
 };
 
-/* The half-spaces that a kernel is cut to: inside where η = e + k·d is large, share Φ(η). A plane
- * that lies across the ray bounds the depth: side +1 keeps what lies behind it, −1 what lies before
- * it; the one bound is then −η, the other η, in standard deviations. Planes along the ray (side 0)
- * are factors. */
+/* The half-spaces that cut a kernel: with η = e + k·d [standard deviations] each keeps the share
+ * Φ(η). A plane across the ray bounds the depth: side +1 keeps what lies behind it (lower bound
+ * −η), side −1 what lies before it (upper bound η). A plane along the ray (side 0) is a factor. */
 struct sp_cut {
     struct sp_cut_plane {
         float e, k[2];
@@ -35,7 +34,7 @@ struct sp_cut {
     } planes[SP_CUTS_MAX];
 };
 
-/* The planes of a frame, in camera space: inside where normal·u ≥ offset. */
+/* The clip planes of a frame in camera space: they keep normal·u ≥ offset. */
 struct sp_clip_frame {
     uint32_t count;
     struct sp_clip_half {
@@ -43,12 +42,12 @@ struct sp_clip_frame {
     } planes[SP_CUTS_MAX];
 };
 
-/* Planes of the view's clip box and list; a face at 0 or 1 does not cut. `unit` is the edge of a
- * cell in world units. */
+/* Collects the planes of the view's clip box and list; a face at 0 or 1 does not cut. `unit` is the
+ * edge of a cell [world unit]. */
 void sp_clip_frame_init(struct sp_clip_frame *clip, const struct sp_camera_frame *camera,
                         const struct sp_grid *grid, const struct sp_clip *view, double unit);
 
-/* A kernel in camera space and on the image: what its extent follows from. */
+/* A kernel in camera space and in the image, from which its extent is computed. */
 struct sp_kernel_place {
     float u[3];         /* centre, cells */
     float kernel[3][3]; /* rows of K */
@@ -61,7 +60,8 @@ struct sp_kernel_place {
 
 void sp_extent_span(const struct sp_kernel_place *place, struct sp_span *span);
 
-/* How many planes cut the kernel: they are written to *cut. −1: nothing of it is left. */
+/* Writes the planes that cut the kernel to *cut and returns their number; −1 = nothing of it is
+ * left. */
 int sp_extent_cut(const struct sp_kernel_place *place, const struct sp_clip_frame *clip,
                   struct sp_cut *cut);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The normal distribution in single precision, without a call or a branch.
+ * The normal distribution in single precision, without calls and branches.
  */
 #ifndef SP_SPLAT_NORMAL_H
 #define SP_SPLAT_NORMAL_H

@@ -69,7 +69,7 @@ static inline sp_wide quadratic(const sp_wide m[6], const sp_wide v[3]) {
            v[1] * (m[1] * v[1] + 2 * m[5] * v[2]) + m[2] * v[2] * v[2];
 }
 
-/* S of the flakes (classify/microflakes.h). */
+/* S of the microflakes (classify/microflakes.h). */
 static inline void microflakes_matrix(const sp_wide_int word[2], sp_wide s[6]) {
     const float minor = 1.25f * SP_MICROFLAKES_MINOR * SP_MICROFLAKES_MINOR;
     const float major = 1.25f * SP_MICROFLAKES_MAJOR * SP_MICROFLAKES_MAJOR;
@@ -95,7 +95,7 @@ static inline void microflakes_matrix(const sp_wide_int word[2], sp_wide s[6]) {
     s[5] = mixed * difference[0];
 }
 
-/* Highlights of a cell's flakes, for any half vector. */
+/* Highlights of a cell's microflakes, for any half vector. */
 struct glints {
     sp_wide t[6], gaussian[6]; /* T, and the adjugate of T + I/p */
     sp_wide peak, gain;        /* det(T + I/p)/(p + 1), log2 N */

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#define GLINT_WIDTH_MIN (1.0 / 128) /* flakes are kept in 8 bits: narrower is not known */
+#define GLINT_WIDTH_MIN (1.0 / 128) /* microflakes are kept in 8 bits: narrower is not known */
 
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
                    const struct sp_shading *shading) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sorting the splats of a batch into tiles: a counting sort whose result is each tile's splats in
- * the order of the records. Records come in blocks, each written by whoever claimed it; blocks are
- * counted and filled in parallel.
+ * Sorts the splats of a batch into tiles: a counting sort that lists each tile's splats in the
+ * order of the records. Records come in blocks, each written by one worker; blocks are counted and
+ * filled in parallel.
  *
  *   count (per block and tile) ─► starts (prefix sums, tile by tile, block by block) ─► fill
  */
@@ -14,20 +14,21 @@
 struct sp_bins {
     uint32_t tiles;
     uint32_t blocks;
-    uint32_t *counts;  /* [blocks][tiles]: how many; after sp_bins_start() where the next goes */
+    uint32_t
+        *counts; /* [blocks][tiles]: entries; after sp_bins_start(): where the next entry goes */
     uint32_t *first;   /* [tiles + 1]: entries of tile t are [first[t], first[t+1]) */
     uint32_t *entries; /* record numbers */
     uint32_t capacity; /* of entries */
 };
 
-/* A block has no records … */
+/* Empties a block. */
 void sp_bins_clear(const struct sp_bins *bins, uint32_t block);
 
-/* … and these more. */
+/* Counts the next records of a block. */
 void sp_bins_count(const struct sp_bins *bins, uint32_t block, const struct sp_tile_grid *grid,
                    const struct sp_splat *records, uint32_t count);
 
-/* Entries of one block. */
+/* Returns the number of entries of a block. */
 uint64_t sp_bins_block_total(const struct sp_bins *bins, uint32_t block);
 
 /* Turns the counts of blocks [begin, end) into starts. Their entries must fit the capacity. */
@@ -37,7 +38,7 @@ void sp_bins_start(struct sp_bins *bins, uint32_t begin, uint32_t end);
 void sp_bins_fill(struct sp_bins *bins, uint32_t block, const struct sp_tile_grid *grid,
                   const struct sp_splat *records, uint32_t count, uint32_t first_record);
 
-/* Whether every tile that the splat touches is saturated, so that it need not be drawn. */
+/* True if every tile that the splat touches is saturated: it need not be drawn. */
 bool sp_bins_is_hidden(const struct sp_tile_grid *grid, const struct sp_splat *splat);
 
 #endif

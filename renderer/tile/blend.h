@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Compositing: what a view chose, as constants of a frame, and what all compositors share.
+ * Compositing: the constants of a frame, and what all compositors share.
  *
  *   sheet   splats of one slice of the grid are added, then composited        (sheet.h)
  *   slab    the same for slabs of equal distance from the eye                 (slab.h)
@@ -9,7 +9,8 @@
  *   T = Σ τ_k,  E = Σ c_k τ_k,  α = 1 − e^{−T} (linear: min(T, 1)),  C = (E/T)·α
  *   colour += transmittance·C,  transmittance ·= 1 − α
  *
- * A tile whose pixels all let less than 1/512 through is saturated and takes no more splats.
+ * A tile is saturated when all its pixels have a transmittance below 1/512; it then takes no more
+ * splats.
  */
 #ifndef SP_TILE_BLEND_H
 #define SP_TILE_BLEND_H
@@ -27,17 +28,17 @@ struct sp_post;
 struct sp_blend {
     enum sp_compositing mode;
     bool linear;                        /* attenuation */
-    uint32_t planes;                    /* that a layer sums: 4, post: 5 */
-    uint32_t slots;                     /* layers that may be open at once: 1, slab: more */
+    uint32_t planes;                    /* sums per pixel of a layer: 4, post: 5 */
+    uint32_t slots;                     /* layers that can be open at a time: 1, slab: more */
     float cut;                          /* as in sp_ewa_frame */
     const struct sp_cubic_table *cubic; /* NULL = Gaussian */
-    float thickness;                    /* of a slab, cells; layer k is the slab … */
-    float nearest;                      /* … from nearest + k·thickness on; cells from the eye */
-    const struct sp_post *post;         /* NULL = splats are classified already */
+    float thickness;                    /* of a slab [cells] */
+    float nearest;              /* slab k begins at nearest + k·thickness from the eye [cells] */
+    const struct sp_post *post; /* NULL = splats are classified already */
 };
 
-/* Composites the sums in a slot, if there are any, and clears them; looks now and then whether the
- * tile is saturated. */
+/* Composites the sums in a slot, if there are any, and clears them. Checks for saturation from time
+ * to time. */
 void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t slot);
 
 /* Sets tile->saturated. */
@@ -51,13 +52,14 @@ static inline int sp_larger(int a, int b) {
     return a > b ? a : b;
 }
 
-/* Row y of plane 0 of a slot's sums; plane p follows p · SP_TILE floats later. */
+/* Returns row y of plane 0 of a slot's sums; plane p begins p · SP_TILE floats later. */
 static inline float *sp_sums_row(const struct sp_tile *tile, const struct sp_blend *blend,
                                  uint32_t slot, int y) {
     return tile->sums + ((size_t)slot * SP_TILE + (size_t)y) * blend->planes * SP_TILE;
 }
 
-/* (1 − e^{−t})/t, which E is multiplied by, and e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1). */
+/* Returns the factor of E, (1 − e^{−t})/t, and sets *transmittance to e^{−t}; linear: 1 or 1/t, and
+ * 1 − min(t, 1). */
 static inline sp_wide sp_wide_attenuate(bool linear, sp_wide t, sp_wide *transmittance) {
     const sp_wide one = sp_wide_all(1);
     if (linear) {
@@ -72,12 +74,12 @@ static inline sp_wide sp_wide_attenuate(bool linear, sp_wide t, sp_wide *transmi
     return sp_wide_select(is_small, series, exact);
 }
 
-/* The first of the aligned columns, SP_WIDE at a time, that a box touches. */
+/* Returns the first column of the aligned groups of SP_WIDE columns that a box touches. */
 static inline int sp_column_first(const struct sp_box *box) {
     return box->x0 & -SP_WIDE;
 }
 
-/* Which of the columns from x on lie in the box. */
+/* Masks the columns from x on that lie in the box. */
 static inline sp_wide_mask sp_columns_inside(const struct sp_box *box, int x) {
     return sp_wide_first(box->x1 - x) & ~sp_wide_first(box->x0 - x);
 }
@@ -92,14 +94,14 @@ static inline void sp_slot_touch(struct sp_box *dirty, const struct sp_box *box)
                               sp_larger(dirty->x1, box->x1), sp_larger(dirty->y1, box->y1) };
 }
 
-/* The part of the splat's box that lies in the tile, tile px. They overlap. */
+/* Returns the part of the splat's box that lies in the tile [tile px]. They must overlap. */
 static inline struct sp_box sp_tile_box(const struct sp_tile *tile, const struct sp_splat *s) {
     return (struct sp_box){ sp_larger(s->x0 - tile->x, 0), sp_larger(s->y0 - tile->y, 0),
                             sp_smaller(s->x1 - tile->x, SP_TILE),
                             sp_smaller(s->y1 - tile->y, SP_TILE) };
 }
 
-/* Composites everything that is still open. */
+/* Composites all open layers. */
 void sp_tile_close(struct sp_tile *tile, const struct sp_blend *blend);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Pixels of a footprint, SP_WIDE of a row at a time in columns that are aligned in the tile: their
- * weights, and where planes cut the kernel on their rays. Every kernel, every compositor; the
- * sheet's own loop over plain Gaussians is a short cut of it.
+ * The pixels of a footprint, SP_WIDE of a row at a time, in columns that are aligned in the tile:
+ * their weights, and where planes cut the kernel on their rays. It serves every kernel and
+ * compositor; the sheet compositor has a faster loop for plain Gaussians.
  */
 #ifndef SP_TILE_FOOTPRINT_H
 #define SP_TILE_FOOTPRINT_H
@@ -10,7 +10,7 @@
 #include "splat/normal.h"
 #include "tile/blend.h"
 
-/* Stands for a bound that there is not. */
+/* The value of a missing bound. */
 #define SP_UNBOUNDED 1e4f
 
 struct sp_pixels {
@@ -21,8 +21,8 @@ struct sp_pixels {
     sp_wide low, high; /* bounds of depth, in standard deviations */
 };
 
-/* Share of the ray's way through the kernel before `depth` [standard deviations from its mean], at
- * pixels of that exponent. */
+/* Returns the share of the kernel along the ray that lies before `depth` [standard deviations from
+ * its mean], at pixels of that exponent. */
 static inline sp_wide sp_footprint_share(const struct sp_blend *blend, sp_wide exponent,
                                          sp_wide depth) {
     if (blend->cubic)
@@ -30,8 +30,8 @@ static inline sp_wide sp_footprint_share(const struct sp_blend *blend, sp_wide e
     return sp_wide_normal_share(depth);
 }
 
-/* Those of the splat's planes that lie along the ray are factors of the weights, the others bound
- * the depth. */
+/* Applies the splat's planes: those along the ray are factors of the weights, the others bound the
+ * depth. */
 static inline void sp_footprint_cut(const struct sp_blend *blend, const struct sp_splat *s,
                                     const struct sp_cut *cut, struct sp_pixels *px) {
     for (uint32_t i = 0; i < s->cuts; i++) {
@@ -46,8 +46,8 @@ static inline void sp_footprint_cut(const struct sp_blend *blend, const struct s
     }
 }
 
-/* Pixels of row y in the aligned columns from x on (tile px). `cut`: the splat's planes, not read
- * where it has none. */
+/* Computes the pixels of row y in the aligned columns from x on [tile px]. `cut`: the splat's
+ * planes; not read if s->cuts is 0. */
 static inline void sp_footprint_pixels(const struct sp_blend *blend, const struct sp_tile *tile,
                                        const struct sp_splat *s, const struct sp_cut *cut,
                                        const struct sp_box *box, int x, int y,
@@ -70,7 +70,7 @@ static inline void sp_footprint_pixels(const struct sp_blend *blend, const struc
         sp_footprint_cut(blend, s, cut, px);
 }
 
-/* The same with the bounded share of the ray in the weights. */
+/* The same, with the share between the bounds multiplied into the weights. */
 static inline void sp_footprint_weights(const struct sp_blend *blend, const struct sp_tile *tile,
                                         const struct sp_splat *s, const struct sp_cut *cut,
                                         const struct sp_box *box, int x, int y,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The order in which a frame draws the visible voxels: layers, front to back, each of them a few
+ * The order in which a frame draws the visible voxels: layers, front to back, each with a few
  * entries of many bricks.
  *
  *   layer k ─► runs [first[k], first[k+1]) ─► places of a brick's order ─► entries of the list
@@ -25,15 +25,15 @@ struct sp_run {
 };
 
 struct sp_order {
-    uint32_t layers;       /* front to back */
-    uint64_t *first;       /* [layers + 1] */
-    struct sp_run *runs;   /* [first[layers]] */
-    const uint16_t *order; /* the entry of the brick at each place, from visible.first[brick] on;
-                              NULL = each its own */
+    uint32_t layers;     /* front to back */
+    uint64_t *first;     /* [layers + 1] */
+    struct sp_run *runs; /* [first[layers]] */
+    const uint16_t
+        *order; /* at visible.first[brick] + place: the brick's entry; NULL = entry = place */
 };
 
 /* The slices along `axis`, which the levels' bricks are cut along, as layers: as many as the finest
- * level has slices. Memory is the arena's. False when the arena could not allocate. */
+ * level has slices. Memory comes from the arena. False if the arena cannot allocate. */
 bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *levels,
                      const struct sp_detail *detail, unsigned axis, struct sp_arena *arena,
                      struct sp_order *order);

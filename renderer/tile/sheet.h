@@ -9,8 +9,8 @@
 #include "base/isa.h"
 #include "tile/blend.h"
 
-/* Adds splat n of the records to the tile's open sheet; if it belongs to another one, that is
- * composited first. Their boxes overlap. */
+/* Adds splat n of the records to the tile's open sheet. If it belongs to another sheet, the open
+ * one is composited first. The splat's box must overlap the tile. */
 void sp_sheet_add(struct sp_tile *tile, const struct sp_blend *blend,
                   const struct sp_splats *records, uint32_t n);
 

@@ -1,17 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Slab compositing (Mueller & Crawfis 1998): image-aligned slabs, bounded by equal distance from
- * the eye, so that nothing changes at once when the view turns. Each kernel is cut by the slabs'
- * faces:
+ * Slab compositing (Mueller and Crawfis 1998): image-aligned slabs, bounded by equal distance from
+ * the eye, so that nothing pops when the view turns. Each kernel is cut by the slabs' faces:
  *
- *   eye *      |  0  |  1  |  2  |  3  |        share of slab j = Φ((z_{j+1} − μ)/s) − Φ((z_j −
- * μ)/s) ( kernel )                   μ, s: mean and deviation of depth on the pixel's ray
+ *   eye *      |  0  |  1  |  2  |  3  |
+ *                 (   kernel   )
+ *   share of slab j = Φ((z_{j+1} − μ)/s) − Φ((z_j − μ)/s)
+ *   μ, s: mean and deviation of the kernel's depth on the pixel's ray; cubic: its own distribution
  *
- * (cubic: its own distribution). What lies beyond the kernel's reach is counted with its first and
- * last slab, so that the shares add to 1. As the slabs get thinner this tends to the integral.
+ * What lies beyond the kernel's reach counts with its first and last slab, so that shares add up to
+ * 1. As slabs get thinner, this converges to the integral.
  *
- * A tile keeps as many slabs open as a kernel may span; a splat that begins in slab k closes all
- * before k. Splats come in the order of layers none of which lies behind the first slab they touch.
+ * A tile keeps as many slabs open as a kernel can span. A splat that begins in slab k closes all
+ * slabs before k: splats come in an order of layers in which no layer lies behind the first slab
+ * that its splats touch.
  */
 #ifndef SP_TILE_SLAB_H
 #define SP_TILE_SLAB_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Compositing splat by splat (Westover 1989; Chen et al. 2004: splat-every-sample): each is
- * attenuated and composited on its own, in the order that it comes. Overlapping splats hide each
- * other although they belong to one field, so that colours bleed and darken.
+ * Compositing splat by splat (Westover 1989; Chen et al. 2004: splat-every-sample): each splat is
+ * attenuated and composited on its own, in the order of the records. Overlapping splats hide each
+ * other although they belong to one field, so colours bleed and darken.
  */
 #ifndef SP_TILE_SPLAT_H
 #define SP_TILE_SPLAT_H

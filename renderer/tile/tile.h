@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Splats → tiles. The picture is cut into squares of SP_TILE px; each keeps what it has composited
- * so far and the layers that are being added up: a sheet, or several slabs. Splats are set up in
- * batches, front to back, sorted into tiles (bin.h) and added by the compositor that the view chose
- * (sheet.h, slab.h, splat.h); a batch may end in the middle of a layer.
+ * Tiles. The image is cut into squares of SP_TILE px. A tile keeps the composited image so far and
+ * its open layers: a sheet, or several slabs. Splats are set up in batches, front to back, sorted
+ * into tiles (bin.h) and added by the compositor that the view chose (sheet.h, slab.h, splat.h); a
+ * batch may end in the middle of a layer.
  *
  *   batch ─► records in order ─► per tile: list of records in order ─► layer sums ─► composite
  *
- * Every pixel's sum is formed in the order of the records, whoever does the tile: the image is
+ * Every pixel is summed in the order of the records, whichever worker draws the tile: the image is
  * bit-equal for any number of threads.
  */
 #ifndef SP_TILE_TILE_H
@@ -38,26 +38,26 @@ struct sp_tile {
      * alternate by rows, so that what a footprint touches lies close together. The owner of the
      * tiles sets both pointers. */
     float *sums;          /* [slots][SP_TILE][planes][SP_TILE]: sp_sums_row() */
-    struct sp_box *dirty; /* [slots] what is not zero in them; empty when x1 <= x0 */
-    /* Composited so far: plane 0 is the transmittance, 1 … 3 the associated colour. */
+    struct sp_box *dirty; /* [slots]: box of the sums that are not zero; empty if x1 <= x0 */
+    /* Composited so far: plane 0 is the transmittance, 1 … 3 the premultiplied colour. */
     _Alignas(64) float done[SP_PLANES][SP_TILE][SP_TILE];
-    int x, y;        /* of the tile's corner in the picture, px */
-    int64_t sheet;   /* the first open layer's place in the order, or SP_NO_SHEET */
+    int x, y;        /* of the tile's corner in the image, px */
+    int64_t sheet;   /* number of the first open layer, or SP_NO_SHEET */
     uint32_t closed; /* layers composited */
-    bool saturated;  /* no pixel of the picture in it lets more than 1/512 through */
+    bool saturated;  /* every pixel inside the image has a transmittance below 1/512 */
 };
 
 /* The tiles of the rows that are being drawn. */
 struct sp_tile_grid {
     int columns, rows;
-    int y; /* picture row of the first tiles */
+    int y; /* image row of the first tiles */
     struct sp_tile *tiles;
 };
 
 struct sp_blend;
 
-/* Empty tile at (x, y) of a picture of `size` px: pixels outside the picture count as opaque. Its
- * sums and dirty boxes are memory for blend->slots layers. */
+/* Empties the tile at (x, y) of an image of `size` px: pixels outside the image count as opaque.
+ * tile->sums and dirty must have memory for blend->slots layers. */
 void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
                   const struct sp_blend *blend);
 

@@ -48,7 +48,7 @@ static bool check_spacing(const struct sp_grid *grid, const char *place, struct 
     return true;
 }
 
-/* Gaps that differ more than this are a mistake, and no picture could show them all. */
+/* Gaps that differ more than this are a mistake, and no image could show them all. */
 #define GAP_RATIO_MAX 1e6
 
 /* *least becomes the smallest gap, world units. */

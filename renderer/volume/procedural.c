@@ -126,11 +126,11 @@ static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
         return NULL;
     if (options && options->reserve && !options->reserve(options->user, bytes, err))
         return NULL;
-    size_t room = (bytes + 63) & ~(uint64_t)63;
+    size_t capacity = (bytes + 63) & ~(uint64_t)63;
     struct making making = { .maker = maker,
                              .dims = info->grid.dims,
                              .options = options,
-                             .voxels = aligned_alloc(64, room) };
+                             .voxels = aligned_alloc(64, capacity) };
     if (!making.voxels) {
         sp_fail(err, SP_ERR_MEMORY, info->source, "no memory for %" PRIu64 " bytes of samples",
                 bytes);
@@ -140,7 +140,7 @@ static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
         free(making.voxels);
         return NULL;
     }
-    struct sp_volume *volume = sp_volume_adopt(info, making.voxels, room, release_heap, err);
+    struct sp_volume *volume = sp_volume_adopt(info, making.voxels, capacity, release_heap, err);
     if (volume && options && options->progress)
         options->progress(options->user, 1);
     return volume;

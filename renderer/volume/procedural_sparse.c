@@ -38,9 +38,9 @@ static void *prepare_sparse(const uint32_t dims[3]) {
         b->radius = (float)cbrt(cubed);
         b->core = 160 + 95 * draw(&seed);
         for (int i = 0; i < 3; i++) {
-            float room = (float)(cell / 2) - b->radius;
+            float slack = (float)(cell / 2) - b->radius;
             float middle = (float)((at[i] + 0.5) * cell - 1);
-            b->centre[i] = middle + room * (2 * draw(&seed) - 1);
+            b->centre[i] = middle + slack * (2 * draw(&seed) - 1);
         }
     }
     return balls;

@@ -87,14 +87,14 @@ struct sp_volume *sp_volume_create(const struct sp_grid *grid, enum sp_type type
         return NULL;
     snprintf(info.name, sizeof info.name, "%s", name);
     snprintf(info.source, sizeof info.source, "memory:%s", name);
-    size_t room = (bytes + 63) & ~(uint64_t)63;
-    void *copy = aligned_alloc(64, room);
+    size_t capacity = (bytes + 63) & ~(uint64_t)63;
+    void *copy = aligned_alloc(64, capacity);
     if (!copy) {
         sp_fail(err, SP_ERR_MEMORY, name, "no memory for %" PRIu64 " bytes of samples", bytes);
         return NULL;
     }
     memcpy(copy, voxels, bytes);
-    return sp_volume_adopt(&info, copy, room, release_heap, err);
+    return sp_volume_adopt(&info, copy, capacity, release_heap, err);
 }
 
 struct sp_volume *sp_volume_ref(struct sp_volume *volume) {

@@ -28,7 +28,7 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
                        struct sp_error *err);
 
-/* The number of threads for work on a whole volume: one a core that this process may use, at most
+/* The number of threads for work on a whole volume: one per core that this process may use, at most
  * 16. */
 unsigned sp_volume_threads(void);
 
