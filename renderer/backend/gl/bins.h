@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sorting splats by tile and layer: a counting sort whose counts are made when splats are set up.
+ * Sorts splats by tile and layer: a counting sort. 10_project makes the counts.
  *
  *   bin = tile · layers + layer
  *   count[bin] ─ 20_scan, 21_totals ─► where each bin begins ─ 22_scatter ─► pairs[] by bin
  *
- * Inside a bin the order is free, unless 23_order makes it that of the records. Where pairs are
- * more than there is room for, none is written.
+ * Inside a bin the order is free, unless 23_order sorts it in the order of the records. If there
+ * are more pairs than the buffer can hold, none is written.
  */
 #ifndef GL_BINS_H
 #define GL_BINS_H
@@ -15,34 +15,34 @@
 
 enum { GL_BINS_HEAD = 16 }; /* words of the head */
 
-/* What the shaders note beside the counts, at the beginning of gl_bins.counts. */
+/* Counters that the shaders write at the beginning of gl_bins.counts. */
 struct gl_bins_head {
-    uint32_t splats;           /* drawn */
+    uint32_t splats;           /* splats drawn */
     uint32_t fragments, carry; /* px inside their cutoffs: low and high word */
-    uint32_t needed;           /* pairs of the batch that had most; UINT32_MAX: that many or more */
+    uint32_t needed;           /* most pairs of a batch; UINT32_MAX = that many or more */
     uint32_t total;            /* pairs of the last batch */
-    uint32_t longest;          /* pairs of the tile that had most in a batch */
-    uint32_t planned;          /* used in between */
-    uint32_t crowded;          /* pairs of the longest bin that was not put in order */
-    uint32_t widest;           /* rounds of the splat that had most, of those left out for it */
+    uint32_t longest;          /* most pairs of a tile in a batch */
+    uint32_t planned;          /* used between the passes */
+    uint32_t crowded;          /* pairs of the longest bin that was too long to sort */
+    uint32_t widest;           /* most loop rounds of a splat that was left out because of them */
 };
 
 struct gl_bins {
     unsigned scan, totals_program, scatter, order; /* programs */
     struct gl_buffer counts;                       /* head, then a word a bin */
-    struct gl_buffer totals;                       /* by GL_SCAN_BLOCK bins */
+    struct gl_buffer totals;                       /* per GL_SCAN_BLOCK bins */
     struct gl_buffer pairs;                        /* numbers of records */
 };
 
-/* Tiles and layers that are sorted into: the uniform `tiles` of shaders/bins.glsl. */
+/* The tiles and layers of a batch: the uniform `tiles` of shaders/bins.glsl. */
 struct gl_bins_space {
     uint32_t columns; /* of tiles */
-    uint32_t y, end;  /* first and last + 1 row of the picture [px] */
+    uint32_t y, end;  /* first row of the image, and last + 1 [px] */
     uint32_t rows;    /* of tiles */
     uint32_t layers;
 };
 
-/* Groups of b that a needs. */
+/* Returns a / b, rounded up. */
 static inline uint32_t gl_divide_up(uint32_t a, uint32_t b) {
     return a / b + (a % b > 0);
 }
@@ -55,23 +55,23 @@ static inline uint32_t gl_bins_count(const struct gl_bins_space *space) {
 bool gl_bins_init(struct gl_bins *bins, struct sp_error *err);
 void gl_bins_finish(struct gl_bins *bins);
 
-/* Memory for so many bins and pairs; `most` as in gl_buffer_reserve(). */
+/* Reserves memory for `count` bins and `pairs`; `most` and errors as in gl_buffer_reserve(). */
 bool gl_bins_reserve(struct gl_bins *bins, uint64_t count, uint64_t pairs, uint64_t most,
                      struct sp_error *err);
 
-/* All zero: the head, and the counts. */
+/* Set the head, or the counts, to zero. */
 void gl_bins_clear_head(const struct gl_bins *bins);
 void gl_bins_clear(const struct gl_bins *bins, const struct gl_bins_space *space);
 
 /* Sets the uniform of the program in use. */
 void gl_bins_set_space(const struct gl_bins_space *space);
 
-/* Sorts the spans of `records` records, which were counted; room for `pairs` of them. Then
- * counts[bin] + totals[bin / GL_SCAN_BLOCK] is where the bin ends. */
+/* Sorts the counted spans of `records` records into at most `pairs` pairs. Afterwards a bin ends at
+ * counts[bin] + totals[bin / GL_SCAN_BLOCK]. */
 void gl_bins_sort(const struct gl_bins *bins, const struct gl_bins_space *space,
                   const struct gl_buffer *spans, uint32_t records, uint32_t pairs);
 
-/* Then puts the records of each bin in rising order, but for bins of more than `longest`. */
+/* Then sorts the records of each bin in rising order, except bins of more than `longest` pairs. */
 void gl_bins_order(const struct gl_bins *bins, const struct gl_bins_space *space, uint32_t pairs,
                    uint32_t longest);
 

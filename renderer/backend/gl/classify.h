@@ -1,17 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Classification on the GPU: samples that stay there → lists of visible voxels, so that the
- * processor makes none.
+ * Classification on the GPU: resident samples → lists of visible voxels. The processor makes none.
  *
- *   samples ─ once ─► range of each brick; order post: of its cells (reach.h)
+ *   samples ─ once ─► value range of each brick; order post: of its cells (cell_bounds.h)
  *   what is listed ─► entries a brick ─► read back: the processor knows where each brick begins
  *                                     ─► entries, gradients and classes, written there
  *   points ─► classes of entries that are there
  *   a level ─► the next coarser one, in the same two passes
  *
- * Of types with a table by key (8 and 16 bits), order pre, a bit a key says what is listed; else
- * intervals of samples (visible_ranges.h). Bricks whose range holds nothing of that are not read.
- * Classes, or values for order post, are by entry where types have no table.
+ * Types with a table by key (8 and 16 bits), order pre: one bit per key says what is listed.
+ * Otherwise intervals of samples say it (visible_ranges.h). Bricks whose range contains nothing
+ * listed are not read. Types without a table have a class per entry, or for order post a value.
  */
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H
@@ -20,44 +19,44 @@
 #include "backend/gl/visible_list.h"
 #include "backend/gl/voxels.h"
 
-/* Programs and what they need for the length of a pass. */
+/* The programs, and their buffers during a pass. */
 struct gl_classify {
     unsigned range, count, fill, histogram, classes, mip_count, mip_fill;
     struct gl_buffer listed, points, counts, firsts;
     struct gl_cell_bounds cell_bounds;
-    uint32_t bricks;      /* of one dispatch, which bounds how long it takes */
+    uint32_t bricks;      /* per dispatch, which bounds its duration */
     uint64_t block_bytes; /* the most that a shader sees of one buffer; 0 = not known */
-    uint64_t *uploaded;   /* counts bytes; not owned */
+    uint64_t *uploaded;   /* counter of bytes; not owned */
 };
 
-/* SP_ERR_BACKEND; gl_classify_finish() also after a failure. A context must be current, here and
- * below. software: dispatches are as short as software GL needs them. */
+/* Compiles the programs. SP_ERR_BACKEND. Call gl_classify_finish() also after a failure. A context
+ * must be current, here and below. software: use the short dispatches that software GL needs. */
 bool gl_classify_init(struct gl_classify *classify, bool software, struct sp_error *err);
 void gl_classify_finish(struct gl_classify *classify);
 
-/* Uploads the samples, unless they are there; cells: for order post. SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED, SP_ERR_BACKEND, here and below. cancel: NULL = never. */
+/* Uploads the samples, unless they are resident. cells: also measure cells, for order post.
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND, here and below. cancel: NULL =
+ * never. */
 bool gl_classify_load(struct gl_classify *classify, struct gl_voxels *voxels, bool cells,
                       const atomic_bool *cancel, struct sp_error *err);
 
-/* counts[bricks] = listed voxels of each brick of the finest level, as its transfer, `listed` and
- * `reach` have it. */
+/* Fills counts[bricks] with the number of listed voxels of each brick of the finest level. */
 bool gl_classify_count(struct gl_classify *classify, const struct gl_voxels *voxels,
                        const struct sp_level *level, const atomic_bool *cancel, uint64_t *counts,
                        struct sp_error *err);
 
-/* counts[keys] = voxels of the volume of each key. */
+/* Fills counts[keys] with the number of voxels of each key. */
 bool gl_classify_histogram(struct gl_classify *classify, const struct gl_voxels *voxels,
                            uint32_t keys, const atomic_bool *cancel, uint64_t *counts,
                            struct sp_error *err);
 
-/* Writes the entries, normals as wide as the list's, and classes where they are by entry, of a
- * level that was counted. Returns when the GPU has done it. */
+/* Writes a level that was counted: entries, normals as wide as the list's, and classes if they are
+ * per entry. Returns when the GPU is done. */
 bool gl_classify_fill(struct gl_classify *classify, const struct gl_voxels *voxels,
                       const struct sp_level *level, const struct gl_visible_list *list,
                       const atomic_bool *cancel, struct sp_error *err);
 
-/* Writes the classes alone, of a list without keys that the GPU has made. */
+/* Writes only the classes of a list without keys that the GPU made. */
 bool gl_classify_color(struct gl_classify *classify, const struct gl_voxels *voxels,
                        const struct sp_level *level, const struct gl_visible_list *list,
                        const atomic_bool *cancel, struct sp_error *err);

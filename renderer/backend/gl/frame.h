@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the processor decides of a frame: levels, which of their lists change, how it is cut,
- * constants. All the rest happens on the GPU.
+ * The processor's part of a frame: mip levels, which lists change, the partition, and constants.
+ * The GPU does everything else.
  */
 #ifndef GL_FRAME_H
 #define GL_FRAME_H
@@ -35,26 +35,26 @@ struct gl_frame {
     const struct gl_visible_list *lists[SP_LEVELS];
     unsigned mip_level, finest, axis;
     uint32_t drawn; /* bit l: level l */
-    uint32_t parts; /* bit 2l + enlarged: of level l some bricks are drawn so */
+    uint32_t parts; /* bit 2l + enlarged: some bricks of level l are drawn this way */
     enum sp_compositing compositing;
     bool is_post;
-    bool is_enlarged;   /* by distance: some brick of the one level is (splat/detail.h) */
+    bool is_enlarged;   /* by distance: some brick of the level is (splat/detail.h) */
     uint32_t stride;    /* of a record, in words of four: shaders/records.glsl */
     double thickness;   /* of a layer by distance [cells] */
     uint64_t visible;   /* voxels of the volume */
-    double classify_ms; /* lists: the processor's work and the GPU's, which is waited for */
+    double classify_ms; /* time for lists: the processor's, and waiting for the GPU's */
     struct gl_constants constants;
     struct sp_camera_frame camera;
     struct sp_detail detail;
     struct sp_ewa_frame ewa[SP_LEVELS][2];
 };
 
-/* The frame of the finest level, as it is drawn by distance. */
+/* Returns the constants of the finest level, for layers by distance. */
 static inline const struct sp_ewa_frame *gl_frame_ewa(const struct gl_frame *frame) {
     return &frame->ewa[frame->finest][frame->is_enlarged];
 }
 
-/* What of the backend's state a frame needs. */
+/* The parts of the backend's state that a frame needs. */
 struct gl_sources {
     struct sp_classify_cache *cache;
     struct gl_residency *residency;
@@ -63,7 +63,7 @@ struct gl_sources {
     struct gl_partition *partition;
 };
 
-/* A frame and its layers; from->partition may have been made for another. A context must be
+/* A frame and its layers; A context must be
  * current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,
                     const struct gl_sources *from, struct sp_error *err);

@@ -5,20 +5,21 @@
 
 enum {
     PAIRS_MOST = 1 << 25,
-    RECORDS_MOST = 4000000, /* a pair has 22 bits for one; counts of GL_SCAN_BLOCK bins, a word */
+    RECORDS_MOST = 4000000, /* a pair has 22 bits for it; the count of GL_SCAN_BLOCK bins fits
+                               a word */
     BINS_MOST = 1 << 25,
     TILES_MOST = 1 << 17, /* 8 million px */
-    LOOPS_MOST = 1 << 19, /* of a work group: some 10 ms where nothing is waited for, and … */
-    DEAR = 8,             /* … so many times that where each waits for memory */
-    DISPATCH_MS = 25,     /* half of what one may take: the next frame may be twice as dear */
+    LOOPS_MOST = 1 << 19, /* per work group: about 10 ms without waits for memory, … */
+    DEAR = 8,             /* … and this many times that if each round waits for memory */
+    DISPATCH_MS = 25,     /* half of what is acceptable: the next frame may cost twice as much */
     BINS_SOFTWARE = 1 << 22,
     TILES_SOFTWARE = 1 << 15,
-    LOOPS_SOFTWARE = 30000, /* llvmpipe leaves loops after 65535 rounds, and says nothing; an
-                               iteration of a loop in a loop is two */
-    PARTS = 8,              /* of the budget: four kinds of scratch take one each */
-    PIXEL_BYTES = GL_PIXEL_BYTES + 16 + 2 * 16, /* image, pixels and two ways back */
-    LOOKS = 256, /* frames between two looks at what scratch was needed for */
-    LARGER = 4   /* times what was needed: too large */
+    LOOPS_SOFTWARE = 30000, /* llvmpipe ends loops after 65535 rounds without an error; an
+                               iteration of a nested loop counts as two */
+    PARTS = 8,              /* parts of the budget: each of four kinds of scratch gets one */
+    PIXEL_BYTES = GL_PIXEL_BYTES + 16 + 2 * 16, /* image, pixels and two readbacks */
+    LOOKS = 256, /* frames between two checks for oversized scratch memory */
+    LARGER = 4   /* times larger than needed counts as oversized */
 };
 
 static uint64_t least(uint64_t a, uint64_t b) {
@@ -26,7 +27,8 @@ static uint64_t least(uint64_t a, uint64_t b) {
 }
 
 void gl_memory_limit(struct gl_state *s) {
-    uint64_t part = s->residency.limit_bytes / PARTS * 4 / 5; /* buffers have a quarter to spare */
+    uint64_t part =
+        s->residency.limit_bytes / PARTS * 4 / 5; /* buffers are a quarter larger than asked */
     uint64_t block = s->block_bytes ? s->block_bytes : UINT64_MAX;
     uint64_t words = least(part / sizeof(uint32_t), block / sizeof(uint32_t) - GL_BINS_HEAD);
     uint64_t px = least(part / PIXEL_BYTES, block / GL_PIXEL_BYTES);
@@ -63,7 +65,7 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
            s->residency.classify.cell_bounds.ends.bytes + of_slots(s);
 }
 
-/* What frames are drawn in; ends with NULL. */
+/* The buffers of scratch memory; ends with NULL. */
 struct scratch {
     struct gl_buffer *buffers[9];
 };

@@ -1,32 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The budget of video memory: all that the backend has there counts.
+ * The budget of video memory. Everything that the backend keeps there counts.
  *
- *   |-- voxels, lists (volume.h) --|-- scratch: splats, pairs, bins, pixels --|-- rest --|  limit
+ *   |-- voxels, lists (residency.h) --|-- scratch: splats, pairs, bins, pixels --|-- rest --| limit
  *
- * Scratch is what frames are drawn in; nothing of it outlives the frame, so that it can go whenever
- * one is planned. Pieces that frames are drawn in are as large as half of the budget allows, and
- * smaller where voxels and lists of the frame leave less; of others the least recently used go
- * first.
+ * Scratch memory holds a frame while it is drawn; none of it outlives the frame, so it may be freed
+ * whenever a frame is planned. Batches are as large as half of the budget allows, and smaller if
+ * the voxels and lists of the frame leave less. Data of other frames is evicted first, least
+ * recently used first.
  */
 #ifndef GL_MEMORY_H
 #define GL_MEMORY_H
 
 #include "backend/gl/draw.h"
 
-/* Limits of the pieces, from what the GPU can do and from the budget, state->residency.limit_bytes.
- */
+/* Sets the limits of the workload from the GPU's limits and the budget,
+ * state->residency.limit_bytes. */
 void gl_memory_limit(struct gl_state *state);
 
-/* A frame is planned: once in a while scratch that was much larger than needed since goes. A
- * context must be current, here and below. */
+/* Call when a frame is planned. From time to time frees scratch memory that was much larger than
+ * needed. A context must be current, here and below. */
 void gl_memory_begin(struct gl_state *state);
 
-/* Lets all scratch go; false if there was none. */
+/* Frees all scratch memory; false if there was none. */
 bool gl_memory_release(struct gl_state *state);
 
-/* After scratch has grown: lists that are not of this frame make room for it. SP_ERR_BUDGET with
- * both numbers when that does not do. */
+/* Call after scratch memory has grown. Evicts data of other frames until everything fits.
+ * SP_ERR_BUDGET with both numbers if it does not fit. */
 bool gl_memory_fit(struct gl_state *state, struct sp_error *err);
 
 #endif

@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * In which pieces a frame is drawn. All of it is kept from frame to frame, here and on the GPU, and
- * made anew only when something that it depends on has changed.
+ * Divides a frame into layers, batches and chunks. All of it is kept from frame to frame, here and
+ * on the GPU, and made again only if something that it depends on has changed.
  *
  *   layers   0 … … … … … … … … n         sheets, slabs or distances, front to back
- *   batch    |--- 0 ---|- 1 -|-- 2 --|   as many layers as records and bins have room for
+ *   batch    |--- 0 ---|- 1 -|-- 2 --|   as many layers as the records and bins can hold
  *
- * A brick is in every batch that has one of its layers, as chunks of GL_GROUP entries, with a
- * record for each of them. What a batch leaves open (one layer with more entries than there are
- * records) the next one resumes.
+ * A brick is in every batch that contains one of its layers, as chunks of GL_GROUP entries; each
+ * entry has a record. If one layer has more entries than there are records, the next batch resumes
+ * it.
  *
- *   what changes                    what is made anew
- *   lists, level of detail, axis    bricks, and so all that follows
- *   order of sheets; any view       layers of each brick, and so batches, unless one holds all
+ *   what changes                    what is made again
+ *   lists, level of detail, axis    bricks, and everything below
+ *   order of sheets; any view       layers of each brick, and batches, unless one holds all
  *     by distance
- *   room for layers or records      batches
+ *   capacity of a batch             batches
  */
 #ifndef GL_PARTITION_H
 #define GL_PARTITION_H
@@ -36,11 +36,11 @@ struct gl_chunk {
 struct gl_batch {
     uint32_t first, layers; /* layers [first, first + layers) */
     uint32_t records;
-    bool resumes, stays_open;                     /* in the middle of its layer; then layers = 1 */
+    bool resumes, stays_open; /* begins or ends inside its layer; then layers = 1 */
     uint32_t chunk[SP_LEVELS], chunks[SP_LEVELS]; /* by level: first, count */
 };
 
-/* What bricks are taken from; their memory may go afterwards. */
+/* Where bricks come from; the memory may be freed after the call. */
 struct gl_partition_source {
     const struct sp_volume *volume;
     const struct gl_visible_list *const *lists; /* [SP_LEVELS] */
@@ -49,12 +49,12 @@ struct gl_partition_source {
     bool is_enlarged;                           /* … drawn so */
 };
 
-/* Layers by distance: layer k of the eye's is [k, k + 1) · thickness away. World units. */
+/* Layers by distance from the eye: layer k is [k, k + 1) · thickness away. World units. */
 struct gl_partition_depth {
     const struct sp_camera_frame *camera;
     double thickness;
-    double reach;    /* of a kernel before and behind its voxel; single splats: 0 */
-    double farthest; /* all beyond is as far */
+    double reach;    /* of a kernel in front of and behind its voxel; single splats: 0 */
+    double farthest; /* everything beyond counts as this far */
 };
 
 struct gl_partition {
@@ -63,16 +63,16 @@ struct gl_partition {
     uint32_t item_count;
     uint64_t entries; /* of all items */
     uint32_t layer_count;
-    int64_t nearest;  /* by distance: which layer of the eye's is layer 0 */
+    int64_t nearest;  /* by distance: the number from the eye of layer 0 */
     uint32_t *sheets; /* [sheet_count]: by sheet of the finest level, its place front to back */
     uint32_t sheet_count;
     struct gl_batch *batches;
     uint32_t batch_count;
     struct gl_chunk *chunks; /* of the batches, one after the other */
     uint32_t chunk_count;
-    uint64_t sheets_made, chunks_made; /* count up when they are made anew; 0 = never */
+    uint64_t sheets_made, chunks_made; /* generation numbers; 0 = never made */
 
-    /* What the items were made for: compared, never read. */
+    /* What the items were made for; compared only. */
     const struct sp_volume *volume; /* NULL = there are none */
     uint64_t list_made[SP_LEVELS];
     struct sp_detail detail;
@@ -89,17 +89,17 @@ struct gl_partition {
 void gl_partition_init(struct gl_partition *partition);
 void gl_partition_finish(struct gl_partition *partition);
 
-/* The layers of a frame: sheets along `axis`, sheets[count] as in struct gl_partition; or by
- * distance. SP_ERR_MEMORY. */
+/* Choose the layers of a frame: sheets along `axis` with sheets[count] as in struct gl_partition,
+ * or by distance. SP_ERR_MEMORY. */
 bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partition_source *from,
                          unsigned axis, const uint32_t *sheets, uint32_t count,
                          struct sp_error *err);
 bool gl_partition_distances(struct gl_partition *partition, const struct gl_partition_source *from,
                             const struct gl_partition_depth *depth, struct sp_error *err);
 
-/* Then the batches, of at most `layers` layers and `records` records, which is at least
- * SP_BRICK_VOXELS; may be called again. They are valid until the next frame's layers are made.
- * SP_ERR_MEMORY. */
+/* Then makes the batches, each of at most `layers` layers and `records` records (at least
+ * SP_BRICK_VOXELS). May be called again with other sizes. The batches are valid until the layers of
+ * the next frame are chosen. SP_ERR_MEMORY. */
 bool gl_partition_make(struct gl_partition *partition, uint32_t layers, uint32_t records,
                        struct sp_error *err);
 

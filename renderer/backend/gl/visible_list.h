@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The visible voxels of one level on the GPU, as shaders/10_project.glsl reads them.
+ * The visible voxels of one mip level on the GPU, as shaders/10_project.glsl reads them.
  *
- *   entries   a word an entry, in the order of the bricks: i0 | i1 << 4 | i2 << 8 | key << 12
- *   tables    [scale of the opacity by packed magnitude, four a row][rows of rectilinear axes]
+ *   entries   one word per entry, in the order of the bricks: i0 | i1 << 4 | i2 << 8 | key << 12
+ *   tables    [scale of the opacity by packed magnitude, four per row][rows of rectilinear axes]
  *             [classes: colour and depth, by key; by entry where keys do not fit the word]
  *   normals   gradients or microflakes as classify/ packs them
  *
- * The order of a brick's entries, and so the axis that bricks are cut along, does not matter to
- * frames.
+ * The order of entries inside a brick does not matter to frames.
  */
 #ifndef GL_VISIBLE_LIST_H
 #define GL_VISIBLE_LIST_H
@@ -17,20 +16,20 @@
 #include "classify/classification.h"
 
 struct gl_visible_list {
-    const struct sp_volume *volume; /* not a reference: gl_residency_evict(); NULL = empty */
-    uint64_t list_made, table_made; /* of the level: what was uploaded */
+    const struct sp_volume *volume; /* not a reference, see gl_residency_evict(); NULL = empty */
+    uint64_t list_made, table_made; /* generation numbers of the level when it was uploaded */
     uint64_t used;                  /* clock of the last use */
     struct sp_grid grid;            /* of the level */
-    uint32_t bricks[3];             /* an axis, axis 0 fastest */
+    uint32_t bricks[3];             /* per axis, axis 0 fastest */
     uint64_t count;                 /* entries */
     const uint64_t *first;          /* [bricks + 1]: entries of brick b begin at first[b] */
-    double base;                    /* what values are counted from (order post), data units */
+    double base;                    /* values are relative to this (order post) [data units] */
     struct gl_buffer entries, tables, normals;
-    bool has_keys;         /* in the words */
-    bool has_scales;       /* of the opacity */
-    bool is_rising;        /* entries of a brick rise by place: the GPU has made them */
+    bool has_keys;         /* the words contain keys */
+    bool has_scales;       /* the tables contain scales of the opacity */
+    bool is_rising;        /* entries of a brick are sorted by place, because the GPU made them */
     uint32_t normal_bytes; /* 0 = no normals; 2, 4, 8: as in classify/visible.h */
-    uint32_t axis_row[3];  /* of the tables: of sample 0 of each rectilinear axis */
+    uint32_t axis_row[3];  /* row of the tables for sample 0 of each rectilinear axis */
     uint32_t first_class;  /* row of the tables */
 };
 
@@ -38,7 +37,7 @@ static inline uint32_t gl_visible_list_bricks(const struct gl_visible_list *list
     return list->bricks[0] * list->bricks[1] * list->bricks[2];
 }
 
-/* Index of the first voxel of a brick. */
+/* Computes the index of the first voxel of a brick. */
 static inline void gl_visible_list_corner(const struct gl_visible_list *list, uint32_t brick,
                                           uint32_t corner[3]) {
     uint32_t row = brick / list->bricks[0];

@@ -9,20 +9,20 @@
 #include "sp/volume.h"
 
 struct gl_voxels {
-    struct sp_volume *volume; /* one reference, so that no other takes its address; NULL = empty */
+    struct sp_volume *volume; /* one reference, so that the address is not reused; NULL = empty */
     uint64_t used;            /* clock of the last use */
-    struct gl_buffer samples; /* as they lie in memory; none = not uploaded yet */
+    struct gl_buffer samples; /* as in memory; none = not uploaded */
     struct gl_buffer ranges;  /* by brick: smallest and largest ordinal (shaders/samples.glsl) */
-    struct gl_buffer cells;   /* the same by cell of 4³ (reach.h); none = not measured yet */
-    uint32_t refusals; /* how often the GPU had no room, so that the processor classifies … */
-    uint32_t skips;    /* … so many frames more */
+    struct gl_buffer cells;   /* the same by cell of 4³ (cell_bounds.h); none = not measured */
+    uint32_t refusals;        /* how often memory was short, so that the processor classifies … */
+    uint32_t skips;           /* … this many more frames */
 };
 
 static inline uint64_t gl_voxels_bytes(const struct gl_voxels *voxels) {
     return voxels->samples.bytes + voxels->ranges.bytes + voxels->cells.bytes;
 }
 
-/* Lets the samples go. A context must be current. */
+/* Frees the samples. A context must be current. */
 static inline void gl_voxels_drop(struct gl_voxels *voxels) {
     gl_buffer_finish(&voxels->samples);
     gl_buffer_finish(&voxels->ranges);
