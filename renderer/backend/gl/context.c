@@ -10,7 +10,8 @@
 #include "sp/log.h"
 #include "sp/probe.h"
 
-#define UNTOLD_BYTES (UINT64_C(1) << 30) /* what any GPU is taken to have for this program */
+#define UNTOLD_BYTES                                                                               \
+    (UINT64_C(1) << 30) /* assumed budget if the driver does not report its memory */
 
 struct gl_context {
     EGLDisplay display;
@@ -34,9 +35,9 @@ bool gl_context_is_lost(const struct gl_context *context, struct sp_error *err) 
     static const struct {
         GLenum status;
         const char *why;
-    } reasons[] = { { GL_GUILTY_CONTEXT_RESET, "for what this program asked of it" },
-                    { GL_INNOCENT_CONTEXT_RESET, "for what another program asked of it" },
-                    { GL_UNKNOWN_CONTEXT_RESET, "for a reason that it does not tell" } };
+    } reasons[] = { { GL_GUILTY_CONTEXT_RESET, "because of a command of this program" },
+                    { GL_INNOCENT_CONTEXT_RESET, "because of a command of another program" },
+                    { GL_UNKNOWN_CONTEXT_RESET, "for an unknown reason" } };
     GLenum status = context->info.tells_reset ? glGetGraphicsResetStatus() : GL_NO_ERROR;
     if (status == GL_NO_ERROR)
         return false;
@@ -76,7 +77,8 @@ void gl_context_destroy(struct gl_context **context) {
     *context = NULL;
 }
 
-/* Where a context cannot be current alone, it gets a picture of one pixel that nothing draws to. */
+/* Creates a surface of one pixel that is never drawn to, if a context cannot be current without
+ * one. */
 static bool create_surface(struct gl_context *c, EGLConfig *config, struct sp_error *err) {
     static const EGLint wanted[] = { EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE,
                                      EGL_OPENGL_BIT, EGL_NONE };
@@ -94,8 +96,8 @@ static bool create_surface(struct gl_context *c, EGLConfig *config, struct sp_er
     return c->surface != EGL_NO_SURFACE || gl_egl_fail(err, "eglCreatePbufferSurface");
 }
 
-/* The newest version that the display gives, and one that tells of resets rather than one that does
- * not; EGL_NO_CONTEXT if it gives none. */
+/* Creates a context of the newest version that the display offers, if possible one that reports
+ * resets. EGL_NO_CONTEXT if there is none. */
 static EGLContext create_core(EGLDisplay display, EGLConfig config) {
     static const struct {
         EGLint minor;
@@ -119,7 +121,7 @@ static EGLContext create_core(EGLDisplay display, EGLConfig config) {
     return context;
 }
 
-/* A driver's text; it goes into JSON and headers, which take no byte as it comes. */
+/* Copies a driver's text as printable ASCII: it goes into JSON and HTTP headers. */
 static void copy_name(char text[SP_DEVICE_NAME], const char *name) {
     snprintf(text, SP_DEVICE_NAME, "%s", name && *name ? name : "unnamed");
     for (char *c = text; *c; c++)
@@ -127,7 +129,7 @@ static void copy_name(char text[SP_DEVICE_NAME], const char *name) {
             *c = '?';
 }
 
-/* Nothing but the name tells; drivers that pass on to another one have its name in theirs. */
+/* Only the renderer string tells. Drivers that wrap another driver include its name in theirs. */
 static bool is_software(const char *renderer) {
     static const char *const words[] = { "llvmpipe", "lavapipe",    "softpipe",     "swrast",
                                          "SWR (",    "SwiftShader", "Basic Render", "software" };
@@ -149,12 +151,13 @@ static uint64_t integer_at(GLenum name, unsigned i) {
     return value > 0 ? (uint64_t)value : 0;
 }
 
-/* GL itself does not tell; 0 = neither do its extensions here. */
+/* Returns the size of video memory from GL extensions; 0 = not known. Core GL does not report it.
+ */
 static uint64_t video_bytes(void) {
     enum { KIB = 1024 };
     if (epoxy_has_gl_extension("GL_NVX_gpu_memory_info"))
         return integer(GL_GPU_MEMORY_INFO_TOTAL_AVAILABLE_MEMORY_NVX) * KIB;
-    GLint free_kib[4] = { 0 }; /* free; what is used by others is not told */
+    GLint free_kib[4] = { 0 }; /* free memory; the memory of other programs is not reported */
     if (epoxy_has_gl_extension("GL_ATI_meminfo"))
         glGetIntegerv(GL_TEXTURE_FREE_MEMORY_ATI, free_kib);
     return free_kib[0] > 0 ? (uint64_t)free_kib[0] * KIB : 0;
@@ -175,7 +178,7 @@ static void read_limits(struct sp_gpu_limits *limits) {
     }
 }
 
-/* With the context current. */
+/* The context must be current. */
 static void read_info(struct gl_context *c, const struct gl_place *place) {
     struct gl_info *info = &c->info;
     info->platform = place->platform;
@@ -198,7 +201,7 @@ static void read_info(struct gl_context *c, const struct gl_place *place) {
     }
 }
 
-/* A context of which only the version is asked. */
+/* Opens a context to read its version only. */
 static bool look_at(struct gl_context *c, EGLConfig config, const EGLint *attributes,
                     const struct gl_place *place, struct sp_error *err) {
     EGLContext context = eglCreateContext(c->display, config, EGL_NO_CONTEXT, attributes);
@@ -213,8 +216,9 @@ static bool look_at(struct gl_context *c, EGLConfig config, const EGLint *attrib
     return true;
 }
 
-/* What the display has where it gives no core context: a version, or the reason why not even that.
- * Another profile may have a newer one than the core, and a core profile is as new as its GLSL. */
+/* Fails with the version that the display offers instead of the required core context, or with the
+ * reason why it offers none. The compatibility profile may be newer than the core profile; a core
+ * profile is limited by its GLSL version. */
 static bool fail_version(struct gl_context *c, EGLConfig config, const struct gl_place *place,
                          struct sp_error *err) {
     static const EGLint core[] = { EGL_CONTEXT_MAJOR_VERSION_KHR,
@@ -267,7 +271,7 @@ struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error
     return c;
 }
 
-/* A context of the wanted kind. */
+/* Opens a context of the requested kind. */
 static struct gl_context *open_kind(const struct gl_place *place, bool software,
                                     struct sp_error *err) {
     if (place->is_software && !software) {
@@ -290,8 +294,9 @@ bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, vo
     if (!gl_places_list(&places, err))
         return false;
     if (options->gpu >= (int)places.devices)
-        return sp_fail(err, SP_ERR_INVALID, "", "there is no GPU %d; EGL lists %u devices, from 0",
-                       options->gpu, places.devices);
+        return sp_fail(err, SP_ERR_INVALID, "",
+                       "there is no GPU %d; EGL lists %u devices, counted from 0", options->gpu,
+                       places.devices);
     unsigned first = options->gpu < 0 ? 0 : (unsigned)options->gpu;
     unsigned end = options->gpu < 0 ? places.count : first + 1;
     char reasons[SP_ERROR_TEXT] = "";

@@ -12,11 +12,11 @@
 #include "splat/cubic.h"
 
 enum {
-    GROUPS_MOST = 65535, /* along an axis of a dispatch, on any GPU */
+    GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,      /* batches, or turns, that the GPU may lie behind, … */
-    BEHIND_MOST = 8, /* … and where they are short */
-    CHUNKS_SHARE = 8 /* what records may take over what their bricks may */
+    BEHIND = 2,      /* batches or turns that may be queued on the GPU, … */
+    BEHIND_MOST = 8, /* … and if they are short */
+    CHUNKS_SHARE = 8 /* memory for records over memory for their chunks */
 };
 
 struct draw {
@@ -52,21 +52,21 @@ static uint32_t pixel_bytes(const struct sp_frame *frame) {
     return frame->format == SP_RGBAF32 ? 16 : 4;
 }
 
-/* What shaders wrote is for shaders, or is cleared for the next batch. */
+/* Orders what shaders wrote before later shaders and buffer clears. */
 static void storage_barrier(void) {
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
 
-/* Batches or turns that the GPU may lie behind: together they have room for no more pairs than one
- * may have. */
+/* Returns how many batches or turns may be queued on the GPU: together they have at most as many
+ * pairs as one may have. */
 static unsigned behind(const struct draw *d) {
     const struct gl_workload *workload = &d->state->workload;
     uint64_t n = gl_workload_limits(workload).pairs / workload->pairs;
     return n < BEHIND ? BEHIND : n < BEHIND_MOST ? (unsigned)n : BEHIND_MOST;
 }
 
-/* Marks the end of a batch or a turn, and waits for one a few before: a cancelled frame leaves
- * little behind. */
+/* Ends a batch or a turn with a fence, and waits for an earlier one, so that a cancelled frame
+ * leaves little queued work. */
 static bool follow(struct draw *d, struct sp_error *err) {
     void **last = &d->sent[d->sent_count++ % behind(d)];
     if (!gl_fence_wait(last, d->job->cancel, err))
@@ -130,13 +130,13 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
 }
 
-/* What a compositor is compiled for. */
+/* The choices that a compositor is compiled for. */
 struct choices {
     enum sp_compositing mode;
     bool is_flat, is_cubic, is_clipped, is_linear, is_post;
 };
 
-/* The program, compiled when it is first asked for; 0 with *err set (SP_ERR_UNSUPPORTED). */
+/* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). */
 static unsigned open_compositor(struct gl_state *s, const struct choices *c, struct sp_error *err) {
     struct gl_compositor *own =
         &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped][c->is_linear][c->is_post];
@@ -220,7 +220,7 @@ static void start_band(const struct draw *d) {
     gl_bins_clear_head(&d->state->bins);
 }
 
-/* Sends what was drawn of the band on its way back. */
+/* Starts the readback of the band's counters and pixels. */
 static bool send_back(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     struct gl_readback *readback = &d->slot->readback;
@@ -233,7 +233,7 @@ static bool send_back(struct draw *d, struct sp_error *err) {
     return gl_check("drawn", err);
 }
 
-/* Memory for the largest of the batches and for a band. */
+/* Reserves memory for the largest batch and for a band. */
 static bool reserve(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     uint64_t most = s->block_bytes, records = 1, bins = 1, pixels = band_pixels(d);
@@ -263,14 +263,14 @@ static bool reserve(struct draw *d, struct sp_error *err) {
                                err);
 }
 
-/* Layers of a batch: as many as the bins have room for. */
+/* Returns the number of layers per batch that the bins can hold. */
 static uint32_t layers_of_batch(const struct draw *d) {
     uint32_t room = gl_workload_limits(&d->state->workload).bins / band_tiles(d);
     room = room < 1 ? 1 : room;
     return room < d->state->workload.layers ? room : d->state->workload.layers;
 }
 
-/* What a pair and a record of the frame cost. */
+/* Returns the costs of a pair and a record of the frame. */
 static struct gl_costs costs_of(const struct draw *d) {
     const struct gl_frame *f = &d->frame;
     struct gl_costs costs = { .columns = d->columns,
@@ -278,12 +278,12 @@ static struct gl_costs costs_of(const struct draw *d) {
                               .pair_loads = gl_frame_ewa(f)->clip.count,
                               .record_bytes = 16 * f->stride,
                               .block_bytes = d->state->block_bytes };
-    if (f->is_post) /* closing a layer looks for a value and a magnitude */
+    if (f->is_post) /* closing a layer searches for a value and a magnitude */
         costs.pair_loads += 9 + d->job->view->transfer_function.gradient_count;
     return costs;
 }
 
-/* Cuts the frame for the band. */
+/* Makes the batches of the band. */
 static bool cut(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->state;
     if (!gl_partition_make(&s->partition, layers_of_batch(d), d->slot->pieces.records, err))
@@ -310,7 +310,7 @@ static bool draw_batches(struct draw *d, struct sp_error *err) {
     return true;
 }
 
-/* The most layers that a batch has. */
+/* Returns the largest number of layers of a batch. */
 static uint32_t most_layers(const struct gl_partition *partition) {
     uint32_t most = 1;
     for (uint32_t i = 0; i < partition->batch_count; i++)
@@ -318,7 +318,7 @@ static uint32_t most_layers(const struct gl_partition *partition) {
     return most;
 }
 
-/* Rows of the band that begins at d->y, and the batches that it is drawn in. */
+/* Plans the rows and batches of the band that begins at d->y. */
 static bool plan_band(struct draw *d, struct sp_error *err) {
     const struct gl_state *s = d->state;
     const struct gl_costs costs = costs_of(d);
@@ -338,7 +338,7 @@ static bool is_want_of_room(const struct sp_error *why) {
     return why->code == SP_ERR_MEMORY || why->code == SP_ERR_BUDGET;
 }
 
-/* Plans the band in smaller and smaller pieces, until there is room for them. */
+/* Plans the band in smaller and smaller pieces until they fit into memory. */
 static bool plan_smaller(struct draw *d, struct sp_error *why) {
     struct gl_state *s = d->state;
     unsigned halvings = s->workload.halvings;
@@ -353,7 +353,8 @@ static bool plan_smaller(struct draw *d, struct sp_error *why) {
     return ok;
 }
 
-/* The same; where even small pieces have none, the samples that lists were made of make some. */
+/* The same. If even the smallest pieces do not fit, the samples are dropped: their lists are
+ * complete. */
 static bool plan_in_room(struct draw *d, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     if (plan_smaller(d, &why) ||
@@ -363,7 +364,7 @@ static bool plan_in_room(struct draw *d, struct sp_error *err) {
     return sp_fail(err, why.code, why.place, "%s", why.text);
 }
 
-/* Hands the band over. */
+/* Submits the band. */
 static bool draw_band(struct draw *d, struct sp_error *err) {
     gl_timer_start(&d->slot->timer);
     start_band(d);
@@ -375,7 +376,7 @@ static bool draw_band(struct draw *d, struct sp_error *err) {
     return send_back(d, err);
 }
 
-/* Copies what came back into the picture. */
+/* Copies the readback into the image. */
 static bool take_pixels(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
                         struct sp_error *err) {
     size_t row = (size_t)frame->width * pixel_bytes(frame);
@@ -396,8 +397,8 @@ static double longest_dispatch(const double longest[GL_STAGES]) {
     return ms;
 }
 
-/* Waits for the band that was handed over last. If it had no room nothing was handed over then, and
- * there is more; else it is in the picture, and the slot's y its end. */
+/* Waits for the submitted band. If it did not fit, it was not drawn and the next attempt gets other
+ * sizes; otherwise its pixels are in the image and the slot's y is its end. */
 static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                       struct sp_error *err) {
     struct gl_bins_head head;
@@ -457,8 +458,8 @@ static bool plan_frame(struct draw *d, struct sp_error *err) {
     return true;
 }
 
-/* Draws the bands from the slot's y on up to the last one, which is handed over; or nothing where
- * that takes waiting and it must not. */
+/* Draws the bands from the slot's y on and submits the last one. Does nothing if that requires
+ * waiting and may_wait is false. */
 static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
     struct gl_slot *slot = d->slot;
     uint32_t height = d->job->frame->height;
@@ -484,8 +485,8 @@ static bool try_draw(struct gl_state *s, struct gl_slot *slot, const struct sp_b
     return ok;
 }
 
-/* What has no room is tried once more without what earlier frames left; then the processor
- * classifies what the GPU has no room for. */
+/* Draws the frame. If memory is short, tries again without the scratch memory of earlier frames;
+ * then the processor classifies volumes whose samples do not fit. */
 static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                  bool may_wait, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
@@ -542,7 +543,7 @@ static bool write_cubic(struct gl_state *s, struct sp_error *err) {
     return true;
 }
 
-/* All programs but the compositors that few views ask for. */
+/* Compiles all programs except the compositors that few views need. */
 static bool open_programs(struct gl_state *s, struct sp_error *err) {
     const struct choices plain = { .mode = SP_COMPOSITE_SHEET };
     const struct choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };

@@ -21,8 +21,8 @@ bool gl_egl_fail(struct sp_error *err, const char *call) {
     return sp_fail(err, SP_ERR_BACKEND, "", "%s fails: EGL error 0x%x", call, code + EGL_SUCCESS);
 }
 
-/* libepoxy loads the libraries at the first call and ends the process where it cannot; so they are
- * loaded here first, under its names, and stay. */
+/* libepoxy loads the libraries at its first call and ends the process if that fails. Therefore they
+ * are loaded here first, under the same names, and stay loaded. */
 static bool load_libraries(struct sp_error *err) {
     static const char *const choices[][2] = { { "libEGL.so.1", "libEGL.so.1" },
                                               { "libOpenGL.so.0", "libGL.so.1" } };
@@ -38,7 +38,7 @@ static bool load_libraries(struct sp_error *err) {
     return true;
 }
 
-/* Whether a list of extensions, separated by spaces, has the name; a NULL list has none. */
+/* True if the name is in a list of extensions, separated by spaces. A NULL list is empty. */
 static bool has_extension(const char *list, const char *name) {
     size_t length = strlen(name);
     while (list && (list = strstr(list, name))) {
@@ -49,7 +49,7 @@ static bool has_extension(const char *list, const char *name) {
     return false;
 }
 
-#ifndef EGL_DRM_RENDER_NODE_FILE_EXT /* newer than the header */
+#ifndef EGL_DRM_RENDER_NODE_FILE_EXT /* newer than the header of Debian 12 */
 #define EGL_DRM_RENDER_NODE_FILE_EXT 0x3377
 #endif
 
@@ -76,8 +76,8 @@ static void add(struct gl_places *places, const char *platform, const char *miss
     };
 }
 
-/* The first of these that EGL lacks; NULL = none. The loader that chooses among drivers has an
- * empty list when there is none. */
+/* Returns the first of the extensions that EGL lacks; NULL = none is missing. The list of a driver
+ * loader without drivers is empty. */
 static const char *missing_of(const char *client, const char *const *extensions) {
     if (client && !*client)
         return "a driver";

@@ -11,7 +11,7 @@
 #include "tile/order.h"
 
 #define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
-#define FARTHEST 1e7           /* cells; all beyond is as far, as in tile/depth.c */
+#define FARTHEST 1e7           /* cells; everything beyond counts as this far, as in tile/depth.c */
 
 _Static_assert((int)SP_CUTS_MAX == (int)GL_CLIP_PLANES, "room for the planes that clip");
 _Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "room for the lights");
@@ -26,7 +26,7 @@ static uint32_t part_bit(unsigned level, bool is_enlarged) {
     return 1u << (2 * level + is_enlarged);
 }
 
-/* The cut of levels that the frame is drawn with. */
+/* Chooses the mip level of each brick. */
 static bool choose_levels(struct gl_frame *f, const struct sp_backend_job *job,
                           struct sp_arena *arena) {
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
@@ -44,7 +44,7 @@ static bool choose_levels(struct gl_frame *f, const struct sp_backend_job *job,
     f->is_enlarged = f->parts & part_bit(f->finest, true);
     f->drawn = f->detail.levels;
     if (f->compositing != SP_COMPOSITE_SHEET) {
-        /* Layers by distance are of one level, the finest that some brick needs. */
+        /* Layers by distance use one level, the finest that some brick needs. */
         f->drawn = 1u << f->finest;
         f->parts = part_bit(f->finest, f->is_enlarged);
     }
@@ -56,7 +56,7 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
     const struct sp_view *view = job->view;
     struct sp_classify_job classify = { .tf = &view->transfer_function,
                                         .levels = f->drawn,
-                                        .axis = SP_NO_AXIS, /* any will do */
+                                        .axis = SP_NO_AXIS, /* any order of entries will do */
                                         .normals = view->shading.mode == SP_SHADING_PHONG ||
                                                    view->transfer_function.gradient_count > 0 ||
                                                    f->is_post,
@@ -72,8 +72,8 @@ static bool get_lists(struct gl_frame *f, const struct sp_backend_job *job,
     return true;
 }
 
-/* The first voxel of the brick that is nearest to the eye, as far as the grid goes: places are
- * counted from there, so that what is seen from near is placed to single precision. */
+/* Finds the first voxel of the brick that is nearest to the eye. Positions are relative to it, so
+ * that single precision suffices for voxels close to the eye. */
 static void find_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
     struct sp_mat3 step;
     double determinant;
@@ -94,9 +94,9 @@ static void find_origin(const struct sp_ewa_frame *e, uint32_t origin[3]) {
     }
 }
 
-/* Chen's eq. 7 for the shader: R·u2 of the smallest and largest kernel times the thresholds, and
- * the low-pass filter. Of a level that is small enough kernels are those that its voxels would
- * have. */
+/* Writes the constants of Chen's eq. 7: R·u2 of the smallest and largest kernel times the
+ * thresholds, and the low-pass filter. For a level that is small enough, kernels are those of the
+ * finest level. */
 static void write_adaptive(struct gl_part *to, const struct gl_frame *f, const struct sp_view *view,
                            const struct sp_ewa_frame *e, unsigned level, bool is_enlarged) {
     struct sp_adaptive adaptive;
@@ -195,11 +195,12 @@ static void write_constants(struct gl_frame *f, const struct gl_partition *parti
     c->lens[2] = gl_frame_ewa(f)->centre[1];
 }
 
-/* As thick as the view wants slabs, as long as a kernel lies in no more than SP_SLOTS_MAX. */
+/* Returns the view's slab thickness, or more if a kernel would lie in more than SP_SLOTS_MAX slabs.
+ */
 static double slab_thickness(const struct gl_frame *f, const struct sp_view *view, double *reach) {
     const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
     const struct sp_grid *grid = &f->lists[f->finest]->grid;
-    /* A coarse scalar is no smoother to the transfer function: its slabs stay as thin. */
+    /* The transfer function varies as fast over an averaged scalar: its slabs stay as thin. */
     const double *spacing = f->is_post ? f->grid->spacing : grid->spacing;
     double radius[2], smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
@@ -209,7 +210,7 @@ static double slab_thickness(const struct gl_frame *f, const struct sp_view *vie
     return fmax(thickness, 2 * *reach / (SP_SLOTS_MAX - 3));
 }
 
-/* The sheets' order front to back, and the bricks in them. */
+/* Chooses the sheets, front to back, and the bricks in them. */
 static bool cut_sheets(struct gl_frame *f, const struct gl_sources *from,
                        const struct gl_partition_source *source, struct sp_error *err) {
     uint32_t count = f->grid->dims[f->axis];

@@ -63,7 +63,7 @@ struct gl_sources {
     struct gl_partition *partition;
 };
 
-/* A frame and its layers; A context must be
+/* Prepares a frame and its layers. A context must be
  * current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,
                     const struct gl_sources *from, struct sp_error *err);

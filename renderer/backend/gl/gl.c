@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The GPU backend, once for hardware and once for software GL: one implementation, two entries.
+ * The GPU backend: one implementation with two entries, for hardware and for software GL.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +15,7 @@ static void name_device(struct gl_state *state) {
              info->software ? ", software GL, for correctness only" : "");
 }
 
-/* The context is gone, with the fences behind the frames that were begun. */
+/* Forgets a lost context, and the fences of frames in flight with it. */
 static void lose(struct gl_state *state) {
     gl_context_destroy(&state->context);
     gl_residency_lose(&state->residency);
@@ -23,7 +23,7 @@ static void lose(struct gl_state *state) {
         state->slots[i].readback.fence = NULL;
 }
 
-/* Ends the context, with all that is there. */
+/* Destroys the context and everything on it. */
 static void stop(struct gl_state *state) {
     if (state->context && gl_context_bind(state->context, NULL)) {
         gl_draw_finish(state);
@@ -42,8 +42,8 @@ static void gl_destroy(void *pointer) {
     free(state);
 }
 
-/* Makes on the context what does not change. One that follows a lost one knows nothing of what the
- * state had there: its names are let go. */
+/* Creates on the context what does not change. A new context after a lost one has none of the old
+ * GL names, so gl_draw_finish() clears them first. */
 static bool init(struct gl_state *state, struct sp_error *err) {
     const struct sp_backend_options budget = { .video_bytes = state->video_bytes,
                                                .memory_bytes = state->cache.limit_bytes };
@@ -61,7 +61,7 @@ static bool init(struct gl_state *state, struct sp_error *err) {
 
 struct starting {
     struct gl_state *state;
-    const struct sp_backend_options *options; /* NULL = the state has passed */
+    const struct sp_backend_options *options; /* NULL = the state passed the checks before */
 };
 
 static bool take(void *user, struct gl_context *context, struct sp_error *err) {
@@ -74,7 +74,7 @@ static bool take(void *user, struct gl_context *context, struct sp_error *err) {
     return ok;
 }
 
-/* The first place that does all of it; one that was started on before, alone. */
+/* Starts on the first place that works; after a lost context only on the same place. */
 static bool start(struct gl_state *state, const struct sp_backend_options *options,
                   struct sp_error *err) {
     const struct gl_options wanted = state->options;
@@ -85,7 +85,7 @@ static bool start(struct gl_state *state, const struct sp_backend_options *optio
     return ok;
 }
 
-/* Without a context. */
+/* Creates a state without a context. */
 static struct gl_state *make(const struct sp_backend_options *options, bool software,
                              struct sp_error *err) {
     struct gl_state *state = calloc(1, sizeof *state);
@@ -146,8 +146,9 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
-/* A frame of a context that is lost fails, with all that were begun, and the next one begins with
- * another context. What the processor derived from volumes is kept, and uploaded again. */
+/* Unbinds the context and reports the result. If the context is lost, all frames in flight fail and
+ * the next frame creates a new context. The processor keeps its cached lists, which are uploaded
+ * again. */
 static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct sp_error *err) {
     if (state->context && gl_context_is_lost(state->context, why)) {
         lose(state);
@@ -160,13 +161,14 @@ static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct 
     return ok || sp_fail(err, why->code, why->place, "%s", why->text);
 }
 
-/* Makes the context current, another one if there is none; destroyed when it cannot be. */
+/* Makes the context current and creates a new one if there is none. A context that cannot be made
+ * current is destroyed. */
 static bool enter(struct gl_state *state, struct sp_error *why) {
     bool ok = (state->context || start(state, NULL, why)) && gl_context_bind(state->context, why);
     if (ok)
         return true;
     lose(state);
-    /* It started before: whatever it lacks now, its device too, is not the view's fault. */
+    /* The backend started before, so a missing device now is not the view's fault. */
     why->code = why->code == SP_ERR_MEMORY ? SP_ERR_MEMORY : SP_ERR_BACKEND;
     return false;
 }
@@ -189,7 +191,7 @@ static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp
 
 static void gl_evict(void *pointer, const struct sp_volume *volume) {
     struct gl_state *state = pointer;
-    /* A lost context has taken all lists with it. */
+    /* The lists of a lost context are gone already. */
     if (state->context && gl_context_bind(state->context, NULL)) {
         gl_residency_evict(&state->residency, volume);
         gl_context_unbind(state->context);
@@ -207,7 +209,7 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     return bytes;
 }
 
-/* All that the CPU does. */
+/* The same as the CPU backend. */
 #define CAPABILITIES                                                                               \
     {                                                                                              \
         .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC), .filters = SP_CAN_ALL,    \
@@ -232,7 +234,7 @@ const struct sp_backend gl_backend = {
     .finish = gl_end,
     .evict = gl_evict,
     .memory = gl_memory,
-    .probe = gl_probe, /* of both entries */
+    .probe = gl_probe, /* lists the devices of both entries */
 };
 const struct sp_backend gl_software_backend = {
     .entry = { "gl-software", "the same on the processor, by software GL: for tests" },

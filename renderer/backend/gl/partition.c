@@ -12,8 +12,8 @@ struct gl_item {
     uint32_t first, count; /* entries of its list */
     uint8_t level;
     bool is_enlarged;
-    int64_t near, far; /* layers that it may have entries in: [near, far] */
-    /* By distance: a sphere around its voxels' centres. World units. */
+    int64_t near, far; /* it may have entries in layers [near, far] */
+    /* By distance: the sphere around its voxels' centres. World units. */
     struct sp_vec3 centre;
     double radius;
 };
@@ -38,7 +38,7 @@ static void write_list_made(const struct gl_partition_source *from, uint64_t mad
         made[l] = from->lists[l] ? from->lists[l]->list_made : 0;
 }
 
-/* Whether the items are those of the source. */
+/* True if the items are up to date. */
 static bool is_kept(const struct gl_partition *partition, const struct gl_partition_source *from,
                     unsigned axis) {
     uint64_t made[SP_LEVELS];
@@ -81,7 +81,7 @@ static bool keep_detail(struct gl_partition *partition, const struct sp_detail *
     return partition->detail.bricks != NULL;
 }
 
-/* Bricks of the cut through the levels, those of a level together. */
+/* Adds the bricks of all levels, level by level. */
 static void add_detail(struct gl_partition *partition, const struct gl_partition_source *from) {
     for (unsigned l = 0; partition->detail.levels >> l; l++)
         for (uint32_t i = 0; partition->detail.levels >> l & 1 && i < partition->detail.count;
@@ -92,7 +92,7 @@ static void add_detail(struct gl_partition *partition, const struct gl_partition
         }
 }
 
-/* The sphere around the centres of a brick's voxels. */
+/* Computes the sphere around the centres of a brick's voxels. */
 static void enclose(const struct gl_visible_list *list, struct gl_item *item) {
     const struct sp_grid *grid = &list->grid;
     struct sp_vec3 half[3];
@@ -121,7 +121,7 @@ static bool list_items(struct gl_partition *partition, const struct gl_partition
     const struct gl_visible_list *list = from->lists[from->level];
     uint32_t most = axis == SP_NO_AXIS ? gl_visible_list_bricks(list) : from->detail->count;
     sp_arena_reset(&partition->kept);
-    partition->volume = NULL; /* until all is there */
+    partition->volume = NULL; /* until the list is complete */
     partition->is_cut = false;
     partition->item_count = 0;
     partition->entries = 0;
@@ -143,7 +143,7 @@ static bool list_items(struct gl_partition *partition, const struct gl_partition
     return true;
 }
 
-/* The sheets that a brick has slices in. */
+/* Finds the sheets that a brick has slices in. */
 static void find_sheets(const struct gl_partition *partition, const struct gl_visible_list *list,
                         struct gl_item *item) {
     uint32_t corner[3], first, dim = list->grid.dims[partition->axis];
@@ -166,7 +166,7 @@ bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partiti
     if (partition->sheet_count == count &&
         memcmp(partition->sheets, sheets, count * sizeof *sheets) == 0)
         return true;
-    if (partition->sheet_count != count) /* just listed */
+    if (partition->sheet_count != count) /* the items were just listed */
         partition->sheets =
             sp_arena_alloc(&partition->kept, "order of sheets", count, sizeof *partition->sheets);
     partition->sheet_count = partition->layer_count = partition->sheets ? count : 0;
@@ -180,8 +180,8 @@ bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partiti
     return true;
 }
 
-/* Layers that kernels of a brick may lie in, counted from the eye: those of the sphere around it,
- * and one more on either side for rounding. */
+/* Finds the layers, counted from the eye, that kernels of a brick may lie in: those of the sphere
+ * around it, and one more on each side for rounding. */
 static void find_distances(const struct gl_partition_depth *depth, struct gl_item *item) {
     const struct sp_camera_frame *camera = depth->camera;
     struct sp_vec3 away = sp_vec3_sub(item->centre, camera->eye);
@@ -216,7 +216,7 @@ bool gl_partition_distances(struct gl_partition *partition, const struct gl_part
     return true;
 }
 
-/* Adds the brick's chunks to the batch. Only counts where there is no memory yet. */
+/* Adds the brick's chunks to the batch; only counts them while there is no memory. */
 static void add_chunks(struct gl_partition *partition, const struct gl_item *item,
                        struct gl_batch *batch) {
     uint32_t part = 2u * item->level + item->is_enlarged;
@@ -239,7 +239,7 @@ static void add_batch(struct gl_partition *partition, const struct gl_batch *bat
     partition->batch_count++;
 }
 
-/* Adds the batches of layers [begin, end): one, unless its entries are more than a batch's records.
+/* Adds the batches of layers [begin, end): one, or several if there are more entries than records.
  */
 static void add_batches(struct gl_partition *partition, uint32_t begin, uint32_t end) {
     struct gl_batch batch = { .first = begin, .layers = end - begin };
@@ -258,7 +258,7 @@ static void add_batches(struct gl_partition *partition, uint32_t begin, uint32_t
         add_batch(partition, &batch);
 }
 
-/* Entries of bricks with layers before k, and of those that end before k. */
+/* By k: entries of bricks that begin before layer k, and of bricks that end before it. */
 struct sums {
     uint64_t *begun, *ended; /* [layer_count + 1] */
 };

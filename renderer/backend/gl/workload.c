@@ -5,11 +5,11 @@
 #include "classify/visible.h"
 
 enum {
-    LAYERS_MOST = 1 << 14, /* of a batch: a span has 14 bits for one */
+    LAYERS_MOST = 1 << 14, /* per batch: a span has 14 bits for a layer */
     HALVINGS_MOST = 6,
-    SPAN_ROUNDS = 3,   /* of a splat in one layer of one tile */
-    ORDER_ROUNDS = 24, /* for a pair while its bin is put in order */
-    SHORT = 5          /* of what is long: doubled, it is not long yet */
+    SPAN_ROUNDS = 3,   /* loop rounds of a splat in one layer of one tile */
+    ORDER_ROUNDS = 24, /* loop rounds per pair while its bin is sorted */
+    SHORT = 5          /* short: below 1/5 of the limit, so that twice as much is not long */
 };
 
 static uint32_t most(uint32_t a, uint32_t b) {
@@ -36,7 +36,7 @@ static uint32_t records_of(const struct gl_workload *workload, const struct gl_c
     return most((uint32_t)(records < block ? records : block), SP_BRICK_VOXELS);
 }
 
-/* The crowd of a single brick is put in order however long that takes: no batch is smaller. */
+/* A bin of a single brick is sorted however long that takes, because no batch is smaller. */
 static uint32_t bin_pairs_of(const struct gl_workload *workload, uint32_t records) {
     const struct gl_limits limits = gl_workload_limits(workload);
     return records > SP_BRICK_VOXELS ? limits.loops / (ORDER_ROUNDS * limits.dear)
@@ -48,15 +48,16 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
     const struct gl_limits limits = gl_workload_limits(workload);
     uint32_t records = records_of(workload, costs);
     uint32_t rounds = costs->pair_rounds + costs->pair_loads * limits.dear;
-    return (struct gl_pieces){ .records = records,
-                               .pairs = workload->pairs,
-                               .turn_pairs = most(limits.loops / rounds, 1),
-                               .turns = workload->turns,
-                               .bin_pairs = most(bin_pairs_of(workload, records), 1),
-                               /* Each is an atomic addition; a row of tiles is the least. */
-                               .splat_rounds =
-                                   most(limits.loops / limits.dear, SPAN_ROUNDS * costs->columns),
-                               .halvings = workload->halvings };
+    return (struct gl_pieces){
+        .records = records,
+        .pairs = workload->pairs,
+        .turn_pairs = most(limits.loops / rounds, 1),
+        .turns = workload->turns,
+        .bin_pairs = most(bin_pairs_of(workload, records), 1),
+        /* Each round is an atomic addition; one row of tiles is the minimum. */
+        .splat_rounds = most(limits.loops / limits.dear, SPAN_ROUNDS * costs->columns),
+        .halvings = workload->halvings
+    };
 }
 
 bool gl_workload_halve(struct gl_workload *workload) {
@@ -73,7 +74,7 @@ void gl_workload_adapt(struct gl_workload *workload, const struct gl_pieces *was
                        double longest_ms) {
     if (longest_ms > workload->limits.dispatch_ms) {
         workload->calm = 0;
-        if (was->halvings == workload->halvings) /* else that was answered already */
+        if (was->halvings == workload->halvings) /* else the sizes have changed since */
             gl_workload_halve(workload);
         return;
     }
@@ -103,7 +104,7 @@ bool gl_workload_fits(const struct gl_pieces *was, const struct gl_bins_head *he
            head->widest <= was->splat_rounds && has_turns(was, head);
 }
 
-/* What has to shrink by this factor, < 1, so that something fits. */
+/* Shrinks a size by this factor, < 1, with some margin. */
 static uint32_t shrink(uint32_t size, double factor) {
     uint32_t less = (uint32_t)(0.9 * factor * size);
     return less > 1 ? less : 1;
@@ -149,14 +150,14 @@ static bool make_room_for_pairs(struct gl_workload *workload, const struct gl_pi
         shrink_records(workload, was, factor);
     else if (was->rows > 1)
         workload->rows = shrink(was->rows, factor);
-    else if (head->needed <= workload->limits.pairs) /* a long dispatch is better than no picture */
+    else if (head->needed <= workload->limits.pairs) /* a long dispatch is better than no image */
         grow_pairs(workload, head, workload->limits.pairs);
     else
         return fail_pairs(workload, head, err);
     return true;
 }
 
-/* A row of tiles in one layer has the rounds that a splat is allowed at least. */
+/* One row of tiles in one layer never exceeds the rounds of a splat. */
 static void make_narrower(struct gl_workload *workload, const struct gl_pieces *was,
                           const struct gl_bins_head *head) {
     double factor = (double)was->splat_rounds / head->widest;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counts → where each bin's pairs begin inside its block of SCAN_BLOCK bins, and each block's total. Four bins a
-// thread, Hillis & Steele in shared memory.
+// // Prefix sum: counts → where each bin's pairs begin inside its block of SCAN_BLOCK bins, and the total of each block.
+// Four bins per thread; Hillis & Steele in shared memory.
 
 layout(local_size_x = GROUP) in;
 layout(std430, binding = 6) writeonly buffer Totals { uint totals[]; };

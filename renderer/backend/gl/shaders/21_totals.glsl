@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Totals of the blocks → where each block begins, in one work group. Sums that do not fit stay at the largest number,
-// so that too many pairs never look like few.
+// // Prefix sum of the totals → where each block begins, in one work group. Sums saturate, so that too many pairs never
+// look like few.
 
 layout(local_size_x = GROUP) in;
 layout(std430, binding = 6) buffer Totals { uint totals[]; };

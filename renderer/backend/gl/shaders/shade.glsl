@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Phong's model as splat/shade.h derives it, for a voxel with a gradient and for a coarse cell with microflakes.
+// // Phong's model (derivation: splat/shade.h), for a voxel with a gradient and for a cell of a coarser level with
+// microflakes.
 
 const float FLAKES_MINOR = 0.525731112, FLAKES_MAJOR = 0.850650808;
 

@@ -162,10 +162,10 @@ static void a_reset_costs_no_frame(void **state) {
     static const struct {
         GLenum status;
         const char *words;
-    } resets[] = { { GL_GUILTY_CONTEXT_RESET, "for what this program asked of it" },
-                   { GL_INNOCENT_CONTEXT_RESET, "for what another program asked of it" },
-                   { GL_UNKNOWN_CONTEXT_RESET, "for a reason that it does not tell" },
-                   { 0x92bb, "for a reason that it does not tell" } };
+    } resets[] = { { GL_GUILTY_CONTEXT_RESET, "because of a command of this program" },
+                   { GL_INNOCENT_CONTEXT_RESET, "because of a command of another program" },
+                   { GL_UNKNOWN_CONTEXT_RESET, "for an unknown reason" },
+                   { 0x92bb, "for an unknown reason" } };
     for (unsigned i = 0; i < sizeof resets / sizeof resets[0]; i++) {
         plan.status = resets[i].status;
         plan.resets = 1;

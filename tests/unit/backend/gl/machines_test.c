@@ -75,7 +75,7 @@ static void one_device_is_taken_alone(void **state) {
     assert_string_equal(err.text, "EGL device 2: Real 100 is hardware");
     assert_int_equal(take(3, false, &info, &err), -1);
     assert_int_equal(err.code, SP_ERR_INVALID);
-    assert_string_equal(err.text, "there is no GPU 3; EGL lists 3 devices, from 0");
+    assert_string_equal(err.text, "there is no GPU 3; EGL lists 3 devices, counted from 0");
 }
 
 static void other_platforms_come_after_devices(void **state) {
