@@ -43,8 +43,7 @@ static double fill_filter(struct sp_postconv_filter *f, double spread) {
     return variance;
 }
 
-/* A Gaussian cut at some samples is narrower than its name says: it is made wider until its
- * variance is right. */
+/* A truncated Gaussian has too small a variance. It is widened until its variance is right. */
 static void make_filter(struct sp_postconv_filter *f, double variance, double reach) {
     *f = (struct sp_postconv_filter){ .taps = (int)ceil(reach * sqrt(variance)), .weight = { 1 } };
     if (f->taps > POSTCONV_TAPS)
@@ -76,11 +75,12 @@ void sp_postconv_tables_init(struct sp_postconv_tables *t) {
             make_filter(&t->filters[i][n], (double)n / POSTCONV_STEPS, i ? 4 : 3);
 }
 
-static const float sharpest = 0.05f; /* samples² that a deposit may be narrower than a B-spline */
-static const float no_cross = 0.02f; /* of the variance: less of it across does not count */
-static const float small_cross = 0.1f; /* … and so much a deposit can give by itself */
+/* A deposit may be this much narrower than a B-spline [samples²]. */
+static const float sharpest = 0.05f;
+static const float no_cross = 0.02f; /* a covariance below this share of the variance is ignored */
+static const float small_cross = 0.1f; /* up to this share the deposit alone corrects it */
 
-/* Filters for samples that are 2^scale px wide; false where there are none. */
+/* Finds filters for samples that are 2^scale px wide; false if there are none. */
 static bool find_filters(const struct sp_postconv *postconv, const float v[3],
                          struct sp_postconv_group *g) {
     const struct sp_postconv_filter *filters = postconv->tables->filters[postconv->exact];
@@ -110,7 +110,7 @@ static bool find_filters(const struct sp_postconv *postconv, const float v[3],
         int samples = POSTCONV_TILE >> g->scale[a];
         g->offset[a] = (float)POSTCONV_MARGIN - (g->scale[a] ? 0 : 0.5f);
         g->end[a] = g->offset[a] + POSTCONV_TILE * g->per_px[a];
-        /* As far as samples reach, or footprints: a whole number of phases. */
+        /* As far as samples or footprints reach, rounded to whole phases. */
         float around = postconv->reach * sqrtf(v[a]) * g->per_px[a];
         float low =
             fmaxf((float)(POSTCONV_MARGIN - reach - 2 - (g->scale[a] > 0)), g->offset[a] - around);
@@ -124,7 +124,7 @@ static bool find_filters(const struct sp_postconv *postconv, const float v[3],
     return true;
 }
 
-/* Variance of footprints, px², from which samples of 2^(scale + 1) px do. */
+/* Returns the variance of footprints from which samples of 2^(scale + 1) px suffice [px²]. */
 static float variance_to_widen(const struct sp_postconv *postconv, int scale) {
     return postconv->smooth[scale > 0] * (float)(4 << 2 * scale);
 }
@@ -133,7 +133,7 @@ bool sp_postconv_group_init(const struct sp_postconv *postconv, const struct sp_
                             const float range[2], struct sp_postconv_group *g) {
     float narrow = postconv->exact ? 1.06f : 1.08f, wide = postconv->exact ? 1.08f : 1.1f;
     float v[3], w = fminf(sqrtf(range[0] * range[1]), narrow * range[0]);
-    /* A group's middle is not much nearer than its farthest voxels, and neither are its ends. */
+    /* The middle of a group, and its ends, are close to its farthest voxels. */
     sp_postconv_variance(b, w, v);
     *g = (struct sp_postconv_group){ .reference = { v[0], v[1] },
                                      .middle = w,
@@ -165,27 +165,26 @@ int sp_postconv_group_fits(const struct sp_postconv_group *g, const struct sp_po
     return low <= range[0] && high >= range[1] ? 2 : 1;
 }
 
-/* A brick whose voxels are that much nearer and farther sees them from too many sides for one
- * filter. */
+/* A brick is unfit if the distances of its voxels differ by more than this factor. */
 static const float uneven = 1.4f;
 
 static float sinc(float x) {
     return fabsf(x) < 1e-3f ? 1 : sinf(x) / x;
 }
 
-/* What a grid of samples lets through of one component of a wave, and as what: deposit, filter of
- * variance `rest` and interpolation of its alias. `omega` is per sample. */
+/* Returns the response of the grid of samples to a wave along one axis: deposit, filter of variance
+ * `rest`, and interpolation of its alias. `omega` is per sample. */
 static float response(float omega, float rest, bool interpolated) {
     float alias = omega - 2 * (float)M_PI * roundf(omega / (2 * (float)M_PI));
     float b = sinc(0.5f * omega), c = interpolated ? sinc(0.5f * alias) : 1;
     return b * b * b * b * expf(-0.5f * rest * alias * alias) * c * c * c;
 }
 
-/* The voxels of a sheet are a lattice too, and beat with the samples. How much of a constant field
- * comes out as waves, at most; step: of the lattice's two axes in the picture, px. */
+/* The voxels of a sheet are a lattice too, and beat with the samples. Returns the largest ripple of
+ * a constant field. step: the lattice's two axes in the image [px]. */
 static float beat(const float (*step)[2], const float v[3], const int scale[2]) {
     float det = step[0][0] * step[1][1] - step[0][1] * step[1][0], sum = 0;
-    float waves[4][2]; /* of the lattice: the reciprocal vectors and their sum and difference */
+    float waves[4][2]; /* reciprocal vectors of the lattice, their sum and difference */
     for (int a = 0; a < 2; a++) {
         float turn = (a ? -2 : 2) * (float)M_PI / det;
         waves[0][a] = turn * step[1][!a];
@@ -202,15 +201,16 @@ static float beat(const float (*step)[2], const float v[3], const int scale[2]) 
             share *= response(omega, fmaxf(rest, 0), scale[a] > 0);
             aliased |= fabsf(omega) > (float)M_PI;
         }
-        sum += aliased ? share : 0; /* what the samples resolve belongs to the footprints */
+        sum += aliased ? share : 0; /* waves that the samples resolve belong to the footprints */
     }
     return isfinite(sum) ? sum : 0;
 }
 
-/* Waves that are let through of a constant field, by whether the filter is exact; of pixels. */
+/* Largest accepted ripple of a constant field, by sp_postconv.exact; and for samples of one pixel.
+ */
 static const float most_beat[2] = { 0.012f, 0.004f }, most_beat_of_pixels = 0.008f;
 
-/* How wide samples may be before they beat; false when even pixels do. */
+/* Chooses how wide samples may be without beating; false if even samples of one pixel beat. */
 static bool choose_scales(const struct sp_postconv *postconv, struct sp_postconv_brick *b) {
     float v[3], w = sqrtf(b->range[0] * b->range[1]);
     int scale[2] = { 0, 0 };
@@ -225,8 +225,8 @@ static bool choose_scales(const struct sp_postconv *postconv, struct sp_postconv
     return scale[0] || scale[1] || beat(b->step, v, scale) <= most_beat_of_pixels;
 }
 
-/* Whether there are filters for all of a brick's voxels. Where samples get wider, or with a
- * diagonal, the nearest and the farthest do not speak for those between. */
+/* True if there are filters for all of a brick's voxels. If samples get wider, or with a diagonal,
+ * the nearest and the farthest voxel do not represent the ones between. */
 static bool has_filters(const struct sp_postconv *postconv, const struct sp_postconv_brick *b) {
     enum { STEPS = 16 };
     struct sp_postconv_group group;

@@ -8,7 +8,7 @@
 #include "splat/slices.h"
 #include "volume/grid.h"
 
-/* Whether the plane n·t ≥ offset leaves every kernel of the grid whole. */
+/* True if the plane n·t ≥ offset clips no kernel of the grid. */
 static bool is_beyond(const double normal[3], double offset, const struct sp_grid *grid,
                       const struct sp_filter *filter) {
     double largest = fmax(fabs(normal[0]), fmax(fabs(normal[1]), fabs(normal[2])));
@@ -29,8 +29,8 @@ static bool is_beyond(const double normal[3], double offset, const struct sp_gri
     return lowest - offset / largest >= reach * sqrt(spacing2 * length2);
 }
 
-/* Whether anything is clipped. A plane that is far enough away is none, so that it does not change
- * how the picture is drawn. */
+/* True if anything is clipped. A plane that is far enough away does not count, so that it does not
+ * change how the image is drawn. */
 static bool is_cut(const struct sp_view *view, const struct sp_grid *grid) {
     const struct sp_clip *clip = &view->clip;
     for (int a = 0; a < 3; a++)
@@ -42,7 +42,7 @@ static bool is_cut(const struct sp_view *view, const struct sp_grid *grid) {
     return false;
 }
 
-/* Filters reach three deviations and farther: nearer cuts of the Gaussian are not theirs. */
+/* Filters reach at least three deviations, so they cannot draw a Gaussian with a smaller cutoff. */
 static const double least_cutoff = 3;
 
 bool sp_postconv_can_draw(const struct sp_view *view, const struct sp_grid *grid) {
@@ -58,10 +58,10 @@ struct prepare {
     struct sp_postconv_brick *slots; /* by brick of the level */
     float length;                    /* of a ray in a layer, reference lengths */
     float deepest;                   /* of the transfer function, over one of them */
-    bool *sight;                     /* by brick: it may be seen */
+    bool *sight;                     /* by brick: it may be visible */
 };
 
-/* What a brick says of its footprints: those at u. */
+/* Computes the variance of a brick's footprints at u. */
 static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode, unsigned axis,
                           const float u[3], struct sp_postconv_brick *b) {
     float *v = b->spread, *scale = &b->scale, *lowpass2 = &b->lowpass2;
@@ -98,7 +98,7 @@ static void find_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode
         v[i] *= *scale * w2;
 }
 
-/* Pixels that a brick's voxels can reach; false when there are none in the picture. */
+/* Finds the pixels that a brick's voxels can reach; false if none is in the image. */
 static bool find_box(const struct sp_postconv *postconv, const float size[3],
                      struct sp_postconv_brick *b) {
     const struct sp_ewa_frame *f = sp_postconv_ewa(postconv, b);
@@ -134,8 +134,7 @@ static bool find_box(const struct sp_postconv *postconv, const float size[3],
     sp_postconv_variance(b, b->range[1], v);
     int box[2][2];
     for (int i = 0; i < 2; i++) {
-        /* Another group of the tile may be made for wider ones, and so may some of the brick's be.
-         */
+        /* A group may be made for wider footprints, of this brick or of another. */
         float reach = 4 * f->radius * sqrtf(v[i]);
         if (!b->is_unfit)
             reach = 1.1f * postconv->reach * sqrtf(v[i] / (1 - POSTCONV_ALIKE)) + 1;
@@ -153,13 +152,13 @@ static bool find_box(const struct sp_postconv *postconv, const float size[3],
     return true;
 }
 
-/* Filters do not end at the cutoff: at three deviations there is 1.1 % of the depth left. Of what
- * is merely opaque (an opacity of 0.999 is a depth of 7) that is little, and footprints would take
- * four times as long. */
+/* Filters do not end at the cutoff: at three deviations 1.1 % of the depth is left. For a voxel
+ * that is merely opaque (an opacity of 0.999 is a depth of 7) that is little, and footprints would
+ * take four times as long. */
 static const float most_depth = 24;
 
-/* What a footprint's depth is at its centre over that of a layer of its like, where that is more:
- * footprints that leave gaps. */
+/* Returns the depth at a footprint's centre over the depth of a layer of such footprints, at
+ * least 1. It is larger for footprints that leave gaps. */
 static float find_peak(const struct sp_postconv_brick *b) {
     float v[3], cell = fabsf(b->step[0][0] * b->step[1][1] - b->step[0][1] * b->step[1][0]);
     sp_postconv_variance(b, sqrtf(b->range[0] * b->range[1]), v);
@@ -167,14 +166,15 @@ static float find_peak(const struct sp_postconv_brick *b) {
     return fmaxf(1, cell / (2 * (float)M_PI * sqrtf(det)));
 }
 
-/* Layers that follow each other are composited as one up to this depth. */
+/* Consecutive layers are composited as one up to this depth. */
 static const float thin = 0.2f;
 
 static inline float larger(float a, float b) {
     return a > b ? a : b;
 }
 
-/* Largest depth of a class among the entries [first, end); beyond `enough` some. */
+/* Returns the largest depth of a class among the entries [first, end), or any depth above `enough`.
+ */
 static float find_depth(const struct sp_level *level, uint64_t first, uint64_t end, float enough) {
     enum { STEP = 32 };
     const struct sp_visible *list = &level->visible;
@@ -197,11 +197,12 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
     return most;
 }
 
-/* The same in each slice of the brick along the axis, for a ray's length there. */
+/* Finds the largest depth of each slice of the brick along the axis, for the length of a ray in it.
+ */
 static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
     const struct sp_level *level = sp_postconv_level(p->postconv, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
-    /* Beyond that it does not matter how much. */
+    /* A larger depth has the same consequence. */
     float enough = p->deepest * scale > most_depth ? most_depth : thin;
     uint64_t first = level->visible.first[b->brick];
     const uint16_t *start = level->visible.start[b->brick];
@@ -212,7 +213,7 @@ static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
     }
 }
 
-/* Most depth of a class. */
+/* Returns the largest depth of a class. */
 static float find_deepest(const struct sp_transfer_function *tf) {
     float most = 0;
     for (uint32_t i = 0; i < tf->point_count; i++)
@@ -220,8 +221,8 @@ static float find_deepest(const struct sp_transfer_function *tf) {
     return most;
 }
 
-/* Length of a ray in one layer over the transfer function's reference, in the middle of the
- * picture. */
+/* Returns the length of a ray in one layer over the transfer function's reference length, in the
+ * middle of the image. */
 static float layer_length(const struct sp_postconv_input *input) {
     const struct sp_grid *grid = input->grid;
     struct sp_mat3 d;
@@ -236,8 +237,8 @@ static float layer_length(const struct sp_postconv_input *input) {
     return (float)(1 / (crossed * input->view->transfer_function.reference_length));
 }
 
-/* Where the brick's first voxel lies, how far the last is from it in voxels, and u of its middle,
- * which is not before the near plane. */
+/* Computes the position of the brick's first voxel, the distance of its last voxel in voxels, and u
+ * of its middle, moved behind the near plane if necessary. */
 static void place_brick(const struct sp_postconv *postconv, struct sp_postconv_brick *b,
                         float size[3], float middle[3]) {
     const struct sp_level *level = sp_postconv_level(postconv, b);
@@ -297,7 +298,7 @@ static uint64_t count_voxels(const struct sp_postconv *postconv,
     return first[1] - first[0];
 }
 
-/* Which bricks each tile meets, and how many voxels tiles have to look at. */
+/* Finds the bricks that each tile meets, and the number of voxels that the tiles look at. */
 static bool meet_tiles(struct sp_postconv *postconv, struct sp_arena *arena) {
     uint32_t tiles = (uint32_t)(postconv->columns * postconv->rows);
     postconv->first =
@@ -339,7 +340,7 @@ static int by_voxels(const void *a, const void *b) {
                                   : (x->voxels < y->voxels) - (x->voxels > y->voxels);
 }
 
-/* In which order tiles are claimed. */
+/* Sorts the tiles in the order in which workers claim them. */
 static bool order_tiles(struct sp_postconv *postconv, struct sp_arena *arena) {
     uint32_t tiles = (uint32_t)(postconv->columns * postconv->rows);
     postconv->order = sp_arena_alloc(arena, "order of tiles", tiles, sizeof *postconv->order);
@@ -400,7 +401,7 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
                    arena->failed ? arena->failed : "data");
 }
 
-/* The layer of each slice. */
+/* Returns the layer of each slice. */
 static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *count) {
     const struct sp_grid *grid = input->grid;
     uint32_t n = *count = grid->dims[input->axis];
@@ -414,9 +415,9 @@ static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *co
     return layers;
 }
 
-/* Whether layers 2n and 2n + 1 are composited as one, too. They are the same all the time that the
- * camera moves: nothing but the view and the whole volume says so. Few slices gain little; where
- * voxels are wide, opaque or lit, each of them can be told from the next. */
+/* True if layers 2n and 2n + 1 are composited as one, too. Only the view and the whole volume
+ * decide, so that nothing jumps while the camera moves. Few slices gain little. Voxels that are
+ * wide, opaque or lit are visible one by one. */
 static bool may_pair(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
                      float deepest) {
     enum { FEW_LAYERS = 64 };
@@ -436,9 +437,9 @@ static bool may_pair(const struct sp_postconv_input *input, const struct sp_post
     return !postconv->shade && postconv->layers >= FEW_LAYERS && width <= widest && depth <= most;
 }
 
-/* Composites consecutive layers as one while together they add little depth to any pixel, and
- * pairs: transmittance is the same, only whose colour is in front is lost. For the frame as a
- * whole, so that there is no seam where a tile meets less than the next. */
+/* Joins consecutive layers that together add little depth to any pixel, and pairs of layers. The
+ * transmittance is exact; only the order of colours is lost. The decision is made for the whole
+ * frame, so that there is no seam between tiles that meet different bricks. */
 static bool join_layers(struct sp_postconv *postconv, bool pairs, struct sp_arena *arena) {
     float *depth = sp_arena_alloc(arena, "depths of sheets", postconv->layers, sizeof *depth),
           sum = 0;
@@ -469,9 +470,9 @@ static bool join_layers(struct sp_postconv *postconv, bool pairs, struct sp_aren
     return true;
 }
 
-/* Deviations from a voxel to the pixels that it matters to. Beyond them it is left out where a tile
- * ends, and less than a 400th of the light may be missed there: for a straight edge of depth d that
- * is where d/2 · erfc(r/√2) is, about. */
+/* Returns the number of deviations from a voxel to the pixels that it matters to. A tile leaves out
+ * voxels that are farther away, and may miss less than 1/400 of the light at its edge. For a
+ * straight edge of depth d the missing depth is about d/2 · erfc(r/√2). */
 static float find_reach(const struct sp_postconv *postconv, float cutoff, float deepest) {
     float seam = sqrtf(2 * logf(fmaxf(1, 53 * deepest)));
     return fmaxf(cutoff, postconv->exact ? 4 : fminf(4, seam));
@@ -526,8 +527,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
     return true;
 }
 
-/* From this share on, footprints that each tile sets up again take longer than all of them set up
- * once: measured on three scans, 0.2 to 0.33. */
+/* Above this share of unfit voxels, footprints that each tile sets up again take longer than
+ * setting up each footprint once. Measured on three scans: 0.2 to 0.33. */
 static const double most_unfit = 1.0 / 4;
 
 bool sp_postconv_is_worthwhile(const struct sp_postconv *postconv) {
