@@ -8,28 +8,28 @@ _Static_assert(POSTCONV_PHASES == 1 << PHASE_BITS, "phases are the low bits of a
 typedef int32_t ivec4 __attribute__((vector_size(16)));
 
 struct chunk {
-    _Alignas(64) int32_t column[CHUNK], row[CHUNK]; /* the first of the samples that it reaches */
-    _Alignas(64) int32_t at[CHUNK];       /* of that sample, floats from the grid's first */
-    _Alignas(64) int32_t phase[2][CHUNK]; /* row of the tables, floats from the first */
+    _Alignas(64) int32_t column[CHUNK], row[CHUNK]; /* the first sample that each voxel reaches */
+    _Alignas(64) int32_t at[CHUNK];                 /* index of that sample in the grid [floats] */
+    _Alignas(64) int32_t phase[2][CHUNK];           /* row of the tables [floats] */
     _Alignas(64) float gain[CHUNK];
     _Alignas(64) float delta[3][CHUNK]; /* of the variance: xx, yy, xy, samples² */
     _Alignas(64) float to_eye[3][CHUNK];
-    uint32_t own;                              /* voxels that no other tile has */
-    _Alignas(64) struct sp_class class[CHUNK]; /* of each voxel, where a table does not do */
+    uint32_t own; /* bit per voxel inside the tile, which no other tile counts */
+    _Alignas(64) struct sp_class class[CHUNK]; /* of each voxel, if a table does not suffice */
 };
 
-/* Neighbours in a list are neighbours in the picture; a voxel that adds to samples which the one
- * before is still writing would wait. So they are taken four apart. */
+/* Neighbours in a list are neighbours in the image. A voxel that adds to samples which the previous
+ * voxel is still writing would wait, so they are taken four apart. */
 static const uint8_t chunk_order[CHUNK] = { 0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15 };
 
-/* Everything that a run's chunks share. */
+/* Constants of a run. */
 struct run_frame {
     const struct sp_visible *list;
     const struct sp_transfer *transfer;
     float base[3], step[2][3]; /* u of place (0, 0) of the slice, and along its axes */
     /* Column and row, from the first that matters on, 1/POSTCONV_PHASES samples. */
     float focal[2], centre[2];
-    int32_t low[2], columns, rows;      /* the first, and how many matter */
+    int32_t low[2], columns, rows;      /* the first that matters, and how many do */
     int32_t own[4];                     /* of the tile's own: first column and row, how many */
     float scale, ratio_max[2], gram[6]; /* products of the kernel's rows: 00, 11, 01, 02, 12, 22 */
     float variance[3], rest[3];
@@ -48,7 +48,7 @@ static void start_run(const struct sp_postconv_open_tile *t, const struct sp_pos
     r->transfer = &level->transfer;
     r->perspective = f->projection == SP_PERSPECTIVE;
     r->near = f->near;
-    /* Elsewhere than at its ends a range is the brick's own: what rounding puts outside is in. */
+    /* At the brick's own ends the range is open, so that rounding leaves no voxel out. */
     bool is_first = run->range[0] <= b->range[0];
     r->range[0] = is_first ? 0 : run->range[0];
     r->range[1] = all ? INFINITY : g->range[1];
@@ -83,7 +83,8 @@ static void start_run(const struct sp_postconv_open_tile *t, const struct sp_pos
     r->gain = f->gain * g->per_px[0] * g->per_px[1];
 }
 
-/* Places of W of CHUNK entries, elements v … of the chunk. Lists may be read past their end. */
+/* Reads the places of W of CHUNK entries, elements v … of the chunk. Lists may be read past their
+ * end. */
 static inline sp_wide_int read_places(const uint8_t *from, int v) {
 #if defined SP_WIDE_AVX512 || defined SP_WIDE_AVX2 || defined SP_WIDE_SSE41
     __m128i order = _mm_loadu_si128((const __m128i *)(const void *)chunk_order);
@@ -106,7 +107,7 @@ static inline sp_wide_int read_places(const uint8_t *from, int v) {
 #endif
 }
 
-/* Elements of a chunk that hold the first n entries. */
+/* Returns the elements of a chunk that hold the first n entries. */
 static inline uint32_t elements(uint32_t n) {
     /* Element 4·column + row holds entry 4·row + column. */
     uint32_t m = 0, full = n / 4, left = n % 4;
@@ -120,7 +121,7 @@ static inline sp_wide_mask in_range(sp_wide_int a, int32_t end) {
     return sp_wide_int_lt(sp_wide_int_all(-1), a) & sp_wide_int_lt(a, sp_wide_int_all(end));
 }
 
-/* u of W voxels at places of the slice, and 1/u2. */
+/* Computes u of W voxels at places of the slice; returns 1/u2. */
 static inline sp_wide locate(const struct run_frame *r, sp_wide_int at, sp_wide u[3]) {
     sp_wide i0 = sp_wide_from_int(at & 15), i1 = sp_wide_from_int(at >> 4);
     for (int a = 0; a < 3; a++)
@@ -128,12 +129,13 @@ static inline sp_wide locate(const struct run_frame *r, sp_wide_int at, sp_wide 
     return r->perspective ? reciprocal(sp_wide_max(u[2], sp_wide_all(r->near))) : sp_wide_all(1);
 }
 
-/* Those in the range of 1/u2: what one group leaves, another finds, to the last bit. */
+/* True for voxels in the range of 1/u2. The test is exact: each voxel is in the range of one group.
+ */
 static inline sp_wide_mask in_part(const struct run_frame *r, sp_wide inv) {
     return sp_wide_le(sp_wide_all(r->range[0]), inv) & sp_wide_lt(inv, sp_wide_all(r->range[1]));
 }
 
-/* Bits of the lanes that are wanted, by block of four columns and four rows. */
+/* Returns a bit per lane whose block of 4 × 4 samples is wanted. */
 static inline uint32_t wanted_bits(const uint32_t wanted[POSTCONV_WANTED], sp_wide_int column,
                                    sp_wide_int row) {
 #if defined SP_WIDE_AVX512
@@ -153,7 +155,8 @@ static inline uint32_t wanted_bits(const uint32_t wanted[POSTCONV_WANTED], sp_wi
 #endif
 }
 
-/* Where the voxels lie, and what their footprints are. Returns those that matter to the tile. */
+/* Computes positions and footprints of a chunk. Returns a bit per voxel that matters to the tile.
+ */
 static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_postconv_open_tile *t,
                                    const uint8_t *places, uint32_t n, bool shaded,
                                    struct chunk *c) {
@@ -163,7 +166,7 @@ static inline uint32_t place_chunk(const struct run_frame *r, const struct sp_po
         sp_wide u[3], inv = locate(r, read_places(places, v), u);
         sp_wide t0 = u[0] * inv, t1 = u[1] * inv;
         sp_wide x = r->focal[0] * t0 + r->centre[0], y = r->focal[1] * t1 + r->centre[1];
-        /* From the first sample that matters on; whatever lies far outside does not fit. */
+        /* Relative to the first sample that matters; values far outside are out of range. */
         sp_wide_int column = sp_wide_to_int(x), row = sp_wide_to_int(y);
         sp_wide_mask mask = sp_wide_le(sp_wide_all(r->near), u[2]) & in_range(column, r->columns) &
                             in_range(row, r->rows);
@@ -250,9 +253,9 @@ static inline void deposit(const struct sp_postconv_tables *tables, const struct
     }
 }
 
-/* Lists may hold voxels that nothing is seen of. */
+/* A list may contain voxels that are not visible. */
 static inline uint32_t has_depth(const struct sp_class *class) {
-    int32_t bits; /* of a float that is not negative: compared without a vector register */
+    int32_t bits; /* a float ≥ 0 is compared as an integer, without a vector register */
     memcpy(&bits, &class->depth, sizeof bits);
     return bits > 0;
 }
@@ -262,7 +265,7 @@ static inline sp_wide_int power_of_two(sp_wide_int n) {
     return sp_wide_to_int((sp_wide)((n + 127) << 23));
 }
 
-/* The bits of all lanes together. */
+/* Combines the bits of all lanes. */
 static inline int32_t any_of(sp_wide_int a) {
 #if defined SP_WIDE_AVX512
     return _mm512_reduce_or_epi32((__m512i)a);
@@ -274,7 +277,7 @@ static inline int32_t any_of(sp_wide_int a) {
 #endif
 }
 
-/* Marks the blocks that a chunk's voxels reach: rows by fours. */
+/* Marks the blocks that a chunk's voxels reach, in units of four rows. */
 static inline void mark(struct sp_postconv_open_tile *t, const struct chunk *c, uint32_t inside) {
     sp_wide_int columns = sp_wide_int_all(0), rows = columns;
     for (int v = 0; v < CHUNK; v += W) {
@@ -313,8 +316,7 @@ static inline uint32_t deposit_keys(const struct sp_postconv_open_tile *t, const
     return count;
 }
 
-/* Adds a chunk whose classes are the table's; returns how many voxels of the tile have any depth.
- */
+/* Deposits a chunk with classes from the table; returns how many voxels of the tile are visible. */
 static uint32_t deposit_chunk(const struct sp_postconv_open_tile *t, const struct chunk *c,
                               uint32_t inside, const struct run_frame *r, uint64_t first) {
     if (r->list->key_bytes == 1)
@@ -324,13 +326,13 @@ static uint32_t deposit_chunk(const struct sp_postconv_open_tile *t, const struc
     return deposit_keys(t, c, inside, r, first, 4, false);
 }
 
-/* The same where the group has variance across. */
+/* The same for a group with covariance. */
 static uint32_t deposit_chunk_across(const struct sp_postconv_open_tile *t, const struct chunk *c,
                                      uint32_t inside, const struct run_frame *r, uint64_t first) {
     return deposit_keys(t, c, inside, r, first, r->list->key_bytes, true);
 }
 
-/* The same for a chunk that has classes of its own. */
+/* The same for a chunk with its own classes. */
 static uint32_t deposit_classes(const struct sp_postconv_open_tile *t, const struct chunk *c,
                                 uint32_t inside) {
     uint32_t count = 0;
@@ -358,7 +360,7 @@ static inline sp_wide dot3(const float a[3], const sp_wide b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Unit vectors of packed gradients, in camera space; 0 where there is none. */
+/* Unpacks gradients to unit vectors in camera space; 0 if there is no gradient. */
 static inline void unpack_normals(const struct sp_shade *shade, sp_wide_int packed, sp_wide n[3]) {
     sp_wide u = sp_wide_from_int((packed & 2047) - SP_GRADIENT_STEPS) * (1.0f / SP_GRADIENT_STEPS);
     sp_wide v =
@@ -374,7 +376,7 @@ static inline void unpack_normals(const struct sp_shade *shade, sp_wide_int pack
         n[a] = dot3(shade->to_camera[a], world);
 }
 
-/* What W voxels' colours are multiplied by, and what is added: sp_shade_direction(). */
+/* Computes the factors of W voxels' colours and the highlights to add, as sp_shade_direction(). */
 static inline void light(const struct sp_shade *shade, const sp_wide n[3], const sp_wide to_eye[3],
                          sp_wide lit[3], sp_wide shine[3]) {
     sp_wide none = sp_wide_all(0);
@@ -405,7 +407,7 @@ static inline void light(const struct sp_shade *shade, const sp_wide n[3], const
     }
 }
 
-/* Classes of a chunk's voxels where they are more than an entry of the table. */
+/* Classifies and shades a chunk's voxels, if the table alone does not suffice. */
 static void classify_chunk(const struct sp_postconv_open_tile *t, const struct run_frame *r,
                            uint64_t first, uint32_t inside, struct chunk *c) {
     const struct sp_shade *shade = t->postconv->shade;
@@ -484,7 +486,7 @@ void sp_postconv_add_run(struct sp_postconv_open_tile *t, const struct sp_postco
     t->scratch->fragments += count * (uint64_t)(t->group.area + 0.5f);
 }
 
-/* Adds footprints to the layer's sum one by one: those that no filter serves. */
+/* Adds one footprint to the layer's sum. */
 static void add_footprint(struct sp_postconv_open_tile *t, const struct sp_splat *splat,
                           float cut) {
     int x0 = splat->x0 - t->x, y0 = splat->y0 - t->y, x1 = splat->x1 - t->x, y1 = splat->y1 - t->y;
@@ -517,9 +519,8 @@ static void add_footprint(struct sp_postconv_open_tile *t, const struct sp_splat
     }
 }
 
-/* Entries of the brick that are still to be drawn, from *at on; at most `most`, a multiple of
- * CHUNK.
- */
+/* Lists the entries of the brick that are not drawn yet, from *at on; at most `most`, a multiple of
+ * CHUNK. */
 static uint32_t find_entries(const struct run_frame *r, const struct sp_postconv_run *run,
                              uint64_t first, uint32_t *at, uint32_t most, uint16_t *entries) {
     uint32_t count = 0;
@@ -557,7 +558,7 @@ void sp_postconv_add_footprints(struct sp_postconv_open_tile *t,
     struct run_frame frame;
     start_run(t, run, true, &frame);
     sp_visible_corner(list, b->brick, r.brick);
-    /* They may be wide: so few at a time that a cancelled frame is soon left. */
+    /* Footprints may be wide: few at a time, so that a cancelled frame ends soon. */
     for (uint32_t at = run->begin;
          at < run->end && !sp_interrupt_is_cancelled(&t->postconv->interrupt);) {
         r.count = find_entries(&frame, run, r.first, &at, COUNT, entries);

@@ -19,7 +19,7 @@ static void make_zoom(const struct sp_postconv_tables *tables, const struct sp_p
                 z->down[p][i + k] += tables->between[scale][p][i] * f->weight[k];
 }
 
-/* The same for vectors of pixels: one more sample where a vector spans two. */
+/* The same for vectors of pixels; one more sample if a vector spans two. */
 static void make_wide_zoom(const struct sp_postconv_tables *tables,
                            const struct sp_postconv_filter *f, int scale, struct zoom *z) {
     if (z->filter == f && z->scale == scale)
@@ -38,7 +38,7 @@ static void make_wide_zoom(const struct sp_postconv_tables *tables,
     z->taps += extra;
 }
 
-/* Which blocks of samples each block of pixels needs. */
+/* Finds the blocks of samples that each block of pixels needs. */
 static void find_needs(struct sp_postconv_open_tile *t) {
     int scale = t->group.scale[0], reach = t->group.filter[0]->taps;
     for (int b = 0; b < POSTCONV_TILE / BLOCK; b++) {
@@ -48,7 +48,7 @@ static void find_needs(struct sp_postconv_open_tile *t) {
     }
 }
 
-/* Blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
+/* Finds the blocks of samples that matter to pixels [4·block, 4·block + 4) along an axis. */
 static void find_span(const struct sp_postconv_group *g, int axis, int block, int span[2]) {
     float start = g->offset[axis] + (float)(block * BLOCK) * g->per_px[axis];
     float before = g->offset[axis] - g->low[axis];
@@ -56,7 +56,7 @@ static void find_span(const struct sp_postconv_group *g, int axis, int block, in
     span[1] = (int)(start + BLOCK * g->per_px[axis] + before) / BLOCK;
 }
 
-/* Where voxels of the group matter to what is not opaque. */
+/* Finds where voxels of the group matter to pixels that are not opaque. */
 static void find_wanted(struct sp_postconv_open_tile *t) {
     uint32_t columns[POSTCONV_TILE / BLOCK];
     int span[2];
@@ -113,7 +113,7 @@ static inline uint32_t widen(uint32_t blocks, int samples) {
     return blocks;
 }
 
-/* One vector: Σ weight[k] · from[k · stride], in two sums that do not wait for each other. */
+/* One vector: Σ weight[k] · from[k · stride], in two independent sums. */
 static inline sp_wide taps(const float *from, int stride, const float *weight, int n) {
     sp_wide even = sp_wide_load(from) * weight[0], odd = sp_wide_all(0);
     for (int k = 1; k + 1 < n; k += 2) {
@@ -125,7 +125,7 @@ static inline sp_wide taps(const float *from, int stride, const float *weight, i
     return even + odd;
 }
 
-/* Blocks of the tile that samples in `blocks` reach. */
+/* Returns the blocks of the tile that samples in `blocks` reach. */
 static uint32_t blocks_reached(uint32_t blocks, const uint32_t needs[POSTCONV_TILE / BLOCK]) {
     uint32_t reached = 0;
     for (int b = 0; b < POSTCONV_TILE / BLOCK; b++)
@@ -133,7 +133,7 @@ static uint32_t blocks_reached(uint32_t blocks, const uint32_t needs[POSTCONV_TI
     return reached;
 }
 
-/* One row of blocks, a pixel a sample. */
+/* Filters one row of blocks; samples are pixels. */
 static inline void filter_row(const float *from, const float *weight, int n, uint32_t reached,
                               float *to) {
     for (; reached; reached &= reached - 1) {
@@ -143,7 +143,7 @@ static inline void filter_row(const float *from, const float *weight, int n, uin
     }
 }
 
-/* The same with samples of 2^scale pixels; `from` is that of the tile's left edge. */
+/* The same with samples of 2^scale pixels; `from` is the sample at the tile's left edge. */
 static inline void zoom_row(const float *from, const struct zoom *z, int n, uint32_t reached,
                             float *to) {
     int period = (1 << z->scale) - 1;
@@ -164,7 +164,7 @@ static inline void zoom_row(const float *from, const struct zoom *z, int n, uint
     }
 }
 
-/* Loops over taps whose number, N, the compiler knows. */
+/* Calls with a number of taps, N, that the compiler knows. */
 #define TAPS_CASE(k, call)                                                                         \
     case k: {                                                                                      \
         enum { N = k };                                                                            \
@@ -215,7 +215,7 @@ static void filter_across(struct sp_postconv_open_tile *t, const float (*from)[P
     }
 }
 
-/* Empties the rows' marked blocks. */
+/* Clears the marked blocks of rows [begin, end). */
 static void clear_blocks(float (*grid)[POSTCONV_PITCH][4], uint32_t *blocks, int begin, int end) {
     for (int y = begin; y < end; y++) {
         for (uint32_t m = blocks[y]; m; m &= m - 1)
@@ -230,14 +230,14 @@ static void filter_diagonally(struct sp_postconv_open_tile *t) {
     int n = f->taps, stride = 4 * (POSTCONV_PITCH + t->group.sign);
     int low = t->row0 - n < 0 ? 0 : t->row0 - n;
     int high = t->row1 + n > POSTCONV_GRID ? POSTCONV_GRID : t->row1 + n;
-    /* Blocks that the next filter reads: so nothing beside the grid is. */
+    /* Blocks that the next filter reads; this keeps it inside the grid. */
     int left = ORIGIN - 1 - t->group.filter[0]->taps;
     int right = ORIGIN + (POSTCONV_TILE >> t->group.scale[0]) + 2 + t->group.filter[0]->taps;
     uint32_t needed = (UINT32_C(2) << right / BLOCK) - (UINT32_C(1) << left / BLOCK);
     join_rows(t->deposited, t->row0, t->row1, n, low, high, t->skewed);
     for (int y = low; y < high; y++) {
         t->skewed[y] = widen(t->skewed[y], n) & needed;
-        /* Rows outside the grid hold nothing. */
+        /* Rows outside the grid are empty. */
         int first = y - n < 0 ? n - y : 0,
             last = y + n >= POSTCONV_GRID ? POSTCONV_GRID - 1 - y + n : 2 * n;
         for (uint32_t m = t->skewed[y]; m; m &= m - 1) {
@@ -253,8 +253,8 @@ static void filter_diagonally(struct sp_postconv_open_tile *t) {
     t->row1 = high;
 }
 
-/* (1 − exp(−d)) / d for d ≥ 0: what a sheet lets through of its own light. Most sheets are thin,
- * where its series does. */
+/* (1 − exp(−d)) / d for d ≥ 0: how much of its own light a sheet lets through. Most sheets are
+ * thin, where the series is exact enough. */
 static inline sp_wide mean_transmittance(sp_wide d) {
     sp_wide series = 1.0f / 5040 - d * (1.0f / 40320);
     series = 1.0f / 120 - d * (1.0f / 720 - d * series);
@@ -271,7 +271,7 @@ static inline void composite(const struct sp_postconv_open_tile *t, int y, int x
                              const sp_wide sums[4]) {
     sp_wide p[4];
     planes(sums, p);
-    /* A deposit that is narrower than its B-spline is negative beside it. */
+    /* A deposit narrower than its B-spline is negative at its edge. */
     sp_wide_mask any = sp_wide_lt(sp_wide_all(0), p[3]);
     if (!sp_wide_mask_bits(any))
         return;
@@ -291,8 +291,8 @@ static inline void composite(const struct sp_postconv_open_tile *t, int y, int x
     sp_wide_store(&done[3][y][x], through * pass);
 }
 
-/* Rows of `from` weighted, for the blocks of one row of pixels: into the picture, or the layer's
- * sum. */
+/* Sums weighted rows of `from` for the blocks of one row of pixels, and composites them or adds
+ * them to the layer's sum. */
 static inline void finish_blocks(struct sp_postconv_open_tile *t, int y, const float *from,
                                  const float *weight, int n, uint32_t blocks, bool last) {
     enum { STRIDE = POSTCONV_ROW * 4, STEP = W > BLOCK ? W / BLOCK : 1 };
@@ -341,7 +341,7 @@ static void filter_down(struct sp_postconv_open_tile *t, bool last) {
                        blocks[y] & t->live[(y - ORIGIN) / BLOCK], last);
         return;
     }
-    /* What pixels between samples y and y + 1 see. */
+    /* The blocks that pixels between samples y and y + 1 need. */
     int begin = ORIGIN, end = ORIGIN + ((POSTCONV_TILE - 1) >> j) + 1;
     join_rows(t->crossed, t->row0, t->row1, f->taps + 2, begin, end, blocks);
     for (int y = 0; y < POSTCONV_TILE; y++) {
@@ -427,13 +427,13 @@ void sp_postconv_check_cells(struct sp_postconv_open_tile *t) {
     t->has_dead = true;
 }
 
-/* [0, 1] → 0 … 255, beyond it the nearest. */
+/* [0, 1] → 0 … 255, clamped. */
 static inline sp_wide_int to_byte(sp_wide x) {
     x = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
     return sp_wide_to_int(x * 255.0f + 0.5f);
 }
 
-/* A row of bytes: sp_resolve_rgba8(). */
+/* Resolves a row to bytes, as sp_resolve_rgba8(). */
 static void resolve_bytes(const struct sp_postconv_open_tile *t, int y, const float background[4],
                           unsigned char *out) {
     int32_t row[POSTCONV_TILE];

@@ -5,7 +5,7 @@
 
 #include "splat/slices.h"
 
-/* Cells of columns c0 … c1 in rows r0 … r1. */
+/* Returns the cells of columns c0 … c1 in rows r0 … r1. */
 static uint32_t cells_between(int c0, int r0, int c1, int r1) {
     enum { ROW = POSTCONV_CELLS_ACROSS };
     uint32_t row = (UINT32_C(2) << c1) - (UINT32_C(1) << c0), cells = 0;
@@ -14,8 +14,8 @@ static uint32_t cells_between(int c0, int r0, int c1, int r1) {
     return cells;
 }
 
-/* Pixels of the tile that a brick's slices may reach, from and to, by slice: those of the corners
- * and what is around a voxel. Returns the slices that reach any. */
+/* Finds the range of the tile's pixels that each slice of a brick may reach: its corners and the
+ * reach of a voxel around them. Returns a bit per slice that reaches any. */
 static uint32_t find_slices(const struct sp_postconv_open_tile *t,
                             const struct sp_postconv_brick *b, int32_t (*reached)[2][SP_BRICK]) {
     const struct sp_ewa_frame *f = sp_postconv_ewa(t->postconv, b);
@@ -115,14 +115,15 @@ static void sort_runs(struct sp_postconv_open_tile *t, uint32_t tile) {
         add_runs(t, postconv->met[n]);
 }
 
-/* How much of a run the open group serves: sp_postconv_group_fits(). */
+/* Returns how much of a run the open group serves, as sp_postconv_group_fits(). */
 static int fit_part(const struct sp_postconv_open_tile *t, const struct sp_postconv_run *run) {
     return t->is_open
                ? sp_postconv_group_fits(&t->group, &t->postconv->bricks[run->brick], run->range)
                : 0;
 }
 
-/* Drops the runs that only meet opaque cells. The one with the farthest voxels comes first. */
+/* Drops the runs that meet only opaque cells, and moves the run with the farthest voxels to the
+ * front. */
 static uint32_t sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
                      uint32_t count) {
     uint32_t n = 0;
@@ -154,7 +155,7 @@ static bool add_unfit(struct sp_postconv_open_tile *t, struct sp_postconv_run *r
     return left < all;
 }
 
-/* Composites the runs of a layer, group by group, the farthest voxels first; `runs` is used up. */
+/* Composites the runs of a layer group by group, the farthest voxels first. Overwrites `runs`. */
 static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
                        uint32_t count) {
     count = sift(t, runs, count);
@@ -162,12 +163,12 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
     while (count) {
         uint32_t left = 0;
         t->is_open = sp_postconv_start_group(t, runs, count);
-        /* What a cancelled frame leaves is not seen; a layer may have thousands of runs. */
+        /* Nobody sees a cancelled frame, and a layer may have thousands of runs. */
         for (uint32_t i = 0; i < count && !sp_interrupt_is_cancelled(&t->postconv->interrupt);
              i++) {
             int part = fit_part(t, &runs[i]);
             if (i == 0 && part == 0) {
-                /* find_box() looked closely, but not at every distance. */
+                /* find_box() checks many distances, but not every one. */
                 sp_postconv_add_footprints(t, &runs[i]);
                 several = true;
                 continue;

@@ -12,17 +12,17 @@
 #include "base/wide.h"
 #include "postconv/postconv.h"
 
-typedef float vec4 __attribute__((vector_size(16))); /* red, green, blue, depth */
+typedef float vec4 __attribute__((vector_size(16))); /* red, green, blue, optical depth */
 
 enum {
     W = SP_WIDE,
-    PX = W / 4,       /* pixels in a vector: red, green, blue, depth of each */
+    PX = W / 4,       /* pixels per vector: red, green, blue, depth of each */
     CHUNK = 16,       /* voxels at a time */
-    BLOCK = 4,        /* samples that a bit of a mask stands for */
+    BLOCK = 4,        /* samples per bit of a mask */
     VECTORS = 16 / W, /* of a block */
     ORIGIN = POSTCONV_MARGIN,
     CHECK_EVERY = 2,
-    POSTCONV_WANTED = 32 /* at least POSTCONV_GRID / BLOCK, for a lookup in registers */
+    POSTCONV_WANTED = 32 /* at least POSTCONV_GRID / BLOCK; a lookup in registers needs 32 */
 };
 
 static inline vec4 load4(const float *p) {
@@ -98,7 +98,7 @@ static inline sp_wide square_root(sp_wide a) {
 #endif
 }
 
-/* 1/a for a > 0, to some 22 bits. */
+/* Returns 1/a for a > 0, to about 22 bits. */
 static inline sp_wide reciprocal(sp_wide a) {
 #if defined SP_WIDE_AVX512
     sp_wide r = (sp_wide)_mm512_rcp14_ps((__m512)a);
@@ -114,7 +114,7 @@ static inline sp_wide reciprocal(sp_wide a) {
 
 enum { MOST_TAPS = 2 * POSTCONV_TAPS + 5 };
 
-/* A filter and the interpolation after it, for pixels of 2^scale a sample. */
+/* A filter combined with the interpolation after it, for samples of 2^scale pixels. */
 struct zoom {
     const struct sp_postconv_filter *filter; /* NULL = not made */
     int scale, taps;                         /* samples of a pixel, or of a vector of them */
@@ -126,37 +126,39 @@ struct sp_postconv_open_tile {
     const struct sp_postconv *postconv;
     struct sp_postconv_scratch *scratch;
     int x, y, width, height;              /* px in the picture */
-    uint32_t alive;                       /* cells that are not opaque */
-    uint32_t live[POSTCONV_TILE / BLOCK]; /* the same by blocks of 4 × 4 pixels */
-    bool has_dead;                        /* some are not */
+    uint32_t alive;                       /* bit per cell that is not opaque */
+    uint32_t live[POSTCONV_TILE / BLOCK]; /* the same per block of 4 × 4 pixels */
+    bool has_dead;                        /* some blocks are opaque */
     uint32_t closed;
     bool is_open; /* `group` has deposits */
     struct sp_postconv_group group;
     struct zoom *zoom[2];
     uint32_t needs[POSTCONV_TILE / BLOCK]; /* by block of pixels: of samples; zoomed across */
-    /* By row: blocks that are not zero. */
+    /* By row: bit per block that is not zero. */
     uint32_t deposited[POSTCONV_GRID], skewed[POSTCONV_GRID], crossed[POSTCONV_GRID],
         summed[POSTCONV_TILE];
-    int row0, row1; /* rows of `deposited` that are not empty */
-    /* By four rows of the grid: blocks where a voxel matters to live pixels, if some are dead. */
+    int row0, row1; /* range of rows of `deposited` that are not empty */
+    /* Per four rows of the grid: blocks where a voxel matters to pixels that are not opaque. Valid
+     * if has_dead. */
     _Alignas(64) uint32_t wanted[POSTCONV_WANTED];
 };
 
-/* Makes the filters for the first run's footprints and as many of the others as may be; false when
- * there are none. */
+/* Opens a group: chooses filters for the first run's footprints, which may serve other runs too.
+ * False if there are no filters. */
 bool sp_postconv_start_group(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *runs,
                              uint32_t count);
 
-/* Deposits the voxels of a run, or those in the group's range alone. */
+/* Deposits all voxels of a run, or only those in the group's range. */
 void sp_postconv_add_run(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *run,
                          bool all);
 
-/* Adds the footprints of a run, or of what is left of it, to the layer's sum one by one. */
+/* Adds the footprints of the voxels of a run that are not drawn yet to the layer's sum, one by one.
+ */
 void sp_postconv_add_footprints(struct sp_postconv_open_tile *tile,
                                 const struct sp_postconv_run *run);
 
-/* Filters what was deposited into the picture, if it is the last group of its layer, or into the
- * layer's sum; sp_postconv_close_sum() composites that. */
+/* Filters the deposits. The last group of a layer is composited at once; other groups are added to
+ * the layer's sum, which sp_postconv_close_sum() composites. */
 void sp_postconv_close_group(struct sp_postconv_open_tile *tile, bool last);
 void sp_postconv_close_sum(struct sp_postconv_open_tile *tile);
 
