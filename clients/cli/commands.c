@@ -66,7 +66,7 @@ static double now_s(void) {
     return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
 }
 
-/* On one line of a terminal; nothing elsewhere. `done` ends the line. */
+/* Shows progress on one line of a terminal, and nothing elsewhere. `done` ends the line. */
 static void show_progress(const char *id, const proto_json *volume, bool done) {
     double fraction = 0;
     if (!isatty(STDERR_FILENO))
@@ -75,8 +75,8 @@ static void show_progress(const char *id, const proto_json *volume, bool done) {
     fprintf(stderr, "\rloading %s %3.0f %%%s", id, done ? 100.0 : fraction * 100, done ? "\n" : "");
 }
 
-/* Asks again until the volume is ready, failed, or time is up. Steals `volume`, returns the last
- * answer; NULL with *err set. */
+/* Polls until the volume is ready or failed, or the timeout ends. Takes ownership of `volume` and
+ * returns the last answer; NULL with *err set on failure. */
 static proto_json *wait_until_ready(struct http *http, const struct options *options,
                                     proto_json *volume, const char *path, struct sp_error *err) {
     double end = now_s() + options->timeout_s;
@@ -104,7 +104,7 @@ static proto_json *wait_until_ready(struct http *http, const struct options *opt
     return volume;
 }
 
-/* "/volumes/ID"; NULL = no memory. */
+/* Returns "/volumes/ID"; NULL when out of memory. */
 static char *volume_path(struct http *http, const char *id) {
     char *escaped = http_escape(http, id), *path = NULL;
     if (escaped && asprintf(&path, "/volumes/%s", escaped) < 0)
@@ -125,14 +125,14 @@ static proto_json *post_volume(struct http *http, const char *source, struct sp_
         volume = http_json(http, "POST", "/volumes", body, err);
     else
         sp_fail(err, SP_ERR_MEMORY, source, "out of memory");
-    /* The daemon names the member of our request; the user gave its value. */
+    /* The daemon names the member of our request; the user knows its value. */
     if (!volume && (strcmp(err->place, "/path") == 0 || strcmp(err->place, "/uri") == 0))
         snprintf(err->place, sizeof err->place, "%s", source);
     free(body);
     return volume;
 }
 
-/* The volume with that id, or NULL without an error if the daemon has none. */
+/* Returns the volume with this id, or NULL without an error if there is none. */
 static proto_json *find_volume(struct http *http, const char *id) {
     char *path = volume_path(http, id);
     proto_json *volume = path ? http_json(http, "GET", path, NULL, NULL) : NULL;
@@ -140,7 +140,7 @@ static proto_json *find_volume(struct http *http, const char *id) {
     return volume;
 }
 
-/* The description of what `source` names; see resolve_volume(). */
+/* Returns the description of the volume that `source` names; see resolve_volume(). */
 static proto_json *open_volume(struct http *http, const struct options *options, const char *source,
                                bool must_load, bool wait, struct sp_error *err) {
     bool maybe_id = !must_load && strncmp(source, "demo:", 5) != 0 && !strchr(source, '/');

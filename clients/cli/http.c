@@ -10,20 +10,20 @@
 
 #include "protocol/limits.h"
 
-static const size_t response_max = (size_t)2 << 30; /* bytes; the largest EXR image is half */
+static const size_t response_max = (size_t)2 << 30; /* bytes; the largest EXR image has half */
 enum { CONNECT_TIMEOUT_S = 10 };
 
 struct http {
     CURL *curl;
-    char *base;  /* scheme, host, port and prefix, without a slash at the end */
+    char *base;  /* scheme, host, port and prefix, without a trailing slash */
     char *token; /* NULL = none */
     unsigned timeout_s;
-    bool is_loopback;         /* no proxy can reach it */
+    bool is_loopback;         /* then no proxy is used */
     bool (*stop)(void *user); /* NULL = never */
     void *user;
 };
 
-/* The value of `token` in a query; NULL if there is none. Allocated. */
+/* Returns the value of `token` in a query, allocated; NULL if there is none. */
 static char *token_of_query(const char *query) {
     for (const char *at = query; at; at = strchr(at, '&') ? strchr(at, '&') + 1 : NULL)
         if (strncmp(at, "token=", 6) == 0) {
@@ -65,7 +65,7 @@ static bool split_url(struct http *http, const char *url, struct sp_error *err) 
                    curl_url_strerror(code));
 }
 
-/* A token goes into a header line. */
+/* Checks that a token fits into a header line. */
 static bool check_token(const char *token, struct sp_error *err) {
     size_t n = strlen(token);
     for (const char *c = token; *c; c++)
@@ -125,7 +125,7 @@ const char *http_base(const struct http *http) {
     return http->base;
 }
 
-/* libcurl asks about once a second, and while bytes come. Nonzero: no further. */
+/* libcurl calls this about once per second and while bytes arrive. Nonzero ends the request. */
 static int should_stop(void *user, curl_off_t all, curl_off_t now, curl_off_t up_all,
                        curl_off_t up_now) {
     const struct http *http = user;
@@ -136,7 +136,7 @@ static int should_stop(void *user, curl_off_t all, curl_off_t now, curl_off_t up
 struct receiving {
     CURL *curl;
     struct http_response *response;
-    bool (*add)(void *user, const void *bytes, size_t size); /* NULL = into the response */
+    bool (*add)(void *user, const void *bytes, size_t size); /* NULL = append to the response */
     void *user;
 };
 
@@ -164,15 +164,17 @@ static size_t receive_body(char *bytes, size_t one, size_t size, void *user) {
     return size;
 }
 
-/* Copies the value of header `name` from one line. */
-static void keep_header(const char *line, size_t size, const char *name, char *out, size_t room) {
+/* Copies the value of the header `name` from a header line. */
+static void keep_header(const char *line, size_t size, const char *name, char *out,
+                        size_t capacity) {
     size_t n = strlen(name);
     if (size <= n || strncasecmp(line, name, n) != 0 || line[n] != ':')
         return;
     for (n++; n < size && line[n] == ' ';)
         n++;
     size_t length = 0;
-    while (n < size && line[n] != '\r' && line[n] != '\n' && line[n] != ';' && length + 1 < room)
+    while (n < size && line[n] != '\r' && line[n] != '\n' && line[n] != ';' &&
+           length + 1 < capacity)
         out[length++] = line[n++];
     out[length] = 0;
 }
@@ -201,7 +203,7 @@ static struct curl_slist *make_headers(const struct http *http, const char *acce
     return curl_slist_append(headers, "Expect:");
 }
 
-/* What the daemon says is wrong, as an error. */
+/* Converts the problem document of an answer to an error. */
 static bool refuse_status(const struct http_response *response, const char *method,
                           const char *path, struct sp_error *err) {
     char place[SP_ERROR_PLACE];
@@ -216,7 +218,7 @@ static bool refuse_status(const struct http_response *response, const char *meth
     if (!detail)
         detail = title;
     const char *hint =
-        response->status == 401 ? "; give the daemon's token by --token or in the URL" : "";
+        response->status == 401 ? "; pass the daemon's token by --token or in the URL" : "";
     if (detail)
         sp_fail(err, SP_ERR_INVALID, pointer && *pointer ? pointer : place, "%s (HTTP %ld)%s",
                 detail, response->status, hint);
@@ -230,11 +232,11 @@ static bool perform(struct http *http, const char *method, const char *path, con
                     const char *body, struct receiving *receiving, struct sp_error *err) {
     struct http_response *response = receiving->response;
     *response = (struct http_response){ 0 };
-    size_t room = strlen(http->base) + strlen(path) + 16;
-    char *url = malloc(room);
+    size_t capacity = strlen(http->base) + strlen(path) + 16;
+    char *url = malloc(capacity);
     if (!url)
         return sp_fail(err, SP_ERR_MEMORY, path, "out of memory");
-    snprintf(url, room, "%s/api/v1%s", http->base, path);
+    snprintf(url, capacity, "%s/api/v1%s", http->base, path);
     struct curl_slist *headers = make_headers(http, accept, body != NULL);
     char why[CURL_ERROR_SIZE] = "";
     CURL *curl = http->curl;
@@ -246,7 +248,7 @@ static bool perform(struct http *http, const char *method, const char *path, con
     curl_easy_setopt(curl, CURLOPT_USERAGENT, "splatctl/" SPLATD_VERSION);
     curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_TIMEOUT_S);
-    /* So long without a byte; an answer itself may take as long as it is large. */
+    /* Limits the time without a byte, not the whole answer. */
     curl_easy_setopt(curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
     curl_easy_setopt(curl, CURLOPT_LOW_SPEED_TIME, (long)http->timeout_s);
     if (http->stop) {

@@ -13,15 +13,15 @@
 
 struct http;
 
-/* `url` is a daemon's address, as it prints it: http://HOST:PORT/PREFIX?token=TOKEN, where path and
- * token may be missing; NULL = $SPLATD_URL, else http://127.0.0.1:8080. `token` NULL = that of the
- * URL, else $SPLATD_TOKEN, else none. NULL with *err set. */
+/* `url` is the address that the daemon prints: http://HOST:PORT/PREFIX?token=TOKEN; prefix and
+ * token are optional. NULL = $SPLATD_URL, else http://127.0.0.1:8080. `token` NULL = the token of
+ * the URL, else $SPLATD_TOKEN, else none. Returns NULL with *err set on failure. */
 struct http *http_create(const char *url, const char *token, unsigned timeout_s,
                          struct sp_error *err);
 void http_destroy(struct http **http);
-/* From now on a request ends with SP_ERR_CANCELLED soon after stop(user) is true. */
+/* Makes requests end with SP_ERR_CANCELLED soon after stop(user) returns true. */
 void http_set_stop(struct http *http, bool (*stop)(void *user), void *user);
-/* The daemon's address without a token and a slash at its end; lives as long. */
+/* Returns the daemon's address without token and trailing slash; valid as long as `http`. */
 const char *http_base(const struct http *http);
 
 struct http_response {
@@ -33,26 +33,26 @@ struct http_response {
     char splats[32];
 };
 
-/* One request below /api/v1; `path` begins with "/". `body` (may be NULL) is JSON. True for any
- * status below 400; otherwise *err tells what the daemon said: the pointer of its problem, else
- * "METHOD path", as place; SP_ERR_IO: there was no
- * answer, or not all of it. The caller frees the response either way, with http_response_finish().
- */
+/* Sends one request below /api/v1. `path` begins with "/"; `body` is JSON or NULL. True for a
+ * status below 400. Otherwise *err holds the daemon's error, with the JSON pointer of its problem
+ * document or "METHOD path" as the place; SP_ERR_IO means no answer or an incomplete one. In both
+ * cases the caller calls http_response_finish(). */
 bool http_request(struct http *http, const char *method, const char *path, const char *accept,
                   const char *body, struct http_response *response, struct sp_error *err);
 void http_response_finish(struct http_response *response);
 
-/* The same, a GET whose bytes, if its status is below 400, go to add() as they come, and not into
- * the response. When add() returns false the request ends, with an error. */
+/* Like http_request() with GET, but passes the bytes of an answer below status 400 to add() as they
+ * arrive. The request fails if add() returns false. */
 bool http_fetch(struct http *http, const char *path, const char *accept,
                 bool (*add)(void *user, const void *bytes, size_t size), void *user,
                 struct http_response *response, struct sp_error *err);
 
-/* The same for an answer in JSON; NULL with *err set. */
+/* Like http_request() for an answer in JSON; NULL with *err set on failure. */
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,
                       struct sp_error *err);
 
-/* `text` escaped for one segment of a path or one value of a query; free(). NULL = no memory. */
+/* Returns `text` escaped for a path segment or a query value, allocated; NULL when out of memory.
+ */
 char *http_escape(struct http *http, const char *text);
 
 #endif

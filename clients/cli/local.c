@@ -26,7 +26,7 @@ static struct sp_renderer *create_renderer(const struct options *options, struct
     return sp_renderer_create(&how, err);
 }
 
-/* One frame; NULL with *err set. */
+/* Renders one frame; NULL with *err set on failure. */
 static struct sp_frame *render_frame(struct sp_renderer *renderer, struct sp_volume *volume,
                                      const struct sp_view *view, enum sp_image_format format,
                                      struct sp_frame_pool *pool, struct sp_error *err) {
@@ -39,30 +39,30 @@ static struct sp_frame *render_frame(struct sp_renderer *renderer, struct sp_vol
 static bool encode_and_write(const struct options *options, const struct sp_frame *frame,
                              enum sp_image_format format, struct sp_error *err) {
     struct sp_encoder *encoder = sp_encoder_create(err);
-    struct picture picture = { 0 };
+    struct image image = { 0 };
     const uint8_t *bytes;
     bool ok = encoder && sp_encode(encoder, frame, format,
                                    options->quality ? options->quality : QUALITY_DEFAULT, &bytes,
-                                   &picture.size, err);
+                                   &image.size, err);
     if (ok) {
-        picture.bytes = bytes;
-        snprintf(picture.backend, sizeof picture.backend, "%s%s%s", frame->stats.backend,
+        image.bytes = bytes;
+        snprintf(image.backend, sizeof image.backend, "%s%s%s", frame->stats.backend,
                  frame->stats.isa[0] ? " " : "", frame->stats.isa);
-        snprintf(picture.render_time, sizeof picture.render_time, "%.3f", frame->stats.render_ms);
-        snprintf(picture.splats, sizeof picture.splats, "%" PRIu64, frame->stats.splats);
-        ok = write_picture(options, &picture, sp_image_format_info(format)->name, err);
+        snprintf(image.render_time, sizeof image.render_time, "%.3f", frame->stats.render_ms);
+        snprintf(image.splats, sizeof image.splats, "%" PRIu64, frame->stats.splats);
+        ok = write_image(options, &image, sp_image_format_info(format)->name, err);
     }
     sp_encoder_destroy(&encoder);
     return ok;
 }
 
-/* A volume that is larger than the machine is refused before a byte of it is taken. */
+/* Refuses a volume that is larger than the memory of the machine before it is allocated. */
 static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
     uint64_t memory = pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page : UINT64_MAX;
     return bytes <= memory ||
            sp_fail(err, SP_ERR_BUDGET, user,
-                   "needs %" PRIu64 " bytes of memory, the machine has %" PRIu64, bytes, memory);
+                   "needs %" PRIu64 " bytes of memory; the machine has %" PRIu64, bytes, memory);
 }
 
 static bool load_and_render(const struct options *options, struct sp_renderer *renderer,

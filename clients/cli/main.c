@@ -9,18 +9,18 @@
 static const struct {
     const char *name;
     command_fn *run;
-    bool deletes; /* knows --delete */
+    bool deletes; /* accepts --delete */
 } commands[] = {
     { "volumes", command_volumes, false }, { "load", command_load, false },
     { "view", command_view, false },       { "render", command_render, false },
-    { "keep", command_keep, false },       { "kept", command_kept, true },
+    { "save", command_save, false },       { "saved", command_saved, true },
     { "views", command_views, false },     { "preset", command_preset, true },
     { "presets", command_presets, false }, { "share", command_share, false },
     { "session", command_session, true },  { "sessions", command_sessions, false },
     { "path", command_path, true },        { "paths", command_paths, false },
 };
 
-/* The renderer's log: what went wrong is told by the error, the rest is for daemons. */
+/* Drops the renderer's log: errors reach the user as errors; the rest is for daemons. */
 static void drop_line(void *user, enum sp_log_level level, const char *kind,
                       const struct sp_log_field *fields, const char *line) {
     (void)kind;
@@ -34,7 +34,7 @@ static int run(const struct options *options) {
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
         if (strcmp(options->command, commands[i].name) == 0) {
             if (options->delete &&!commands[i].deletes)
-                return usage_error(options->command, "has nothing to --delete");
+                return usage_error(options->command, "does not accept --delete");
             struct sp_error err = { 0 };
             int status = commands[i].run(options, &err);
             if (status == 1)
@@ -42,7 +42,7 @@ static int run(const struct options *options) {
                         err.text);
             return status;
         }
-    return usage_error(options->command, "no such command");
+    return usage_error(options->command, "is not a command");
 }
 
 int main(int argc, char **argv) {
@@ -59,6 +59,6 @@ int main(int argc, char **argv) {
         return 0;
     }
     if (!options.command)
-        return usage_error("command line", "no command");
+        return usage_error("command line", "has no command");
     return run(&options);
 }

@@ -63,57 +63,63 @@ static const char help_text[] =
     "                          its id and wait until it is ready\n"
     "  view ID                 print the default view of a volume\n"
     "  render                  render one image\n"
-    "  path FILE|-             draw a camera path: frames into the folder --out, or a movie; what\n"
-    "                          was not fetched whole stays with the daemon:\n"
-    "  path --id ID            go on with a path into --out; without --out print its state\n"
+    "  path FILE|-             render a camera path: frames into the folder --out, or a movie; "
+    "the\n"
+    "                          daemon keeps the path until everything is fetched\n"
+    "  path --id ID            resume fetching a path into --out; without --out print its state\n"
     "  paths                   list the camera paths\n"
-    "  keep                    keep a view (--view, --volume) for links; print its id\n"
-    "  kept ID                 print a kept view\n"
-    "  views                   list the kept views\n"
-    "  preset NAME             print a preset, or keep that of --view under the name\n"
+    "  save                    save a view (--view, --volume) for links; print its id\n"
+    "  saved ID                print a saved view\n"
+    "  views                   list the saved views\n"
+    "  preset NAME             print a preset, or store --view under the name\n"
     "  presets                 list the presets\n"
-    "  share [ID]              begin a session with a view (--view, --volume), or with that of a\n"
-    "                          session or kept view; print its links\n"
+    "  share [ID]              create a session from a view (--view, --volume), or from the view "
+    "of a\n"
+    "                          session or a saved view; print its links\n"
     "  session ID              print the links of a session\n"
-    "  sessions                list the sessions, awake or asleep\n"
-    "  --delete                of kept, preset, session and path --id: delete it\n"
+    "  sessions                list the sessions, active or hibernated\n"
+    "  --delete                with saved, preset, session and path --id: delete it\n"
     "\n"
     "The daemon:\n"
     "  --url URL               its address, with or without ?token= (default: $SPLATD_URL, else\n"
     "                          http://127.0.0.1:8080)\n"
-    "  --token TOKEN           default: that of the URL, else $SPLATD_TOKEN\n"
-    "  --timeout SECONDS       longest wait for the next bytes of an answer, for a volume, and\n"
-    "                          for a daemon that is away while it draws a path (default 300)\n"
+    "  --token TOKEN           the daemon's token (default: that of the URL, else $SPLATD_TOKEN)\n"
+    "  --timeout SECONDS       longest wait for the next bytes of an answer, for a volume, and "
+    "for\n"
+    "                          an unreachable daemon that renders a path (default 300)\n"
     "\n"
     "load:\n"
-    "  --no-wait               return as soon as loading began\n"
+    "  --no-wait               return as soon as loading has started\n"
     "\n"
     "render:\n"
-    "  --volume ID|SOURCE      what to show: an id, a file or demo:NAME, loaded if need be\n"
-    "                          (default: the view's \"volume\")\n"
-    "  --view FILE|-           a view as JSON, merged into the volume's default (default: that)\n"
-    "  --out FILE|-            where the image goes; written whole or not at all (path: a folder,\n"
-    "                          made if need be, or the file of a movie)\n"
-    "  --size W,H              pixels; over the view's\n"
-    "  --format NAME           jpeg, png, webp or exr (default: by the ending of --out, else png)\n"
+    "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if "
+    "necessary\n"
+    "                          (default: \"volume\" of the view)\n"
+    "  --view FILE|-           a view as JSON, merged into the default view of the volume\n"
+    "  --out FILE|-            the image file, written completely or not at all (path: a folder,\n"
+    "                          created if necessary, or a movie file)\n"
+    "  --size W,H              in pixels, each in [1, 8192] (default: the size of the view)\n"
+    "  --format NAME           jpeg, png, webp or exr (default: by the suffix of --out, else png)\n"
     "  --quality N             1 to 100, for jpeg and webp (default 90)\n"
-    "  --local                 render in this process, without a daemon; the same picture\n"
-    "  --threads N             with --local: render threads (default: one a core)\n"
+    "  --local                 render in this process, without a daemon; the image is the same\n"
+    "  --threads N             with --local: render threads, 1 to 256 (default: one per core)\n"
     "  --backend NAME          with --local: auto (default), gl, gl-software, cpu, null\n"
-    "  --gpu N                 with --local: GPU to use, as \"splatd --probe\" numbers them\n"
+    "  --gpu N                 with --local: the GPU, by its number in \"splatd --probe\"\n"
     "  --isa NAME              with --local: instruction set of the CPU backend: auto (default),\n"
     "                          scalar, sse41, avx2, avx512, neon\n"
     "\n"
     "  --json                  print JSON\n"
     "  --help, --version\n"
     "\n"
-    "A view also chooses filter, compositor and clipping; \"splatctl view ID\" prints all fields:\n"
+    "A view also chooses filter, compositing and clipping; \"splatctl view ID\" prints all "
+    "fields:\n"
     "  filter.mode             adaptive, ewa, reconstruction, lowpass, swan, none\n"
     "  filter.kernel           gaussian, cubic\n"
     "  compositing.mode        splat, sheet, slab\n"
     "  compositing.attenuation exponential, linear\n"
     "  transfer_function.order pre, post (slab only)\n"
-    "For example slabs of half a voxel, classified after interpolation, of what lies at y >= 64:\n"
+    "For example, slabs of half a voxel, classified after interpolation, of everything at y >= "
+    "64:\n"
     "  {\"transfer_function\": {\"order\": \"post\"},\n"
     "   \"compositing\": {\"mode\": \"slab\", \"slab\": 0.5},\n"
     "   \"clip\": {\"planes\": [{\"normal\": [0, 1, 0], \"offset\": 64}]}}\n"
@@ -134,7 +140,7 @@ int usage_error(const char *what, const char *format, ...) {
     return 2;
 }
 
-/* A decimal number in [low, high], and *end after it. */
+/* Parses a decimal number in [low, high]; *end points behind it. */
 static bool parse_number(const char *text, long low, long high, const char **end, long *out) {
     char *stop;
     errno = 0;
@@ -147,7 +153,7 @@ static bool parse_whole(const char *name, const char *text, long low, long high,
     const char *end;
     if (parse_number(text, low, high, &end, out) && *end == 0)
         return true;
-    usage_error(name, "\"%s\" is not a number from %ld to %ld", text, low, high);
+    usage_error(name, "\"%s\" is not a number in [%ld, %ld]", text, low, high);
     return false;
 }
 
@@ -156,7 +162,7 @@ static bool parse_size(const char *text, uint32_t size[2]) {
     long width, height;
     if (!parse_number(text, 1, 8192, &end, &width) || *end != ',' ||
         !parse_number(end + 1, 1, 8192, &end, &height) || *end != 0) {
-        usage_error("--size", "\"%s\" is not WIDTH,HEIGHT, each from 1 to 8192", text);
+        usage_error("--size", "\"%s\" is not WIDTH,HEIGHT with both in [1, 8192]", text);
         return false;
     }
     size[0] = (uint32_t)width;
@@ -240,7 +246,7 @@ bool options_parse(struct options *options, int argc, char **argv) {
             return false;
         }
         if (id == '?') {
-            usage_error(given, "is not an option, or is not written so");
+            usage_error(given, "is not an option");
             return false;
         }
         if (!apply_option(options, id, optarg))
@@ -251,7 +257,7 @@ bool options_parse(struct options *options, int argc, char **argv) {
     if (optind < argc)
         options->argument = argv[optind++];
     if (optind < argc) {
-        usage_error(argv[optind], "one argument too many");
+        usage_error(argv[optind], "is one argument too many");
         return false;
     }
     return true;

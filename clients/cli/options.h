@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splatctl: the daemon from a shell. main.c dispatches, commands.c, kept.c and render.c do what is
- * asked, http.c speaks to the daemon, local.c renders without one, output.c writes files whole or
- * not at all. Errors are a struct sp_error up to main(), which prints `splatctl: place: text`.
+ * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c
+ * and render.c are the commands; http.c talks to the daemon; local.c renders without a daemon;
+ * output.c writes files completely or not at all. Errors are struct sp_error up to main(), which
+ * prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
@@ -11,23 +12,23 @@
 #include <stdint.h>
 
 struct options {
-    const char *url, *token; /* NULL = of the environment, or the default */
-    const char *command;     /* NULL = none given */
-    const char *argument;    /* of the command: a path or an id; NULL = none */
-    const char *id;          /* of a path that the daemon has */
+    const char *url, *token; /* NULL = from the environment, else the default */
+    const char *command;     /* NULL = none */
+    const char *argument;    /* of the command: a path, id or name; NULL = none */
+    const char *id;          /* of a camera path on the daemon */
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
-    uint32_t size[2]; /* {0,0} = the view's */
+    uint32_t size[2]; /* {0, 0} = the size of the view */
     int quality;      /* 0 = the default */
-    unsigned threads; /* 0 = one a core */
+    unsigned threads; /* 0 = one per core */
     unsigned timeout_s;
     bool local, json, no_wait, delete, help, version;
 };
 
-/* Reads the command line. False, with a message on standard error, if it cannot be understood (exit
- * status 2). Strings are those of argv. */
+/* Parses the command line. False after a message on standard error if it is wrong (exit status 2).
+ * Strings point into argv. */
 bool options_parse(struct options *options, int argc, char **argv);
 
-/* Prints `splatctl: what: why`, and how to get help, to standard error; returns 2. */
+/* Prints `splatctl: what: why; see splatctl --help` to standard error and returns 2. */
 __attribute__((format(printf, 2, 3))) int usage_error(const char *what, const char *format, ...);
 
 void print_help(void);

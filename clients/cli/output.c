@@ -28,7 +28,7 @@ static bool fail_io(struct sp_error *err, const char *path, const char *what) {
     return sp_fail(err, SP_ERR_IO, path, "%s: %s", what, strerror(errno));
 }
 
-/* Names outlive a crash of the machine from here on. A file system that has no such thing says so.
+/* Makes the names in a folder survive a crash of the machine. Some file systems do not support it.
  */
 static bool sync_parent(const char *path) {
     char *copy = strdup(path);
@@ -51,14 +51,14 @@ static void hold_signals(struct output *o) {
     sigprocmask(SIG_BLOCK, &held, &o->signals);
 }
 
-/* Where its bytes go; one that is closed. */
+/* Initializes a closed output. */
 static void release(struct output *o) {
     bool is_new = o->temporary != NULL;
     free(o->target);
     free(o->temporary);
     o->path = o->target = o->temporary = NULL;
     if (is_new)
-        sigprocmask(SIG_SETMASK, &o->signals, NULL); /* may end here */
+        sigprocmask(SIG_SETMASK, &o->signals, NULL); /* a pending signal may end the program here */
 }
 
 void output_drop(struct output *o) {
@@ -85,10 +85,10 @@ static bool open_temporary(struct output *o, struct sp_error *err) {
     hold_signals(o);
     o->fd = mkstemp(o->temporary);
     if (o->fd < 0) {
-        o->temporary[0] = 0; /* there is none */
+        o->temporary[0] = 0; /* no temporary file exists */
         return fail_output(o, "cannot create", err);
     }
-    mode_t mask = umask(0); /* one thread alone writes files here */
+    mode_t mask = umask(0); /* safe: only one thread creates files */
     umask(mask);
     fchmod(o->fd, 0666 & ~mask);
     return true;
@@ -108,7 +108,7 @@ bool output_open(struct output *o, const char *path, struct sp_error *err) {
         return sp_fail(err, SP_ERR_IO, path, "is a folder; name a file in it");
     }
     if (!is_there || S_ISREG(status.st_mode)) {
-        o->target = is_there ? realpath(path, NULL) : strdup(path); /* links stay */
+        o->target = is_there ? realpath(path, NULL) : strdup(path); /* a link stays a link */
         return open_temporary(o, err);
     }
     o->fd = open(path, O_WRONLY | O_CLOEXEC);
@@ -152,7 +152,7 @@ bool output_make_folder(const char *path, bool *is_new, struct sp_error *err) {
     if (why == EEXIST && stat(path, &status) == 0 && S_ISDIR(status.st_mode))
         return true;
     errno = why;
-    return fail_io(err, path, "cannot make this folder");
+    return fail_io(err, path, "cannot create this folder");
 }
 
 bool output_check(const char *path, bool is_folder, struct sp_error *err) {
@@ -162,14 +162,14 @@ bool output_check(const char *path, bool is_folder, struct sp_error *err) {
     if (stat(path, &status) == 0) {
         errno = EEXIST;
         if (is_folder)
-            return S_ISDIR(status.st_mode) || fail_io(err, path, "cannot make this folder");
+            return S_ISDIR(status.st_mode) || fail_io(err, path, "cannot create this folder");
         return !S_ISDIR(status.st_mode) ||
                sp_fail(err, SP_ERR_IO, path, "is a folder; name a file in it");
     }
     char *copy = strdup(path);
     bool ok = copy && access(dirname(copy), W_OK | X_OK) == 0;
     free(copy);
-    return ok || fail_io(err, path, is_folder ? "cannot make this folder" : "cannot create");
+    return ok || fail_io(err, path, is_folder ? "cannot create this folder" : "cannot create");
 }
 
 char *input_read(const char *path, size_t limit, size_t *size, struct sp_error *err) {

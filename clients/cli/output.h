@@ -8,35 +8,37 @@
 
 #include "sp/status.h"
 
-/* A file that is written whole or not at all: into a new file beside it, which is renamed when all
- * of it, and then its name, is on the disk. Signals that would end the program wait meanwhile. What
- * exists and is no regular file (a device, a pipe) is written as it is; "-" is standard output. */
+/* A file that is written completely or not at all: the bytes go into a temporary file beside it,
+ * which is synchronized and renamed at the end. Signals that would end the program are blocked
+ * meanwhile. A device or pipe is written directly; "-" is standard output. */
 struct output {
-    const char *path; /* the caller's; NULL = not open */
-    char *target;     /* where links lead to; NULL = written as it is */
+    const char *path; /* owned by the caller; NULL = not open */
+    char *target;     /* the path after links; NULL = written directly */
     char *temporary;
     int fd;
-    sigset_t signals; /* that were held before */
+    sigset_t signals; /* the signal mask before */
 };
 
-/* One after the other; a failure of any leaves nothing, and *output closed. */
+/* Call these in order. A failure removes the file and closes *output. */
 bool output_open(struct output *output, const char *path, struct sp_error *err);
 bool output_add(struct output *output, const void *bytes, size_t size, struct sp_error *err);
 bool output_close(struct output *output, struct sp_error *err);
-/* Before it is closed: takes back what was added; false, and nothing else: that cannot be. */
+/* Before the end: removes the added bytes. False if that is impossible, as for a pipe. */
 bool output_restart(struct output *output);
-/* Leaves nothing; accepts one that is not open. */
+/* Removes the file. Accepts an output that is not open. */
 void output_drop(struct output *output);
-/* All of these at once. */
+/* All steps in one call. */
 bool output_write(const char *path, const void *bytes, size_t size, struct sp_error *err);
 
-/* Makes this folder, in one that is there, unless it is there. *is_new: it was not. */
+/* Creates a folder in an existing one. Succeeds if it exists; *is_new tells whether it was created.
+ */
 bool output_make_folder(const char *path, bool *is_new, struct sp_error *err);
-/* Could it be made or, if not `is_folder`, written? As far as can be told without doing it. */
+/* Checks, without changing anything, whether the folder can be created or the file can be written.
+ */
 bool output_check(const char *path, bool is_folder, struct sp_error *err);
 
-/* All of a file, or of standard input for "-", at most `limit` bytes. Allocated, NUL-terminated;
- * NULL with *err set. */
+/* Reads a file, or standard input for "-", of at most `limit` bytes. Returns allocated bytes with a
+ * terminating 0; NULL with *err set on failure. */
 char *input_read(const char *path, size_t limit, size_t *size, struct sp_error *err);
 
 #endif

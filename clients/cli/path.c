@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Camera paths: sends one, waits while the daemon draws it, and fetches what it made.
+ * Camera paths: sends one, waits while the daemon renders it, and fetches its frames or movie.
  */
 #include <inttypes.h>
 #include <signal.h>
@@ -20,26 +20,26 @@ enum { POLL_MS = 200, PAUSE_MAX_MS = 10000 };
 struct fetching {
     const struct options *options;
     struct http *http;
-    char *id, *path; /* of the daemon's: "/paths/ID"; NULL = there is none yet */
+    char *id, *path; /* id and "/paths/ID" on the daemon; NULL = none yet */
     char format[8];
     int64_t frames, done;
-    int64_t fetched; /* frames that lie in the folder */
+    int64_t fetched; /* frames in the folder */
     bool is_movie, is_done;
-    bool has_said;    /* that something is tried again */
-    bool is_gone;     /* the daemon has no such path any more */
-    bool has_folder;  /* that of the frames was made by this command */
-    sigset_t signals; /* that end this program; blocked while the daemon is asked */
+    bool has_said;    /* a retry was reported */
+    bool is_gone;     /* the path no longer exists on the daemon */
+    bool has_folder;  /* this command created the folder for the frames */
+    sigset_t signals; /* signals that end the program; blocked during requests */
 };
 
-/* On one line of a terminal; nothing elsewhere. */
+/* Shows progress on one line of a terminal, and nothing elsewhere. */
 static void show_progress(const struct fetching *f, bool is_last) {
     if (isatty(STDERR_FILENO))
         fprintf(stderr, "\rframe %" PRId64 " of %" PRId64 "%s", f->done, f->frames,
                 is_last ? "\n" : "");
 }
 
-/* Signals that end this program, but for those that it is to ignore, are waited for rather than
- * obeyed: whoever sends one is told first what the daemon keeps. */
+/* Blocks the signals that end this program, except ignored ones. The command checks for them, so
+ * that it can say what remains on the daemon before it ends. */
 static void hold_signals(struct fetching *f) {
     static const int signals[] = { SIGINT, SIGTERM, SIGHUP };
     sigemptyset(&f->signals);
@@ -63,11 +63,11 @@ static bool pause_for(struct fetching *f, long ms, struct sp_error *err) {
     int number = sigtimedwait(&f->signals, NULL, &time);
     if (number <= 0)
         return true;
-    raise(number); /* stays, until it is let through */
+    raise(number); /* stays pending until it is unblocked */
     return sp_fail(err, SP_ERR_CANCELLED, f->id, "interrupted");
 }
 
-/* Is it of a daemon that is busy, starts anew, or cannot be reached for a moment? */
+/* True for errors of a daemon that is busy, restarting or unreachable for a moment. */
 static bool passes(const struct http_response *response, const struct sp_error *err) {
     long status = response->status;
     return err->code == SP_ERR_IO || status == 429 || (status >= 502 && status <= 504);
@@ -79,15 +79,15 @@ static double now_s(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-/* What a path made, on its way into a file. */
+/* A download of a frame or movie into a file. */
 struct download {
     struct fetching *f;
     const char *file;
-    struct output output; /* open from its first bytes on */
-    struct sp_error err;  /* SP_OK, or why the file cannot be written */
+    struct output output; /* open from the first bytes on */
+    struct sp_error err;  /* SP_OK, or the reason why the file cannot be written */
 };
 
-/* Frames need a folder. */
+/* Creates the folder for frames. */
 static bool begin_file(struct download *d) {
     struct fetching *f = d->f;
     bool is_new = false;
@@ -102,15 +102,16 @@ static bool add_to_file(void *user, const void *bytes, size_t size) {
     return (d->output.path || begin_file(d)) && output_add(&d->output, bytes, size, &d->err);
 }
 
-/* Can what failed be asked for anew? */
+/* True if the failed request may be repeated. */
 static bool may_try_again(struct download *into, const struct http_response *response,
                           const struct sp_error *err) {
     return passes(response, err) &&
            (!into || (into->err.code == SP_OK && output_restart(&into->output)));
 }
 
-/* A request about the path; what passes is tried again, for --timeout, with growing pauses. The
- * answer's bytes go `into` a file, if that is not NULL. The caller finishes the response. */
+/* Sends a request about the path and repeats it after temporary failures, with growing pauses, for
+ * --timeout. The bytes of the answer go `into` a file unless it is NULL. The caller finishes the
+ * response. */
 static bool ask(struct fetching *f, const char *method, const char *what, struct download *into,
                 struct http_response *response, struct sp_error *err) {
     const double give_up_s = now_s() + f->options->timeout_s;
@@ -138,7 +139,7 @@ static bool ask(struct fetching *f, const char *method, const char *what, struct
     return ok;
 }
 
-/* GET of what a path made, into a file. */
+/* Downloads a frame or movie into a file. */
 static bool fetch(struct fetching *f, const char *what, const char *file, struct sp_error *err) {
     struct http_response response = { 0 };
     struct download d = { .f = f, .file = file, .err.code = SP_OK };
@@ -151,7 +152,7 @@ static bool fetch(struct fetching *f, const char *what, const char *file, struct
     return ok;
 }
 
-/* The frames that are drawn and not in the folder yet. */
+/* Downloads the finished frames that are not in the folder yet. */
 static bool fetch_frames(struct fetching *f, struct sp_error *err) {
     const struct sp_image_format_info *info = sp_image_format_info(sp_image_format_find(f->format));
     for (; f->fetched < f->done; f->fetched++) {
@@ -167,8 +168,7 @@ static bool fetch_frames(struct fetching *f, struct sp_error *err) {
     return true;
 }
 
-/* Asks for the path's state: what is done of it, and why nothing more will be. NULL with *err set.
- */
+/* Reads the state of the path: progress, or the reason of its failure. NULL with *err set. */
 static proto_json *read_state(struct fetching *f, struct sp_error *err) {
     struct http_response response = { 0 };
     proto_json *state = NULL;
@@ -183,7 +183,7 @@ static proto_json *read_state(struct fetching *f, struct sp_error *err) {
     return state;
 }
 
-/* Until all that it makes is here. */
+/* Polls and downloads until everything is here. */
 static bool follow(struct fetching *f, struct sp_error *err) {
     for (bool ok = true; ok && !f->is_done; ok = ok && (f->is_done || pause_for(f, POLL_MS, err))) {
         proto_json *state = read_state(f, err);
@@ -200,7 +200,7 @@ static bool follow(struct fetching *f, struct sp_error *err) {
     return f->is_done && (!f->is_movie || fetch(f, "/movie", f->options->out, err));
 }
 
-/* The document of the command line as text; NULL with *err set. */
+/* Reads the document of the command line; NULL with *err set on failure. */
 static char *read_path(const struct options *options, bool *is_movie, struct sp_error *err) {
     size_t size;
     char *text = input_read(options->argument, PROTO_BODY_MAX, &size, err);
@@ -226,7 +226,7 @@ static bool set_id(struct fetching *f, const char *id, struct sp_error *err) {
     return ok || sp_fail(err, SP_ERR_MEMORY, id, "out of memory");
 }
 
-/* A new path, of the file on the command line. */
+/* Creates a path from the file of the command line. */
 static bool create(struct fetching *f, struct sp_error *err) {
     char *body = read_path(f->options, &f->is_movie, err);
     bool ok = body && (f->http = connect_to_daemon(f->options, err)) &&
@@ -238,13 +238,13 @@ static bool create(struct fetching *f, struct sp_error *err) {
     return ok;
 }
 
-/* That of --id. */
+/* Takes the path of --id. */
 static bool find(struct fetching *f, struct sp_error *err) {
     f->http = connect_to_daemon(f->options, err);
     if (!f->http || !set_id(f, f->options->id, err))
         return false;
     proto_json *state = http_json(f->http, "GET", f->path, NULL, err);
-    f->is_gone = !state; /* or not to be asked for */
+    f->is_gone = !state; /* or this token may not read it */
     f->is_movie = strcmp(text_of(state, "format"), "webm") == 0;
     bool ok = state && (!f->options->out || output_check(f->options->out, !f->is_movie, err));
     if (ok && !f->options->out)
@@ -253,27 +253,28 @@ static bool find(struct fetching *f, struct sp_error *err) {
     return ok;
 }
 
-/* All of it is here: the daemon need not keep it. */
+/* Deletes the path on the daemon, because everything is here. */
 static void let_go(struct fetching *f) {
     struct http_response response = { 0 };
     struct sp_error err;
     if (!ask(f, "DELETE", "", NULL, &response, &err) && !f->is_gone)
-        fprintf(stderr, "splatctl: %s: all is fetched, but it cannot be removed: %s\n", f->id,
-                err.text);
+        fprintf(stderr,
+                "splatctl: %s: everything is fetched, but the daemon cannot delete the path: %s\n",
+                f->id, err.text);
     http_response_finish(&response);
 }
 
-/* What was not fetched stays with the daemon. */
+/* Says how to resume or delete a path that remains on the daemon. */
 static void say_how_to_go_on(const struct fetching *f) {
     if (f->id && !f->is_gone)
-        fprintf(
-            stderr,
-            "%ssplatctl: %s: the daemon keeps this path: \"splatctl path --id %s --out %s\" goes "
-            "on with it, \"splatctl path --id %s --delete\" removes it\n",
-            isatty(STDERR_FILENO) ? "\n" : "", f->id, f->id, f->options->out, f->id);
+        fprintf(stderr,
+                "%ssplatctl: %s: the daemon keeps this path: \"splatctl path --id %s --out %s\" "
+                "resumes "
+                "it, \"splatctl path --id %s --delete\" deletes it\n",
+                isatty(STDERR_FILENO) ? "\n" : "", f->id, f->id, f->options->out, f->id);
 }
 
-/* For programs. */
+/* Output for programs. */
 static bool report(const struct fetching *f, struct sp_error *err) {
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "out", f->options->out) &&
@@ -310,7 +311,7 @@ static int draw_path(const struct options *options, struct sp_error *err) {
         else
             say_how_to_go_on(&f);
         if (!ok && f.has_folder)
-            rmdir(options->out);                    /* if there is nothing in it */
+            rmdir(options->out);                    /* fails unless it is empty */
         sigprocmask(SIG_UNBLOCK, &f.signals, NULL); /* may end here */
         ok = ok && (!options->json || report(&f, err));
     }
@@ -324,7 +325,7 @@ int command_path(const struct options *options, struct sp_error *err) {
     if (!options->argument == !options->id)
         return usage_error("path", "needs a file with a camera path as JSON, or -; or --id");
     if (options->delete &&(!options->id || options->out))
-        return usage_error("path", "--delete needs --id, and no --out");
+        return usage_error("path", "--delete needs --id and excludes --out");
     if (options->argument && !options->out)
         return usage_error("path", "needs --out: a folder for frames, or a file for a movie");
     return options->delete ? delete_path(options, err) : draw_path(options, err);

@@ -8,22 +8,22 @@
 #include "protocol/limits.h"
 #include "protocol/view.h"
 
-bool write_picture(const struct options *options, const struct picture *picture, const char *format,
-                   struct sp_error *err) {
-    if (!output_write(options->out, picture->bytes, picture->size, err))
+bool write_image(const struct options *options, const struct image *image, const char *format,
+                 struct sp_error *err) {
+    if (!output_write(options->out, image->bytes, image->size, err))
         return false;
     if (!options->json || strcmp(options->out, "-") == 0)
         return true;
     proto_json *report = proto_json_object();
     bool ok = proto_json_set_string(report, "out", options->out) &&
               proto_json_set_string(report, "format", format) &&
-              proto_json_set_integer(report, "bytes", (int64_t)picture->size) &&
-              proto_json_set_string(report, "backend", picture->backend);
+              proto_json_set_integer(report, "bytes", (int64_t)image->size) &&
+              proto_json_set_string(report, "backend", image->backend);
     char *end;
-    double ms = strtod(picture->render_time, &end), splats = strtod(picture->splats, NULL);
-    if (ok && end != picture->render_time)
+    double ms = strtod(image->render_time, &end), splats = strtod(image->splats, NULL);
+    if (ok && end != image->render_time)
         ok = proto_json_set_number(report, "render_ms", ms);
-    if (ok && picture->splats[0])
+    if (ok && image->splats[0])
         ok = proto_json_set_number(report, "splats", splats);
     char *text = ok ? proto_json_to_text(report, NULL) : NULL;
     ok = text && puts(text) >= 0 && fflush(stdout) == 0;
@@ -53,7 +53,7 @@ proto_json *read_view(const struct options *options, struct sp_error *err) {
         }
     }
     if (view && proto_json_type(view) != PROTO_JSON_OBJECT) {
-        sp_fail(err, SP_ERR_INVALID, name, "a view is a JSON object");
+        sp_fail(err, SP_ERR_INVALID, name, "must be a view as a JSON object");
         proto_json_free(&view);
         return NULL;
     }
@@ -92,11 +92,11 @@ static bool render_remote(const struct options *options, const char *source, pro
         ok = sp_fail(err, SP_ERR_FORMAT, "POST /render", "the answer is %s, not %s",
                      response.type[0] ? response.type : "of no type", info->mime);
     if (ok) {
-        struct picture picture = { .bytes = response.body, .size = response.size };
-        memcpy(picture.backend, response.backend, sizeof picture.backend);
-        memcpy(picture.render_time, response.render_time, sizeof picture.render_time);
-        memcpy(picture.splats, response.splats, sizeof picture.splats);
-        ok = write_picture(options, &picture, info->name, err);
+        struct image image = { .bytes = response.body, .size = response.size };
+        memcpy(image.backend, response.backend, sizeof image.backend);
+        memcpy(image.render_time, response.render_time, sizeof image.render_time);
+        memcpy(image.splats, response.splats, sizeof image.splats);
+        ok = write_image(options, &image, info->name, err);
     }
     http_response_finish(&response);
     free(body);
@@ -105,7 +105,8 @@ static bool render_remote(const struct options *options, const char *source, pro
     return ok;
 }
 
-/* By --format, else by the ending of --out, else PNG. SP_IMAGE_FORMAT_COUNT = unknown. */
+/* The image format by --format, else by the suffix of --out, else PNG. SP_IMAGE_FORMAT_COUNT =
+ * unknown. */
 static enum sp_image_format pick_format(const struct options *options) {
     if (options->format)
         return sp_image_format_find(options->format);
@@ -122,10 +123,10 @@ int command_render(const struct options *options, struct sp_error *err) {
     enum sp_image_format format = pick_format(options);
     if (format == SP_IMAGE_FORMAT_COUNT)
         return usage_error(options->format ? options->format : options->out,
-                           "no such image format; known are jpeg, png, webp and exr (--format)");
+                           "is not an image format; use jpeg, png, webp or exr (--format)");
     if (!options->local && (options->threads || options->backend || options->gpu || options->isa))
         return usage_error("--threads, --backend, --gpu and --isa",
-                           "are the daemon's choice; for --local");
+                           "need --local; otherwise the daemon chooses");
     proto_json *view = read_view(options, err);
     if (!view)
         return 1;
@@ -133,7 +134,7 @@ int command_render(const struct options *options, struct sp_error *err) {
     char *source = options->volume ? strdup(options->volume) : named ? strdup(named) : NULL;
     int status = 1;
     if (!source)
-        status = usage_error("render", "needs --volume, since the view names none");
+        status = usage_error("render", "needs --volume, because the view names none");
     else if (options->local)
         status = render_local(options, source, view, format, err);
     else

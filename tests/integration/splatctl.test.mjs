@@ -132,11 +132,11 @@ test('a wrong token is told', async () => {
 
 test('views are kept, listed, printed and deleted', async () => {
   const view = JSON.stringify({ background: [0.25, 0, 0, 1] });
-  const id = (await succeeds(['keep', '--volume', 'engine', '--view', '-', '--size', '24,16'], { input: view })).toString().trim();
+  const id = (await succeeds(['save', '--volume', 'engine', '--view', '-', '--size', '24,16'], { input: view })).toString().trim();
   assert.match(id, /^[0-9a-f]{32}$/);
-  assert.equal(JSON.parse(await succeeds(['keep', '--volume', 'engine', '--view', '-', '--size', '24,16', '--json'], { input: view })).id, id);
+  assert.equal(JSON.parse(await succeeds(['save', '--volume', 'engine', '--view', '-', '--size', '24,16', '--json'], { input: view })).id, id);
   assert.match((await succeeds(['views'])).toString(), new RegExp(`^${id} +engine +24x16$`, 'm'));
-  const whole = JSON.parse(await succeeds(['kept', id]));
+  const whole = JSON.parse(await succeeds(['saved', id]));
   assert.deepEqual([whole.background, whole.size], [[0.25, 0, 0, 1], [24, 16]]);
   const ids = new Set([id]);
   for (let i = 1; i <= 120; i += 1) { // more than one page
@@ -145,8 +145,8 @@ test('views are kept, listed, printed and deleted', async () => {
   const { views, next } = JSON.parse(await succeeds(['views', '--json']));
   assert.equal(next, undefined);
   assert.deepEqual(new Set(views.map((v) => v.id)), ids);
-  await succeeds(['kept', id, '--delete']);
-  const gone = await splatctl(['kept', id]);
+  await succeeds(['saved', id, '--delete']);
+  const gone = await splatctl(['saved', id]);
   assert.equal(gone.status, 1);
   assert.match(gone.err, /no kept view/);
 });

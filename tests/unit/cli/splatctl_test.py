@@ -134,7 +134,7 @@ class Local(unittest.TestCase):
                      stdin=b'{"camra":{}}')
         self.refused('/primitive/type', '--volume', 'demo:phantom?size=16', '--view', '-',
                      stdin=b'{"primitive":{"type":"shell"}}')
-        for text, why in ((b'{\n', 'not valid JSON at line 2'), (b'[]', 'a view is a JSON object'),
+        for text, why in ((b'{\n', 'not valid JSON at line 2'), (b'[]', 'must be a view as a JSON object'),
                           (b' ' * (2 << 20), 'is larger than')):
             self.refused(f'standard input: {why}', '--volume', 'demo:phantom?size=16', '--view', '-', stdin=text)
         self.refused('no-such-view: ', '--volume', 'demo:phantom?size=16', '--view', 'no-such-view')
@@ -354,7 +354,7 @@ class Remote(unittest.TestCase):
         render[0] = 500, 'text/html', b'<h1>broken</h1>', {}
         self.refused('splatctl: POST /render?format=png: HTTP status 500\n')
         render[0] = 401, 'application/problem+json', b'{"detail": not json', {}
-        self.refused('HTTP status 401; give the daemon\'s token')
+        self.refused('HTTP status 401; pass the daemon\'s token')
         render[0] = 200, 'text/html', b'<p>a proxy speaks</p>', {}
         self.refused('the answer is text/html, not image/png')
         render[0] = 200, 'image/png', PIXELS, {'cut': 5000}

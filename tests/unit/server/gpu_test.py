@@ -139,7 +139,7 @@ class Refusals(unittest.TestCase):
     def test_a_gpu_is_for_local_rendering(self):
         done = run(SPLATCTL, 'render', '--volume', 'phantom', '--out', '-', '--gpu', '0')
         self.assertEqual(done.returncode, 2)
-        self.assertIn("are the daemon's choice", done.stderr)
+        self.assertIn("need --local", done.stderr)
 
 
 class Daemon(unittest.TestCase):

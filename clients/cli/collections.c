@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the daemon keeps: presets, views, sessions, and the list of its camera paths.
+ * Presets, saved views, sessions, and the list of camera paths.
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -14,7 +14,7 @@ static bool end_output(struct sp_error *err) {
            sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
 }
 
-/* "/COLLECTION/NAME"; NULL with *err set. */
+/* Returns "/COLLECTION/NAME"; NULL with *err set on failure. */
 static char *path_of(struct http *http, const char *collection, const char *name,
                      struct sp_error *err) {
     char *escaped = http_escape(http, name), *path = NULL;
@@ -26,7 +26,7 @@ static char *path_of(struct http *http, const char *collection, const char *name
     return path;
 }
 
-/* All pages of a list in one document {"`name`": […]}; NULL with *err set. */
+/* Reads all pages of a list into one document {"`name`": […]}; NULL with *err set on failure. */
 static proto_json *read_pages(struct http *http, const char *name, struct sp_error *err) {
     proto_json *all = proto_json_array(), *whole = proto_json_object();
     char path[512] = "";
@@ -87,11 +87,12 @@ static void print_name(const proto_json *name) {
     puts(proto_json_string(name) ? proto_json_string(name) : "");
 }
 
-/* Prints a list of the daemon's, in JSON as one document. */
+/* Prints a list of the daemon; with --json as one document. */
 static int list(const struct options *options, const char *name, const char *heading,
                 void (*print)(const proto_json *), struct sp_error *err) {
     if (options->argument)
-        return usage_error(options->argument, "this lists all and takes no argument");
+        return usage_error(options->argument,
+                           "is an argument too many; the command lists everything");
     struct http *http = connect_to_daemon(options, err);
     proto_json *all = http ? read_pages(http, name, err) : NULL;
     bool ok = all != NULL;
@@ -131,7 +132,7 @@ int command_paths(const struct options *options, struct sp_error *err) {
                 err);
 }
 
-/* Asks for one thing, or deletes it; the answer, of a deletion an empty object, or NULL. */
+/* Reads or deletes one item. Returns the answer, an empty object after a deletion, or NULL. */
 static proto_json *get_or_delete(const struct options *options, struct http *http,
                                  const char *collection, struct sp_error *err) {
     char *path = path_of(http, collection, options->argument, err);
@@ -148,7 +149,7 @@ static proto_json *get_or_delete(const struct options *options, struct http *htt
     return json;
 }
 
-/* {"session", "control", "view"}: a session's links to the page. NULL = no memory. */
+/* Returns {"session", "control", "view"}, the links of a session; NULL when out of memory. */
 static proto_json *links_of(struct http *http, const proto_json *session) {
     static const char *const roles[] = { "control", "view" };
     proto_json *links = proto_json_object();
@@ -192,9 +193,9 @@ int command_session(const struct options *options, struct sp_error *err) {
     return ok ? 0 : 1;
 }
 
-int command_kept(const struct options *options, struct sp_error *err) {
+int command_saved(const struct options *options, struct sp_error *err) {
     if (!options->argument)
-        return usage_error("kept", "needs the id of a kept view; \"splatctl views\" lists them");
+        return usage_error("saved", "needs the id of a saved view; \"splatctl views\" lists them");
     struct http *http = connect_to_daemon(options, err);
     proto_json *view = http ? get_or_delete(options, http, "views", err) : NULL;
     bool ok = view && (options->delete || print_json(view, err));
@@ -203,7 +204,7 @@ int command_kept(const struct options *options, struct sp_error *err) {
     return ok ? 0 : 1;
 }
 
-/* Puts the view of the command line under the name. */
+/* Stores the view of the command line as a preset. */
 static bool put_preset(const struct options *options, struct http *http, struct sp_error *err) {
     proto_json *view = read_view(options, err);
     char *text = view ? proto_json_to_text(view, NULL) : NULL;
@@ -237,8 +238,8 @@ int command_preset(const struct options *options, struct sp_error *err) {
     return ok ? 0 : 1;
 }
 
-/* POST of the view of the command line, of --volume if that is given; `member`: within an object
- * of that one member. NULL with *err set. */
+/* Posts the view of the command line with --volume, if given, or an object with the view as
+ * `member`. NULL with *err set on failure. */
 static proto_json *post_view(const struct options *options, struct http *http, const char *path,
                              const char *member, struct sp_error *err) {
     proto_json *view = read_view(options, err), *body = NULL, *answer = NULL;
@@ -262,24 +263,24 @@ static proto_json *post_view(const struct options *options, struct http *http, c
     return answer;
 }
 
-int command_keep(const struct options *options, struct sp_error *err) {
+int command_save(const struct options *options, struct sp_error *err) {
     if (options->argument)
-        return usage_error(options->argument, "keep takes options only; did you mean --volume?");
+        return usage_error(options->argument, "save takes options only; did you mean --volume?");
     struct http *http = connect_to_daemon(options, err);
-    proto_json *kept = http ? post_view(options, http, "/views", NULL, err) : NULL;
-    bool ok = kept != NULL;
+    proto_json *saved = http ? post_view(options, http, "/views", NULL, err) : NULL;
+    bool ok = saved != NULL;
     if (ok && options->json) {
-        ok = print_json(kept, err);
+        ok = print_json(saved, err);
     } else if (ok) {
-        puts(text_of(kept, "id"));
+        puts(text_of(saved, "id"));
         ok = end_output(err);
     }
-    proto_json_free(&kept);
+    proto_json_free(&saved);
     http_destroy(&http);
     return ok ? 0 : 1;
 }
 
-/* A session that begins with the view of another one or with a kept view. */
+/* Creates a session from the view of another session or from a saved view. */
 static proto_json *fork_session(const char *from, struct http *http, struct sp_error *err) {
     proto_json *body = proto_json_object(), *session = NULL;
     char *text = proto_json_set_string(body, "from", from) ? proto_json_to_text(body, NULL) : NULL;
