@@ -42,7 +42,7 @@ const WRONG = [
   [plane([0, 0, 0]), '/clip/planes/1/normal', /the normal is zero/],
   [plane([0, 1]), '/clip/planes/1/normal', /3 numbers/],
   [{ clip: { planes: [{ normal: [0, 0, 1] }] } }, '/clip/planes/0', /"offset" is missing/],
-  [{ clip: { planes: Array(9).fill({ normal: [0, 0, 1], offset: 0 }) } }, '/clip/planes', /at most 8/],
+  [{ clip: { planes: Array(9).fill({ normal: [0, 0, 1], offset: 0 }) } }, '/clip/planes', /has 9 items; the limit is 8/],
   [box([0, 0.6, 0], [1, 0.4, 1]), '/clip/box/0/1', /above the upper corner/],
   [box([0, 0, 0], [1, 1, 1.01]), '/clip/box/1/2', /outside \[0, 1\]/],
   [{ transfer_function: { order: 'after' } }, '/transfer_function/order', /"pre" or "post"/],
