@@ -115,12 +115,17 @@ enum proto_rpc_code proto_rpc_code_from(enum sp_code code) {
     case SP_ERR_UNSUPPORTED:
         return PROTO_RPC_UNSUPPORTED;
     case SP_ERR_NOT_FOUND:
+    case SP_ERR_VOLUME_UNKNOWN:
         return PROTO_RPC_NOT_FOUND;
+    case SP_ERR_NOT_READY:
+    case SP_ERR_VOLUME_FAILED:
+        return PROTO_RPC_NOT_READY;
     case SP_ERR_FORMAT:
         return PROTO_RPC_PARSE;
     case SP_ERR_DENIED:
         return PROTO_RPC_DENIED;
     case SP_ERR_BUDGET:
+    case SP_ERR_QUOTA:
         return PROTO_RPC_LIMIT;
     case SP_ERR_MEMORY:
         return PROTO_RPC_INTERNAL;

@@ -44,6 +44,14 @@ const char *sp_code_name(enum sp_code code) {
         return "cancelled";
     case SP_ERR_BACKEND:
         return "backend";
+    case SP_ERR_QUOTA:
+        return "over-quota";
+    case SP_ERR_NOT_READY:
+        return "not-ready";
+    case SP_ERR_VOLUME_UNKNOWN:
+        return "volume-unknown";
+    case SP_ERR_VOLUME_FAILED:
+        return "volume-failed";
     }
     return "unknown";
 }

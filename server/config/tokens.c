@@ -136,7 +136,7 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
 static bool charge(struct srv_token_use *use, const struct srv_quota *quota, const char *name,
                    double now_ms, struct sp_error *err) {
     if (quota->snapshots && use->snapshots >= quota->snapshots)
-        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "%s has %u snapshots in progress and its token allows %u; try again later",
                        name, use->snapshots, quota->snapshots);
     if (!quota->fps)
@@ -144,7 +144,7 @@ static bool charge(struct srv_token_use *use, const struct srv_quota *quota, con
     double from_ms = use->used_ms > now_ms - 1000 ? use->used_ms : now_ms - 1000;
     double until_ms = from_ms + 1000.0 / quota->fps;
     if (until_ms > now_ms + 1e-6)
-        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "%s has used the %u snapshots per second that its token allows", name,
                        quota->fps);
     use->used_ms = until_ms;

@@ -7,9 +7,6 @@
 
 #include "config/token_file.h"
 
-/* err->place of what is over a token's quota: answered with 429. */
-#define SRV_PLACE_QUOTA "--token-file"
-
 struct srv_tokens;
 struct srv_token_use; /* counters of one token; they live until the last grant is given back */
 
@@ -39,7 +36,7 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant);
 bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,
                         struct srv_quota *quota);
 
-/* One more picture by HTTP is under way with this grant. SP_ERR_BUDGET at SRV_PLACE_QUOTA: too many
+/* One more picture by HTTP is under way with this grant. SP_ERR_QUOTA: too many
  * are, or were within the last second. */
 bool srv_tokens_begin_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant,
                                double now_ms, struct sp_error *err);

@@ -8,8 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "config/tokens.h"
-
 void srv_reply_finish(struct srv_reply *reply) {
     free(reply->owned);
     if (reply->chunked_body)
@@ -118,19 +116,24 @@ unsigned srv_status_from(enum sp_code code) {
     case SP_ERR_UNSUPPORTED:
         return 422;
     case SP_ERR_NOT_FOUND:
+    case SP_ERR_VOLUME_UNKNOWN:
         return 404;
     case SP_ERR_FORMAT:
         return 400;
     case SP_ERR_DENIED:
         return 403;
-    case SP_ERR_TIMEOUT: /* a volume is still loading */
+    case SP_ERR_NOT_READY:
+    case SP_ERR_VOLUME_FAILED:
         return 409;
+    case SP_ERR_QUOTA:
+        return 429;
     case SP_ERR_MEMORY:
     case SP_ERR_BUDGET:
     case SP_ERR_CANCELLED:
         return 503;
     case SP_OK:
     case SP_ERR_IO:
+    case SP_ERR_TIMEOUT:
     case SP_ERR_CRASHED:
     case SP_ERR_BACKEND:
         break;
@@ -139,24 +142,19 @@ unsigned srv_status_from(enum sp_code code) {
 }
 
 void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
-    bool is_quota = err->code == SP_ERR_BUDGET && strcmp(err->place, SRV_PLACE_QUOTA) == 0;
-    unsigned status = is_quota ? 429 : srv_status_from(err->code);
     /* A place that is no pointer names a file or flag: it belongs to the text. */
     bool pointer = err->place[0] == '/' && strncmp(err->place, "//", 2) != 0;
-    problem(reply, status, pointer ? err->place : NULL, err->text);
-    if (err->code == SP_ERR_TIMEOUT)
+    problem(reply, srv_status_from(err->code), pointer ? err->place : NULL, err->text);
+    if (err->code == SP_ERR_NOT_READY)
         srv_reply_header(reply, "Retry-After", "1");
 }
 
 void srv_reply_view_error(struct srv_reply *reply, const char *at, const struct sp_error *err) {
-    bool about_volume = strcmp(err->place, "/volume") == 0;
     struct sp_error here = *err;
     if (err->place[0] == '/')
         snprintf(here.place, sizeof here.place, "%s%.240s", at, err->place);
-    if (about_volume && err->code == SP_ERR_NOT_FOUND)
+    if (err->code == SP_ERR_VOLUME_UNKNOWN)
         srv_reply_problem(reply, 422, here.place, "%s", err->text);
-    else if (about_volume && err->code == SP_ERR_UNSUPPORTED)
-        srv_reply_problem(reply, 409, here.place, "%s", err->text);
     else
         srv_reply_error(reply, &here);
 }

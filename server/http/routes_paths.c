@@ -16,20 +16,18 @@
 
 /* Making one. */
 
-/* The path's view as a patch: "view", with "size" over its own. NULL: the reply is the problem. */
-static proto_json *view_patch(const proto_json *body, struct srv_reply *reply) {
-    const proto_json *view = proto_json_get(body, "view"), *value;
-    const proto_json *size = proto_json_get(body, "size");
+/* A patch of the members of "view"; the body's own "size" replaces that of the view: NULL leaves
+ * both out. NULL: the reply is the problem. */
+static proto_json *view_patch(const proto_json *view, bool has_own_size, const proto_json *size,
+                              struct srv_reply *reply) {
+    const proto_json *value;
     const char *key;
     void *at = NULL;
-    if (view && proto_json_type(view) != PROTO_JSON_OBJECT) {
-        srv_reply_problem(reply, 422, "/view", "must be an object");
-        return NULL;
-    }
     proto_json *patch = proto_json_object();
     bool ok = patch != NULL;
     while (ok && proto_json_next(view, &at, &key, &value))
-        ok = proto_json_set(patch, key, proto_json_ref((proto_json *)(uintptr_t)value));
+        if (!has_own_size || strcmp(key, "size") != 0)
+            ok = proto_json_set(patch, key, proto_json_ref((proto_json *)(uintptr_t)value));
     if (ok && size)
         ok = proto_json_set(patch, "size", proto_json_ref((proto_json *)(uintptr_t)size));
     if (!ok) {
@@ -39,26 +37,47 @@ static proto_json *view_patch(const proto_json *body, struct srv_reply *reply) {
     return patch;
 }
 
-/* On success view->volume is in use. */
+/* Resolves the patch; errors of the view are reported below the pointer `at`. On success *volume is
+ * in use. */
+static bool resolve_patch(struct srv_request *request, proto_json *patch, const char *at,
+                          struct sp_view *view, void **volume, struct srv_reply *reply) {
+    struct sp_error err;
+    bool ok = patch && srv_hub_resolve_view(request->app->hub, NULL, patch, view, volume, &err);
+    if (patch && !ok)
+        srv_reply_view_error(reply, at, &err);
+    proto_json_free(&patch);
+    return ok;
+}
+
+/* On success view->volume is in use. The view is resolved without the body's own size first, so
+ * that errors point to the member that causes them: "/view/…" or "/size". */
 static bool resolve(struct srv_request *request, const proto_json *body,
                     const struct srv_owner *owner, struct srv_path_request *view,
                     struct srv_reply *reply) {
+    const proto_json *base = proto_json_get(body, "view"), *size = proto_json_get(body, "size");
     struct sp_error err;
     void *volume = NULL;
-    proto_json *patch = view_patch(body, reply);
-    if (!patch)
+    if (base && proto_json_type(base) != PROTO_JSON_OBJECT) {
+        srv_reply_problem(reply, 422, "/view", "must be an object");
         return false;
-    bool ok = srv_hub_resolve_view(request->app->hub, NULL, patch, &view->view, &volume, &err);
-    proto_json_free(&patch);
-    if (ok) {
-        srv_catalog_default_view(request->app->catalog, volume, &view->defaults);
-        view->volume = volume;
-        if (srv_owner_allows_size(owner, view->view.size, &err))
-            return true;
-        srv_catalog_release(request->app->catalog, volume);
     }
-    bool is_own = proto_json_get(body, "size") && strncmp(err.place, "/size", 5) == 0;
-    srv_reply_view_error(reply, is_own ? "" : "/view", &err);
+    if (!resolve_patch(request, view_patch(base, size != NULL, NULL, reply), "/view", &view->view,
+                       &volume, reply))
+        return false;
+    if (size) {
+        void *without_size = volume; /* in use, so that the volume cannot go in between */
+        bool ok = resolve_patch(request, view_patch(base, true, size, reply), "", &view->view,
+                                &volume, reply);
+        srv_catalog_release(request->app->catalog, without_size);
+        if (!ok)
+            return false;
+    }
+    srv_catalog_default_view(request->app->catalog, volume, &view->defaults);
+    view->volume = volume;
+    if (srv_owner_allows_size(owner, view->view.size, &err))
+        return true;
+    srv_catalog_release(request->app->catalog, volume);
+    srv_reply_view_error(reply, size ? "" : "/view", &err);
     return false;
 }
 

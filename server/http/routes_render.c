@@ -253,8 +253,9 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
         !read_chroma(request, &still.chroma, reply))
         return;
     if (!srv_hub_resolve_view(request->app->hub, base, patch, &still.view, &volume, &err)) {
-        /* The volume of a kept view is no fault of the request: it has to be loaded first. */
-        if (base && strcmp(err.place, "/volume") == 0)
+        /* The request does not name the volume of a saved view: the volume must be loaded first. */
+        if (base && (err.code == SP_ERR_VOLUME_UNKNOWN || err.code == SP_ERR_NOT_READY ||
+                     err.code == SP_ERR_VOLUME_FAILED))
             srv_reply_problem(reply, 409, NULL, "%s", err.text);
         else
             srv_reply_view_error(reply, "", &err);

@@ -59,8 +59,7 @@ static bool add_record(struct srv_request *request, const char *id, const char *
     char beginning[BEGINNING_BYTES], *record = NULL;
     const struct srv_store_share share = { .beginning = beginning,
                                            .most = request->grant.quota.views,
-                                           .name = request->grant.name,
-                                           .place = SRV_PLACE_QUOTA };
+                                           .name = request->grant.name };
     beginning_of(request, beginning);
     int size = asprintf(&record, "%s\"view\":%s}", beginning, text);
     if (size < 0)

@@ -85,10 +85,7 @@ void srv_get_volume_view(struct srv_request *request, struct srv_reply *reply) {
     if (!volume) {
         /* Here the volume is the resource, not a member of a body. */
         err.place[0] = 0;
-        if (err.code == SP_ERR_UNSUPPORTED)
-            srv_reply_problem(reply, 409, NULL, "%s", err.text);
-        else
-            srv_reply_error(reply, &err);
+        srv_reply_error(reply, &err);
         return;
     }
     srv_catalog_default_view(request->app->catalog, volume, &view);

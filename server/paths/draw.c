@@ -138,9 +138,10 @@ static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
         *missing = SRV_COUNT_PATH_WAIT_MEMORY;
         return true;
     case SP_ERR_BUDGET:
+    case SP_ERR_QUOTA:
         *missing = SRV_COUNT_PATH_WAIT_LIMIT;
         return true;
-    case SP_ERR_TIMEOUT:
+    case SP_ERR_NOT_READY:
         *missing = SRV_COUNT_PATH_WAIT_VOLUME;
         return true;
     case SP_ERR_BACKEND:
@@ -154,6 +155,9 @@ static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
     case SP_ERR_FORMAT:
     case SP_ERR_DENIED:
     case SP_ERR_CANCELLED:
+    case SP_ERR_TIMEOUT:
+    case SP_ERR_VOLUME_UNKNOWN:
+    case SP_ERR_VOLUME_FAILED:
         break;
     }
     return false;
@@ -329,7 +333,7 @@ static struct srv_volume *acquire(struct drawing *d, struct sp_error *err) {
         srv_catalog_release(catalog, volume);
     if (is_unloaded)
         sp_fail(err, SP_ERR_INVALID, NULL, "the volume '%s' was unloaded", path->volume);
-    else if (why.code == SP_ERR_NOT_FOUND)
+    else if (why.code == SP_ERR_VOLUME_UNKNOWN)
         sp_fail(err, why.code, NULL,
                 "there is no volume '%s'; load it under this id, or delete the path", path->volume);
     else if (!volume)
@@ -351,8 +355,8 @@ static void draw_frame(struct drawing *d, uint64_t generation) {
     struct srv_volume *volume = has_bytes ? acquire(d, &err) : NULL;
     if (!volume) {
         /* The volume is loading, failed to load or is unknown: wait until a volume changes. */
-        if (err.code == SP_ERR_TIMEOUT || err.code == SP_ERR_UNSUPPORTED ||
-            err.code == SP_ERR_NOT_FOUND)
+        if (err.code == SP_ERR_NOT_READY || err.code == SP_ERR_VOLUME_FAILED ||
+            err.code == SP_ERR_VOLUME_UNKNOWN)
             block(d, generation, INFINITY, SRV_COUNT_PATH_WAIT_VOLUME, err.text);
         else
             stop_path(d, generation, &err);

@@ -76,8 +76,8 @@ struct srv_path_request { /* the resolved "view" of a request */
 };
 /* Creates a path from `body`, the document of POST /paths, whose "view" has been resolved to *view.
  * `owner` is the name of a token. Returns JSON as GET /paths/{id} does. NULL: SP_ERR_INVALID with a
- * pointer into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY, SP_ERR_BUDGET (too many paths; at
- * SRV_PLACE_QUOTA, a quota of this owner), or with *is_full, the total size of all files.
+ * pointer into the body, SP_ERR_UNSUPPORTED, SP_ERR_MEMORY, SP_ERR_QUOTA (of this owner),
+ * SP_ERR_BUDGET: too many paths, or with *is_full, the total size of all files.
  */
 proto_json *srv_paths_add(struct srv_paths *paths, const proto_json *body,
                           const struct srv_path_request *view, const char *owner,
@@ -102,7 +102,7 @@ proto_json *srv_path_info_encode(const struct srv_path_info *info); /* NULL = ou
 /* Cancels and removes a path with its files. False: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
 bool srv_paths_remove(struct srv_paths *paths, const char *id, struct sp_error *err);
 
-/* Results. On failure: SP_ERR_NOT_FOUND, or SP_ERR_TIMEOUT if the result is not there yet. */
+/* Results. On failure: SP_ERR_NOT_FOUND, or SP_ERR_NOT_READY if the result is not there yet. */
 struct srv_path_file {
     int fd; /* the caller closes it */
     uint64_t size;

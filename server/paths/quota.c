@@ -26,11 +26,11 @@ static struct srv_quota quota_of(struct srv_paths *paths, const char *owner) {
 static bool may_enter(struct srv_paths *paths, const struct srv_path_owner *owner,
                       const struct srv_quota *quota, bool *is_full, struct sp_error *err) {
     if (owner && quota->paths && owner->count >= quota->paths)
-        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "%s has %u camera paths and its token allows %u; delete finished ones",
                        owner->name, owner->count, quota->paths);
     if (owner && quota->path_bytes && owner->bytes >= quota->path_bytes)
-        return sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "the camera paths of %s use %llu bytes and its token allows %llu; delete "
                        "finished ones",
                        owner->name, (unsigned long long)owner->bytes,

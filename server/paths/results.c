@@ -56,7 +56,7 @@ bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t fram
         return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has frames 0 to %u",
                        path.output.frames - 1);
     if (frame >= path.done)
-        return sp_fail(err, SP_ERR_TIMEOUT, NULL, "frame %u is not rendered yet; %u frames are",
+        return sp_fail(err, SP_ERR_NOT_READY, NULL, "frame %u is not rendered yet; %u frames are",
                        frame, path.done);
     srv_path_file_name(&path.output, frame, name);
     return open_file(paths, id, name, sp_image_format_info(path.output.format)->mime, file, err);
@@ -68,7 +68,7 @@ static bool check_done(const struct srv_path *path, bool is_movie, struct sp_err
                        is_movie ? "frames, not a movie; use \"format\": \"webm\" for a movie"
                                 : "a movie, not frames");
     return path->state == SRV_PATH_DONE ||
-           sp_fail(err, SP_ERR_TIMEOUT, NULL, "this path is %s with %u of %u frames",
+           sp_fail(err, SP_ERR_NOT_READY, NULL, "this path is %s with %u of %u frames",
                    srv_path_state_name(path), path->done, path->output.frames);
 }
 

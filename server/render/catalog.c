@@ -551,14 +551,15 @@ void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
             }
     }
     if (!found && id && *id)
-        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "there is no volume '%s'", id);
+        sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "there is no volume '%s'", id);
     else if (!found)
-        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "no volume is loaded; POST /api/v1/volumes does");
+        sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume",
+                "no volume is loaded; POST /api/v1/volumes does");
     else if (found->state == SRV_VOLUME_LOADING)
-        sp_fail(err, SP_ERR_TIMEOUT, "/volume", "the volume '%s' is still loading (%.0f %%)",
+        sp_fail(err, SP_ERR_NOT_READY, "/volume", "the volume '%s' is still loading (%.0f %%)",
                 found->id, found->progress * 100);
     else if (found->state == SRV_VOLUME_FAILED)
-        sp_fail(err, SP_ERR_UNSUPPORTED, "/volume", "the volume '%s' failed to load: %.300s",
+        sp_fail(err, SP_ERR_VOLUME_FAILED, "/volume", "the volume '%s' failed to load: %.300s",
                 found->id, found->error.text);
     bool ok = found && found->state == SRV_VOLUME_READY;
     if (ok)

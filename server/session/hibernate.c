@@ -252,10 +252,12 @@ static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_
                                              &session->view, &session->volume, &why);
     if (record && !ok && why.code == SP_ERR_MEMORY)
         *err = why;
-    else if (record && !ok && strcmp(why.place, "/volume") == 0)
-        sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session waits for its volume: %s", why.text);
+    else if (record && !ok &&
+             (why.code == SP_ERR_NOT_READY || why.code == SP_ERR_VOLUME_UNKNOWN ||
+              why.code == SP_ERR_VOLUME_FAILED))
+        sp_fail(err, SP_ERR_NOT_READY, NULL, "the session waits for its volume: %s", why.text);
     else if (record && !ok)
-        sp_fail(err, SP_ERR_TIMEOUT, NULL, "the session's view cannot be shown here: %s: %s",
+        sp_fail(err, SP_ERR_NOT_READY, NULL, "the session's view cannot be shown here: %s: %s",
                 why.place, why.text);
     proto_json_free(&record);
     free(text);

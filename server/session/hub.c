@@ -244,7 +244,7 @@ static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
         awake += strcmp(s->owner.name, owner->name) == 0;
     unsigned asleep = srv_hub_count_sleepers(hub, owner->name);
     return awake + asleep < most ||
-           sp_fail(err, SP_ERR_BUDGET, SRV_PLACE_QUOTA,
+           sp_fail(err, SP_ERR_QUOTA, NULL,
                    "%s has %u sessions, of which %u sleep, and its token allows %u; delete some",
                    owner->name, awake + asleep, asleep, most);
 }

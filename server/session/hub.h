@@ -40,8 +40,8 @@ enum { SRV_PARTICIPANTS_MAX = 64, SRV_SESSION_ID_BYTES = 17, SRV_PARTICIPANT_NAM
 /* Where volumes come from: the catalog. A volume handle is one counted use of a ready volume. */
 struct srv_volume_source {
     void *user;
-    /* A use of the volume; id NULL or "" = the first one loaded. SP_ERR_NOT_FOUND, or
-     * SP_ERR_TIMEOUT if it is loading, or SP_ERR_UNSUPPORTED if it failed to load. */
+    /* A use of the volume; id NULL or "" = the first one loaded. Errors:
+     * SP_ERR_VOLUME_UNKNOWN, SP_ERR_NOT_READY while it loads, SP_ERR_VOLUME_FAILED. */
     void *(*acquire)(void *user, const char *id, struct sp_error *err);
     void *(*ref)(void *user, void *volume);
     void (*release)(void *user, void *volume);
@@ -109,7 +109,7 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
  * first, to make room. */
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err);
-/* The same of an owner: SP_ERR_BUDGET at SRV_PLACE_QUOTA over its own limit, for which sessions
+/* The same of an owner: SP_ERR_QUOTA over its own limit, for which sessions
  * that sleep count, too. A guest, who has but a join token, is refused sooner: a quarter of all
  * sessions is for those who have a token of the daemon; and for it nothing falls asleep.
  * SP_ERR_DENIED for a guest where the owner has no token any more. */
@@ -124,7 +124,7 @@ void srv_hub_renew_tokens(struct srv_hub *hub);
 /* Whose session it is, awake or asleep; nobody's if there is none. */
 void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner);
 /* {"id", "view", "participants"}; `with_tokens` adds "tokens". Like all that asks for a session by
- * its id, besides deletion, authorization and the list, it wakes one that sleeps: SP_ERR_TIMEOUT
+ * its id, besides deletion, authorization and the list, it wakes one that sleeps: SP_ERR_NOT_READY
  * with what it waits for if that cannot be, SP_ERR_BUDGET if too many are awake. */
 proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_tokens,
                                 double now_ms, struct sp_error *err);

@@ -44,10 +44,7 @@ static bool view_update(struct srv_call *call) {
                                      "this token may watch; changing the view needs the control "
                                      "token, or the grant of who holds control");
     if (!srv_hub_apply(call->hub, p->session, patch, p->id, call->now_ms, &call->err)) {
-        bool not_ready =
-            call->err.code == SP_ERR_TIMEOUT ||
-            (call->err.code == SP_ERR_UNSUPPORTED && strcmp(call->err.place, "/volume") == 0);
-        call->code = not_ready ? PROTO_RPC_NOT_READY : proto_rpc_code_from(call->err.code);
+        call->code = proto_rpc_code_from(call->err.code);
         return false;
     }
     p->seq = (uint32_t)seq;

@@ -60,8 +60,8 @@ bool srv_store_put(struct srv_store *store, enum srv_kind kind, const char *id, 
                    size_t size, struct sp_error *err);
 struct srv_store_share {   /* the records of one kind that one owner has */
     const char *beginning; /* with which the texts of this owner's records begin, and no others */
-    unsigned most;         /* records of this owner; 0 = no limit */
-    const char *name, *place; /* whose, and err->place of what is over it */
+    unsigned most;         /* records of this owner; 0 = no limit; more: SP_ERR_QUOTA */
+    const char *name;      /* of the owner */
 };
 /* Stores a record for an owner with a limit. A record that exists under the id stays as it is, and
  * that is success. */

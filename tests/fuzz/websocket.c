@@ -22,7 +22,7 @@ struct input {
 static void *acquire(void *user, const char *id, struct sp_error *err) {
     if (!id || !*id || strcmp(id, "v") == 0)
         return user;
-    sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "there is no volume '%s'", id);
+    sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "there is no volume '%s'", id);
     return NULL;
 }
 

@@ -9,7 +9,7 @@ static void *acquire(void *user, const char *id, struct sp_error *err) {
     struct fake_volumes *volumes = user;
     bool is_there = !volumes->only || !id || !*id || strcmp(id, volumes->only) == 0;
     if (volumes->is_loading || !is_there) {
-        sp_fail(err, volumes->is_loading ? SP_ERR_TIMEOUT : SP_ERR_NOT_FOUND, "/volume",
+        sp_fail(err, volumes->is_loading ? SP_ERR_NOT_READY : SP_ERR_VOLUME_UNKNOWN, "/volume",
                 "no %s now", id);
         return NULL;
     }

@@ -29,7 +29,12 @@ enum sp_code {
     SP_ERR_TIMEOUT,     /* it took longer than its limit */
     SP_ERR_CRASHED,     /* a helper process died or broke its protocol */
     SP_ERR_CANCELLED,   /* the caller cancelled it */
-    SP_ERR_BACKEND      /* the backend failed; the next call may work */
+    SP_ERR_BACKEND,     /* the backend failed; the next call may work */
+    /* For programs that serve volumes to several users; the renderer itself never returns them. */
+    SP_ERR_QUOTA,          /* over the quota of one user; other users are not affected */
+    SP_ERR_NOT_READY,      /* is still being loaded or computed; try again later */
+    SP_ERR_VOLUME_UNKNOWN, /* a view names a volume that does not exist */
+    SP_ERR_VOLUME_FAILED   /* a view names a volume that could not be loaded */
 };
 
 enum { SP_ERROR_PLACE = 256, SP_ERROR_TEXT = 384 }; /* bytes, with the final 0 */

@@ -260,8 +260,7 @@ static bool begin(struct srv_tokens *tokens, const struct srv_grant *grant, doub
     struct sp_error err = { .code = SP_OK };
     bool ok = srv_tokens_begin_snapshot(tokens, grant, now_ms, &err);
     if (!ok) {
-        assert_int_equal(err.code, SP_ERR_BUDGET);
-        assert_string_equal(err.place, SRV_PLACE_QUOTA);
+        assert_int_equal(err.code, SP_ERR_QUOTA);
     }
     return ok;
 }

@@ -13,7 +13,7 @@
 static void *acquire(void *user, const char *id, struct sp_error *err) {
     struct fixture *f = user;
     if (id && *id && strcmp(id, "v") != 0 && strcmp(id, "w") != 0) {
-        sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "no volume %s", id);
+        sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "no volume %s", id);
         return NULL;
     }
     f->uses++;

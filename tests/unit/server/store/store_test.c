@@ -174,12 +174,11 @@ static void records_are_kept_in_memory(void **state) {
     assert_true(put(store, SRV_KIND_VIEW, "a", "22")); /* is there already */
     assert_true(put(store, SRV_KIND_SESSION, "a", "session"));
     holds(store, SRV_KIND_VIEW, "a", "22");
-    const struct srv_store_share share = { "2", 1, "ann", "here" }, other = { "3", 1, "bob", "" };
+    const struct srv_store_share share = { "2", 1, "ann" }, other = { "3", 1, "bob" };
     assert_true(srv_store_add(store, SRV_KIND_VIEW, "a", "23", 2, &share, &err)); /* as it is */
     holds(store, SRV_KIND_VIEW, "a", "22");
     assert_false(srv_store_add(store, SRV_KIND_VIEW, "c", "23", 2, &share, &err));
-    assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_string_equal(err.place, "here");
+    assert_int_equal(err.code, SP_ERR_QUOTA);
     assert_string_equal(err.text, "ann has 1 views and its token allows 1; delete some");
     assert_false(srv_store_add(store, SRV_KIND_VIEW, "c", "3", 1, &other, &err));
     assert_non_null(strstr(err.text, "--views allows 2"));
