@@ -2,6 +2,7 @@
 #include "server/daemon.h"
 
 #include <malloc.h>
+#include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 #include <unistd.h>
 
 #include "common/clock.h"
+#include "common/timer_thread.h"
 #include "http/cors.h"
 #include "http/listener.h"
 #include "http/streams.h"
@@ -33,9 +35,11 @@ struct srv_daemon {
     struct srv_store *store;
     struct srv_metrics *metrics;
     struct srv_streams *streams;
-    _Atomic(struct srv_paths *) paths; /* also read by the load and stream threads */
-    _Atomic(struct srv_http *) http;   /* read by the stream thread while it is being created */
-    _Atomic double alive_ms;           /* time of the last tick */
+    _Atomic(struct srv_paths *) paths; /* also read by the load and timer threads */
+    _Atomic(struct srv_http *) http;   /* read by the timer thread while it is being created */
+    _Atomic double alive_ms;           /* time of the last run of `tick` */
+    struct srv_timer_thread *timers;
+    struct srv_timer_task tick;
     double
         ran_ms; /* plus srv_clock_ms(): for how long daemons have run with this store; constant */
     struct srv_http_options http_options;
@@ -113,8 +117,12 @@ static void on_ready(void *user) {
     srv_streams_ready(d->streams);
 }
 
-static void on_tick(void *user, double now_ms) {
+/* All that depends on time, on the timer thread. Each part keeps its own timer heap and does what
+ * is due; streams are checked by the stream thread, which this only wakes. */
+static double on_tick(void *user, double now_ms) {
     struct srv_daemon *d = user;
+    srv_streams_tick(d->streams);
+    srv_hub_tick(d->hub, now_ms);
     struct srv_http *http = atomic_load(&d->http);
     if (http)
         srv_http_tick(http, now_ms);
@@ -124,6 +132,7 @@ static void on_tick(void *user, double now_ms) {
     srv_render_pool_tick(d->render_pool);
     srv_log_tick(d->log, now_ms);
     atomic_store(&d->alive_ms, now_ms);
+    return now_ms + SRV_STREAMS_TICK_MS;
 }
 
 /* Start. */
@@ -230,11 +239,13 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
                                            .metrics = d->metrics,
                                            .message_bytes = (size_t)c->message_size,
                                            .ping_ms = (double)c->ping_time_ms,
-                                           .stall_ms = (double)c->stall_time_ms,
-                                           .user = d,
-                                           .tick = on_tick };
-    return (d->streams = srv_streams_create(&streams, err)) != NULL &&
-           srv_render_pool_start(d->render_pool, d->hub, err);
+                                           .stall_ms = (double)c->stall_time_ms };
+    if (!(d->streams = srv_streams_create(&streams, err)) ||
+        !(d->timers = srv_timer_thread_create(err)))
+        return false;
+    d->tick = (struct srv_timer_task){ .user = d, .run = on_tick };
+    srv_timer_thread_add(d->timers, &d->tick, srv_clock_ms());
+    return srv_render_pool_start(d->render_pool, d->hub, err);
 }
 
 /* Reads the token file, or creates a random token. */
@@ -392,7 +403,7 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
 }
 
 double srv_daemon_alive_ms(const struct srv_daemon *d) {
-    return atomic_load(&d->alive_ms);
+    return fmin(atomic_load(&d->alive_ms), srv_streams_alive_ms(d->streams));
 }
 
 /* Stopping, from the outside inwards. */
@@ -422,6 +433,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_store_stop(d->store);
     /* The render pool and the store have now woken every request that waited for them. */
     /* The streams give their connections back before the listener ends them. */
+    srv_timer_thread_destroy(&d->timers); /* first: it uses all parts that follow */
     atomic_store(&d->http, NULL);
     srv_streams_destroy(&d->streams);
     srv_http_destroy(&http);

@@ -78,7 +78,7 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
         if (watchdog_ms > 0 && silent_ms < watchdog_ms / 2)
             srv_service_alive();
         else if (watchdog_ms > 0)
-            sp_log(SP_LOG_ERROR, "the stream thread has been blocked for %.0f ms", silent_ms);
+            sp_log(SP_LOG_ERROR, "the stream or timer thread was blocked for %.0f ms", silent_ms);
     }
 }
 

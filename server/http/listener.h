@@ -58,7 +58,7 @@ void srv_http_close(struct srv_http *http);
 void srv_http_drain(struct srv_http *http, double limit_ms);
 /* After the scheduler was stopped and the streams are gone. */
 void srv_http_destroy(struct srv_http **http);
-/* Closes connections past their deadline; for srv_streams_options.tick. */
+/* Closes connections past their deadline; for the timer thread. */
 void srv_http_tick(void *http, double now_ms);
 
 /* Open connections, with those that are streams now. */

@@ -21,7 +21,6 @@
 
 enum { EVENTS = 8, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
 #define LINGER_MS 2000.0 /* for the peer to read the close and to close, too */
-#define TICK_MS 100.0
 
 /* After the last byte was sent, a stream lingers: the socket is shut down for writing and what
  * still comes is thrown away until the peer closes; else its close frame could be lost to a reset.
@@ -43,6 +42,8 @@ struct srv_streams {
     struct srv_streams_options options;
     pthread_t thread;
     int epoll, wake;
+    atomic_bool has_tick;        /* srv_streams_tick() was called and not handled yet */
+    _Atomic double alive_ms;     /* when a tick was handled last */
     struct srv_ingress *ingress; /* the thread's */
     pthread_mutex_t mutex;
     pthread_cond_t gone;
@@ -62,6 +63,15 @@ static void wake(struct srv_streams *s) {
 
 void srv_streams_ready(void *user) {
     wake(user);
+}
+
+void srv_streams_tick(struct srv_streams *s) {
+    atomic_store(&s->has_tick, true);
+    wake(s);
+}
+
+double srv_streams_alive_ms(const struct srv_streams *s) {
+    return atomic_load(&s->alive_ms);
 }
 
 static void end(struct srv_streams *s, struct stream *stream) {
@@ -240,7 +250,7 @@ static void tick_stream(struct srv_streams *s, struct stream *stream, double now
     double due_ms = !stream->ws ? stream->linger_ms + LINGER_MS
                     : has_extra ? now_ms
                                 : srv_ws_deadline_ms(stream->ws);
-    srv_timer_set(&s->dues, &stream->due, fmax(due_ms, now_ms + TICK_MS));
+    srv_timer_set(&s->dues, &stream->due, fmax(due_ms, now_ms + SRV_STREAMS_TICK_MS / 2));
 }
 
 static void tick(struct srv_streams *s, double now_ms) {
@@ -248,9 +258,7 @@ static void tick(struct srv_streams *s, double now_ms) {
     for (struct stream *stream; (stream = srv_timer_take(&s->dues, now_ms));)
         if (!stream->dead)
             tick_stream(s, stream, now_ms);
-    srv_hub_tick(s->options.hub, now_ms);
-    if (s->options.tick)
-        s->options.tick(s->options.user, now_ms);
+    atomic_store(&s->alive_ms, now_ms);
 }
 
 /* Takes over what was handed in; says good-bye when draining. False: stop. */
@@ -288,9 +296,8 @@ static void *stream_main(void *user) {
     struct srv_streams *s = user;
     struct epoll_event events[EVENTS];
     bool draining = false;
-    double last_tick_ms = 0, wait_ms = TICK_MS;
     for (;;) {
-        int count = epoll_wait(s->epoll, events, EVENTS, (int)ceil(fmax(0, wait_ms)));
+        int count = epoll_wait(s->epoll, events, EVENTS, -1);
         double now_ms = srv_clock_ms();
         for (int i = 0; i < count; i++) {
             uint64_t counter;
@@ -303,11 +310,8 @@ static void *stream_main(void *user) {
             break;
         for (struct stream *stream; (stream = srv_hub_take_ready(s->options.hub));)
             settle(s, stream, now_ms);
-        if (now_ms - last_tick_ms >= TICK_MS) {
+        if (atomic_exchange(&s->has_tick, false))
             tick(s, now_ms);
-            last_tick_ms = now_ms;
-        }
-        wait_ms = last_tick_ms + TICK_MS - now_ms;
         reap(s, now_ms);
     }
     for (struct stream *stream = s->list; stream; stream = stream->next)
@@ -325,6 +329,8 @@ struct srv_streams *srv_streams_create(const struct srv_streams_options *options
         return NULL;
     }
     s->options = *options;
+    atomic_init(&s->has_tick, false);
+    atomic_init(&s->alive_ms, srv_clock_ms());
     pthread_mutex_init(&s->mutex, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The stream thread: all upgraded connections, one epoll. It alone reads and writes their sockets.
+ * It has no clock of its own: the timer thread calls srv_streams_tick().
  */
 #ifndef SRV_HTTP_STREAMS_H
 #define SRV_HTTP_STREAMS_H
@@ -11,6 +12,8 @@
 
 #include "session/hub.h"
 
+#define SRV_STREAMS_TICK_MS 100.0
+
 struct srv_streams;
 
 struct srv_streams_options {
@@ -18,8 +21,6 @@ struct srv_streams_options {
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     size_t message_bytes;
     double ping_ms, stall_ms;
-    void *user;
-    void (*tick)(void *user, double now_ms); /* about ten times a second; NULL = none */
 };
 struct srv_streams *srv_streams_create(const struct srv_streams_options *options,
                                        struct sp_error *err);
@@ -42,6 +43,12 @@ bool srv_streams_add(struct srv_streams *streams, const struct srv_stream_start 
 
 /* Some participant has something to send. Any thread; `user` is the streams object. */
 void srv_streams_ready(void *streams);
+
+/* Has the stream thread check pings, time limits and ingress quotas of its streams. To be called
+ * about every SRV_STREAMS_TICK_MS; calls that come while one is waiting count once. Any thread. */
+void srv_streams_tick(struct srv_streams *streams);
+/* When the stream thread finished such a check last, in ms of srv_clock_ms(). Any thread. */
+double srv_streams_alive_ms(const struct srv_streams *streams);
 
 /* Says good-bye to everybody with 1001; returns when all are gone, after 3 s at the latest. */
 void srv_streams_drain(struct srv_streams *streams);

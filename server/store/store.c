@@ -258,9 +258,8 @@ bool srv_store_add(struct srv_store *store, enum srv_kind kind, const char *id, 
     bool ok = srv_table_get(store->table, kind, id, &old) != NULL;
     unsigned count = ok || !share->most ? 0 : count_beginning(store, kind, share->beginning);
     if (!ok && share->most && count >= share->most)
-        sp_fail(err, SP_ERR_QUOTA, NULL,
-                "%s has %u %s and its token allows %u; delete some", share->name, count,
-                kind_words[kind], share->most);
+        sp_fail(err, SP_ERR_QUOTA, NULL, "%s has %u %s and its token allows %u; delete some",
+                share->name, count, kind_words[kind], share->most);
     else if (!ok)
         ok = put(store, kind, id, text, size, err);
     pthread_mutex_unlock(&store->mutex);

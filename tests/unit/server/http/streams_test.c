@@ -18,6 +18,7 @@
 #include <unistd.h>
 
 #include "common/clock.h"
+#include "common/timer_thread.h"
 #include "http/streams.h"
 #include "http/websocket.h"
 #include "protocol/json.h"
@@ -32,6 +33,8 @@ struct peer {
 static struct {
     void *hub;
     struct srv_streams *streams;
+    struct srv_timer_thread *timers;
+    struct srv_timer_task task;
     char ids[SESSIONS][SRV_SESSION_ID_BYTES];
     struct peer peers[STREAMS];
     int ticks[2], ends[2]; /* pipes: a byte for each */
@@ -44,6 +47,8 @@ struct srv_ws *__real_srv_ws_create(const struct srv_ws_options *options, double
                                     struct sp_error *err);
 struct srv_ws *__wrap_srv_ws_create(const struct srv_ws_options *options, double now_ms,
                                     struct sp_error *err);
+void __real_srv_ingress_tick(struct srv_ingress *ingress);
+void __wrap_srv_ingress_tick(struct srv_ingress *ingress);
 void __real_srv_ws_tick(struct srv_ws *ws, double now_ms);
 void __wrap_srv_ws_tick(struct srv_ws *ws, double now_ms);
 
@@ -64,10 +69,16 @@ static void tell(int pipe) {
     (void)written; /* of ticks there may be more than anybody waits for */
 }
 
-static void on_tick(void *user, double now_ms) {
-    (void)user;
-    (void)now_ms;
+/* A tick begins; those before it are complete. */
+void __wrap_srv_ingress_tick(struct srv_ingress *ingress) {
     tell(t.ticks[1]);
+    __real_srv_ingress_tick(ingress);
+}
+
+static double on_timer(void *user, double now_ms) {
+    (void)user;
+    srv_streams_tick(t.streams);
+    return now_ms + SRV_STREAMS_TICK_MS;
 }
 
 static void on_end(void *owner) {
@@ -117,10 +128,14 @@ static int set_up(void **state) {
     assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, t.ends), 0);
     struct fixture *f = t.hub;
     struct srv_streams_options options = {
-        .hub = f->hub, .message_bytes = 65536, .ping_ms = 3.6e6, .stall_ms = 3.6e6, .tick = on_tick
+        .hub = f->hub, .message_bytes = 65536, .ping_ms = 3.6e6, .stall_ms = 3.6e6
     };
     t.streams = srv_streams_create(&options, NULL);
     assert_non_null(t.streams);
+    t.timers = srv_timer_thread_create(NULL);
+    assert_non_null(t.timers);
+    t.task = (struct srv_timer_task){ .run = on_timer };
+    srv_timer_thread_add(t.timers, &t.task, srv_clock_ms());
     assert_true(srv_hub_session_delete(f->hub, f->id, NULL));
     for (int i = 0; i < SESSIONS; i++) {
         proto_json *json = srv_hub_session_create(f->hub, NULL, srv_clock_ms(), t.ids[i], NULL);
@@ -134,6 +149,7 @@ static int set_up(void **state) {
 
 static int tear_down(void **state) {
     (void)state;
+    srv_timer_thread_destroy(&t.timers);
     srv_streams_destroy(&t.streams);
     for (int i = 0; i < STREAMS; i++)
         close(t.peers[i].socket);
@@ -179,6 +195,7 @@ static void all_end(void **state) {
     shutdown(t.peers[2].socket, SHUT_RDWR);
     wait_for(t.ends[0], 2);
     ask(&t.peers[4]);
+    srv_timer_thread_destroy(&t.timers);
     srv_streams_destroy(&t.streams);
     wait_for(t.ends[0], 1);
 }
