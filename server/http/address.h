@@ -19,14 +19,14 @@ struct srv_address {
 
 /* "127.0.0.1:8080", "[::1]:0", "localhost:8080"; names other than localhost are not looked up. */
 bool srv_address_parse(const char *text, struct srv_address *address, struct sp_error *err);
-/* Of this machine? Also as IPv4 in IPv6. */
+/* True for addresses of this machine, also as IPv4 in IPv6. */
 bool srv_address_is_loopback(const struct sockaddr *address);
 /* "127.0.0.1:8080", "[::1]:8080". */
 void srv_address_to_text(const struct sockaddr *address, char text[SRV_ADDRESS_TEXT]);
-/* "@" and the host in hexadecimal; of IPv6 its first 64 bits, as below. */
+/* "@" and the host in hexadecimal; for IPv6 the first 64 bits, as below. */
 void srv_address_to_host(const struct sockaddr *address, char text[SRV_ADDRESS_HOST]);
-/* The same host, whatever the port? Of IPv6 the first 64 bits count: one host may have all the rest
- * to itself. */
+/* True if both have the same host; ports are ignored. For IPv6 the first 64 bits are compared,
+ * because one host can use all addresses below them. */
 bool srv_address_same_host(const struct sockaddr *a, const struct sockaddr *b);
 
 #endif

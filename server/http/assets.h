@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Files that are part of the binary: the page, and the contract. The table is made by CMake
- * (embed.cmake) from explicit lists.
+ * Files that are part of the binary: the web page and the contract. CMake generates the table from
+ * explicit lists (embed.cmake).
  */
 #ifndef SRV_HTTP_ASSETS_H
 #define SRV_HTTP_ASSETS_H
@@ -19,10 +19,10 @@ struct srv_asset {
 extern const struct srv_asset srv_assets[];
 extern const size_t srv_asset_count;
 
-/* What answers need of each asset, made once: an array beside srv_assets. */
+/* ETag and compressed bytes of each asset, computed once: an array beside srv_assets. */
 struct srv_packed_asset {
     char etag[20]; /* of its bytes, in quotes */
-    void *gzip;    /* NULL = it is served as it is */
+    void *gzip;    /* NULL = served uncompressed */
     size_t gzip_size;
 };
 /* NULL with *err set. */

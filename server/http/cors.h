@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Pages of other origins that may use this daemon (--allow-origin): none but those that are listed,
- * each by its whole name, "https://example.org:8443". What they may do their token says.
+ * Pages of other origins that may use this daemon (--allow-origin). Each origin is listed with its
+ * full name, "https://example.org:8443". A page still needs a token.
  */
 #ifndef SRV_HTTP_CORS_H
 #define SRV_HTTP_CORS_H
@@ -10,10 +10,10 @@
 
 #include "sp/status.h"
 
-/* Checks a list, separated by commas; NULL = empty. SP_ERR_INVALID. */
+/* Checks a comma-separated list; NULL = empty. SP_ERR_INVALID. */
 bool srv_cors_check_origins(const char *list, struct sp_error *err);
 
-/* Is this the value of an Origin header that the list has? NULL never is. */
+/* True if the list has the origin, the value of an Origin header. False for NULL. */
 bool srv_cors_allows(const char *list, const char *origin);
 
 #endif

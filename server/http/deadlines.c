@@ -17,7 +17,7 @@ struct srv_connection {
     struct sockaddr_storage address;
     char peer[SRV_ADDRESS_TEXT];
     double deadline_ms;   /* INFINITY = none */
-    struct srv_timer due; /* the sweep looks at it no later than that */
+    struct srv_timer due; /* the sweep checks the connection no later than this */
     unsigned requests;
 };
 

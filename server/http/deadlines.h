@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every open connection, from accept to close: who may stay, and until when. The HTTP library's own
- * time limit starts anew with each byte, so that a client which sends one byte a second would stay
- * for ever; here each phase has a deadline:
+ * The list of open connections, and a deadline for each. The time limit of the HTTP library starts
+ * again with every byte, so that a client that sends one byte per second would stay forever. Here
+ * each phase of a connection has a deadline:
  *
  *   accepted ──header-time──► headers ──request-time──► body │ rendering: none │
  *      ──request-time──► answer read ──idle-time──► next headers …
@@ -30,23 +30,23 @@ void srv_deadlines_destroy(
 struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int socket,
                                           const struct sockaddr *peer, double deadline_ms);
 void srv_deadlines_close(struct srv_deadlines *deadlines, struct srv_connection *connection);
-/* Did the peer close its side, or is it gone altogether? Does not read what it sent. */
+/* True if the peer closed its side or the connection is broken. Reads nothing. */
 bool srv_connection_is_gone(const struct srv_connection *connection);
-/* 0 = none. */
+/* Milliseconds of srv_clock_ms(); 0 = no deadline. */
 void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *connection,
                        double deadline_ms);
-/* Shuts down what is past its deadline. */
+/* Shuts down the connections whose deadline has passed. */
 void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms);
-/* Open connections, and those from this host. */
+/* Counts all open connections and those from this host. */
 void srv_deadlines_count(struct srv_deadlines *deadlines, const struct sockaddr *host, size_t *all,
                          size_t *same_host);
 
 size_t srv_deadlines_connections(struct srv_deadlines *deadlines);
 
-/* Constant while the connection is open. */
-/* Counts one more request of a connection; returns how many there were with it. For the thread that
- * has the connection. */
+/* Counts one more request of a connection and returns their number. Only for the thread that serves
+ * the connection. */
 unsigned srv_connection_count_request(struct srv_connection *connection);
+/* Address of the peer; constant while the connection is open. */
 const char *srv_connection_peer(const struct srv_connection *connection);
 const struct sockaddr_storage *srv_connection_address(const struct srv_connection *connection);
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How many descriptors the settings can want, and how many connections there is room for. Without
- * room a connection would wait in the system's backlog, with no answer; so there are as many as can
- * be answered, and the rest is refused as beyond --connections.
+ * How many file descriptors the settings need, and how many connections the process can serve.
+ * Without a descriptor a connection would wait in the system's backlog without an answer. The
+ * daemon therefore accepts only as many as it can answer and refuses the rest as beyond
+ * --connections.
  */
 #ifndef SRV_HTTP_DESCRIPTORS_H
 #define SRV_HTTP_DESCRIPTORS_H
@@ -16,11 +17,11 @@ enum {
     SRV_OTHER_DESCRIPTORS = 128 /* of threads, database, volumes that load, files of paths */
 };
 
-/* What `connections` of them take, with all the rest. */
+/* Descriptors for `connections` connections and everything else. */
 int64_t srv_descriptors_for(const struct srv_config *config, int64_t connections);
-/* Raises the process's limit (RLIMIT_NOFILE) as far as the settings want and the system lets it.
- * Returns the connections that there is room for, from 1 to --connections; if that is fewer the log
- * says so. */
+/* Raises the limit of the process (RLIMIT_NOFILE) as far as the settings need and the system
+ * allows. Returns the number of connections that fit, in [1, --connections]; logs a warning if it
+ * is lower than --connections. */
 int64_t srv_descriptors_fit(const struct srv_config *config);
 
 #endif

@@ -5,11 +5,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Is it worth it? Text of some length; pictures are compressed already. `mime` may be NULL. */
+/* True for text of 1 KiB or more; images are compressed already. `mime` may be NULL. */
 bool srv_gzip_is_for(const char *mime, size_t size);
 
-/* A gzip member (RFC 1952) that holds `bytes`, shorter than they are: malloc'ed, the caller's. NULL
- * = out of memory, or it would not be shorter. */
+/* Compresses to a gzip member (RFC 1952), which the caller frees. NULL when out of memory, or if
+ * the result would not be shorter. */
 void *srv_gzip(const void *bytes, size_t size, size_t *gzip_size);
 
 #endif

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How often each host may do something: so many a second, and after a while without any those of
- * SRV_RATE_SECONDS at once. Remembers the hosts that did most of late, with no clock of its own.
- * For one thread.
+ * A rate limit per host: per_second events, with bursts of SRV_RATE_SECONDS' worth after a pause.
+ * Remembers the SRV_RATE_HOSTS most active hosts. Has no clock of its own. For one thread.
  */
 #ifndef SRV_HTTP_HOST_RATE_H
 #define SRV_HTTP_HOST_RATE_H
@@ -16,11 +15,11 @@ struct srv_host_rate { /* zeros but for per_second */
     double per_second; /* 0 = any number */
     struct {
         struct sockaddr_storage host;
-        double free_ms; /* when it owes nothing any more */
+        double free_ms; /* when its quota is full again */
     } hosts[SRV_RATE_HOSTS];
 };
 
-/* May this host, now? If so it is counted. */
+/* Takes one event from the quota of the host. False: the quota is used up. */
 bool srv_host_rate_take(struct srv_host_rate *rate, const struct sockaddr_storage *host,
                         double now_ms);
 

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How much the clients of all streams may say from one tick to the next: what they say is read and
- * judged by one thread, which also sends everybody's frames.
+ * Limits how many bytes the clients of all streams may send from one tick to the next. One thread
+ * reads and handles all of them, and also sends the frames of all clients.
  *
  *   all ──► owners of sessions ──► their sessions ──► their streams
  *
- * There are two halves. One is shared out: an owner's part is the same as another one's, so is that
- * of a session among its owner's and of a stream among its session's, and nobody else can use it
- * up. So acknowledgements and the drag of a view are read at once, whatever others send. The other
- * half is for whoever comes first. However many streams there are, the sum has a bound.
+ * The quota has two halves. The first half is divided equally among owners, each owner's part among
+ * its sessions, and each session's part among its streams. No other client can use up such a part,
+ * so that acknowledgements and drags of a view are read at once. The second half goes to the stream
+ * that asks first. The sum is bounded for any number of streams.
  *
- * A stream has a bound of its own, too, with room for one long message at once.
+ * Each stream also has a limit of its own, which allows one message of the maximal size at once.
  *
- * What is said is counted in bytes, a frame as SRV_INGRESS_FRAME_BYTES of them more: a small
+ * The unit is bytes, a frame as SRV_INGRESS_FRAME_BYTES of them more: a small
  * message costs the thread about as much as so many bytes of a large one. One thread at a time.
  */
 #ifndef SRV_HTTP_INGRESS_QUOTA_H

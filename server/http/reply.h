@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * An answer before it becomes one of the HTTP library's.
+ * A reply: status, headers and body, before response.c turns it into a response of the HTTP
+ * library.
  */
 #ifndef SRV_HTTP_REPLY_H
 #define SRV_HTTP_REPLY_H

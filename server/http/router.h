@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Paths and methods → handlers, by one table (request.c).
+ * Finds the handler of a path and method in the table of routes (request.c).
  */
 #ifndef SRV_HTTP_ROUTER_H
 #define SRV_HTTP_ROUTER_H
@@ -19,19 +19,19 @@ struct srv_reply;
 struct srv_route {
     enum srv_method method;
     const char *pattern;  /* "{}" matches one segment that is not empty */
-    enum srv_right needs; /* judged before the body is read */
-    /* Fills *reply, or takes care that it will be filled (listener.h). */
+    enum srv_right needs; /* checked before the body is read */
+    /* Fills *reply, or suspends the request (listener.h). */
     void (*handle)(struct srv_request *request, struct srv_reply *reply);
     /* Names of the query parameters besides "token", which every route takes; NULL after the last
      * one. A request with another one is refused with 400. */
     const char *query[SRV_QUERY_NAMES + 1];
 };
 
-/* Does the path match, and what stands for {}? Of several what stands for each, with "/" between.
- * False too if that is too long. */
+/* True if the path matches; `param` is what stands for {}, or for several, joined by "/". False
+ * also if that is too long. */
 bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]);
 
-/* The method's bit; HEAD counts as GET; 0 = none of ours. */
+/* The bit of the method; HEAD counts as GET; 0 = unknown. */
 unsigned srv_method_from(const char *name);
 
 /* The route, or NULL: then *allowed are the methods of that path, 0 = no such path. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Kept views: the canonical text of a whole view, named by its SHA-256, and who kept it first:
- * {"owner": NAME, "view": {…}}. Earlier versions kept the view alone, which was nobody's.
+ * Saved views: the canonical text of a whole view, named by its SHA-256, with the token that saved
+ * it first: {"owner": NAME, "view": {…}}. Earlier versions saved the view alone; it has no owner.
  */
 #ifndef SRV_HTTP_SAVED_VIEWS_H
 #define SRV_HTTP_SAVED_VIEWS_H
@@ -11,11 +11,11 @@
 
 enum { SRV_SAVED_VIEW_ID_BYTES = 33 };
 
-/* The id of a text: the first 128 bits of its SHA-256, as hexadecimal digits. False when out of
+/* Writes the id of a text: the first 128 bits of its SHA-256 in hexadecimal. False when out of
  * memory. */
 bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_BYTES]);
 
-/* The view of that id; the caller's. NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
+/* Returns the view of that id, which the caller frees. NULL: SP_ERR_NOT_FOUND, SP_ERR_MEMORY. */
 proto_json *srv_saved_view_get(struct srv_store *store, const char *id, struct sp_error *err);
 
 #endif

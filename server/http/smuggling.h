@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Requests that two programs could understand differently are refused: behind a reverse proxy such
- * a difference lets a client smuggle a request past it (RFC 9112, sections 6.3 and 11.2).
+ * Refuses requests that two programs could read differently. Behind a reverse proxy such a
+ * difference lets a client smuggle a request past the proxy (RFC 9112, sections 6.3 and 11.2).
  */
 #ifndef SRV_HTTP_SMUGGLING_H
 #define SRV_HTTP_SMUGGLING_H
@@ -19,12 +19,12 @@ struct srv_rejection {
     const char *detail; /* constant */
 };
 
-/* Judges the target of a request line before it is decoded; at most `limit` bytes. A query that is
- * too much is erased: the HTTP library would fill its memory with the arguments and have none left
- * for the answer. */
+/* Checks the target of a request line before it is decoded; it may have `limit` bytes. A query with
+ * too many parameters is erased: the HTTP library would fill its memory with them and have none
+ * left for the answer. */
 struct srv_rejection srv_smuggling_check_target(char *target, size_t limit);
 
-/* What the headers say about where the request ends. */
+/* What the headers say about the end of the request. */
 struct srv_smuggling {
     unsigned all, hosts, lengths, encodings;
     bool is_not_number, is_not_chunked, is_not_name, is_not_text;

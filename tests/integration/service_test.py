@@ -126,7 +126,7 @@ class Service(unittest.TestCase):
         manager.until_told('WATCHDOG=1')
         with open(hold, encoding='utf-8') as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # the stream thread hangs
-            manager.until_logged('the stream thread has been blocked for', len(manager.lines))
+            manager.until_logged('the stream or timer thread was blocked for', len(manager.lines))
             told = []
             for _ in range(2):  # the main thread goes on, and says nothing between the two but this
                 manager.process.send_signal(signal.SIGHUP)
