@@ -52,16 +52,16 @@ const char *srv_http_address(const struct srv_http *http);
 /* Reads tokens, certificate and key again; new requests and connections get them. What cannot be
  * read stays. */
 bool srv_http_reload(struct srv_http *http, struct sp_error *err);
-/* From now on every new request is answered with 503 and its connection ends. */
+/* From now on every new request is answered with 503 and its connection closes. */
 void srv_http_close(struct srv_http *http);
-/* After srv_http_close(): waits until requests under way are answered, at most `limit_ms`. */
+/* After srv_http_close(): waits until all current requests are answered, at most `limit_ms`. */
 void srv_http_drain(struct srv_http *http, double limit_ms);
-/* After the scheduler was stopped and the streams are gone. */
+/* Call after the render pool has stopped and all streams are gone. */
 void srv_http_destroy(struct srv_http **http);
 /* Closes connections past their deadline; for the timer thread. */
 void srv_http_tick(void *http, double now_ms);
 
-/* Open connections, with those that are streams now. */
+/* Returns the number of open connections, including streams. */
 size_t srv_http_connections(struct srv_http *http);
 
 /* For handlers. */
@@ -73,20 +73,20 @@ struct srv_request {
     struct srv_connection *connection;
     const struct srv_route *route;
     const char *method, *path;
-    char param[SRV_PARAM_BYTES]; /* what stands for {} in the pattern */
+    char param[SRV_PARAM_BYTES]; /* the part of the path that matched {} */
     char *body;                  /* NUL-terminated; NULL = empty */
     size_t body_size;
     struct srv_grant grant;  /* of the daemon's token that was given, if it is one */
-    bool has_snapshot;       /* a picture is under way for it */
+    bool has_snapshot;       /* a snapshot is being rendered for it */
     uint64_t snapshot_bytes; /* taken from app->snapshot_memory */
     struct srv_reply reply;
     void *upgrade; /* state of a stream's handshake; freed with the request */
 
     size_t body_max;  /* kept of the body at most; the handler refuses more. 0 = --body-size */
-    size_t body_seen; /* with what was not kept */
+    size_t body_seen; /* including bytes that were discarded */
     size_t body_capacity;
     struct srv_joined_header *joined; /* of headers that came in several lines */
-    struct srv_rejection target;      /* what is wrong with the address */
+    struct srv_rejection target;      /* why the request target is refused */
     bool is_last;                     /* of its connection */
     bool is_begun, is_refused, is_answered, is_dispatched, is_suspended, is_counted;
 };
@@ -98,27 +98,28 @@ const char *srv_request_query(const struct srv_request *request, const char *key
 /* Bearer token, or ?token=. */
 const char *srv_request_token(const struct srv_request *request);
 
-/* Who it is, and what the token allows; nobody without one. */
+/* Fills in the name and the quota of the token; an empty name without one. */
 void srv_request_owner(const struct srv_request *request, struct srv_owner *owner);
 
 /* Parses the body, which must be an object; an empty one is {}. NULL: the reply is the problem. */
 proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply);
 
-/* A handler whose answer comes later calls suspend first, then starts the work. Whoever finishes
- * fills request->reply, touches nothing else, and calls complete, on any thread, once. */
+/* A handler whose answer takes time calls suspend first, then starts the work. The thread that
+ * finishes the work fills request->reply, touches nothing else, and calls complete once. */
 void srv_request_suspend(struct srv_request *request);
 void srv_request_complete(struct srv_request *request);
-/* Instead of both, last in a handler that has filled its reply: the answer goes out when what was
- * put into the store is on the disk. Its header X-Durable says whether it is, or is kept in memory
- * alone (no --state, a full disk). */
+/* Instead of both, as the last call of a handler that has filled its reply: the answer is sent when
+ * the changes of the store are on disk. The header X-Durable is "no" if they are in memory alone
+ * (no
+ * --state, or a full disk). */
 void srv_request_reply_when_durable(struct srv_request *request);
 /* What a picture takes (stills.h, tokens.h), until srv_request_end_snapshot() or the request's end.
  * False: *err is over a bound or a quota. */
 bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err);
 void srv_request_end_snapshot(struct srv_request *request);
-/* The same for one that is refused after all: it uses up nothing. */
+/* The same for a snapshot that is refused: the fps quota is not charged. */
 void srv_request_cancel_snapshot(struct srv_request *request);
-/* The handler queued an upgrade itself: the connection is no longer a request. */
+/* The handler has queued an upgrade: the connection is no longer a request. */
 void srv_request_upgraded(struct srv_request *request);
 
 /* Handlers, by file. */
@@ -129,8 +130,8 @@ srv_handler srv_post_render, srv_get_render;                             /* rout
 srv_handler srv_get_views, srv_post_view, srv_get_view, srv_delete_view; /* routes_views.c */
 srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
     srv_delete_session, srv_get_stream; /* routes_sessions.c */
-/* Of a route that needs SRV_RIGHT_SESSION, with the headers: may whoever asks have an answer?
- * False: the reply is the problem. */
+/* Checks the token for a route that needs SRV_RIGHT_SESSION, before the body is read. False: the
+ * reply is the problem. */
 bool srv_session_admits(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
     srv_delete_preset; /* routes_presets.c */
@@ -138,7 +139,7 @@ srv_handler srv_get_paths, srv_post_path, srv_get_path, srv_delete_path, srv_get
     srv_get_path_frame, srv_get_path_archive, srv_get_path_movie; /* routes_paths.c */
 srv_handler srv_get_metrics;                                      /* routes_metrics.c */
 srv_handler srv_get_healthz, srv_get_readyz, srv_get_contract;    /* routes_static.c */
-/* The page's files; false = there is none of that path. */
+/* Serves a file of the web page; false if there is none at this path. */
 bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);
 
 #endif

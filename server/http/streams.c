@@ -20,20 +20,20 @@
 #include "sp/log.h"
 
 enum { EVENTS = 8, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
-#define LINGER_MS 2000.0 /* for the peer to read the close and to close, too */
+#define LINGER_MS 2000.0 /* for the peer to read the close frame and to close its side */
 
-/* After the last byte was sent, a stream lingers: the socket is shut down for writing and what
- * still comes is thrown away until the peer closes; else its close frame could be lost to a reset.
- */
+/* After the last byte was sent, a stream lingers: the socket is shut down for writing, and bytes
+ * that still arrive are discarded until the peer closes. Otherwise a reset could destroy the close
+ * frame before the peer reads it. */
 struct stream {
     struct stream *next, **link; /* of the list; `link` is what points to it */
     struct stream *next_dead;
     struct srv_timer due; /* a tick looks at it then */
     struct srv_stream_start start;
-    struct srv_ws *ws; /* NULL = lingers */
+    struct srv_ws *ws; /* NULL while the stream lingers */
     uint8_t *extra;
     size_t extra_at, extra_size;
-    uint32_t events;  /* asked of epoll */
+    uint32_t events;  /* watched by epoll */
     double linger_ms; /* since when */
     bool dead;
 };
@@ -50,7 +50,7 @@ struct srv_streams {
     struct stream *inbox; /* guarded by mutex */
     size_t count;         /* streams of both lists; guarded by mutex */
     bool drain, stop;     /* guarded by mutex */
-    /* The thread's: nothing that happens to a stream, and no tick, looks at all of them. */
+    /* The rest belongs to the thread. No event and no tick iterates over all streams. */
     struct stream *list, *dead;
     struct srv_timer_heap dues;
 };
@@ -58,7 +58,7 @@ struct srv_streams {
 static void wake(struct srv_streams *s) {
     uint64_t one = 1;
     ssize_t written = write(s->wake, &one, sizeof one);
-    (void)written; /* full means that it is awake already */
+    (void)written; /* full means that the thread is awake already */
 }
 
 void srv_streams_ready(void *user) {
@@ -104,7 +104,7 @@ static void watch(struct srv_streams *s, struct stream *stream) {
     if (!stream->ws || srv_ws_wants_read(stream->ws))
         events = EPOLLIN;
     else if (srv_ws_is_paused(stream->ws))
-        events = EPOLLERR; /* before its end comes what it said, after the next tick */
+        events = EPOLLERR; /* reads the rest after the next tick, then the end */
     if (stream->ws && srv_ws_wants_write(stream->ws))
         events |= EPOLLOUT;
     if (events == stream->events)
@@ -127,7 +127,7 @@ static void linger(struct srv_streams *s, struct stream *stream, double now_ms) 
         end(s, stream);
 }
 
-/* Send what can be sent, then see how it stands. */
+/* Sends what the socket takes, then updates the events to watch. */
 static void send_and_watch(struct srv_streams *s, struct stream *stream, double now_ms) {
     if (stream->ws)
         srv_ws_write(stream->ws, now_ms);
@@ -137,7 +137,7 @@ static void send_and_watch(struct srv_streams *s, struct stream *stream, double 
         watch(s, stream);
 }
 
-/* After anything happened to a stream. What is due of it is seen at the next tick. */
+/* Call after every event of a stream. The next tick checks its time limits. */
 static void settle(struct srv_streams *s, struct stream *stream, double now_ms) {
     send_and_watch(s, stream, now_ms);
     srv_timer_set_by(&s->dues, &stream->due, now_ms);
@@ -182,7 +182,7 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     struct sp_error err;
     srv_address_to_text((const struct sockaddr *)&stream->start.peer, peer);
     setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    /* What waits in the kernel cannot be replaced by a newer frame. */
+    /* A newer frame cannot replace bytes that are already in the kernel. */
     setsockopt(stream->start.socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
     struct srv_ws_options options = { .hub = s->options.hub,
                                       .ingress = s->ingress,
@@ -261,7 +261,7 @@ static void tick(struct srv_streams *s, double now_ms) {
     atomic_store(&s->alive_ms, now_ms);
 }
 
-/* Takes over what was handed in; says good-bye when draining. False: stop. */
+/* Takes over new streams, and closes all when draining. False: stop. */
 static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
     pthread_mutex_lock(&s->mutex);
     struct stream *inbox = s->inbox;
@@ -284,7 +284,7 @@ static bool take_orders(struct srv_streams *s, bool *draining, double now_ms) {
         *draining = true;
         for (struct stream *stream = s->list; stream; stream = stream->next)
             if (stream->ws) {
-                srv_ws_write(stream->ws, now_ms); /* that it drains, if that was not said yet */
+                srv_ws_write(stream->ws, now_ms); /* sends the notification of the shutdown first */
                 srv_ws_close(stream->ws, 1001, "the daemon is shutting down", now_ms);
                 settle(s, stream, now_ms);
             }

@@ -24,7 +24,7 @@ struct srv_streams_options {
 };
 struct srv_streams *srv_streams_create(const struct srv_streams_options *options,
                                        struct sp_error *err);
-/* Closes what is left at once. */
+/* Closes the remaining streams at once. */
 void srv_streams_destroy(struct srv_streams **streams);
 
 struct srv_stream_start {
@@ -38,10 +38,10 @@ struct srv_stream_start {
     void *owner; /* released by close() when the stream thread is done with the socket */
     void (*close)(void *owner);
 };
-/* Hands a connection over. Any thread. False when out of memory: nothing was taken. */
+/* Hands a connection over. Any thread. False when out of memory: the caller keeps it. */
 bool srv_streams_add(struct srv_streams *streams, const struct srv_stream_start *start);
 
-/* Some participant has something to send. Any thread; `user` is the streams object. */
+/* Wakes the stream thread: a participant has something to send. Any thread. */
 void srv_streams_ready(void *streams);
 
 /* Has the stream thread check pings, time limits and ingress quotas of its streams. To be called
@@ -50,7 +50,7 @@ void srv_streams_tick(struct srv_streams *streams);
 /* When the stream thread finished such a check last, in ms of srv_clock_ms(). Any thread. */
 double srv_streams_alive_ms(const struct srv_streams *streams);
 
-/* Says good-bye to everybody with 1001; returns when all are gone, after 3 s at the latest. */
+/* Closes all streams with 1001. Returns when all are gone, after 3 s at the latest. */
 void srv_streams_drain(struct srv_streams *streams);
 
 #endif

@@ -68,7 +68,7 @@ static void shake(struct srv_tls *tls, struct srv_tls_connection *c, double now_
     }
 }
 
-/* A request line instead of a greeting; looked at once, before the handshake begins. */
+/* True if the first byte is that of an HTTP request line. Checked once, before the handshake. */
 static bool is_plain_http(const struct srv_tls_connection *c) {
     uint8_t first = 0;
     return recv(c->sides[SRV_TLS_CLIENT].fd, &first, 1, MSG_PEEK) == 1 && first >= 'A' &&
@@ -122,7 +122,7 @@ static void reap(struct srv_tls *tls) {
     }
 }
 
-/* If there are too many; not the one that just arrived. */
+/* Ends the oldest handshake if there are too many; never the newest. */
 static void end_oldest_handshake(struct srv_tls *tls) {
     struct srv_tls_connection *oldest = NULL;
     unsigned handshakes = 0;
@@ -169,7 +169,7 @@ static bool is_in_time(struct srv_tls *tls, const struct sockaddr_storage *host,
         return true;
     srv_connection_refused(
         tls->options.metrics, SRV_REFUSED_HANDSHAKE,
-        "TLS connection of %s refused: its address began more than %.0f a second "
+        "TLS connection of %s refused: its address began more than %.0f per second "
         "(--handshake-rate)",
         peer, tls->options.handshakes_per_s);
     return false;
@@ -209,8 +209,8 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     end_oldest_handshake(tls);
 }
 
-/* There are no descriptors left: ends one who waits in the backlog, and would wait for long, by
- * means of the descriptor that was kept for that. False with errno: there is none, or it fails. */
+/* No file descriptors are left: closes one connection of the backlog, which would wait for long
+ * otherwise, by means of the reserved descriptor. False with errno: there is none, or it failed. */
 static bool refuse_one(struct srv_tls *tls, int reason) {
     if (tls->spare >= 0)
         close(tls->spare);
@@ -225,7 +225,7 @@ static bool refuse_one(struct srv_tls *tls, int reason) {
     return fd >= 0;
 }
 
-/* Without a descriptor accept4() says so also when nobody waits. */
+/* Without descriptors accept4() fails with these also if no client waits. */
 static bool is_exhausted(int error) {
     return error == EMFILE || error == ENFILE || error == ENOBUFS || error == ENOMEM;
 }

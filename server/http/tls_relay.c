@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The relay: brings the bytes of open connections between the client and the server's end. What
- * it does in one go has a bound, whatever a client does.
+ * The TLS relay: moves the bytes of open connections between the client and the server's end. The
+ * work per turn is bounded, whatever a client does.
  */
 #include <errno.h>
 #include <poll.h>
@@ -20,7 +20,7 @@ enum {
 };
 #define STOP_MS 2000.0
 
-/* Bytes, one direction after the other. Each returns false when it has to wait. */
+/* Moves bytes in one direction. Each function returns false when it must wait. */
 
 static bool fill_up(struct srv_tls_connection *c) {
     ssize_t got = gnutls_record_recv(c->session, c->up.bytes, SRV_TLS_BUFFER_BYTES);
@@ -35,7 +35,7 @@ static bool fill_up(struct srv_tls_connection *c) {
         c->up.is_ended = true;
         return true;
     }
-    /* An alert that is no error is over with that. Nobody may begin a handshake again. */
+    /* A warning alert needs no reaction. Renegotiation is refused. */
     if (!gnutls_error_is_fatal((int)got) && got != GNUTLS_E_REHANDSHAKE)
         return true;
     bool is_cut = got == GNUTLS_E_PREMATURE_TERMINATION || got == GNUTLS_E_PULL_ERROR;
@@ -51,7 +51,7 @@ static bool drain_up(struct srv_tls_connection *c) {
         send(c->sides[SRV_TLS_SERVER].fd, up->bytes + up->at, up->size - up->at, MSG_NOSIGNAL);
     if (sent < 0 && srv_tls_is_again(errno))
         return false;
-    if (sent < 0) { /* the server's end was closed: what comes now is for nobody */
+    if (sent < 0) { /* the server's end is closed: discard the bytes */
         up->at = up->size = 0;
         return true;
     }
@@ -85,7 +85,7 @@ static bool drain_down(struct srv_tls_connection *c) {
     return true;
 }
 
-/* Never stops while it holds bytes that could go on: nothing would wake it. */
+/* Never returns while it holds bytes that the server would take: no event would wake it. */
 static void pump_up(struct srv_tls_connection *c) {
     struct srv_tls_half *up = &c->up;
     for (int turns = TURNS;; turns--) {
@@ -151,8 +151,9 @@ static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
     c->state = SRV_TLS_OPEN;
     if (!tls->options.give(tls->options.user, pair[1], (const struct sockaddr *)&c->address,
                            c->address_size)) {
-        srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                               "TLS connection of %s refused: there is no room", c->peer);
+        srv_connection_refused(
+            tls->options.metrics, SRV_REFUSED_FULL,
+            "TLS connection of %s refused: the HTTP threads take no more connections", c->peer);
         c->state = SRV_TLS_DEAD;
     }
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One client's stream: WebSocket messages over any transport, and what they mean to its session.
+ * The stream of one client: WebSocket messages over a transport, and the calls of the session hub
+ * that they stand for.
  *
  *   open ──(close queued, peer closed, error)──► closing ──(sent)──► over
  *
@@ -28,7 +29,7 @@ struct srv_ws;
 struct srv_ws_transport { /* like recv() and sendmsg() on a non-blocking socket, with errno */
     void *user;
     ssize_t (*recv)(void *user, uint8_t *bytes, size_t size);
-    /* is_more: what follows goes out at once, so that one packet may hold both. */
+    /* is_more: more bytes follow at once, so that one packet may hold both. */
     ssize_t (*send)(void *user, const struct iovec *parts, size_t count, bool is_more);
 };
 
@@ -55,10 +56,10 @@ void srv_ws_read(struct srv_ws *ws, double now_ms);  /* the transport may have b
 void srv_ws_write(struct srv_ws *ws, double now_ms); /* it may take bytes, or there is something */
 /* Pings and time limits; after srv_ingress_tick(). */
 void srv_ws_tick(struct srv_ws *ws, double now_ms);
-/* When srv_ws_tick() has something to do if nothing else happens until then; a time that has
- * passed: at the next tick. After anything that happens it is the next tick at the latest. */
+/* Returns when srv_ws_tick() has work if nothing else happens until then. A time in the past means
+ * the next tick. After any event the caller ticks at the next tick at the latest. */
 double srv_ws_deadline_ms(const struct srv_ws *ws);
-/* Says good-bye; `reason` is a constant string of at most 123 bytes. */
+/* Queues a close frame; `reason` is a constant string of at most 123 bytes. */
 void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms);
 
 bool srv_ws_wants_read(const struct srv_ws *ws);

@@ -335,7 +335,7 @@ test('of one address so many handshakes a second and no more; others are served'
   const all = await Promise.allSettled(Array.from({ length: 60 }, () => get('127.0.0.1')));
   const served = all.filter((one) => one.value?.status === 200).length;
   assert.ok(served >= 16 && served < 60, `${served} of 60`);
-  await slow.untilLogged('its address began more than 1 a second (--handshake-rate)');
+  await slow.untilLogged('its address began more than 1 per second (--handshake-rate)');
   assert.equal((await get('127.0.0.2')).status, 200);
   assert.match(String((await ask('/metrics', { of: slow, localAddress: '127.0.0.3' })).body),
     /^splatd_connections_refused_total\{reason="handshakes"\} [1-9]/m);
