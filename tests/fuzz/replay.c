@@ -16,9 +16,9 @@ static int replay(const char *path) {
         perror(path);
         return -1;
     }
-    size_t room = 1 << 20;
-    uint8_t *buffer = malloc(room);
-    size_t size = buffer ? fread(buffer, 1, room, file) : 0;
+    size_t capacity = 1 << 20;
+    uint8_t *buffer = malloc(capacity);
+    size_t size = buffer ? fread(buffer, 1, capacity, file) : 0;
     fclose(file);
     /* An exact allocation, so that a read past the end is seen. */
     uint8_t *exact = buffer ? realloc(buffer, size ? size : 1) : NULL;

@@ -112,7 +112,7 @@ GLOSSARY = [
     (r'\b[s]rv_share', '', 'srv_fair_*'),
     (r'\b[s]rv_pace', '', 'srv_quality_*'),
     (r'\b[s]rv_flow|[s]rv_reply_flow', '', 'srv_window (session) or srv_chunked_body (http)'),
-    (r'\b[s]rv_flight|\b[f]lights?\b(?<!in[ -]flight)|\b[f]light_|_[f]lights?\b(?<!in_flight)', '', 'in-flight frame, frame queue'),
+    (r'\b[s]rv_fl[i]ght|\b[f]lights?\b(?<!in[ -]fl[i]ght)|\bfl[i]ght_|(?<!in)_[f]lights?\b', '', 'in-flight frame, frame queue'),
     (r'\b[s]rv_dues?\b|\b[s]rv_dues?_|\b[d]ues\b', '', 'timer, timer heap'),
     (r'\b([s]tream|[e]xpress|[s]till)[ _-]lanes?', '', 'interactive, preemption or snapshot worker'),
     (r'\b[l]anes?\b|_[l]anes?\b|\b[l]ane_', SERVER_CODE, 'worker'),
