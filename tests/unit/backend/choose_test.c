@@ -132,7 +132,7 @@ static void the_next_backend_takes_over_after_three_failures(void **state) {
     assert_int_equal(fakes[GPU].renders, 3);
     assert_int_equal(fakes[GPU].running, 0); /* it is gone, with all it held */
     assert_int_equal(fakes_count_warnings(), 4);
-    assert_non_null(strstr(fakes_warnings, "backend gpu fails: gpu hung\n"));
+    assert_non_null(strstr(fakes_warnings, "backend gpu failed: gpu hung\n"));
     assert_non_null(
         strstr(fakes_warnings, "gpu failed 3 times in a row: gpu hung; backend plain has"));
     sp_renderer_info(s.renderer, &info);

@@ -173,7 +173,7 @@ static void a_reset_costs_no_frame(void **state) {
         assert_int_equal(plan.resets, 0);
         assert_int_equal(warnings, i + 1);
         assert_int_equal(contexts_made, i + 1);
-        assert_non_null(strstr(last_warning, "backend gl-software fails: the driver has reset "));
+        assert_non_null(strstr(last_warning, "backend gl-software failed: the driver has reset "));
         assert_non_null(strstr(last_warning, resets[i].words));
     }
 }
