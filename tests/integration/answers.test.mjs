@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Around every answer: compression, pages of other origins, how long a connection lasts.
+// What applies to every response: compression, cross-origin requests, and the limit of requests per connection.
 import assert from 'node:assert/strict';
 import http from 'node:http';
 import { after, before, test } from 'node:test';
@@ -15,7 +15,7 @@ before(async () => {
 });
 after(async () => assert.equal(await daemon.stop(), 0));
 
-/** {status, headers, body}, as it came. */
+/** Sends one request. Resolves to {status, headers, body} without decoding the body. */
 function ask(target, { method = 'GET', headers = {}, token = daemon.token, body } = {}) {
   return new Promise((resolve, reject) => {
     const all = { ...(token ? { Authorization: `Bearer ${token}` } : {}), ...headers };
@@ -31,7 +31,7 @@ function ask(target, { method = 'GET', headers = {}, token = daemon.token, body 
 
 const GZIP = { 'Accept-Encoding': 'br, gzip' };
 
-test('text is compressed for who accepts it, and is the same text', async () => {
+test('text is compressed for a client that accepts gzip, and decompresses to the same text', async () => {
   for (const target of ['/api/v1/volumes/engine/view', '/api/v1/openapi.yaml', '/api/v1/view.schema.json', '/', '/app/main.js']) {
     const plain = await ask(target);
     assert.equal(plain.headers['content-encoding'], undefined);
@@ -47,20 +47,20 @@ test('text is compressed for who accepts it, and is the same text', async () => 
   }
 });
 
-test('who does not accept gzip, short texts and pictures are left as they are', async () => {
+test('responses stay uncompressed without Accept-Encoding: gzip, when they are short, and when they are images', async () => {
   for (const accepted of ['gzip;q=0', 'identity', 'br', '']) {
     const answer = await ask('/api/v1/openapi.yaml', { headers: { 'Accept-Encoding': accepted } });
     assert.equal(answer.headers['content-encoding'], undefined, accepted);
   }
   assert.equal((await ask('/healthz', { headers: GZIP })).headers['content-encoding'], undefined);
-  const picture = await ask('/api/v1/render?format=png', {
+  const image = await ask('/api/v1/render?format=png', {
     method: 'POST', headers: { ...GZIP, 'Content-Type': 'application/json' }, body: '{"size":[256,256]}' });
-  assert.equal(picture.headers['content-encoding'], undefined);
+  assert.equal(image.headers['content-encoding'], undefined);
 });
 
-test('the ETag of compressed bytes is weak, and still good for a 304', async () => {
-  const kept = await ask('/api/v1/views', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: '{}' });
-  for (const target of ['/', `/api/v1/views/${JSON.parse(kept.body).id}`]) {
+test('a compressed response has a weak ETag, which still gives a 304', async () => {
+  const saved = await ask('/api/v1/views', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: '{}' });
+  for (const target of ['/', `/api/v1/views/${JSON.parse(saved.body).id}`]) {
     const plain = await ask(target);
     const packed = await ask(target, { headers: GZIP });
     assert.equal(packed.headers.etag, `W/${plain.headers.etag}`);
@@ -72,12 +72,12 @@ test('the ETag of compressed bytes is weak, and still good for a 304', async () 
   }
 });
 
-test('several lines of a header are one list, and a target may be absolute', async () => {
+test('repeated header lines are joined into one list, and a request target may be an absolute URL', async () => {
   const lines = async (target, headers) => {
     const raw = await Raw.connect(daemon.port);
     const all = ['Host: x', `Authorization: Bearer ${daemon.token}`, 'Connection: close', ...headers];
     raw.write(`GET ${target} HTTP/1.1\r\n${all.join('\r\n')}\r\n\r\n`);
-    await raw.until(() => raw.ended, 'the end');
+    await raw.until(() => raw.ended, 'the end of the connection');
     return raw.text();
   };
   const { etag } = (await ask('/')).headers;
@@ -85,13 +85,13 @@ test('several lines of a header are one list, and a target may be absolute', asy
   assert.match(await lines('/', ['If-None-Match: "x"', 'If-None-Match: "y"', 'Accept-Encoding: br', 'Accept-Encoding: gzip']),
     /^HTTP\/1.1 200[^]*content-encoding: gzip/i);
   assert.match(await lines('/healthz', [`Authorization: Bearer x`]), /^HTTP\/1.1 200/);
-  assert.match(await lines('/api/v1/volumes', [`Authorization: Bearer x`]), /^HTTP\/1.1 401/, 'two tokens are none');
+  assert.match(await lines('/api/v1/volumes', [`Authorization: Bearer x`]), /^HTTP\/1.1 401/, 'two Authorization headers count as no token');
   assert.match(await lines(`${daemon.base}/healthz`, []), /^HTTP\/1.1 200/);
   assert.match(await lines('http://x', []), /^HTTP\/1.1 200[^]*text\/html/i);
   assert.match(await lines(`http://x/api/v1/volumes/none?token=${daemon.token}`, []), /^HTTP\/1.1 404[^]*none/);
 });
 
-test('a page of a listed origin may ask and read; it still needs a token', async () => {
+test('a page of an allowed origin may send requests and read responses, but needs a token', async () => {
   const preflight = (Origin, target = '/api/v1/sessions', method = 'POST') => ask(target, {
     method: 'OPTIONS', token: null, headers: { Origin, 'Access-Control-Request-Method': method, 'Access-Control-Request-Headers': 'authorization, content-type' } });
   const allowed = await preflight(PAGE);
@@ -106,10 +106,10 @@ test('a page of a listed origin may ask and read; it still needs a token', async
   assert.equal(answer.headers['access-control-allow-origin'], PAGE);
   assert.match(answer.headers['access-control-expose-headers'], /ETag/);
   const denied = await ask('/api/v1/volumes', { headers: { Origin: PAGE }, token: null });
-  assert.deepEqual([denied.status, denied.headers['access-control-allow-origin']], [401, PAGE], 'it may read why');
+  assert.deepEqual([denied.status, denied.headers['access-control-allow-origin']], [401, PAGE], 'the page may read the reason of the refusal');
 });
 
-test('other origins get no leave', async () => {
+test('other origins get no CORS headers', async () => {
   for (const Origin of ['https://viewer.example', 'http://viewer.example:8443', 'https://evil.example', `${PAGE}.evil`, 'null', `${PAGE},http://other.example`]) {
     const preflight = await ask('/api/v1/volumes', { method: 'OPTIONS', token: null, headers: { Origin, 'Access-Control-Request-Method': 'GET' } });
     assert.deepEqual([preflight.status, preflight.headers['access-control-allow-origin']], [401, undefined], Origin);
@@ -124,7 +124,7 @@ test('other origins get no leave', async () => {
   await stream.end();
 });
 
-test('by default no origin is allowed; a list that is none is refused at the start', async () => {
+test('no origin is allowed by default, and an invalid --allow-origin is refused at start-up', async () => {
   const closed = await Daemon.start(['--volume', 'demo:engine?size=16']);
   const answer = await closed.fetch('/healthz', { headers: { Origin: PAGE } });
   assert.equal(answer.headers.get('access-control-allow-origin'), null);
@@ -136,25 +136,25 @@ test('by default no origin is allowed; a list that is none is refused at the sta
   }
 });
 
-test('a connection is kept for so many requests, pipelined or not, and ends with a word', async () => {
+test('a connection serves up to --connection-requests requests, pipelined or not; its last response says Connection: close', async () => {
   const one = `GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n`;
   const all = await Raw.connect(daemon.port);
   all.write(one.repeat(8));
-  await all.until(() => all.ended, 'the end');
+  await all.until(() => all.ended, 'the end of the connection');
   const answers = all.text().split('HTTP/1.1 ').slice(1);
-  assert.equal(answers.length, 5, 'no more than --connection-requests');
+  assert.equal(answers.length, 5, 'at most --connection-requests responses');
   answers.forEach((answer, i) => {
     assert.match(answer, /^200 /);
-    assert.equal(/Connection: close/i.test(answer), i === 4, `answer ${i}`);
+    assert.equal(/Connection: close/i.test(answer), i === 4, `response ${i}`);
   });
   const slow = await Raw.connect(daemon.port);
   for (let i = 1; i <= 5; i++) {
     slow.write(one);
-    await slow.until(() => slow.text().split('HTTP/1.1 200').length === i + 1, `answer ${i}`);
+    await slow.until(() => slow.text().split('HTTP/1.1 200').length === i + 1, `response ${i}`);
   }
-  await slow.until(() => slow.ended, 'the end');
+  await slow.until(() => slow.ended, 'the end of the connection');
   const old = await Raw.connect(daemon.port);
   old.write('GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n');
-  await old.until(() => old.ended, 'the end that was asked for');
+  await old.until(() => old.ended, 'the end of the connection that the client requested');
   assert.match(old.text(), /^HTTP\/1.1 200/);
 });

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * To be preloaded: the time of day jumps ten years ahead or back at every look. The monotonic clock
- * is left alone.
+ * A library for LD_PRELOAD: the time of day jumps ten years forward or back at every call. The
+ * monotonic clock does not change.
  */
 #include <dlfcn.h>
 #include <stdatomic.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Several people in one session: names and colours, who holds control and how it passes on, forks, picks.
+// Several participants in one session: names, colours, transfer of control, forks and picks.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon } from './harness.mjs';
@@ -15,7 +15,7 @@ const HELD = { code: -32007 };
 const DENIED = { code: -32004 };
 const seq = (n) => ({ background: [n / 100, 0, 0, 1] });
 
-/** [{stream, id}] in the order of joining; roles: 'control' or 'view'. */
+/** Joins one participant per role ('control' or 'view'). Resolves to [{stream, id}] in joining order. */
 async function meet(of, ...roles) {
   const session = await of.session();
   const people = [];
@@ -28,11 +28,11 @@ async function meet(of, ...roles) {
 }
 
 const leave = (people) => Promise.all(people.map(({ stream }) => stream.end()));
-/** Waits for a session.control that fits, among those after the first `from` notes. */
+/** Waits for a session.control notification that fits, skipping the first `from` notifications. */
 const told = ({ stream }, fits, from = 0) => stream.until(
   () => stream.notes.slice(from).find((n) => n.method === 'session.control' && fits(n.params))?.params, 'session.control');
 
-test('everybody is told who is there: role, name, colour', async () => {
+test('every participant receives the list of participants with role, name and colour', async () => {
   const people = await meet(daemon, 'control', 'view', 'control');
   const { params } = await people[0].stream.note('session.participants', (p) => p.participants.length === 3);
   const list = [...params.participants].sort((a, b) => a.id - b.id);
@@ -51,7 +51,7 @@ test('everybody is told who is there: role, name, colour', async () => {
   await leave(people);
 });
 
-test('a name alone makes no picture', async () => {
+test('a change of the name alone causes no frame', async () => {
   const [one] = await meet(daemon, 'control');
   await one.stream.final(0);
   await one.stream.call('stream.configure', { name: 'Ada' });
@@ -61,7 +61,7 @@ test('a name alone makes no picture', async () => {
   await leave([one]);
 });
 
-test('the first to change the view holds control, the others wait until it is released', async () => {
+test('the first participant to change the view holds control; others are refused until it is released', async () => {
   const people = await meet(daemon, 'control', 'control', 'view');
   const [a, b, c] = people;
   await told(b, (p) => p.holder === null && p.requests.length === 0);
@@ -76,7 +76,7 @@ test('the first to change the view holds control, the others wait until it is re
   await leave(people);
 });
 
-test('requests: granted, refused, withdrawn', async () => {
+test('a request for control can be granted, refused and withdrawn', async () => {
   const people = await meet(daemon, 'control', 'control', 'control');
   const [a, b, c] = people;
   assert.deepEqual(await a.call('request_control'), { holds: true });
@@ -104,7 +104,7 @@ test('requests: granted, refused, withdrawn', async () => {
   await leave(people);
 });
 
-test('who leaves gives control to who asked first', async () => {
+test('when the holder leaves, control passes to the participant that asked first', async () => {
   const people = await meet(daemon, 'control', 'view', 'control', 'control');
   const [a, b, c, d] = people;
   await a.call('request_control');
@@ -118,10 +118,10 @@ test('who leaves gives control to who asked first', async () => {
   await leave([b, c, d]);
 });
 
-test('a view role gets control from a grant alone', async () => {
+test('a participant with the view role gets control only by a grant', async () => {
   const people = await meet(daemon, 'control', 'view');
   const [a, b] = people;
-  await assert.rejects(b.call('request_control'), DENIED, 'nobody could grant it');
+  await assert.rejects(b.call('request_control'), DENIED, 'no participant could grant it');
   await a.call('request_control');
   assert.deepEqual(await b.call('request_control'), { holds: false });
   await told(a, (p) => p.requests.length === 1 && p.requests[0].id === b.id && p.requests[0].seconds === null);
@@ -138,7 +138,7 @@ test('a view role gets control from a grant alone', async () => {
   await leave(people);
 });
 
-test('a holder who does not answer loses control after --control-time, but to no view role', async () => {
+test('a holder that does not answer a request loses control after --control-time, but not to a view role', async () => {
   const quick = await Daemon.start(['--volume', 'demo:engine?size=16', '--control-time', '0.3']);
   await quick.loaded('engine');
   const people = await meet(quick, 'control', 'view', 'control');
@@ -153,7 +153,7 @@ test('a holder who does not answer loses control after --control-time, but to no
   assert.equal(await quick.stop(), 0);
 });
 
-test('forks: by the daemon and by a control token, not by one that may watch', async () => {
+test('the daemon token and a control token may fork a session, a view token may not', async () => {
   const [a] = await meet(daemon, 'control');
   await a.stream.update(seq(42), 1);
   const { id, tokens } = a.session;
@@ -171,7 +171,7 @@ test('forks: by the daemon and by a control token, not by one that may watch', a
     assert.equal(answer.status, 401, JSON.stringify(body));
     assert.match(answer.headers.get('www-authenticate'), /^Bearer/);
   }
-  // The fork goes its own way, with somebody else in control.
+  // The fork changes independently and has another participant in control.
   const theirs = await daemon.stream({ session: made.json });
   await theirs.update(seq(7), 1);
   assert.deepEqual((await a.stream.call('view.get')).view.background, [0.42, 0, 0, 1]);
@@ -179,7 +179,7 @@ test('forks: by the daemon and by a control token, not by one that may watch', a
   await leave([a]);
 });
 
-test('each has its own size and codec of one shared view', async () => {
+test('each participant has its own size and codec of the shared view', async () => {
   const people = await meet(daemon, 'control', 'view');
   const [a, b] = people;
   await a.stream.call('stream.configure', { size: [40, 30], format: 'png' });
@@ -189,7 +189,7 @@ test('each has its own size and codec of one shared view', async () => {
   await leave(people);
 });
 
-test('pick: position, value and opacity; beside the volume nothing; limits', async () => {
+test('pick returns position, value and opacity, nothing beside the volume, and has a rate limit', async () => {
   const [one] = await meet(daemon, 'view');
   const { view } = await one.stream.call('view.get');
   const volume = (await daemon.json('/api/v1/volumes/engine')).json;
@@ -197,7 +197,7 @@ test('pick: position, value and opacity; beside the volume nothing; limits', asy
   const hit = await one.stream.call('pick', { at: [width / 2, height / 2] });
   assert.ok(hit.opacity > 0.5 && hit.opacity <= 1, JSON.stringify(hit));
   assert.ok(hit.value >= volume.range[0] && hit.value <= volume.range[1]);
-  // In the middle of the picture the ray goes to the target.
+  // The ray through the centre of the image meets the target.
   const { position, target } = view.camera;
   const way = target.map((t, i) => t - position[i]);
   const to = hit.position.map((p, i) => p - position[i]);

@@ -47,7 +47,7 @@ def open_source(name):
 
 
 class Daemon:
-    """With a small volume; get() asks it."""
+    """A daemon with a small volume; get() sends it a request."""
 
     def __init__(self, *arguments):
         self.child = subprocess.Popen([sys.argv[1], '--listen', '127.0.0.1:0', '--backend', 'null', '--volume', 'demo:engine?size=8', *arguments],
@@ -121,7 +121,7 @@ class Deploy(unittest.TestCase):
             taken |= cells
 
     def test_tokens_are_made_as_the_unit_says(self):
-        """By its own commands: the daemon takes the file, and Prometheus' token reads /metrics alone."""
+        """The documented commands work: the daemon reads the file, and the token of Prometheus may only read /metrics."""
         with tempfile.TemporaryDirectory() as folder:
             os.makedirs(os.path.join(folder, 'etc/prometheus'))
             commands = '\n'.join(line for line in re.findall(r'^#   (.*)$', read('splatd.service'), re.M) if 'systemctl' not in line)
@@ -150,7 +150,7 @@ class Deploy(unittest.TestCase):
                 self.assertEqual(done.returncode, status, done.stderr)
 
     def test_health_is_seen(self):
-        """The image's own check, of a daemon that is there and of one that is not."""
+        """The health check of the image succeeds while a daemon runs and fails without one."""
         check = json.loads(re.search(r'^HEALTHCHECK .*?CMD (\[.*\])$', read('Containerfile'), re.M)[1])
         self.assertIn('/8080', check[-1])
         with Daemon() as daemon:
@@ -159,7 +159,7 @@ class Deploy(unittest.TestCase):
         self.assertNotEqual(subprocess.run(check, capture_output=True, check=False, timeout=DEADLINE_S).returncode, 0)
 
     def test_image_is_made_of_what_there_is(self):
-        """All that is copied into the image is in its context, and what is built there is all that the others install."""
+        """All files copied into the image are in its context, and it builds every program that run.sh installs."""
         with open(os.path.join(sys.argv[2], '.dockerignore'), encoding='utf-8') as f:
             ignored = {line.strip() for line in f if line.strip() and line[0] != '#'}
         copied = re.findall(r'^COPY (?!--from)(\S+) ', read('Containerfile'), re.M)
@@ -192,7 +192,7 @@ class Deploy(unittest.TestCase):
                     self.assertIn(owner, {name for _, name in kinds} | DEPENDED, f'{module} of {path}')
 
     def test_unit_is_understood(self):
-        """By systemd itself, where it is installed."""
+        """systemd-analyze accepts the units, where it is installed."""
         tool = shutil.which('systemd-analyze')
         if not tool:
             self.skipTest('no systemd-analyze')

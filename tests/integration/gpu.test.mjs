@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The daemon with the GPU backend, on software GL: both lanes draw at once, volumes come and go.
+// The daemon with the GPU backend on software GL: interactive and snapshot workers render at once; volumes load and unload.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Daemon, runToEnd, turned } from './harness.mjs';
@@ -7,15 +7,15 @@ import { Daemon, runToEnd, turned } from './harness.mjs';
 const software = /^gl-software: /m.test((await runToEnd(['--probe'])).out);
 const size = [64, 64];
 
-test('streams and stills are drawn by the GPU backend at the same time', { skip: !software && 'no software GL' }, async (t) => {
+test('the GPU backend renders streams and snapshots at the same time', { skip: !software && 'no software GL' }, async (t) => {
   const daemon = await Daemon.start(['--volume', 'demo:phantom?size=16', '--volume', 'demo:engine?size=24'], { backend: 'gl-software' });
-  t.after(() => daemon.kill('SIGKILL')); // open streams would keep a test that fails waiting
+  t.after(() => daemon.kill('SIGKILL')); // open streams would keep a failed test waiting
   const ready = (await daemon.json('/readyz', { token: null })).json;
   assert.equal(ready.backend, 'gl-software');
   assert.match(ready.device, /software GL/);
   assert.deepEqual(ready.refused, []);
   for (const volume of ['phantom', 'engine']) await daemon.loaded(volume);
-  const still = async (volume, i) => {
+  const snapshot = async (volume, i) => {
     const answer = await daemon.fetch('/api/v1/render?format=png', {
       method: 'POST', headers: { 'Content-Type': 'application/json' },
       body: JSON.stringify({ volume, size, background: [i / 8, 0, 0, 1] }),
@@ -26,15 +26,15 @@ test('streams and stills are drawn by the GPU backend at the same time', { skip:
   };
   const streams = [];
   for (const volume of ['phantom', 'engine']) streams.push(await daemon.stream({ session: await daemon.session({ volume, size }) }));
-  const stills = [];
+  const snapshots = [];
   for (let i = 1; i <= 8; i++) {
     for (const stream of streams) await stream.update(turned(stream.session.view, i), i);
-    for (const volume of ['phantom', 'engine']) stills.push(still(volume, i % 4));
+    for (const volume of ['phantom', 'engine']) snapshots.push(snapshot(volume, i % 4));
   }
-  const pictures = await Promise.all(stills);
-  // The same request is the same picture, whatever was drawn beside it; another one is another.
-  for (let i = 0; i < 8; i++) assert.equal(pictures[i], pictures[i + 8]);
-  assert.equal(new Set(pictures).size, 8);
+  const images = await Promise.all(snapshots);
+  // Equal requests give equal images, whatever is rendered at the same time; different requests give different images.
+  for (let i = 0; i < 8; i++) assert.equal(images[i], images[i + 8]);
+  assert.equal(new Set(images).size, 8);
   for (const stream of streams) {
     const final = await stream.final(8);
     assert.deepEqual([final.width, final.height], size);
@@ -46,9 +46,9 @@ test('streams and stills are drawn by the GPU backend at the same time', { skip:
   for (const volume of ['phantom', 'engine']) {
     assert.equal((await daemon.fetch(`/api/v1/volumes/${volume}`, { method: 'DELETE' })).status, 204);
   }
-  // What comes in the place of a volume that is gone is not taken for it.
+  // A new volume that takes the place of an unloaded one is not mistaken for it.
   await daemon.post('/api/v1/volumes', { uri: 'demo:engine?size=24', id: 'phantom' });
   await daemon.loaded('phantom');
-  assert.equal(await still('phantom', 0), pictures.at(-1));
+  assert.equal(await snapshot('phantom', 0), images.at(-1));
   assert.equal(await daemon.stop(), 0);
 });

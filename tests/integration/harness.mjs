@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The real daemon as a child process, and clients that say what they expect and until when. Nothing here sleeps:
+// Runs the real daemon as a child process, with clients that wait for what they expect. Nothing here sleeps:
 // every wait is for an event, with a deadline.
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
@@ -12,7 +12,7 @@ import WebSocket from 'ws';
 const DEADLINE_MS = 60000;
 export const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../build/release/bin', import.meta.url));
 
-/** Rejects when `promise` takes longer than the deadline; `what` (text, or what gives it) says what was waited for. */
+/** Rejects when `promise` takes longer than the deadline. `what` (text or a function that returns it) names the event. */
 export function within(promise, what, ms = DEADLINE_MS) {
   let timer;
   const late = new Promise((_, reject) => {
@@ -21,15 +21,15 @@ export function within(promise, what, ms = DEADLINE_MS) {
   return Promise.race([promise, late]).finally(() => clearTimeout(timer));
 }
 
-/** The bytes of a small NRRD file: 4×4×4 voxels of a byte. */
+/** Returns a small NRRD file: 4×4×4 voxels of one byte each. */
 export function nrrd(voxels = Buffer.from([...Array(64).keys()])) {
   return Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n'), voxels]);
 }
 
-/** Before a command: runs it with its descriptors as a shell's redirection says. */
+/** A command prefix that applies a shell redirection. */
 export const redirected = (redirection) => ['/bin/sh', '-c', `exec "$0" "$@" ${redirection}`];
 
-/** Runs splatd to its end: {status, out, err}. */
+/** Runs splatd until it exits. Resolves to {status, out, err}. */
 export async function runToEnd(args, { prefix = [] } = {}) {
   const command = [...prefix, path.join(BIN, 'splatd'), ...args];
   const child = spawn(command[0], command.slice(1), { stdio: ['ignore', 'pipe', 'pipe'] });
@@ -41,13 +41,13 @@ export async function runToEnd(args, { prefix = [] } = {}) {
   return { status: code ?? signal, out, err };
 }
 
-// A test that fails leaves its daemon behind: this process does not wait for it, and ends it when it ends itself.
-// (Hooks of the tests' own, which stop daemons, run after this one.)
+// A failed test leaves its daemon running: this process does not wait for the daemon, and kills it on exit.
+// (Hooks of the tests that stop daemons run after this one.)
 const running = new Set();
 after(() => running.forEach((child) => [child, child.stdout, child.stderr].forEach((handle) => handle.unref())));
 process.on('exit', () => running.forEach((child) => child.kill('SIGKILL')));
 
-/** A daemon with the test-card backend. stop() must be called; it checks that nothing went wrong inside. */
+/** A daemon with the test-card backend. Call stop() at the end: it checks the exit status and the log. */
 export class Daemon {
   log = '';
   out = '';
@@ -81,7 +81,7 @@ export class Daemon {
     for (const watcher of this.#watchers) watcher();
   }
 
-  /** Resolves when `condition()` holds; it is looked at whenever the daemon writes. */
+  /** Resolves when `condition()` holds, which is checked whenever the daemon writes. */
   until(condition, what) {
     if (condition()) return Promise.resolve();
     let watcher;
@@ -92,7 +92,7 @@ export class Daemon {
     return within(met, () => `${what} (log: ${this.log.slice(-2000)})`).finally(() => this.#watchers.delete(watcher));
   }
 
-  /** text: a string or a regular expression. */
+  /** Resolves when the log contains `text`, a string or a regular expression. */
   untilLogged(text) {
     return this.until(() => (text.test ? text.test(this.log) : this.log.includes(text)), `the log line "${text}"`);
   }
@@ -102,7 +102,7 @@ export class Daemon {
     return fetch(this.base + target, { ...options, headers: all, signal: AbortSignal.timeout(DEADLINE_MS) });
   }
 
-  /** {status, headers, json} */
+  /** Sends one request. Resolves to {status, headers, json}. */
   async json(target, options) {
     const answer = await this.fetch(target, options);
     const text = await answer.text();
@@ -114,7 +114,7 @@ export class Daemon {
     return this.json(target, { method: 'POST', body: text, headers: { 'Content-Type': 'application/json' }, ...options });
   }
 
-  /** Asks until the volume is no longer loading. */
+  /** Polls until the volume is no longer loading. */
   async loaded(id) {
     for (;;) {
       const { json } = await this.json(`/api/v1/volumes/${id}`);
@@ -132,7 +132,7 @@ export class Daemon {
     return `${this.base.replace('http', 'ws')}/api/v1/sessions/${session.id}/stream?token=${token}`;
   }
 
-  /** A stream of a session (a new one if none is given). */
+  /** Opens a stream of a session (of a new session if none is given). */
   async stream({ session, token, ...options } = {}) {
     const of = session ?? await this.session();
     return Stream.open(this.streamUrl(of, token), { session: of, ...options });
@@ -166,7 +166,7 @@ export function decodeFrame(data) {
 export const FINAL = 2;
 export const LOSSLESS = 4;
 
-/** A WebSocket client of one stream. Frames are acknowledged at once unless acks is false. */
+/** A WebSocket client of one stream. It acknowledges frames at once unless acks is false. */
 export class Stream {
   frames = [];
   notes = [];
@@ -221,7 +221,7 @@ export class Stream {
     this.#look();
   }
 
-  /** Resolves to what `condition()` gives once that is truthy. */
+  /** Resolves to the result of `condition()` once it is truthy. */
   until(condition, what) {
     const now = condition();
     if (now) return Promise.resolve(now);
@@ -237,7 +237,7 @@ export class Stream {
     return within(met, what).finally(() => this.#watchers.delete(watcher));
   }
 
-  /** The first frame, from number `from` on, that fits. */
+  /** Resolves to the first frame with a number of at least `from` that fits. */
   frame(fits, what, from = 0) {
     return this.until(() => this.frames.slice(from).find(fits), what);
   }
@@ -280,13 +280,13 @@ export class Stream {
   }
 }
 
-/** The camera of a view, turned a little: every step is another picture. */
+/** Returns the camera of a view, rotated so that every step gives a different image. */
 export function turned(view, step) {
   const [x, y, z] = view.camera.position;
   return { camera: { ...view.camera, position: [x + step * 0.01, y, z] } };
 }
 
-/** A plain TCP connection that remembers all bytes it got. */
+/** A plain TCP connection that stores all bytes it receives. */
 export class Raw {
   bytes = Buffer.alloc(0);
   ended = false;
@@ -333,7 +333,7 @@ export class Raw {
     this.socket.destroy();
   }
 
-  /** A WebSocket handshake by hand; from then on frames() are the server's. */
+  /** A raw connection after a WebSocket handshake: frames() returns the server's frames. */
   static async webSocket(daemon, session, { extra = Buffer.alloc(0) } = {}) {
     const raw = await Raw.connect(daemon.port);
     const target = new URL(daemon.streamUrl(session));
@@ -347,7 +347,7 @@ export class Raw {
     return raw;
   }
 
-  /** Whole frames received so far: [{opcode, payload}]. */
+  /** Returns the complete frames received so far: [{opcode, payload}]. */
   frames() {
     const list = [];
     for (let at = this.start; at + 2 <= this.bytes.length;) {
@@ -363,20 +363,20 @@ export class Raw {
     return list;
   }
 
-  /** The code of the server's close frame. */
+  /** Resolves to the code of the server's close frame. */
   async closeCode() {
     const close = await this.until(() => this.frames().find((f) => f.opcode === 8), 'a close frame');
     return close.payload.readUInt16BE(0);
   }
 
-  /** The answer with this id. */
+  /** Resolves to the answer with this id. */
   async answer(id) {
     return this.until(() => this.frames().filter((f) => f.opcode === 1).map((f) => JSON.parse(String(f.payload)))
       .find((m) => m.id === id), `an answer with id ${id}`);
   }
 }
 
-/** One frame as a client must send it: masked. */
+/** Encodes one frame. Clients must mask their frames, so that is the default. */
 export function clientFrame(opcode, payload, { fin = true, rsv = 0, masked = true } = {}) {
   const data = Buffer.from(payload);
   const head = [(fin ? 0x80 : 0) | (rsv << 4) | opcode];

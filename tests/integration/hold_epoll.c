@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * To be preloaded: whoever waits for events waits as long as somebody else has the file
- * SPLATD_HOLD locked, so that threads which live by that hang.
+ * A library for LD_PRELOAD: a thread that waits for events keeps waiting while another process
+ * holds a lock on the file SPLATD_HOLD. This makes event-driven threads hang.
  */
 #include <dlfcn.h>
 #include <fcntl.h>

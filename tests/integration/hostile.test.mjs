@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Clients that vanish, stall or send rubbish. Each test ends by showing that a well-behaved client is served.
+// Clients that vanish, stall or send invalid data. Each test ends with a check that a well-behaved client is served.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
@@ -27,7 +27,7 @@ const ping = (id) => masked(JSON.stringify({ jsonrpc: '2.0', id, method: 'ping' 
 
 const closeWith = (code, reason = '') => Buffer.concat([Buffer.from([code >> 8, code & 255]), Buffer.from(reason)]);
 
-test('frames against the protocol are closed with its codes', async () => {
+test('frames that violate the protocol close the connection with the code that the protocol defines', async () => {
   const session = await daemon.session();
   const cases = [
     ...[4, 2, 1, 7].map((rsv) => [`reserved bits ${rsv}`, clientFrame(1, '{}', { rsv }), 1002]),
@@ -60,14 +60,14 @@ test('frames against the protocol are closed with its codes', async () => {
     const raw = await Raw.webSocket(daemon, session);
     raw.write(bytes);
     assert.equal(await raw.closeCode().catch((error) => error.message), code, what);
-    // The server ends the connection, too, whatever the client does.
+    // The server also ends the TCP connection, whatever the client does.
     await raw.until(() => raw.ended, `the end after ${what}`);
     raw.destroy();
   }
   await othersAreServed();
 });
 
-test('a length that is a lie does not make the daemon wait or allocate', async () => {
+test('a false length makes the daemon neither wait nor allocate memory', async () => {
   const raw = await Raw.webSocket(daemon, await daemon.session());
   raw.write(Buffer.from([0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4, 5]));
   assert.equal(await raw.closeCode(), 1009);
@@ -75,7 +75,7 @@ test('a length that is a lie does not make the daemon wait or allocate', async (
   await othersAreServed();
 });
 
-test('text that is no request is answered, and the stream stays open', async () => {
+test('text that is not a request gets an error answer, and the stream stays open', async () => {
   const raw = await Raw.webSocket(daemon, await daemon.session());
   for (const text of ['', '{', 'null', '[[[[[[[[', '{"jsonrpc":"1.0"}', '{"jsonrpc":"2.0","method":5,"id":1}', '[]', '{"a":1,"a":2}',
     '['.repeat(1000), '"\\ud800"', '1e999', '{"jsonrpc":"2.0","id":[],"method":"ping"}']) raw.write(masked(text));
@@ -87,7 +87,7 @@ test('text that is no request is answered, and the stream stays open', async () 
   raw.destroy();
 });
 
-test('a message in many pieces, byte by byte, and bytes sent before the handshake was answered', async () => {
+test('fragmented messages, single bytes and bytes sent before the handshake is answered are read correctly', async () => {
   const session = await daemon.session();
   const raw = await Raw.webSocket(daemon, session, { extra: ping('early') });
   await raw.answer('early');
@@ -99,27 +99,27 @@ test('a message in many pieces, byte by byte, and bytes sent before the handshak
     raw.write(clientFrame(0, [byte], { fin: i === bytes.length - 25 }));
   }
   await raw.answer('é');
-  assert.ok(raw.frames().some((f) => f.opcode === 10 && String(f.payload) === 'between'), 'the ping in between was answered');
+  assert.ok(raw.frames().some((f) => f.opcode === 10 && String(f.payload) === 'between'), 'the ping between two fragments was answered');
   for (const byte of ping('slow')) raw.write(Buffer.from([byte]));
   await raw.answer('slow');
-  // Empty fragments, control frames of any size between them, and answers nobody asked for.
+  // Empty fragments, control frames of any size between them, and unsolicited pongs.
   raw.write(clientFrame(1, '', { fin: false }));
   for (const size of [0, 1, 125]) raw.write(clientFrame(9, 'p'.repeat(size)));
   raw.write(clientFrame(10, 'unasked'));
   raw.write(clientFrame(0, text, { fin: false }));
   raw.write(clientFrame(0, ''));
-  await raw.until(() => raw.frames().filter((f) => f.opcode === 1 && String(f.payload).includes('"id":"é"')).length === 2, 'another answer');
+  await raw.until(() => raw.frames().filter((f) => f.opcode === 1 && String(f.payload).includes('"id":"é"')).length === 2, 'a second answer');
   for (const size of [0, 1, 125]) assert.ok(raw.frames().some((f) => f.opcode === 10 && String(f.payload) === 'p'.repeat(size)), `a ping of ${size} bytes was answered`);
   raw.destroy();
 });
 
-test('requests sent with the handshake, more than are read at a time, are answered though nothing follows', async () => {
+test('requests sent together with the handshake, more than one read takes, are all answered without further input', async () => {
   const session = await daemon.session();
   const many = Array.from({ length: 300 }, (_, i) => ping(i));
   const raw = await Raw.webSocket(daemon, session, { extra: Buffer.concat(many) });
   for (const i of many.keys()) await raw.answer(i);
   raw.destroy();
-  // Nor is a client cut off that ended its side while it was not read. (Answers that wait when its close is read are not sent.)
+  // A client that ends its side while the daemon does not read it is not cut off either. (Answers still queued when the daemon reads the close are dropped.)
   const brief = await Raw.webSocket(daemon, session);
   brief.socket.end(Buffer.concat([...many, clientFrame(8, Buffer.from([0x03, 0xe8]))]));
   assert.equal(await brief.closeCode(), 1000);
@@ -127,10 +127,10 @@ test('requests sent with the handshake, more than are read at a time, are answer
   brief.destroy();
 });
 
-test('a byte at a time: requests with a body, two on one connection, and the handshake of a stream', async () => {
+test('two requests with bodies and a stream handshake work when they arrive one byte at a time', async () => {
   const session = await daemon.session();
   const trickle = async (raw, text) => {
-    for (const byte of Buffer.from(text)) if (!raw.socket.write(Buffer.from([byte]))) await within(once(raw.socket, 'drain'), 'room');
+    for (const byte of Buffer.from(text)) if (!raw.socket.write(Buffer.from([byte]))) await within(once(raw.socket, 'drain'), 'the socket to drain');
   };
   const raw = await Raw.connect(daemon.port);
   raw.socket.setNoDelay(true);
@@ -138,7 +138,7 @@ test('a byte at a time: requests with a body, two on one connection, and the han
   const post = `POST /api/v1/render?format=png HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\nContent-Type: application/json\r\n`;
   await trickle(raw, `${post}Content-Length: ${body.length}\r\n\r\n${body}`
     + `${post}Transfer-Encoding: chunked\r\n\r\n5\r\n${body.slice(0, 5)}\r\n${(body.length - 5).toString(16)}\r\n${body.slice(5)}\r\n0\r\n\r\n`);
-  await raw.until(() => raw.text().match(/HTTP\/1\.1 200/g)?.length === 2 && raw.text().match(/IEND/g)?.length === 2, 'two pictures');
+  await raw.until(() => raw.text().match(/HTTP\/1\.1 200/g)?.length === 2 && raw.text().match(/IEND/g)?.length === 2, 'two images');
   raw.destroy();
   const stream = await Raw.connect(daemon.port);
   stream.socket.setNoDelay(true);
@@ -152,11 +152,11 @@ test('a byte at a time: requests with a body, two on one connection, and the han
   stream.destroy();
 });
 
-test('a client that never reads is dropped with a word in the log, and costs nobody a frame', async () => {
+test('a client that never reads is dropped, the log names it, and other clients lose no frame', async () => {
   const session = await daemon.session();
   const raw = await Raw.webSocket(daemon, session);
   raw.socket.pause();
-  // Asks for the view again and again without reading the answers, until the daemon stops reading.
+  // Request the view repeatedly without reading the answers, until the daemon stops reading.
   const text = masked(JSON.stringify({ jsonrpc: '2.0', id: 1, method: 'view.get' }));
   const flood = Buffer.concat(Array(2000).fill(text));
   for (let i = 0; i < 20 && raw.socket.write(flood); i++);
@@ -166,7 +166,7 @@ test('a client that never reads is dropped with a word in the log, and costs nob
     await lively.update({ background: [i / 20, 0, 0, 1] }, i);
     await lively.frame((f) => f.seq >= i, `frame ${i}`);
   }
-  // Which limit it meets first depends on how much the kernel's buffers take.
+  // The size of the kernel's buffers decides which limit applies first.
   const { port } = raw.socket.address();
   await daemon.untilLogged(new RegExp(`stream of 127.0.0.1:${port} (dropped: it took no data for 2.0 s|closed with 1008: slow reader)`));
   raw.destroy();
@@ -174,23 +174,23 @@ test('a client that never reads is dropped with a word in the log, and costs nob
   await othersAreServed();
 });
 
-test('a client that reads but never acknowledges is told why it is dropped', async () => {
+test('a client that reads but never acknowledges is closed with the reason', async () => {
   const stream = await daemon.stream({ acks: false });
   const { code, reason } = await stream.until(() => stream.closed, 'the close');
   assert.equal(code, 1008);
   assert.match(reason, /slow reader.*--stall-time/);
 });
 
-test('a silent peer is pinged, then dropped', async () => {
+test('a silent client is pinged, then dropped', async () => {
   const session = await daemon.session();
   const raw = await Raw.webSocket(daemon, session);
   await raw.until(() => raw.frames().some((f) => f.opcode === 9), 'a ping');
-  // Acknowledging frames but nothing else would keep it alive; this one says nothing at all.
+  // Acknowledgements alone would keep a client alive; this client sends nothing.
   await raw.until(() => raw.ended, 'the end');
   raw.destroy();
 });
 
-test('a client that is killed disturbs nobody', async () => {
+test('a killed client does not disturb other clients', async () => {
   const session = await daemon.session();
   const stream = await daemon.stream({ session });
   const script = `
@@ -208,7 +208,7 @@ test('a client that is killed disturbs nobody', async () => {
   const from = stream.notes.length;
   child.kill('SIGKILL');
   await stream.until(() => stream.notes.slice(from).some((n) => n.method === 'session.participants' && n.params.participants.length === 1),
-    'word that it is gone');
+    'the notification that the participant left');
   await stream.update({ background: [0, 0, 1, 1] }, 3);
   await stream.final(3);
   await stream.end();
@@ -218,7 +218,7 @@ const LARGE = JSON.stringify({ volume: 'engine', size: [8192, 8192], filter: { l
 const LARGE_REQUEST = (token) => `POST /api/v1/render HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${token}\r\n`
   + `Content-Type: application/json\r\nContent-Length: ${LARGE.length}\r\n\r\n${LARGE}`;
 
-test('large pictures for who has left are not drawn, and hold up nobody', async () => {
+test('large images for clients that disconnected are not rendered and delay no other client', async () => {
   const slow = await Daemon.start(['--volume', 'demo:engine?size=64', '--frame-size', '8192x8192'], { backend: 'cpu' });
   await slow.loaded('engine');
   const impatient = [];
@@ -227,11 +227,11 @@ test('large pictures for who has left are not drawn, and hold up nobody', async 
     raw.write(LARGE_REQUEST(slow.token));
     impatient.push(raw);
   }
-  // A stream is served while they are drawn or wait.
+  // A stream is served while large images are rendered or wait.
   const stream = await slow.stream();
   await stream.update({ background: [1, 0, 0, 1] }, 1);
   await stream.final(1);
-  assert.ok(impatient.every((raw) => raw.bytes.length === 0), 'a large picture was drawn before a stream was served');
+  assert.ok(impatient.every((raw) => raw.bytes.length === 0), 'no large image was finished before the stream was served');
   await stream.end();
   const peers = impatient.map((raw) => raw.socket.address().port);
   for (const raw of impatient) raw.destroy();
@@ -243,7 +243,7 @@ test('large pictures for who has left are not drawn, and hold up nobody', async 
   assert.equal(await slow.stop(), 0);
 });
 
-test('garbage on the port', async () => {
+test('invalid bytes on the port end the connection', async () => {
   const noise = Buffer.from(Array.from({ length: 4096 }, (_, i) => (i * 7919 + 13) & 255));
   for (const bytes of [noise, Buffer.alloc(1000), Buffer.from('\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03', 'latin1'),
     Buffer.from('GET / HTTP/9.9\r\n\r\n'), Buffer.from('GET\r\n\r\n'), Buffer.from(`GET /${'a'.repeat(100000)} HTTP/1.1\r\n\r\n`),
@@ -261,7 +261,7 @@ test('garbage on the port', async () => {
   await othersAreServed();
 });
 
-test('requests that a proxy could read in another way are refused and end their connection', async () => {
+test('requests that a proxy could parse differently are refused and end their connection', async () => {
   const post = 'POST /api/v1/render HTTP/1.1\r\n';
   const many = 'a=b&'.repeat(500);
   for (const [text, status, detail] of [
@@ -280,7 +280,7 @@ test('requests that a proxy could read in another way are refused and end their 
     [`DELETE /api/v1/volumes/engine?token=${daemon.token}&${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /16/],
     [`GET /healthz?${'a&'.repeat(10)}${'a'.repeat(29500)} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /--header-size/]]) {
     const raw = await Raw.connect(daemon.port);
-    // What follows must not be taken for a request.
+    // The following bytes must not be parsed as a request.
     raw.write(`${text}GET /smuggled HTTP/1.1\r\nHost: x\r\n\r\n`);
     await raw.until(() => raw.ended, `the end after ${text.slice(0, 80)}`);
     const answers = raw.text().match(/^HTTP\/1.1 \d+/gm);
@@ -295,7 +295,7 @@ test('requests that a proxy could read in another way are refused and end their 
   await othersAreServed();
 });
 
-test('a client that sends its header a byte at a time is cut off', async () => {
+test('a client that sends its header one byte at a time is cut off at the deadline', async () => {
   const raw = await Raw.connect(daemon.port);
   const text = `GET /healthz HTTP/1.1\r\nHost: ${'x'.repeat(10000)}`;
   let at = 0;
@@ -306,8 +306,8 @@ test('a client that sends its header a byte at a time is cut off', async () => {
   await othersAreServed();
 });
 
-test('over the limits of connections everybody gets an answer at once', async () => {
-  // 100 streams at a time work; they all see the same view.
+test('every client over the connection limits gets an answer at once', async () => {
+  // 100 concurrent streams of one view work.
   const session = await daemon.session();
   const sessions = [session, ...await Promise.all(Array.from({ length: 3 }, () => daemon.session()))];
   const streams = await Promise.all(Array.from({ length: 100 }, (_, i) => daemon.stream({ session: sessions[i % 4] })));
@@ -324,14 +324,14 @@ test('over the limits of connections everybody gets an answer at once', async ()
   await othersAreServed();
 });
 
-test('who says nothing takes no more places than its address has', async (t) => {
+test('silent clients use no more connections than the limit of their address', async (t) => {
   const small = await Daemon.start(['--connections', '40', '--connections-per-address', '4', '--http-threads', '1', '--header-time', '600']);
   const silent = await Promise.all(Array.from({ length: 100 }, () => Raw.connect(small.port)));
   t.after(() => silent.forEach((raw) => raw.destroy()));
-  // 4 and 32 that would be told so are kept.
+  // The daemon keeps 4 connections and 32 more that would receive the refusal.
   let ended = 0;
   const enough = new Promise((resolve) => {
-    for (const raw of silent) raw.until(() => raw.ended, 'its end').then(() => ++ended === 64 && resolve(), () => {});
+    for (const raw of silent) raw.until(() => raw.ended, 'the end of a silent connection').then(() => ++ended === 64 && resolve(), () => {});
   });
   await within(enough, () => `64 connections to end (${ended} did)`);
   const other = await Raw.connect(small.port, { localAddress: '127.0.0.2' });
@@ -339,6 +339,6 @@ test('who says nothing takes no more places than its address has', async (t) => 
   await other.until(() => other.ended, 'the metrics');
   assert.match(other.text(), /^HTTP\/1.1 200/);
   assert.match(other.text(), /^splatd_connections_refused_total\{reason="address"\} 64$/m);
-  assert.ok(small.log.match(/refused: it has 36 connections/g).length < 64, 'a line for each');
+  assert.ok(small.log.match(/refused: it has 36 connections/g).length < 64, 'repeated refusals are summarised in the log');
   assert.equal(await small.stop(), 0);
 });

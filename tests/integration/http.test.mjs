@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every route of the HTTP interface: what it gives, and how it refuses.
+// Every route of the HTTP interface: its results and its errors.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
@@ -48,7 +48,7 @@ test('health and readiness need no token', async () => {
   assert.deepEqual(ready.json.refused, []);
 });
 
-test('everything under /api needs the token, by header or query, and tells nothing without', async () => {
+test('routes under /api need the token, by header or query, and reveal nothing without it', async () => {
   for (const target of ['/api/v1/volumes', '/api/v1/volumes/engine', '/api/v1/nothing', '/api/v1/views', '/api/v1/sessions/0']) {
     const answer = await daemon.json(target, { token: null });
     isProblem(answer, 401, /token/);
@@ -59,7 +59,7 @@ test('everything under /api needs the token, by header or query, and tells nothi
   assert.equal((await daemon.json(`/api/v1/volumes?token=${daemon.token}`, { token: null })).status, 200);
 });
 
-test('the page: types, policy, caching', async () => {
+test('the page has content types, a content security policy and cache headers', async () => {
   const page = await daemon.fetch('/', { token: null });
   assert.equal(page.status, 200);
   assert.equal(page.headers.get('content-type'), 'text/html; charset=utf-8');
@@ -83,7 +83,7 @@ test('the page: types, policy, caching', async () => {
   isProblem(await daemon.json('/..%2f..%2fetc%2fpasswd', { token: null }), 404);
 });
 
-test('HEAD gives the headers of GET', async () => {
+test('HEAD returns the headers of GET', async () => {
   const headers = { 'Accept-Encoding': 'identity' };
   const head = await daemon.fetch('/api/v1/volumes', { method: 'HEAD', headers });
   const get = await daemon.fetch('/api/v1/volumes', { headers });
@@ -92,7 +92,7 @@ test('HEAD gives the headers of GET', async () => {
   assert.equal(await head.text(), '');
 });
 
-test('the contract is served, without a token', async () => {
+test('the contract is served without a token', async () => {
   for (const file of ['openapi.json', 'openapi.yaml', 'view.schema.json', 'stream.schema.json', 'stream.md']) {
     assert.equal((await daemon.fetch(`/api/v1/${file}`, { token: null })).status, 200, file);
   }
@@ -109,7 +109,7 @@ test('the contract is served, without a token', async () => {
   assert.deepEqual([stream.status, stream.headers.get('content-type')], [200, 'text/markdown; charset=utf-8']);
 });
 
-test('the paths and methods of the contract are those that the daemon has', async () => {
+test('the daemon has exactly the paths and methods of the contract', async () => {
   const text = await (await daemon.fetch('/api/v1/openapi.yaml')).text();
   const paths = new Map();
   let at;
@@ -130,7 +130,7 @@ test('the paths and methods of the contract are those that the daemon has', asyn
   }
 });
 
-test('other methods: 405 with Allow; other paths: 404', async () => {
+test('other methods get 405 with Allow, other paths get 404', async () => {
   const answer = await daemon.json('/api/v1/volumes/engine', { method: 'PUT' });
   isProblem(answer, 405);
   assert.deepEqual(answer.headers.get('allow').split(', ').sort(), ['DELETE', 'GET', 'HEAD']);
@@ -143,7 +143,7 @@ test('other methods: 405 with Allow; other paths: 404', async () => {
   isProblem(await daemon.json('/api/v1/volumes/engine/'), 404);
 });
 
-test('volumes: list, one, its default view', async () => {
+test('volumes are listed, described, and have a default view', async () => {
   const { json } = await daemon.json('/api/v1/volumes');
   const engine = json.volumes.find((v) => v.id === 'engine');
   assert.equal(engine.state, 'ready');
@@ -154,7 +154,7 @@ test('volumes: list, one, its default view', async () => {
   assert.equal(one.histogram.counts.length, 256);
   assert.equal(one.histogram.counts.reduce((a, b) => a + b), one.dims.reduce((a, b) => a * b));
   assert.equal(one.memory.voxels, one.bytes);
-  assert.equal(one.memory.derived_per_voxel, 0); // test cards derive nothing
+  assert.equal(one.memory.derived_per_voxel, 0); // the test-card backend caches nothing per volume
   const view = (await daemon.json('/api/v1/volumes/engine/view')).json;
   assert.equal(view.volume, 'engine');
   assert.deepEqual(view.size, [512, 512]);
@@ -162,23 +162,23 @@ test('volumes: list, one, its default view', async () => {
   isProblem(await daemon.json('/api/v1/volumes/nope/view'), 404);
 });
 
-test('what is derived from a volume of bytes is stated, and at most two a voxel', async () => {
+test('cached data of an 8-bit volume are reported and take at most two bytes per voxel', async () => {
   const real = await Daemon.start(['--volume', 'demo:engine?size=64'], { backend: 'cpu' });
   await real.loaded('engine');
   for (const shading of ['none', 'phong']) {
-    const still = await real.fetch('/api/v1/render', {
+    const snapshot = await real.fetch('/api/v1/render', {
       method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ size: [64, 64], shading: { mode: shading } }),
     });
-    assert.equal(still.status, 200);
+    assert.equal(snapshot.status, 200);
     const { memory, dims } = (await real.json('/api/v1/volumes/engine')).json;
     assert.ok(memory.derived > 0);
     assert.equal(memory.derived_per_voxel, memory.derived / dims.reduce((a, b) => a * b));
-    assert.ok(memory.derived_per_voxel <= 2, `${memory.derived_per_voxel} bytes a voxel`);
+    assert.ok(memory.derived_per_voxel <= 2, `${memory.derived_per_voxel} bytes per voxel`);
   }
   await real.stop();
 });
 
-test('a volume is loaded once, shared, and unloaded when nobody uses it', async () => {
+test('a volume is loaded once, shared, and can be unloaded when no session uses it', async () => {
   const first = await daemon.post('/api/v1/volumes', { path: 'cube.nrrd', id: 'cube', name: 'A cube' });
   assert.equal(first.status, 202);
   assert.equal(first.headers.get('location'), 'volumes/cube');
@@ -197,7 +197,7 @@ test('a volume is loaded once, shared, and unloaded when nobody uses it', async 
   isProblem(await daemon.json('/api/v1/volumes/cube', { method: 'DELETE' }), 404);
 });
 
-test('files outside the data folder are not there', async () => {
+test('files outside the data folder are reported as missing', async () => {
   for (const file of ['../secret.nrrd', 'link.nrrd', '/etc/passwd', path.join(folder, 'secret.nrrd'), '../absent.nrrd', 'absent.nrrd']) {
     isProblem(await daemon.post('/api/v1/volumes', { path: file }), 404, /below the data folder/);
   }
@@ -222,7 +222,7 @@ test('pipes, devices, folders, loops and odd paths in the data folder neither ha
   isProblem(await daemon.post('/api/v1/volumes', '{"path": "cube.nrrd\\u0000/etc/passwd"}'), 400);
 });
 
-test('files that are no volumes fail with a reason and can be tried again', async () => {
+test('files that are not volumes fail with a reason and can be loaded again', async () => {
   for (const [file, reason] of [['short', /./], ['rubbish', /./], ['lying', /./]]) {
     assert.equal((await daemon.post('/api/v1/volumes', { path: `${file}.nrrd` })).status, 202);
     const volume = await daemon.loaded(file);
@@ -236,14 +236,14 @@ test('files that are no volumes fail with a reason and can be tried again', asyn
   }
 });
 
-test('a volume over the budget is refused with both numbers', async () => {
+test('a volume over the memory budget is refused with its size and the limit', async () => {
   assert.equal((await daemon.post('/api/v1/volumes', { uri: 'demo:marschner-lobb?size=512', id: 'big' })).status, 202);
   const volume = await daemon.loaded('big');
   assert.equal(volume.state, 'failed');
   assert.match(volume.reason, /needs \d{9,} bytes and \d+ of 67108864 are free/);
 });
 
-test('bodies that ask for no volume', async () => {
+test('load requests that name no valid volume are refused', async () => {
   isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:nope' }), 404, /demo:nope: no such built-in volume/);
   isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:engine?size=-1' }), 422, /size=N/);
   isProblem(await daemon.post('/api/v1/volumes', {}), 422);
@@ -261,7 +261,7 @@ test('bodies that ask for no volume', async () => {
   assert.equal(plain.headers.get('accept-patch'), null);
 });
 
-test('render: formats by Accept and by ?format=', async () => {
+test('render: the format follows Accept and ?format=', async () => {
   const render = (query = '', headers = {}) => daemon.fetch(`/api/v1/render${query}`, { method: 'POST', headers, body: null });
   const magic = { 'image/jpeg': [0, 'ffd8'], 'image/png': [1, '504e47'], 'image/webp': [0, '52494646'], 'image/x-exr': [0, '762f3101'] };
   for (const [query, accept, type] of [
@@ -284,7 +284,7 @@ test('render: formats by Accept and by ?format=', async () => {
   isProblem(await daemon.post('/api/v1/render?quality=9x', {}), 400, /quality/);
 });
 
-test('render: the ETag is that of the view, format and quality', async () => {
+test('render: the ETag depends on view, format and quality', async () => {
   const tag = async (view, query = '?format=png', headers = {}) => {
     const answer = await daemon.fetch(`/api/v1/render${query}`, {
       method: 'POST', body: JSON.stringify(view), headers: { 'Content-Type': 'application/json', ...headers },
@@ -294,20 +294,20 @@ test('render: the ETag is that of the view, format and quality', async () => {
   };
   const [, plain] = await tag({});
   assert.match(plain, /^"[0-9a-f]{32}"$/);
-  assert.equal((await tag({ volume: 'engine', size: [512, 512] }))[1], plain, 'the same view, said otherwise');
+  assert.equal((await tag({ volume: 'engine', size: [512, 512] }))[1], plain, 'the same view in another notation');
   assert.notEqual((await tag({ size: [512, 511] }))[1], plain);
   assert.notEqual((await tag({}, '?format=jpeg'))[1], plain);
   assert.notEqual((await tag({}, '?format=jpeg&quality=50'))[1], (await tag({}, '?format=jpeg&quality=51'))[1]);
-  assert.equal((await tag({}, '?format=png&quality=50&subsampling=4:2:0'))[1], plain, 'a PNG has neither');
+  assert.equal((await tag({}, '?format=png&quality=50&subsampling=4:2:0'))[1], plain, 'quality and subsampling do not apply to PNG');
   const chroma = async (name) => (await tag({}, `?format=jpeg&quality=90&subsampling=${name}`))[1];
-  assert.equal(await chroma('auto'), await chroma('4:4:4'), 'which it stands for');
+  assert.equal(await chroma('auto'), await chroma('4:4:4'), 'auto means 4:4:4 here');
   assert.notEqual(await chroma('auto'), await chroma('4:2:0'));
   assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': plain }), [304, plain]);
   assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': `"x", ${plain}` }), [304, plain]);
   assert.equal((await tag({}, '?format=png', { 'If-None-Match': '"x"' }))[0], 200);
 });
 
-test('render: wrong views name the place', async () => {
+test('render: an invalid view is refused with a JSON pointer', async () => {
   for (const [view, status, pointer] of [
     [{ size: [0, 10] }, 422, /^\/size/], [{ camera: { fov_y: 1000 } }, 422, /^\/camera\/fov_y$/], [{ nonsense: 1 }, 422, /^\/nonsense$/],
     [{ volume: 'nope' }, 422, /^\/volume$/], ['{"size": [1, 2', 400, /./], ['{"size": 1, "size": 2}', 400, /./], ['nonsense', 400, undefined]]) {
@@ -319,7 +319,7 @@ test('render: wrong views name the place', async () => {
   isProblem(await daemon.post('/api/v1/render', {}, { headers: { 'Content-Type': 'image/png' } }), 415);
 });
 
-test('sessions: create, look, fork, and what the tokens allow', async () => {
+test('sessions are created, read and forked as far as their tokens allow', async () => {
   const created = await daemon.post('/api/v1/sessions', { view: { size: [64, 48] } });
   assert.equal(created.status, 201);
   const { id, tokens, view } = created.json;
@@ -333,7 +333,7 @@ test('sessions: create, look, fork, and what the tokens allow', async () => {
   assert.equal(own.json.tokens, undefined);
   isProblem(await daemon.json(target, { token: null }), 401);
   isProblem(await daemon.json(target, { token: 'wrong' }), 401);
-  // Who has no token learns neither which sessions exist nor what is wrong with a body.
+  // Without a token a client learns neither which sessions exist nor what is wrong with a body.
   const nowhere = await daemon.json('/api/v1/sessions/ffffffffffffffff', { token: 'wrong' });
   assert.deepEqual(nowhere.json, (await daemon.json(target, { token: 'wrong' })).json);
   for (const text of [`{"view": [${'1,'.repeat(10000)}`, ' '.repeat(300)]) isProblem(await daemon.post('/api/v1/sessions', text, { token: 'wrong' }), 401);
@@ -361,7 +361,7 @@ test('sessions: create, look, fork, and what the tokens allow', async () => {
   assert.equal(plain.headers.get('upgrade'), 'websocket');
 });
 
-test('bodies over the limit: 413, by their announcement and by counting', async () => {
+test('a body over the limit gets 413, both by its Content-Length and by its real length', async () => {
   const large = 'x'.repeat((1 << 20) + 1);
   isProblem(await daemon.post('/api/v1/render', large), 413);
   const raw = await Raw.connect(daemon.port);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starting, limits, failing renders, and stopping.
+// Start-up, limits, failing renders and shutdown.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { closeSync, constants, mkdtempSync, openSync, readlinkSync, rmSync, writeFileSync, writeSync } from 'node:fs';
@@ -26,12 +26,12 @@ test('--help, --version, --print-config', async () => {
   assert.match(version.out, /^splatd \d+\.\d+\.\d+\n$/);
   const printed = await runToEnd(['--memory', '3G', '--volume', 'demo:engine', '--print-config']);
   assert.match(printed.out, /^memory = 3G$/m);
-  // What it prints, it reads.
+  // --config reads what --print-config prints.
   const again = await runToEnd(['--config', file('printed', printed.out), '--print-config']);
   assert.equal(again.out, printed.out);
 });
 
-test('what is printed and cannot be written is a failure, the ready line too', async () => {
+test('output that cannot be written makes the program fail, also for the ready line', async () => {
   for (const [redirection, why] of [['>/dev/full', 'No space left on device'], ['>&-', 'Bad file descriptor']]) {
     for (const args of [['--help'], ['--version'], ['--print-config'], ['--probe'], ['--listen', '127.0.0.1:0', '--backend', 'null']]) {
       const { status, err } = await runToEnd(args, { prefix: redirected(redirection) });
@@ -41,13 +41,13 @@ test('what is printed and cannot be written is a failure, the ready line too', a
   }
 });
 
-test('no connection gets the number of a closed standard descriptor', async () => {
+test('closed standard descriptors are opened on /dev/null, so that no connection gets their number', async () => {
   const daemon = await Daemon.start([], { prefix: redirected('<&- 2>&-') });
   for (const fd of [0, 2]) assert.equal(readlinkSync(`/proc/${daemon.child.pid}/fd/${fd}`), '/dev/null');
   assert.equal(await daemon.stop(), 0);
 });
 
-test('wrong use: status 2, and what is wrong', async () => {
+test('wrong options give exit status 2 and an error message', async () => {
   for (const [args, text] of [
     [['--nonsense'], /^splatd: --nonsense: unknown option/], [['--threads'], /^splatd: --threads: needs a value/],
     [['--threads', 'many'], /whole number in \[0, 256\]/], [['--memory', '1Q'], /^splatd: --memory: .*size/],
@@ -75,7 +75,7 @@ test('wrong use: status 2, and what is wrong', async () => {
   }
 });
 
-test('a port in use is named', async () => {
+test('the error about a port in use names the port', async () => {
   const daemon = await Daemon.start([]);
   const second = await runToEnd(['--listen', `127.0.0.1:${daemon.port}`, '--backend', 'null']);
   assert.equal(second.status, 1);
@@ -92,7 +92,7 @@ test('a token from a file is used and not printed', async () => {
   assert.equal(await daemon.stop(), 0);
 });
 
-test('an empty daemon says so', async () => {
+test('a daemon without volumes reports that', async () => {
   const daemon = await Daemon.start([]);
   assert.equal((await daemon.json('/readyz', { token: null })).status, 200);
   const { status, json } = await daemon.post('/api/v1/sessions', {});
@@ -101,7 +101,7 @@ test('an empty daemon says so', async () => {
   assert.equal(await daemon.stop(), 0);
 });
 
-test('limits: sessions, participants, the render queue; idle sessions end', async () => {
+test('sessions, participants and the render queue are limited, and idle sessions end', async () => {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--sessions', '2', '--participants', '2',
     '--session-time', '0.3', '--render-queue', '1', '--encode-threads', '1']);
   await daemon.loaded('engine');
@@ -116,7 +116,7 @@ test('limits: sessions, participants, the render queue; idle sessions end', asyn
   assert.match(json.detail, /--sessions allows 2/);
   await daemon.untilLogged('ended: nobody joined');
   assert.equal((await daemon.post('/api/v1/sessions', {})).status, 201);
-  // Large PNG frames keep the one encoder busy: of many at once some must be refused, none may hang.
+  // Large PNG images keep the one encoder busy: of many concurrent requests some must be refused, and none may hang.
   const answers = await Promise.all(Array.from({ length: 16 }, (_, i) => daemon.post('/api/v1/render?format=png', '', {
     body: JSON.stringify({ size: [1500, 1500 + i] }),
   }).catch((e) => (e instanceof SyntaxError ? { status: 200 } : Promise.reject(e)))));
@@ -127,7 +127,7 @@ test('limits: sessions, participants, the render queue; idle sessions end', asyn
   assert.equal(await daemon.stop(), 0);
 });
 
-test('a view that the backend cannot draw is refused with what it can; the session goes on', async () => {
+test('a view that the backend cannot render is refused with a list of what it supports; the session continues', async () => {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--threads', '2'], { backend: 'cpu' });
   await daemon.loaded('engine');
   const wrong = { primitive: { type: 'vector' } };
@@ -142,12 +142,12 @@ test('a view that the backend cannot draw is refused with what it can; the sessi
   assert.equal(await daemon.stop(), 0);
 });
 
-test('a render that fails is an error of its session, never the end of the daemon', async (t) => {
+test('a failed render is reported to its session and does not end the daemon', async (t) => {
   if (process.env.SPLATD_SANITIZE) {
-    t.skip('a sanitizer needs the address space that this test takes away');
+    t.skip('a sanitizer needs the address space that this test limits');
     return;
   }
-  // Too little address space for a frame of 8192 by 8192.
+  // Leaves too little address space for a frame of 8192×8192 pixels.
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--memory', '64M', '--frame-size', '8192x8192'],
     { prefix: ['bash', '-c', 'ulimit -v 700000; exec "$@"', 'bash'] });
   await daemon.loaded('engine');
@@ -169,7 +169,7 @@ test('a render that fails is an error of its session, never the end of the daemo
 });
 
 for (const signal of ['SIGTERM', 'SIGINT']) {
-  test(`${signal} drains: clients are told, renders under way are finished, status 0`, async () => {
+  test(`${signal} drains: clients are notified, running renders finish, exit status 0`, async () => {
     const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--volume', 'demo:marschner-lobb?size=400']);
     await daemon.loaded('engine');
     const stream = await daemon.stream();
@@ -178,13 +178,13 @@ for (const signal of ['SIGTERM', 'SIGINT']) {
     const body = JSON.stringify({ volume: 'engine', size: [1000, 1000] });
     raw.write(`POST /api/v1/render?format=png HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${daemon.token}\r\n`
       + `Content-Length: ${body.length + 1}\r\n\r\n${body}`);
-    // The request is under way, but lacks its last byte until the daemon said that it is shutting down.
+    // The request lacks its last byte until the daemon logs that it is shutting down.
     await stream.call('ping');
     const { json } = await daemon.json('/healthz');
     assert.equal(json.status, 'ok');
     daemon.kill(signal);
     await stream.note('server.draining');
-    // Who comes now is told so at once, also before a body.
+    // A new request is refused at once, even before its body arrives.
     const late = await Raw.connect(daemon.port);
     late.write('POST /api/v1/render HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n');
     await late.until(() => late.text().includes('shutting down'), 'the refusal');
@@ -194,16 +194,16 @@ for (const signal of ['SIGTERM', 'SIGINT']) {
     await raw.until(() => raw.text().includes('\r\n\r\n'), 'the answer');
     assert.match(raw.text(), /^HTTP\/1.1 200/);
     const size = Number(/Content-Length: (\d+)/.exec(raw.text())[1]);
-    await raw.until(() => raw.bytes.length === raw.bytes.indexOf('\r\n\r\n') + 4 + size, 'all of the picture');
+    await raw.until(() => raw.bytes.length === raw.bytes.indexOf('\r\n\r\n') + 4 + size, 'the whole image');
     const { code } = await stream.until(() => stream.closed, 'the close');
     assert.equal(code, 1001);
-    assert.equal(await within(daemon.ended, 'the end'), 0, daemon.log);
+    assert.equal(await within(daemon.ended, 'the end of the daemon'), 0, daemon.log);
     assert.match(daemon.log, /stopped/);
     await assert.rejects(Raw.connect(daemon.port));
   });
 }
 
-test('starts that fail, and ends under traffic, have their exit status', async () => {
+test('failed starts and shutdowns under traffic have the documented exit status', async () => {
   const absent = path.join(folder, 'absent.nrrd');
   for (let i = 0; i < 20; i++) {
     const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--volume', absent]);
@@ -221,7 +221,7 @@ test('starts that fail, and ends under traffic, have their exit status', async (
   }
 });
 
-test('a second signal ends at once', async () => {
+test('a second signal ends the daemon at once', async () => {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=16', '--drain-time', '500']);
   await daemon.loaded('engine');
   const raw = await Raw.connect(daemon.port);
@@ -231,11 +231,11 @@ test('a second signal ends at once', async () => {
   daemon.kill('SIGTERM');
   await stream.note('server.draining');
   daemon.kill('SIGTERM');
-  assert.equal(await within(daemon.ended, 'the end'), 1);
+  assert.equal(await within(daemon.ended, 'the end of the daemon'), 1);
   raw.destroy();
 });
 
-test('the first picture of a built-in volume', async () => {
+test('the first image of a built-in volume is rendered', async () => {
   const daemon = await Daemon.start(['--volume', 'demo:engine?size=32'], { backend: 'auto' });
   await daemon.loaded('engine');
   const answer = await daemon.fetch('/api/v1/render?format=png', { method: 'POST', body: '{"size": [96, 96]}', headers: { 'Content-Type': 'application/json' } });
@@ -246,7 +246,7 @@ test('the first picture of a built-in volume', async () => {
 });
 
 
-test('a log that nobody reads stops neither requests nor the end', async () => {
+test('a log pipe without a reader delays neither requests nor shutdown', async () => {
   const fifo = path.join(folder, 'log');
   execFileSync('mkfifo', [fifo]);
   const filler = openSync(fifo, constants.O_RDWR | constants.O_NONBLOCK);
@@ -258,7 +258,7 @@ test('a log that nobody reads stops neither requests nor the end', async () => {
     assert.equal((await daemon.post('/api/v1/sessions', {})).status, 201);
     assert.equal((await daemon.fetch('/healthz')).status, 200);
     daemon.kill('SIGTERM');
-    assert.equal(await within(daemon.ended, 'the end'), 0);
+    assert.equal(await within(daemon.ended, 'the end of the daemon'), 0);
   } finally {
     closeSync(filler);
   }

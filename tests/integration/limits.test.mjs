@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Limits on pictures: their size by every way in, the memory of those by HTTP, and the pixels of video.
+// Limits on images: their size through every interface, the memory of HTTP responses, the pixels of video, and open files.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, Raw, turned } from './harness.mjs';
@@ -15,7 +15,7 @@ after(async () => assert.equal(await daemon.stop(), 0));
 const LARGEST = [512, 1024];
 const LARGER = [725, 724];
 
-test('no picture is larger than --frame-size, by any way', async () => {
+test('no interface gives an image larger than --frame-size', async () => {
   const refused = (answer) => {
     assert.equal(answer.status, 422);
     assert.equal(answer.json.pointer, '/size');
@@ -39,7 +39,7 @@ test('no picture is larger than --frame-size, by any way', async () => {
   await stream.end();
 });
 
-test('pictures by HTTP have a bound of bytes together, and give them back', async () => {
+test('images of HTTP responses share a limit of bytes and return their share', async () => {
   const draw = (quality) => daemon.fetch(`/api/v1/render?format=exr&quality=${quality}`, {
     method: 'POST', body: JSON.stringify({ size: LARGEST }), headers: { 'Content-Type': 'application/json' },
   });
@@ -49,19 +49,19 @@ test('pictures by HTTP have a bound of bytes together, and give them back', asyn
     if (answer.status === 200) return null;
     return { status: answer.status, retry: answer.headers.get('Retry-After'), ...JSON.parse(Buffer.from(body).toString()) };
   };
-  assert.equal(await ask(1), null, 'one alone, though it is larger');
+  assert.equal(await ask(1), null, 'a single image is accepted even above the limit');
   let refusal = null;
   for (let round = 0; !refusal && round < 100; round++) {
     const answers = await Promise.all([1, 2, 3, 4, 5, 6].map(ask));
-    assert.ok(answers.includes(null), 'one of them is drawn');
+    assert.ok(answers.includes(null), 'one of them is rendered');
     refusal = answers.find((answer) => answer);
   }
   assert.deepEqual([refusal.status, refusal.retry], [503, '1']);
   assert.match(refusal.detail, /this one takes 8388608, and --render-bytes allows 1048576/);
-  assert.equal(await ask(1), null, 'all was given back');
+  assert.equal(await ask(1), null, 'all bytes were returned');
 });
 
-test('video beyond --video-pixels is JPEG, and the stream is told', async () => {
+test('streams over --video-pixels get JPEG, and the client is notified', async () => {
   const stream = await daemon.stream();
   const drag = async (enough, what) => {
     const { view } = await stream.call('view.get');
@@ -86,9 +86,9 @@ test('video beyond --video-pixels is JPEG, and the stream is told', async () => 
   await stream.end();
 });
 
-// Without looking at that limit the daemon would leave whoever comes too late in the system's backlog, without a word.
+// Without a check of that limit, late clients would wait in the kernel's backlog without an answer.
 for (const [what, hard, count] of [['is raised', 2000, 100], ['is too low, so that there are fewer connections', 262, 70]]) {
-  test(`the limit of open files ${what}: all are answered`, async (t) => {
+  test(`the limit of open files ${what}: every client gets an answer`, async (t) => {
     const small = await Daemon.start(['--connections', '100', '--http-threads', '1'],
       { prefix: ['/bin/bash', '-c', `ulimit -Sn 100; ulimit -Hn ${hard}; exec "$@"`, 'splatd'] });
     const warned = small.log.includes(`${count} connections are allowed, not the 100 of --connections: they want 292 files and sockets, and ${hard} may be open`);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// GET /metrics: in a form that Prometheus reads, and what it counts is what happened.
+// GET /metrics: Prometheus can parse it, and the values match what happened.
 import assert from 'node:assert/strict';
 import fs from 'node:fs';
 import { spawnSync } from 'node:child_process';
@@ -27,7 +27,7 @@ async function scrape(of = daemon) {
   return JSON.parse(stdout);
 }
 
-/** Scrapes until `fits(values)`. */
+/** Scrapes until `fits(values)` is true. */
 async function until(fits, what) {
   for (const end = Date.now() + 30000; Date.now() < end;) {
     const values = await scrape();
@@ -36,7 +36,7 @@ async function until(fits, what) {
   throw new Error(`${what}: ${JSON.stringify(await scrape())}`);
 }
 
-test('a scrape can be read, and needs the token', async (t) => {
+test('a scrape parses and needs the token', async (t) => {
   const values = await scrape();
   if (!values) return t.skip('no python3-prometheus-client');
   assert.equal((await daemon.fetch('/metrics', { token: null })).status, 401);
@@ -48,7 +48,7 @@ test('a scrape can be read, and needs the token', async (t) => {
   const limits = fs.readFileSync(`/proc/${daemon.child.pid}/limits`, 'utf8');
   assert.equal(values.process_max_fds, Number(/Max open files\s+(\d+)/.exec(limits)[1]));
   const started = fs.statSync(`/proc/${daemon.child.pid}`).ctimeMs / 1000;
-  assert.ok(Math.abs(values.process_start_time_seconds - started) < 3600, 'not the boot, nor 1970');
+  assert.ok(Math.abs(values.process_start_time_seconds - started) < 3600, 'the start time is neither the boot time nor 1970');
   assert.equal(values.splatd_path_bytes_limit, 4 * 2 ** 30);
   assert.equal(values.splatd_state_failing, 0);
   for (const stage of ['queue', 'render', 'readback', 'encode', 'send', 'round_trip']) {
@@ -56,18 +56,18 @@ test('a scrape can be read, and needs the token', async (t) => {
   }
 });
 
-test('what happens is counted', async (t) => {
+test('requests, frames and streams are counted', async (t) => {
   const before_ = await scrape();
   if (!before_) return t.skip('no python3-prometheus-client');
   const rise = (values, key) => values[key] - before_[key];
   for (let i = 0; i < 3; i += 1) await daemon.fetch('/api/v1/render', { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } });
   assert.equal((await daemon.post('/api/v1/render', '{')).status, 400);
-  const pictures = await scrape();
-  assert.equal(rise(pictures, 'splatd_pictures_total'), 3);
-  assert.equal(rise(pictures, 'splatd_http_requests_total,status=4xx'), 1);
-  assert.equal(rise(pictures, 'splatd_http_requests_total,status=2xx'), 4, 'three pictures and the first scrape');
-  assert.equal(rise(pictures, 'splatd_http_bytes_total,direction=in'), 7);
-  assert.ok(pictures['splatd_derived_bytes,backend=cpu,lane=pictures,volume=engine'] > 0);
+  const renders = await scrape();
+  assert.equal(rise(renders, 'splatd_pictures_total'), 3);
+  assert.equal(rise(renders, 'splatd_http_requests_total,status=4xx'), 1);
+  assert.equal(rise(renders, 'splatd_http_requests_total,status=2xx'), 4, 'three images and the first scrape');
+  assert.equal(rise(renders, 'splatd_http_bytes_total,direction=in'), 7);
+  assert.ok(renders['splatd_derived_bytes,backend=cpu,lane=pictures,volume=engine'] > 0);
 
   const session = await daemon.session();
   const stream = await daemon.stream({ session });
@@ -102,13 +102,13 @@ test('frames of camera paths are counted', async (t) => {
   if (!before_) return t.skip('no python3-prometheus-client');
   const made = await daemon.post('/api/v1/paths', { view: { volume: 'engine' }, size: [16, 16], frames: 2, keyframes: [{ frame: 1, view: {} }] });
   assert.equal(made.status, 202);
-  const values = await until((v) => v.splatd_paths === 1 && v.splatd_paths_unfinished === 0, 'the path');
+  const values = await until((v) => v.splatd_paths === 1 && v.splatd_paths_unfinished === 0, 'the path to finish');
   assert.equal(values.splatd_path_frames_total, before_.splatd_path_frames_total + 2);
   assert.deepEqual([values.splatd_path_failures_total, values.splatd_paths_waiting], [0, 0]);
   assert.equal((await daemon.fetch(`/api/v1/paths/${made.json.id}`, { method: 'DELETE' })).status, 204);
 });
 
-test('streams that end badly are counted by their reason', async (t) => {
+test('streams that end with an error are counted by reason', async (t) => {
   const before_ = await scrape();
   if (!before_) return t.skip('no python3-prometheus-client');
   const session = await daemon.session();
@@ -126,7 +126,7 @@ test('streams that end badly are counted by their reason', async (t) => {
   await rising('lost');
 });
 
-test('many volumes with odd names do not make many series', async (t) => {
+test('many volumes with unusual names do not create many time series', async (t) => {
   const many = await Daemon.start([...Array(60).keys()].flatMap((i) => ['--volume', `demo:engine?size=${i + 8}`]));
   for (let i = 0; i < 20; i += 1) assert.equal((await many.post('/api/v1/volumes', { uri: `demo:phantom?size=${i + 8}`, id: `x.${i}`, name: '"\\\n' })).status, 202);
   for (let i = 0; i < 20; i += 1) await many.loaded(`x.${i}`);

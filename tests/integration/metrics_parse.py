@@ -35,14 +35,14 @@ def main():
     families, values = set(), {}
     for family in text_string_to_metric_families(text):
         name = family.name + ('_total' if family.type == 'counter' else '')
-        assert name not in families, f'{name} comes twice'
+        assert name not in families, f'{name} occurs twice'
         assert family.documentation and family.type in ('counter', 'gauge', 'histogram'), name
         assert f'# TYPE {name} {family.type}\n' in text, name
         families.add(name)
         for sample in family.samples:
             assert sample.name == name or family.type == 'histogram', sample
             key = sample.name + ''.join(f',{k}={v}' for k, v in sorted(sample.labels.items()))
-            assert key not in values, f'{key} comes twice'
+            assert key not in values, f'{key} occurs twice'
             values[key] = sample.value
         if family.type == 'histogram':
             check_histogram(family)

@@ -24,7 +24,7 @@ TOKENS = 'the-first-token-of-all-0001', 'the-second-token-0000000002'
 
 
 class Manager:
-    """Plays systemd: a datagram socket, and the daemon started as a service."""
+    """Acts as systemd: a datagram socket, and the daemon started as a service."""
 
     def __init__(self, folder, arguments, watchdog_us=None, variables=()):
         path = os.path.join(folder, 'notify')
@@ -159,7 +159,7 @@ class Service(unittest.TestCase):
         manager.until_logged('the setting sessions has changed and takes effect at the next start')
         self.assertEqual([self.status_with(address, t) for t in TOKENS], [401, 200])
         manager.until_logged('level=debug')
-        # What cannot be read changes nothing.
+        # An unreadable file changes nothing.
         for name, text, why in (('config', 'nonsense = 1\n', "unknown setting 'nonsense'"),
                                 ('token', 'short', '16 to 128')):
             start = len(manager.lines)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// splatctl against the real daemon, and the same pictures with and without it.
+// splatctl with the real daemon, and equal images with and without the daemon.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
@@ -13,7 +13,7 @@ let daemon;
 let folder;
 const inFolder = (name) => path.join(folder, name);
 
-/** {status, out (bytes), err} */
+/** Runs splatctl. Resolves to {status, out (bytes), err}. */
 async function splatctl(args, { input = '', url = `${daemon.base}/?token=${daemon.token}` } = {}) {
   const env = { ...process.env, SPLATD_URL: url };
   delete env.SPLATD_TOKEN;
@@ -22,7 +22,7 @@ async function splatctl(args, { input = '', url = `${daemon.base}/?token=${daemo
   let err = '';
   child.stdout.on('data', (data) => out.push(data));
   child.stderr.on('data', (data) => { err += data; });
-  child.stdin.on('error', () => {}); // it may end before it has read all
+  child.stdin.on('error', () => {}); // it may exit before it has read all its input
   child.stdin.end(input);
   const [status] = await within(once(child, 'close'), `splatctl ${args.join(' ')}`);
   return { status, out: Buffer.concat(out), err };
@@ -57,7 +57,7 @@ test('volumes are listed and loaded', async () => {
     [['engine', 'ready'], ['cube', 'ready'], ['phantom', 'ready']]);
 });
 
-test('what cannot be loaded is refused with the reason', async () => {
+test('a volume that cannot be loaded is refused with the reason', async () => {
   const cut = await splatctl(['load', 'cut.nrrd']);
   assert.equal(cut.status, 1);
   assert.match(cut.err, /^splatctl: cut: loading failed: .*byte/);
@@ -69,14 +69,14 @@ test('what cannot be loaded is refused with the reason', async () => {
   assert.match(unknown.err, /^splatctl: .*nothing/);
 });
 
-test('the default view is one that the daemon takes', async () => {
+test('the daemon accepts its own default view', async () => {
   const view = await succeeds(['view', 'engine']);
   assert.equal(JSON.parse(view).volume, 'engine');
   const asDefault = await succeeds(['render', '--volume', 'engine', '--out', '-']);
   assert.deepEqual(await succeeds(['render', '--view', '-', '--out', '-'], { input: view }), asDefault);
 });
 
-test('the same picture from the daemon and in process', async () => {
+test('the daemon and splatctl in process give the same image', async () => {
   const view = JSON.stringify({
     size: [200, 150], background: [0.2, 0.1, 0.4, 0.5], filter: { mode: 'ewa' }, camera: { fov_y: 40 },
   });
@@ -93,7 +93,7 @@ test('the same picture from the daemon and in process', async () => {
   }
 });
 
-test('a refused view says where, and leaves no file', async () => {
+test('a refused view is reported with its JSON pointer and creates no file', async () => {
   const before = readdirSync(folder);
   const refused = async (view, expected) => {
     const args = ['render', '--volume', 'engine', '--view', '-', '--out', inFolder('never.png')];
@@ -111,26 +111,26 @@ test('a refused view says where, and leaves no file', async () => {
   assert.deepEqual(readdirSync(folder), before);
 });
 
-test('the example in --help is a view', async () => {
+test('the example in --help is a valid view', async () => {
   const [, example] = /^For example[^{]*(\{[^]*\})\n\nExit/m.exec((await succeeds(['--help'])).toString());
   const common = ['render', '--local', '--backend', 'null', '--volume', 'demo:engine?size=16', '--size', '16,16', '--out', '-'];
   assert.equal(JSON.parse(example).transfer_function.order, 'post');
   assert.ok((await succeeds([...common, '--view', '-'], { input: example })).length > 0);
 });
 
-test('a render loads what it is named', async () => {
+test('render loads the volume that its argument names', async () => {
   await succeeds(['render', '--volume', 'demo:checkerboard?size=32', '--size', '64,64', '--out', inFolder('new.png')]);
   assert.ok(existsSync(inFolder('new.png')));
   assert.equal(readFileSync(inFolder('new.png')).toString('latin1', 1, 4), 'PNG');
 });
 
-test('a wrong token is told', async () => {
+test('a wrong token is reported', async () => {
   const { status, err } = await splatctl(['volumes'], { url: `${daemon.base}/?token=wrong` });
   assert.equal(status, 1);
   assert.match(err, /^splatctl: GET \/volumes: .*HTTP 401.*token/);
 });
 
-test('views are kept, listed, printed and deleted', async () => {
+test('views are saved, listed, printed and deleted', async () => {
   const view = JSON.stringify({ background: [0.25, 0, 0, 1] });
   const id = (await succeeds(['save', '--volume', 'engine', '--view', '-', '--size', '24,16'], { input: view })).toString().trim();
   assert.match(id, /^[0-9a-f]{32}$/);
@@ -151,7 +151,7 @@ test('views are kept, listed, printed and deleted', async () => {
   assert.match(gone.err, /no kept view/);
 });
 
-test('presets are put under names, listed, printed and deleted', async () => {
+test('presets are stored under names, listed, printed and deleted', async () => {
   await succeeds(['preset', 'narrow', '--view', '-'], { input: '{"camera":{"fov_y":12}}' });
   assert.equal((await succeeds(['presets'])).toString(), 'narrow\n');
   assert.deepEqual(JSON.parse(await succeeds(['presets', '--json'])), { presets: ['narrow'] });
@@ -164,7 +164,7 @@ test('presets are put under names, listed, printed and deleted', async () => {
   assert.equal((await succeeds(['presets'])).toString(), '');
 });
 
-test('sessions are begun, forked, listed and ended; their links join them', async () => {
+test('sessions are created, forked, listed and ended, and their links join them', async () => {
   const links = JSON.parse(await succeeds(['share', '--volume', 'engine', '--size', '30,20', '--json']));
   const made = (await daemon.json(`/api/v1/sessions/${links.session}`)).json;
   assert.deepEqual(made.view.size, [30, 20]);
@@ -186,14 +186,14 @@ test('sessions are begun, forked, listed and ended; their links join them', asyn
 
 const TURN = { view: { volume: 'engine' }, size: [24, 16], frames: 5, keyframes: [{ frame: 4, view: { camera: { fov_y: 60 } } }] };
 
-test('a camera path becomes a folder of frames, each the picture of its view', async () => {
+test('a camera path becomes a folder of frames, each equal to the image of its view', async () => {
   const report = JSON.parse(await succeeds(['path', '-', '--out', inFolder('frames'), '--json'], { input: JSON.stringify(TURN) }));
   assert.deepEqual(report, { out: inFolder('frames'), format: 'png', frames: 5 });
   assert.deepEqual(readdirSync(inFolder('frames')).sort(), [0, 1, 2, 3, 4].map((n) => `00000${n}.png`));
   const last = await succeeds(['render', '--volume', 'engine', '--view', '-', '--size', '24,16', '--out', '-'], { input: '{"camera": {"fov_y": 60}}' });
   assert.ok(readFileSync(inFolder('frames/000004.png')).equals(last));
   assert.ok(!readFileSync(inFolder('frames/000000.png')).equals(last));
-  assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, [], 'the daemon keeps nothing that was fetched');
+  assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, [], 'the daemon deletes a path once it is fetched');
 });
 
 test('a camera path becomes a movie', async () => {
@@ -202,7 +202,7 @@ test('a camera path becomes a movie', async () => {
   assert.equal(readFileSync(inFolder('movie.webm')).toString('latin1', 0, 4), '\x1a\x45\xdf\xa3'); // EBML
 });
 
-test('a camera path that is wrong is refused with its place', async () => {
+test('an invalid camera path is refused with its JSON pointer', async () => {
   for (const [args, input, status, err] of [
     [['path', '-'], '{}', 2, /--out/], [['path', '--out', 'x'], '{}', 2, /needs a file/], [['path', '-', '--out', inFolder('x')], '{', 1, /splatctl: -: /],
     [['path', '-', '--out', inFolder('x')], JSON.stringify({ ...TURN, frames: 0 }), 1, /splatctl: \/frames: /],
@@ -214,24 +214,24 @@ test('a camera path that is wrong is refused with its place', async () => {
   }
 });
 
-test('a camera path that could not be fetched stays, and is gone on with', async () => {
-  writeFileSync(inFolder('kept.json'), JSON.stringify(TURN));
-  const failed = await splatctl(['path', inFolder('kept.json'), '--out', inFolder('missing/frames')]);
-  assert.equal(failed.status, 1); // refused before there was a path
+test('a camera path that could not be fetched stays and can be fetched later', async () => {
+  writeFileSync(inFolder('path.json'), JSON.stringify(TURN));
+  const failed = await splatctl(['path', inFolder('path.json'), '--out', inFolder('missing/frames')]);
+  assert.equal(failed.status, 1); // refused before the path was created
   assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, []);
-  mkdirSync(inFolder('kept/000002.png'), { recursive: true });
-  const stopped = await splatctl(['path', inFolder('kept.json'), '--out', inFolder('kept')]);
+  mkdirSync(inFolder('path/000002.png'), { recursive: true });
+  const stopped = await splatctl(['path', inFolder('path.json'), '--out', inFolder('path')]);
   assert.equal(stopped.status, 1);
   const [, id] = /path --id ([0-9a-f]+) --out/.exec(stopped.err);
   assert.match((await succeeds(['paths'])).toString(), new RegExp(`^${id} +\\w+ +png +\\d +5$`, 'm'));
-  rmSync(inFolder('kept/000002.png'), { recursive: true });
-  assert.equal(JSON.parse(await succeeds(['path', '--id', id, '--out', inFolder('kept'), '--json'])).frames, 5);
-  assert.equal(readdirSync(inFolder('kept')).length, 5);
+  rmSync(inFolder('path/000002.png'), { recursive: true });
+  assert.equal(JSON.parse(await succeeds(['path', '--id', id, '--out', inFolder('path'), '--json'])).frames, 5);
+  assert.equal(readdirSync(inFolder('path')).length, 5);
   assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, []);
   assert.match((await splatctl(['path', '--id', id])).err, /HTTP 404/);
 });
 
-test('the example of a camera path is one', async () => {
+test('the example camera path is valid', async () => {
   const example = JSON.parse(readFileSync(new URL('../../clients/cli/examples/turn.json', import.meta.url)));
   const { status, json } = await daemon.post('/api/v1/paths', example);
   assert.equal(status, 202, JSON.stringify(json));

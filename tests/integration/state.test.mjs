@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What outlives the daemon: --state, kill -9 at any moment, and a disk that cannot be written.
+// What persists across restarts: --state, kill -9 at any moment, and a disk that cannot be written.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
@@ -27,11 +27,11 @@ async function start(state, args = [], options = {}) {
 
 async function killed(daemon) {
   daemon.kill('SIGKILL');
-  assert.equal(await within(daemon.ended, 'the end of splatd'), 'SIGKILL');
+  assert.equal(await within(daemon.ended, 'the end of the daemon'), 'SIGKILL');
   assert.doesNotMatch(daemon.log, /Sanitizer|runtime error/);
 }
 
-const picture = async (daemon, view) => {
+const render = async (daemon, view) => {
   const answer = await daemon.fetch('/api/v1/render?format=png', {
     method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(view),
   });
@@ -39,7 +39,7 @@ const picture = async (daemon, view) => {
   return Buffer.from(await answer.arrayBuffer());
 };
 
-/** A session from before a restart is there as soon as its volume is. */
+/** Polls for a session from before a restart: it is available once its volume is loaded. */
 async function sessionOf(daemon, id, token = TOKEN) {
   for (;;) {
     const answer = await daemon.json(`/api/v1/sessions/${id}`, { token });
@@ -49,7 +49,7 @@ async function sessionOf(daemon, id, token = TOKEN) {
   }
 }
 
-test('after kill -9 the same links show the same pictures', async () => {
+test('after kill -9 the same links show the same images', async () => {
   const state = fresh();
   const first = await start(state, ['--volume', 'demo:engine?size=24'], { backend: 'cpu' });
   await first.loaded('engine');
@@ -59,32 +59,32 @@ test('after kill -9 the same links show the same pictures', async () => {
   await first.loaded('head');
   const session = await first.session({ volume: 'head', size: [40, 30] });
   const other = await first.session({ volume: 'engine' });
-  const kept = await first.post('/api/v1/views', { volume: 'engine', size: [20, 20], background: [1, 0, 0, 1] });
-  assert.equal(kept.headers.get('x-durable'), 'yes');
+  const saved = await first.post('/api/v1/views', { volume: 'engine', size: [20, 20], background: [1, 0, 0, 1] });
+  assert.equal(saved.headers.get('x-durable'), 'yes');
   const preset = (daemon, method, body) => daemon.fetch('/api/v1/presets/bones', { method, body, headers: { 'Content-Type': 'application/json' } });
   assert.equal((await preset(first, 'PUT', '{"camera": {"fov_y": 11}}')).headers.get('x-durable'), 'yes');
   assert.equal((await preset(first, 'PUT', '{"camera": {"fov_y": 12}}')).status, 204);
-  const keptPicture = Buffer.from(await (await first.fetch(`/api/v1/render/${kept.json.id}?format=png`)).arrayBuffer());
-  // A change by stream is written soon, not at once: what is asked for later is written together with it.
+  const savedImage = Buffer.from(await (await first.fetch(`/api/v1/render/${saved.json.id}?format=png`)).arrayBuffer());
+  // A change over a stream is written after a delay: a later durable request is written together with it.
   const stream = await first.stream({ session });
   await stream.update(turned(session.view, 500));
   const view = (await first.json(`/api/v1/sessions/${session.id}`)).json.view;
-  const shown = await picture(first, view);
+  const shown = await render(first, view);
   assert.equal((await first.fetch(`/api/v1/sessions/${other.id}`, { method: 'DELETE' })).headers.get('x-durable'), 'yes');
   await killed(first);
 
   const second = await start(state, [], { backend: 'cpu' });
   const back = await sessionOf(second, session.id, session.tokens.view);
   assert.deepEqual(back.json.view, view);
-  assert.deepEqual(await picture(second, back.json.view), shown);
+  assert.deepEqual(await render(second, back.json.view), shown);
   assert.deepEqual((await sessionOf(second, session.id)).json.tokens, session.tokens);
   assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: 'x'.repeat(32) })).status, 401);
-  assert.equal((await second.json(`/api/v1/sessions/${other.id}`)).status, 404, 'what was deleted stays deleted');
+  assert.equal((await second.json(`/api/v1/sessions/${other.id}`)).status, 404, 'a deleted session stays deleted');
   assert.deepEqual(await (await preset(second, 'GET')).json(), { camera: { fov_y: 12 } });
   assert.equal((await preset(second, 'DELETE')).status, 204);
   await second.loaded('engine');
-  const again = await second.fetch(`/api/v1/render/${kept.json.id}?format=png`);
-  assert.deepEqual(Buffer.from(await again.arrayBuffer()), keptPicture);
+  const again = await second.fetch(`/api/v1/render/${saved.json.id}?format=png`);
+  assert.deepEqual(Buffer.from(await again.arrayBuffer()), savedImage);
   const { volumes } = (await second.json('/api/v1/volumes')).json;
   assert.deepEqual(volumes.map((v) => [v.id, v.name, v.state]), [['engine', 'engine', 'ready'], ['head', 'a head', 'ready']]);
   const joined = await second.stream({ session });
@@ -92,7 +92,7 @@ test('after kill -9 the same links show the same pictures', async () => {
   await joined.end();
   assert.equal(await second.stop(), 0);
 
-  const third = await start(state, ['--volume', 'demo:engine?size=24']); // the same source is no second volume
+  const third = await start(state, ['--volume', 'demo:engine?size=24']); // the same source does not create a second volume
   assert.equal((await third.json('/api/v1/volumes')).json.volumes.length, 2);
   await third.loaded('head');
   await sessionOf(third, session.id);
@@ -106,12 +106,12 @@ test('after kill -9 the same links show the same pictures', async () => {
   assert.equal(await fourth.stop(), 0);
 });
 
-test('after a restart a picture that a client has is not sent again, unless the volume has changed', async () => {
+test('after a restart an image that a client has cached gives 304, unless the volume changed', async () => {
   const state = fresh();
   const file = path.join(folder, 'seen.nrrd');
   const other = Buffer.from([...Array(64).keys()]);
-  other[63] = 200; // all but one voxel are what they were
-  let [id, etag, picture] = [];
+  other[63] = 200; // only one voxel differs
+  let [id, etag, image] = [];
   const ask = async (daemon) => {
     await daemon.loaded('seen');
     const answer = await daemon.fetch(`/api/v1/render/${id}?format=png`, { headers: { 'If-None-Match': etag ?? '""' } });
@@ -126,7 +126,7 @@ test('after a restart a picture that a client has is not sent again, unless the 
   await run(undefined, async (daemon) => {
     await daemon.loaded('seen');
     id = (await daemon.post('/api/v1/views', { volume: 'seen', size: [24, 16] })).json.id;
-    ({ etag, bytes: picture } = await ask(daemon));
+    ({ etag, bytes: image } = await ask(daemon));
     assert.equal((await ask(daemon)).status, 304);
   });
   await run(undefined, async (daemon) => assert.deepEqual(await ask(daemon), { status: 304, etag, bytes: Buffer.alloc(0) }));
@@ -134,9 +134,9 @@ test('after a restart a picture that a client has is not sent again, unless the 
     const changed = await ask(daemon);
     assert.equal(changed.status, 200);
     assert.notEqual(changed.etag, etag);
-    assert.ok(!changed.bytes.equals(picture));
+    assert.ok(!changed.bytes.equals(image));
   });
-  await run(undefined, async (daemon) => { // and when it is loaded anew while the daemon runs
+  await run(undefined, async (daemon) => { // and when it is reloaded while the daemon runs
     for (const [voxels, status] of [[other, 200], [undefined, 304]]) {
       await daemon.loaded('seen');
       assert.equal((await daemon.fetch('/api/v1/volumes/seen', { method: 'DELETE' })).status, 204);
@@ -145,10 +145,10 @@ test('after a restart a picture that a client has is not sent again, unless the 
       assert.equal((await ask(daemon)).status, status);
     }
   });
-  await run(undefined, async (daemon) => assert.equal((await ask(daemon)).status, 200, 'another renderer, other bytes'), { backend: 'null' });
+  await run(undefined, async (daemon) => assert.equal((await ask(daemon)).status, 200, 'another backend gives other bytes'), { backend: 'null' });
 });
 
-test('a view that changes is written by itself, soon and not every time', async () => {
+test('changes of a view are written automatically, soon, and combined', async () => {
   const state = fresh();
   const daemon = await start(state, ['--volume', 'demo:engine?size=8']);
   await daemon.loaded('engine');
@@ -158,7 +158,7 @@ test('a view that changes is written by itself, soon and not every time', async 
   for (let i = 1; i <= 100; i += 1) await stream.update({ background: [i / 100, 0, 0, 1] }, i);
   const during = await writes() - before_;
   assert.ok(during < 50, `${during} writes of 100 changes`);
-  // Until the last change is there, in a copy of the database that another program reads.
+  // Wait until a second program reads the last change from a copy of the database.
   const read = () => execFileSync('python3', ['-c', `
 import json, sqlite3, sys
 row = sqlite3.connect('file:' + sys.argv[1] + '?mode=ro', uri=True).execute("SELECT body FROM record WHERE kind = 'session'").fetchone()
@@ -171,7 +171,7 @@ print(json.loads(row[0])['view']['background'][0])`, path.join(state, 'splatd.db
   assert.equal(await again.stop(), 0);
 });
 
-/** Works until the daemon dies: what it was told is in `told`. */
+/** Sends requests until the daemon dies, and records confirmed changes in `told`. */
 async function work(daemon, told, round) {
   try {
     const session = await daemon.session({ size: [16, 16] });
@@ -179,22 +179,22 @@ async function work(daemon, told, round) {
     const stream = await daemon.stream({ session });
     for (let i = 1; ; i += 1) {
       const x = round * 1000 + i;
-      told.sessions.get(session.id).x.push(x); // may be there, need not
+      told.sessions.get(session.id).x.push(x); // this change may persist or not
       await stream.update({ background: [x / 1e6, 0, 0, 1] }, i);
-      const kept = await daemon.post('/api/v1/views', { background: [0, x / 1e6, 0, 1] });
-      if (kept.status === 201) told.views.set(kept.json.id, x);
-      // Whatever is put is written together with all that changed before it.
-      if (kept.status === 201) told.sessions.get(session.id).least = x;
+      const saved = await daemon.post('/api/v1/views', { background: [0, x / 1e6, 0, 1] });
+      if (saved.status === 201) told.views.set(saved.json.id, x);
+      // A durable request is written together with all earlier changes.
+      if (saved.status === 201) told.sessions.get(session.id).least = x;
       if (i % 3 === 0) {
         const short = await daemon.session();
         told.ending.add(short.id);
         if ((await daemon.fetch(`/api/v1/sessions/${short.id}`, { method: 'DELETE' })).status === 204) told.deleted.add(short.id);
       }
     }
-  } catch { /* it died */ }
+  } catch { /* the daemon died */ }
 }
 
-test('kill -9 during writes, again and again: every promise holds', { timeout: 500000 }, async () => {
+test('after repeated kill -9 during writes every change confirmed as durable is present', { timeout: 500000 }, async () => {
   const state = fresh();
   const told = { sessions: new Map(), views: new Map(), deleted: new Set(), ending: new Set() };
   const rounds = 12;
@@ -216,7 +216,7 @@ test('kill -9 during writes, again and again: every promise holds', { timeout: 5
     for (const id of told.deleted) assert.equal((await daemon.json(`/api/v1/sessions/${id}`)).status, 404);
     const writes = told.views.size;
     const workers = [work(daemon, told, round), work(daemon, told, round + 500)];
-    // At another moment each time: after so many answers, in the middle of the next ones.
+    // Kill at a different moment each time: after a varying number of answers, while more requests are running.
     while (told.views.size < writes + round * 2) await daemon.json('/healthz', { token: null });
     await killed(daemon);
     await Promise.all(workers);
@@ -224,7 +224,7 @@ test('kill -9 during writes, again and again: every promise holds', { timeout: 5
   assert.ok(told.views.size > rounds && told.deleted.size > 0 && told.sessions.size >= rounds);
 });
 
-test('a session whose volume is gone waits for it', async () => {
+test('a session whose volume is missing works again when the volume is loaded', async () => {
   const state = fresh();
   const file = path.join(folder, 'cube.nrrd');
   const write = () => writeFileSync(file, nrrd(Buffer.alloc(64, 9)));
@@ -246,19 +246,19 @@ test('a session whose volume is gone waits for it', async () => {
   assert.equal((await second.json(`/api/v1/sessions/${session.id}`, { token: 'x'.repeat(32) })).status, 401);
   await assert.rejects(second.stream({ session }), { status: 409 });
   assert.equal((await second.post('/api/v1/sessions', { from: session.id })).status, 409);
-  write(); // it is there again
+  write(); // restore the file
   assert.equal((await second.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
   assert.equal((await sessionOf(second, session.id)).status, 200);
   assert.equal(await second.stop(), 0);
-  // Without the folder from which it came it is not loaded.
+  // Without --data the volume is not loaded.
   const third = await start(state);
   assert.match((await third.json('/api/v1/volumes/cube')).json.reason, /--data DIR/);
   assert.equal(await third.stop(), 0);
 });
 
-const asleepOf = async (daemon, id) => (await daemon.json('/api/v1/sessions')).json.sessions.find((s) => s.id === id)?.asleep;
+const isHibernated = async (daemon, id) => (await daemon.json('/api/v1/sessions')).json.sessions.find((s) => s.id === id)?.asleep;
 
-test('an idle session sleeps, uses no volume, and its link shows the same view again', async () => {
+test('an idle session hibernates, uses no volume, and its link shows the same view again', async () => {
   const state = fresh();
   const daemon = await start(state, ['--volume', 'demo:engine?size=8', '--volume', 'demo:phantom?size=8', '--session-time', '0.1']);
   await daemon.loaded('engine');
@@ -267,9 +267,9 @@ test('an idle session sleeps, uses no volume, and its link shows the same view a
   const first = await daemon.stream({ session });
   await first.update(turned(session.view, 100));
   await first.end();
-  const asleep = new RegExp(`session ${session.id} sleeps(?![^]*session ${session.id} is awake)`);
-  await daemon.untilLogged(asleep); // on a slow machine it slept before it was joined, too
-  assert.equal(await asleepOf(daemon, session.id), true);
+  const hibernates = new RegExp(`session ${session.id} sleeps(?![^]*session ${session.id} is awake)`);
+  await daemon.untilLogged(hibernates); // on a slow machine it also hibernated before it was joined
+  assert.equal(await isHibernated(daemon, session.id), true);
   assert.equal((await daemon.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 204);
   const gone = await daemon.json(`/api/v1/sessions/${session.id}`, { token: session.tokens.view });
   assert.equal(gone.status, 409);
@@ -277,10 +277,10 @@ test('an idle session sleeps, uses no volume, and its link shows the same view a
   await daemon.loaded('phantom');
   const again = await daemon.stream({ session });
   assert.equal((await again.final()).width, 40);
-  assert.equal(await asleepOf(daemon, session.id), false);
+  assert.equal(await isHibernated(daemon, session.id), false);
   assert.deepEqual((await daemon.json(`/api/v1/sessions/${session.id}`)).json.view.camera.position, turned(session.view, 100).camera.position);
   await again.end();
-  await daemon.untilLogged(asleep);
+  await daemon.untilLogged(hibernates);
   const fork = await daemon.post('/api/v1/sessions', { from: session.id }, { token: session.tokens.control });
   assert.equal(fork.status, 201);
   assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
@@ -293,7 +293,7 @@ test('an idle session sleeps, uses no volume, and its link shows the same view a
   assert.equal(await next.stop(), 0);
 });
 
-test('sleep goes on over restarts, by a clock that stands still while no daemon runs', async () => {
+test('hibernation time is counted across restarts by a clock that only runs while a daemon runs', async () => {
   const state = fresh();
   const database = (code) => execFileSync('python3', ['-c', `
 import json, sqlite3, sys
@@ -308,7 +308,7 @@ db.commit()`, path.join(state, 'splatd.db')], { encoding: 'utf8' });
   assert.equal(await daemon.stop(), 0);
   const ran = () => Number(database("print(body('clock', 'daemon')['ran'])"));
   assert.ok(ran() >= 0 && ran() < 600, `${ran()} s`);
-  // As if daemons had run for 30 days more, and as one wrote it that did not say when it was used.
+  // Simulate 30 more days of running daemons, and a record of an older daemon without the time of last use.
   database(`clock, old = body('clock', 'daemon'), body('session', '${old.id}')
 assert body('session', '${session.id}')['used'] <= clock['ran'] + 1
 clock['ran'] += 2592001
@@ -324,7 +324,7 @@ put('session', '${old.id}', old)`);
   assert.ok(ran() >= 2592001, `${ran()} s`);
 });
 
-test('a folder that cannot be used: why and what to do', async () => {
+test('an unusable state folder is refused with the reason and the remedy', async () => {
   const state = fresh();
   const daemon = await start(state);
   assert.equal(statSync(state).mode & 0o777, 0o700);
@@ -341,7 +341,7 @@ test('a folder that cannot be used: why and what to do', async () => {
   await refused('/dev/null', /folder/);
 });
 
-test('without --state nothing is written, and clients are told', async () => {
+test('without --state nothing is written, and responses say so', async () => {
   const daemon = await Daemon.start();
   await daemon.loaded('engine');
   const session = await daemon.post('/api/v1/sessions', {});
@@ -352,15 +352,15 @@ test('without --state nothing is written, and clients are told', async () => {
   assert.equal(await daemon.stop(), 0);
 });
 
-test('what cannot be put is not promised: a volume below a folder whose name is not UTF-8', async () => {
+test('a volume in a folder whose name is not UTF-8 cannot be stored and is reported as not durable', async () => {
   const data = Buffer.concat([Buffer.from(`${folder}/odd-`), Buffer.from([0xff])]);
   mkdirSync(data);
   const header = 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 1\nencoding: raw\n\n';
   writeFileSync(Buffer.concat([data, Buffer.from('/cube.nrrd')]), Buffer.concat([Buffer.from(header), Buffer.alloc(64, 9)]));
   const state = fresh();
-  // Node gives arguments as UTF-8 alone.
+  // Node can pass arguments only as UTF-8.
   const daemon = await start(state, [], { prefix: ['bash', '-c', `exec "$@" --data "${folder}/odd-"$'\\xff'`, 'bash'] });
-  for (let i = 0; i < 2; i += 1) { // told again by who asks again
+  for (let i = 0; i < 2; i += 1) { // a repeated request gives the same answer
     const answer = await daemon.post('/api/v1/volumes', { path: 'cube.nrrd' });
     assert.equal(answer.status, i ? 201 : 202, JSON.stringify(answer.json));
     assert.equal(answer.headers.get('x-durable'), 'no');
@@ -371,9 +371,9 @@ test('what cannot be put is not promised: a volume below a folder whose name is 
   assert.equal(await daemon.stop(), 0);
 });
 
-test('a full disk: the daemon goes on, says so, and catches up', async () => {
+test('with a full disk the daemon continues, reports it, and writes the changes later', async () => {
   const state = fresh();
-  // Files may have so many blocks of 1 KiB; the limit is lifted later.
+  // Limit the size of files, in blocks of 1 KiB; the limit is lifted later.
   const daemon = await start(state, ['--volume', 'demo:engine?size=8'], { prefix: ['bash', '-c', 'ulimit -S -f 96; exec "$@"', 'bash'] });
   await daemon.loaded('engine');
   const told = [];
@@ -395,7 +395,7 @@ test('a full disk: the daemon goes on, says so, and catches up', async () => {
   assert.ok(ready.json.state.reason && ready.json.state.waiting > 0);
   await daemon.untilLogged('cannot write the state; keeping it in memory');
   execFileSync('prlimit', ['--pid', String(daemon.child.pid), '--fsize=unlimited:']);
-  await daemon.untilLogged('state is being written again'); // by itself
+  await daemon.untilLogged('state is being written again'); // without a request
   assert.equal((await daemon.json('/readyz', { token: null })).json.state.status, 'written');
   await killed(daemon);
   const again = await start(state);
@@ -405,7 +405,7 @@ test('a full disk: the daemon goes on, says so, and catches up', async () => {
   assert.equal(await again.stop(), 0);
 });
 
-test('the time of day may jump by years: nothing ends, and all is kept', async (t) => {
+test('when the time of day jumps by years, nothing ends and all state persists', async (t) => {
   const shim = process.env.SPLATD_CLOCK_JUMP;
   if (!shim) return t.skip('SPLATD_CLOCK_JUMP names no library');
   if (process.env.SPLATD_SANITIZE) return t.skip('a sanitizer must be loaded first');

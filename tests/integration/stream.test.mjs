@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streams: views in, frames out, flow control, roles.
+// Streams: view updates, frames, flow control and roles.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, FINAL, LOSSLESS, Stream, turned } from './harness.mjs';
@@ -12,7 +12,7 @@ before(async () => {
 });
 after(async () => assert.equal(await daemon.stop(), 0));
 
-test('a client that joins gets its first picture, then one of final quality at full size', async () => {
+test('a joining client gets a first frame, then one of final quality at full size', async () => {
   const stream = await daemon.stream();
   const final = await stream.final(0);
   assert.deepEqual([final.width, final.height], [512, 512]);
@@ -25,7 +25,7 @@ test('a client that joins gets its first picture, then one of final quality at f
   await stream.end();
 });
 
-test('an update is answered, shown with its seq, and refined', async () => {
+test('an update is answered, shown in a frame with its seq, and refined', async () => {
   const stream = await daemon.stream();
   assert.deepEqual(await stream.update({ background: [1, 0, 0, 1] }, 7), { seq: 7 });
   await stream.frame((f) => f.seq === 7, 'a frame of seq 7');
@@ -36,7 +36,7 @@ test('an update is answered, shown with its seq, and refined', async () => {
   await stream.end();
 });
 
-test('of a burst of updates the last frame shows the last one, and not each gets a frame', async () => {
+test('after a burst of updates the last frame shows the last view, and some updates get no frame of their own', async () => {
   const stream = await daemon.stream();
   const answers = [];
   const count = 400;
@@ -51,9 +51,9 @@ test('of a burst of updates the last frame shows the last one, and not each gets
   await stream.end();
 });
 
-test('during a long drag frames keep coming', async () => {
+test('frames keep arriving during a long drag', async () => {
   const stream = await daemon.stream();
-  // As fast as the answers come, so that there is always a newer view, until a number of frames has been seen.
+  // Update as fast as answers arrive, so that a newer view is always pending, until enough frames have arrived.
   let seq = 0;
   while (stream.frames.length < 12) {
     seq += 1;
@@ -63,7 +63,7 @@ test('during a long drag frames keep coming', async () => {
   await stream.end();
 });
 
-test('a newer view gives up the refinement of an older one, and is what is seen next', async () => {
+test('a newer view cancels the refinement of an older one and is shown next', async () => {
   const own = await Daemon.start(['--volume', 'demo:engine?size=32', '--log-level', 'debug', '--rest-time', '0.01',
     '--frame-size', '6000x6000']);
   await own.loaded('engine');
@@ -71,11 +71,11 @@ test('a newer view gives up the refinement of an older one, and is what is seen 
   await stream.call('stream.configure', { size: [6000, 6000] });
   const begun = () => own.log.split('begins').length - 1;
   const givenUp = () => own.log.split('refinement given up').length - 1;
-  // Thirty-six million pixels take the test card long; should a refinement be quicker than we are, there is another.
+  // The test card needs long for 36 million pixels. If a refinement finishes before the update, try again.
   let seq = 0;
   let seen = 0;
   while (givenUp() === 0) {
-    await own.until(() => begun() > seen, 'a refinement to begin');
+    await own.until(() => begun() > seen, 'a refinement to start');
     seen = begun();
     seq += 1;
     await stream.update(turned(stream.session.view, seq), seq);
@@ -89,7 +89,7 @@ test('a newer view gives up the refinement of an older one, and is what is seen 
   assert.equal(await own.stop(), 0);
 });
 
-test('who withholds acknowledgements gets two frames, and the others go on', async () => {
+test('a client that withholds acknowledgements gets two frames, and other clients continue', async () => {
   const session = await daemon.session();
   const stalled = await daemon.stream({ session, acks: false });
   const lively = await daemon.stream({ session });
@@ -98,20 +98,20 @@ test('who withholds acknowledgements gets two frames, and the others go on', asy
     await lively.frame((f) => f.seq >= i, `a frame of ${i}`);
   }
   await lively.final(60);
-  // Its answer comes after everything that was sent to it before.
+  // The answer arrives after everything that was sent before it.
   await stalled.call('ping');
   assert.equal(stalled.frames.length, 2);
   stalled.acks = true;
   stalled.ack(2);
   const last = await stalled.frame((f) => f.flags & FINAL, 'the final frame', 2);
-  assert.equal(last.seq, 0, 'it made no update of its own');
+  assert.equal(last.seq, 0, 'this client sent no update');
   await Promise.all([stalled.end(), lively.end()]);
 });
 
 test('the window follows the round trip', async () => {
   const stream = await daemon.stream({ acks: false });
   await stream.call('stream.configure', { max_fps: 120, progressive: false, size: [16, 16] });
-  // Acknowledges each frame late, by many frames' time: the window must open beyond the first two.
+  // Acknowledge each frame late, after the time of many frames: the window must grow beyond two frames.
   let seq = 0;
   let acked = 0;
   let most = 0;
@@ -124,11 +124,11 @@ test('the window follows the round trip', async () => {
     const oldest = stream.frames[acked];
     if (oldest && performance.now() - oldest.at > 400) stream.ack(stream.frames[acked++].frame);
   }
-  assert.ok(most >= 4, `at most ${most} frames were on their way`);
+  assert.ok(most >= 4, `at most ${most} frames were in flight`);
   await stream.end();
 });
 
-test('two clients of one size share a picture; each sees its own seq', async () => {
+test('two clients of the same size share an image, and each gets its own seq', async () => {
   const session = await daemon.session();
   const [a, b] = await Promise.all([daemon.stream({ session }), daemon.stream({ session })]);
   await a.update({ background: [0, 1, 0, 1] }, 41);
@@ -138,13 +138,13 @@ test('two clients of one size share a picture; each sees its own seq', async () 
     a.frame((f) => (f.flags & FINAL) && f.seq === 41 && a.notes.some((n) => n.method === 'view.changed' && n.params.view.background[2] === 1), 'a final'),
     b.final(17)]);
   assert.ok(x && y);
-  // The last finals of both show the same view, byte for byte.
+  // The last final frames of both clients are equal byte for byte.
   const lastOf = (s) => s.frames.filter((f) => f.flags & FINAL).at(-1);
-  await a.until(() => lastOf(a).payload.equals(lastOf(b).payload), 'the same picture');
+  await a.until(() => lastOf(a).payload.equals(lastOf(b).payload), 'the same image');
   await Promise.all([a.end(), b.end()]);
 });
 
-test('roles: the view token watches, is told of changes, and may not change', async () => {
+test('a client with the view token receives frames and notifications, and may not change the view', async () => {
   const session = await daemon.session();
   const control = await daemon.stream({ session });
   const viewer = await daemon.stream({ session, token: session.tokens.view });
@@ -160,7 +160,7 @@ test('roles: the view token watches, is told of changes, and may not change', as
   await control.end();
 });
 
-test('stream.configure: format, quality, size and lossless are granted and kept', async () => {
+test('stream.configure grants format, quality, size and lossless, and remembers them', async () => {
   const stream = await daemon.stream();
   const granted = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
   assert.deepEqual(granted, { format: 'jpeg', quality: 75, subsampling: 'auto', max_fps: 60, size: [96, 64], progressive: true, lossless: false, name: 'Guest 1' });
@@ -182,14 +182,14 @@ test('stream.configure: format, quality, size and lossless are granted and kept'
   await stream.end();
 });
 
-/** The sampling factors of the first component of a JPEG, [across, down]. */
+/** Returns the sampling factors of the first component of a JPEG: [horizontal, vertical]. */
 function factors(jpeg) {
   for (let i = 2; i + 12 < jpeg.length; i += 2 + jpeg.readUInt16BE(i + 2))
     if (jpeg[i] === 0xff && (jpeg[i + 1] === 0xc0 || jpeg[i + 1] === 0xc2)) return [jpeg[i + 11] >> 4, jpeg[i + 11] & 15];
   return null;
 }
 
-test('the colours of a JPEG are subsampled as the client asks, by a stream and by HTTP', async () => {
+test('JPEG chroma subsampling follows the request of the client, over streams and HTTP', async () => {
   const stream = await daemon.stream();
   const CASES = [['4:4:4', [1, 1]], ['4:2:2', [2, 1]], ['4:2:0', [2, 2]], ['auto', [1, 1]]];
   for (const [subsampling, expected] of CASES) {
@@ -200,8 +200,8 @@ test('the colours of a JPEG are subsampled as the client asks, by a stream and b
     assert.equal(frame.codec, 1);
     const policy = await stream.note('stream.policy', ({ final }) => final.subsampling === `4:${expected[0] === 1 ? '4:4' : expected[1] === 1 ? '2:2' : '2:0'}`);
     assert.ok(policy.params.moving.subsampling);
-    const still = await daemon.fetch(`/api/v1/render?quality=90&subsampling=${subsampling}`, { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } });
-    assert.deepEqual(factors(Buffer.from(await still.arrayBuffer())), expected);
+    const snapshot = await daemon.fetch(`/api/v1/render?quality=90&subsampling=${subsampling}`, { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } });
+    assert.deepEqual(factors(Buffer.from(await snapshot.arrayBuffer())), expected);
   }
   const etag = async (query) => (await daemon.fetch(`/api/v1/render?${query}`, { method: 'POST', body: '{}', headers: { 'Content-Type': 'application/json' } })).headers.get('ETag');
   assert.equal(await etag('subsampling=auto'), await etag('subsampling=4:4:4'));
@@ -212,7 +212,7 @@ test('the colours of a JPEG are subsampled as the client asks, by a stream and b
   await stream.end();
 });
 
-test('updates that are wrong change nothing and name the place', async () => {
+test('invalid updates change nothing and are refused with a JSON pointer', async () => {
   const stream = await daemon.stream();
   const before = (await stream.call('view.get')).view;
   await assert.rejects(stream.update({ camera: { fov_y: 500 } }), (e) => e.code === -32000 && e.data.pointer === '/camera/fov_y');
@@ -230,7 +230,7 @@ test('updates that are wrong change nothing and name the place', async () => {
   await stream.end();
 });
 
-test('a patch with another volume starts from that volume, but keeps size and background', async () => {
+test('a patch with another volume starts from the default view of that volume, but keeps size and background', async () => {
   const stream = await daemon.stream();
   await stream.update({ background: [0.5, 0.25, 1, 1], size: [100, 80], camera: { fov_y: 77 } });
   await stream.update({ volume: 'phantom' }, 9);
@@ -241,7 +241,7 @@ test('a patch with another volume starts from that volume, but keeps size and ba
   await stream.end();
 });
 
-test('a client that comes back finds the view as it left it', async () => {
+test('a client that reconnects finds the view unchanged', async () => {
   const first = await daemon.stream();
   await first.update({ background: [0.25, 0.5, 0.75, 1] }, 5);
   await first.final(5);
@@ -252,7 +252,7 @@ test('a client that comes back finds the view as it left it', async () => {
   await second.end();
 });
 
-test('PATCH changes a session for its participants, DELETE sends them away', async () => {
+test('PATCH changes the view of a session for all participants, DELETE closes their streams', async () => {
   const stream = await daemon.stream();
   const path = `/api/v1/sessions/${stream.session.id}`;
   const { status } = await daemon.json(path, {
@@ -269,13 +269,13 @@ test('PATCH changes a session for its participants, DELETE sends them away', asy
   assert.equal((await daemon.fetch(path)).status, 404);
 });
 
-test('loading a volume is told to those who watch', async () => {
+test('connected clients are notified while a volume loads', async () => {
   const stream = await daemon.stream();
   await daemon.post('/api/v1/volumes', { uri: 'demo:checkerboard?size=16', id: 'squares' });
   await stream.note('volume.progress', (p) => p.volume === 'squares' && p.state === 'ready' && p.progress === 1);
   assert.equal((await daemon.fetch('/api/v1/volumes/squares', { method: 'DELETE' })).status, 204);
   await stream.note('volume.progress', (p) => p.volume === 'squares' && p.state === 'unloaded');
-  // Who comes later hears nothing of it.
+  // Clients that connect later are not notified.
   const later = await daemon.stream();
   await daemon.post('/api/v1/volumes', { uri: 'demo:checkerboard?size=16', id: 'others' });
   await later.note('volume.progress', (p) => p.volume === 'others' && p.state === 'ready');
@@ -284,7 +284,7 @@ test('loading a volume is told to those who watch', async () => {
   await Promise.all([stream.end(), later.end()]);
 });
 
-test('the stream is refused: wrong token, no token, no such session, other origin, other subprotocol', async () => {
+test('a stream is refused for a wrong token, no token, an unknown session, another origin or another subprotocol', async () => {
   const session = await daemon.session();
   const refused = (url, options) => assert.rejects(Stream.open(url, options), (e) => e.status === options.status);
   await refused(daemon.streamUrl(session, 'nonsense'), { status: 401 });

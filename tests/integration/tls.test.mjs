@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// TLS in front of everything: the same answers and streams, and clients that know TLS badly or not at all.
+// TLS: the same responses and streams as without it, and clients that use TLS incorrectly or not at all.
 import assert from 'node:assert/strict';
 import { execFileSync, spawn } from 'node:child_process';
 import { createHash } from 'node:crypto';
@@ -17,7 +17,7 @@ const folder = mkdtempSync(path.join(tmpdir(), 'splatd-tls-'));
 const at = (name) => path.join(folder, name);
 const [cert, key] = [at('cert.pem'), at('key.pem')];
 
-/** A certificate of its own for 127.0.0.1. */
+/** Creates a self-signed certificate for 127.0.0.1. */
 function certify(name) {
   execFileSync('openssl', ['req', '-x509', '-newkey', 'ec', '-pkeyopt', 'ec_paramgen_curve:P-256', '-nodes', '-days', '30', '-subj',
     `/CN=${name}`, '-addext', 'subjectAltName=IP:127.0.0.1', '-keyout', at(`${name}.key`), '-out', at(`${name}.crt`)], { stdio: 'ignore' });
@@ -44,7 +44,7 @@ after(async () => {
   rmSync(folder, { recursive: true });
 });
 
-/** One request: {status, headers, body, subject}. */
+/** Sends one request. Resolves to {status, headers, body, subject}. */
 function ask(target, { method = 'GET', body, of = daemon, ...options } = {}) {
   const headers = { Authorization: `Bearer ${of.token}`, ...(body ? { 'Content-Type': 'application/json' } : {}) };
   return within(new Promise((resolve, reject) => {
@@ -74,7 +74,7 @@ function connect(options = {}) {
   }), 'a TLS connection');
 }
 
-/** All bytes until the end. */
+/** Resolves to all bytes until the end of the connection. */
 async function readAll(socket) {
   const parts = [];
   socket.on('data', (data) => parts.push(data));
@@ -82,7 +82,7 @@ async function readAll(socket) {
   return Buffer.concat(parts);
 }
 
-test('the printed address is https, and both versions are spoken, older ones not', async () => {
+test('the printed address is https; TLS 1.2 and 1.3 work, older versions are refused', async () => {
   assert.match(daemon.out, /^splatd: listening on https:\/\/127\.0\.0\.1:\d+\/\?token=\w+\n$/);
   for (const version of ['TLSv1.2', 'TLSv1.3']) {
     const socket = await connect({ minVersion: version, maxVersion: version, ALPNProtocols: ['h2', 'http/1.1'] });
@@ -95,7 +95,7 @@ test('the printed address is https, and both versions are spoken, older ones not
   await assert.rejects(connect({ maxVersion: 'TLSv1.2', ciphers: 'AES128-SHA:AES256-GCM-SHA384' }), 'no forward secrecy');
 });
 
-test('pictures and bodies of a megabyte are the same as without TLS', async () => {
+test('images and bodies of a megabyte are the same as without TLS', async () => {
   const plain = await Daemon.start(['--volume', 'demo:engine?size=32']);
   await plain.loaded('engine');
   const view = JSON.stringify({ size: [1024, 1024] });
@@ -109,7 +109,7 @@ test('pictures and bodies of a megabyte are the same as without TLS', async () =
   assert.equal(await plain.stop(), 0);
 });
 
-test('streams: frames, large messages, and the close of either side', async () => {
+test('streams carry frames and large messages, and either side can close them', async () => {
   const of = await session();
   const stream = await Stream.open(daemon.streamUrl(of), { session: of, ca });
   await stream.update({ size: [1024, 1024], background: [0, 1, 0, 1] }, 7);
@@ -121,7 +121,7 @@ test('streams: frames, large messages, and the close of either side', async () =
   assert.equal((await second.until(() => second.closed, 'the close')).code, 1000);
 });
 
-test('a client that is gone is noticed, and the log names it', async () => {
+test('the daemon notices a client that disconnects, and the log names it', async () => {
   const of = await session();
   const stream = await Stream.open(daemon.streamUrl(of), { session: of, ca });
   await stream.final();
@@ -131,10 +131,10 @@ test('a client that is gone is noticed, and the log names it', async () => {
   await daemon.untilLogged(new RegExp(`stream of session ${of.id} (ended|cut)`));
 });
 
-test('plain HTTP is told to use https', async () => {
+test('a plain HTTP request gets the advice to use https', async () => {
   const raw = await Raw.connect(daemon.port);
   raw.write('GET / HTTP/1.1\r\nHost: x\r\n\r\n');
-  await raw.until(() => raw.ended, 'the end');
+  await raw.until(() => raw.ended, 'the end of the connection');
   assert.match(raw.text(), /^HTTP\/1\.1 400 Bad Request\r\n/);
   const [head, body] = raw.text().split('\r\n\r\n');
   assert.equal(JSON.parse(body).detail, 'this port speaks TLS: use https');
@@ -142,14 +142,14 @@ test('plain HTTP is told to use https', async () => {
   await othersAreServed();
 });
 
-test('garbage, cut greetings and connections that say nothing', async () => {
+test('invalid bytes, truncated ClientHellos and silent connections are ended', async () => {
   const greeting = Buffer.from('16030100ff010000fb0303', 'hex');
   const cases = [Buffer.from([0]), Buffer.alloc(70000, 0xff), greeting, Buffer.from('16030140000100', 'hex'), Buffer.from('\x15\x03\x01\x00\x02\x02\x28', 'latin1'),
     Buffer.from('1603010005010000010', 'hex'), Buffer.from('80800103010057', 'hex'), Buffer.from('{"a":1}\n')];
   for (const bytes of cases) {
     const raw = await Raw.connect(daemon.port);
     raw.write(bytes);
-    await raw.until(() => raw.ended, `the end after ${bytes.subarray(0, 8).toString('hex')}`); // by --header-time at the latest
+    await raw.until(() => raw.ended, `the end after ${bytes.subarray(0, 8).toString('hex')}`); // at --header-time at the latest
     raw.destroy();
   }
   const silent = await Raw.connect(daemon.port);
@@ -158,7 +158,7 @@ test('garbage, cut greetings and connections that say nothing', async () => {
   await othersAreServed();
 });
 
-test('garbage in an open connection ends it, and no byte of it reaches HTTP', async () => {
+test('invalid records in an open connection end it, and none of their bytes reach HTTP', async () => {
   for (const maxVersion of ['TLSv1.2', 'TLSv1.3']) {
     for (const bytes of [Buffer.alloc(40000, 0xa5), Buffer.from('17030300200000000000000000000000000000000000000000000000000000000000000000', 'hex'),
       Buffer.from('1703034001', 'hex'), Buffer.from('1503030002022a', 'hex'), Buffer.from('16030300040e000000', 'hex')]) {
@@ -166,7 +166,7 @@ test('garbage in an open connection ends it, and no byte of it reaches HTTP', as
       const socket = await connect({ socket: raw.socket, maxVersion });
       socket.on('error', () => {});
       const ended = within(new Promise((resolve) => { raw.socket.on('end', resolve).on('close', resolve); }),
-        `the end after ${bytes.subarray(0, 8).toString('hex')} in ${maxVersion}`); // by --header-time at the latest
+        `the end after ${bytes.subarray(0, 8).toString('hex')} in ${maxVersion}`); // at --header-time at the latest
       let got = '';
       socket.on('data', (data) => { got += data; });
       raw.write(bytes);
@@ -189,7 +189,7 @@ test('100 clients join at once', async () => {
   assert.equal(await many.stop(), 0);
 });
 
-test('a byte at a time, through the handshake and the request', async () => {
+test('handshake and request work when they arrive one byte at a time', async () => {
   const raw = await Raw.connect(daemon.port);
   raw.socket.setNoDelay(true);
   const slow = new Duplex({
@@ -207,7 +207,7 @@ test('a byte at a time, through the handshake and the request', async () => {
   assert.match(String(await readAll(socket)), /^HTTP\/1\.1 200/);
 });
 
-test('the time limits of HTTP hold behind TLS, and end with a close_notify', async () => {
+test('the deadlines of HTTP apply behind TLS, and the connection ends with a close_notify', async () => {
   const ends = ['', 'GET /healthz HTTP/1.1\r\nHost: '].map(async (start) => {
     const socket = await connect();
     if (start) socket.write(start);
@@ -219,7 +219,7 @@ test('the time limits of HTTP hold behind TLS, and end with a close_notify', asy
   await othersAreServed();
 });
 
-test('clients that dawdle over the handshake keep nobody out', async () => {
+test('slow handshakes do not keep other clients out', async () => {
   const held = [];
   for (let i = 0; i < 30; i++) {
     held.push(await Raw.connect(daemon.port));
@@ -231,7 +231,7 @@ test('clients that dawdle over the handshake keep nobody out', async () => {
   for (const raw of held) raw.destroy();
 });
 
-test('an answer is read after the client ended its side, and ends with a close_notify', async () => {
+test('a client that ended its side still gets its response, which ends with a close_notify', async () => {
   const request = 'GET /api/v1/openapi.yaml HTTP/1.1\r\nHost: x\r\nConnection: close\r\n'
     + `Authorization: Bearer ${daemon.token}\r\n\r\n`;
   const socket = await connect({ allowHalfOpen: true });
@@ -239,7 +239,7 @@ test('an answer is read after the client ended its side, and ends with a close_n
   const text = (await readAll(socket)).toString('latin1');
   assert.match(text, /^HTTP\/1\.1 200/);
   assert.equal(text.length, text.indexOf('\r\n\r\n') + 4 + Number(/Content-Length: (\d+)/i.exec(text)[1]));
-  // OpenSSL says so when the other side ends without one.
+  // OpenSSL prints this when the peer ends the connection without a close_notify.
   const client = spawn('openssl', ['s_client', '-quiet', '-connect', `127.0.0.1:${daemon.port}`], { stdio: ['pipe', 'pipe', 'pipe'] });
   let [out, err] = ['', ''];
   client.stdout.on('data', (data) => { out += data; });
@@ -250,7 +250,7 @@ test('an answer is read after the client ended its side, and ends with a close_n
   assert.doesNotMatch(err, /unexpected eof/);
 });
 
-test('nobody begins a second handshake', async () => {
+test('a second handshake is refused', async () => {
   const client = spawn('openssl', ['s_client', '-tls1_2', '-connect', `127.0.0.1:${daemon.port}`], { stdio: ['pipe', 'pipe', 'pipe'] });
   let out = '';
   client.stdout.on('data', (data) => {
@@ -260,12 +260,12 @@ test('nobody begins a second handshake', async () => {
   client.stderr.on('data', () => {});
   await within(once(client, 'close'), 'the end of openssl');
   assert.match(out, /Verify return code/);
-  // By the daemon at once, not by a time limit.
+  // The daemon ends the connection at once, not after a deadline.
   await daemon.untilLogged(/TLS connection of \S+ ended: Rehandshake was requested/);
   await othersAreServed();
 });
 
-test('new keys in the middle of a connection', async () => {
+test('a TLS 1.3 key update works in the middle of a connection', async () => {
   const client = spawn('openssl', ['s_client', '-tls1_3', '-connect', `127.0.0.1:${daemon.port}`], { stdio: ['pipe', 'pipe', 'pipe'] });
   let out = '';
   let err = '';
@@ -282,7 +282,7 @@ test('new keys in the middle of a connection', async () => {
   assert.match(out, /HTTP\/1\.1 200/);
 });
 
-test('a client that does not read holds up nobody else', async () => {
+test('a client that does not read delays no other client', async () => {
   const of = await session();
   const raw = await connect();
   const target = new URL(daemon.streamUrl(of));
@@ -298,13 +298,13 @@ test('a client that does not read holds up nobody else', async () => {
   raw.destroy();
 });
 
-test('a client that stops reading in the middle of its answers is not kept for ever', async () => {
+test('a client that stops reading in the middle of its responses is dropped', async () => {
   const short = await Daemon.start(['--volume', 'demo:engine?size=32', ...secure, '--request-time', '0.5', '--idle-time', '0.5']);
   const raw = await connect({ port: short.port });
   const { localPort } = raw;
   raw.on('error', () => {});
   raw.pause();
-  // More than the kernel's buffers take.
+  // Request more than the kernel's buffers hold.
   const request = `GET /api/v1/openapi.yaml HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${short.token}\r\n\r\n`;
   raw.write(request.repeat(900));
   await short.untilLogged(`TLS connection of 127.0.0.1:${localPort} closed: the rest was not read within --request-time`);
@@ -313,14 +313,14 @@ test('a client that stops reading in the middle of its answers is not kept for e
   assert.equal(await short.stop(), 0);
 });
 
-test('who says nothing, in TLS or before it, takes no more places than its address has', async (t) => {
+test('silent clients, before or after the handshake, use no more connections than the limit of their address', async (t) => {
   const small = await Daemon.start([...secure, '--connections', '40', '--connections-per-address', '4', '--http-threads', '1',
     '--header-time', '600', '--handshakes', '100']);
   const silent = await Promise.all(Array.from({ length: 100 }, () => Raw.connect(small.port)));
   t.after(() => silent.forEach((raw) => raw.destroy()));
   let ended = 0;
   const enough = new Promise((resolve) => {
-    for (const raw of silent) raw.until(() => raw.ended, 'its end').then(() => ++ended === 64 && resolve(), () => {});
+    for (const raw of silent) raw.until(() => raw.ended, 'the end of a silent connection').then(() => ++ended === 64 && resolve(), () => {});
   });
   await within(enough, () => `64 connections to end (${ended} did)`);
   const { status, body } = await ask('/metrics', { of: small, localAddress: '127.0.0.2' });
@@ -329,7 +329,7 @@ test('who says nothing, in TLS or before it, takes no more places than its addre
   assert.equal(await small.stop(), 0);
 });
 
-test('of one address so many handshakes a second and no more; others are served', async () => {
+test('handshakes per second are limited per address, and other addresses are served', async () => {
   const slow = await Daemon.start([...secure, '--handshake-rate', '1', '--connections', '100']);
   const get = (localAddress) => ask('/healthz', { of: slow, localAddress });
   const all = await Promise.allSettled(Array.from({ length: 60 }, () => get('127.0.0.1')));
@@ -342,7 +342,7 @@ test('of one address so many handshakes a second and no more; others are served'
   assert.equal(await slow.stop(), 0);
 });
 
-test('SIGHUP: new connections get the new certificate, old ones go on; a bad one changes nothing', async () => {
+test('after SIGHUP new connections get the new certificate and old ones continue; an invalid certificate changes nothing', async () => {
   const of = await session();
   const stream = await Stream.open(daemon.streamUrl(of), { session: of, ca });
   assert.equal((await ask('/healthz')).subject, 'one');
@@ -359,7 +359,7 @@ test('SIGHUP: new connections get the new certificate, old ones go on; a bad one
   await stream.end();
 });
 
-test('a stop says good-bye through TLS', async () => {
+test('shutdown sends WebSocket close and close_notify through TLS', async () => {
   install('one');
   const other = await Daemon.start(['--volume', 'demo:engine?size=32', ...secure]);
   let of;
@@ -369,10 +369,10 @@ test('a stop says good-bye through TLS', async () => {
   other.kill('SIGTERM');
   await stream.note('server.draining');
   assert.equal((await stream.until(() => stream.closed, 'the close')).code, 1001);
-  assert.equal(await within(other.ended, 'the end'), 0);
+  assert.equal(await within(other.ended, 'the end of the daemon'), 0);
 });
 
-test('what is wrong with certificate or key is said at the start', async () => {
+test('an unusable certificate or key is reported at start-up', async () => {
   install('one');
   const bad = at('bad.pem');
   writeFileSync(bad, 'x', { mode: 0o600 });

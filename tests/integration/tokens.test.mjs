@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tokens by role and quota: what each may do over HTTP and on a stream, 401 and 403, 429 over a quota, and a new file on SIGHUP.
+// Tokens with roles and quotas: their permissions over HTTP and streams (401, 403), quotas (429), and reloads by SIGHUP.
 import assert from 'node:assert/strict';
 import fs from 'node:fs';
 import os from 'node:os';
@@ -34,40 +34,40 @@ after(async () => {
 
 const post = (target, body, token, method = 'POST') => daemon.post(target, body, { method, token });
 
-test('each role may do what it is for, and is told 403 for the rest', async () => {
+test('each role has its permissions and gets 403 for everything else', async () => {
   const session = await daemon.session();
   const { json: own } = await post('/api/v1/sessions', {}, of('control'));
-  const { json: { id: kept } } = await post('/api/v1/views', {}, of('admin'));
+  const { json: { id: saved } } = await post('/api/v1/views', {}, of('admin'));
   const ROLES = ['metrics', 'view', 'render', 'control', 'admin'];
   const preset = { view: { filter: { sigma: 1 } } };
-  const still = { size: [16, 16], frames: 1, keyframes: [{ frame: 0, view: {} }] };
-  const { json: { id: made } } = await post('/api/v1/paths', still, of('admin'));
+  const onePath = { size: [16, 16], frames: 1, keyframes: [{ frame: 0, view: {} }] };
+  const { json: { id: made } } = await post('/api/v1/paths', onePath, of('admin'));
   for (let state; state !== 'done';) ({ json: { state } } = await daemon.json(`/api/v1/paths/${made}`));
   const getPath = (what) => ['render control admin', (t) => daemon.fetch(`/api/v1/paths/${made}${what}`, { token: t })];
   const calls = [
     ['metrics admin', (t) => daemon.fetch('/metrics', { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/volumes', { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/volumes/engine/view', { token: t })],
-    ['view render control admin', (t) => daemon.json(`/api/v1/views/${kept}`, { token: t })],
+    ['view render control admin', (t) => daemon.json(`/api/v1/views/${saved}`, { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/presets', { token: t })],
     ['view render control admin', (t) => daemon.json(`/api/v1/sessions/${session.id}`, { token: t })],
-    ['render control admin', (t) => post('/api/v1/render', { size: [16, 16] }, t), 'picture'],
-    ['render control admin', (t) => daemon.fetch(`/api/v1/render/${kept}?size=16,16`, { token: t })],
+    ['render control admin', (t) => post('/api/v1/render', { size: [16, 16] }, t), 'image'],
+    ['render control admin', (t) => daemon.fetch(`/api/v1/render/${saved}?size=16,16`, { token: t })],
     ['render control admin', (t) => post('/api/v1/views', { size: [17, 17] }, t)],
     ['render control admin', (t) => daemon.json('/api/v1/paths', { token: t })],
-    ['render control admin', (t) => post('/api/v1/paths', still, t)],
+    ['render control admin', (t) => post('/api/v1/paths', onePath, t)],
     ...['', '/events', '/frames/0', '/archive', '/movie'].map(getPath),
     ['render control admin', (t) => daemon.fetch('/api/v1/paths/none', { method: 'DELETE', token: t })],
     ['admin', (t) => post(`/api/v1/sessions/${session.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
     ['control admin', (t) => post(`/api/v1/sessions/${own.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
     ['control admin', (t) => post('/api/v1/presets/one', preset, t, 'PUT'), 'put'],
-    ['control admin', (t) => post('/api/v1/sessions', { from: kept }, t), 'session'],
+    ['control admin', (t) => post('/api/v1/sessions', { from: saved }, t), 'session'],
     ['admin', (t) => post('/api/v1/volumes', { path: 'none.vti' }, t), 'load'],
     ['admin', (t) => daemon.fetch('/api/v1/volumes/none', { method: 'DELETE', token: t })],
   ];
   for (const [allowed, call, what] of calls) {
     for (const role of ROLES) {
-      const answer = what === 'picture'
+      const answer = what === 'image'
         ? await daemon.fetch('/api/v1/render', { method: 'POST', body: '{"size":[16,16]}', token: of(role), headers: { 'Content-Type': 'application/json' } })
         : await call(of(role));
       const may = allowed.split(' ').includes(role);
@@ -75,12 +75,12 @@ test('each role may do what it is for, and is told 403 for the rest', async () =
       assert.notEqual(answer.status, 401, `${role}: ${call}`);
       if (answer.json && !may && typeof answer.json === 'object') assert.equal(answer.json.title, 'Forbidden');
     }
-    for (const token of ['token-of-nobody-0123456789', null]) assert.equal((await call(token)).status, 401, `${call}`);
+    for (const token of ['token-of-no-user-0123456789', null]) assert.equal((await call(token)).status, 401, `${call}`);
   }
   assert.equal((await daemon.fetch(`/api/v1/sessions/${own.id}`, { method: 'DELETE', token: of('control') })).status, 204);
 });
 
-test('a session is changed, controlled and ended by the token that made it, an admin, and its join tokens', async () => {
+test('only the token that created a session, an admin token and its own join tokens may change, control and end it', async () => {
   const { json: made } = await post('/api/v1/sessions', {}, of('other'));
   const at = `/api/v1/sessions/${made.id}`;
   const change = async (token) => (await post(at, { view: { background: [0, 1, 0, 1] } }, token, 'PATCH')).status;
@@ -102,12 +102,12 @@ test('a session is changed, controlled and ended by the token that made it, an a
   assert.equal((await daemon.json(at, { token: of('control') })).json.tokens, undefined);
   assert.deepEqual((await daemon.json(at, { token: of('other') })).json.tokens, tokens);
   const { status, json: fork } = await post('/api/v1/sessions', { from: made.id }, of('control'));
-  assert.equal(status, 201, 'what may be watched may be copied');
+  assert.equal(status, 201, 'a session that may be watched may be copied');
   assert.deepEqual([await drop(of('control'), `/api/v1/sessions/${fork.id}`), await drop(of('control'), '/api/v1/sessions/0123456789abcdef')], [204, 404]);
   assert.deepEqual([await drop(of('control')), await drop(of('view')), await drop(tokens.control), await drop(of('other')), await drop(of('admin'))], [403, 403, 401, 204, 404]);
 });
 
-test('a session\'s tokens are told to who made it and an admin alone; all others watch', async () => {
+test('join tokens of a session are shown only to the token that created it and to admins; all others may only watch', async () => {
   const session = await daemon.session();
   const told = async (role) => (await daemon.json(`/api/v1/sessions/${session.id}`, { token: of(role) })).json.tokens !== undefined;
   assert.deepEqual([await told('view'), await told('render'), await told('control'), await told('admin')], [false, false, false, true]);
@@ -121,26 +121,26 @@ test('a session\'s tokens are told to who made it and an admin alone; all others
   await assert.rejects(daemon.stream({ session, token: of('metrics') }), (e) => e.status === 403);
 });
 
-test('quotas: sessions, frames a second and sizes are those of who made the session, and forks count', async () => {
+test('the quotas of sessions, frames per second and sizes are those of the creator of the session, and forks count', async () => {
   const made = [];
   const make = async (body, token = of('control')) => {
     const answer = await post('/api/v1/sessions', body, token);
     if (answer.status === 201) made.push(answer.json);
     return answer;
   };
-  // One is there since the first test.
+  // One session exists since the first test.
   const one = await make({ view: { size: [256, 256] } });
   assert.equal(one.status, 201, JSON.stringify(one.json));
   const over = await make({}, one.json.tokens.control);
-  assert.equal(over.status, 401, 'a session\'s token forks that session alone');
+  assert.equal(over.status, 401, 'a join token can only fork its own session');
   const fork = await make({ from: one.json.id }, one.json.tokens.control);
   assert.equal(fork.status, 429);
   assert.equal(fork.headers.get('Retry-After'), '1');
   assert.match(fork.json.detail, /ann has 2 sessions, of which 0 sleep, and its token allows 2/);
   assert.equal((await make({})).status, 429);
-  assert.equal((await make({}, of('admin'))).status, 201, 'another token has its own');
+  assert.equal((await make({}, of('admin'))).status, 201, 'another token has its own quota');
   const listed = async (role) => (await daemon.json('/api/v1/sessions', { token: of(role) })).json.sessions?.length;
-  assert.deepEqual([await listed('control'), await listed('admin') > 2, await listed('render')], [2, true, undefined], 'one\'s own; all');
+  assert.deepEqual([await listed('control'), await listed('admin') > 2, await listed('render')], [2, true, undefined], 'a control token lists its own sessions, an admin token lists all');
   const large = await post(`/api/v1/sessions/${one.json.id}`, { view: { size: [513, 512] } }, of('admin'), 'PATCH');
   assert.deepEqual([large.status, large.json.pointer], [422, '/view/size']);
   assert.match(large.json.detail, /the token of ann allows 262144/);
@@ -150,33 +150,33 @@ test('quotas: sessions, frames a second and sizes are those of who made the sess
   assert.equal((await stream.call('stream.configure', { max_fps: 5 })).max_fps, 5);
   await assert.rejects(stream.call('stream.configure', { size: [513, 512] }), (e) => e.data.pointer === '/size');
   await stream.end();
-  const still = await post('/api/v1/render', { size: [513, 512] }, of('control'));
-  assert.deepEqual([still.status, still.json.pointer], [422, '/size']);
+  const snapshot = await post('/api/v1/render', { size: [513, 512] }, of('control'));
+  assert.deepEqual([snapshot.status, snapshot.json.pointer], [422, '/size']);
   for (const { id } of made) await daemon.fetch(`/api/v1/sessions/${id}`, { method: 'DELETE' });
-  assert.equal((await make({})).status, 201, 'there is room again');
+  assert.equal((await make({})).status, 201, 'the quota has capacity again');
 });
 
-test('kept views are of who kept them first, and have a quota', async () => {
+test('a saved view belongs to the token that saved it first, and saved views have a quota', async () => {
   const views = async (role) => (await daemon.json('/api/v1/views', { token: of(role) })).json.views ?? [];
   const drop = async (id, role) => (await daemon.fetch(`/api/v1/views/${id}`, { method: 'DELETE', token: of(role) })).status;
-  const keep = (width, role) => post('/api/v1/views', { size: [width, 9] }, of(role));
+  const save = (width, role) => post('/api/v1/views', { size: [width, 9] }, of(role));
   for (const { id } of await views('render')) assert.equal(await drop(id, 'render'), 204);
-  const [one, two] = [await keep(40, 'render'), await keep(41, 'render')];
-  assert.deepEqual([one.status, two.status, (await keep(40, 'render')).status], [201, 201, 201], 'what is kept already is no further one');
-  const third = await keep(42, 'render');
+  const [one, two] = [await save(40, 'render'), await save(41, 'render')];
+  assert.deepEqual([one.status, two.status, (await save(40, 'render')).status], [201, 201, 201], 'a view that is already saved does not count again');
+  const third = await save(42, 'render');
   assert.deepEqual([third.status, third.headers.get('Retry-After')], [429, '1']);
   assert.match(third.json.detail, /bob has 2 views and its token allows 2/);
-  const other = await keep(42, 'admin');
-  assert.equal((await keep(42, 'render')).json.id, other.json.id, 'it is there');
+  const other = await save(42, 'admin');
+  assert.equal((await save(42, 'render')).json.id, other.json.id, 'the view of another token is found');
   assert.deepEqual((await views('render')).map(({ id, owner }) => [id, owner]).sort(), [one, two].map(({ json }) => [json.id, 'bob']).sort());
   assert.ok((await views('admin')).some(({ id, owner }) => id === other.json.id && owner !== 'bob'));
   assert.deepEqual((await daemon.json(`/api/v1/views/${one.json.id}`)).json.size, [40, 9]);
   assert.deepEqual([await drop(other.json.id, 'render'), await drop('0'.repeat(32), 'render')], [403, 404]);
   assert.deepEqual([await drop(one.json.id, 'render'), await drop(two.json.id, 'admin')], [204, 204]);
-  assert.equal((await keep(43, 'render')).status, 201, 'there is room again');
+  assert.equal((await save(43, 'render')).status, 201, 'the quota has capacity again');
 });
 
-test('pictures under way', async () => {
+test('concurrent snapshots have a quota', async () => {
   const draw = async (i) => {
     const answer = await daemon.fetch(`/api/v1/render?format=png&quality=${i}`, {
       method: 'POST', body: '{"size":[1024,1024]}', token: of('render'), headers: { 'Content-Type': 'application/json' },
@@ -193,7 +193,7 @@ test('pictures under way', async () => {
   assert.equal(await draw(1), 200);
 });
 
-test('SIGHUP reads the file again; one that is wrong changes nothing', async () => {
+test('SIGHUP reloads the token file; an invalid file changes nothing', async () => {
   const status = async (role) => (await daemon.fetch('/metrics', { token: of(role) })).status;
   fs.writeFileSync(file, `${LINES.join('\n')}\n${of('more')} role=king\n`);
   daemon.kill('SIGHUP');
@@ -211,7 +211,7 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
     const raw = await Raw.connect(daemon.port);
     raw.write(`POST /api/v1/${what} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${of('other')}\r\nContent-Type: application/json\r\n`
       + 'Expect: 100-continue\r\nContent-Length: 2\r\n\r\n');
-    await raw.until(() => raw.text().includes('100 Continue'), 'that its headers are read');
+    await raw.until(() => raw.text().includes('100 Continue'), 'the answer 100 Continue');
     return raw;
   }));
   fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('more')} role=metrics\n${of('fresh')} role=control name=ann fps=40\n`);
@@ -221,22 +221,22 @@ test('SIGHUP reads the file again; one that is wrong changes nothing', async () 
   for (const raw of slow) {
     raw.write('{}');
     const [, answer] = await raw.until(() => /HTTP\/1\.1 ([2-5]\d\d)/.exec(raw.text()), 'an answer');
-    assert.equal(answer, '401', 'the token is none any more when the body has come');
+    assert.equal(answer, '401', 'the token is no longer valid when the body has arrived');
     raw.destroy();
   }
   const forked = async (one) => (await post('/api/v1/sessions', { from: one.id }, one.tokens.control)).status;
-  assert.equal(await forked(gone), 403, 'who has no token any more makes no sessions');
-  assert.equal((await stream.call('stream.configure', {})).max_fps, 40, 'a session of ann has the quota of her token');
+  assert.equal(await forked(gone), 403, 'a client whose token was removed cannot create sessions');
+  assert.equal((await stream.call('stream.configure', {})).max_fps, 40, 'a session of ann uses the new quota of her token');
   assert.deepEqual(await watching.until(() => watching.closed, 'the close'), { code: 1008, reason: 'the token is not valid any more' });
   assert.deepEqual(await inside.until(() => inside.closed, 'the close'), { code: 1008, reason: 'the token that made the session is not valid any more' });
-  assert.ok(await byAdmin.call('view.get', {}), 'it is the same as it was');
+  assert.ok(await byAdmin.call('view.get', {}), 'the token of the admin did not change');
   const again = await daemon.stream({ session: gone });
-  assert.ok(await again.call('view.get', {}), 'a join token holds until the session is deleted');
+  assert.ok(await again.call('view.get', {}), 'a join token stays valid until the session is deleted');
   await Promise.all([byAdmin.end(), again.end()]);
   await stream.end();
 });
 
-test('SIGHUP: a role that is lowered takes the streams that have more with it', async () => {
+test('after SIGHUP a token with a lower role loses its streams with more permissions', async () => {
   const { json: session } = await post('/api/v1/sessions', {}, of('fresh'));
   const streams = [await daemon.stream({ session, token: of('fresh') }), await daemon.stream({ session })];
   fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('fresh')} role=view name=ann\n`);
@@ -244,11 +244,11 @@ test('SIGHUP: a role that is lowered takes the streams that have more with it', 
   assert.deepEqual(await streams[0].until(() => streams[0].closed, 'the close'), { code: 1008, reason: 'the role of the token is a lower one' });
   const watching = await daemon.stream({ session, token: of('fresh') });
   await assert.rejects(watching.call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), (e) => e.code === -32004);
-  assert.ok(await streams[1].call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), 'a join token holds');
+  assert.ok(await streams[1].call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), 'a join token stays valid');
   await Promise.all([streams[1].end(), watching.end()]);
 });
 
-test('a file that is wrong is no start', async () => {
+test('an invalid token file prevents the start', async () => {
   fs.writeFileSync(file, `${of('admin')} role=view\n${of('admin')}\n`);
   const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--token-file', file]);
   assert.equal(status, 2);

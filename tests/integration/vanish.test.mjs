@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Clients that vanish without a word: no FIN and no RST ever comes, as when a laptop loses its network. The daemon and
-// its clients run in a network of their own, whose only link goes down.
+// Clients that vanish silently: no FIN and no RST arrives, as when a laptop loses its network. The daemon and its clients
+// run in a private network namespace, whose only link goes down.
 import assert from 'node:assert/strict';
 import { execFileSync, spawn, spawnSync } from 'node:child_process';
 import { once } from 'node:events';
@@ -15,7 +15,7 @@ import { Daemon, Raw, within } from './harness.mjs';
 const FILE = fileURLToPath(import.meta.url);
 const ALONE = ['-rn', process.execPath, FILE];
 
-/** The link of this network; needs no tools of the system's. */
+/** Sets the link of this network up or down, without tools of the system. */
 function link(up) {
   execFileSync('/usr/bin/python3', ['-c', 'import fcntl, socket, struct\n'
     + `fcntl.ioctl(socket.socket(), 0x8914, struct.pack("16sh14x", b"lo", ${up ? 0x41 : 0}))`]); // SIOCSIFFLAGS
@@ -27,7 +27,7 @@ function sockets(daemon) {
     try {
       return readlinkSync(path.join(folder, name)).startsWith('socket:');
     } catch {
-      return false; // closed meanwhile
+      return false; // closed in the meantime
     }
   }).length;
 }
@@ -40,7 +40,7 @@ async function untilOnly(daemon, count) {
   }
 }
 
-/** A connection that says `text`, in TLS or not, and does not read. */
+/** Opens a connection, with or without TLS, that sends `text` and does not read. */
 async function speak(daemon, text) {
   const raw = await Raw.connect(daemon.port);
   if (!daemon.base.startsWith('https')) {
@@ -62,14 +62,14 @@ async function vanish(t, secure) {
     '--header-time', '2', '--request-time', '6', '--idle-time', '2', ...secure]);
   t.after(() => {
     link(true);
-    daemon.kill('SIGKILL'); // if it did not end
+    daemon.kill('SIGKILL'); // in case it did not exit
   });
   const before = sockets(daemon);
   await daemon.loaded('engine');
   const session = await daemon.session();
   const made = await daemon.post('/api/v1/paths', { view: { volume: 'engine' }, size: [512, 512], frames: 10000, keyframes: [{ frame: 10000, view: { camera: { fov_y: 60 } } }] });
   assert.equal(made.status, 202, JSON.stringify(made.json));
-  await untilOnly(daemon, before); // fetch keeps connections: they end by --idle-time
+  await untilOnly(daemon, before); // fetch keeps connections open: they end after --idle-time
   const [idle, busy] = [await daemon.stream({ session }), await daemon.stream({ session, acks: false })];
   await idle.final();
   await busy.frame(() => true, 'a frame');
@@ -77,7 +77,7 @@ async function vanish(t, secure) {
   const request = get('/api/v1/openapi.yaml');
   const rest = [await speak(daemon, ''), await speak(daemon, 'GET /healthz HT'), await speak(daemon, request),
     await speak(daemon, request.repeat(500)), await speak(daemon, get(`/api/v1/paths/${made.json.id}/events`))];
-  if (secure.length) { // while they shake hands
+  if (secure.length) { // during the handshake
     rest.push(await Raw.connect(daemon.port), await Raw.connect(daemon.port));
     rest.at(-1).write(Buffer.from([0x16, 3, 1, 0, 200, 1, 0]));
   }
@@ -90,7 +90,7 @@ async function vanish(t, secure) {
   await untilOnly(daemon, before);
   assert.match(daemon.log, /stream of 127\.0\.0\.1:\d+ (closed with 1008|dropped: it took no data)/);
   link(true);
-  assert.equal((await daemon.json(`/api/v1/paths/${made.json.id}`)).json.state, 'running', 'nobody watches what goes on');
+  assert.equal((await daemon.json(`/api/v1/paths/${made.json.id}`)).json.state, 'running', 'the path continues without a client');
   assert.equal((await daemon.fetch(`/api/v1/paths/${made.json.id}`, { method: 'DELETE' })).status, 204);
   assert.equal((await daemon.fetch('/healthz')).status, 200);
   assert.equal(await daemon.stop(), 0);
@@ -105,15 +105,15 @@ function certificate(folder) {
 
 if (process.env.SPLATD_TEST_ALONE) {
   link(true);
-  test('of clients that vanish nothing stays', (t) => vanish(t, []));
-  test('nor behind TLS', async (t) => {
+  test('nothing remains of clients that vanished', (t) => vanish(t, []));
+  test('nothing remains of TLS clients that vanished', async (t) => {
     const folder = mkdtempSync(path.join(tmpdir(), 'splatd-vanish-'));
     process.env.NODE_TLS_REJECT_UNAUTHORIZED = '0';
     t.after(() => rmSync(folder, { recursive: true }));
     await vanish(t, certificate(folder));
   });
 } else {
-  test('clients that vanish without a word', async (t) => {
+  test('clients that vanish silently', async (t) => {
     if (spawnSync('unshare', ['-rn', 'true']).status !== 0) return t.skip('no network of its own: unshare -rn');
     const child = spawn('unshare', ALONE, { env: { ...process.env, SPLATD_TEST_ALONE: '1', NODE_TEST_CONTEXT: '' }, stdio: ['ignore', 'pipe', 'pipe'] });
     let out = '';

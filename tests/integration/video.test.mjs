@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video while a view moves: what is granted, what arrives, and that a view at rest is a still. (That everything can be decoded
-// is shown in tests/unit/server/video_test.c and, by a browser, in tests/web/page/video.test.mjs.)
+// Video while a view changes: the granted formats, the frames that arrive, and a full-quality image of a view at rest. (Tests
+// of decoding: tests/unit/server/video_test.c and, in a browser, tests/web/page/video.test.mjs.)
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, FINAL, LOSSLESS, turned } from './harness.mjs';
@@ -14,7 +14,7 @@ before(async () => {
 });
 after(async () => assert.equal(await daemon.stop(), 0));
 
-/** Moves the camera until `enough()`; then waits for the last view at rest. */
+/** Moves the camera until `enough()` is true, then waits for the final frame of the last view. */
 async function move(streams, enough, what) {
   const [first] = streams;
   const { view } = await first.call('view.get');
@@ -32,11 +32,11 @@ async function move(streams, enough, what) {
 const isVideo = (frame) => [CODECS.h264, CODECS.vp9, CODECS.vp8].includes(frame.codec);
 const videos = (stream) => stream.frames.filter(isVideo);
 
-test('formats are negotiated, with JPEG as the floor', async () => {
+test('formats are negotiated, with JPEG as the fallback', async () => {
   const stream = await daemon.stream();
   const granted = async (format) => (await stream.call('stream.configure', { format })).format;
   assert.equal(await granted('vp9'), 'vp9');
-  assert.equal((await stream.call('stream.configure', { quality: 80 })).format, 'vp9', 'what is not named stays');
+  assert.equal((await stream.call('stream.configure', { quality: 80 })).format, 'vp9', 'a field that the request omits does not change');
   assert.equal(await granted(['av1', 'vp8', 'jpeg']), 'vp8');
   assert.equal(await granted(['av1', 'h265']), 'jpeg');
   assert.equal(await granted(['webp', 'vp9']), 'webp');
@@ -48,17 +48,17 @@ test('formats are negotiated, with JPEG as the floor', async () => {
 });
 
 for (const format of ['vp8', 'vp9']) {
-  test(`${format}: a view that moves is video, one at rest is a JPEG of full size`, async () => {
+  test(`${format}: a changing view is sent as video, a view at rest as a JPEG of full size`, async () => {
     const stream = await daemon.stream();
     assert.equal((await stream.call('stream.configure', { format, size: [320, 200], max_fps: 120 })).format, format);
     await move([stream], () => videos(stream).length >= 20, '20 frames of video');
     const list = videos(stream);
     assert.ok(list.every((f) => f.codec === CODECS[format] && !(f.flags & FINAL)));
-    assert.ok(list[0].flags & KEY, 'the first is a key frame');
-    assert.ok(list.filter((f) => !(f.flags & KEY)).length >= 10, 'most are deltas');
+    assert.ok(list[0].flags & KEY, 'the first frame is a key frame');
+    assert.ok(list.filter((f) => !(f.flags & KEY)).length >= 10, 'most frames are delta frames');
     list.forEach((f, i) => {
       const other = i > 0 && (f.width !== list[i - 1].width || f.height !== list[i - 1].height);
-      if (other) assert.ok(f.flags & KEY, 'another size begins with a key frame');
+      if (other) assert.ok(f.flags & KEY, 'a new size starts with a key frame');
     });
     const last = stream.frames.at(-1);
     assert.deepEqual([last.codec, last.flags & FINAL, last.width, last.height], [CODECS.jpeg, FINAL, 320, 200]);
@@ -66,7 +66,7 @@ for (const format of ['vp8', 'vp9']) {
   });
 }
 
-test('lossless at rest, as without video', async () => {
+test('a view at rest is lossless, as without video', async () => {
   const stream = await daemon.stream();
   await stream.call('stream.configure', { format: ['vp9', 'jpeg'], lossless: true, max_fps: 120 });
   await move([stream], () => videos(stream).length >= 5, '5 frames of video');
@@ -76,7 +76,7 @@ test('lossless at rest, as without video', async () => {
   await stream.end();
 });
 
-test('who joins gets a key frame, who asks for one too; who wants stills gets stills', async () => {
+test('a joining client and a client that asks get a key frame; a client that prefers images gets images', async () => {
   const first = await daemon.stream();
   await first.call('stream.configure', { format: 'vp8', size: [160, 120], max_fps: 120 });
   await move([first], () => videos(first).length >= 5, '5 frames of video');
@@ -94,7 +94,7 @@ test('who joins gets a key frame, who asks for one too; who wants stills gets st
   await Promise.all([first, second, third].map((s) => s.end()));
 });
 
-test('a slow client gets what it can decode, and the last view', async () => {
+test('a slow client gets only frames that it can decode, and finally the last view', async () => {
   const fast = await daemon.stream();
   const slow = await daemon.stream({ session: fast.session });
   for (const stream of [fast, slow]) await stream.call('stream.configure', { format: 'vp9', size: [160, 120], max_fps: 120 });
@@ -107,7 +107,7 @@ test('a slow client gets what it can decode, and the last view', async () => {
   await Promise.all([fast.end(), slow.end()]);
 });
 
-test('clients that leave, change and ask in the middle of a drag', async () => {
+test('clients may leave, change formats and ask for key frames in the middle of a drag', async () => {
   const first = await daemon.stream();
   await first.call('stream.configure', { format: 'vp9', size: [96, 64], max_fps: 120 });
   for (let round = 0; round < 8; round++) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views that are wrong: refused over HTTP and over the stream with the same pointer and a reason, and nothing changes.
+// Invalid views: HTTP and the stream refuse them with the same JSON pointer and a reason, and nothing changes.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { decodePng, encodePng } from '../web/support/png.mjs';
@@ -51,7 +51,7 @@ const WRONG = [
   [{ transfer_function: { order: 'post' }, compositing: null }, '/transfer_function/order', /compositing\.mode "slab"/],
 ];
 
-test('the same pointer and reason by every way in', async () => {
+test('every interface gives the same pointer and reason', async () => {
   const stream = await daemon.stream();
   const { view: before_ } = await stream.call('view.get');
   const session = `/api/v1/sessions/${stream.session.id}`;
@@ -77,13 +77,13 @@ test('the same pointer and reason by every way in', async () => {
   await stream.end();
 });
 
-test('numbers that no double holds are no JSON', async () => {
+test('numbers beyond the range of a double are refused as invalid JSON', async () => {
   for (const body of ['{"clip": {"planes": [{"normal": [0, 0, 1e999], "offset": 0}]}}', '{"compositing": {"slab": NaN}}']) {
     assert.equal((await daemon.post('/api/v1/render', body)).status, 400, body);
   }
 });
 
-test('who leaves slabs while values are classified after interpolation is told what to do, and can', async () => {
+test('leaving slab mode with post-classification is refused with a remedy, and the remedy works', async () => {
   const stream = await daemon.stream();
   await stream.update({ transfer_function: { order: 'post' }, compositing: { mode: 'slab', slab: 0.5 } });
   const { view } = await stream.call('view.get');
@@ -92,7 +92,7 @@ test('who leaves slabs while values are classified after interpolation is told w
     await assert.rejects(stream.update(patch), (error) => error.code === -32000
       && error.data.pointer === '/transfer_function/order' && /"slab".*both at once.*"pre"/.test(error.message));
   }
-  assert.deepEqual((await stream.call('view.get')).view, view, 'a refused patch is refused as a whole');
+  assert.deepEqual((await stream.call('view.get')).view, view, 'a refused patch changes nothing');
   await stream.update({ compositing: { mode: 'sheet' }, transfer_function: { order: 'pre' } });
   await stream.update({ compositing: { mode: 'slab' } });
   await stream.update({ transfer_function: { order: 'post' } });
@@ -103,7 +103,7 @@ test('who leaves slabs while values are classified after interpolation is told w
   await stream.end();
 });
 
-test('clip planes of any length and at any distance: nothing overflows, a plane far off cuts all or nothing', async () => {
+test('clip planes may have any length and distance: nothing overflows, and a distant plane cuts all or nothing', async () => {
   const real = await Daemon.start(['--volume', 'demo:engine?size=32'], { backend: 'cpu' });
   await real.loaded('engine');
   const drawer = (choices) => async (...planes) => {
@@ -129,8 +129,8 @@ test('clip planes of any length and at any distance: nothing overflows, a plane 
   for (const choices of [{}, { compositing: { mode: 'splat' } }, { compositing: { mode: 'slab' }, transfer_function: { order: 'post' } }]) {
     const draw = drawer(choices);
     const [whole, cut] = [await draw(), await draw([[0, 0, 1], 6])];
-    assert.throws(() => isSame(whole, cut, 'the cut'), 'it cuts');
-    assert.throws(() => isSame(cut, nothing, 'the cut'), 'it leaves something');
+    assert.throws(() => isSame(whole, cut, 'the cut'), 'the plane cuts something');
+    assert.throws(() => isSame(cut, nothing, 'the cut'), 'the plane leaves something');
     for (const length of [1e-300, 1e-160, 1e-20, 1e20, 1e160, 1e300]) {
       isSame(await draw([[0, 0, length], 6 * length]), cut, `a normal of length ${length}`);
     }

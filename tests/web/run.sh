@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Runs Node tests: run.sh [--data] [--chromium] FILE... Exit status 77, and a sentence, where something that they need is absent.
+# Runs Node tests: run.sh [--data] [--chromium] FILE... Exits with status 77 and a message if a dependency is missing.
 here=$(dirname "$0")
 
 skip() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What pictures do not show: frames.test.mjs holds the rest to the daemon.
+// Properties that images do not show; frames.test.mjs compares the rest with the daemon.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { blendViews } from '../../../clients/web/core/blend.js';
@@ -12,12 +12,12 @@ const B = {
   background: [1, 1, 1, 1],
 };
 
-test('at the ends it is a and b, in a\'s size', () => {
+test('at the ends the blended view equals a and b, with the size of a', () => {
   assert.deepEqual(blendViews(A, B, 0), A);
   assert.deepEqual(blendViews(A, { ...B, size: [9, 9] }, 1), B);
 });
 
-test('a threshold beside one that is automatic, and a name, change at b', () => {
+test('a name, and a threshold whose counterpart is automatic, change only at b', () => {
   const { filter, background, size } = blendViews(A, B, 0.75);
   assert.deepEqual(filter, A.filter);
   assert.deepEqual([background, size], [[0.75, 0.75, 0.75, 1], A.size]);
@@ -25,7 +25,7 @@ test('a threshold beside one that is automatic, and a name, change at b', () => 
   close([both.c_min, both.c_max], [(A.filter.c_min + 0.5) / 2, 0.8], 1e-12);
 });
 
-test('the camera moves on an arc; near plane and distance are even in their ratio', () => {
+test('the camera moves on an arc; near plane and distance change by constant ratios', () => {
   const { camera } = blendViews(A, B, 0.5);
   const [from, to] = [300 - 31, 300];
   const distance = Math.sqrt(from * to);

@@ -20,7 +20,7 @@ function* rigs() {
   }
 }
 
-test('a camera survives the way through a rig, and up comes out at right angles', () => {
+test('a camera survives the conversion to a rig and back, and its up vector becomes perpendicular', () => {
   const camera = { projection: 'perspective', position: [10, 20, 400], target: [1, 2, 3], up: [0.2, 1, 0.1], fov_y: 30 };
   const back = cameraFromRig(rigFromCamera(camera));
   close(back.position, camera.position, 1e-9);
@@ -40,7 +40,7 @@ test('a degenerate camera is refused', () => {
   assert.throws(() => rigFromCamera({ position: [0, 5, 0], target: [0, 0, 0], up: [0, 1, 0] }), RangeError);
 });
 
-test('right is right and up is up', () => {
+test('right and up have the documented directions', () => {
   const rig = rigFromCamera({ position: [0, 0, 10], target: [0, 0, 0], up: [0, 1, 0], fov_y: 30 });
   const [x, y] = project(rig, [1, 1, 0], VIEWPORT);
   assert.ok(x > 450 && y < 250);
@@ -51,7 +51,7 @@ test('pointOnPlane inverts project', () => {
   for (const rig of rigs()) close(project(rig, pointOnPlane(rig, [123, 45], VIEWPORT), VIEWPORT), [123, 45], 1e-8);
 });
 
-test('panning: the point under the cursor follows it', () => {
+test('panning moves the point under the cursor with the cursor', () => {
   for (const rig of rigs()) {
     const point = pointOnPlane(rig, [300, 200], VIEWPORT);
     const moved = pan(rig, [37, -81], VIEWPORT);
@@ -60,7 +60,7 @@ test('panning: the point under the cursor follows it', () => {
   }
 });
 
-test('zooming: the point under the cursor stays, and what is seen grows by the factor', () => {
+test('zooming keeps the point under the cursor and enlarges the image by the factor', () => {
   for (const rig of rigs()) {
     const at = [700, 90];
     const point = pointOnPlane(rig, at, VIEWPORT);
@@ -73,7 +73,7 @@ test('zooming: the point under the cursor stays, and what is seen grows by the f
   }
 });
 
-test('zooming stops at its limits, and there nothing moves', () => {
+test('zooming stops at its limits, where the camera does not move', () => {
   for (const rig of rigs()) {
     const key = rig.projection === 'orthographic' ? 'height' : 'distance';
     const limits = { nearest: rig[key], farthest: rig[key] };
@@ -82,11 +82,11 @@ test('zooming stops at its limits, and there nothing moves', () => {
   }
 });
 
-test('pinching: zoom and pan together keep two fingers on what they touched', () => {
+test('pinching zooms and pans, so that two fingers stay on the points that they touched', () => {
   for (const rig of rigs()) {
     const [a, b] = [[300, 200], [500, 260]];
     const [p, q] = [a, b].map((at) => pointOnPlane(rig, at, VIEWPORT));
-    const [c, d] = [[200, 250], [600, 370]]; // twice as far apart, moved, not twisted
+    const [c, d] = [[200, 250], [600, 370]]; // twice the distance, moved, not rotated
     const middle = (u, v) => [(u[0] + v[0]) / 2, (u[1] + v[1]) / 2];
     let moved = zoom(rig, 0.5, middle(a, b), VIEWPORT, LIMITS);
     moved = pan(moved, subtract([...middle(c, d), 0], [...middle(a, b), 0]).slice(0, 2), VIEWPORT);
@@ -95,11 +95,11 @@ test('pinching: zoom and pan together keep two fingers on what they touched', ()
   }
 });
 
-test('orbiting keeps the target in the middle', () => {
+test('orbiting keeps the target in the centre', () => {
   for (const rig of rigs()) close(project(orbit(rig, 1, 0.5, 0.2), rig.target, VIEWPORT), [450, 250], 1e-8);
 });
 
-test('the sphere of a volume: spacing, origin and direction count', () => {
+test('the bounding sphere of a volume depends on spacing, origin and direction', () => {
   const plain = sphereAround(volumeBox({ dims: [11, 21, 31], spacing: [1, 1, 2], origin: [5, 0, 0] }));
   close(plain.center, [10, 10, 30]);
   close([plain.radius], [Math.hypot(11, 21, 62) / 2]);
@@ -108,7 +108,7 @@ test('the sphere of a volume: spacing, origin and direction count', () => {
   close([turned.radius], [plain.radius]);
 });
 
-test('widen keeps what a square shows across in a narrow window, and leaves a wide one alone', () => {
+test('widen keeps the horizontal extent of a square in a narrow window, and does not change a wide window', () => {
   for (const projection of ['perspective', 'orthographic']) {
     const rig = rigFromCamera({
       projection, position: [3, -40, 5], target: [1, 2, 3], up: [0, 0, 1], fov_y: 30, height: 20,
@@ -117,14 +117,14 @@ test('widen keeps what a square shows across in a narrow window, and leaves a wi
     const wide = widen(rig, { width: 300, height: 600 });
     assert.deepEqual(wide.target, rig.target);
     assert.deepEqual(wide.orientation, rig.orientation);
-    // Half as many pixels across, twice the distance and height: the same share of the width.
+    // Half the width in pixels, twice the distance and height: the same fraction of the width.
     const side = add(rig.target, rotate(rig.orientation, [2, 0, 0]));
     const share = (r, width, height) => (project(r, side, { width, height })[0] - width / 2) / width;
     close([share(wide, 300, 600)], [share(rig, 600, 600)], 1e-9);
   }
 });
 
-test('fit shows the whole sphere, touching the shorter side, in any window and projection', () => {
+test('fit shows the whole sphere, which touches the shorter side, in any window and projection', () => {
   const sphere = { center: [10, -20, 30], radius: 77 };
   for (const viewport of [VIEWPORT, { width: 400, height: 900 }]) {
     for (const rig of rigs()) {

@@ -7,15 +7,15 @@ import { logarithmic, quadratic } from '../../../clients/web/core/slider.js';
 
 const slabs = { compositing: { mode: 'slab' }, transfer_function: { order: 'post', points: [] }, filter: {} };
 
-test('what a view says, or the protocol\'s default', () => {
+test('valueAt returns the value of the view, or the default of the protocol', () => {
   assert.equal(valueAt({}, '/filter/mode'), 'adaptive');
   assert.equal(valueAt({ filter: { sigma: 1.5 } }, '/filter/sigma'), 1.5);
-  assert.equal(valueAt({ filter: { lowpass: 0 } }, '/filter/lowpass'), 0, 'zero is a value');
+  assert.equal(valueAt({ filter: { lowpass: 0 } }, '/filter/lowpass'), 0, 'zero is a value, not a missing one');
   assert.equal(valueAt(slabs, '/transfer_function/order'), 'post');
   assert.ok(isChoice('/compositing/slab') && !isChoice('/compositing') && !isChoice('/clip/box') && !isChoice('toString'));
 });
 
-test('choices matter beside those that they go with', () => {
+test('a choice is idle when other choices make it irrelevant', () => {
   const idle = (view) => ['/filter/mode', '/filter/kernel', '/filter/sigma', '/filter/cutoff', '/filter/lowpass', '/compositing/mode',
     '/compositing/attenuation', '/compositing/slab', '/transfer_function/order'].filter((pointer) => !matters(view, pointer));
   assert.deepEqual(idle({}), ['/compositing/slab']);
@@ -26,24 +26,24 @@ test('choices matter beside those that they go with', () => {
   assert.deepEqual(idle({ filter: { mode: 'swan' }, compositing: { mode: 'splat' } }), ['/compositing/slab']);
 });
 
-test('a choice is a patch of one field', () => {
+test('a choice gives a patch of one field', () => {
   assert.deepEqual(choose({}, '/filter/mode', 'none'), { filter: { mode: 'none' } });
   assert.deepEqual(choose({}, '/compositing/slab', 0.5), { compositing: { slab: 0.5 } });
   assert.deepEqual(choose({}, '/compositing/mode', 'splat'), { compositing: { mode: 'splat' } });
   assert.deepEqual(choose(slabs, '/transfer_function/order', 'pre'), { transfer_function: { order: 'pre' } });
 });
 
-test('classification after interpolation and slabs come and go in the same patch', () => {
+test('post-classification and slab mode are set and unset in the same patch', () => {
   assert.deepEqual(choose({}, '/transfer_function/order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'slab' } });
   for (const mode of ['sheet', 'splat']) {
     const after = applyPatch(slabs, choose(slabs, '/compositing/mode', mode));
     assert.deepEqual([after.compositing.mode, after.transfer_function.order], [mode, 'pre']);
-    assert.deepEqual(after.transfer_function.points, [], 'the rest stays');
+    assert.deepEqual(after.transfer_function.points, [], 'other fields do not change');
   }
   assert.deepEqual(choose(slabs, '/compositing/mode', 'slab'), { compositing: { mode: 'slab' } });
 });
 
-test('the gradient axis that hides what is flat, and the view\'s that is another', () => {
+test('a gradient axis that hides flat regions is recognised; another axis of the view is not', () => {
   assert.deepEqual(hideFlat(0), []);
   assert.equal(flatLimit(hideFlat(0)), 0);
   assert.equal(flatLimit(hideFlat(12.5)), 12.5);
@@ -55,12 +55,12 @@ test('the gradient axis that hides what is flat, and the view\'s that is another
   assert.equal(steepest({ range: [-1000, 3000], spacing: [1, 0.5, 2] }), 4000);
 });
 
-test('sliders: ends are exact, the way back is the way there, and what lies outside is held', () => {
+test('sliders: ends are exact, both directions agree, and values outside the range are clamped', () => {
   for (const [scale, low, high] of [[logarithmic(0.05, 64), 0.05, 64], [quadratic(127.5), 0, 127.5], [quadratic(4000), 0, 4000]]) {
     assert.equal(scale.at(0), low);
     assert.equal(scale.at(1), Number(high.toPrecision(3)));
     for (let i = 0; i <= 100; i += 1) {
-      assert.ok(Math.abs(scale.of(scale.at(i / 100)) - i / 100) < 0.005, 'to less than half a step of a slider');
+      assert.ok(Math.abs(scale.of(scale.at(i / 100)) - i / 100) < 0.005, 'within half a step of the slider');
     }
     for (let i = 1; i <= 100; i += 1) assert.ok(scale.at(i / 100) > scale.at((i - 1) / 100));
     assert.equal(scale.of(high * 10), 1);
@@ -68,6 +68,6 @@ test('sliders: ends are exact, the way back is the way there, and what lies outs
   }
   assert.equal(logarithmic(0.05, 64).of(0.001), 0);
   assert.ok(Math.abs(logarithmic(0.05, 64).of(1) - Math.log(20) / Math.log(1280)) < 1e-12);
-  assert.equal(quadratic(0).of(5), 0, 'a volume of one value');
+  assert.equal(quadratic(0).of(5), 0, 'a volume with a single value');
   assert.equal(quadratic(0).at(0.5), 0);
 });

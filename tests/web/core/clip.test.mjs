@@ -6,15 +6,15 @@ import { WHOLE, depthOf, moveFace, planeAt, reach, sight } from '../../../client
 import { add, dot, rotate, scale } from '../../../clients/web/core/vector.js';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
-test('a face moves alone until it meets the one opposite, which gives way', () => {
+test('a face moves alone until it meets the opposite face, which it then pushes', () => {
   const box = moveFace(WHOLE, 0, 1, 0.3);
   assert.deepEqual(box, [[0, 0.3, 0], [1, 1, 1]]);
-  assert.deepEqual(WHOLE, [[0, 0, 0], [1, 1, 1]], 'nothing is changed in place');
+  assert.deepEqual(WHOLE, [[0, 0, 0], [1, 1, 1]], 'the argument is not modified');
   assert.deepEqual(moveFace(box, 1, 1, 0.2), [[0, 0.2, 0], [1, 0.2, 1]]);
   assert.deepEqual(moveFace(moveFace(box, 1, 2, 0.5), 0, 2, 0.75), [[0, 0.3, 0.75], [1, 1, 0.75]]);
 });
 
-test('a box reaches along a normal as far as its corners', () => {
+test('the extent of a box along a normal is that of its corners', () => {
   const next = random(3);
   for (let round = 0; round < 50; round += 1) {
     const q = unitQuaternion(next);
@@ -30,7 +30,7 @@ test('a box reaches along a normal as far as its corners', () => {
   }
 });
 
-test('a rectilinear volume ends half a gap beyond its samples', () => {
+test('a rectilinear volume ends half a sample distance beyond its samples', () => {
   const volume = { dims: [4, 3, 2], spacing: [2, 1, 5], origin: [10, 0, 0], coordinates: [[0, 1, 2, 6], null, [0, 5]] };
   const box = volumeBox(volume);
   close(reach(box, [1, 0, 0]), [9.5, 18]);
@@ -38,7 +38,7 @@ test('a rectilinear volume ends half a gap beyond its samples', () => {
   close(reach(box, [0, 0, 1]), [-2.5, 7.5]);
 });
 
-test('a plane\'s depth is the part of the volume that it cuts away, whatever the normal\'s length', () => {
+test('the depth of a plane is the fraction of the volume that it cuts away, for any length of the normal', () => {
   const box = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0.5, 0.5, 1] });
   assert.deepEqual(planeAt(box, [0, 0, 1], 0.25), { normal: [0, 0, 1], offset: 15 });
   assert.deepEqual(planeAt(box, [0, 0, -10], 0.25), { normal: [0, 0, -10], offset: -450 });
@@ -55,13 +55,13 @@ test('a plane\'s depth is the part of the volume that it cuts away, whatever the
   assert.equal(depthOf(box, { normal: [0, 0, 0], offset: 0 }), 0);
 });
 
-test('cutting towards the viewer takes away what is nearest: deeper is nearer to the far side', () => {
+test('a plane towards the viewer cuts the nearest part; more depth cuts farther', () => {
   const camera = { position: [5, 10, 130], target: [5, 10, 30] };
   const normal = sight(camera);
   assert.deepEqual(normal.map((x) => x + 0), [0, 0, -1]);
   const box = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0.5, 0.5, 1] });
   const { offset } = planeAt(box, normal, 0.25);
-  assert.ok(dot(normal, [5, 10, 59]) < offset, 'the side of the viewer is gone');
-  assert.ok(dot(normal, [5, 10, 1]) > offset, 'the far side stays');
+  assert.ok(dot(normal, [5, 10, 59]) < offset, 'the side of the viewer is cut');
+  assert.ok(dot(normal, [5, 10, 1]) > offset, 'the far side is not cut');
   assert.throws(() => sight({ position: [1, 1, 1], target: [1, 1, 1] }), RangeError);
 });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The connection against a daemon that fails in every way that it can.
+// The connection with a daemon that fails in every possible way.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import WebSocket from 'ws';
@@ -8,7 +8,7 @@ import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
 
 const DEADLINE_MS = 20000;
 
-/** Timers of which a test decides when they fire; changed() is called when one is set. */
+/** Timers that a test fires by hand; changed() is called when a timer is set. */
 function handTimers() {
   const timers = new Map();
   let id = 0;
@@ -75,7 +75,7 @@ async function setUp(context, { daemon: options = {}, client = {}, timers = null
   return it;
 }
 
-test('from an address to the first frame', async (context) => {
+test('the connection leads from an address to the first frame', async (context) => {
   const it = await setUp(context);
   it.connection.start();
   const frame = await it.event('frame');
@@ -90,13 +90,13 @@ test('from an address to the first frame', async (context) => {
   await it.event('frame', (f) => f.seq === 1);
 });
 
-test('the wanted volume is taken, though another is first', async (context) => {
+test('the requested volume is used, although another is first in the list', async (context) => {
   const it = await setUp(context, { daemon: { volumes: [volume('a'), volume('b')] }, client: { volume: 'b' } });
   it.connection.start();
   assert.equal((await it.event('session')).view.volume, 'b');
 });
 
-test('a wrong token is refused with 401, and a right one given later works', async (context) => {
+test('a wrong token is refused with 401, and a valid token given later works', async (context) => {
   const it = await setUp(context, { client: { token: 'wrong' } });
   it.connection.start();
   const refused = await it.event('state', (e) => e.state === 'refused');
@@ -105,7 +105,7 @@ test('a wrong token is refused with 401, and a right one given later works', asy
   await it.event('frame');
 });
 
-test('a volume that loads is waited for', async (context) => {
+test('the connection waits for a volume that is loading', async (context) => {
   const it = await setUp(context, { daemon: { volumes: [volume('slow', { state: 'loading', progress: 0.4 })] } });
   it.connection.start();
   await it.state('waiting');
@@ -114,7 +114,7 @@ test('a volume that loads is waited for', async (context) => {
   assert.equal((await it.event('session')).view.volume, 'slow');
 });
 
-test('without any volume, or with failed ones alone, it waits and goes on when one is there', async (context) => {
+test('without volumes, or with failed ones only, the connection waits and continues when a volume is ready', async (context) => {
   const timers = handTimers();
   const it = await setUp(context, { daemon: { volumes: [volume('bad', { state: 'failed' })] }, timers });
   it.connection.start();
@@ -127,7 +127,7 @@ test('without any volume, or with failed ones alone, it waits and goes on when o
   await it.event('frame');
 });
 
-test('a lost stream joins the same session again', async (context) => {
+test('after a lost stream the connection rejoins the same session', async (context) => {
   const it = await setUp(context);
   it.connection.start();
   await it.event('frame');
@@ -139,7 +139,7 @@ test('a lost stream joins the same session again', async (context) => {
   assert.equal(it.daemon.sessions.size, 1);
 });
 
-test('a daemon that was restarted gets a new session with the last view', async (context) => {
+test('after a restart of the daemon the connection creates a session with the last view', async (context) => {
   const it = await setUp(context);
   it.connection.start();
   await it.event('frame');
@@ -166,7 +166,7 @@ test('a session that ended between the check and the stream is replaced', async 
   assert.deepEqual(it.states.slice(0, 5), ['seeking', 'joining', 'seeking', 'joining', 'live']);
 });
 
-test('tries come ever slower, up to five seconds, and at once when asked', async (context) => {
+test('retry delays grow up to five seconds, and a retry on request is immediate', async (context) => {
   const timers = handTimers();
   const it = await setUp(context, { timers });
   const { port } = it.daemon;
@@ -184,10 +184,10 @@ test('tries come ever slower, up to five seconds, and at once when asked', async
   it.events.length = 0;
   it.daemon.dropStreams();
   const lost = await it.event('state', (e) => e.state === 'lost');
-  assert.equal(lost.retryMs, 250, 'a frame came: it begins anew');
+  assert.equal(lost.retryMs, 250, 'a received frame resets the retry delay');
 });
 
-test('a daemon that keeps losing the sessions that it makes is not asked without pause', async (context) => {
+test('retries are delayed when the daemon repeatedly loses new sessions', async (context) => {
   const it = await setUp(context, { timers: handTimers() });
   it.connection.on('session', () => it.daemon.sessions.clear());
   it.connection.start();
@@ -204,7 +204,7 @@ test('Retry-After is respected', async (context) => {
   assert.match(lost.reason, /as asked/);
 });
 
-test('a daemon that says it drains is believed, and returned to', async (context) => {
+test('a draining daemon is reported, and the connection returns to it later', async (context) => {
   const it = await setUp(context);
   it.connection.start();
   await it.event('frame');
@@ -217,7 +217,7 @@ test('a daemon that says it drains is believed, and returned to', async (context
   await it.state('live');
 });
 
-test('a daemon that stops answering is left after a ping without any sign', async (context) => {
+test('a daemon that stops answering is left after an unanswered ping', async (context) => {
   const timers = handTimers();
   const it = await setUp(context, { timers });
   it.connection.start();
@@ -231,7 +231,7 @@ test('a daemon that stops answering is left after a ping without any sign', asyn
   assert.match(it.events.at(-1).reason, /stopped answering/);
 });
 
-test('rubbish on the stream is reported and the stream goes on', async (context) => {
+test('invalid messages on the stream are reported, and the stream continues', async (context) => {
   const it = await setUp(context);
   it.daemon.script = (stream) => {
     stream.frame += 1;
@@ -247,7 +247,7 @@ test('rubbish on the stream is reported and the stream goes on', async (context)
   assert.equal(it.connection.state, 'live');
 });
 
-test('calls that the loss cut off reject', async (context) => {
+test('open calls are rejected when the stream is lost', async (context) => {
   const it = await setUp(context);
   it.connection.start();
   await it.event('frame');
@@ -258,7 +258,7 @@ test('calls that the loss cut off reject', async (context) => {
   await assert.rejects(it.connection.call('ping'), /no stream/);
 });
 
-test('joining a shared session needs its own token alone', async (context) => {
+test('joining a shared session needs only its join token', async (context) => {
   const it = await setUp(context);
   it.connection.start();
   const { id, tokens } = await it.event('session');
@@ -273,7 +273,7 @@ test('joining a shared session needs its own token alone', async (context) => {
   await assert.rejects(guest.call('view.update', { seq: 1, patch: {} }), (e) => e.code === -32004);
 });
 
-test('a shared session that has ended is explained, not replaced', async (context) => {
+test('a shared session that has ended is reported, not replaced', async (context) => {
   const it = await setUp(context, { client: { session: { id: 'gone', token: 'secret', isJoined: true } } });
   it.connection.start();
   const refused = await it.event('state', (e) => e.state === 'refused');

@@ -14,7 +14,7 @@ const PATHS = {
   refused: ['start', 'refuse'], stopped: ['stop'],
 };
 
-test('the way to a picture, and back to one after a loss', () => {
+test('the steps lead to a first frame, and to another frame after a loss', () => {
   const seen = [];
   const states = new ConnectionState((state, step, before) => seen.push(`${before} ${step} ${state}`));
   for (const step of ['start', 'empty', 'again', 'found', 'opened', 'lose', 'retry', 'found', 'gone', 'found', 'opened']) {
@@ -25,7 +25,7 @@ test('the way to a picture, and back to one after a loss', () => {
   assert.equal(seen.at(-1), 'joining opened live');
 });
 
-test('every step that is not in the table is rejected, in every state, and changes nothing', () => {
+test('in every state a step that is not in the table is rejected and changes nothing', () => {
   assert.deepEqual(Object.keys(PATHS).sort(), Object.keys(STEPS).sort());
   const all = new Set(Object.values(STEPS).flatMap((steps) => Object.keys(steps)));
   for (const [state, path] of Object.entries(PATHS)) {
@@ -45,7 +45,7 @@ test('every step that is not in the table is rejected, in every state, and chang
   }
 });
 
-test('stop is possible everywhere, once, and final', () => {
+test('stop is allowed once in every state, and is final', () => {
   for (const path of Object.values(PATHS).filter((p) => p[0] !== 'stop')) {
     const states = walk(...path, 'stop');
     assert.equal(states.state, 'stopped');

@@ -8,13 +8,13 @@ const STREAM = ':\n\nid: running-1\nevent: progress\ndata: {"done":1}\n\n'
   + 'event: two\r\ndata: first: a\r\ndata:second\r\n\r\ndata\n\nevent: nothing\n\nid: 3\rdata: \u00e9\r\r';
 const EVENTS = [['progress', '{"done":1}'], ['two', 'first: a\nsecond'], ['message', ''], ['message', '\u00e9']];
 
-test('events are read from pieces of any size', () => {
+test('events are parsed from chunks of any size', () => {
   for (let size = 1; size <= STREAM.length; size += 1) {
     const told = [];
     const take = eventReader((event, data) => told.push([event, data]));
     for (let at = 0; at < STREAM.length; at += size) take(STREAM.slice(at, at + size));
-    take('\n'); // what ends with \r may go on with it
-    assert.deepEqual(told, EVENTS, `in pieces of ${size}`);
+    take('\n'); // a chunk that ends with \r may continue with \n
+    assert.deepEqual(told, EVENTS, `in chunks of ${size}`);
   }
 });
 

@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { FrameError, decodeFrame } from '../../../clients/web/core/frame.js';
 
-// Written byte by byte after the protocol's table, not with this client's or the server's code.
+// Written byte by byte from the table of the protocol, independent of the code of client and server.
 const EXAMPLE = [
   0x53, 0x50, 0x46, 0x31, // "SPF1"
   0x01, 0x03, 0x20, 0x00, // JPEG, key frame | final quality, 32 bytes
@@ -36,7 +36,7 @@ test('numbers are unsigned', () => {
   assert.equal(frame.seq, 0xff020304);
 });
 
-test('PNG, WebP and lossless', () => {
+test('PNG, WebP and lossless frames are recognised', () => {
   assert.equal(decodeFrame(message({ 4: 2, 5: 7 })).type, 'image/png');
   assert.ok(decodeFrame(message({ 4: 2, 5: 7 })).isLossless);
   assert.equal(decodeFrame(message({ 4: 3 })).type, 'image/webp');
@@ -47,7 +47,7 @@ test('a longer header of a later version is skipped', () => {
   assert.deepEqual([...decodeFrame(message({ 6: 36 }, bytes)).payload], [0xff, 0xd8, 0xff]);
 });
 
-test('malformed frames are refused, with the byte', () => {
+test('malformed frames are refused with the byte offset', () => {
   const cases = {
     'shorter than its header': message({}, EXAMPLE.slice(0, 31)),
     'of 0 bytes': new ArrayBuffer(0),
@@ -68,7 +68,7 @@ test('malformed frames are refused, with the byte', () => {
   }
 });
 
-test('every cut of a good frame is refused', () => {
+test('every truncation of a valid frame is refused', () => {
   for (let size = 0; size < EXAMPLE.length; size += 1) {
     assert.throws(() => decodeFrame(message({}, EXAMPLE.slice(0, size))), FrameError, `${size} bytes`);
   }

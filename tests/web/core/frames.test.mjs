@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the page says that a frame of a camera path shows is what the daemon draws: the frames of paths that move everything,
-// beside pictures of the views that blend.js makes.
+// The page and the daemon agree on the frames of a camera path. Compares frames of paths that change everything with images
+// of the views that blend.js computes.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Api } from '../../../clients/web/core/api.js';
@@ -28,7 +28,7 @@ async function png(path, options = {}) {
   return decodePng(Buffer.from(await answer.arrayBuffer()));
 }
 
-/** The largest difference of a part of a pixel, of 255. */
+/** Returns the largest difference of a colour channel, of 255. */
 function largest(a, b) {
   assert.deepEqual([a.width, a.height], [b.width, b.height]);
   let most = 0;
@@ -60,7 +60,7 @@ async function check(path) {
 
 const key = (change, more = {}) => ({ view: { ...view, ...change }, seconds: 1, ease: 'linear', ...more });
 
-test('all that moves: camera, colours, filter, slabs, light, box, plane, background', async () => {
+test('camera, colours, filter, slabs, light, box, plane and background change as in the daemon', async () => {
   const { camera, transfer_function: tf, filter, shading, clip } = view;
   const far = {
     ...camera, position: [-100, 120, 10], target: [14, 17, 13], up: [0.2, -0.3, 1], fov_y: 45, near: 0.5,
@@ -87,10 +87,10 @@ test('all that moves: camera, colours, filter, slabs, light, box, plane, backgro
   };
   const frames = await check(path);
   assert.equal(frames.length, 15);
-  for (let i = 1; i < frames.length; i += 1) assert.ok(largest(frames[i - 1], frames[i]) > 8, `frame ${i} is the one before it`);
+  for (let i = 1; i < frames.length; i += 1) assert.ok(largest(frames[i - 1], frames[i]) > 8, `frame ${i} equals the frame before it`);
 });
 
-test('steps and names change at the key; parallel rays; opposite directions', async () => {
+test('steps and names change at the keyframe; orthographic cameras and opposite directions work', async () => {
   const { camera, filter, shading, clip } = view;
   const flat = { ...camera, projection: 'orthographic' };
   const plane = (normal, offset) => ({ ...clip, planes: [{ normal, offset }] });
@@ -105,14 +105,14 @@ test('steps and names change at the key; parallel rays; opposite directions', as
   });
 });
 
-test('a turntable turns at constant speed in a circle, for the daemon, too', async () => {
+test('a turntable moves in a circle at constant speed, also in the daemon', async () => {
   const keys = turnOf(view, [0, 0, 1]).map((turned) => ({ view: turned, seconds: 0.75, ease: 'linear' }));
   const path = { keys, isLoop: true };
   const frames = await check(path);
   assert.equal(frames.length, 12);
   const angles = frames.map((_, i) => {
     const { position, target } = viewAt(path, OUTPUT.fps, i).camera;
-    assert.ok(Math.abs(position[2] - view.camera.position[2]) < 1e-9, 'it stays at its height');
+    assert.ok(Math.abs(position[2] - view.camera.position[2]) < 1e-9, 'the camera keeps its height');
     return Math.atan2(position[1] - target[1], position[0] - target[0]);
   });
   angles.forEach((angle, i) => {

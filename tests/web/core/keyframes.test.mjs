@@ -15,7 +15,7 @@ const lit = (background, more = {}) => ({ ...keyOf({ view: { ...defaultView('pha
 const path = (keys, isLoop = false) => ({ keys, isLoop });
 const reds = ({ keys }) => keys.map(({ view }) => view.background[0]);
 
-test('keys come, go and change places; the times between places stay', () => {
+test('keyframes are added, removed and reordered; the times between positions do not change', () => {
   const one = append(EMPTY, lit(0));
   const three = append(one, lit(0.5, { seconds: 1 }), lit(1, { seconds: 3, ease: 'smooth' }));
   assert.deepEqual([EMPTY.keys.length, one.keys.length, three.keys.length], [0, 1, 3]);
@@ -27,11 +27,11 @@ test('keys come, go and change places; the times between places stay', () => {
   assert.equal(move(three, 2, 1), three);
   assert.deepEqual(reds(remove(three, 1)), [0, 1]);
   assert.deepEqual(replace(three, 1, { seconds: 9 }).keys.map(({ seconds }) => seconds), [2, 9, 3]);
-  assert.deepEqual(reds(three), [0, 0.5, 1], 'nothing is changed in place');
+  assert.deepEqual(reds(three), [0, 0.5, 1], 'the argument is not modified');
   assert.equal(append(EMPTY, ...Array(300).fill(lit(0))).keys.length, KEYS_MAX);
 });
 
-test('the last key is the last frame; of a loop it is the first again, behind the last frame', () => {
+test('the last keyframe is the last frame; in a loop the first keyframe follows the last frame', () => {
   const open = path([lit(0), lit(0.5, { seconds: 1 }), lit(1, { seconds: 3 })]);
   assert.deepEqual([lengthOf(open), framesOf(open, 10)], [4, 41]);
   const { frames, keyframes } = requestOf(open, OUTPUT);
@@ -40,14 +40,14 @@ test('the last key is the last frame; of a loop it is the first again, behind th
   assert.deepEqual([lengthOf(round), framesOf(round, 10)], [6, 60]);
   const back = requestOf(round, OUTPUT).keyframes;
   assert.deepEqual(back.map(({ frame, view }) => [frame, view.background[0]]), [[10, 0.5], [40, 1], [60, 0]]);
-  // A length that is no whole number of frames is made one, and the last key is met none the less.
+  // A length is rounded to a whole number of frames, and the last frame still equals the last keyframe.
   const odd = requestOf(path([lit(0), lit(1, { seconds: 0.97 })]), OUTPUT);
   assert.deepEqual([odd.frames, odd.keyframes[0].frame], [11, 10]);
   assert.equal(framesOf(path([lit(0), lit(1, { seconds: 0.1 })]), 1), 2);
   assert.equal(secondsAt(open, 10, 20), 2);
 });
 
-test('a frame is the view between its keys, with their ease', () => {
+test('a frame is the view between its keyframes, with their easing', () => {
   const open = path([lit(0), lit(1, { seconds: 1, ease: 'smooth' }), lit(0, { seconds: 1, ease: 'step' })]);
   const red = (frame) => viewAt(open, 10, frame).background[0];
   close([0, 2.5, 5, 10, 19, 20].map(red), [0, 0.15625, 0.5, 1, 1, 0], 1e-12);
@@ -55,7 +55,7 @@ test('a frame is the view between its keys, with their ease', () => {
   close([5, 10, 20, 30].map((frame) => viewAt(round, 10, frame).background[0]), [0.5, 1, 0.5, 0], 1e-12);
 });
 
-test('a request holds what moves alone, as patches that lead from key to key', () => {
+test('a request contains only what changes, as patches from keyframe to keyframe', () => {
   const plain = defaultView('phantom');
   const { c_max: _, ...automatic } = plain.filter;
   const keys = [
@@ -72,7 +72,7 @@ test('a request holds what moves alone, as patches that lead from key to key', (
   ], 'each key names all that moves, so that nothing moves between two that are the same');
 });
 
-test('a patch between two values makes the one of the other', () => {
+test('a patch between two values turns the first into the second', () => {
   const from = { a: 1, b: { c: [1, 2], d: { e: 1 } }, f: 'x' };
   const to = { a: 1, b: { c: [1], d: { e: 2 } }, g: null };
   const patch = patchBetween(from, to);
@@ -81,7 +81,7 @@ test('a patch between two values makes the one of the other', () => {
   assert.deepEqual(patchBetween(from, structuredClone(from)), {});
 });
 
-test('pointers of the daemon lead to keys: the view is the first, and a loop\'s way back, too', () => {
+test('JSON pointers of the daemon map to keyframes: the view and the end of a loop map to the first', () => {
   const open = path([lit(0), lit(1), lit(0)]);
   assert.equal(pointerInto(open, '/keyframes/1/view/camera'), '/keyframes/2/view/camera');
   assert.equal(pointerInto(open, '/view/clip/box'), '/keyframes/0/view/clip/box');
@@ -89,14 +89,14 @@ test('pointers of the daemon lead to keys: the view is the first, and a loop\'s 
   assert.deepEqual(['/size/0', '/frames', '', '/keyframes'].map((pointer) => pointerInto(open, pointer)), ['/size/0', '/frames', '', '/keyframes']);
 });
 
-test('another length stretches all times', () => {
+test('a new length scales all times', () => {
   const open = path([lit(0, { seconds: 4 }), lit(0.5, { seconds: 1 }), lit(1, { seconds: 3 })]);
   assert.deepEqual(stretch(open, 8).keys.map(({ seconds }) => seconds), [8, 2, 6]);
-  assert.deepEqual(stretch(open, 0.04).keys.map(({ seconds }) => seconds), [0.1, 0.1, 0.1], 'none is nothing');
+  assert.deepEqual(stretch(open, 0.04).keys.map(({ seconds }) => seconds), [0.1, 0.1, 0.1], 'each time is at least 0.1 s');
   for (const wrong of [0, -1, NaN, Infinity]) assert.equal(stretch(open, wrong), open);
 });
 
-test('a turn: quarters about the target, each by the same right angle', () => {
+test('a turntable has four keyframes, each a quarter turn about the target', () => {
   const view = defaultView('phantom');
   const turn = turnOf(view, [0, 2, 0]);
   assert.equal(turn[0], view);
@@ -107,7 +107,7 @@ test('a turn: quarters about the target, each by the same right angle', () => {
   turn.forEach(({ camera }) => close(camera.up, [0, 1, 0]));
 });
 
-test('the upright axis is the most upright of the volume, upwards', () => {
+test('the up axis is the axis of the volume that is closest to up, pointing up', () => {
   const half = [[10, 0, 0], [0, 5, 0], [0, 0, 20]];
   close(uprightAxis({ up: [0.1, -0.9, 0.5] }, half), [0, -1, 0]);
   close(uprightAxis({ up: [0.2, 0.1, 3] }, half), [0, 0, 1]);

@@ -3,12 +3,12 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { FrameOrder } from '../../../clients/web/core/order.js';
 
-/** Pictures whose decoding is finished by hand. */
-function bench() {
+/** Sets up a FrameOrder whose decoding the test finishes by hand. */
+function setUp() {
   const it = { drawn: [], acked: [], failed: [], closed: 0, decoding: new Map() };
   it.order = new FrameOrder({
     decode: (frame) => new Promise((resolve, reject) => it.decoding.set(frame.frame, { resolve, reject })),
-    draw: (picture, frame) => it.drawn.push(frame.frame),
+    draw: (image, frame) => it.drawn.push(frame.frame),
     ack: (frame) => it.acked.push(frame.frame),
     fail: (error, frame) => it.failed.push([frame.frame, error.message]),
   });
@@ -17,7 +17,7 @@ function bench() {
 }
 
 test('frames that decode in order are all drawn and acknowledged', async () => {
-  const it = bench();
+  const it = setUp();
   const done = [1, 2, 3].map((frame) => it.order.put({ frame }));
   [1, 2, 3].forEach(it.finish);
   assert.deepEqual(await Promise.all(done), [true, true, true]);
@@ -27,7 +27,7 @@ test('frames that decode in order are all drawn and acknowledged', async () => {
 });
 
 test('an overtaken frame is not drawn, but acknowledged and released', async () => {
-  const it = bench();
+  const it = setUp();
   const done = [1, 2, 3].map((frame) => it.order.put({ frame }));
   it.finish(3);
   await done[2];
@@ -39,8 +39,8 @@ test('an overtaken frame is not drawn, but acknowledged and released', async () 
   assert.equal(it.closed, 3);
 });
 
-test('a frame that cannot be decoded is reported and acknowledged: the stream goes on', async () => {
-  const it = bench();
+test('a frame that cannot be decoded is reported and acknowledged, and the stream continues', async () => {
+  const it = setUp();
   const done = [1, 2].map((frame) => it.order.put({ frame }));
   it.decoding.get(1).reject(new Error('not a JPEG'));
   it.finish(2);
@@ -49,8 +49,8 @@ test('a frame that cannot be decoded is reported and acknowledged: the stream go
   assert.deepEqual(it.acked, [1, 2]);
 });
 
-test('what still decodes of an old stream is neither drawn nor acknowledged on the new one', async () => {
-  const it = bench();
+test('a frame of an old stream that is still decoding is neither drawn nor acknowledged on the new stream', async () => {
+  const it = setUp();
   const old = it.order.put({ frame: 9 });
   const first = it.decoding.get(9);
   it.order.reset();

@@ -11,7 +11,7 @@ const MIDDLE = [400, 300];
 const sameTurn = (a, b, tolerance) => assert.ok(
   1 - Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]) < tolerance, `${a} is not ${b}`);
 
-test('the ball: its middle faces the viewer, y points up, and its edge does not jump', () => {
+test('the centre of the ball faces the viewer, y points up, and its edge is continuous', () => {
   close(pointOnBall(MIDDLE, VIEWPORT), [0, 0, 1]);
   assert.ok(pointOnBall([400, 200], VIEWPORT)[1] > 0);
   assert.ok(pointOnBall([500, 300], VIEWPORT)[0] > 0);
@@ -20,14 +20,14 @@ test('the ball: its middle faces the viewer, y points up, and its edge does not 
   close([length(pointOnBall([1e6, -1e6], VIEWPORT))], [1]);
 });
 
-test('what is seen follows the pointer: dragging right turns the front to the right', () => {
+test('the front follows the pointer: dragging right turns it to the right', () => {
   const front = rotate(turn(MIDDLE, [500, 300], VIEWPORT), [0, 0, 1]);
   assert.ok(front[0] > 0.1 && Math.abs(front[1]) < 1e-12);
   const up = rotate(turn(MIDDLE, [400, 200], VIEWPORT), [0, 0, 1]);
   assert.ok(up[1] > 0.1 && Math.abs(up[0]) < 1e-12);
 });
 
-test('turns compose: a drag in two parts is the drag in one', () => {
+test('rotations compose: a drag in two parts equals the same drag in one', () => {
   const next = random(3);
   for (let i = 0; i < 200; i += 1) {
     const [a, b, c] = [0, 1, 2].map(() => [400 + 400 * next(), 300 + 300 * next()]);
@@ -35,7 +35,7 @@ test('turns compose: a drag in two parts is the drag in one', () => {
   }
 });
 
-test('a closed path returns to its start, by one drag and by its parts', () => {
+test('a closed pointer path returns to its start, in one drag and in parts', () => {
   const start = unitQuaternion(random(4));
   const circle = (i) => [400 + 250 * Math.cos(i / 50 * Math.PI), 300 + 250 * Math.sin(i / 50 * Math.PI)];
   sameTurn(drag(start, circle(0), circle(100), VIEWPORT), start, 1e-14);
@@ -44,7 +44,7 @@ test('a closed path returns to its start, by one drag and by its parts', () => {
   sameTurn(q, start, 1e-12);
 });
 
-test('10,000 steps do not drift: the camera stays orthonormal at its distance', () => {
+test('after 10,000 steps the camera is still orthonormal and at its distance', () => {
   const next = random(5);
   let rig = rigFromCamera({ position: [3, 4, 500], target: [1, 2, 3], up: [0.1, 1, 0], fov_y: 30 });
   const distance = rig.distance;
@@ -61,7 +61,7 @@ test('10,000 steps do not drift: the camera stays orthonormal at its distance', 
   close(camera.target, [1, 2, 3]);
 });
 
-test('no pole: turning over the top by keys goes on evenly', () => {
+test('there is no pole: rotation by keys over the top is uniform', () => {
   let rig = rigFromCamera({ position: [0, 0, 10], target: [0, 0, 0], up: [0, 1, 0] });
   let before = cameraFromRig(rig).position;
   for (let i = 0; i < 90; i += 1) {
@@ -73,7 +73,7 @@ test('no pole: turning over the top by keys goes on evenly', () => {
   close(before, [0, 0, 10], 1e-9);
 });
 
-test('on the screen: what faces the viewer goes where the pointer goes', () => {
+test('on the screen, the point that faces the viewer moves with the pointer', () => {
   const next = random(6);
   for (let i = 0; i < 50; i += 1) {
     const rig = {

@@ -5,7 +5,7 @@ import { applyPatch, joinPatches } from '../../../clients/web/core/merge.js';
 import { UpdateQueue } from '../../../clients/web/core/update_queue.js';
 
 /** An update queue with a hand-driven clock, animation frame and server. */
-function bench({ limit = 3 } = {}) {
+function setUp({ limit = 3 } = {}) {
   const it = { sent: [], answers: [], frames: [], failed: [], done: [], now: 0 };
   it.updates = new UpdateQueue({
     send: (params) => {
@@ -24,8 +24,8 @@ function bench({ limit = 3 } = {}) {
   return it;
 }
 
-test('many moves between two animation frames are one update, the newest', () => {
-  const it = bench();
+test('many moves between two animation frames become one update with the newest view', () => {
+  const it = setUp();
   for (let i = 0; i < 50; i += 1) it.updates.put({ camera: { position: [i, 0, 0] } });
   it.updates.put({ background: [1, 1, 1, 1] });
   assert.equal(it.frames.length, 1);
@@ -33,8 +33,8 @@ test('many moves between two animation frames are one update, the newest', () =>
   assert.deepEqual(it.sent, [{ seq: 1, patch: { camera: { position: [49, 0, 0] }, background: [1, 1, 1, 1] } }]);
 });
 
-test('no more than the limit are unanswered; the last is sent as soon as there is room', async () => {
-  const it = bench({ limit: 3 });
+test('unanswered updates are limited; the last update is sent as soon as an answer arrives', async () => {
+  const it = setUp({ limit: 3 });
   for (let i = 1; i <= 10; i += 1) {
     it.updates.put({ n: i });
     it.frame();
@@ -54,8 +54,8 @@ test('no more than the limit are unanswered; the last is sent as soon as there i
   assert.equal(it.sent.length, 4);
 });
 
-test('a refused update is reported and does not hold up the next', async () => {
-  const it = bench({ limit: 1 });
+test('a refused update is reported and does not delay the next', async () => {
+  const it = setUp({ limit: 1 });
   it.updates.put({ n: 1 });
   it.frame();
   it.updates.put({ n: 2 });
@@ -67,8 +67,8 @@ test('a refused update is reported and does not hold up the next', async () => {
   assert.equal(it.sent.length, 2);
 });
 
-test('a refused update is not one that a picture will show', async () => {
-  const it = bench();
+test('no frame is expected for a refused update', async () => {
+  const it = setUp();
   for (const n of [1, 2, 3]) {
     it.updates.put({ n });
     it.frame();
@@ -83,11 +83,11 @@ test('a refused update is not one that a picture will show', async () => {
   assert.equal(it.updates.sent, 2);
   it.updates.put({ n: 4 });
   it.frame();
-  assert.deepEqual([it.sent.at(-1).seq, it.updates.sent], [4, 4], 'no seq is used twice');
+  assert.deepEqual([it.sent.at(-1).seq, it.updates.sent], [4, 4], 'no seq is reused');
 });
 
-test('what a lost stream did not answer is sent again, joined, on the next one, which counts anew', async () => {
-  const it = bench();
+test('unanswered updates of a lost stream are merged and sent on the next stream, where seq starts again', async () => {
+  const it = setUp();
   it.updates.put({ a: 1, camera: { position: [1] } });
   it.frame();
   it.updates.put({ camera: { position: [2] } });
@@ -97,15 +97,15 @@ test('what a lost stream did not answer is sent again, joined, on the next one, 
   it.answers.forEach((answer) => answer.reject(new Error('the connection was lost')));
   await it.settle();
   it.frame();
-  assert.equal(it.sent.length, 2, 'nothing is sent while there is no stream');
+  assert.equal(it.sent.length, 2, 'nothing is sent without a stream');
   assert.deepEqual(it.failed, []);
   it.updates.open();
   it.frame();
   assert.deepEqual(it.sent[2], { seq: 1, patch: { a: 1, camera: { position: [2] }, b: 3 } });
 });
 
-test('drop forgets what waits; alone replaces it', () => {
-  const it = bench();
+test('drop discards the waiting update; alone replaces it', () => {
+  const it = setUp();
   it.updates.put({ camera: { position: [1] } });
   it.updates.put({ volume: 'head' }, { alone: true });
   it.frame();
@@ -116,22 +116,22 @@ test('drop forgets what waits; alone replaces it', () => {
   assert.equal(it.sent.length, 1);
 });
 
-test('latency runs from the first action of an update to the picture that shows it', () => {
-  const it = bench();
+test('latency is measured from the first action of an update to the frame that shows it', () => {
+  const it = setUp();
   it.now = 100;
   it.updates.put({ n: 1 }, { time: 90 });
   it.updates.put({ n: 2 }, { time: 99 });
   it.frame();
   it.now = 140;
-  assert.equal(it.updates.show(0), null, 'a picture of before');
+  assert.equal(it.updates.show(0), null, 'a frame from before the update');
   assert.equal(it.updates.show(1), 50);
-  assert.equal(it.updates.show(1), null, 'the refined picture is not a new answer');
+  assert.equal(it.updates.show(1), null, 'the refined frame does not count again');
   assert.equal(it.updates.show(7), null, 'a seq that was never sent');
   assert.equal(it.updates.drawn, 1);
 });
 
-test('a picture that shows a newer update also answers the older ones', () => {
-  const it = bench();
+test('a frame that shows a newer update also answers the older updates', () => {
+  const it = setUp();
   for (const n of [1, 2, 3]) {
     it.now = n * 10;
     it.updates.put({ n });
@@ -142,7 +142,7 @@ test('a picture that shows a newer update also answers the older ones', () => {
   assert.equal(it.updates.show(2), null);
 });
 
-test('merge patches (RFC 7396): null removes from a value, and stays in a patch', () => {
+test('merge patches (RFC 7396): null removes a member from a value and stays in a patch', () => {
   assert.deepEqual(applyPatch({ a: { b: 1, c: [1, 2] }, d: 4 }, { a: { b: null, c: [3] }, e: 5 }), { a: { c: [3] }, d: 4, e: 5 });
   assert.deepEqual(applyPatch({ a: 1 }, { a: { b: 2 } }), { a: { b: 2 } });
   assert.deepEqual(joinPatches({ a: { b: 1 }, d: 1 }, { a: { b: null, c: 2 } }), { a: { b: null, c: 2 }, d: 1 });

@@ -6,13 +6,13 @@ import {
 } from '../../../clients/web/core/vector.js';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
-test('a quaternion turns as its axis and angle say, right-handed', () => {
+test('a quaternion rotates about its axis by its angle, right-handed', () => {
   close(rotate(axisAngle([0, 0, 1], Math.PI / 2), [1, 0, 0]), [0, 1, 0]);
   close(rotate(axisAngle([1, 0, 0], Math.PI / 2), [0, 1, 0]), [0, 0, 1]);
   close(rotate(IDENTITY, [1, 2, 3]), [1, 2, 3]);
 });
 
-test('multiply composes: the right factor first', () => {
+test('multiply composes rotations and applies the right factor first', () => {
   const next = random(1);
   for (let i = 0; i < 100; i += 1) {
     const [a, b] = [unitQuaternion(next), unitQuaternion(next)];
@@ -33,7 +33,7 @@ test('fromAxes inverts rotate, for every branch of the conversion', () => {
   }
 });
 
-test('what has no direction is refused', () => {
+test('vectors without a direction are refused', () => {
   assert.throws(() => normalize([0, 0, 0]), RangeError);
   assert.throws(() => normalize([NaN, 0, 0]), RangeError);
   assert.throws(() => normalize(cross([1, 0, 0], [2, 0, 0])), RangeError);

@@ -3,8 +3,8 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { VideoStream, videoFormats } from '../../../clients/web/core/video.js';
 
-/** A decoder that shows what it is given, by hand. */
-function bench() {
+/** Sets up a decoder whose output the test produces by hand. */
+function setUp() {
   const it = { decoders: [], asked: 0, given: [] };
   class VideoDecoder {
     state = 'unconfigured';
@@ -26,7 +26,7 @@ function bench() {
   }
   it.video = new VideoStream({
     env: { VideoDecoder, EncodedVideoChunk: class { constructor(init) { Object.assign(this, init); } } },
-    toImage: async (picture, frame) => ({ of: frame.frame }),
+    toImage: async (image, frame) => ({ of: frame.frame }),
     askKey: () => { it.asked += 1; },
     giveUp: (error) => it.given.push(error.message),
   });
@@ -34,8 +34,8 @@ function bench() {
   return it;
 }
 
-test('pictures come out of one decoder, by the frame that they belong to', async () => {
-  const it = bench();
+test('one decoder outputs images, each assigned to its frame', async () => {
+  const it = setUp();
   const [a, b] = [it.decode(1, true), it.decode(2)];
   const [decoder] = it.decoders;
   assert.deepEqual(decoder.config, { codec: 'vp09.00.10.08', optimizeForLatency: true });
@@ -47,16 +47,16 @@ test('pictures come out of one decoder, by the frame that they belong to', async
   assert.equal(it.decoders.length, 1);
 });
 
-test('a delta without its key frame is no picture, and reaches no decoder', async () => {
-  const it = bench();
+test('a delta frame without its key frame gives no image and reaches no decoder', async () => {
+  const it = setUp();
   assert.equal(await it.decode(1), null);
   it.decode(2, true, 5);
-  assert.equal(await it.decode(3, false, 7), null, 'a delta of another codec');
+  assert.equal(await it.decode(3, false, 7), null, 'a delta frame of another codec');
   assert.equal(it.decoders[0].chunks.length, 1);
 });
 
-test('another codec begins with its key frame in a new decoder', async () => {
-  const it = bench();
+test('another codec starts with its key frame in a new decoder', async () => {
+  const it = setUp();
   const old = it.decode(1, true, 5);
   it.decode(2, true, 7);
   assert.equal(await old, null);
@@ -64,8 +64,8 @@ test('another codec begins with its key frame in a new decoder', async () => {
   assert.equal(it.decoders[1].config.codec, 'vp8');
 });
 
-test('after a failure nothing is decoded until the key frame that is asked for', async () => {
-  const it = bench();
+test('after a failure nothing is decoded until the requested key frame arrives', async () => {
+  const it = setUp();
   const lost = it.decode(1, true);
   it.decoders[0].error(new Error('bits'));
   assert.equal(await lost, null);
@@ -74,29 +74,29 @@ test('after a failure nothing is decoded until the key frame that is asked for',
   const again = it.decode(3, true);
   it.decoders[1].show(0);
   assert.deepEqual(await again, { of: 3 });
-  it.decoders[0].error(new Error('late news of the old one'));
+  it.decoders[0].error(new Error('late error of the old decoder'));
   assert.equal(it.asked, 1);
 });
 
-test('a decoder that fails three times without a picture is given up', async () => {
-  const it = bench();
+test('a decoder that fails three times without an image is not used again', async () => {
+  const it = setUp();
   it.throws = true;
   for (let i = 1; i <= 3; i += 1) assert.equal(await it.decode(i, true), null);
   assert.equal(it.asked, 2);
   assert.deepEqual(it.given, ['no']);
 });
 
-test('a new stream forgets the old one', async () => {
-  const it = bench();
+test('a new stream discards the state of the old one', async () => {
+  const it = setUp();
   const old = it.decode(1, true);
   it.video.reset();
   assert.equal(await old, null);
-  it.decoders[0].show(0); // comes late, and is released
+  it.decoders[0].show(0); // arrives late and is released
   assert.equal(it.closed, 1);
   assert.equal(await it.decode(2), null);
 });
 
-test('formats: what the browser supports, nothing without WebCodecs', async () => {
+test('the formats are those that the browser supports, and none without WebCodecs', async () => {
   const decoder = (supported) => ({ isConfigSupported: async ({ codec }) => ({ supported: supported.includes(codec) }) });
   assert.deepEqual(await videoFormats(undefined), []);
   assert.deepEqual(await videoFormats(decoder(['vp8', 'vp09.00.10.08'])), ['vp9', 'vp8']);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page against a daemon that misbehaves: whatever happens, it says what, never goes blank, and goes on.
+// The page with a daemon that misbehaves: it reports every problem, never goes blank, and continues.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { launch, openPage, picture, pixels, shot, until } from '../support/browser.mjs';
+import { launch, openPage, firstFrame, pixels, shot, until } from '../support/browser.mjs';
 import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
 
 let browser;
@@ -25,17 +25,17 @@ async function setUp(context, options = {}, { address = (d) => d.url, page: page
 
 const middle = (image) => image.at(image.width >> 1, image.height >> 1);
 
-test('a picture is drawn over the whole window and acknowledged; the token leaves the address', async (context) => {
+test('a frame fills the whole window and is acknowledged; the token is removed from the address', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   await until(it.page, 'full size', (s) => String(s.size) === String(s.wanted));
   assert.deepEqual(middle(await pixels(it.page)), [200, 120, 40]);
   assert.equal(new URL(it.page.url()).search, '');
   assert.ok(it.daemon.heard.some((m) => m.method === 'stream.ack'));
   assert.ok(await it.page.locator('#banner').isHidden());
   await it.page.reload();
-  await picture(it.page);
-  assert.equal(it.daemon.sessions.size, 1, 'a reload comes back to its session');
+  await firstFrame(it.page);
+  assert.equal(it.daemon.sessions.size, 1, 'a reload returns to the session');
   assert.deepEqual(it.said, []);
 });
 
@@ -48,11 +48,11 @@ test('without a token, and with a wrong one, the page asks for it', async (conte
   await shot(it.page, 'token');
   await it.page.fill('#token-input', it.daemon.url);
   await it.page.click('#token-form button');
-  await picture(it.page);
+  await firstFrame(it.page);
   assert.ok(await it.page.locator('#banner').isHidden());
 });
 
-test('no volume; one that loads, with its progress; one that failed, with the reason', async (context) => {
+test('the page reports no volume, the progress of a loading volume, and the reason of a failed one', async (context) => {
   const it = await setUp(context, { volumes: [] });
   await it.banner('No volume is loaded');
   it.daemon.volumes = [volume('slow', { state: 'loading', progress: 0.4 })];
@@ -63,13 +63,13 @@ test('no volume; one that loads, with its progress; one that failed, with the re
   await it.banner('broken could not be loaded');
   await it.banner('byte 112');
   it.daemon.volumes.push(volume('phantom'));
-  await picture(it.page);
+  await firstFrame(it.page);
   await it.page.locator('#volumes button[data-state="failed"]', { hasText: 'byte 112' }).waitFor();
 });
 
-test('frames that finish out of order and frames that nobody can decode', async (context) => {
+test('frames that decode out of order and frames that cannot be decoded are handled', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   it.daemon.script = (stream) => {
     const first = stream.frame + 1;
     stream.frame += 4;
@@ -90,9 +90,9 @@ test('frames that finish out of order and frames that nobody can decode', async 
   assert.equal(await it.page.evaluate(() => window.splatd.state), 'live');
 });
 
-test('a refused change is explained beside its control, and the page goes back to what the daemon shows', async (context) => {
+test('a refused change is explained beside its control, and the page returns to the view of the daemon', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   it.daemon.answer = (method, params) => {
     if (method !== 'view.update' || !params.patch.filter) return null;
     throw Object.assign(new Error('"swan" is not supported by this backend'), { code: -32001, pointer: '/filter/mode' });
@@ -103,14 +103,14 @@ test('a refused change is explained beside its control, and the page goes back t
   assert.equal(await it.page.getAttribute('#filter', 'aria-invalid'), 'true');
   assert.ok(await it.page.locator('#notice').isHidden());
   await it.page.locator('#shading').click();
-  assert.equal(await it.page.locator('.complaint').count(), 0, 'the next change takes the complaint away');
+  assert.equal(await it.page.locator('.complaint').count(), 0, 'the next change removes the message');
   assert.equal(await it.page.getAttribute('#filter', 'aria-invalid'), null);
   assert.deepEqual(it.said, []);
 });
 
-test('a refused change without a control on the screen is explained in a notice', async (context) => {
+test('a refused change without a visible control is explained in a notice', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   it.daemon.answer = (method) => {
     if (method !== 'view.update') return null;
     throw Object.assign(new Error('too near'), { code: -32000, pointer: '/camera/near' });
@@ -122,16 +122,16 @@ test('a refused change without a control on the screen is explained in a notice'
     throw Object.assign(new Error('no clipping'), { code: -32001, pointer: '/clip/planes/0/normal' });
   };
   await it.page.keyboard.press('ArrowLeft');
-  await it.notice('no clipping (/clip/planes/0/normal)'); // its panel is folded
+  await it.notice('no clipping (/clip/planes/0/normal)'); // its panel is closed
   await it.page.locator('#clip summary').click();
   await it.page.locator('#plane').click();
   await it.page.locator('#plane-section .complaint', { hasText: 'no clipping' }).waitFor();
   await until(it.page, 'no plane', () => !document.getElementById('plane').checked);
 });
 
-test('a daemon that tells no roles: the refusal of the first change says that this page may only watch', async (context) => {
+test('with a daemon that does not report roles, the first refused change tells the page that it may only watch', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   it.daemon.answer = (method) => {
     if (method !== 'view.update') return null;
     throw Object.assign(new Error('this token may watch; changing the view needs the control token'), { code: -32004 });
@@ -143,13 +143,13 @@ test('a daemon that tells no roles: the refusal of the first change says that th
     `(s) => String(s.camera.position) === '${session.view.camera.position}' && s.isIdle`);
 });
 
-test('a failing render is told and the next picture takes the message away', async (context) => {
+test('a failed render is reported, and the next frame removes the message', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
-  // No picture may be on its way, for it would take the message away before it is seen.
+  await firstFrame(it.page);
+  // No frame may be in flight: it would remove the message before the test sees it.
   it.daemon.draws = false;
   const sent = Math.max(...[...it.daemon.streams].map((stream) => stream.frame));
-  await until(it.page, 'all pictures drawn', `(s) => s.frame === ${sent}`);
+  await until(it.page, 'all frames to be drawn', `(s) => s.frame === ${sent}`);
   it.daemon.notifyAll('render.error', { code: -32006, message: 'out of memory', pointer: '' });
   await it.notice('out of memory');
   it.daemon.draws = true;
@@ -159,7 +159,7 @@ test('a failing render is told and the next picture takes the message away', asy
 
 test('updates wait for a slow daemon, and the last view always arrives', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   it.daemon.draws = false;
   for (let i = 0; i < 40; i += 1) await it.page.keyboard.press('ArrowLeft');
   await until(it.page, 'all answered', (s) => s.isIdle && s.sent > 0);
@@ -170,16 +170,16 @@ test('updates wait for a slow daemon, and the last view always arrives', async (
   assert.deepEqual(updates.at(-1).params.patch.camera.position, last.position);
 });
 
-test('a shared view: what another one changes is followed; a watching guest is told that he may not', async (context) => {
+test('the page follows changes of another participant; a watching guest is told that it may not change the view', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   const [session] = it.daemon.sessions.values();
   it.daemon.notifyAll('view.changed', { view: { ...session.view, background: [1, 1, 1, 1] } });
   await until(it.page, 'the new background', (s) => s.background[0] === 1);
   const guest = await openPage(browser);
   context.after(() => guest.context.close());
   await guest.page.goto(`${it.daemon.base}?session=${session.id}&token=${session.tokens.view}`);
-  await picture(guest.page);
+  await firstFrame(guest.page);
   assert.equal(new URL(guest.page.url()).search, `?session=${session.id}`);
   assert.ok(await guest.page.locator('#volumes-section').isHidden());
   await guest.page.locator('#status', { hasText: 'watching' }).waitFor();
@@ -192,17 +192,17 @@ test('a shared view: what another one changes is followed; a watching guest is t
 
 test('the daemon drains, vanishes and comes back', async (context) => {
   const it = await setUp(context);
-  await picture(it.page);
+  await firstFrame(it.page);
   it.daemon.notifyAll('server.draining');
   await it.banner('shutting down');
   const { port } = it.daemon;
   await it.daemon.kill();
   await it.banner('Connection lost — trying again');
   await shot(it.page, 'lost');
-  assert.deepEqual(middle(await pixels(it.page)), [200, 120, 40], 'the last picture stays');
+  assert.deepEqual(middle(await pixels(it.page)), [200, 120, 40], 'the last frame stays visible');
   it.daemon = await MockDaemon.start({ port, color: () => [20, 30, 220] });
   await until(it.page, 'live again', (s) => s.state === 'live');
-  await until(it.page, 'a new picture', (s) => s.frame >= 1 && s.seq === 0);
+  await until(it.page, 'a new frame', (s) => s.frame >= 1 && s.seq === 0);
   await it.page.locator('#banner').waitFor({ state: 'hidden' });
   await until(it.page, 'drawn', () => {
     const canvas = document.getElementById('screen');
@@ -211,11 +211,11 @@ test('the daemon drains, vanishes and comes back', async (context) => {
   });
 });
 
-test('below a path of a reverse proxy, and on a phone', async (context) => {
+test('the page works below a path of a reverse proxy and on a phone', async (context) => {
   const it = await setUp(context, { prefix: '/lab/volumes' }, {
     page: { viewport: { width: 390, height: 780 }, deviceScaleFactor: 3, isMobile: true, hasTouch: true },
   });
-  await picture(it.page);
+  await firstFrame(it.page);
   assert.equal(new URL(it.page.url()).pathname, '/lab/volumes/');
   const wanted = await it.page.evaluate(() => window.splatd.wanted);
   assert.ok(Math.max(...wanted) === 2048 && Math.abs(wanted[0] / wanted[1] - 0.5) < 0.01, `${wanted}`);

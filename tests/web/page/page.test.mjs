@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page against the real daemon: look, turn, move, zoom, by mouse, touch and keyboard; change volume, window and
-// background; lose the daemon and get it back. Whatever was done last is what is seen in the end.
+// The page with the real daemon: rotate, move and zoom by mouse, touch and keyboard; change volume, window and background;
+// lose the daemon and reconnect. In the end the page always shows the last action.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import {
-  camera, difference, drag, launch, openPage, picture, pixels, rest, shot, touch, until,
+  camera, difference, drag, launch, openPage, firstFrame, pixels, rest, shot, touch, until,
 } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 
@@ -27,7 +27,7 @@ async function setUp(context, options) {
   const opened = await openPage(browser, options);
   context.after(() => opened.context.close());
   await opened.page.goto(daemon.url);
-  await picture(opened.page);
+  await firstFrame(opened.page);
   await rest(opened.page);
   return opened;
 }
@@ -35,19 +35,19 @@ async function setUp(context, options) {
 const away = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
 const depth = (c) => away(c.position, c.target);
 
-/** Does something, waits for rest, and checks that the picture changed (or not) and that it shows the last view. */
+/** Runs `act`, waits for rest, and checks that the image changed (or not) and shows the last view. */
 async function changes(page, act, { isSame = false } = {}) {
   const [before_, cameraBefore] = [await pixels(page), await camera(page)];
   await act();
-  await until(page, 'something was sent', (s) => s.sent > 0);
+  await until(page, 'an update to be sent', (s) => s.sent > 0);
   await rest(page);
   const part = difference(before_, await pixels(page));
-  if (isSame) assert.ok(part < 0.002, `${part} of the picture differs`);
-  else assert.ok(part > 0.005, `only ${part} of the picture differs`);
+  if (isSame) assert.ok(part < 0.002, `${part} of the image differs`);
+  else assert.ok(part > 0.005, `only ${part} of the image differs`);
   return [cameraBefore, await camera(page)];
 }
 
-test('load: a picture that is not empty, sharp at rest, with a clean console', async (context) => {
+test('the page loads with an image that is not empty, is sharp at rest, and logs nothing to the console', async (context) => {
   const { page, said } = await setUp(context);
   const image = await pixels(page);
   assert.deepEqual([image.width, image.height], [900, 600]);
@@ -67,7 +67,7 @@ test('load: a picture that is not empty, sharp at rest, with a clean console', a
   assert.deepEqual(said, []);
 });
 
-test('drag turns; the way back brings the first picture back', async (context) => {
+test('a drag rotates; the reverse drag restores the first image', async (context) => {
   const { page, said } = await setUp(context);
   const first = await pixels(page);
   const [a, b] = await changes(page, () => drag(page, [520, 300], [700, 220]));
@@ -80,7 +80,7 @@ test('drag turns; the way back brings the first picture back', async (context) =
   await page.mouse.up();
   await rest(page);
   const c = await camera(page);
-  assert.ok(away(b.position, c.position) < 1e-6 * depth(a) && away(b.up, c.up) < 1e-6, 'a closed path ends where it began');
+  assert.ok(away(b.position, c.position) < 1e-6 * depth(a) && away(b.up, c.up) < 1e-6, 'a closed path ends at its start');
   await drag(page, [700, 220], [520, 300]);
   await rest(page);
   assert.ok(difference(first, await pixels(page)) < 0.002);
@@ -89,7 +89,7 @@ test('drag turns; the way back brings the first picture back', async (context) =
   assert.deepEqual(said, []);
 });
 
-test('right and shift drag move: the target follows the cursor', async (context) => {
+test('dragging with the right button or Shift moves the target with the cursor', async (context) => {
   const { page, said } = await setUp(context);
   const [a, b] = await changes(page, () => drag(page, [450, 300], [600, 300], { button: 'right' }));
   const unit = 2 * depth(a) * Math.tan(a.fov_y * Math.PI / 360) / 600;
@@ -110,11 +110,11 @@ test('the wheel zooms towards the cursor and stops at a limit', async (context) 
     await page.mouse.wheel(0, -400);
     await until(page, 'zoomed', (s) => s.sent > 0);
   });
-  await until(page, 'the glide to end', (s) => s.isIdle && s.seq === s.sent);
+  await until(page, 'the zoom animation to end', (s) => s.isIdle && s.seq === s.sent);
   assert.ok(depth(b) < depth(a) && away(a.target, b.target) > 0);
   await shot(page, 'zoomed');
   for (let i = 0; i < 60; i += 1) await page.mouse.wheel(0, -1000);
-  await until(page, 'the nearest', (s) => {
+  await until(page, 'the nearest distance', (s) => {
     const same = window.lastSeen === s.sent && s.isIdle;
     window.lastSeen = s.sent;
     return same && Math.hypot(...s.camera.position.map((x, i) => x - s.camera.target[i])) < 3;
@@ -124,7 +124,7 @@ test('the wheel zooms towards the cursor and stops at a limit', async (context) 
   assert.deepEqual(said, []);
 });
 
-test('keys turn, move, zoom, fit and reset', async (context) => {
+test('keys rotate, move, zoom, fit and reset', async (context) => {
   const { page, said } = await setUp(context);
   const first = await camera(page);
   let [a, b] = await changes(page, async () => { for (let i = 0; i < 5; i += 1) await page.keyboard.press('ArrowRight'); });
@@ -142,7 +142,7 @@ test('keys turn, move, zoom, fit and reset', async (context) => {
   assert.deepEqual(said, []);
 });
 
-test('touch: one finger turns, two move and zoom', async (context) => {
+test('touch: one finger rotates, two fingers move and zoom', async (context) => {
   const { page, said } = await setUp(context, { viewport: { width: 390, height: 700 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
   await shot(page, 'touch');
   const steps = (from, to) => Array.from({ length: 9 }, (_, i) => from.map(([x, y], n) => [
@@ -150,13 +150,13 @@ test('touch: one finger turns, two move and zoom', async (context) => {
   let [a, b] = await changes(page, () => touch(page, steps([[195, 350]], [[280, 420]])));
   assert.ok(away(a.position, b.position) > 0.1 * depth(a) && away(a.target, b.target) === 0);
   [a, b] = await changes(page, () => touch(page, steps([[150, 350], [240, 350]], [[100, 400], [280, 400]])));
-  assert.ok(Math.abs(depth(b) / depth(a) - 0.5) < 1e-6, 'twice as far apart is twice as near');
+  assert.ok(Math.abs(depth(b) / depth(a) - 0.5) < 1e-6, 'twice the finger distance halves the camera distance');
   assert.ok(away(a.target, b.target) > 0);
-  assert.ok(away(a.up, b.up) < 1e-9, 'pinching does not turn');
+  assert.ok(away(a.up, b.up) < 1e-9, 'pinching does not rotate');
   assert.deepEqual(said, []);
 });
 
-test('the picture follows the window, at full size in the end', async (context) => {
+test('the image follows the size of the window and ends at full size', async (context) => {
   const { page, said } = await setUp(context);
   for (const [width, height] of [[500, 700], [1000, 400], [640, 480]]) {
     await page.setViewportSize({ width, height });
@@ -167,7 +167,7 @@ test('the picture follows the window, at full size in the end', async (context) 
   assert.deepEqual(said, []);
 });
 
-test('another volume, with its own camera, and back; the address can name one', async (context) => {
+test('the page switches to another volume with its own camera and back; the address can name a volume', async (context) => {
   const { page, said } = await setUp(context);
   await drag(page, [450, 300], [300, 200]);
   await changes(page, async () => {
@@ -183,7 +183,7 @@ test('another volume, with its own camera, and back; the address can name one', 
   assert.deepEqual(said, []);
 });
 
-test('background, shading and filter reach the picture', async (context) => {
+test('background, shading and filter change the image', async (context) => {
   const { page, said } = await setUp(context);
   await changes(page, () => page.click('.swatches button[data-color="#ffffff"]'));
   const image = await pixels(page);
@@ -208,7 +208,7 @@ test('background, shading and filter reach the picture', async (context) => {
   assert.deepEqual(said, []);
 });
 
-test('every choice of the picture is drawn, and what a plane, a box and the gradient hide is gone', async (context) => {
+test('every rendering option can be drawn, and parts hidden by a plane, a box or the gradient disappear', async (context) => {
   const { page, said } = await setUp(context, { viewport: { width: 700, height: 500 } });
   const choose = async (id, value) => {
     await page.selectOption(id, value);
@@ -224,7 +224,7 @@ test('every choice of the picture is drawn, and what a plane, a box and the grad
   await choose('#attenuation', 'linear');
   await choose('#attenuation', 'exponential');
   await choose('#compositing', 'sheet');
-  assert.ok(difference(plain, await pixels(page)) < 0.001, 'back where it began');
+  assert.ok(difference(plain, await pixels(page)) < 0.001, 'the first image again');
   await choose('#order', 'post');
   assert.equal(await page.inputValue('#compositing'), 'slab');
   await shot(page, 'post');
@@ -243,7 +243,7 @@ test('every choice of the picture is drawn, and what a plane, a box and the grad
     await page.focus('#plane-depth');
     await page.keyboard.press('End');
   });
-  assert.equal(lit(await pixels(page)), 0, 'a plane behind everything leaves nothing');
+  assert.equal(lit(await pixels(page)), 0, 'a plane behind the volume hides all of it');
   await page.locator('#plane').click();
   await rest(page);
   await changes(page, async () => {
@@ -263,13 +263,13 @@ test('every choice of the picture is drawn, and what a plane, a box and the grad
   assert.deepEqual(said, []);
 });
 
-test('two windows on one session see each other\'s changes', async (context) => {
+test('two windows of one session show each other\'s changes', async (context) => {
   const { page, said } = await setUp(context);
   const join = await page.evaluate(() => JSON.parse(Object.entries(sessionStorage).find(([k]) => k.endsWith('session'))[1]));
   const other = await openPage(browser);
   context.after(() => other.context.close());
   await other.page.goto(`${new URL(daemon.url).origin}/?session=${join.id}&token=${join.token}`);
-  await picture(other.page);
+  await firstFrame(other.page);
   await drag(page, [450, 300], [600, 250]);
   await rest(page);
   const { position } = await camera(page);
@@ -277,19 +277,19 @@ test('two windows on one session see each other\'s changes', async (context) => 
   assert.deepEqual([...said, ...other.said], []);
 });
 
-test('the daemon stops: a banner says so; it starts again: the page comes back with the last view', async (context) => {
+test('when the daemon stops, a banner says so; when it restarts, the page reconnects with the last view', async (context) => {
   const { page } = await setUp(context);
   await page.click('.swatches button[data-color="#808080"]');
   await drag(page, [450, 300], [600, 250]);
   await rest(page);
   const last = await camera(page);
   const { port } = daemon;
-  assert.equal(await daemon.stop(), 0, 'SIGTERM with a client connected drains and ends well');
+  assert.equal(await daemon.stop(), 0, 'SIGTERM with a connected client drains and exits with status 0');
   await page.locator('#banner', { hasText: 'Connection lost — trying again' }).waitFor();
   await shot(page, 'gone');
   const count = await page.evaluate(() => window.splatd.count);
   daemon = await startDaemon(VOLUMES, { port, token });
-  await until(page, 'a new picture', `(s) => s.state === 'live' && s.count > ${count}`);
+  await until(page, 'a new frame', `(s) => s.state === 'live' && s.count > ${count}`);
   await rest(page);
   await page.locator('#banner').waitFor({ state: 'hidden' });
   const back = await camera(page);
@@ -300,7 +300,7 @@ test('the daemon stops: a banner says so; it starts again: the page comes back w
   await rest(page);
 });
 
-test('V tells the value under the cursor', async (context) => {
+test('V shows the value under the cursor', async (context) => {
   const { page, said } = await setUp(context);
   await page.focus('#screen');
   await page.mouse.move(450, 300);

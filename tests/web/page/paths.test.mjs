@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel "Path": keyframes by mouse and keyboard, turns, playing, what the daemon draws of them and what becomes of it.
+// The panel "Path": keyframes by mouse and keyboard, turntables, playback, rendering by the daemon and the resulting files.
 import assert from 'node:assert/strict';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
-import { camera, eventually, launch, openPage, picture, rest, shot, until } from '../support/browser.mjs';
+import { camera, eventually, launch, openPage, firstFrame, rest, shot, until } from '../support/browser.mjs';
 import { countFrames, untar } from '../support/containers.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 import { MockDaemon, volume } from '../support/mock-daemon.mjs';
@@ -27,20 +27,20 @@ async function open(context, address, options) {
   context.after(() => opened.context.close());
   const { page } = opened;
   await page.goto(address);
-  await picture(page);
+  await firstFrame(page);
   if (options?.hasTouch) await page.tap('#panel-toggle');
   await page.locator('#path > summary').click();
   return {
     ...opened,
     about: (text) => page.locator('#keys-about', { hasText: text }).waitFor(),
     entry: (state) => page.locator(`#paths li[data-state="${state}"]`),
-    /** Turns the view by some presses of a key, and waits until that is on the screen. */
+    /** Rotates the view by some key presses, and waits until the page shows it. */
     async press(key, times = 5) {
       await page.focus('#screen');
       for (let i = 0; i < times; i += 1) await page.keyboard.press(key);
-      await until(page, 'all pictures', (s) => s.isIdle && s.seq === s.sent);
+      await until(page, 'all frames', (s) => s.isIdle && s.seq === s.sent);
     },
-    /** Presses what saves the path of the entry and returns the file. */
+    /** Presses the save button of the first path and returns the file. */
     async save() {
       const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#paths .save').first().click()]);
       return { name: download.suggestedFilename(), bytes: readFileSync(await download.path()) };
@@ -61,7 +61,7 @@ async function fill(page, values) {
   }
 }
 
-test('two views are keyframes; the daemon draws pictures between them, which are saved', async (context) => {
+test('two views become keyframes; the daemon renders the frames between them, which can be saved', async (context) => {
   const it = await open(context, daemon.url);
   const { page } = it;
   await rest(page);
@@ -74,9 +74,9 @@ test('two views are keyframes; the daemon draws pictures between them, which are
   await it.about('2 keyframes, 2 s, 61 frames');
   assert.equal(await page.locator('#keys img').count(), 2);
   const offered = () => page.evaluate(() => ['width', 'height'].map((side) => document.getElementById(`path-${side}`).placeholder));
-  assert.deepEqual(await offered(), ['900', '600'], 'as the window');
+  assert.deepEqual(await offered(), ['900', '600'], 'the size of the window');
   await fill(page, { 'path-length': 0.5, 'path-fps': 10, 'path-width': 90 });
-  assert.equal((await offered())[1], '60', 'of the shape of the window');
+  assert.equal((await offered())[1], '60', 'the aspect ratio of the window');
   await it.about('2 keyframes, 0.5 s, 6 frames');
   await page.selectOption('#path-format', 'png');
   assert.ok(await page.locator('#path-quality').isDisabled());
@@ -89,22 +89,22 @@ test('two views are keyframes; the daemon draws pictures between them, which are
   assert.match(name, /^[0-9a-f]{32}\.tar$/);
   const files = untar(bytes);
   assert.deepEqual(files.map((file) => file.name), [0, 1, 2, 3, 4, 5].map((n) => `00000${n}.png`));
-  const pictures = files.map((file) => decodePng(file.bytes));
-  for (const { width, height } of pictures) assert.deepEqual([width, height], [90, 60]);
+  const images = files.map((file) => decodePng(file.bytes));
+  for (const { width, height } of images) assert.deepEqual([width, height], [90, 60]);
   for (let i = 1; i < 6; i += 1) assert.notDeepEqual(files[i].bytes, files[i - 1].bytes);
   await it.remove();
   assert.ok(await page.locator('#paths-title').isHidden());
   assert.deepEqual(it.said, []);
 });
 
-test('a turntable is one press, and becomes a movie', async (context) => {
+test('a turntable takes one press and becomes a movie', async (context) => {
   const it = await open(context, daemon.url);
   const { page } = it;
   const first = await camera(page);
   await page.click('#turn-add');
   await it.about('4 keyframes, 8 s, 240 frames');
   assert.ok(await page.isChecked('#path-loop'));
-  await until(page, 'pictures of the keyframes', () => document.querySelectorAll('#keys .picture img').length === 4);
+  await until(page, 'images of the keyframes', () => document.querySelectorAll('#keys .picture img').length === 4);
   await page.locator('#keys .picture').nth(2).click();
   await until(page, 'the far side', (s) => s.camera.position[0] < 0 && s.isIdle);
   const far = await camera(page);
@@ -117,14 +117,14 @@ test('a turntable is one press, and becomes a movie', async (context) => {
   assert.match(name, /^phantom-[0-9a-f]{8}\.webm$/);
   assert.equal(countFrames(bytes), 6);
   await it.remove();
-  // Behind other keyframes a turn comes back to where it began.
+  // A turntable after other keyframes returns to its start.
   await page.click('#turn-add');
   await page.locator('#keys li').nth(8).waitFor();
   assert.equal(await page.locator('#keys li').count(), 9);
   assert.deepEqual(it.said, []);
 });
 
-test('keyframes are replaced, moved, removed and gone to by keyboard; each volume has its own; a reload keeps them', async (context) => {
+test('the keyboard replaces, moves, removes and selects keyframes; each volume has its own; a reload keeps them', async (context) => {
   const it = await open(context, daemon.url);
   const { page } = it;
   const focused = () => page.evaluate(() => document.activeElement.getAttribute('aria-label') ?? document.activeElement.id);
@@ -145,11 +145,11 @@ test('keyframes are replaced, moved, removed and gone to by keyboard; each volum
   };
   await at(1, cameras[0]);
   await act('Move keyframe 2 down');
-  assert.equal(await focused(), 'Go to keyframe 3', 'it is the last: there is no way further down');
+  assert.equal(await focused(), 'Go to keyframe 3', 'the last keyframe cannot move further down');
   await at(3, cameras[1]);
   await at(2, cameras[2]);
   await act('Move keyframe 3 up');
-  assert.equal(await focused(), 'Move keyframe 2 up', 'the focus goes with it');
+  assert.equal(await focused(), 'Move keyframe 2 up', 'the focus moves with the keyframe');
   await it.press('ArrowUp');
   const { position } = await camera(page);
   await act('Replace keyframe 1 by the current view');
@@ -163,7 +163,7 @@ test('keyframes are replaced, moved, removed and gone to by keyboard; each volum
   await page.locator('#volumes button', { hasText: 'phantom' }).click();
   await it.about('3 keyframes');
   await page.reload();
-  await picture(page);
+  await firstFrame(page);
   await page.locator('#path > summary').click();
   await it.about('3 keyframes, 4 s, 121 frames');
   await at(1, position);
@@ -180,7 +180,7 @@ test('keyframes are replaced, moved, removed and gone to by keyboard; each volum
   assert.deepEqual(it.said, []);
 });
 
-test('playing goes along the path to its end; whoever moves the view stops it', async (context) => {
+test('playback follows the path to its end; moving the view stops it', async (context) => {
   const it = await open(context, daemon.url);
   const { page } = it;
   const first = await camera(page);
@@ -189,7 +189,7 @@ test('playing goes along the path to its end; whoever moves the view stops it', 
   const last = await camera(page);
   await page.click('#key-add');
   const near = (position) => `(s) => s.isIdle && s.camera.position.every((x, i) => Math.abs(x - ${JSON.stringify(position)}[i]) < 1e-6)`;
-  // The middle of the way lies on the arc, and so at the same distance.
+  // The middle of the path lies on the arc, at the same distance.
   await page.focus('#path-at');
   await page.locator('#path-at').fill('30');
   assert.equal(await page.getAttribute('#path-at', 'aria-valuetext'), '1 s');
@@ -201,20 +201,20 @@ test('playing goes along the path to its end; whoever moves the view stops it', 
   assert.ok(Math.abs(away(position, first.position) - away(position, last.position)) < 1e-6 * distance);
   await fill(page, { 'path-length': 0.5 });
   await page.click('#path-play');
-  await until(page, 'the end', () => document.getElementById('path-play').textContent === 'Play'
+  await until(page, 'the end of the path', () => document.getElementById('path-play').textContent === 'Play'
     && document.getElementById('path-at').value === document.getElementById('path-at').max);
   await until(page, 'the last key', near(last.position));
   await fill(page, { 'path-length': 600 });
   await page.click('#path-play');
-  await until(page, 'the beginning', (s) => Number(document.getElementById('path-at').value) > 0 && s.sent > 0);
+  await until(page, 'the start of the path', (s) => Number(document.getElementById('path-at').value) > 0 && s.sent > 0);
   await page.focus('#screen');
   await page.keyboard.press('f');
   await page.locator('#path-play', { hasText: 'Play' }).waitFor();
-  assert.ok(Number(await page.inputValue('#path-at')) < 17000, 'it was on its way');
+  assert.ok(Number(await page.inputValue('#path-at')) < 17000, 'playback stopped before the end');
   assert.deepEqual(it.said, []);
 });
 
-test('what the daemon refuses is told beside the control that is to blame', async (context) => {
+test('a refusal of the daemon is shown beside the control that caused it', async (context) => {
   const it = await open(context, daemon.url);
   const { page } = it;
   await page.click('#turn-add');
@@ -228,7 +228,7 @@ test('what the daemon refuses is told beside the control that is to blame', asyn
   assert.equal(await page.locator('.complaint').count(), 0);
   await page.click('#path-draw');
   await complaint('/path/frames', '1920 is outside [1, 500]');
-  // What the page knows to be wrong is not sent at all.
+  // The page does not send values that it knows to be invalid.
   await fill(page, { 'path-fps': 0.5 });
   await page.click('#path-draw');
   assert.equal(await page.evaluate(() => document.getElementById('path-form').checkValidity()), false);
@@ -236,7 +236,7 @@ test('what the daemon refuses is told beside the control that is to blame', asyn
   assert.deepEqual(it.said.filter((line) => !line.includes('422')), []);
 });
 
-test('a reload finds what is under way again, with what it waits for; it is cancelled when that is confirmed', async (context) => {
+test('a reload finds unfinished paths again with the reason for waiting; cancelling needs a confirmation', async (context) => {
   const small = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--path-bytes', '1K']);
   context.after(() => small.stop());
   const it = await open(context, small.url);
@@ -248,7 +248,7 @@ test('a reload finds what is under way again, with what it waits for; it is canc
   await it.entry('waiting').locator('.state', { hasText: '--path-bytes' }).waitFor();
   await page.locator('#path-busy', { hasText: '1 under way' }).waitFor();
   await page.reload();
-  await picture(page);
+  await firstFrame(page);
   await page.locator('#path-busy', { hasText: '1 under way' }).waitFor();
   await page.locator('#path > summary').click();
   await it.entry('waiting').locator('.state', { hasText: '--path-bytes' }).waitFor();
@@ -265,7 +265,7 @@ test('a reload finds what is under way again, with what it waits for; it is canc
   assert.deepEqual([...it.said, ...other.said], []);
 });
 
-test('who may make no paths is told why', async (context) => {
+test('a client that may not create paths sees the reason', async (context) => {
   const token = tokenFile();
   context.after(token.remove);
   writeFileSync(token.file, `${token.text}\nwatch-${token.text} role=view\n`, { mode: 0o600 });
@@ -276,13 +276,13 @@ test('who may make no paths is told why', async (context) => {
   const guest = await open(context, `${new URL(own.url).origin}/#${new URLSearchParams({ session: id, token: join })}`);
   await guest.page.locator('#path-note', { hasText: 'this page joined by a link' }).waitFor();
   assert.ok(await guest.page.locator('#path-making').isHidden());
-  // A token of the daemon's whose role is too small.
+  // A daemon token whose role has too few permissions.
   const watcher = await openPage(browser);
   context.after(() => watcher.context.close());
   await watcher.page.goto(`${new URL(own.url).origin}/?token=watch-${token.text}`);
   await watcher.page.locator('#banner', { hasText: 'refused' }).waitFor();
   await watcher.page.goto(`${new URL(own.url).origin}/?session=${id}`);
-  await picture(watcher.page);
+  await firstFrame(watcher.page);
   await watcher.page.locator('#path > summary').click();
   await watcher.page.locator('#path-note', { hasText: 'the role of this token does not include this' }).waitFor();
   await shot(watcher.page, 'path-role');
@@ -293,7 +293,7 @@ const made = (id, more = {}) => ({
   id, state: 'waiting', volume: 'phantom', size: [640, 480], format: 'webm', fps: 30, frames: 10, done: 0, bytes: 0, ...more,
 });
 
-test('few streams of events, whatever there is to watch; one that breaks off is taken up again', async (context) => {
+test('the page opens few event streams, however many paths there are, and reopens one that breaks', async (context) => {
   const mock = await MockDaemon.start({
     paths: [made('a'), made('c'), made('e'), made('b', { state: 'running' }), made('d', { state: 'done', done: 10, bytes: 2345678 })],
   });
@@ -309,12 +309,12 @@ test('few streams of events, whatever there is to watch; one that breaks off is 
   await state('b', '4 of 10, 5.0 kB');
   mock.follow('a', { reason: 'the volume loads' });
   await state('a', 'waiting: the volume loads');
-  mock.follow('e', { state: 'running', done: 2 }); // nobody watches it
+  mock.follow('e', { state: 'running', done: 2 }); // no event stream watches this path
   await state('e', '2 of 10');
   mock.follow('b', { state: 'failed', reason: 'a view that is none' }, 'failed');
   await state('b', 'failed after 4 of 10: a view that is none');
   await page.locator('#path-busy', { hasText: '3 under way' }).waitFor();
-  await eventually('what is drawn before what waits', () => watched() === 'a,e');
+  await eventually('running paths before waiting ones', () => watched() === 'a,e');
   mock.follow('e', { done: 3 });
   await state('e', '3 of 10');
   const hide = (isHidden) => page.evaluate((hidden) => {
@@ -322,7 +322,7 @@ test('few streams of events, whatever there is to watch; one that breaks off is 
     document.dispatchEvent(new Event('visibilitychange'));
   }, isHidden);
   await hide(true);
-  await eventually('a tab that nobody sees', () => watched() === '');
+  await eventually('a hidden tab to close its streams', () => watched() === '');
   mock.follow('e', { done: 4 });
   await hide(false);
   await state('e', '4 of 10');
@@ -337,7 +337,7 @@ test('few streams of events, whatever there is to watch; one that breaks off is 
   assert.deepEqual(it.said.filter((line) => !line.includes('ERR_INCOMPLETE_CHUNKED_ENCODING')), []);
 });
 
-test('a keyframe that is to blame says so; anything else is told where it was asked for', async (context) => {
+test('an error of a keyframe is shown at the keyframe, any other error beside the button', async (context) => {
   const mock = await MockDaemon.start({ volumes: [volume('phantom')] });
   context.after(() => mock.kill().catch(() => {}));
   const it = await open(context, mock.url);
@@ -357,7 +357,7 @@ test('a keyframe that is to blame says so; anything else is told where it was as
   assert.equal(await page.locator('.complaint').count(), 0);
 });
 
-test('on a phone all of it is within the panel', async (context) => {
+test('on a phone all controls fit in the panel', async (context) => {
   const it = await open(context, daemon.url, PHONE);
   const { page } = it;
   await page.tap('#turn-add');

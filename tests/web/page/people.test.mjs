@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Several pages in one session of the real daemon: who is there, who controls, links, forks and kept views.
+// Several pages in one session of the real daemon: participants, control, links, forks and saved views.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { camera, launch, openPage, picture, rest, shot, until } from '../support/browser.mjs';
+import { camera, launch, openPage, firstFrame, rest, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 let browser;
@@ -20,11 +20,11 @@ async function open(context, address, options) {
   const opened = await openPage(browser, options);
   context.after(() => opened.context.close());
   await opened.page.goto(address);
-  await picture(opened.page);
+  await firstFrame(opened.page);
   return opened;
 }
 
-/** Makes the link and reads it from its field. */
+/** Creates a link and reads it from its field. */
 async function link(page, kind) {
   if (!(await page.locator('#people-fold').evaluate((fold) => fold.open))) await page.click('#people-fold summary');
   await page.locator('#link-text').evaluate((field) => { field.value = ''; });
@@ -44,12 +44,12 @@ const orbit = async (page) => {
 const names = (page) => page.locator('#people li .name').allTextContents();
 const isSame = (a, b) => a.position.every((x, i) => Math.abs(x - b.position[i]) < 1e-6);
 
-test('links, names, and control from one to the other', async (context) => {
+test('links, names and transfer of control work between participants', async (context) => {
   const host = await open(context, daemon.url);
   const guest = await open(context, await link(host.page, 'control'));
   const watcher = await open(context, await link(host.page, 'watch'));
-  assert.equal(new URL(guest.page.url()).hash.includes('token'), false, 'the token leaves the address');
-  await until(host.page, 'three people', (s) => s.people.length === 3);
+  assert.equal(new URL(guest.page.url()).hash.includes('token'), false, 'the token is removed from the address');
+  await until(host.page, 'three participants', (s) => s.people.length === 3);
   await guest.page.click('#people-fold summary');
   await guest.page.fill('#person-name', 'Grace');
   await guest.page.press('#person-name', 'Enter');
@@ -57,10 +57,10 @@ test('links, names, and control from one to the other', async (context) => {
   assert.deepEqual((await names(host.page)).filter((name) => name === 'Grace').length, 1);
   assert.equal(new Set((await host.page.evaluate(() => window.splatd.people)).map((p) => p.color)).size, 3);
 
-  // Whoever moves first controls; the others follow and cannot.
+  // The first participant to move the view has control; the others follow and cannot change it.
   const start = await camera(host.page);
   await orbit(host.page);
-  await until(guest.page, 'that the host controls', (s) => !s.canControl && s.people.some((p) => p.isHolder && !p.isYou));
+  await until(guest.page, 'the host to have control', (s) => !s.canControl && s.people.some((p) => p.isHolder && !p.isYou));
   await guest.page.locator('#status', { hasText: 'Guest 1 controls' }).waitFor();
   await rest(host.page);
   const moved = await camera(host.page);
@@ -70,19 +70,19 @@ test('links, names, and control from one to the other', async (context) => {
   await orbit(guest.page);
   assert.ok(isSame(await followed(), moved));
 
-  // Asked for, seen, granted.
+  // Request control, see the request, grant it.
   await guest.page.click('#control-ask');
   await host.page.locator('#people li', { hasText: 'asks' }).waitFor();
   await shot(host.page, 'people-asked');
   await host.page.click('#people li button:text("Grant")');
   await until(guest.page, 'control', (s) => s.canControl && s.people.some((p) => p.isYou && p.isHolder));
-  await until(host.page, 'that it is gone', (s) => !s.canControl);
+  await until(host.page, 'control to be lost', (s) => !s.canControl);
   await orbit(guest.page);
   await rest(guest.page);
   assert.ok(!isSame(await followed(), moved));
   await shot(guest.page, 'people-guest');
 
-  // Refused, then released.
+  // Refuse the next request, then release control.
   await watcher.page.click('#people-fold summary');
   assert.ok(await watcher.page.locator('#fork').isHidden());
   assert.ok(await watcher.page.locator('#link-control').isHidden());
@@ -90,12 +90,12 @@ test('links, names, and control from one to the other', async (context) => {
   await guest.page.click('#people li button:text("Refuse")');
   await watcher.page.locator('#control-ask').waitFor();
   await guest.page.click('#control-release');
-  await until(host.page, 'that control is free', (s) => s.canControl);
+  await until(host.page, 'control to be free', (s) => s.canControl);
   assert.equal(await watcher.page.evaluate(() => window.splatd.canControl), false);
   for (const { said } of [host, guest, watcher]) assert.deepEqual(said, []);
 });
 
-test('a fork goes its own way, with the panel that its maker had', async (context) => {
+test('a fork changes independently and keeps the panel of the page that created it', async (context) => {
   const host = await open(context, daemon.url);
   const guest = await open(context, await link(host.page, 'control'));
   await orbit(host.page);
@@ -106,20 +106,20 @@ test('a fork goes its own way, with the panel that its maker had', async (contex
     if (page === guest.page) await page.click('#people-fold summary');
     const [before_] = await Promise.all([page.evaluate(() => window.splatd.session), page.waitForEvent('load'), page.click('#fork')]);
     assert.equal(before_, session);
-    await picture(page);
+    await firstFrame(page);
     const now = await page.evaluate(() => window.splatd.session);
     assert.notEqual(now, session);
-    assert.ok(isSame(await camera(page), start), 'it begins where the other was');
-    await until(page, 'that nobody else is there', (s) => s.people.length === 1 && s.canControl);
+    assert.ok(isSame(await camera(page), start), 'the fork starts with the view of its origin');
+    await until(page, 'no other participant', (s) => s.people.length === 1 && s.canControl);
     await page.reload();
-    await picture(page);
-    assert.equal(await page.evaluate(() => window.splatd.session), now, 'a reload comes back to the fork');
+    await firstFrame(page);
+    assert.equal(await page.evaluate(() => window.splatd.session), now, 'a reload returns to the fork');
   }
   await host.page.locator('#volumes button').first().waitFor();
   assert.deepEqual([...host.said, ...guest.said], []);
 });
 
-test('a link to a view: the same view in a session of its own, also where the page is open already', async (context) => {
+test('a link to a view opens it in a new session, also in a page that is already open', async (context) => {
   const host = await open(context, daemon.url);
   await orbit(host.page);
   await rest(host.page);
@@ -131,29 +131,29 @@ test('a link to a view: the same view in a session of its own, also where the pa
   const other = await open(context, daemon.url);
   const session = await other.page.evaluate(() => window.splatd.session);
   await Promise.all([other.page.waitForEvent('load'), other.page.evaluate((to) => { location.href = to; }, address)]);
-  await picture(other.page);
+  await firstFrame(other.page);
   assert.ok(isSame(await camera(other.page), kept));
   assert.notEqual(await other.page.evaluate(() => window.splatd.session), session);
   assert.equal(new URL(other.page.url()).hash, '');
   const own = await other.page.evaluate(() => window.splatd.session);
   await other.page.reload();
-  await picture(other.page);
+  await firstFrame(other.page);
   assert.equal(await other.page.evaluate(() => window.splatd.session), own);
 
   const lost = await open(context, `${daemon.url}#view=${'0'.repeat(32)}`);
   await lost.page.locator('#notice', { hasText: 'could not be shown' }).waitFor();
 });
 
-test('a preset is kept, listed, applied to what others see, and deleted', async (context) => {
+test('a preset is saved, listed, applied for all participants, and deleted', async (context) => {
   const host = await open(context, daemon.url);
   const paint = (color) => host.page.click(`.swatches button[data-color="${color}"]`);
-  assert.equal(await host.page.isVisible('#preset-row'), false, 'there is none yet');
+  assert.equal(await host.page.isVisible('#preset-row'), false, 'there is no preset yet');
   await paint('#ffffff');
   await host.page.selectOption('#compositing', 'splat');
   await rest(host.page);
   await host.page.fill('#preset-name', 'no blanks');
   await host.page.press('#preset-name', 'Enter');
-  assert.equal(await host.page.isVisible('#preset-row'), false, 'that is no name');
+  assert.equal(await host.page.isVisible('#preset-row'), false, 'the name is invalid');
   await host.page.fill('#preset-name', 'white.splats');
   await host.page.press('#preset-name', 'Enter');
   await host.page.locator('#preset-row').waitFor();
@@ -163,7 +163,7 @@ test('a preset is kept, listed, applied to what others see, and deleted', async 
   await rest(host.page);
   assert.equal(await host.page.inputValue('#background'), '#000000');
 
-  const other = await open(context, daemon.url); // somebody else's session
+  const other = await open(context, daemon.url); // a session of another page
   await other.page.selectOption('#preset', 'white.splats');
   await until(other.page, 'the preset', () => document.getElementById('background').value === '#ffffff');
   await rest(other.page);
@@ -173,6 +173,6 @@ test('a preset is kept, listed, applied to what others see, and deleted', async 
   await other.page.locator('#preset-row').waitFor({ state: 'hidden' });
 
   const guest = await open(context, await link(host.page, 'control'));
-  assert.equal(await guest.page.isVisible('#preset-form'), false, 'presets need the daemon\'s token');
+  assert.equal(await guest.page.isVisible('#preset-form'), false, 'presets need a daemon token');
   for (const { said } of [host, other, guest]) assert.deepEqual(said, []);
 });

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panels "Picture" and "Clip": what they send, what they show of the view, by keyboard and on a phone.
+// The panels "Picture" and "Clip": the patches that they send and the values that they show, by keyboard and on a phone.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { launch, openPage, picture, shot, until } from '../support/browser.mjs';
+import { launch, openPage, firstFrame, shot, until } from '../support/browser.mjs';
 import { MockDaemon } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
@@ -19,12 +19,12 @@ async function setUp(context, options) {
   });
   const { page } = opened;
   await page.goto(daemon.url);
-  await picture(page);
+  await firstFrame(page);
   const idle = () => until(page, 'all answered', (s) => s.isIdle);
   const [session] = daemon.sessions.values();
   return {
     daemon, session, ...opened,
-    /** Does something and returns the patches that it sent. */
+    /** Runs an action and returns the patches that it sent. */
     async patches(act) {
       await idle();
       const from = daemon.heard.length;
@@ -37,7 +37,7 @@ async function setUp(context, options) {
       assert.equal(all.length, 1, JSON.stringify(all));
       return all[0];
     },
-    /** Somebody else makes `change` to the view. */
+    /** Another participant applies `change` to the view. */
     share(change) {
       session.view = { ...session.view, ...change };
       daemon.notifyAll('view.changed', { by: 2, view: session.view });
@@ -48,7 +48,7 @@ async function setUp(context, options) {
 const enabled = (page) => page.evaluate(() => Object.fromEntries(['kernel', 'sigma', 'cutoff', 'lowpass', 'slab', 'order']
   .map((id) => [id, !document.getElementById(id).disabled])));
 
-test('choices are patches of one field; slabs and classification after interpolation go together', async (context) => {
+test('each choice sends a patch of one field; slab mode and post-classification change together', async (context) => {
   const it = await setUp(context);
   const { page } = it;
   const choose = (id, value) => it.patch(() => page.selectOption(id, value));
@@ -63,7 +63,7 @@ test('choices are patches of one field; slabs and classification after interpola
   assert.deepEqual(it.said, []);
 });
 
-test('only what applies is enabled', async (context) => {
+test('only controls that apply are enabled', async (context) => {
   const it = await setUp(context);
   const { page } = it;
   const all = { kernel: true, sigma: true, cutoff: true, lowpass: true, slab: false, order: true };
@@ -79,7 +79,7 @@ test('only what applies is enabled', async (context) => {
   await shot(page, 'picture');
 });
 
-test('sliders by keyboard: each step is a value, told beside the slider', async (context) => {
+test('sliders by keyboard: each step sends a value, which is shown beside the slider', async (context) => {
   const it = await setUp(context);
   const { page } = it;
   const press = (id, key) => it.patch(async () => {
@@ -101,10 +101,10 @@ test('sliders by keyboard: each step is a value, told beside the slider', async 
   assert.deepEqual(await press('#flat', 'End'), { transfer_function: { gradient: [{ magnitude: 0, scale: 0 }, { magnitude: 128, scale: 1 }] } });
   assert.equal(await told('#flat'), '128');
   assert.deepEqual(await press('#flat', 'Home'), { transfer_function: { gradient: [] } });
-  assert.deepEqual(await page.evaluate(() => window.splatd.camera), before_, 'the arrows moved no camera');
+  assert.deepEqual(await page.evaluate(() => window.splatd.camera), before_, 'the arrow keys did not move the camera');
 });
 
-test('the controls follow the view when somebody else changes it', async (context) => {
+test('the controls follow the view when another participant changes it', async (context) => {
   const it = await setUp(context);
   const { page, session: { view } } = it;
   it.share({
@@ -123,17 +123,17 @@ test('the controls follow the view when somebody else changes it', async (contex
       depth: output('plane-depth'),
     };
   });
-  // The volume reaches from z = -1 to 63: 30 / 2 = 15 is a quarter of the way.
+  // The volume extends from z = -1 to 63: 30 / 2 = 15 is a quarter of that range.
   assert.deepEqual(shown, {
     choices: ['ewa', 'cubic', 'slab', 'linear'], lowpass: '2.5 px', slab: '0.25', flat: 'other', box: [0.1, 1, 0, 0.75, 0, 1], plane: true, depth: '25 %',
   });
-  assert.deepEqual(await it.patches(async () => {}), [], 'and send nothing back');
+  assert.deepEqual(await it.patches(async () => {}), [], 'the controls send nothing back');
   it.share({ filter: { ...view.filter, mode: 'splendid' } });
   await until(page, 'a choice that the page does not know', () => document.getElementById('filter').value === 'splendid');
   assert.deepEqual(it.said, []);
 });
 
-test('the box: faces by keyboard and mouse; a face pushes the one opposite', async (context) => {
+test('the box: faces move by keyboard and mouse, and a face pushes the opposite one', async (context) => {
   const it = await setUp(context);
   const { page } = it;
   await page.locator('#clip summary').click();
@@ -144,8 +144,8 @@ test('the box: faces by keyboard and mouse; a face pushes the one opposite', asy
   });
   assert.deepEqual(await press(face(1, 0), 'ArrowRight'), { clip: { box: [[0, 0.01, 0], [1, 1, 1]] } });
   assert.deepEqual(await press(face(0, 1), 'Home'), { clip: { box: [[0, 0.01, 0], [0, 1, 1]] } });
-  assert.deepEqual(await press(face(0, 0), 'End'), { clip: { box: [[1, 0.01, 0], [1, 1, 1]] } }, 'the upper face gave way');
-  // Both thumbs are at the end now; the one on top can still be taken back.
+  assert.deepEqual(await press(face(0, 0), 'End'), { clip: { box: [[1, 0.01, 0], [1, 1, 1]] } }, 'the upper face was pushed');
+  // Both thumbs are now at the end; the upper one can still move back.
   const { x, y, width, height } = await page.locator(face(0, 1)).boundingBox();
   const sent = await it.patches(async () => {
     await page.mouse.move(x + width - 7, y + height / 2);
@@ -157,7 +157,7 @@ test('the box: faces by keyboard and mouse; a face pushes the one opposite', asy
   assert.ok(Math.abs(box[1][0] - 0.5) < 0.05 && box[0][0] === box[1][0], JSON.stringify(box));
 });
 
-test('the plane: on, towards the viewer, deeper, off and on again', async (context) => {
+test('the plane is switched on, turned to the viewer, moved, switched off and on again', async (context) => {
   const it = await setUp(context);
   const { page } = it;
   await page.locator('#clip summary').click();
@@ -179,14 +179,14 @@ test('the plane: on, towards the viewer, deeper, off and on again', async (conte
   const { position, target } = await page.evaluate(() => window.splatd.camera);
   const away = Math.hypot(...target.map((part, i) => part - position[i]));
   assert.deepEqual(normalOf(turned), target.map((part, i) => Number(((part - position[i]) / away).toFixed(9)) + 0));
-  assert.equal(await page.locator('.row:has(#plane-depth) output').textContent(), '0 %', 'the depth stays');
+  assert.equal(await page.locator('.row:has(#plane-depth) output').textContent(), '0 %', 'the depth does not change');
   await shot(page, 'clip');
   assert.deepEqual(await it.patch(() => page.locator('#plane').click()), { clip: { planes: [] } });
   assert.deepEqual(await it.patch(() => page.locator('#plane').click()), turned);
   assert.deepEqual(it.said, []);
 });
 
-test('on a phone every control is as wide as the panel allows, and can be touched', async (context) => {
+test('on a phone every control fits in the panel and responds to touch', async (context) => {
   const it = await setUp(context, PHONE);
   const { page } = it;
   await page.tap('#panel-toggle');

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video in the browser: each codec that daemon and browser share shows the same picture as a still, through drags, changes of
-// size and a lost stream; a decoder that fails asks for a key frame, and one that never works gives way to stills.
+// Video in the browser: each codec that daemon and browser share shows the same image as a snapshot, through drags, size
+// changes and a lost stream. A failed decoder requests a key frame; if none ever works, the page falls back to images.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { coarseDifference, drag, launch, openPage, picture, pixels, rest, shot, until } from '../support/browser.mjs';
+import { coarseDifference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
 const VOLUMES = ['--volume', 'demo:phantom?size=48'];
 let browser;
-let moving; // a daemon whose views never come to rest: what is seen stays video
+let moving; // a daemon whose views never come to rest, so that frames stay video
 before(async () => {
   browser = await launch();
   moving = await startDaemon([...VOLUMES, '--rest-time', '60']);
@@ -24,19 +24,19 @@ async function setUp(context, daemon, format, before_ = () => {}) {
   context.after(() => opened.context.close());
   await before_(opened.page);
   await opened.page.goto(daemon.url);
-  await picture(opened.page);
+  await firstFrame(opened.page);
   await opened.page.waitForSelector(`#moving option[value=${format}]`, { state: 'attached' });
   await opened.page.evaluate(() => { document.getElementById('moving').closest('details').open = true; });
   await opened.page.selectOption('#moving', format);
   return opened;
 }
 
-/** The last view is on the screen as a frame of video; on a busy machine a smaller one. */
+/** Waits until a video frame of the last view is shown; on a busy machine it may be smaller. */
 const lastAsVideo = (page) => until(page, 'the last view as video',
   (s) => s.isIdle && s.videos > 2 && s.seq === s.sent && s.isVideo);
 
-/** The session's view as a still of the daemon's. */
-async function still(page, daemon) {
+/** Resolves to a snapshot of the session's view from the daemon. */
+async function snapshot(page, daemon) {
   const token = new URL(daemon.url).searchParams.get('token');
   const ask = async (target, options = {}) => {
     const answer = await fetch(new URL(target, daemon.url), {
@@ -51,37 +51,37 @@ async function still(page, daemon) {
 }
 
 async function showsTheView(page, daemon) {
-  const part = coarseDifference(await pixels(page), await still(page, daemon));
-  assert.ok(part < 0.01, `${part} of the picture differs from the still`);
+  const part = coarseDifference(await pixels(page), await snapshot(page, daemon));
+  assert.ok(part < 0.01, `${part} of the image differs from the snapshot`);
 }
 
-/** On a busy machine frames are small and their voxels coarse: what counts is that the last view is seen, not the one before. */
+/** On a busy machine frames are small and their voxels coarse, so this only checks that the last view is shown, not the previous one. */
 async function turnsAsVideo(page, daemon, from, to) {
-  const before_ = await still(page, daemon);
+  const before_ = await snapshot(page, daemon);
   await drag(page, from, to, { steps: 30 });
   await lastAsVideo(page);
-  const wanted = await still(page, daemon);
+  const wanted = await snapshot(page, daemon);
   const shown = await pixels(page);
   const part = coarseDifference(shown, wanted);
   const old = coarseDifference(shown, before_);
-  assert.ok(coarseDifference(before_, wanted) > 0.06, 'the drag changes the picture');
-  assert.ok(part < old, `${part} of the picture differs from the last view, ${old} from the one before`);
+  assert.ok(coarseDifference(before_, wanted) > 0.06, 'the drag changes the image');
+  assert.ok(part < old, `${part} of the image differs from the last view, ${old} from the one before`);
 }
 
 for (const format of ['vp9', 'vp8']) {
-  test(`${format}: what is seen is the view, after drags and in another size`, async (context) => {
+  test(`${format}: the page shows the view after drags and in another size`, async (context) => {
     const { page, said } = await setUp(context, moving, format);
     await turnsAsVideo(page, moving, [400, 420], [700, 180]);
     await shot(page, `video-${format}`);
     await page.setViewportSize({ width: 801, height: 569 });
-    await until(page, 'the page has seen its new size', (s) => s.wanted[0] === 801 && s.wanted[1] === 569);
+    await until(page, 'the page to apply its new size', (s) => s.wanted[0] === 801 && s.wanted[1] === 569);
     await turnsAsVideo(page, moving, [700, 180], [400, 300]);
     assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
     assert.deepEqual(said, []);
   });
 }
 
-test('a view at rest is a sharp still, and the choice outlives a lost stream', async (context) => {
+test('a view at rest is a sharp image, and the chosen format survives a lost stream', async (context) => {
   const daemon = await startDaemon(VOLUMES);
   context.after(() => daemon.stop());
   const { page } = await setUp(context, daemon, 'vp9');
@@ -93,14 +93,14 @@ test('a view at rest is a sharp still, and the choice outlives a lost stream', a
   assert.equal(await page.evaluate(() => window.splatd.isVideo), false);
   await showsTheView(page, daemon);
   await page.reload();
-  await picture(page);
+  await firstFrame(page);
   await until(page, 'the choice is back', () => document.getElementById('moving').value === 'vp9');
   await drag(page, [520, 320], [620, 340], { steps: 30 });
   await rest(page);
   assert.ok(await videos() > 0);
 });
 
-/** Breaks the page's decoder: `fails(n)` says of the n-th frame of video, from 1, whether decoding it throws. */
+/** Breaks the decoder of the page: `fails(n)` says whether decoding the n-th video frame, from 1, throws. */
 const breakDecoder = (fails) => (page) => page.addInitScript(`(() => {
   const Real = window.VideoDecoder;
   const fails = ${fails};
@@ -113,7 +113,7 @@ const breakDecoder = (fails) => (page) => page.addInitScript(`(() => {
   };
 })()`);
 
-test('a decoder that fails once gets a key frame and goes on', async (context) => {
+test('a decoder that fails once gets a key frame and continues', async (context) => {
   const { page } = await setUp(context, moving, 'vp9', breakDecoder('(n) => n === 3'));
   await drag(page, [520, 320], [690, 240], { steps: 40 });
   await until(page, 'video after the failure', (s) => s.videos > 4);
@@ -122,25 +122,25 @@ test('a decoder that fails once gets a key frame and goes on', async (context) =
   assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
 });
 
-test('a decoder that never works gives way to stills, and says so', async (context) => {
+test('when no decoder works, the page falls back to images and says so', async (context) => {
   const { page } = await setUp(context, moving, 'vp9', breakDecoder('() => true'));
   await drag(page, [520, 320], [690, 240], { steps: 40 });
-  await until(page, 'stills', (s) => document.getElementById('moving').value === 'jpeg' && s.isIdle && s.seq === s.sent);
+  await until(page, 'images', (s) => document.getElementById('moving').value === 'jpeg' && s.isIdle && s.seq === s.sent);
   assert.match((await page.evaluate(() => window.splatd.errors)).join(), /cannot decode the video, images are used instead/);
   assert.equal(await page.evaluate(() => window.splatd.videos), 0);
   await showsTheView(page, moving);
 });
 
-test('without WebCodecs there is no choice but stills', async (context) => {
+test('without WebCodecs the only format is JPEG', async (context) => {
   const { page, context: own } = await openPage(browser);
   context.after(() => own.close());
   await page.addInitScript('delete window.VideoDecoder');
   await page.goto(moving.url);
-  await picture(page);
+  await firstFrame(page);
   assert.deepEqual(await page.evaluate(() => [...document.getElementById('moving').options].map((o) => o.value)), ['jpeg']);
 });
 
-test('lossless at rest: each pixel on the screen is the daemon\'s, also after a drag', async (context) => {
+test('lossless at rest: each pixel on the screen equals that of the daemon, also after a drag', async (context) => {
   const daemon = await startDaemon(VOLUMES);
   context.after(() => daemon.stop());
   const { page, said } = await setUp(context, daemon, 'vp8');
@@ -148,8 +148,8 @@ test('lossless at rest: each pixel on the screen is the daemon\'s, also after a 
   assert.equal(await page.evaluate(() => window.splatd.isLossless), false);
   await page.check('#lossless');
   for (const to of [[500, 300], [600, 200]]) {
-    await until(page, 'a picture without loss', (s) => s.isIdle && s.isFinal && s.isLossless && s.seq === s.sent && String(s.size) === String(s.wanted));
-    const [shown, wanted] = [await pixels(page), await still(page, daemon)];
+    await until(page, 'a lossless frame', (s) => s.isIdle && s.isFinal && s.isLossless && s.seq === s.sent && String(s.size) === String(s.wanted));
+    const [shown, wanted] = [await pixels(page), await snapshot(page, daemon)];
     assert.deepEqual([shown.width, shown.height], [wanted.width, wanted.height]);
     let different = 0;
     for (let y = 0; y < wanted.height; y += 1) {

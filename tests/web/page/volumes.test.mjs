@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real volumes in the page, if they are there: loaded, drawn, turned.
+// Real volumes in the page, if the data are present: loaded, drawn and rotated.
 import assert from 'node:assert/strict';
 import { existsSync } from 'node:fs';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { difference, drag, launch, openPage, picture, pixels, rest, shot, until } from '../support/browser.mjs';
+import { difference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
 import { DATA, startDaemon } from '../support/daemon.mjs';
 
 const FILES = ['engine_256x256x128_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd'].map((name) => path.join(DATA, 'volumes', name));
@@ -17,13 +17,13 @@ after(async () => { await browser?.close(); });
 
 for (const file of skip ? FILES : present) {
   const id = path.basename(file, '.nrrd');
-  test(`${id} is loaded, drawn and turned`, { skip }, async (context) => {
+  test(`${id} is loaded, drawn and rotated`, { skip }, async (context) => {
     const daemon = await startDaemon(['--volume', file, '--data', path.dirname(file)]);
     context.after(() => daemon.stop());
     const { context: opened, page, said } = await openPage(browser);
     context.after(() => opened.close());
     await page.goto(daemon.url);
-    await picture(page);
+    await firstFrame(page);
     await rest(page);
     const first = await pixels(page);
     await shot(page, `${id}-first`);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Debian's Chromium with the page in it, and what the tests ask of the page. Every wait has a deadline and is on a
-// condition; nothing sleeps.
+// Debian's Chromium with the page, and helpers for tests of the page. Every wait is for a condition and has a deadline;
+// nothing sleeps.
 import assert from 'node:assert/strict';
 import { mkdirSync } from 'node:fs';
 import path from 'node:path';
@@ -16,7 +16,7 @@ const FLAGS = ['--no-sandbox', '--disable-gpu', '--no-first-run', '--disable-bac
 
 export const launch = () => chromium.launch({ executablePath: EXECUTABLE, headless: true, args: FLAGS, timeout: DEADLINE_MS });
 
-/** A fresh context with one page that collects what its console says. options: of the browser's context. */
+/** Opens a new context with one page and collects its console messages. options: those of the browser context. */
 export async function openPage(browser, options = {}) {
   const context = await browser.newContext({ viewport: { width: 900, height: 600 }, ...options });
   const page = await context.newPage();
@@ -30,8 +30,8 @@ export async function openPage(browser, options = {}) {
 }
 
 /**
- * Waits until `condition`, a function of window.splatd that runs in the page, holds; returns its value. (The driver's own
- * waitForFunction evaluates text in the page, which the page's rules forbid.)
+ * Waits until `condition`, a function of window.splatd that runs in the page, is true; returns its value. (waitForFunction of
+ * the driver evaluates text in the page, which the content security policy forbids.)
  */
 export async function until(page, what, condition) {
   const end = performance.now() + DEADLINE_MS;
@@ -48,7 +48,7 @@ export async function until(page, what, condition) {
   throw new Error(`${what}: not reached; the page: ${JSON.stringify(now)}`);
 }
 
-/** Waits until `condition`, a function that runs here, holds. */
+/** Waits until `condition`, a function that runs in this process, is true. */
 export async function eventually(what, condition) {
   for (const end = performance.now() + DEADLINE_MS; !condition();) {
     if (performance.now() > end) throw new Error(`${what}: not reached`);
@@ -56,22 +56,22 @@ export async function eventually(what, condition) {
   }
 }
 
-/** The last view is on the screen, at rest and sharp. */
+/** Waits until the page shows the last view, at rest and sharp. */
 export const rest = (page) => until(page, 'the last view at rest',
   (s) => s.isIdle && s.count > 0 && s.seq === s.sent && s.isFinal && String(s.size) === String(s.wanted));
 
-/** A frame was drawn on the stream that is live. */
-export const picture = (page) => until(page, 'a picture', (s) => s.state === 'live' && s.count > 0);
+/** Waits until a frame of the live stream is drawn. */
+export const firstFrame = (page) => until(page, 'a frame', (s) => s.state === 'live' && s.count > 0);
 
 export const camera = (page) => page.evaluate(() => window.splatd.camera);
 
-/** The canvas's own pixels, without what lies over it. */
+/** Returns the pixels of the canvas, without elements above it. */
 export async function pixels(page) {
   const url = await page.evaluate(() => document.getElementById('screen').toDataURL('image/png'));
   return decodePng(Buffer.from(url.slice(url.indexOf(',') + 1), 'base64'));
 }
 
-/** Part of the pixels that differ visibly between two pictures of the same size. */
+/** Returns the fraction of pixels that differ visibly between two images of the same size. */
 export function difference(a, b) {
   assert.deepEqual([a.width, a.height], [b.width, b.height]);
   let count = 0;
@@ -86,7 +86,7 @@ export function difference(a, b) {
   return count / total;
 }
 
-/** The same for means of 16×16 pixels: of pictures that may be of other sharpness. */
+/** The same for means of 16×16 pixels, to compare images of different sharpness. */
 export function coarseDifference(a, b) {
   assert.deepEqual([a.width, a.height], [b.width, b.height]);
   const side = 16;
@@ -116,7 +116,7 @@ export async function drag(page, [x0, y0], [x1, y1], { button = 'left', steps = 
   await page.mouse.up({ button });
 }
 
-/** Touches by the DevTools protocol: a list of moments, each a list of points. */
+/** Sends touches by the DevTools protocol: a list of moments, each a list of points. */
 export async function touch(page, moments) {
   const cdp = await page.context().newCDPSession(page);
   const points = (list) => list.map(([x, y], id) => ({ x, y, id }));
@@ -128,7 +128,7 @@ export async function touch(page, moments) {
   await cdp.detach();
 }
 
-/** Writes a screenshot into the build folder, to be looked at. */
+/** Writes a screenshot to the build folder, for a person to look at. */
 export async function shot(page, name) {
   const folder = process.env.SPLATD_SHOTS_DIR;
   if (!folder) return;

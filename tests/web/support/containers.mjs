@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lies in the files that camera paths become.
+// Reads the container files of camera paths: tar and WebM.
 
-/** [{name, bytes}] of the files of a tar (ustar). */
+/** Returns [{name, bytes}] of the files in a tar archive (ustar). */
 export function untar(bytes) {
   const files = [];
   for (let at = 0; bytes[at];) {
@@ -18,11 +18,11 @@ const SEGMENT = 0x18538067;
 const CLUSTER = 0x1f43b675;
 const BLOCKS = [0xa3, 0xa0]; // SimpleBlock, BlockGroup
 
-/** Number of frames in a WebM of one track. */
+/** Returns the number of frames in a WebM file with one track. */
 export function countFrames(bytes, from = 0, to = bytes.length) {
   let at = from;
   let count = 0;
-  /** A number whose first byte tells its length; an id keeps the mark of that. */
+  /** Reads a number whose first byte gives its length; an id includes the length marker. */
   const number = (isId) => {
     const size = Math.clz32(bytes[at]) - 23;
     if (size > 8) throw new Error(`no EBML at byte ${at}`);

@@ -12,7 +12,7 @@ const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../../build/
 
 export const DATA = process.env.SPLATD_DATA_DIR ?? fileURLToPath(new URL('../../../../shared/data', import.meta.url));
 
-/** A token, also in a file, so that a restarted daemon has the same one. remove() deletes it. */
+/** Creates a token in a file, so that a restarted daemon has the same token. remove() deletes the file. */
 export function tokenFile() {
   const folder = mkdtempSync(path.join(tmpdir(), 'splatd-web-'));
   const file = path.join(folder, 'token');
@@ -22,8 +22,8 @@ export function tokenFile() {
 }
 
 /**
- * Starts splatd, with a token of tokenFile() or one of its own; resolves once it listens, to {url (with the token), port,
- * stop()}. stop() resolves to its exit status.
+ * Starts splatd with a token of tokenFile() or with a generated one. Resolves once it listens, to {url (with the token), port,
+ * stop()}. stop() resolves to the exit status.
  */
 export async function startDaemon(args, { port = 0, token = null } = {}) {
   const all = ['--listen', `127.0.0.1:${port}`, ...(token ? ['--token-file', token.file] : []), ...args];
@@ -52,9 +52,9 @@ export async function startDaemon(args, { port = 0, token = null } = {}) {
     get log() { return log; },
     async stop(signal = 'SIGTERM') {
       child.kill(signal);
-      const patience = setTimeout(() => child.kill('SIGKILL'), DEADLINE_MS);
+      const killTimer = setTimeout(() => child.kill('SIGKILL'), DEADLINE_MS);
       const status = await ended;
-      clearTimeout(patience);
+      clearTimeout(killTimer);
       return status;
     },
   };

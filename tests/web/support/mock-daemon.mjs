@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A daemon that misbehaves on demand: it speaks the protocol and serves the page, but draws one colour a volume. For
-// what the real daemon does not do when asked: odd orders, broken frames, silence, failures.
+// A fake daemon that misbehaves on demand. It implements the protocol and serves the page, but draws one colour per volume.
+// Tests use it for what the real daemon does not do on request: wrong orders, broken frames, silence and failures.
 import { createReadStream, existsSync, statSync } from 'node:fs';
 import { createServer } from 'node:http';
 import path from 'node:path';
@@ -31,7 +31,7 @@ export const defaultView = (id) => ({
   clip: { box: [[0, 0, 0], [1, 1, 1]], planes: [] },
 });
 
-/** A frame as the protocol's table says, with `changes` to the fields. */
+/** Encodes a frame after the table of the protocol. */
 export function frameMessage({ frame, seq, width = 32, height = 32, color = [200, 120, 40], flags = 3, payload, codec = 2 }) {
   const bytes = payload ?? encodePng(width, height, color);
   const head = Buffer.alloc(32);
@@ -54,23 +54,23 @@ export class MockDaemon {
   streams = new Set();
   watches = new Set();
   requests = [];
-  /** Messages of all clients, in order: {method, params}. */
+  /** The messages of all clients, in order: {method, params}. */
   heard = [];
-  /** May be replaced: (method, params, stream) → result to answer with, a thrown {code, message} = error. */
+  /** Tests may replace it: (method, params, stream) → result of the call; a thrown {code, message} becomes an error. */
   answer = null;
-  /** true: nothing is answered any more, though connections stay open. */
+  /** true: the daemon answers nothing, but connections stay open. */
   isSilent = false;
-  /** Status to answer every request of the interface with, or 0. */
+  /** The status of every HTTP answer below /api, or 0 for normal answers. */
   failWith = 0;
   /** Draws a frame after every change. */
   draws = true;
-  /** Camera paths, as the daemon tells them; follow() changes one. */
+  /** Camera paths as the daemon reports them; follow() changes one. */
   paths = [];
-  /** What POST /paths is refused with: {status, detail, pointer}, or null. */
+  /** The refusal of POST /paths: {status, detail, pointer}, or null to accept. */
   refusal = null;
-  /** Path below which everything lies, as behind a reverse proxy. */
+  /** The path prefix of all routes, as behind a reverse proxy. */
   prefix = '';
-  /** Draws, if not null, instead: (stream) → array of messages to send. */
+  /** If not null, replaces drawing: (stream) → array of messages to send. */
   script = null;
 
   static async start(options = {}) {
@@ -93,7 +93,7 @@ export class MockDaemon {
     this.port = this.server.address().port;
   }
 
-  /** Like a killed process: every connection breaks. */
+  /** Acts like a killed process: every connection breaks. */
   async kill() {
     for (const stream of this.streams) stream.socket.terminate();
     const closed = new Promise((resolve) => { this.server.close(resolve); });
@@ -109,13 +109,13 @@ export class MockDaemon {
     for (const stream of this.streams) stream.send({ method, params });
   }
 
-  /** Changes a camera path and tells those who watch it. */
+  /** Changes a camera path and notifies its watchers. */
   follow(id, change, event = 'progress') {
     const path = Object.assign(this.paths.find((one) => one.id === id), change);
     for (const watch of this.watches) if (watch.id === id) this.#tell(watch, event, path);
   }
 
-  /** Breaks the streams of events. */
+  /** Breaks all event streams. */
   dropWatches() {
     for (const { response } of this.watches) response.destroy();
   }

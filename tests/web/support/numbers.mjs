@@ -2,13 +2,13 @@
 // Numbers for tests: comparing arrays, and random input that is the same in every run.
 import assert from 'node:assert/strict';
 
-/** Every element of `a` is within `tolerance` of that of `b`. */
+/** Asserts that each element of `a` is within `tolerance` of the one of `b`. */
 export function close(a, b, tolerance = 1e-9) {
   assert.equal(a.length, b.length);
   a.forEach((x, i) => assert.ok(Math.abs(x - b[i]) <= tolerance, `[${a}] is not [${b}], by ${x - b[i]} at ${i}`));
 }
 
-/** Numbers in [-1, 1), by a linear congruential generator. */
+/** Returns a generator of numbers in [-1, 1), linear congruential. */
 export function random(seed) {
   let state = seed >>> 0;
   return () => {
@@ -17,7 +17,7 @@ export function random(seed) {
   };
 }
 
-/** A random rotation. */
+/** Returns a random rotation. */
 export function unitQuaternion(next) {
   for (;;) {
     const q = [next(), next(), next(), next()];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG for tests: a picture of one colour, and the pixels of a screenshot.
+// PNG for tests: encodes an image of one colour and decodes screenshots.
 import { deflateSync, inflateSync } from 'node:zlib';
 
 const TABLE = Uint32Array.from({ length: 256 }, (_, n) => {
@@ -22,7 +22,7 @@ function chunk(name, data) {
   return out;
 }
 
-/** PNG bytes of a picture filled with [r, g, b]. */
+/** Returns the PNG bytes of an image filled with [r, g, b]. */
 export function encodePng(width, height, color) {
   const row = Buffer.concat([Buffer.from([0]), Buffer.alloc(width * 3, Buffer.from(color))]);
   const head = Buffer.alloc(13);
@@ -35,7 +35,7 @@ export function encodePng(width, height, color) {
   ]);
 }
 
-/** {width, height, at(x, y) → [r, g, b]} of an 8-bit RGB or RGBA PNG without interlacing, as Chromium writes it. */
+/** Decodes an 8-bit RGB or RGBA PNG without interlacing, as Chromium writes it, to {width, height, at(x, y) → [r, g, b]}. */
 export function decodePng(bytes) {
   const width = bytes.readUInt32BE(16);
   const height = bytes.readUInt32BE(20);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kept views: one id for one view, the same picture as by POST /render, cacheable, and sessions that begin with them.
+// Saved views: equal views have one id, their image equals that of POST /render and can be cached, and sessions can start from them.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon } from './harness.mjs';
@@ -15,7 +15,7 @@ before(async () => {
 });
 after(async () => assert.equal(await daemon.stop(), 0));
 
-const keep = async (view) => {
+const save = async (view) => {
   const answer = await daemon.post('/api/v1/views', view);
   assert.equal(answer.status, 201, JSON.stringify(answer.json));
   assert.equal(answer.headers.get('location'), `views/${answer.json.id}`);
@@ -27,36 +27,36 @@ const drawn = async (view) => bytes(await daemon.fetch('/api/v1/render?format=pn
   method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(view),
 }));
 
-test('the same view has the same id, however it is written; another one another', async () => {
-  const id = await keep(VIEW);
+test('equal views have the same id in every notation, different views have different ids', async () => {
+  const id = await save(VIEW);
   assert.match(id, /^[0-9a-f]{32}$/);
-  assert.equal(await keep({ background: [0.0, 0, 0.5, 1], size: [24, 16] }), id);
+  assert.equal(await save({ background: [0.0, 0, 0.5, 1], size: [24, 16] }), id);
   const whole = (await daemon.json(`/api/v1/views/${id}`)).json;
   assert.deepEqual(whole.background, VIEW.background);
-  assert.equal(await keep(whole), id);
-  assert.notEqual(await keep({ ...VIEW, size: [24, 17] }), id);
+  assert.equal(await save(whole), id);
+  assert.notEqual(await save({ ...VIEW, size: [24, 17] }), id);
 });
 
-test('a kept view never changes: ETag, immutable, 304', async () => {
-  const id = await keep(VIEW);
+test('a saved view never changes: it has an ETag, is immutable and gives 304', async () => {
+  const id = await save(VIEW);
   const first = await daemon.json(`/api/v1/views/${id}`);
   assert.match(first.headers.get('cache-control'), /immutable/);
   const again = await daemon.fetch(`/api/v1/views/${id}`, { headers: { 'If-None-Match': first.headers.get('etag') } });
   assert.deepEqual([again.status, await again.text()], [304, '']);
 });
 
-test('its picture is that of POST /render, with another camera, size and format on request', async () => {
-  const id = await keep(VIEW);
+test('the image of a saved view equals that of POST /render; camera, size and format can be changed', async () => {
+  const id = await save(VIEW);
   const get = (values = {}) => daemon.fetch(`/api/v1/render/${id}${query({ format: 'png', ...values })}`);
   assert.ok((await bytes(await get())).equals(await drawn(VIEW)));
   const turned = await bytes(await get({ camera: '{"fov_y":50}', size: '40,30' }));
   assert.ok(turned.equals(await drawn({ ...VIEW, camera: { fov_y: 50 }, size: [40, 30] })));
-  assert.ok(!turned.equals(await drawn({ ...VIEW, size: [40, 30] })), 'the camera counts');
+  assert.ok(!turned.equals(await drawn({ ...VIEW, size: [40, 30] })), 'the camera changes the image');
   assert.equal((await get({ format: 'jpeg' })).headers.get('content-type'), 'image/jpeg');
 });
 
-test('caches may keep it and ask again; nothing is drawn for what they have', async () => {
-  const id = await keep(VIEW);
+test('caches may store the image and revalidate it; an unchanged image is not rendered again', async () => {
+  const id = await save(VIEW);
   const url = `/api/v1/render/${id}`;
   const first = await daemon.fetch(url);
   await bytes(first);
@@ -67,11 +67,11 @@ test('caches may keep it and ask again; nothing is drawn for what they have', as
   assert.deepEqual([again.status, again.headers.get('etag'), (await bytes(again)).length], [304, etag, 0]);
   assert.equal((await daemon.fetch(`${url}?size=8,8`, { headers: { 'If-None-Match': etag } })).status, 200);
   const stranger = await daemon.fetch(url, { token: null, headers: { 'If-None-Match': etag } });
-  assert.equal(stranger.status, 401, 'a cache that asks without a token learns nothing');
+  assert.equal(stranger.status, 401, 'a cache without a token gets no image');
 });
 
-test('what is wrong is told with its place', async () => {
-  const id = await keep(VIEW);
+test('an invalid request is refused with a JSON pointer', async () => {
+  const id = await save(VIEW);
   for (const [values, status, pointer] of [
     [{ camera: '{' }, 400], [{ size: '8' }, 400], [{ size: '8,8,8' }, 400], [{ size: '+8,8' }, 400], [{ size: '' }, 400],
     [{ quality: '101' }, 400], [{ size: '0,8' }, 422, '/size/0'], [{ camera: '{"fov_y":999}' }, 422, '/camera/fov_y'],
@@ -85,8 +85,8 @@ test('what is wrong is told with its place', async () => {
   }
 });
 
-test('a session begins with a kept view, or with that of another session, and goes its own way', async () => {
-  const id = await keep(VIEW);
+test('a session can start from a saved view or from the view of another session, and then changes independently', async () => {
+  const id = await save(VIEW);
   const one = (await daemon.post('/api/v1/sessions', { from: id })).json;
   assert.deepEqual(one.view, (await daemon.json(`/api/v1/views/${id}`)).json);
   const two = (await daemon.post('/api/v1/sessions', { from: one.id })).json;
@@ -99,8 +99,8 @@ test('a session begins with a kept view, or with that of another session, and go
   assert.deepEqual([none.status, none.json.pointer], [422, '/from']);
 });
 
-test('a view whose volume is gone waits for it', async () => {
-  const id = await keep({ volume: 'phantom', size: [8, 8] });
+test('a saved view whose volume is unloaded works again when the volume is loaded', async () => {
+  const id = await save({ volume: 'phantom', size: [8, 8] });
   const before_ = await bytes(await daemon.fetch(`/api/v1/render/${id}?format=png`));
   assert.equal((await daemon.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 204);
   assert.equal((await daemon.json(`/api/v1/render/${id}`)).status, 409);
@@ -110,12 +110,12 @@ test('a view whose volume is gone waits for it', async () => {
   assert.ok((await bytes(await daemon.fetch(`/api/v1/render/${id}?format=png`))).equals(before_));
 });
 
-test('over --views: 503, and what is kept stays', async () => {
-  const id = await keep(VIEW);
+test('saving more than --views views gets 503, and saved views stay', async () => {
+  const id = await save(VIEW);
   let answer;
   for (let i = 1; i <= 8; i++) answer = await daemon.post('/api/v1/views', { ...VIEW, size: [i, 1] });
   assert.equal(answer.status, 503);
   assert.match(answer.json.detail, /--views allows 8/);
   await daemon.untilLogged(/level=warn peer="127\.0\.0\.1:\d+" msg="[0-9.:]+ POST \/api\/v1\/views refused: 503, .*--views allows 8/);
-  assert.equal(await keep(VIEW), id, 'one that is there already');
+  assert.equal(await save(VIEW), id, 'a view that is already saved is accepted');
 });

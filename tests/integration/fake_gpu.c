@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A daemon on a machine with a GPU, which is played: the linker puts the table below in the place
- * of the registry's (--wrap). The GPU draws as the processor does, two frames at a time, until a
- * signal: from SIGUSR1 on each frame fails, from SIGUSR2 on each has no memory. Standard error says
- * when.
+ * A daemon with a fake GPU: the linker replaces the registry's table by the table below (--wrap).
+ * The fake GPU renders like the CPU, two frames at a time, until a signal: after SIGUSR1 every frame
+ * fails, after SIGUSR2 every frame lacks memory. A line on standard error reports the change.
  */
 #include <errno.h>
 #include <signal.h>
@@ -14,7 +13,7 @@
 #include "backend/backend.h"
 
 enum { DRAWS, HANGS, IS_FULL };
-static atomic_int condition = DRAWS; /* a signal sets it, render threads read it */
+static atomic_int condition = DRAWS; /* set by a signal, read by render threads */
 
 const struct sp_backend *__real_sp_registry_at(unsigned i);
 const struct sp_backend *__wrap_sp_registry_at(unsigned i);
@@ -53,7 +52,7 @@ static void destroy(void *state) {
 
 static void info(const void *state, struct sp_renderer_info *to) {
     find_cpu()->info(state, to);
-    to->backend = "played";
+    to->backend = "fake";
 }
 
 static bool begin(void *state, const struct sp_backend_job *job, struct sp_error *err) {
@@ -69,7 +68,7 @@ static bool finish(void *state, const struct sp_backend_job *job, struct sp_erro
     return find_cpu()->render(state, job, err);
 }
 
-static void forget(void *state, const struct sp_volume *volume) {
+static void evict(void *state, const struct sp_volume *volume) {
     find_cpu()->evict(state, volume);
 }
 
@@ -78,7 +77,7 @@ static uint64_t memory(const void *state, const struct sp_volume *volume) {
 }
 
 const struct sp_backend *__wrap_sp_registry_at(unsigned i) {
-    static struct sp_backend played = { .entry = { "played", "a GPU for tests" },
+    static struct sp_backend fake = { .entry = { "fake", "a GPU for tests" },
                                         .is_gpu = true,
                                         .create = create,
                                         .destroy = destroy,
@@ -87,13 +86,13 @@ const struct sp_backend *__wrap_sp_registry_at(unsigned i) {
                                         .depth = 2,
                                         .begin = begin,
                                         .finish = finish,
-                                        .evict = forget,
+                                        .evict = evict,
                                         .memory = memory };
     static const struct sp_backend *table[2];
-    if (!table[0]) { /* by the first thread alone: a renderer is created before there are others */
-        played.capabilities = find_cpu()->capabilities;
+    if (!table[0]) { /* safe without a lock: the first renderer is created before other threads start */
+        fake.capabilities = find_cpu()->capabilities;
         table[1] = find_cpu();
-        table[0] = &played;
+        table[0] = &fake;
     }
     return i < 2 ? table[i] : NULL;
 }
