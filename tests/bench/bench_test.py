@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The command lines of splat-bench and splat-limit: bench_test.py BENCH LIMIT. No time is asserted."""
+"""Tests the command lines of splat-bench and splat-limit: bench_test.py BENCH LIMIT. Asserts no times."""
 import json
 import os
 import subprocess
@@ -106,7 +106,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(other['against']['splats'], other['splats'])
         coarse, = self.lines(run('--coarse', '0', '--against', 'coarse=1', *options))
         self.assertLess(coarse['against']['splats'], coarse['splats'])
-        # A picture with an edit is another picture: times alone.
+        # An edit changes the image, so only times are compared.
         edit, = self.lines(run('--edit', 'colour', '--against', 'edit=none', *options))
         self.assertNotIn('psnr_db', edit['against'])
         self.assertEqual(edit['visible_voxels'], same['visible_voxels'])
@@ -126,7 +126,7 @@ class CommandLine(unittest.TestCase):
         self.assertIn('/quality/level_of_detail', done.stderr)
 
     def test_cancelled_frames_are_counted(self):
-        # Whether a flag comes before the frame is done is up to chance; every trial ends one way or the other.
+        # Whether the flag is set before the frame finishes is random; every trial ends in one of the two ways.
         line, = self.lines(run('--volume', 'demo:phantom?size=32', '--size', '64', '--views', '2', '--cold', '--cancel', '3'))
         cancel = line['cancel']
         self.assertEqual(set(cancel), {'stopped', 'finished', 'median_ms', 'worst_ms', 'range_ms'})
@@ -139,7 +139,7 @@ class CommandLine(unittest.TestCase):
         self.assertGreater(cold['allocations'], 0)
 
     def test_the_steady_state_allocates_nothing(self):
-        # An orbit is drawn once to warm up; its cameras see the volume along more than one axis.
+        # An orbit is rendered once as warm-up; its cameras see the volume along more than one axis.
         options = ('--volume', 'demo:engine?size=48', '--size', '96', '--views', '24', '--warm', '24')
         for choice in ((), ('--shading', 'phong'), ('--compositing', 'slab'), ('--compositing', 'splat'), ('--isa', 'scalar'),
                        ('--size', '16'), ('--coarse', '1')):
@@ -178,7 +178,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run('--volume', 'demo:nothing').returncode, 1)
 
     def test_frames_in_flight(self):
-        """As many as the backend takes; the same pictures."""
+        """The backend limits the frames in flight; the images are the same."""
         drawn = {}
         for backend, depth in ('cpu', 1), ('gl-software', 2):
             for wanted in 1, 2, 4:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Charts of the bench's page as SVG text, without a library."""
+"""Charts of the bench page as SVG text, without a library."""
 import math
 
 COLOURS = ('#1f6feb', '#8b949e', '#d29922', '#2da44e')
@@ -18,7 +18,7 @@ def frame(width, height, title, parts):
 
 
 def ticks(low, high):
-    """1, 2 and 5 times powers of ten within [low, high]."""
+    """Returns 1, 2 and 5 times powers of ten within [low, high]."""
     found = []
     for power in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
         found += [m * 10.0 ** power for m in (1, 2, 5) if low <= m * 10.0 ** power <= high]
@@ -34,7 +34,7 @@ def legend(names, x, y):
 
 
 def bars(title, names, groups):
-    """Horizontal bars on a logarithmic axis. `groups` is [(label, [value or None for each name])]."""
+    """Draws horizontal bars on a logarithmic axis. `groups` is [(label, [value or None for each name])]."""
     values = [v for _, row in groups for v in row if v]
     if not values:
         return ''
@@ -61,7 +61,7 @@ def bars(title, names, groups):
 
 
 def lines(title, names, series, x_label):
-    """Lines on two logarithmic axes. `series` is [[(x, y)…] for each name]."""
+    """Draws lines on two logarithmic axes. `series` is [[(x, y)…] for each name]."""
     points = [p for s in series for p in s if p[1] > 0]
     if len(points) < 2:
         return ''

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Bytes and time a frame of every codec of the stream, on frames of a camera that goes round a
- * volume by as much as a hand turns it from one frame to the next. Prints CSV:
+ * Measures bytes and time per frame of every codec of the stream. The camera orbits a volume by a
+ * typical step of a mouse drag per frame. Prints CSV:
  *
  *   splat-codecs [--size PX] [--frames N] [--degrees N] VOLUME...
  *
- * key_bytes is the first frame's, the rest are means over the frames after it (stills are all like
- * the first); cpu_ms is of all threads. Qualities are those of a moving view (60) and of one at
- * rest (90), of each subsampling of colours; for video, 60 alone: it is for what moves. EXR is of
- * frames of floats.
+ * key_bytes is the size of the first frame; the other columns are means over the later frames
+ * (image codecs treat all frames alike). cpu_ms sums all threads. The qualities are those of a
+ * changing view (60) and of a view at rest (90), for each chroma subsampling. Video is measured
+ * only at 60, because only changing views use it. EXR encodes float frames.
  */
 #include <math.h>
 #include <stdio.h>

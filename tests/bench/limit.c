@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splat-limit: what this machine can do at best, as one JSON line. Each number is the best of a few
- * short runs on all threads at once; "copy" counts what is written, not what is read beside it.
+ * splat-limit: prints the peak rates of this machine as one JSON line. Each number is the best of a
+ * few short runs on all threads at once; "copy" counts only the bytes written, not those read.
  *
  *   {"isa":…, "threads":…, "add": {"3": Msplat/s, "5":…, "7":…, "11":…}, "set_up": Msplat/s,
  *    "read": GB/s, "copy": GB/s}
@@ -20,12 +20,12 @@
 #include "bench/limit_kernels.h"
 
 enum { EXIT_USAGE = 2, RUNS = 5, MEMORY_BYTES = 64 << 20, THREADS_MAX = 256 };
-static const double run_ms = 15; /* at least, a run */
+static const double run_ms = 15; /* minimum time of a run */
 
 extern const struct limit_table bench_limit_table_sse41, bench_limit_table_avx2,
     bench_limit_table_avx512, bench_limit_table_neon;
 
-/* Rising. */
+/* In rising order of instruction sets. */
 static const struct {
     uint32_t feature;
     const struct limit_table *table;
@@ -41,7 +41,8 @@ static const struct {
 };
 enum { TABLES = sizeof tables / sizeof tables[0] };
 
-/* The most of what the machine runs and, unless `name` is "auto", is called so; NULL = none. */
+/* Returns the best table that this machine can run or, unless `name` is "auto", the one of that
+ * name; NULL if there is none. */
 static const struct limit_table *find_table(const char *name) {
     const struct limit_table *found = NULL;
     for (int i = 0; i < TABLES; i++)
@@ -51,13 +52,13 @@ static const struct limit_table *find_table(const char *name) {
     return found;
 }
 
-/* One thread's own memory. */
+/* Memory of one thread. */
 struct desk {
     struct limit_tile tile;
     struct limit_voxels voxels;
     struct limit_footprint footprints[LIMIT_FOOTPRINTS];
     uint64_t *from, *to; /* MEMORY_BYTES each */
-    uint64_t sum;        /* so that reading is not for nothing */
+    uint64_t sum;        /* keeps the compiler from removing the reads */
 };
 
 struct machine {
@@ -67,7 +68,7 @@ struct machine {
     struct desk *desks;
 };
 
-/* A task repeats its work `count` times at one desk. */
+/* A task repeats its work `count` times with the memory of one desk. */
 struct task {
     struct machine *machine;
     void (*work)(struct machine *machine, struct desk *desk, int argument);
@@ -77,13 +78,14 @@ struct task {
 
 static void do_task(void *user, size_t begin, size_t end, unsigned worker) {
     struct task *t = user;
-    (void)worker; /* a desk belongs to the index, whoever takes it */
+    (void)worker; /* a desk belongs to the task index, not to the thread */
     for (size_t i = begin; i < end; i++)
         for (unsigned n = 0; n < t->count; n++)
             t->work(t->machine, &t->machine->desks[i], t->argument);
 }
 
-/* Calls of `work` a second, over all threads: a run is made long enough first. */
+/* Returns calls of `work` per second over all threads, after increasing the count until a run is
+ * long enough. */
 static double best_rate(struct machine *m, struct task t) {
     double best = 0;
     t.machine = m;
@@ -138,7 +140,7 @@ static uint32_t draw(uint32_t *state) { /* Marsaglia's xorshift */
     return *state ^= *state << 5;
 }
 
-/* Gaussians of the width's size about the middle of their box, somewhere in the tile. */
+/* Creates Gaussians of the given width, centred in their boxes, at random places of the tile. */
 static void place_footprints(struct desk *d, int width) {
     uint32_t seed = 1;
     float middle = 0.5f * (float)(width - 1), sharp = 4.5f / (middle * middle + 1) * 1.442695f;
@@ -218,7 +220,7 @@ int main(int argc, char **argv) {
                                            { "help", no_argument, NULL, 'h' },
                                            { NULL, 0, NULL, 0 } };
     static const char usage[] = "usage: splat-limit [--threads N] [--isa NAME]\n"
-                                "Measures what this machine can do at best; prints one JSON line.\n"
+                                "Measures the peak rates of this machine; prints one JSON line.\n"
                                 "N is 1 (default) to 256; NAME auto (default), scalar, avx2, ...\n";
     unsigned long threads = 1;
     const char *isa = "auto";

@@ -4,7 +4,7 @@
 #include "base/wide.h"
 #include "splat/exp2.h"
 
-/* One column of vectors after the other; `width` is a constant where this is inlined. */
+/* Processes one column of vectors after another; `width` is constant where this is inlined. */
 static inline __attribute__((always_inline)) void
 add_footprint(struct limit_tile *tile, const struct limit_footprint *f, int width) {
     for (int first = 0; first < width; first += SP_WIDE) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The least that a splat costs, once an instruction set: adding footprints to a tile that stays in
- * the nearest cache, and setting footprints up. A renderer that handles each splat on its own can
- * come near the sum of the two; it cannot be faster.
+ * The minimum cost of a splat, for each instruction set: adding footprints to a tile that stays in
+ * the L1 cache, and setting footprints up. A renderer that handles each splat separately can
+ * approach the sum of the two; it cannot be faster.
  */
 #ifndef BENCH_LIMIT_KERNELS_H
 #define BENCH_LIMIT_KERNELS_H
@@ -14,16 +14,16 @@
 #endif
 
 enum {
-    LIMIT_TILE = 32,        /* px, both ways */
-    LIMIT_ROW = 48,         /* floats a row: the widest vector may start at the last pixel */
+    LIMIT_TILE = 32,        /* px, width and height */
+    LIMIT_ROW = 48,         /* floats per row: the widest vector may start at the last pixel */
     LIMIT_PLANES = 4,       /* depth, red, green, blue */
-    LIMIT_FOOTPRINTS = 256, /* few enough to stay in the cache, too */
+    LIMIT_FOOTPRINTS = 256, /* few enough to stay in the cache as well */
     LIMIT_VOXELS = 1024,    /* a multiple of the widest vector */
     LIMIT_WIDTHS = 4
 };
 
 /* A Gaussian in a box: 2^(k0 + k1·l + k2·l²) in the first row, column l; each row is the one above
- * times 2^(m0 + m1·l), and that ratio falls by `fall` a row. */
+ * times 2^(m0 + m1·l), and that ratio falls by `fall` per row. */
 struct limit_footprint {
     int offset; /* of the box's corner in a plane of the tile, floats */
     float k0, k1, k2, m0, m1, fall;
@@ -34,7 +34,7 @@ struct limit_tile {
     float plane[LIMIT_PLANES][LIMIT_TILE * LIMIT_ROW];
 };
 
-/* Camera space to footprint, as a perspective camera sees a kernel of one variance matrix. */
+/* Camera space to footprint: a perspective projection of a kernel with one variance matrix. */
 struct limit_camera {
     float focal, centre[2]; /* px */
     float variance[6];      /* 00 01 02 11 12 22 */
@@ -48,7 +48,7 @@ struct limit_voxels { /* structure of arrays */
 
 struct limit_table {
     const char *isa;
-    /* All footprints, `width` px both ways: one of limit_widths. */
+    /* Adds all footprints of `width`×`width` px; `width` is one of limit_widths. */
     void (*add)(struct limit_tile *tile, const struct limit_footprint *footprints, int width);
     void (*set_up)(struct limit_voxels *voxels, const struct limit_camera *camera);
 };

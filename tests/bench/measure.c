@@ -13,7 +13,7 @@
 
 enum { STEPS = 24, ROUNDS = 2, TRIES = 4 };
 
-/* The k-th of a row of small edits, each different from the one before. */
+/* Applies the k-th of a sequence of small edits, each different from the one before. */
 static void edit_transfer(struct sp_transfer_function *tf, enum bench_edit edit,
                           const double range[2], unsigned k) {
     unsigned step = k % STEPS + 1; /* then back to the first */
@@ -26,8 +26,8 @@ static void edit_transfer(struct sp_transfer_function *tf, enum bench_edit edit,
         return;
     for (uint32_t i = 0; i + 1 < tf->point_count; i++)
         if (!(tf->points[i].opacity > 0) && tf->points[i + 1].opacity > 0) {
-            double room = tf->points[i + 1].value - tf->points[i].value;
-            tf->points[i].value += step * fmin((range[1] - range[0]) / 256, 0.9 * room / STEPS);
+            double gap = tf->points[i + 1].value - tf->points[i].value;
+            tf->points[i].value += step * fmin((range[1] - range[0]) / 256, 0.9 * gap / STEPS);
             return;
         }
 }
@@ -40,7 +40,7 @@ static bool prepare(struct bench_way *way, const struct bench_scene *scene,
     return bench_view_override(&way->view, &setting->overrides, err);
 }
 
-/* Begins camera k, frame n of all. */
+/* Begins frame n of the measurement with camera k. */
 static bool begin(const struct bench_studio *studio, const struct bench_way *way, unsigned k,
                   unsigned n, struct sp_error *err) {
     const struct bench_scene *scene = studio->scene;
@@ -73,7 +73,8 @@ static void add_frame(struct bench_times *t, const struct sp_frame_stats *stats)
     t->last = *stats;
 }
 
-/* The warm-up and every camera once; as many frames in flight as the options say. */
+/* Renders the warm-up frames and every camera once, with as many frames in flight as the options
+ * say. */
 static bool measure_pass(struct bench_times *t, const struct bench_studio *studio,
                          const struct bench_way *way, struct sp_error *err) {
     unsigned warm = studio->options->warm, cameras = studio->scene->camera_count, n = 0, k = 0;
@@ -125,8 +126,8 @@ double bench_mean(const struct bench_times *t) {
     return sum / t->frames;
 }
 
-/* One pass; or two of each setting in turns, so that a machine whose speed drifts treats both
- * alike. */
+/* Measures one pass, or with --against two alternating passes of each setting, so that drift in the
+ * speed of the machine affects both alike. */
 static bool measure_times(struct bench_result *r, const struct bench_studio *studio,
                           struct sp_error *err) {
     const struct bench_options *o = studio->options;
@@ -145,7 +146,7 @@ static bool measure_times(struct bench_result *r, const struct bench_studio *stu
     return true;
 }
 
-/* Mean square of the difference over all pixels and associated channels. */
+/* Returns the mean squared difference over all pixels and premultiplied channels. */
 static double mean_square(const struct sp_frame *a, const struct sp_frame *b) {
     double sum = 0;
     for (uint32_t y = 0; y < a->height; y++) {
@@ -161,7 +162,7 @@ static double decibels(double square) {
     return square > 0 ? -10 * log10(square) : BENCH_EQUAL_DB;
 }
 
-/* Draws each camera both ways in floats. */
+/* Renders each camera with both settings as float images. */
 static bool compare_pictures(struct bench_result *r, const struct bench_studio *studio,
                              struct sp_error *err) {
     struct bench_way a = studio->way, b = studio->against;
@@ -186,7 +187,7 @@ static bool compare_pictures(struct bench_result *r, const struct bench_studio *
     return true;
 }
 
-/* Cancelling: a thread waits for its moment, notes the time and sets the flag. */
+/* Cancelling: a thread waits for a random time, records the time and sets the flag. */
 
 struct canceller {
     double wait_ms, at_ms;
@@ -212,7 +213,7 @@ static double draw_unit(uint64_t *state) { /* [0, 1), Steele et al., SplitMix64 
     return (double)(z >> 11) * 0x1p-53;
 }
 
-/* Starts one frame and cancels it; *latency_ms < 0 if it was done before. */
+/* Starts one frame and cancels it; *latency_ms < 0 if the frame finished first. */
 static bool cancel_one(const struct bench_studio *studio, double wait_ms, unsigned n,
                        double *latency_ms, struct sp_error *err) {
     struct bench_way way = studio->way;
@@ -268,7 +269,7 @@ bool bench_measure(struct bench_result *r, struct bench_studio *studio, struct s
         (o->against_text && !prepare(&studio->against, studio->scene, &o->against, err)) ||
         !measure_times(r, studio, err))
         return false;
-    /* With an edit the two are meant to differ. */
+    /* With an edit the two images are expected to differ. */
     if (o->against_text && o->setting.edit == o->against.edit && !compare_pictures(r, studio, err))
         return false;
     return !o->cancel || measure_cancels(r, studio, err);

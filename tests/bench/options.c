@@ -14,38 +14,37 @@ static const char *const edit_names[EDITS] = { "none", "colour", "opacity", "ran
 static const char usage[] =
     "usage: splat-bench [OPTION]... SCENE.json...\n"
     "       splat-bench [OPTION]... --volume demo:NAME|FILE\n"
-    "Draws every camera of each scene and prints one JSON line a scene.\n"
+    "Renders every camera of each scene and prints one JSON line per scene.\n"
     "\n"
     "  --backend NAME      auto (default), gl, gl-software, cpu, null\n"
-    "  --gpu N             GPU to use, as \"splatd --probe\" numbers them; default auto\n"
-    "  --isa NAME          the most that the cpu backend may use; default auto\n"
-    "  --threads N         render threads, 1 to 256; default one a core\n"
-    "  --size N            pixels both ways, 1 to 8192; default as the scene says\n"
+    "  --gpu N             GPU to use, numbered as in \"splatd --probe\"; default auto\n"
+    "  --isa NAME          highest instruction set of the cpu backend; default auto\n"
+    "  --threads N         render threads, 1 to 256; default one per core\n"
+    "  --size N            width and height in px, 1 to 8192; default from the scene\n"
     "  --views N           at most N cameras, or an orbit of N; default 24\n"
-    "  --warm N            frames drawn before measuring; default 2\n"
-    "  --in-flight N       frames begun before the first is finished, 1 (default) to 4, where\n"
-    "                      the backend takes several: their times are a frame's share of the "
-    "whole\n"
+    "  --warm N            frames rendered before measuring; default 2\n"
+    "  --in-flight N       frames in flight at once, 1 (default) to 4, if the backend\n"
+    "                      supports it; times are then the total divided by the frames\n"
     "  --mode M            filter: adaptive, ewa, reconstruction, lowpass, ...\n"
     "  --compositing C     sheet, ...\n"
     "  --shading S         none, phong\n"
-    "  --lod L             level of detail: auto, off; default as the scene says\n"
+    "  --lod L             level of detail: auto, off; default from the scene\n"
     "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
-    "  --edit E            none, colour, opacity, range: changes that of the transfer function\n"
-    "                      a little before each frame; default none\n"
-    "  --cold              forgets before each frame what was derived from the volume\n"
-    "  --against KEY=VALUE measures also with that option (mode, compositing, shading, lod,\n"
-    "                      coarse or edit) changed, in turns, and compares times and pictures\n"
-    "  --cancel N          then starts N frames and cancels each at a random moment: prints how\n"
-    "                      long the call takes to return\n"
-    "  --data DIR          folder below which the scenes' volumes are found\n"
-    "  --volume V          a volume instead of scenes: its default view, in an orbit\n"
-    "  --out PREFIX        writes the third view of each scene as PREFIXname.png\n"
+    "  --edit E            none, colour, opacity, range: slightly changes that part of the\n"
+    "                      transfer function before each frame; default none\n"
+    "  --cold              evicts cached data of the volume before each frame\n"
+    "  --against KEY=VALUE alternates with the same setting except for that option (mode,\n"
+    "                      compositing, shading, lod, coarse or edit); compares times and images\n"
+    "  --cancel N          then starts N frames, cancels each at a random moment, and prints\n"
+    "                      how long the call takes to return\n"
+    "  --data DIR          folder that contains the volumes of the scenes\n"
+    "  --volume V          a volume instead of scenes: an orbit from its default view\n"
+    "  --out PREFIX        writes the third image of each scene as PREFIXname.png\n"
     "  --save-volume PREFIX  writes the volume of each scene as PREFIXname.nrrd\n"
     "  --help, --version\n"
     "Exit status: 0 success (a scene without its volume counts as skipped), 1 failure, 2 usage.\n";
 
-/* A whole number in [low, high]; false after saying what is wrong. */
+/* Parses a whole number in [low, high]; false after printing an error. */
 static bool parse_number(const char *flag, const char *text, unsigned low, unsigned high,
                          unsigned *out) {
     char *end;
@@ -69,7 +68,7 @@ static bool parse_edit(const char *text, enum bench_edit *edit) {
     return false;
 }
 
-/* What --against can change. *known tells whether the name is one of these. */
+/* Sets an option that --against can change. *known says whether the name is one of these. */
 static bool parse_setting(struct bench_setting *s, const char *name, const char *value,
                           bool *known) {
     const struct {
@@ -130,7 +129,7 @@ static bool parse_option(struct bench_options *o, const char *name, const char *
     return true;
 }
 
-/* The setting to compare with: the other options, with one changed. */
+/* Parses the setting to compare with: the other options with one change. */
 static bool parse_against(struct bench_options *o) {
     if (!o->against_text)
         return true;

@@ -59,7 +59,7 @@ def peaks(text):
 
 
 class Run:
-    """The measurements of one call: paths, what is left to do, what failed."""
+    """The measurements of one run: paths, progress and failures."""
 
     def __init__(self, options):
         self.o, self.failed, self.done, self.steps = options, [], 0, 0
@@ -71,8 +71,8 @@ class Run:
         print(text, file=sys.stderr, flush=True)
 
     def program(self, label, command, limit=None):
-        """What a program prints; '' after saying what went wrong. None where it took more than `limit` seconds, which is
-        no failure where a limit is given."""
+        """Returns the output of a program, or '' after reporting a failure. Returns None if it took more than `limit` seconds,
+        which is not a failure."""
         self.done += 1
         begun = time.monotonic()
         print(f'[{self.done}/{self.steps}] {label} … ', end='', file=sys.stderr, flush=True)
@@ -92,7 +92,7 @@ class Run:
         return text
 
     def call(self, label, command, limit=None):
-        """The rows of a program that prints JSON lines; [] after saying what went wrong, None as program() does."""
+        """Returns the rows of a program that prints JSON lines; [] after reporting a failure, None as in program()."""
         text = self.program(label, command, limit)
         if text is None:
             return None
@@ -123,7 +123,7 @@ class Run:
         os.replace(path + '.part', path)
 
     def scene_copy(self, name, change):
-        """A scene file with something changed, in the work folder."""
+        """Writes a changed scene file to the work folder."""
         scene = json.loads(json.dumps(self.scenes[name]))
         change(scene)
         path = os.path.join(self.work, scene['name'] + f'-{len(os.listdir(self.work))}.json')
@@ -132,7 +132,7 @@ class Run:
         return path
 
     def load_scenes(self):
-        """The scenes by name; those whose files are not there are named and left out."""
+        """Returns the scenes by name; reports and omits scenes whose files are missing."""
         self.scenes = {}
         real = sorted(glob.glob(os.path.join(self.o.scenes, '*.json')))
         if not real:
@@ -147,7 +147,7 @@ class Run:
                 self.say(f'skipped: {scene["name"]}; no {volume} below {self.o.data} (--data DIR)')
 
     def files(self, views, names=None):
-        """Scene files with evenly chosen cameras."""
+        """Returns scene files with evenly chosen cameras."""
         def thin(scene):
             scene['cameras'] = chosen(scene['cameras'], views)
         return [self.scene_copy(name, thin) for name in names or self.scenes]
@@ -168,7 +168,7 @@ def flat(row, **more):
 
 
 class Peer:
-    """VTK on copies of the scenes whose built-in volumes were saved as files."""
+    """Runs VTK on copies of the scenes, with built-in volumes saved as files."""
 
     def __init__(self, run):
         self.run, self.script = run, run.o.vtk_bench
@@ -206,7 +206,7 @@ SCENE_COLUMNS = ['scene', 'size', 'threads', 'shading', 'renderer', 'isa', 'view
 
 
 def measure_scenes(run, corners, scalar_views):
-    """Every scene at every corner: this renderer, VTK, and at the first corner the scalar reference."""
+    """Measures every scene at every corner: this renderer, VTK, and at the first corner the scalar reference."""
     rows, stages = [], []
     peer = Peer(run)
     for size, threads in corners:
@@ -247,7 +247,7 @@ def pair(row, setting, zoom=1):
 
 
 def zoomed(run, name, zoom, views):
-    """A scene from `zoom` times as near."""
+    """Returns a scene with the camera `zoom` times as near."""
     def change(scene):
         scene['cameras'] = chosen(scene['cameras'], views)
         for c in scene['cameras']:
@@ -256,7 +256,7 @@ def zoomed(run, name, zoom, views):
 
 
 def zooms(run):
-    """What the filters and the level of detail are compared on: all scenes as they are, two from near and far."""
+    """Returns the scenes that compare filters and levels of detail: all scenes unchanged, and two from near and far."""
     names = [(name, 1) for name in run.scenes]
     for name in ('engine', 'head-full', 'checkerboard'):
         if name in run.scenes:
@@ -316,7 +316,7 @@ SCALING_COLUMNS = ['volume_size', 'voxels', 'size', 'threads', 'views', 'visible
 
 
 def scaled(run, side, views):
-    """The balls at another resolution, as large in the picture and as opaque."""
+    """Returns the balls at another resolution, with the same size in the image and the same opacity."""
     def change(scene):
         grow = side / 512
         scene.pop('visible_voxels')
@@ -353,8 +353,8 @@ GL_EDIT_COLUMNS = ['backend'] + PAIR_COLUMNS + ['left_out']
 
 
 class Gpu:
-    """The GPU backend on what there is: hardware at full length, else software GL, whose times mean nothing: two views, which show
-    that a scene is drawn, and scenes that take more than `limit` seconds are left out."""
+    """Measures the GPU backend: in full on hardware; on software GL, whose times mean nothing, only two views, which show
+    that a scene renders. Scenes that take more than `limit` seconds are omitted."""
 
     def __init__(self, run):
         self.backend, self.device, self.why = '', '', []
@@ -393,8 +393,8 @@ def measure_gl(run):
 
 
 def gl_rows(run, name, shading, label, common, cpu_fps, slow):
-    """The row of a scene, with one frame at a time and with two in flight, or [] if it failed. slow: (scene, shading) → why it was
-    left out of a smaller picture, and is of larger ones."""
+    """Returns the row of a scene with one and with two frames in flight, or [] if it failed. slow: (scene, shading) → why it
+    was omitted at a smaller size, and so is at larger ones."""
     gpu, known = run.gpu, (name, shading)
     own = {'scene': name, 'backend': gpu.backend, 'device': gpu.device, 'size': common[1], 'shading': shading, 'views': gpu.views}
     if known in slow:
@@ -413,7 +413,7 @@ def gl_rows(run, name, shading, label, common, cpu_fps, slow):
 
 
 def measure_gl_edits(run):
-    """A transfer function that changes at every frame beside a fixed one, 512 px."""
+    """Compares a transfer function that changes at every frame with a fixed one, at 512 px."""
     gpu, rows = run.gpu, []
     for edit in ('colour', 'opacity', 'range'):
         for name in gpu.edited:
@@ -426,19 +426,19 @@ def measure_gl_edits(run):
 
 
 def missing(*needs):
-    """Why something cannot run, of programs by name and paths; '' if all are there."""
+    """Returns which programs or paths are missing; '' if all exist."""
     absent = [need for need in needs if not (os.path.exists(need) if os.sep in need else shutil.which(need))]
     return absent and f'{os.path.relpath(absent[0], ROOT) if os.sep in absent[0] else absent[0]} is not there' or ''
 
 
 def keep_table(run, name, text):
-    """What a program printed as CSV."""
+    """Parses the CSV output of a program."""
     if text:
         run.write(name, text.splitlines()[0].split(','), csv.DictReader(text.splitlines()))
 
 
 def measure_serve(run, name, label, *options):
-    """name: of the table, which stays as it was where serve.mjs does not come to its end."""
+    """name: the table, which does not change if serve.mjs fails."""
     why = missing('node', 'openssl', os.path.join(ROOT, 'tests/node_modules/ws'), os.path.join(run.o.bin, 'splatd'))
     if why:
         run.skip(1, f'{label}; {why} (deploy/test.sh installs what is in tests/node_modules)')
@@ -470,7 +470,7 @@ def available_memory():
 
 
 def machine(run):
-    """What a reader must know beside the numbers, as (key, value)."""
+    """Returns what a reader must know besides the numbers, as (key, value)."""
     def first(path, key, separator):
         with open(path, encoding='utf-8') as f:
             return next((line.split(separator, 1)[1].strip().strip('"') for line in f if line.startswith(key)), '?')
@@ -497,7 +497,7 @@ def machine(run):
 
 
 def write_machine(run):
-    """The machine of the scenes; what was measured again later is added with its commit and date."""
+    """Describes the machine of the scenes; later measurements are added with their commit and date."""
     path, now = os.path.join(run.o.out, 'machine.csv'), dict(machine(run))
     if 'scenes' not in run.o.only and os.path.exists(path):
         with open(path, encoding='utf-8', newline='') as f:
@@ -509,7 +509,7 @@ def write_machine(run):
 
 
 def known_isas(run):
-    """Those that this machine runs, rising."""
+    """Returns the instruction sets that this machine runs, in rising order."""
     found = []
     for isa in ('scalar', 'sse41', 'avx2', 'avx512', 'neon'):
         done = subprocess.run([os.path.join(run.o.bin, 'splat-bench'), '--isa', isa, '--backend', 'cpu', '--views', '1', '--warm', '0',
@@ -544,7 +544,7 @@ def main():
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),
-            'serve': (1, lambda: measure_serve(run, 'serve.csv', 'what the daemon costs and who disturbs whom',
+            'serve': (1, lambda: measure_serve(run, 'serve.csv', 'the cost of the daemon and of other clients',
                                                *(('--seconds', '1', '--rounds', '1') if options.quick else ()))),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),

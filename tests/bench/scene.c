@@ -31,7 +31,7 @@ static proto_json *read_json(const char *path, struct sp_error *err) {
     return json;
 }
 
-/* Looks for a file of that name below `folder`; false if there is none. */
+/* Searches `folder` recursively for a file of that name; false if there is none. */
 static bool find_file(const char *folder, const char *name, int depth, char *path, size_t size) {
     DIR *dir = opendir(folder);
     bool found = false;
@@ -99,7 +99,7 @@ bool bench_view_override(struct sp_view *view, const struct bench_overrides *o,
     return true;
 }
 
-/* Turns the eye around the target about `up`, once in `count` equal steps. */
+/* Rotates the eye around the target about `up`, one full turn in `count` equal steps. */
 static void make_orbit(struct bench_scene *scene) {
     const struct sp_camera *c = &scene->view.camera;
     double up[3], length = sqrt(c->up[0] * c->up[0] + c->up[1] * c->up[1] + c->up[2] * c->up[2]);
@@ -122,7 +122,7 @@ static void make_orbit(struct bench_scene *scene) {
     }
 }
 
-/* Every camera is the view's with a patch. */
+/* Each camera is that of the view with a patch applied. */
 static bool read_cameras(struct bench_scene *scene, const proto_json *list, struct sp_error *err) {
     for (unsigned k = 0; k < scene->camera_count; k++) {
         struct sp_view view = scene->view;
@@ -213,7 +213,7 @@ bool bench_scene_save_volume(const struct bench_scene *scene, const char *path,
         if (g->coordinates[i] ||
             !(g->direction[i][i] >= 1 && g->origin[i] >= 0 && g->origin[i] <= 0))
             return sp_fail(err, SP_ERR_UNSUPPORTED, path,
-                           "only an even grid along the axes that starts at 0 is saved");
+                           "only a regular, axis-aligned, even grid that starts at 0 can be saved");
     FILE *file = fopen(path, "wb");
     if (!file)
         return sp_fail(err, SP_ERR_IO, path, "%s", strerror(errno));

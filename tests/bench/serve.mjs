@@ -1,13 +1,13 @@
 #!/usr/bin/env node
 // SPDX-License-Identifier: Apache-2.0
-// What the daemon costs and who disturbs whom: users on this machine, memory a user, overhead without rendering,
-// clients of every temper, connections that do nothing, hours of coming and going.
+// Measures the cost of the daemon and how clients affect each other: users per machine, memory per user, overhead without
+// rendering, hostile client behaviours, idle connections, and hours of clients that connect and disconnect.
 //
 //   node tests/bench/serve.mjs [--bin DIR] [--only PARTS] [--seconds N] [--rounds N] [--minutes N] [--volume V]
 //     [--large V --large V] [--out FILE.csv]
 //
-// The clients share the machine with the daemon, and their work is in every figure. One line a measurement; COLUMNS
-// and SOAK_COLUMNS are those of the file. `soak` is measured alone, since its columns are others.
+// The clients share the machine with the daemon, so every figure includes their work. Prints one line per measurement; COLUMNS
+// and SOAK_COLUMNS are the columns of the file. `soak` is measured alone because it has other columns.
 import { execFileSync } from 'node:child_process';
 import { once } from 'node:events';
 import fs from 'node:fs';
@@ -23,7 +23,7 @@ const PARTS = ['overhead', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 
 const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame',
   'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
 const SOAK_COLUMNS = ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'];
-const WANTED_FPS = 10; // of a user, as the most of them are counted
+const WANTED_FPS = 10; // frames per second that each user needs when the most users are counted
 const { values: options } = parseArgs({
   options: {
     bin: { type: 'string', default: 'build/release/bin' },
@@ -32,7 +32,7 @@ const { values: options } = parseArgs({
     rounds: { type: 'string', default: '3' },
     minutes: { type: 'string', default: '20' },
     volume: { type: 'string', default: 'demo:engine?size=128' },
-    large: { type: 'string', multiple: true, default: ['demo:phantom?size=256', 'demo:vessels?size=256'] }, // of the hostile
+    large: { type: 'string', multiple: true, default: ['demo:phantom?size=256', 'demo:vessels?size=256'] }, // volumes of the hostile clients
     out: { type: 'string' },
     help: { type: 'boolean' },
   },
@@ -48,12 +48,12 @@ function note(row) {
   process.stdout.write(`${row.part ?? 'soak'}: ${told}\n`);
 }
 
-/** A row of users who all do the same. */
+/** Writes a row of users with the same behaviour. */
 function measured(part, what, seen, more = {}) {
   note({ part, what, volume: options.volume, px: 512, ...seen, ...more });
 }
 
-/** Fifty changes a second, one by one; nothing is rendered. */
+/** Sends fifty changes per second, one by one; nothing is rendered. */
 async function overhead() {
   for (const px of [512, 1024]) {
     const daemon = await start('null');
@@ -66,15 +66,15 @@ async function overhead() {
   }
 }
 
-/** What a frame of one user costs, and what all cost when that one rests, beside others who look at sessions of their own that do
- * nothing. The first of them is the user. */
+/** Measures the cost of a frame of one user, and of all clients while that user rests. The other clients have idle sessions of
+ * their own. The first client is the user. */
 async function awake() {
   for (const n of [1, 1000]) {
-    const room = String(n + 100);
-    const daemon = await start('null', ['--sessions', room, '--connections', room, '--connections-per-address', room]);
+    const limit = String(n + 100);
+    const daemon = await start('null', ['--sessions', limit, '--connections', limit, '--connections-per-address', limit]);
     const clients = [];
     while (clients.length < n) clients.push(await Client.open(daemon, await daemon.session(512)));
-    const rest = await watch(daemon, clients, seconds, Math.min(4, seconds)); // when all have their last picture
+    const rest = await watch(daemon, clients, seconds, Math.min(4, seconds)); // after every client has its final frame
     clients[0].configure({ max_fps: 120, progressive: false, quality: 60 });
     clients[0].drive(20);
     const seen = await watch(daemon, clients.slice(0, 1), seconds);
@@ -98,7 +98,7 @@ async function viewers() {
   }
 }
 
-/** `n` users with a session each, all turning. */
+/** Measures `n` users with one session each, all of which rotate their view. */
 async function users(n, settings, what) {
   const daemon = await start('auto');
   const clients = [];
@@ -114,8 +114,8 @@ async function users(n, settings, what) {
   return seen;
 }
 
-/** As the daemon has it, which makes pictures smaller and coarser where time is short; and whole pictures alone: the most users
- * whose slowest has WANTED_FPS, by doubling and halving. */
+/** Measures users with the default settings, where the daemon reduces image size and detail when time is short. Then finds, by
+ * doubling and bisection, the most users for whom frames of full quality reach WANTED_FPS even for the slowest. */
 async function sessions() {
   for (const n of [1, 8, 16]) await users(n, {}, 'sides and detail as time allows');
   let held = 0;
@@ -125,7 +125,7 @@ async function sessions() {
     else missed = n;
 }
 
-/** What one more costs: the slope from 8 to 40. */
+/** Measures the memory of one more client: the slope from 8 to 40 clients. */
 async function memory() {
   for (const [kind, format] of [['viewer', 'jpeg'], ['session', 'jpeg'], ['session', 'vp8'], ['session', 'vp9']]) {
     const daemon = await start('auto', ['--rest-time', '60', '--video-pixels', '64M']);
@@ -134,7 +134,7 @@ async function memory() {
     const mib = [];
     for (const n of [8, 40]) {
       while (clients.length < n) {
-        const watches = kind === 'viewer' && clients.length > 0; // what the first one turns
+        const watches = kind === 'viewer' && clients.length > 0; // it watches the view that the first client rotates
         const client = await Client.open(daemon, kind === 'viewer' ? shared : await daemon.session(512), { role: watches ? 'view' : 'control' });
         client.configure({ format });
         if (!watches) client.drive(200);
@@ -151,15 +151,15 @@ async function memory() {
   }
 }
 
-/** One client at work, alone and beside another of each temper. The machine has moods: each kind has its turn in each round, between
- * times alone, and the row has the medians. */
+/** Measures one working client, alone and beside another client of each behaviour. The speed of the machine drifts, so each round
+ * measures every behaviour once, between measurements alone, and the row has the medians. */
 async function hostile() {
   await beside({ ...plain, ...others }, []);
   const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'splat-serve-'));
   const [cert, key] = ['cert.pem', 'key.pem'].map((name) => path.join(folder, name));
   execFileSync('openssl', ['req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-days', '2', '-subj', '/CN=bench', '-keyout', key, '-out', cert],
     { stdio: 'ignore' });
-  // The limit that it has by default for all addresses but this machine's own.
+  // The default limit of all addresses except those of this machine.
   await beside(secure, ['--tls-cert', cert, '--tls-key', key, '--handshake-rate', '50']);
   fs.rmSync(folder, { recursive: true });
 }
@@ -185,7 +185,7 @@ async function beside(kinds, args) {
   for (const [kind, list] of Object.entries(found)) tell(kind, list);
 }
 
-/** What `victim` sees while another process is a client of that kind, and how often that was served. */
+/** Measures `victim` beside another process with a client of that kind, and how often the other client was served. */
 async function besideOne(daemon, session, victim, kind) {
   const { port, token, secure: tls } = daemon;
   const other = child(process.execPath, [new URL('serve/hostile.mjs', import.meta.url).pathname, kind,
@@ -212,7 +212,7 @@ function tell(kind, list) {
   });
 }
 
-/** Opens `count` connections that say nothing. */
+/** Opens `count` silent connections. */
 async function connectMany(daemon, count) {
   const many = { sockets: [], refused: 0 };
   for (let i = 0; i < count; i++) {
@@ -223,7 +223,7 @@ async function connectMany(daemon, count) {
     many.sockets.push(socket);
     if (i % 200 === 199) await pause(5);
   }
-  for (let last = -1, quiet = 0; quiet < 5; await pause(200)) { // until the count stands still
+  for (let last = -1, quiet = 0; quiet < 5; await pause(200)) { // until the count is stable
     const count = daemon.files() + many.refused;
     quiet = count === last ? quiet + 1 : 0;
     last = count;
@@ -231,7 +231,7 @@ async function connectMany(daemon, count) {
   return many;
 }
 
-/** 10,000 connections without a word, more or fewer than are allowed; a user works on. */
+/** Opens 10,000 silent connections, above or below the limit, while a user works. */
 async function idle() {
   const wanted = 10000;
   const files = Number(/Max open files\s+\S+\s+(\d+)/.exec(fs.readFileSync('/proc/self/limits', 'utf8'))?.[1] ?? Infinity);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small run of serve.mjs: it comes to its end, and has a row of everything. A client whose messages are refused ends it.
+// A small run of serve.mjs: it completes and writes a row for every measurement. It fails if a client's message is refused.
 import assert from 'node:assert/strict';
 import { spawnSync } from 'node:child_process';
 import fs from 'node:fs';
@@ -29,7 +29,7 @@ function table(...args) {
   return rows.map((row) => Object.fromEntries(head.map((key, i) => [key, row[i].replaceAll('"', '')])));
 }
 
-test('users and memory', () => {
+test('users and memory are measured', () => {
   const rows = table('--only', 'overhead,viewers,memory');
   assert.deepEqual(rows.map(({ part, what }) => [part, part === 'memory' && what]), [['overhead', false], ['overhead', false], ['viewers', false],
     ['viewers', false], ['viewers', false], ['memory', 'a viewer, jpeg'], ['memory', 'a session, jpeg'], ['memory', 'a session, vp8'], ['memory', 'a session, vp9']]);
@@ -37,13 +37,13 @@ test('users and memory', () => {
   for (const { kib_each: each } of rows.slice(-4)) assert.notEqual(each, '');
 });
 
-test('sessions that are awake', () => {
+test('active sessions are measured', () => {
   const rows = table('--only', 'awake');
   assert.deepEqual(rows.map(({ clients }) => clients), ['1', '1000']);
   for (const { cpu_rest_percent: rest } of rows) assert.notEqual(rest, '');
 });
 
-test('sessions, until there are too many', () => {
+test('sessions are added until there are too many', () => {
   const rows = table('--only', 'sessions');
   assert.deepEqual(rows.slice(0, 3).map(({ clients, what }) => [clients, what.startsWith('full')]), [['1', false], ['8', false], ['16', false]]);
   const whole = rows.slice(3);
@@ -53,13 +53,13 @@ test('sessions, until there are too many', () => {
   assert.equal(least - most, 1, `${most} fit, ${least} do not`);
 });
 
-test('every temper', () => {
+test('every client behaviour has a row', () => {
   const rows = table('--only', 'hostile');
   assert.deepEqual(rows.map(({ what }) => what), Object.keys({ ...plain, ...others, ...secure }));
   for (const { part, what } of rows) assert.equal(part, what in others ? 'beside' : 'hostile');
 });
 
-test('parts have names, and the soak a table of its own', () => {
+test('unknown parts are refused, and soak cannot be combined with other parts', () => {
   assert.match(serve('--only', 'idle,tea').stderr, /"tea" is none of overhead, /);
   assert.match(serve('--only', 'soak,idle').stderr, /soak is measured alone/);
 });

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splat-bench: draws the cameras of scenes, prints one JSON line a scene. The keys are those of the
- * project's performance page; times are wall milliseconds a frame unless they say cpu.
+ * splat-bench: renders the cameras of scenes and prints one JSON line per scene. The keys are those
+ * of the project's performance page; times are wall-clock milliseconds per frame unless they say
+ * cpu.
  */
 #include <math.h>
 #include <stdio.h>
@@ -21,7 +22,8 @@ static int fail(const struct sp_error *err) {
     return EXIT_FAILURE;
 }
 
-/* PREFIXname.SUFFIX, the name's separators made harmless; malloc'ed, NULL when out of memory. */
+/* Returns PREFIXname.SUFFIX with the path separators of the name replaced; malloc'ed, NULL when out
+ * of memory. */
 static char *path_of(const char *prefix, const struct bench_scene *scene, const char *suffix) {
     char *path = NULL;
     if (asprintf(&path, "%s%s.%s", prefix, scene->name, suffix) < 0)
@@ -65,7 +67,7 @@ static double round2(double x) {
     return round(x * 100) / 100;
 }
 
-/* One line on standard output. */
+/* Prints one line on standard output. */
 static bool print_json(proto_json *json, struct sp_error *err) {
     char *text = proto_json_to_text(json, NULL);
     proto_json_free(&json);
@@ -84,7 +86,7 @@ static proto_json *encode_stages(const struct bench_times *t) {
     return stages;
 }
 
-/* Of a mean frame, what no stage accounts for: with a GPU batches, handing over and waiting. */
+/* Returns the mean frame time spent outside all stages: with a GPU, submission and waiting. */
 static double rest_ms(const struct bench_times *t) {
     double rest = bench_mean(t);
     for (uint32_t i = 0; i < t->last.stage_count; i++)
@@ -121,7 +123,7 @@ static void encode_times(proto_json *j, const struct bench_times *t) {
     proto_json_set_number(j, "allocations", round2((double)t->allocations / t->frames));
 }
 
-/* Bytes of the samples and of what was derived from them, and of the process. */
+/* Prints the bytes of the samples, of the data cached from them, and of the process. */
 static void encode_memory(proto_json *j, const struct bench_studio *studio) {
     const struct sp_volume_info *info = sp_volume_info(studio->scene->volume);
     uint64_t derived = sp_renderer_memory(studio->renderer, studio->scene->volume);
@@ -186,7 +188,7 @@ static proto_json *encode_result(const struct bench_studio *studio, const struct
     return j;
 }
 
-/* The scenes tell how many voxels they are about. */
+/* The scenes state how many voxels are visible. */
 static void check_visible(const struct bench_studio *studio, const struct sp_frame_stats *stats) {
     const struct bench_scene *scene = studio->scene;
     if (scene->visible_voxels < 0 || studio->way.edit != EDIT_NONE || stats->mip_level > 0 ||

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The TLS acceptor with an echo behind it: what tls_echo.mjs measures. Prints its port and goes on
- * until its standard input ends.
+ * The TLS acceptor with an echo server behind it, for measurements by tls_echo.mjs. Prints its port
+ * and runs until its standard input ends.
  *
  *   splat-tls-echo CERTIFICATE KEY
  */
@@ -19,7 +19,7 @@
 
 enum { CHUNK_BYTES = 256 * 1024 };
 
-/* Until the peer ends: what was read is written before more is read. */
+/* Echoes until the peer ends: writes everything that was read before it reads more. */
 static void *echo_main(void *user) {
     int *socket = user;
     char *bytes = malloc(CHUNK_BYTES);

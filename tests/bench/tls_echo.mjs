@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long the TLS acceptor takes to bring 4 MB there and back, and to shake hands. Prints CSV: what, median, slowest [ms].
+// Measures how long the TLS acceptor takes for a round trip of 4 MB and for a handshake. Prints CSV: what, median, slowest [ms].
 //   node tls_echo.mjs BIN_DIR [rounds]
 import { execFileSync, spawn } from 'node:child_process';
 import { once } from 'node:events';
@@ -28,7 +28,7 @@ async function round() {
   return { handshake: open - begin, 'echo of 4 MiB': performance.now() - open };
 }
 
-await round(); // to warm up
+await round(); // warm-up
 const all = [];
 for (let i = 0; i < rounds; i++) all.push(await round());
 console.log('what,median_ms,slowest_ms');

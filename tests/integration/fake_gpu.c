@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A daemon with a fake GPU: the linker replaces the registry's table by the table below (--wrap).
- * The fake GPU renders like the CPU, two frames at a time, until a signal: after SIGUSR1 every frame
- * fails, after SIGUSR2 every frame lacks memory. A line on standard error reports the change.
+ * The fake GPU renders like the CPU, two frames at a time, until a signal: after SIGUSR1 every
+ * frame fails, after SIGUSR2 every frame lacks memory. A line on standard error reports the change.
  */
 #include <errno.h>
 #include <signal.h>
@@ -78,18 +78,18 @@ static uint64_t memory(const void *state, const struct sp_volume *volume) {
 
 const struct sp_backend *__wrap_sp_registry_at(unsigned i) {
     static struct sp_backend fake = { .entry = { "fake", "a GPU for tests" },
-                                        .is_gpu = true,
-                                        .create = create,
-                                        .destroy = destroy,
-                                        .info = info,
-                                        .render = finish,
-                                        .depth = 2,
-                                        .begin = begin,
-                                        .finish = finish,
-                                        .evict = evict,
-                                        .memory = memory };
+                                      .is_gpu = true,
+                                      .create = create,
+                                      .destroy = destroy,
+                                      .info = info,
+                                      .render = finish,
+                                      .depth = 2,
+                                      .begin = begin,
+                                      .finish = finish,
+                                      .evict = evict,
+                                      .memory = memory };
     static const struct sp_backend *table[2];
-    if (!table[0]) { /* safe without a lock: the first renderer is created before other threads start */
+    if (!table[0]) { /* no lock: the first renderer is created before other threads */
         fake.capabilities = find_cpu()->capabilities;
         table[1] = find_cpu();
         table[0] = &fake;

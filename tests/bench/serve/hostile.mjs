@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// Clients of ill temper, each in a process of its own: what they do to the daemon counts, not what they do to whoever measures.
+// Hostile client behaviours. Each runs in its own process, so that it loads the daemon and not the process that measures.
 //
 //   node hostile.mjs KIND '{"port": …, "token": …, "secure": …, "victim": {"id": …, "tokens": …}}'
 //
-// Prints a line when it is at work, and on SIGTERM how often it was served: frames, answers, handshakes. The daemon has three volumes: the victim's, and two
-// large ones.
+// Prints a line when it has started, and on SIGTERM how often it was served: frames, answers or handshakes. The daemon has three
+// volumes: that of the victim and two large ones.
 import { once } from 'node:events';
 import net from 'node:net';
 import tls from 'node:tls';
 import { fileURLToPath } from 'node:url';
 import { Client, Daemon, pause } from './peers.mjs';
 
-const HASTE_MS = 20; // between two changes of one who drags
-const MANY_STREAMS = 24; // of one client
-const DEAR = { size: [4096, 4096], format: 'png', quality: 100, max_fps: 60 };
+const HASTE_MS = 20; // between two changes during a drag
+const MANY_STREAMS = 24; // streams per client
+const SLOW = { size: [4096, 4096], format: 'png', quality: 100, max_fps: 60 };
 const clients = [];
 let served = 0;
 
-/** A stream of a session of its own. */
+/** Opens a stream of a new session. */
 async function join(daemon, { px = 512, volume = 0, ...options } = {}) {
   clients.push(await Client.open(daemon, await daemon.session(px, daemon.views[volume]), options));
   return clients.at(-1);
 }
 
-/** Does something over and over, several at a time; what is refused is tried again a little later. */
+/** Repeats `act` in `times` parallel loops; a refused call is repeated after a short pause. */
 function again(times, act) {
   const count = () => { served++; };
   for (let i = 0; i < times; i++) (async () => { for (;;) await act().then(count, () => pause(10)); })();
 }
 
-/** The first message of a TLS client. */
+/** Resolves to the first message of a TLS client. */
 async function greeting() {
   const server = net.createServer().listen(0, '127.0.0.1');
   await once(server, 'listening');
@@ -87,7 +87,7 @@ export const plain = {
   },
   'turning at 4096² as PNG': async (daemon) => {
     const client = await join(daemon, { volume: 1 });
-    client.configure(DEAR);
+    client.configure(SLOW);
     client.drive(HASTE_MS);
   },
   'turning at 4096² in final quality alone': async (daemon) => {
@@ -107,11 +107,11 @@ export const plain = {
   },
   'watching the same session at 4096² as PNG': async (daemon, victim) => {
     clients.push(await Client.open(daemon, victim, { role: 'view' }));
-    clients[0].configure(DEAR);
+    clients[0].configure(SLOW);
   },
 };
 
-/** Costs whoever does it next to nothing, and the daemon a signature each time. */
+/** Costs the client almost nothing, and the daemon one signature each time. */
 export const secure = {
   'beginning TLS handshakes': async (daemon) => {
     const hello = await greeting();
@@ -127,7 +127,7 @@ export const secure = {
 };
 
 export const CROWD = 8;
-/** Nobody's ill will: what is fair beside these is a share, and the machine's own moods. */
+/** Not hostile: beside these a fair share is expected, within the variation of the machine. */
 export const others = {
   'a process that keeps a core busy, and asks for nothing': async () => {
     const burn = () => {

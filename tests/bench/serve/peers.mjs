@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The daemon as a child, clients of it, and what both are measured by.
+// The daemon as a child process, its clients, and the measurements of both.
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
 import fs from 'node:fs';
@@ -8,9 +8,9 @@ import https from 'node:https';
 import path from 'node:path';
 import WebSocket from 'ws';
 
-export const UPDATE_MS = 1000 / 30; // a hand on the mouse
-export const CODECS = { jpeg: 1, png: 2, vp9: 5, vp8: 7 }; // in a frame's header
-const UNCHECKED = { rejectUnauthorized: false }; // the daemon's certificate is made for the run
+export const UPDATE_MS = 1000 / 30; // updates of a mouse drag
+export const CODECS = { jpeg: 1, png: 2, vp9: 5, vp8: 7 }; // codec numbers in the frame header
+const UNCHECKED = { rejectUnauthorized: false }; // the certificate of the daemon is created for the run
 const agents = { false: new http.Agent({ keepAlive: true }), true: new https.Agent({ keepAlive: true, ...UNCHECKED }) };
 
 export const pause = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
@@ -18,13 +18,13 @@ export const round = (x, digits = 1) => (Number.isFinite(x) ? Number(x.toFixed(d
 const sum = (list) => list.reduce((a, b) => a + b, 0);
 export const mean = (list) => sum(list) / list.length;
 
-/** The value below which `part` of the list lies. */
+/** Returns the quantile `part` of the list. */
 export function share(list, part) {
   const sorted = [...list].sort((a, b) => a - b);
   return sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))];
 }
 
-/** Of an even number the mean of the two in the middle. */
+/** Returns the median; for an even count the mean of the two middle values. */
 export function median(list) {
   const sorted = [...list].sort((a, b) => a - b);
   const middle = sorted.length >> 1;
@@ -34,7 +34,7 @@ export function median(list) {
 const children = new Set();
 process.on('exit', () => children.forEach((child) => child.kill('SIGKILL')));
 
-/** A child that ends with this process, whatever ends it. */
+/** Starts a child process that ends with this process, however this process ends. */
 export function child(program, args) {
   const process = spawn(program, args, { stdio: ['ignore', 'pipe', 'pipe'] });
   children.add(process);
@@ -44,7 +44,7 @@ export function child(program, args) {
   return process;
 }
 
-/** The daemon: what it is asked by HTTP, and what the system says of it. */
+/** The daemon: its HTTP requests, and its memory, CPU time and descriptors from the system. */
 export class Daemon {
   static async start(bin, backend, volumes, args = []) {
     const daemon = new Daemon();
@@ -59,7 +59,7 @@ export class Daemon {
     return daemon;
   }
 
-  /** Waits for the volumes, and takes their default views, in the order of --volume. */
+  /** Waits for the volumes and reads their default views, in the order of --volume. */
   async look(where) {
     Object.assign(this, where);
     const { volumes } = await this.ask('GET', 'volumes');
@@ -87,12 +87,12 @@ export class Daemon {
     return answer.headers['content-type']?.includes('json') ? JSON.parse(bytes) : bytes;
   }
 
-  /** Of /metrics, one without labels. */
+  /** Returns a metric without labels. */
   async gauge(name) {
     return Number(new RegExp(`^${name} (\\d+)$`, 'm').exec(await this.ask('GET', '/metrics'))[1]);
   }
 
-  /** Ends the connections that were kept for further requests. */
+  /** Ends idle keep-alive connections. */
   hangUp() {
     agents[this.secure].destroy();
   }
@@ -121,12 +121,12 @@ export class Daemon {
   }
 }
 
-/** A stream that acknowledges each frame after `delay` ms, or never (Infinity), and notes what came when. That something is refused
- * ends the program: what is measured would not be what was meant. */
+/** A stream that acknowledges each frame after `delay` ms, or never (Infinity), and records arrivals. A refusal ends the program,
+ * because the measurement would not be the intended one. */
 export class Client {
   static #opened = 0;
   seq = 0;
-  /** Where its turns begin: nobody has another one's view, whose picture the daemon would not draw again. */
+  /** The start angle of its rotation. Each client has different views, because the daemon does not render the same view twice. */
   phase = 2.4 * Client.#opened++;
   sent = new Map();
 
@@ -177,7 +177,7 @@ export class Client {
     this.tell('view.update', { seq: this.seq, patch }, this.seq);
   }
 
-  /** Turns the camera a step further. */
+  /** Rotates the camera by one step. */
   turn() {
     const [x, y, z] = this.view.camera.position;
     const [tx, ty, tz] = this.view.camera.target;
@@ -187,7 +187,7 @@ export class Client {
     this.update({ camera: { position, target: [tx, ty, tz] } });
   }
 
-  /** Does something again and again: turns, unless told otherwise. */
+  /** Repeats an action; by default it rotates the camera. */
   drive(period = UPDATE_MS, step = () => this.turn()) {
     this.timer = setInterval(step, period);
   }
@@ -202,7 +202,7 @@ export class Client {
   }
 }
 
-/** What `clients` see in `seconds`, after a while of warming up. */
+/** Measures what `clients` receive in `seconds`, after a warm-up. */
 export async function watch(daemon, clients, seconds, warm = Math.min(1, seconds)) {
   await pause(1000 * warm);
   clients.forEach((client) => client.reset());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// People who come and go, and whatever else of a daemon does, for as long as it takes to see what stays behind.
+// Clients connect and disconnect and use the rest of the interface, long enough to detect leaks.
 import fs from 'node:fs';
 import os from 'node:os';
 import path from 'node:path';
@@ -7,11 +7,11 @@ import { Client, pause } from './peers.mjs';
 
 const PEOPLE = 12;
 const FORMATS = ['jpeg', 'jpeg', 'webp', 'png', 'vp8', 'vp9'];
-const STILLS = ['jpeg', 'png', 'webp', 'exr'];
+const SNAPSHOT_FORMATS = ['jpeg', 'png', 'webp', 'exr'];
 const GUEST = 'demo:sparse?size=32'; // a volume that is loaded and unloaded
 const any = (list) => list[Math.floor(Math.random() * list.length)];
 
-/** One with a session of its own, which others may look at, too. */
+/** A user with a session, which a second client may also watch. */
 class Person {
   static async come(daemon) {
     const person = new Person();
@@ -25,7 +25,7 @@ class Person {
     return person;
   }
 
-  /** A fifth leave their session behind. */
+  /** Leaves; one user in five does not delete the session. */
   async go(daemon) {
     this.clients.forEach((client) => client.end());
     if (Math.random() < 0.8) await daemon.ask('DELETE', `sessions/${this.id}`);
@@ -40,12 +40,12 @@ async function until(daemon, target, ...states) {
   }
 }
 
-/** A kept view and its picture, a volume and a picture of it, a camera path and its movie: made, taken, deleted. */
+/** Creates, fetches and deletes a saved view and its image, a volume and its image, a camera path and its movie. */
 async function errand(daemon) {
   const view = { ...daemon.views[0], size: [96 + Math.floor(Math.random() * 64), 96] };
-  const kept = await daemon.ask('POST', 'views', view);
-  await daemon.ask('GET', `render/${kept.id}?format=${any(STILLS)}`);
-  await daemon.ask('DELETE', `views/${kept.id}`);
+  const saved = await daemon.ask('POST', 'views', view);
+  await daemon.ask('GET', `render/${saved.id}?format=${any(SNAPSHOT_FORMATS)}`);
+  await daemon.ask('DELETE', `views/${saved.id}`);
   const guest = await daemon.ask('POST', 'volumes', { uri: GUEST, id: 'guest' });
   await until(daemon, `volumes/${guest.id}`, 'ready', 'failed');
   await daemon.ask('POST', 'render?format=png', { volume: guest.id, size: [64, 64] });
@@ -56,7 +56,7 @@ async function errand(daemon) {
   await daemon.ask('DELETE', `paths/${made.id}`);
 }
 
-/** Calls note() at the end of each minute. start(args) starts the daemon. */
+/** Runs the soak test; calls note() at the end of each minute. start(args) starts the daemon. */
 export async function soak(start, minutes, note) {
   const state = fs.mkdtempSync(path.join(os.tmpdir(), 'splatd-soak-'));
   const daemon = await start(['--state', state, '--session-time', '60']);
