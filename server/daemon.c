@@ -200,7 +200,7 @@ static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
                                             .queue_max = (unsigned)c->render_queue,
                                             .encode_threads = (unsigned)c->encode_threads,
                                             .video_px = (uint64_t)c->video_px,
-                                            .stills = options };
+                                            .renderer = options };
     d->render_pool = srv_render_pool_create(&pool, &renderer, err);
     if (!d->render_pool)
         sp_renderer_destroy(&renderer);

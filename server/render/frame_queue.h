@@ -1,19 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The jobs that the stream lane has begun and not finished, oldest first, and which of them may be
- * given up.
+ * The frames that a worker has begun and not finished, oldest first, and which of them may be
+ * cancelled. A GPU renders several at a time; then the next frame is prepared while the GPU renders
+ * the one before.
  *
- *   begun ──► behind others ──► the oldest ──► finished
- *                 │                 │
- *                 │                 └ a newer view waits, and it is over its budget: its clock
- *                 │                   starts here, so that nobody pays for the frame before his
- *                 └ at any time: a refinement of an older view, what nobody wants, and
- *                   what gives way when something moves
+ *   begin ──► behind others ──► the oldest ──► pop
+ *                  │                │
+ *                  │                └ cancelled when a newer view waits and the frame has used up
+ * its │                  time. That time starts when the frame becomes the oldest, so │ that it
+ * does not pay for the frames before it. └ cancelled at any time: a refinement of an older view, a
+ * frame that no client wants, and a frame that yields to motion
  *
- * Of two moving frames of a session one is always finished: when one is given up, those behind it
- * stay. What stands still for another (express_lane.c) grows no older meanwhile; until its threads
- * have come to that, the two share the processor, and each is charged half. No clock, no lock:
- * whoever calls holds the lane's.
+ * Of two consecutive moving frames of a session one is always finished: when one is cancelled,
+ * those behind it are not.
+ *
+ * A frame can be paused while a shorter one is rendered (preemption_worker.c). A paused frame does
+ * not age. Between the request to pause and the moment when its threads stop, both frames share the
+ * processor; each of them is charged half of that time.
+ *
+ * Pure: no clock and no lock. The caller holds the lock that guards the queue.
  */
 #ifndef SRV_RENDER_FRAME_QUEUE_H
 #define SRV_RENDER_FRAME_QUEUE_H
@@ -25,17 +30,18 @@
 #include "sp/renderer.h"
 
 struct srv_inflight {
-    struct srv_render_job *job;          /* the lane's */
-    atomic_bool cancel;                  /* of its rendering */
-    bool is_outdated;                    /* a newer view waits */
-    bool yields;                         /* something moves to which it gives way in time */
-    double begun_ms;                     /* or since when it is the oldest */
-    double cancellable_from_ms, kept_ms; /* as the job's; and how long that is from its beginning */
-    double spent_ms;       /* in the renderer; the lane's thread alone writes and reads it */
-    struct sp_pause pause; /* wait() and its user are the lane's */
-    double held_since_ms;  /* while it is to stand still, else 0 */
-    double stood_ms;       /* and since when it does; 0 = its threads still run */
-    void *owner;           /* the lane's */
+    struct srv_render_job *job; /* the worker's */
+    atomic_bool cancel;         /* of its rendering */
+    bool is_outdated;           /* a newer view waits */
+    bool yields;     /* something moves, to which the frame yields when its time is used up */
+    double begun_ms; /* when it was begun, or when it became the oldest */
+    double cancellable_from_ms; /* as in the job */
+    double kept_ms;             /* from the beginning to cancellable_from_ms */
+    double spent_ms;            /* time in the renderer; for the worker's thread */
+    struct sp_pause pause;      /* wait() and its user are the worker's */
+    double pause_began_ms;      /* when it was asked to pause; 0 = it runs */
+    double stopped_ms;          /* when its threads stopped; 0 = they still run */
+    void *owner;                /* the worker's */
 };
 
 struct srv_frame_queue {
@@ -43,36 +49,35 @@ struct srv_frame_queue {
     unsigned first, count;
 };
 
-/* Begins a job behind the others, of which there are fewer than SP_IN_FLIGHT_MAX. It stays where it
- * is until it is taken out. */
-struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *flights,
+/* Appends a frame; the queue must not be full. The pointer is valid until the frame is popped. */
+struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *queue,
                                            struct srv_render_job *job, double now_ms);
+/* NULL = the queue is empty. */
+struct srv_inflight *srv_frame_queue_oldest(struct srv_frame_queue *queue);
+/* Pops the oldest frame; the time of the next one starts. */
+void srv_frame_queue_pop(struct srv_frame_queue *queue, double now_ms);
+/* Removes the newest frame, because the renderer refused it. */
+void srv_frame_queue_undo(struct srv_frame_queue *queue);
 
-struct srv_inflight *
-srv_frame_queue_oldest(struct srv_frame_queue *flights); /* NULL = there is none */
-/* Takes out the oldest: the next one's clock starts. */
-void srv_frame_queue_pop(struct srv_frame_queue *flights, double now_ms);
-/* Takes out the newest, which was not begun after all. */
-void srv_frame_queue_undo(struct srv_frame_queue *flights);
+/* How long the frame has been rendered, without pauses. */
+double srv_inflight_age_ms(const struct srv_inflight *frame, double now_ms);
+/* Pauses or resumes the oldest frame if it is the job of this order. */
+void srv_frame_queue_pause(struct srv_frame_queue *queue, uint64_t order, double now_ms);
+void srv_frame_queue_resume(struct srv_frame_queue *queue, uint64_t order, double now_ms);
+/* A thread of a frame that was asked to pause has stopped; the last one counts. Returns what the
+ * shorter frame is not charged for: half of the time since the request, ms. */
+double srv_inflight_paused(struct srv_inflight *frame, double now_ms);
 
-/* How long the flight has been drawn, without what it stood still. */
-double srv_inflight_age_ms(const struct srv_inflight *flight, double now_ms);
-/* The oldest stands still from now on, if it is the job of that order; and goes on. */
-void srv_frame_queue_pause(struct srv_frame_queue *flights, uint64_t order, double now_ms);
-void srv_frame_queue_resume(struct srv_frame_queue *flights, uint64_t order, double now_ms);
-/* A thread of a flight that is to stand still does; the last one counts. Returns what is taken from
- * the time of the one for which it stands still, ms so far. */
-double srv_inflight_paused(struct srv_inflight *flight, double now_ms);
-
-/* Something begun is no longer what is wanted first: as struct srv_hub_options says. What may be
- * given up then is. */
-void srv_frame_queue_interrupt(struct srv_frame_queue *flights, uint64_t of, enum srv_interrupt why,
+/* Something more urgent than the frames under way exists, as struct srv_hub_options says. Cancels
+ * those that may be cancelled now. */
+void srv_frame_queue_interrupt(struct srv_frame_queue *queue, uint64_t of, enum srv_interrupt why,
                                double now_ms);
-void srv_frame_queue_tick(struct srv_frame_queue *flights, double now_ms);
-void srv_frame_queue_cancel(struct srv_frame_queue *flights); /* all of them */
+/* Cancels those that may be cancelled by now. */
+void srv_frame_queue_tick(struct srv_frame_queue *queue, double now_ms);
+void srv_frame_queue_cancel(struct srv_frame_queue *queue); /* all of them */
 
-/* Is this job's picture, a sharp one, among them? For whatever session. */
-bool srv_frame_queue_has_sharp(const struct srv_frame_queue *flights,
+/* True if the final image that this job renders is among the frames, for whatever session. */
+bool srv_frame_queue_has_sharp(const struct srv_frame_queue *queue,
                                const struct srv_render_job *job);
 
 #endif

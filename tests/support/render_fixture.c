@@ -86,7 +86,7 @@ void render_fixture_begin(struct render_fixture *fixture,
                                             .encode_threads = options->encode_threads
                                                                   ? options->encode_threads
                                                                   : 1,
-                                            .stills = null };
+                                            .renderer = null };
     fixture->render_pool = srv_render_pool_create(&pool, &renderer, NULL);
     assert_non_null(fixture->render_pool);
     struct srv_hub_options hub = { .volumes = { fixture->catalog, srv_catalog_acquire,

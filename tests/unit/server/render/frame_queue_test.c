@@ -100,7 +100,7 @@ static void what_stands_still_grows_no_older(void **state) {
     for (int i = 0; i < SP_IN_FLIGHT_MAX; i++) {
         srv_frame_queue_pop(&flights, 7000);
         f = begin(1, A, 7000);
-        assert_true(!f->pause.requested && f->pause.paused_ms == 0 && f->held_since_ms == 0);
+        assert_true(!f->pause.requested && f->pause.paused_ms == 0 && f->pause_began_ms == 0);
     }
     srv_frame_queue_pop(&flights, 7000);
     srv_frame_queue_pause(&flights, 0, 7000); /* nothing is begun */

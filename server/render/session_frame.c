@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One frame of a session: begin, pause and resume, finish. The interactive and the preemption
+ * worker share this.
+ */
+#include <math.h>
+#include <stdlib.h>
+
+#include "common/clock.h"
+#include "render/render_pool_private.h"
+#include "sp/log.h"
+
+void srv_session_frame_fail(struct srv_render_pool *pool, struct srv_render_job *job,
+                            const struct sp_error *err, double elapsed_ms) {
+    if (err->code == SP_ERR_CANCELLED) {
+        sp_log(SP_LOG_DEBUG, "%s cancelled after %.1f ms: %s",
+               job->is_refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
+        srv_schedule_cancelled(pool->hub, job, elapsed_ms);
+    } else {
+        sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,
+               err->place[0] ? ": " : "", err->text);
+        srv_schedule_failed(pool->hub, job, err);
+    }
+    free(job);
+}
+
+/* A frame that the preemption worker fails to render is left to the interactive worker, and so are
+ * all later ones. */
+static void fail(struct srv_render_pool *pool, enum srv_worker_kind kind,
+                 struct srv_render_job *job, struct sp_error *err, double spent_ms) {
+    if (kind == SRV_WORKER_PREEMPTION && err->code != SP_ERR_CANCELLED) {
+        srv_preemption_disable(pool, err);
+        sp_fail(err, SP_ERR_CANCELLED, NULL, "the interactive worker renders it");
+    }
+    srv_session_frame_fail(pool, job, err, spent_ms);
+}
+
+/* sp_pause.wait: a thread of the renderer stops here until the frame is resumed or cancelled.
+ * After a cancellation the threads run on until they see the cancel flag. */
+static void wait_while_paused(void *user) {
+    struct srv_inflight *frame = user;
+    struct srv_render_pool *pool = frame->owner;
+    pthread_mutex_lock(&pool->mutex);
+    if (atomic_load(&frame->pause.requested)) {
+        double shared_ms = srv_inflight_paused(frame, srv_clock_ms());
+        struct srv_inflight *shorter =
+            srv_frame_queue_oldest(&pool->in_flight[SRV_WORKER_PREEMPTION]);
+        if (shorter) /* is not charged for the time that this frame took from it */
+            atomic_store(&shorter->pause.paused_ms, shared_ms);
+    }
+    while (atomic_load(&frame->pause.requested) && !atomic_load(&frame->cancel))
+        pthread_cond_wait(&pool->resume, &pool->mutex);
+    pthread_mutex_unlock(&pool->mutex);
+}
+
+/* From now on srv_render_pool_interrupt() reaches the frame. */
+static struct srv_inflight *enqueue(struct srv_render_pool *pool, enum srv_worker_kind kind,
+                                    struct srv_render_job *job, double now_ms) {
+    struct srv_frame_queue *queue = &pool->in_flight[kind];
+    pthread_mutex_lock(&pool->mutex);
+    struct srv_inflight *frame = srv_frame_queue_begin(queue, job, now_ms);
+    frame->owner = pool;
+    frame->pause.wait = wait_while_paused;
+    frame->pause.user = frame;
+    if (pool->stop)
+        srv_frame_queue_cancel(queue);
+    pthread_mutex_unlock(&pool->mutex);
+    srv_snapshot_queue_begin_session_frame(&pool->snapshots);
+    if (kind == SRV_WORKER_INTERACTIVE && !job->is_alone)
+        srv_worker_wake(&pool->workers[SRV_WORKER_PREEMPTION]);
+    return frame;
+}
+
+/* What happened between the hub's decision and enqueue() has not reached the frame: looks again. */
+static void catch_up(struct srv_render_pool *pool, const struct srv_render_job *job) {
+    if (!srv_schedule_is_newest(pool->hub, job))
+        srv_render_pool_interrupt(pool, job->session, SRV_INTERRUPT_NEWER_VIEW);
+    if (job->protected_ms < INFINITY && srv_schedule_has_motion(pool->hub))
+        srv_render_pool_interrupt(pool, 0, SRV_INTERRUPT_MOTION);
+}
+
+void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind kind,
+                             struct srv_render_job *job) {
+    struct sp_error err = { .code = SP_OK };
+    double start_ms = srv_clock_ms();
+    struct srv_inflight *frame = enqueue(pool, kind, job, start_ms);
+    catch_up(pool, job);
+    if (job->is_refinement)
+        sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
+    const struct sp_render_options options = { .format = SP_RGBA8,
+                                               .mip_level = job->mip_level,
+                                               .cancel = &frame->cancel,
+                                               .pause = &frame->pause };
+    bool ok = sp_renderer_begin(pool->workers[kind].renderer, srv_volume_voxels(job->volume),
+                                &job->view, pool->frames, &options, &err);
+    double now_ms = srv_clock_ms();
+    frame->spent_ms = now_ms - start_ms;
+    if (ok)
+        return;
+    pthread_mutex_lock(&pool->mutex);
+    srv_frame_queue_undo(&pool->in_flight[kind]);
+    pthread_mutex_unlock(&pool->mutex);
+    srv_snapshot_queue_end_session_frame(&pool->snapshots, now_ms);
+    fail(pool, kind, job, &err, 0);
+}
+
+void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind kind) {
+    struct sp_error err = { .code = SP_OK };
+    struct srv_frame_queue *queue = &pool->in_flight[kind];
+    struct srv_inflight *inflight = srv_frame_queue_oldest(queue);
+    struct srv_render_job *job = inflight->job;
+    double start_ms = srv_clock_ms();
+    struct sp_frame *frame = sp_renderer_finish(pool->workers[kind].renderer, &err);
+    double now_ms = srv_clock_ms();
+    pthread_mutex_lock(&pool->mutex);
+    srv_frame_queue_resume(queue, job->order, now_ms);
+    double spent_ms =
+        inflight->spent_ms + now_ms - start_ms - atomic_load(&inflight->pause.paused_ms);
+    srv_frame_queue_pop(queue, now_ms);
+    pthread_mutex_unlock(&pool->mutex);
+    srv_snapshot_queue_end_session_frame(&pool->snapshots, now_ms);
+    srv_render_pool_note_frame(pool, kind, job->volume);
+    if (!frame) {
+        fail(pool, kind, job, &err, spent_ms);
+        return;
+    }
+    if (job->is_sharp)
+        srv_frame_cache_put(&pool->cache, frame, job->volume, &job->view);
+    srv_schedule_rendered(pool->hub, job, frame->stats.render_ms);
+    srv_encode_pool_submit(pool->encoders,
+                           &(struct srv_encode_task){ .frame = frame, .job = job, .worker = kind });
+}

@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The queue of snapshots: single images that are asked for over HTTP, or as frames of a camera
+ * path.
+ *
+ *   submit ─► waiting ─► rendering ─► encoding ─► answered
+ *               ▲            │
+ *               └────────────┘ a background snapshot was cancelled by more urgent work
+ *
+ * - The next snapshot is that of the owner who has received the least time for rendering and
+ *   encoding (schedule/fair_owners.h); of that owner, the oldest one.
+ * - Equal snapshots are one entry, rendered and encoded once. Each request is a waiter of the
+ * entry; the owner of the first request pays.
+ * - Background snapshots come last. They begin when no other snapshot waits and no session frame
+ * was rendered for 100 ms, and they yield to both: they are cancelled and rendered again later.
+ * After waiting for twenty times their own time they no longer yield (schedule/fair_queue.h).
+ * - An entry without waiters (their clients have left) is dropped, also while it is rendered.
+ *
+ * All functions are thread-safe. Callbacks of snapshots are called without the lock, but for
+ * is_gone().
+ */
+#ifndef SRV_RENDER_SNAPSHOT_QUEUE_H
+#define SRV_RENDER_SNAPSHOT_QUEUE_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "ops/metrics.h"
+#include "render/catalog.h"
+#include "render/worker.h"
+#include "schedule/fair_owners.h"
+#include "sp/encode.h"
+#include "sp/frame.h"
+
+struct srv_snapshot_result {
+    bool ok;
+    struct sp_error err;    /* if not ok */
+    const uint8_t *bytes;   /* valid during the call */
+    size_t size;            /* of bytes */
+    struct sp_frame *frame; /* instead of bytes if wants_frame; valid during the call */
+    double drawn_ms;        /* time spent to render that frame; 0 = it was cached */
+    struct sp_frame_stats stats;
+    double encode_ms;
+};
+
+struct srv_snapshot { /* a request for one image */
+    struct sp_view view;
+    struct srv_volume *volume;        /* a use, taken over by submit */
+    char owner[SRV_FAIR_OWNER_BYTES]; /* whose share pays for it */
+    enum sp_image_format format;
+    int quality;
+    enum sp_chroma chroma; /* of a JPEG */
+    bool background;       /* the lowest class */
+    double expected_ms;    /* expected time to render a background snapshot; 0 = not known */
+    bool wants_frame;      /* the caller encodes; `format` says whether it needs bytes or floats */
+    /* Called exactly once, from another thread. */
+    void (*done)(void *user, const struct srv_snapshot_result *result);
+    /* True if the client has left; then the request is dropped. Polled from other threads until
+     * shortly before done(), with the queue's lock held: it must not call the render pool. NULL =
+     * never. */
+    bool (*is_gone)(void *user);
+    void *user;
+};
+
+struct srv_snapshot_waiter;
+
+struct srv_snapshot_entry { /* in the list until it is answered or dropped */
+    struct srv_snapshot_entry *next;
+    struct srv_snapshot snapshot; /* of the first request */
+    struct srv_snapshot_waiter *waiters;
+    bool is_waiting;        /* false: it is being rendered or encoded */
+    atomic_bool cancel;     /* of its rendering */
+    double queued_ms;       /* when it was submitted */
+    double yields_since_ms; /* when it had to yield first; 0 = never */
+    double spent_ms;        /* the longest time spent on a rendering that was cancelled */
+};
+
+struct srv_snapshot_queue_options {
+    struct srv_catalog *catalog;
+    struct srv_metrics *metrics; /* NULL = none */
+    struct srv_worker *worker;   /* woken when there may be a snapshot to render */
+    unsigned waiting_max; /* per class; in the foreground an owner has at most three quarters */
+    unsigned
+        unencoded_max; /* of one owner, rendered and not answered; over it, others come first */
+};
+
+struct srv_snapshot_queue {
+    struct srv_snapshot_queue_options options;
+    pthread_mutex_t mutex;              /* guards what follows; taken before the worker's */
+    struct srv_snapshot_entry *entries; /* oldest first */
+    struct srv_snapshot_entry *current; /* being rendered */
+    struct srv_fair_owners owners;      /* of foreground snapshots */
+    unsigned unanswered;                /* requests without an answer */
+    unsigned session_frames;            /* being rendered for sessions now */
+    double session_frame_ms;            /* when the last of them ended */
+    bool stop;
+};
+
+void srv_snapshot_queue_init(struct srv_snapshot_queue *queue,
+                             const struct srv_snapshot_queue_options *options);
+/* After every entry was answered. */
+void srv_snapshot_queue_finish(struct srv_snapshot_queue *queue);
+
+/* As srv_render_pool_submit(). */
+bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue,
+                               const struct srv_snapshot *snapshot, struct sp_error *err);
+/* Drops the requests of clients that have left. */
+void srv_snapshot_queue_tick(struct srv_snapshot_queue *queue);
+unsigned srv_snapshot_queue_unanswered(struct srv_snapshot_queue *queue);
+/* The daemon stops: refuses new requests and cancels the rendering. */
+void srv_snapshot_queue_stop(struct srv_snapshot_queue *queue);
+/* Answers all that wait with SP_ERR_CANCELLED. After the snapshot worker has ended. */
+void srv_snapshot_queue_drop_waiting(struct srv_snapshot_queue *queue);
+
+/* A worker begins or has ended a frame of a session: background snapshots yield. */
+void srv_snapshot_queue_begin_session_frame(struct srv_snapshot_queue *queue);
+void srv_snapshot_queue_end_session_frame(struct srv_snapshot_queue *queue, double now_ms);
+
+/* The snapshot worker. */
+
+/* Takes the entry to render next. NULL if there is none; then asks again after *wait_ms at the
+ * latest, which stays as it is if only an event can change that. */
+struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
+                                                   double *wait_ms);
+/* The rendering has ended and took so long; the owner pays. Returns true if the entry waits again
+ * because it yielded. Else the caller answers it, now or after encoding. */
+bool srv_snapshot_queue_end_rendering(struct srv_snapshot_queue *queue,
+                                      struct srv_snapshot_entry *entry, bool is_cancelled,
+                                      double render_ms);
+
+/* The snapshot worker and the encode threads. */
+
+void srv_snapshot_queue_charge(struct srv_snapshot_queue *queue,
+                               const struct srv_snapshot_entry *entry, double ms);
+/* Both answer every waiter and free the entry. */
+void srv_snapshot_queue_answer(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,
+                               const struct srv_snapshot_result *result);
+void srv_snapshot_queue_fail(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry,
+                             const struct sp_error *err);
+
+#endif
