@@ -51,14 +51,14 @@ struct srv_daemon {
 
 /* Callbacks: which part notifies which. */
 
-static void on_progress(void *user, const char *id, const char *state, double progress,
+static void on_progress(void *user, const char *id, enum srv_volume_state state, double progress,
                         const char *reason) {
     struct srv_daemon *d = user;
-    srv_hub_volume_progress(d->hub, id, state, progress, reason);
+    srv_hub_volume_progress(d->hub, id, srv_volume_state_name(state), progress, reason);
     struct srv_paths *paths = atomic_load(&d->paths);
-    if (paths && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
+    if (paths && state == SRV_VOLUME_UNLOADED)
         srv_paths_unloaded(paths, id);
-    else if (paths && strcmp(state, srv_volume_state_name(SRV_VOLUME_LOADING)) != 0)
+    else if (paths && state != SRV_VOLUME_LOADING)
         srv_paths_wake(paths);
 }
 
@@ -362,7 +362,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .data = config->data,
         .user = d,
         .progress = on_progress,
-        .keep = on_volume,
+        .persist = on_volume,
         .unloaded = on_unloaded,
     };
     if ((d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&

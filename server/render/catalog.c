@@ -2,10 +2,8 @@
 #include "render/catalog.h"
 
 #include <assert.h>
-#include <ctype.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <limits.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,46 +12,51 @@
 
 #include "common/clock.h"
 #include "render/redact.h"
+#include "render/source.h"
 #include "sp/log.h"
 
 enum { ENTRIES_MAX = 1024 };
-#define PROGRESS_MS 100.0 /* between two progress notes of one load */
+#define PROGRESS_MS 100.0 /* between two progress notifications of one load */
 
 struct srv_volume {
     struct srv_volume *next;
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
-    char *source; /* resolved: the key */
-    bool confined, is_kept;
+    char *source; /* resolved (render/source.h): the key */
+    bool confined, is_persisted;
     enum srv_volume_state state;
-    double progress, told_ms;
+    double progress, notified_ms; /* notified_ms: when progress() was called last */
     struct sp_error error;
     struct sp_volume *volume;           /* NULL unless ready; constant while used */
     struct sp_view view;                /* default; constant while used */
     struct srv_fingerprint fingerprint; /* constant while used */
     uint64_t reserved_bytes, cached_bytes[SRV_RENDERERS];
     unsigned uses;
-    bool is_removed; /* while it is being loaded: the load thread frees it */
+    bool is_removed; /* while it was loading: the load thread frees it */
 };
 
 struct srv_catalog {
     struct srv_catalog_options options;
-    char *data;              /* resolved; NULL = none */
-    pthread_mutex_t telling; /* what is told comes in the order in which it happened; taken first */
-    pthread_mutex_t mutex;
-    pthread_cond_t changed; /* something to load, or stop */
+    char *data; /* resolved; NULL = none */
+    /* Taken before `mutex`: notifications are sent in the order in which the events happened. */
+    pthread_mutex_t notify_mutex;
+    pthread_mutex_t mutex;  /* guards what follows */
+    pthread_cond_t changed; /* there is something to load, or stop */
     pthread_t loader;
     struct srv_volume *entries; /* in the order of adding */
     unsigned count;
     uint64_t used_bytes;
-    struct srv_volume *loading; /* by the load thread right now */
-    bool stop, joined;
+    struct srv_volume *loading; /* by the load thread now */
+    bool stop, is_joined;
 };
 
 const char *srv_volume_state_name(enum srv_volume_state state) {
-    static const char *const names[] = { "loading", "ready", "failed" };
+    static const char *const names[] = { "loading", "ready", "failed", "unloaded" };
     return names[state];
 }
 
+/* The load thread. */
+
+/* sp_load_options.reserve */
 static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     struct srv_catalog *catalog = user;
     bool ok = true;
@@ -75,8 +78,8 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     return ok;
 }
 
-static void tell(struct srv_catalog *catalog, const char *id, const char *state, double fraction,
-                 const char *reason) {
+static void notify(struct srv_catalog *catalog, const char *id, enum srv_volume_state state,
+                   double fraction, const char *reason) {
     catalog->options.progress(catalog->options.user, id, state, fraction, reason);
 }
 
@@ -87,47 +90,84 @@ static bool is_removed(struct srv_catalog *catalog, const struct srv_volume *v) 
     return is_removed;
 }
 
+/* sp_load_options.progress; false cancels the load. */
 static bool progress(void *user, double fraction) {
     struct srv_catalog *catalog = user;
     double now_ms = srv_clock_ms();
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = catalog->loading;
-    bool go_on = !catalog->stop && !v->is_removed, is_due = now_ms - v->told_ms >= PROGRESS_MS;
+    bool continues = !catalog->stop && !v->is_removed;
+    bool is_due = now_ms - v->notified_ms >= PROGRESS_MS;
     v->progress = fraction;
     if (is_due)
-        v->told_ms = now_ms;
+        v->notified_ms = now_ms;
     pthread_mutex_unlock(&catalog->mutex);
-    /* The id of an entry that is loading does not change and the entry stays. */
+    /* Without the lock: an entry that is loading keeps its id and is freed by this thread alone. */
     if (is_due) {
-        pthread_mutex_lock(&catalog->telling);
-        if (!is_removed(catalog, v)) /* what is told of that id then is of another one */
-            tell(catalog, v->id, "loading", fraction, "");
-        pthread_mutex_unlock(&catalog->telling);
+        pthread_mutex_lock(&catalog->notify_mutex);
+        if (!is_removed(catalog, v)) /* else the id may belong to another entry by now */
+            notify(catalog, v->id, SRV_VOLUME_LOADING, fraction, "");
+        pthread_mutex_unlock(&catalog->notify_mutex);
     }
-    return go_on;
+    return continues;
 }
 
-static void log_failure(const struct srv_volume *v, const struct sp_error *err) {
-    if (err->code == SP_ERR_CANCELLED)
+/* Clients see the error: they must not learn where the folders are. */
+static void redact(const struct srv_catalog *catalog, const struct srv_volume *v,
+                   struct sp_error *err) {
+    srv_redact_text(catalog->data, v->source, err->place, sizeof err->place);
+    srv_redact_text(catalog->data, v->source, err->text, sizeof err->text);
+}
+
+static void log_load(const struct srv_volume *v, const struct sp_volume *volume,
+                     const struct sp_error *err, double took_ms) {
+    if (volume) {
+        const struct sp_volume_info *info = sp_volume_info(volume);
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
-                    "volume %s is given up while it loads", v->id);
-    else
+                    "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
+                    info->grid.dims[0], info->grid.dims[1], info->grid.dims[2],
+                    sp_type_name(info->type), info->voxel_bytes, took_ms);
+    } else if (err->code == SP_ERR_CANCELLED) {
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
+                    "loading of volume %s was cancelled", v->id);
+    } else {
         sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "volume", v->id }),
                     "volume %s failed to load: %s%s%s", v->id, err->place,
                     err->place[0] ? ": " : "", err->text);
-}
-
-/* Clients are told of it. */
-static void hide_folders(const struct srv_catalog *catalog, const struct srv_volume *v,
-                         struct sp_error *err) {
-    srv_redact_text(catalog->data, v->source, err->place, sizeof err->place);
-    srv_redact_text(catalog->data, v->source, err->text, sizeof err->text);
+    }
 }
 
 static void entry_free(struct srv_volume *v) {
     sp_volume_unref(&v->volume);
     free(v->source);
     free(v);
+}
+
+/* The entry becomes ready or failed, or is freed if it was removed meanwhile. `volume`: the
+ * reference is taken over; NULL = the load failed. */
+static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct sp_volume *volume,
+                     const struct sp_error *err) {
+    char id[SP_NAME_BYTES];
+    pthread_mutex_lock(&catalog->notify_mutex);
+    pthread_mutex_lock(&catalog->mutex);
+    catalog->loading = NULL; /* from here on srv_catalog_remove() frees the entry */
+    v->volume = volume;
+    v->error = *err;
+    bool was_removed = v->is_removed;
+    v->state = volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED;
+    v->progress = volume ? 1 : v->progress;
+    if (!volume && !was_removed) {
+        catalog->used_bytes -= v->reserved_bytes;
+        v->reserved_bytes = 0;
+    }
+    memcpy(id, v->id, sizeof id);
+    double fraction = v->progress;
+    pthread_mutex_unlock(&catalog->mutex);
+    if (was_removed)
+        entry_free(v);
+    else
+        notify(catalog, id, volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED, fraction, err->text);
+    pthread_mutex_unlock(&catalog->notify_mutex);
 }
 
 static void load(struct srv_catalog *catalog, struct srv_volume *v) {
@@ -138,47 +178,19 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .root = v->confined ? catalog->data : NULL,
                                        .importer = catalog->options.importer };
     double start_ms = srv_clock_ms();
-    pthread_mutex_lock(&catalog->telling); /* after the end of an earlier volume of this id */
-    tell(catalog, v->id, "loading", 0, "");
-    pthread_mutex_unlock(&catalog->telling);
+    /* With the lock: after the last notification of an earlier entry with this id. */
+    pthread_mutex_lock(&catalog->notify_mutex);
+    notify(catalog, v->id, SRV_VOLUME_LOADING, 0, "");
+    pthread_mutex_unlock(&catalog->notify_mutex);
     struct sp_volume *volume = sp_volume_load(v->source, &options, &err);
     if (volume)
         v->fingerprint = srv_fingerprint_volume(volume);
-    double took_ms = srv_clock_ms() - start_ms;
-    if (volume) {
-        const struct sp_volume_info *info = sp_volume_info(volume);
-        sp_view_init(&v->view, info, v->id);
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
-                    "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
-                    info->grid.dims[0], info->grid.dims[1], info->grid.dims[2],
-                    sp_type_name(info->type), info->voxel_bytes, took_ms);
-    } else {
-        log_failure(v, &err);
-        hide_folders(catalog, v, &err);
-    }
-    pthread_mutex_lock(&catalog->telling);
-    pthread_mutex_lock(&catalog->mutex);
-    catalog->loading = NULL; /* from here on it is removed by who asks for that */
-    v->volume = volume;
-    v->error = err;
-    if (v->is_removed) {
-        pthread_mutex_unlock(&catalog->mutex);
-        pthread_mutex_unlock(&catalog->telling);
-        entry_free(v);
-        return;
-    }
-    v->state = volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED;
-    v->progress = volume ? 1 : v->progress;
-    if (!volume) {
-        catalog->used_bytes -= v->reserved_bytes;
-        v->reserved_bytes = 0;
-    }
-    char id[SP_NAME_BYTES];
-    memcpy(id, v->id, sizeof id);
-    double fraction = v->progress;
-    pthread_mutex_unlock(&catalog->mutex);
-    tell(catalog, id, volume ? "ready" : "failed", fraction, err.text);
-    pthread_mutex_unlock(&catalog->telling);
+    log_load(v, volume, &err, srv_clock_ms() - start_ms);
+    if (volume)
+        sp_view_init(&v->view, sp_volume_info(volume), v->id);
+    else
+        redact(catalog, v, &err);
+    end_load(catalog, v, volume, &err);
 }
 
 static void *load_thread(void *user) {
@@ -217,18 +229,18 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
                                        struct sp_error *err) {
     struct srv_catalog *catalog = calloc(1, sizeof *catalog);
     if (!catalog) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the catalog");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the catalog");
         return NULL;
     }
     catalog->options = *options;
     if (options->data && !(catalog->data = real_folder(options->data))) {
-        sp_fail(err, SP_ERR_IO, options->data, "cannot use this folder for --data: %s",
+        sp_fail(err, SP_ERR_IO, options->data, "--data: cannot use this folder: %s",
                 strerror(errno));
         free(catalog);
         return NULL;
     }
     pthread_mutex_init(&catalog->mutex, NULL);
-    pthread_mutex_init(&catalog->telling, NULL);
+    pthread_mutex_init(&catalog->notify_mutex, NULL);
     pthread_cond_init(&catalog->changed, NULL);
     int failed = pthread_create(&catalog->loader, NULL, load_thread, catalog);
     if (failed) {
@@ -244,8 +256,8 @@ void srv_catalog_stop(struct srv_catalog *catalog) {
     pthread_mutex_lock(&catalog->mutex);
     catalog->stop = true;
     pthread_cond_signal(&catalog->changed);
-    bool join = !catalog->joined;
-    catalog->joined = true;
+    bool join = !catalog->is_joined;
+    catalog->is_joined = true;
     pthread_mutex_unlock(&catalog->mutex);
     if (join)
         pthread_join(catalog->loader, NULL);
@@ -265,88 +277,9 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
     }
     pthread_cond_destroy(&catalog->changed);
     pthread_mutex_destroy(&catalog->mutex);
-    pthread_mutex_destroy(&catalog->telling);
+    pthread_mutex_destroy(&catalog->notify_mutex);
     free(catalog->data);
     free(catalog);
-}
-
-/* The key of a source: the real path, or the demo's text. malloc'ed. */
-static char *resolve(const struct srv_catalog *catalog, const struct srv_volume_request *request,
-                     struct sp_error *err) {
-    if (strncmp(request->source, "demo:", 5) == 0) {
-        struct sp_error why;
-        if (sp_demo_check(request->source, &why))
-            return strdup(request->source);
-        if (request->confined)
-            sp_fail(err, why.code, "/uri", "%.100s: %s", request->source, why.text);
-        else
-            *err = why;
-        return NULL;
-    }
-    char joined[PATH_MAX];
-    const char *path = request->source;
-    if (request->confined) {
-        if (!catalog->data) {
-            sp_fail(err, SP_ERR_DENIED, "/path",
-                    "this daemon loads no files by request; start it with --data DIR");
-            return NULL;
-        }
-        if (path[0] != '/') {
-            if (snprintf(joined, sizeof joined, "%s/%s", catalog->data, path) >=
-                (int)sizeof joined) {
-                sp_fail(err, SP_ERR_INVALID, "/path", "the path is longer than %zu bytes",
-                        sizeof joined - 1);
-                return NULL;
-            }
-            path = joined;
-        }
-    }
-    char *real = realpath(path, NULL);
-    size_t length = catalog->data ? strlen(catalog->data) : 0;
-    if (!real && !request->confined)
-        sp_fail(err, SP_ERR_NOT_FOUND, path, "cannot open the volume: %s", strerror(errno));
-    /* What lies outside the folder is refused alike, whether it exists or not. */
-    else if (!real)
-        sp_fail(err, errno == ENOMEM ? SP_ERR_MEMORY : SP_ERR_NOT_FOUND, "/path",
-                "there is no such file below the data folder");
-    else if (request->confined && !(strncmp(real, catalog->data, length) == 0 &&
-                                    (real[length] == '/' || catalog->data[length - 1] == '/'))) {
-        sp_fail(err, SP_ERR_NOT_FOUND, "/path", "there is no such file below the data folder");
-        free(real);
-        real = NULL;
-    }
-    return real;
-}
-
-static bool is_id(const char *id) {
-    size_t length = strlen(id);
-    for (size_t i = 0; i < length; i++)
-        if (!isalnum((unsigned char)id[i]) && !strchr("._-", id[i]))
-            return false;
-    return length >= 1 && length < SP_NAME_BYTES && strcmp(id, ".") != 0 && strcmp(id, "..") != 0;
-}
-
-/* File name without extension, or the demo's name; other characters than an id allows become '-'.
- */
-static void id_from_source(const char *source, char id[SP_NAME_BYTES]) {
-    const char *start = source;
-    size_t length;
-    if (strncmp(source, "demo:", 5) == 0) {
-        start += 5;
-        length = strcspn(start, "?");
-    } else {
-        const char *slash = strrchr(source, '/');
-        start = slash ? slash + 1 : source;
-        const char *dot = strrchr(start, '.');
-        length = dot && dot != start ? (size_t)(dot - start) : strlen(start);
-    }
-    if (length > SP_NAME_BYTES - 8)
-        length = SP_NAME_BYTES - 8;
-    for (size_t i = 0; i < length; i++)
-        id[i] = isalnum((unsigned char)start[i]) || strchr("._-", start[i]) ? start[i] : '-';
-    id[length] = 0;
-    if (!is_id(id))
-        strcpy(id, "volume");
 }
 
 static struct srv_volume *find(struct srv_catalog *catalog, const char *id) {
@@ -362,7 +295,7 @@ static void unique_id(struct srv_catalog *catalog, char id[SP_NAME_BYTES]) {
         snprintf(id + length, SP_NAME_BYTES - length, "-%u", i);
 }
 
-/* With the mutex held. `source` is taken over on success. */
+/* Appends an entry. With the mutex held. Takes over `source` on success. */
 static struct srv_volume *add_entry(struct srv_catalog *catalog,
                                     const struct srv_volume_request *request, char *source,
                                     bool *conflict, struct sp_error *err) {
@@ -372,19 +305,20 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         return NULL;
     }
     if (catalog->count >= ENTRIES_MAX) {
-        sp_fail(err, SP_ERR_BUDGET, NULL, "%u volumes are known already; remove some",
+        sp_fail(err, SP_ERR_BUDGET, NULL,
+                "%u volumes are known already, the most that are allowed; unload one",
                 catalog->count);
         return NULL;
     }
     struct srv_volume *v = calloc(1, sizeof *v);
     if (!v) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a volume's entry");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a volume");
         return NULL;
     }
     if (request->id) {
         snprintf(v->id, sizeof v->id, "%s", request->id);
     } else {
-        id_from_source(source, v->id);
+        srv_source_default_id(source, v->id);
         unique_id(catalog, v->id);
     }
     snprintf(v->name, sizeof v->name, "%s", request->name ? request->name : v->id);
@@ -394,35 +328,35 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         link = &(*link)->next;
     *link = v;
     catalog->count++;
-    v->is_kept = request->is_kept;
+    v->is_persisted = request->is_restored;
     return v;
 }
 
 /* With the mutex held. */
-static void keep(struct srv_catalog *catalog, struct srv_volume *v) {
+static void persist(struct srv_catalog *catalog, struct srv_volume *v) {
     const struct srv_volume_request request = {
         .source = v->source, .id = v->id, .name = v->name, .confined = v->confined
     };
-    if (catalog->options.keep && !v->is_kept)
-        v->is_kept = catalog->options.keep(catalog->options.user, v->id, &request);
+    if (catalog->options.persist && !v->is_persisted)
+        v->is_persisted = catalog->options.persist(catalog->options.user, v->id, &request);
 }
 
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err) {
     *conflict = *existed = false;
-    if (request->id && !is_id(request->id))
+    if (request->id && !srv_source_is_id(request->id))
         return sp_fail(err, SP_ERR_INVALID, "/id",
-                       "must be 1 to %d characters of [A-Za-z0-9._-], not '.' or '..'",
+                       "must be 1 to %d characters of [A-Za-z0-9._-], and not '.' or '..'",
                        SP_NAME_BYTES - 1);
     struct sp_error why = { .code = SP_OK };
-    char *source = resolve(catalog, request, &why);
-    bool is_lost = !source && why.code != SP_OK && request->is_kept;
+    char *source = srv_source_resolve(request->source, request->confined, catalog->data, &why);
+    bool is_lost = !source && why.code != SP_ERR_MEMORY && request->is_restored;
     if (is_lost)
         source = strdup(request->source);
     if (!source) {
-        if (why.code == SP_OK)
-            sp_fail(&why, SP_ERR_MEMORY, NULL, "no memory for a path");
+        if (is_lost)
+            sp_fail(&why, SP_ERR_MEMORY, NULL, "out of memory for a path");
         if (err)
             *err = why;
         return false;
@@ -440,14 +374,14 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
         return false;
     }
     if (!*existed) {
-        v->confined = request->confined && strncmp(v->source, "demo:", 5) != 0;
+        v->confined = request->confined && !srv_source_is_demo(v->source);
         v->state = is_lost ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
         v->error = why;
-        hide_folders(catalog, v, &v->error);
+        redact(catalog, v, &v->error);
         v->progress = 0;
         pthread_cond_signal(&catalog->changed);
     }
-    keep(catalog, v);
+    persist(catalog, v);
     memcpy(id_out, v->id, sizeof v->id);
     pthread_mutex_unlock(&catalog->mutex);
     return true;
@@ -456,7 +390,7 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
 bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
                         struct sp_error *err) {
     *conflict = false;
-    pthread_mutex_lock(&catalog->telling);
+    pthread_mutex_lock(&catalog->notify_mutex);
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume **link = &catalog->entries;
     while (*link && strcmp((*link)->id, id) != 0)
@@ -468,19 +402,19 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
     } else if (v->uses > 0) {
         *conflict = true;
         ok = sp_fail(err, SP_ERR_INVALID, NULL,
-                     "the volume is in use %u times, by sessions or renders", v->uses);
+                     "the volume has %u uses by sessions and renders; end them first", v->uses);
     } else {
         is_loading = v->is_removed = v == catalog->loading;
         *link = v->next;
-        if (catalog->options.keep)
-            catalog->options.keep(catalog->options.user, v->id, NULL);
+        if (catalog->options.persist)
+            catalog->options.persist(catalog->options.user, v->id, NULL);
         catalog->count--;
         catalog->used_bytes -= v->reserved_bytes;
     }
     pthread_mutex_unlock(&catalog->mutex);
     if (ok)
-        tell(catalog, id, SRV_VOLUME_UNLOADED, 0, "");
-    pthread_mutex_unlock(&catalog->telling);
+        notify(catalog, id, SRV_VOLUME_UNLOADED, 0, "");
+    pthread_mutex_unlock(&catalog->notify_mutex);
     if (ok)
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s unloaded", id);
     if (ok && !is_loading) {
@@ -503,8 +437,8 @@ static void status_of(const struct srv_catalog *catalog, const struct srv_volume
     status->cached_bytes = 0;
     status->voxel_bytes = v->reserved_bytes;
     memcpy(status->cached_per_renderer, v->cached_bytes, sizeof status->cached_per_renderer);
-    for (int l = 0; l < SRV_RENDERERS; l++)
-        status->cached_bytes += v->cached_bytes[l];
+    for (int r = 0; r < SRV_RENDERERS; r++)
+        status->cached_bytes += v->cached_bytes[r];
     status->uses = v->uses;
 }
 
@@ -543,7 +477,7 @@ void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
     if (id && *id) {
         found = find(catalog, id);
     } else {
-        found = catalog->entries; /* the first that is ready, else the first */
+        found = catalog->entries; /* the first entry that is ready, else the first one */
         for (struct srv_volume *v = found; v; v = v->next)
             if (v->state == SRV_VOLUME_READY) {
                 found = v;
@@ -554,7 +488,7 @@ void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
         sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "there is no volume '%s'", id);
     else if (!found)
         sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume",
-                "no volume is loaded; POST /api/v1/volumes does");
+                "no volume is loaded; load one with POST /api/v1/volumes");
     else if (found->state == SRV_VOLUME_LOADING)
         sp_fail(err, SP_ERR_NOT_READY, "/volume", "the volume '%s' is still loading (%.0f %%)",
                 found->id, found->progress * 100);
@@ -605,10 +539,10 @@ const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *vo
     return &volume->fingerprint;
 }
 
-void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume, unsigned lane,
-                            uint64_t bytes) {
-    assert(lane < SRV_RENDERERS);
+void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume,
+                            unsigned renderer, uint64_t bytes) {
+    assert(renderer < SRV_RENDERERS);
     pthread_mutex_lock(&catalog->mutex);
-    volume->cached_bytes[lane] = bytes;
+    volume->cached_bytes[renderer] = bytes;
     pthread_mutex_unlock(&catalog->mutex);
 }

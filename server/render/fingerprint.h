@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What something holds, in 128 bits (XXH3): the same in every run of the daemon. Equal only for
- * equal content, for all purposes but an attack, and there is nothing to gain from one.
+ * A fingerprint: a hash of 128 bits (XXH3) that is the same in every run of the daemon. It is no
+ * defence against deliberate collisions, from which nobody gains anything here.
  *
- * Two volumes of the same fingerprint look the same in every view. It says nothing of their lives:
- * who needs to know that compares handles (catalog.h).
+ * Two volumes with the same fingerprint look the same in every view. The fingerprint does not
+ * identify a load: to tell an old handle from a new one, compare the handles (catalog.h).
  */
 #ifndef SRV_RENDER_FINGERPRINT_H
 #define SRV_RENDER_FINGERPRINT_H
@@ -22,18 +22,18 @@ struct srv_fingerprint {
 };
 
 struct srv_part {
-    const void *bytes; /* NULL if there are none */
+    const void *bytes; /* NULL only if size is 0 */
     size_t size;
 };
-/* Of parts in this order, at most SRV_PARTS_MAX; where one ends and the next begins counts. */
+/* Of the parts in this order, at most SRV_PARTS_MAX. The boundaries between parts count. */
 struct srv_fingerprint srv_fingerprint_of(const struct srv_part *parts, unsigned count);
-/* Of what decides a volume's pixels: grid, type and voxels. Reads all of it. */
+/* Of all that decides the pixels of a volume: grid, type and voxels. Reads all voxels. */
 struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume);
-/* Of the file of the running program; false: it cannot be read. */
+/* Of the running program's file; false if it cannot be read. */
 bool srv_fingerprint_program(struct srv_fingerprint *fingerprint);
 
 bool srv_fingerprint_equal(const struct srv_fingerprint *a, const struct srv_fingerprint *b);
-/* 32 hexadecimal digits and a NUL, and back. */
+/* To 32 hexadecimal digits and a NUL, and back. decode: false for NULL and for any other text. */
 void srv_fingerprint_encode(const struct srv_fingerprint *fingerprint,
                             char text[SRV_FINGERPRINT_TEXT]);
 bool srv_fingerprint_decode(const char *text, struct srv_fingerprint *fingerprint);

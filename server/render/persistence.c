@@ -12,7 +12,7 @@
 
 static bool restore_volume(struct srv_catalog *catalog, const char *id, const char *text,
                            size_t size, struct sp_error *err) {
-    struct srv_volume_request request = { .id = id, .is_kept = true };
+    struct srv_volume_request request = { .id = id, .is_restored = true };
     char given[SP_NAME_BYTES];
     bool existed, conflict;
     proto_json *json = proto_json_parse(text, size, err);

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A character that ends a file's name in a text, or stands before it. */
+/* True for a character that separates a file name from the text around it. */
 static bool is_edge(char c) {
     return !c || strchr(" :,;()'\"\n", c) != NULL;
 }
@@ -29,7 +29,7 @@ void srv_redact_folder(const char *folder, const char *as, const char *text, cha
     out[used] = 0;
 }
 
-/* malloc'ed; NULL = it has none, or no memory. */
+/* Returns the folder of an absolute path, malloc'ed. NULL if there is none, or memory is out. */
 static char *folder_of(const char *source) {
     const char *slash = *source == '/' ? strrchr(source, '/') : NULL;
     return slash && slash > source ? strndup(source, (size_t)(slash - source)) : NULL;

@@ -9,10 +9,10 @@
 #include "sp/log.h"
 #include "sp/video.h"
 
-enum { LARGE_PX = 640 * 480 }; /* from here on two threads encode a picture */
-#define KEY_MS 1000.0          /* between key frames that only some need */
-#define IDLE_MS 10000.0        /* after which an encoder goes */
-#define BUSY_MS 1000.0         /* after which it goes if another one has no room */
+enum { LARGE_PX = 640 * 480 }; /* frames of this size and more are encoded by two threads */
+#define KEY_MS 1000.0          /* at least, between key frames that only some participants need */
+#define IDLE_MS 10000.0        /* an encoder that is unused for this long is destroyed */
+#define BUSY_MS 1000.0         /* the same, when another encoder would exceed the bound */
 
 _Static_assert((int)SRV_PARTICIPANTS_MAX <= 64, "a set of targets has one bit each");
 
@@ -20,7 +20,7 @@ struct encoder {
     struct encoder *next;
     uint64_t session;
     enum sp_video_codec codec;
-    uint32_t full[2]; /* of the picture at rest: one that moves is smaller now and then */
+    uint32_t full[2]; /* size at rest, px; moving frames may be smaller */
     unsigned users;   /* guarded by the list's mutex, as is used_ms */
     double used_ms;
     pthread_mutex_t mutex; /* guards what follows */
@@ -40,20 +40,20 @@ struct srv_video_encoders {
 
 struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_metrics *metrics,
                                                      struct sp_error *err) {
-    struct srv_video_encoders *videos = calloc(1, sizeof *videos);
-    if (!videos) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for video");
+    struct srv_video_encoders *encoders = calloc(1, sizeof *encoders);
+    if (!encoders) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for video");
         return NULL;
     }
-    videos->px_max = px;
-    videos->metrics = metrics;
-    pthread_mutex_init(&videos->mutex, NULL);
-    /* Now, so that no client waits for a module to load. */
+    encoders->px_max = px;
+    encoders->metrics = metrics;
+    pthread_mutex_init(&encoders->mutex, NULL);
+    /* Loads the codecs now, so that no client waits for it. */
     for (int i = 0; i < SP_VIDEO_CODEC_COUNT; i++)
         if (!sp_video_is_available((enum sp_video_codec)i))
-            sp_log(SP_LOG_DEBUG, "no %s: it is not built in",
+            sp_log(SP_LOG_DEBUG, "%s is not available: it is not built in",
                    sp_video_codec_name((enum sp_video_codec)i));
-    return videos;
+    return encoders;
 }
 
 static uint64_t cost_px(const uint32_t full[2]) {
@@ -71,11 +71,11 @@ static bool is_idle(const struct encoder *encoder, double until_ms) {
     return encoder->users == 0 && encoder->used_ms <= until_ms;
 }
 
-/* Takes those out of the list that were not used since `until_ms`. With the mutex held; the caller
- * destroys what it gets without it. */
-static struct encoder *take_idle(struct srv_video_encoders *videos, double until_ms) {
+/* Removes the encoders from the list that were not used since `until_ms`. With the mutex held; the
+ * caller destroys them after it has released the mutex. */
+static struct encoder *take_idle(struct srv_video_encoders *encoders, double until_ms) {
     struct encoder *idle = NULL;
-    for (struct encoder **link = &videos->list; *link;) {
+    for (struct encoder **link = &encoders->list; *link;) {
         struct encoder *encoder = *link;
         if (!is_idle(encoder, until_ms)) {
             link = &encoder->next;
@@ -84,7 +84,7 @@ static struct encoder *take_idle(struct srv_video_encoders *videos, double until
         *link = encoder->next;
         encoder->next = idle;
         idle = encoder;
-        videos->px -= cost_px(encoder->full);
+        encoders->px -= cost_px(encoder->full);
     }
     return idle;
 }
@@ -97,38 +97,39 @@ static void destroy_all(struct encoder *list) {
     }
 }
 
-bool srv_video_encoders_are_idle(struct srv_video_encoders *videos, double now_ms) {
+bool srv_video_encoders_are_idle(struct srv_video_encoders *encoders, double now_ms) {
     bool idle = false;
-    pthread_mutex_lock(&videos->mutex);
-    for (const struct encoder *e = videos->list; e && !idle; e = e->next)
+    pthread_mutex_lock(&encoders->mutex);
+    for (const struct encoder *e = encoders->list; e && !idle; e = e->next)
         idle = is_idle(e, now_ms - IDLE_MS);
-    pthread_mutex_unlock(&videos->mutex);
+    pthread_mutex_unlock(&encoders->mutex);
     return idle;
 }
 
-void srv_video_encoders_tick(struct srv_video_encoders *videos, double now_ms) {
-    pthread_mutex_lock(&videos->mutex);
-    struct encoder *idle = take_idle(videos, now_ms - IDLE_MS);
-    pthread_mutex_unlock(&videos->mutex);
+void srv_video_encoders_tick(struct srv_video_encoders *encoders, double now_ms) {
+    pthread_mutex_lock(&encoders->mutex);
+    struct encoder *idle = take_idle(encoders, now_ms - IDLE_MS);
+    pthread_mutex_unlock(&encoders->mutex);
     destroy_all(idle);
 }
 
-void srv_video_encoders_destroy(struct srv_video_encoders **pointer) {
-    struct srv_video_encoders *videos = *pointer;
-    *pointer = NULL;
-    if (!videos)
+void srv_video_encoders_destroy(struct srv_video_encoders **encoders_pointer) {
+    struct srv_video_encoders *encoders = *encoders_pointer;
+    *encoders_pointer = NULL;
+    if (!encoders)
         return;
-    destroy_all(videos->list);
-    pthread_mutex_destroy(&videos->mutex);
-    free(videos);
+    destroy_all(encoders->list);
+    pthread_mutex_destroy(&encoders->mutex);
+    free(encoders);
 }
 
 static struct encoder *create(const struct srv_render_job *job, enum sp_video_codec codec) {
     struct encoder *encoder = calloc(1, sizeof *encoder);
-    struct sp_error err = { .code = SP_ERR_MEMORY, .text = "no memory" };
+    struct sp_error err = { .code = SP_ERR_MEMORY, .text = "out of memory" };
     unsigned threads = (uint64_t)job->full[0] * job->full[1] >= LARGE_PX ? 2 : 1;
     if (!encoder || !(encoder->video = sp_video_create(codec, threads, &err))) {
-        sp_log(SP_LOG_WARN, "no %s for a session: %s", sp_video_codec_name(codec), err.text);
+        sp_log(SP_LOG_WARN, "cannot create a %s encoder for a session: %s",
+               sp_video_codec_name(codec), err.text);
         free(encoder);
         return NULL;
     }
@@ -140,36 +141,37 @@ static struct encoder *create(const struct srv_render_job *job, enum sp_video_co
     return encoder;
 }
 
-/* The encoder of a job's picture, in use until give_back(); NULL if there is none to be had. */
-static struct encoder *borrow(struct srv_video_encoders *videos, const struct srv_render_job *job,
+/* Returns the encoder for a job's frames, in use until give_back(). NULL if there is none and none
+ * can be created. */
+static struct encoder *borrow(struct srv_video_encoders *encoders, const struct srv_render_job *job,
                               enum sp_video_codec codec) {
-    pthread_mutex_lock(&videos->mutex);
-    struct encoder *encoder = videos->list;
+    pthread_mutex_lock(&encoders->mutex);
+    struct encoder *encoder = encoders->list;
     while (encoder && !(encoder->session == job->session && encoder->codec == codec &&
                         encoder->full[0] == job->full[0] && encoder->full[1] == job->full[1]))
         encoder = encoder->next;
-    /* Of a window that is being resized, say: those before the last one are of no use now. */
+    /* For example while a client resizes its window: encoders of earlier sizes are useless now. */
     uint64_t cost = cost_px(job->full);
     struct encoder *idle = NULL;
-    if (!encoder && videos->px + cost > videos->px_max)
-        idle = take_idle(videos, srv_clock_ms() - BUSY_MS);
-    if (!encoder && videos->px + cost <= videos->px_max && (encoder = create(job, codec))) {
-        encoder->next = videos->list;
-        videos->list = encoder;
-        videos->px += cost;
+    if (!encoder && encoders->px + cost > encoders->px_max)
+        idle = take_idle(encoders, srv_clock_ms() - BUSY_MS);
+    if (!encoder && encoders->px + cost <= encoders->px_max && (encoder = create(job, codec))) {
+        encoder->next = encoders->list;
+        encoders->list = encoder;
+        encoders->px += cost;
     }
     if (encoder)
         encoder->users++;
-    pthread_mutex_unlock(&videos->mutex);
+    pthread_mutex_unlock(&encoders->mutex);
     destroy_all(idle);
     return encoder;
 }
 
-static void give_back(struct srv_video_encoders *videos, struct encoder *encoder) {
-    pthread_mutex_lock(&videos->mutex);
+static void give_back(struct srv_video_encoders *encoders, struct encoder *encoder) {
+    pthread_mutex_lock(&encoders->mutex);
     encoder->users--;
     encoder->used_ms = srv_clock_ms();
-    pthread_mutex_unlock(&videos->mutex);
+    pthread_mutex_unlock(&encoders->mutex);
 }
 
 static uint8_t codec_number(enum sp_video_codec codec) {
@@ -178,34 +180,34 @@ static uint8_t codec_number(enum sp_video_codec codec) {
                                    : PROTO_CODEC_H264;
 }
 
-struct takers { /* sets of targets */
-    uint64_t delta, key, stills;
+struct takers { /* sets of targets, one bit each, by what they receive */
+    uint64_t delta, key, images;
 };
 
-/* Asks everybody of the set, then settles who gets what of this frame. A key frame would take the
- * video from those who have it and get nothing of this frame, too. With the encoder locked. */
+/* Decides what each target of the set receives of this frame. A key frame would also end the video
+ * of participants that skip this frame. With the encoder locked. */
 static struct takers ask(struct srv_hub *hub, const struct srv_render_job *job, uint64_t set,
                          const struct encoder *encoder, double now_ms) {
     struct takers takers = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++) {
         uint64_t bit = set & UINT64_C(1) << i;
-        enum srv_video_need claim =
+        enum srv_video_need need =
             bit ? srv_schedule_video_need(hub, job, i, &encoder->mark) : SRV_VIDEO_NONE;
-        if (claim == SRV_VIDEO_DELTA)
+        if (need == SRV_VIDEO_DELTA)
             takers.delta |= bit;
-        else if (claim == SRV_VIDEO_KEY)
+        else if (need == SRV_VIDEO_KEY)
             takers.key |= bit;
     }
     bool is_late = job->order <= encoder->order;
     bool is_shared = takers.delta || srv_schedule_has_video(hub, job, &encoder->mark);
     if (is_late) {
-        takers.stills = takers.delta | takers.key;
+        takers.images = takers.delta | takers.key;
         takers.delta = takers.key = 0;
     } else if (takers.key && (!is_shared || now_ms - encoder->key_ms >= KEY_MS)) {
         takers.key |= takers.delta;
         takers.delta = 0;
     } else {
-        takers.stills = takers.key;
+        takers.images = takers.key;
         takers.key = 0;
     }
     return takers;
@@ -219,20 +221,21 @@ static int best_quality(const struct srv_render_job *job, uint64_t set) {
     return best;
 }
 
-/* The mark of the frame that is encoded now, which is a key frame or not. */
-static void advance(struct srv_video_encoders *videos, struct encoder *encoder, bool is_key,
+/* Begins a new epoch if the frame that was just encoded is a key frame. */
+static void advance(struct srv_video_encoders *encoders, struct encoder *encoder, bool is_key,
                     double now_ms) {
     if (!is_key)
         return;
-    pthread_mutex_lock(&videos->mutex);
-    encoder->mark.epoch = ++videos->epochs;
-    pthread_mutex_unlock(&videos->mutex);
+    pthread_mutex_lock(&encoders->mutex);
+    encoder->mark.epoch = ++encoders->epochs;
+    pthread_mutex_unlock(&encoders->mutex);
     encoder->mark.number = 0;
     encoder->key_ms = now_ms;
 }
 
-/* One packet for all takers. False: nobody got anything. With the encoder locked. */
-static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
+/* Encodes one packet and delivers it to all targets of the set. False if it failed: no target
+ * received anything. With the encoder locked. */
+static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
                    const struct srv_render_job *job, const struct sp_frame *frame,
                    struct encoder *encoder, uint64_t set, bool key, double *encode_ms) {
     struct sp_video_packet packet;
@@ -242,13 +245,13 @@ static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
     struct srv_blob *blob = ok ? srv_blob_create(packet.bytes, packet.size) : NULL;
     double took_ms = srv_clock_ms() - start_ms;
     *encode_ms += took_ms;
-    srv_metrics_time(videos->metrics, SRV_TIME_ENCODE, took_ms);
-    if (!blob) { /* what was encoded is lost for all */
-        sp_log(SP_LOG_ERROR, "a frame of video failed: %s", ok ? "no memory" : err.text);
+    srv_metrics_time(encoders->metrics, SRV_TIME_ENCODE, took_ms);
+    if (!blob) { /* the encoder may have advanced: the next frame must be a key frame */
+        sp_log(SP_LOG_ERROR, "encoding a video frame failed: %s", ok ? "out of memory" : err.text);
         encoder->mark.epoch = 0;
         return false;
     }
-    advance(videos, encoder, packet.is_key, start_ms);
+    advance(encoders, encoder, packet.is_key, start_ms);
     encoder->order = job->order;
     struct proto_frame_header header = {
         .codec = codec_number(encoder->codec),
@@ -266,11 +269,11 @@ static bool encode(struct srv_video_encoders *videos, struct srv_hub *hub,
     return true;
 }
 
-/* Returns those of the set who shall get a still. */
-static uint64_t encode_set(struct srv_video_encoders *videos, struct srv_hub *hub,
+/* Returns the targets of the set that need an image instead. */
+static uint64_t encode_set(struct srv_video_encoders *encoders, struct srv_hub *hub,
                            const struct srv_render_job *job, const struct sp_frame *frame,
                            enum sp_video_codec codec, uint64_t set, double *encode_ms) {
-    struct encoder *encoder = borrow(videos, job, codec);
+    struct encoder *encoder = borrow(encoders, job, codec);
     if (!encoder) {
         srv_schedule_refuse_video(hub, job, set);
         return set;
@@ -278,23 +281,23 @@ static uint64_t encode_set(struct srv_video_encoders *videos, struct srv_hub *hu
     pthread_mutex_lock(&encoder->mutex);
     struct takers takers = ask(hub, job, set, encoder, srv_clock_ms());
     uint64_t served = takers.delta | takers.key;
-    if (served && !encode(videos, hub, job, frame, encoder, served, takers.key != 0, encode_ms))
-        takers.stills |= served;
+    if (served && !encode(encoders, hub, job, frame, encoder, served, takers.key != 0, encode_ms))
+        takers.images |= served;
     pthread_mutex_unlock(&encoder->mutex);
-    give_back(videos, encoder);
-    return takers.stills;
+    give_back(encoders, encoder);
+    return takers.images;
 }
 
-uint64_t srv_video_encoders_encode(struct srv_video_encoders *videos, struct srv_hub *hub,
+uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
                                    const struct srv_render_job *job, const struct sp_frame *frame,
                                    double *encode_ms) {
     uint64_t sets[SP_VIDEO_CODEC_COUNT + 1] = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++)
         sets[job->targets[i].video] |= UINT64_C(1) << i;
-    uint64_t stills = sets[SP_VIDEO_CODEC_COUNT];
+    uint64_t images = sets[SP_VIDEO_CODEC_COUNT];
     for (int codec = 0; codec < SP_VIDEO_CODEC_COUNT; codec++)
         if (sets[codec])
-            stills |= encode_set(videos, hub, job, frame, (enum sp_video_codec)codec, sets[codec],
+            images |= encode_set(encoders, hub, job, frame, (enum sp_video_codec)codec, sets[codec],
                                  encode_ms);
-    return stills;
+    return images;
 }

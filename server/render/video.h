@@ -1,30 +1,36 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Video of views that move: one encoder for all participants of a session who see the same picture
- * in the same codec.
+ * Video of moving views: one encoder serves all participants of a session that receive the same
+ * frame size in the same codec.
  *
- *   The law: a participant gets a delta frame only if it got every frame since the key frame.
+ *   Invariant: a participant receives a delta frame only if it received every frame since the key
+ *   frame.
  *
- * Newest wins everywhere else in the daemon, so that a frame may be lost on its way. Here it may be
- * left out before it is encoded, and afterwards only at a price:
+ * Elsewhere in the daemon the newest frame replaces older ones, so any frame may be dropped. A
+ * video frame may be skipped before it is encoded; dropping it later costs a key frame.
  *
  *   - Each key frame begins an epoch, in which frames are numbered from 0. A participant's mark
- *     says which frame it can take next; putting one in its outbox moves the mark, and whatever
- *     takes a video frame out of it again (the still of a view that came to rest) clears it.
- *   - Before encoding, each taker is asked (srv_schedule_video_need): one whose last frame still
- * waits for the socket is left out, and wants a newer one as soon as the socket took that; one that
- *     has the mark takes the delta; any other needs a key frame.
- *   - If nobody of the session could use a delta, now or of a later job, the frame is a key frame.
- *     Else there is one at most every KEY_MS: until then who needs one gets JPEG. So a client that
- *     joins, loses frames, takes fewer or asks for key frames all the time costs the others at most
- *     that.
- *   - A job older than the newest frame of the encoder is no video at all: JPEG, if still wanted.
- *   - Encoding and putting in outboxes are done under the encoder's lock, so that frames are put in
- *     the order in which they were encoded, whichever thread does it.
+ * says which frame it can decode next. A frame that enters its outbox advances the mark. A video
+ * frame that is removed from the outbox again (replaced by the still image of a view at rest)
+ * clears the mark.
+ *   - Before a frame is encoded, each participant's need is asked for (srv_schedule_video_need). A
+ *     participant whose last frame still waits for the socket skips this one, and wants a newer one
+ *     once the socket has taken it. A participant with the matching mark takes a delta frame; every
+ *     other one needs a key frame.
+ *   - If no participant of the session can use a delta frame, of this job or a later one, the frame
+ *     becomes a key frame. Otherwise key frames are at least KEY_MS apart; until then those that
+ * need one receive JPEG. This bounds what a client costs the others by joining, losing frames,
+ * taking fewer frames or asking for key frames all the time.
+ *   - A job older than the newest frame of the encoder is not sent as video; those that still want
+ * it receive JPEG.
+ *   - A frame is encoded and put into outboxes under the encoder's lock, so that frames enter the
+ *     outboxes in the order in which they were encoded, on whatever thread.
  *
- * A view at rest is a still, lossless if asked for: it depends on nothing. Where there is no
- * encoder to be had, because all together would have more pixels than allowed, everybody gets JPEG
- * and is told so (srv_schedule_refuse_video). Locks: an encoder's, then the hub's.
+ * A view at rest is a still image, which depends on no other frame, and lossless if the client
+ * wants that. When the encoders of all sessions together would exceed their bound of pixels, the
+ * participants of a further encoder receive JPEG and are told so (srv_schedule_refuse_video).
+ *
+ * Locks: an encoder's, then the hub's.
  */
 #ifndef SRV_RENDER_VIDEO_H
 #define SRV_RENDER_VIDEO_H
@@ -37,24 +43,24 @@
 
 struct srv_video_encoders;
 
-/* px: bound on the pictures of all encoders together, by their size at rest; each counts for at
- * least SRV_VIDEO_PX_MIN. metrics: may be NULL. */
+/* px: bound on the frame sizes of all encoders together, by their size at rest; each encoder counts
+ * for at least SRV_VIDEO_PX_MIN. metrics: may be NULL. NULL with *err set: SP_ERR_MEMORY. */
 enum { SRV_VIDEO_PX_MIN = 256 * 1024 };
 struct srv_video_encoders *srv_video_encoders_create(uint64_t px, struct srv_metrics *metrics,
                                                      struct sp_error *err);
-/* After the threads that encode. */
-void srv_video_encoders_destroy(struct srv_video_encoders **videos);
+/* After the encode threads have ended. Accepts NULL. */
+void srv_video_encoders_destroy(struct srv_video_encoders **encoders);
 
-/* Encodes the job's frame for those of its targets who want video, and delivers it. Returns who
- * shall get a still, a bit each: those who did not ask for video, and those who cannot have it now.
- * Adds to *encode_ms. Encode threads. */
-uint64_t srv_video_encoders_encode(struct srv_video_encoders *videos, struct srv_hub *hub,
+/* Encodes the job's frame for those of its targets that want video, and delivers it. Returns the
+ * set of targets that need an image instead (one bit per target): those that did not ask for video,
+ * and those that cannot have it now. Adds the time to *encode_ms. Encode threads. */
+uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
                                    const struct srv_render_job *job, const struct sp_frame *frame,
                                    double *encode_ms);
 
-/* Are there encoders that were not used for a while? Any thread; never waits long. */
-bool srv_video_encoders_are_idle(struct srv_video_encoders *videos, double now_ms);
-/* Gives them back, which takes its time: their threads end. Encode threads. */
-void srv_video_encoders_tick(struct srv_video_encoders *videos, double now_ms);
+/* True if some encoder was not used for a while. Any thread; returns quickly. */
+bool srv_video_encoders_are_idle(struct srv_video_encoders *encoders, double now_ms);
+/* Destroys those encoders, which takes a while: their threads end. Encode threads. */
+void srv_video_encoders_tick(struct srv_video_encoders *encoders, double now_ms);
 
 #endif

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Whose still is next: owners have equal shares of the time that drawing and encoding their stills
- * takes (session/share.h), however many each has waiting. Who has had nothing for a while starts
- * where the one starts who is served; when nothing waits all is forgotten. Pure: no clock, no lock.
+ * Fair sharing between the owners of snapshots: each owner receives the same time for rendering and
+ * encoding (fair_queue.h), however many snapshots it has in the queue. An owner without an account
+ * starts at the clock, so nobody saves up time while idle. When the queue is empty, all accounts
+ * are reset. Pure: no clock, no lock.
  */
 #ifndef SRV_SCHEDULE_FAIR_OWNERS_H
 #define SRV_SCHEDULE_FAIR_OWNERS_H
@@ -10,25 +11,24 @@
 #include "schedule/fair_queue.h"
 
 enum {
-    SRV_FAIR_OWNER_BYTES = 40, /* of a name */
-    SRV_FAIR_OWNERS_MAX =
-        64 /* who have had more than others; of more the one with least is dropped */
+    SRV_FAIR_OWNER_BYTES = 40, /* of a name, with its NUL */
+    SRV_FAIR_OWNERS_MAX = 64 /* accounts; beyond that, the owner with the least loses its account */
 };
 
-struct srv_fair_owners { /* zero = nobody has had anything */
+struct srv_fair_owners { /* zero-initialised = nobody has received anything */
     struct {
         char name[SRV_FAIR_OWNER_BYTES];
-        struct srv_fair_account share;
+        struct srv_fair_account account;
     } list[SRV_FAIR_OWNERS_MAX];
     unsigned count;
-    double clock_ms;
+    double clock_ms; /* where the newest snapshot started */
 };
 
-/* Where the owner's next still starts: the least is next. */
+/* Returns where the owner's next snapshot starts. The owner with the smallest start is next. */
 double srv_fair_owners_start(const struct srv_fair_owners *owners, const char *name);
-/* It is. */
+/* Begins a snapshot of this owner: the clock moves on to its start. */
 void srv_fair_owners_begin(struct srv_fair_owners *owners, const char *name);
-/* A still of the owner took so long. */
+/* Charges the owner for time that a snapshot took, ms. */
 void srv_fair_owners_charge(struct srv_fair_owners *owners, const char *name, double ms);
 void srv_fair_owners_reset(struct srv_fair_owners *owners);
 

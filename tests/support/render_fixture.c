@@ -11,7 +11,7 @@
 
 #include "common/clock.h"
 
-static void on_progress(void *user, const char *id, const char *state, double progress,
+static void on_progress(void *user, const char *id, enum srv_volume_state state, double progress,
                         const char *reason) {
     struct render_fixture *fixture = user;
     (void)progress, (void)reason;

@@ -14,7 +14,7 @@ struct render_fixture {
     struct srv_catalog *catalog;
     struct srv_render_pool *render_pool;
     struct srv_hub *hub;
-    void (*volume)(const char *id, const char *state);
+    void (*volume)(const char *id, enum srv_volume_state state);
 };
 
 struct render_fixture_options {
@@ -24,7 +24,7 @@ struct render_fixture_options {
     uint64_t memory_bytes;   /* of voxels; 0 = a mebibyte */
     bool is_empty;           /* no volume is loaded */
     /* What the catalog tells of volumes, from its threads. NULL = nothing. */
-    void (*volume)(const char *id, const char *state);
+    void (*volume)(const char *id, enum srv_volume_state state);
 };
 
 /* demo:phantom, 8 voxels a side, is loaded if nothing else is wanted, and the scheduler runs. Two

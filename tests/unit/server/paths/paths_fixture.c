@@ -134,11 +134,11 @@ void *paths_fixture_delete(void *id) {
     return NULL;
 }
 
-static void on_volume(const char *id, const char *state) {
+static void on_volume(const char *id, enum srv_volume_state state) {
     struct srv_paths *paths = atomic_load(&paths_fixture.told);
-    while (strcmp(state, "loading") == 0 && atomic_load(&paths_gate.hold_loads))
+    while (state == SRV_VOLUME_LOADING && atomic_load(&paths_gate.hold_loads))
         sched_yield();
-    if (paths && strcmp(state, SRV_VOLUME_UNLOADED) == 0)
+    if (paths && state == SRV_VOLUME_UNLOADED)
         srv_paths_unloaded(paths, id);
     else if (paths)
         srv_paths_wake(paths);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Volumes that are removed while they load, and what clients are told of where files lie. A load
- * goes on here until it is told to end.
+ * Volumes that are removed while they load, and the paths that clients see. The linker replaces
+ * sp_volume_load(): the load of ENDLESS runs until it is cancelled.
  */
 #include <pthread.h>
 #include <sched.h>
@@ -25,9 +25,9 @@ enum { BYTES = 1000 };
 static struct {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
-    bool is_under_way;
-    unsigned given_up, unloaded;
-    char told[64]; /* the state that was told last, of the id "v" */
+    bool is_loading;
+    unsigned cancelled, unloaded;
+    enum srv_volume_state state; /* of the newest notification */
 } seen = { .mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER };
 
 struct sp_volume *__real_sp_volume_load(const char *path, const struct sp_load_options *options,
@@ -41,27 +41,27 @@ struct sp_volume *__wrap_sp_volume_load(const char *path, const struct sp_load_o
         return __real_sp_volume_load(path, options, err);
     assert_true(options->reserve(options->user, BYTES, err));
     pthread_mutex_lock(&seen.mutex);
-    seen.is_under_way = true;
+    seen.is_loading = true;
     pthread_cond_broadcast(&seen.changed);
     pthread_mutex_unlock(&seen.mutex);
     while (options->progress(options->user, 0.5))
         sched_yield();
-    assert_false(options->reserve(options->user, BYTES, err)); /* what goes takes nothing more */
+    assert_false(
+        options->reserve(options->user, BYTES, err)); /* a removed volume reserves no memory */
     pthread_mutex_lock(&seen.mutex);
-    seen.given_up++;
+    seen.cancelled++;
     pthread_mutex_unlock(&seen.mutex);
     sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
     return NULL;
 }
 
-static void on_progress(void *user, const char *id, const char *state, double progress,
+static void on_progress(void *user, const char *id, enum srv_volume_state state, double progress,
                         const char *reason) {
     (void)user, (void)progress, (void)reason;
     assert_string_equal(id, "v");
     pthread_mutex_lock(&seen.mutex);
-    /* Of one that is gone nothing is told, until the next one of its name begins. */
-    snprintf(seen.told, sizeof seen.told, "%s", state);
-    seen.unloaded += strcmp(state, SRV_VOLUME_UNLOADED) == 0;
+    seen.state = state;
+    seen.unloaded += state == SRV_VOLUME_UNLOADED;
     pthread_cond_broadcast(&seen.changed);
     pthread_mutex_unlock(&seen.mutex);
 }
@@ -71,9 +71,9 @@ static void on_unloaded(void *user, struct sp_volume *volume) {
     sp_volume_unref(&volume);
 }
 
-static void wait_told(const char *state) {
+static void wait_for(enum srv_volume_state state) {
     pthread_mutex_lock(&seen.mutex);
-    while (strcmp(seen.told, state) != 0)
+    while (seen.state != state)
         pthread_cond_wait(&seen.changed, &seen.mutex);
     pthread_mutex_unlock(&seen.mutex);
 }
@@ -92,7 +92,7 @@ static uint64_t used_bytes(struct srv_catalog *catalog) {
     return used;
 }
 
-static void one_that_loads_can_be_given_up(void **state) {
+static void a_volume_can_be_removed_while_it_loads(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
                                                  .progress = on_progress,
@@ -102,34 +102,34 @@ static void one_that_loads_can_be_given_up(void **state) {
     bool conflict;
     assert_non_null(catalog);
     for (unsigned round = 1; round <= 3; round++) {
-        seen.is_under_way = false;
+        seen.is_loading = false;
         add(catalog, ENDLESS);
         pthread_mutex_lock(&seen.mutex);
-        while (!seen.is_under_way)
+        while (!seen.is_loading)
             pthread_cond_wait(&seen.changed, &seen.mutex);
         pthread_mutex_unlock(&seen.mutex);
         assert_int_equal(used_bytes(catalog), BYTES);
         assert_true(srv_catalog_remove(catalog, "v", &conflict, NULL));
         assert_false(srv_catalog_find(catalog, "v", &status));
         assert_int_equal(used_bytes(catalog), 0);
-        /* Another one of this name waits for the thread, and is loaded. */
+        /* Another volume with this id waits for the load thread, and is loaded. */
         add(catalog, "demo:phantom?size=8");
-        wait_told("ready");
-        assert_int_equal(seen.given_up, round);
+        wait_for(SRV_VOLUME_READY);
+        assert_int_equal(seen.cancelled, round);
         assert_int_equal(used_bytes(catalog), 8 * 8 * 8 * sizeof(float));
         assert_true(srv_catalog_remove(catalog, "v", &conflict, NULL));
         assert_int_equal(seen.unloaded, 2 * round);
         assert_int_equal(used_bytes(catalog), 0);
     }
-    /* So it goes at the end, too. */
+    /* Destroying the catalog cancels a load, too. */
     add(catalog, ENDLESS);
     srv_catalog_destroy(&catalog);
 }
 
-static void folders_are_not_shown(void **state) {
+static void paths_are_redacted(void **state) {
     (void)state;
     static const struct {
-        const char *data, *source, *shown, *text, *told;
+        const char *data, *source, *redacted, *text, *redacted_text;
     } cases[] = {
         { "/srv/data", "/srv/data/a/b.vti", "a/b.vti",
           "/srv/data/a/b.vti: lies outside the folder /srv/data that files are read from",
@@ -144,12 +144,12 @@ static void folders_are_not_shown(void **state) {
         { "/d", "/d/x.vti", "x.vti", "1/d/x.vti and /d/x.vti", "1/d/x.vti and x.vti" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        char text[128], shown[128];
-        srv_redact_source(cases[i].data, cases[i].source, shown, sizeof shown);
-        assert_string_equal(shown, cases[i].shown);
+        char text[128], source[128];
+        srv_redact_source(cases[i].data, cases[i].source, source, sizeof source);
+        assert_string_equal(source, cases[i].redacted);
         snprintf(text, sizeof text, "%s", cases[i].text);
         srv_redact_text(cases[i].data, cases[i].source, text, sizeof text);
-        assert_string_equal(text, cases[i].told);
+        assert_string_equal(text, cases[i].redacted_text);
     }
     char small[8];
     srv_redact_folder("/a", "--data", "in /a /a/bcdefghij", small, sizeof small);
@@ -159,7 +159,7 @@ static void folders_are_not_shown(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(one_that_loads_can_be_given_up),
-                                        cmocka_unit_test(folders_are_not_shown) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(a_volume_can_be_removed_while_it_loads),
+                                        cmocka_unit_test(paths_are_redacted) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
