@@ -4,8 +4,8 @@
 
 #include "ops/metrics.h"
 
-/* What Prometheus reads under a name, with its labels if it has some. Fails the test if there is
- * none of it. */
+/* Returns the value of a metric as /metrics prints it; `name` includes the labels. Fails the test
+ * if the metric does not exist. */
 unsigned long long metric_value(const struct srv_metrics *metrics, const char *name);
 
 #endif

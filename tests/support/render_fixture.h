@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The daemon's parts that draw, without HTTP: a catalog, a scheduler whose lanes have the null
- * backend, and a hub. What goes wrong fails the test.
+ * The parts of the daemon that render, without HTTP: a catalog, a render pool whose workers use the
+ * null backend, and a hub. A failure of any of them fails the test.
  */
 #ifndef TESTS_SUPPORT_RENDER_FIXTURE_H
 #define TESTS_SUPPORT_RENDER_FIXTURE_H
@@ -10,7 +10,7 @@
 #include "render/render_pool.h"
 
 struct render_fixture {
-    struct srv_metrics *metrics; /* of the scheduler */
+    struct srv_metrics *metrics; /* of the render pool */
     struct srv_catalog *catalog;
     struct srv_render_pool *render_pool;
     struct srv_hub *hub;
@@ -18,30 +18,32 @@ struct render_fixture {
 };
 
 struct render_fixture_options {
-    unsigned queue_max;      /* stills that may wait */
-    unsigned encode_threads; /* 0 = one */
-    double rest_ms;          /* after which a view is at rest */
-    uint64_t memory_bytes;   /* of voxels; 0 = a mebibyte */
-    bool is_empty;           /* no volume is loaded */
-    /* What the catalog tells of volumes, from its threads. NULL = nothing. */
+    unsigned queue_max;      /* snapshots that may wait */
+    unsigned encode_threads; /* in the foreground; 0 = one */
+    double rest_ms;          /* a view that did not change for this long is at rest */
+    uint64_t memory_bytes;   /* budget for voxels; 0 = 1 MiB */
+    bool is_empty;           /* loads no volume */
+    /* Called by the catalog with the state of a volume, on its threads. NULL = never. */
     void (*volume)(const char *id, enum srv_volume_state state);
 };
 
-/* demo:phantom, 8 voxels a side, is loaded if nothing else is wanted, and the scheduler runs. Two
- * sessions may be, of two participants each. `lanes` stays where it is. */
+/* Loads demo:phantom with 8 voxels per side unless is_empty, and starts the render pool. The hub
+ * allows two sessions of two participants each. `fixture` must not move. */
 void render_fixture_begin(struct render_fixture *fixture,
                           const struct render_fixture_options *options);
-/* Loads it, and waits until it is ready. */
+/* Loads a volume and waits until it is ready. */
 void render_fixture_load(struct render_fixture *fixture, const char *source);
-/* Begins to load it under this id, NULL = its own; and tells how that ends. */
+/* Queues the load of a volume with this id (NULL = the default one). try() waits for the end and
+ * returns the state. */
 void render_fixture_queue(struct render_fixture *fixture, const char *id, const char *source);
 enum srv_volume_state render_fixture_try(struct render_fixture *fixture, const char *id,
                                          const char *source);
-/* Makes a session of the first volume's default view. */
+/* Creates a session with the default view of the first volume. */
 void render_fixture_session(struct render_fixture *fixture, char id[SRV_SESSION_ID_BYTES]);
 struct srv_participant *render_fixture_join(struct render_fixture *fixture, const char *id,
                                             enum srv_role role);
-void render_fixture_stop(struct render_fixture *fixture); /* no thread runs */
-void render_fixture_end(struct render_fixture *fixture);  /* stopped or not; all have left */
+void render_fixture_stop(struct render_fixture *fixture); /* ends the threads */
+void render_fixture_end(
+    struct render_fixture *fixture); /* stopped or not; after all participants have left */
 
 #endif

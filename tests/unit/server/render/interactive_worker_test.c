@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The stream lane between a real hub and a renderer behind a gate: the linker puts the gate in the
- * place of sp_renderer_begin() and sp_renderer_finish(). A render that is finished waits there
- * until the test lets it through or its cancel flag is set, so that "while it is being rendered" is
- * a state, not a moment. What a renderer says of itself comes from the gate as well.
+ * The interactive and the preemption worker, between a real hub and a renderer behind a gate
+ * (support/gate.h): the linker replaces sp_renderer_begin() and sp_renderer_finish(). Each frame
+ * waits in finish until the test lets it through or its cancel flag is set, so that "while it is
+ * being rendered" is a state that the test controls. sp_renderer_info() is replaced as well.
  */
 #include <math.h>
 #include <pthread.h>
@@ -24,11 +24,11 @@
 #include "support/render_fixture.h"
 
 enum {
-    FULL = 512, /* px a side of a view as it is by default */
-    FPS = 30    /* frames a second that a participant gets by default */
+    FULL = 512, /* width and height of the default view, px */
+    FPS = 30    /* granted to a participant by default, per second */
 };
 
-struct render { /* that was begun and not finished */
+struct render { /* begun and not finished */
     const struct sp_renderer *renderer;
     struct sp_pause *pause;
     uint32_t size[2];
@@ -37,17 +37,17 @@ struct render { /* that was begun and not finished */
 };
 
 static struct {                            /* guarded by the gate's mutex */
-    unsigned ended;                        /* jobs, for the hub: it may make further ones */
-    unsigned sharp;                        /* renders that entered with all voxels at full size */
+    unsigned ended;                        /* jobs that the hub was told to have ended */
+    unsigned sharp;                        /* renders with all voxels at full size */
     unsigned depth;                        /* of the renderer */
     struct render begun[SP_IN_FLIGHT_MAX]; /* oldest first */
     unsigned begun_count;
-    unsigned held, expressed;        /* times that one stood still; of the express lane's */
-    bool stops_express;              /* those wait at the gate, too */
-    const struct sp_renderer *first; /* the stream lane's */
+    unsigned pauses, preempting;     /* pauses of a render; renders of the preemption worker */
+    bool stops_preempting;           /* the preemption worker waits at the gate, too */
+    const struct sp_renderer *first; /* the interactive worker's */
     uint32_t size[2];                /* of the newest render */
     unsigned mip_level;
-    struct sp_renderer_info info; /* as a renderer tells it after its next render */
+    struct sp_renderer_info info; /* what sp_renderer_info() returns */
 } seen;
 
 unsigned __wrap_sp_renderer_depth(const struct sp_renderer *renderer);
@@ -72,7 +72,7 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
     if (!seen.first)
         seen.first = renderer;
     assert_true(seen.begun_count < seen.depth || renderer != seen.first);
-    seen.expressed += renderer != seen.first;
+    seen.preempting += renderer != seen.first;
     seen.begun[seen.begun_count++] = (struct render){
         renderer, options->pause, { view->size[0], view->size[1] }, options->cancel, frame
     };
@@ -85,7 +85,7 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
 }
 
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err);
-/* The oldest of this renderer. With the mutex held. */
+/* Returns the index of this renderer's oldest render. With the mutex held. */
 static unsigned find_render(const struct sp_renderer *renderer) {
     unsigned i = 0;
     while (i < seen.begun_count && seen.begun[i].renderer != renderer)
@@ -94,12 +94,12 @@ static unsigned find_render(const struct sp_renderer *renderer) {
     return i;
 }
 
-static void stand_still(void *user) {
+static void pause_if_requested(void *user) {
     struct sp_pause *pause = user;
     if (!atomic_load(&pause->requested))
         return;
     pthread_mutex_lock(&gate.mutex);
-    seen.held++;
+    seen.pauses++;
     pthread_mutex_unlock(&gate.mutex);
     pause->wait(pause->user);
 }
@@ -107,9 +107,9 @@ static void stand_still(void *user) {
 struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct sp_error *err) {
     pthread_mutex_lock(&gate.mutex);
     struct render render = seen.begun[find_render(renderer)];
-    bool is_free = renderer != seen.first && !seen.stops_express;
+    bool is_free = renderer != seen.first && !seen.stops_preempting;
     pthread_mutex_unlock(&gate.mutex);
-    if (!is_free && !gate_pass(render.cancel, stand_still, render.pause)) {
+    if (!is_free && !gate_pass(render.cancel, pause_if_requested, render.pause)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         sp_frame_unref(&render.frame);
     }
@@ -161,11 +161,12 @@ struct fixture {
     char id[SRV_SESSION_ID_BYTES];
 };
 
-/* A session, its views come to rest after rest_ms, and a renderer of `depth` frames. */
+/* Makes a session whose views come to rest after rest_ms, and a renderer that takes `depth` frames.
+ */
 static void begin_deep(struct fixture *f, double rest_ms, unsigned depth) {
     gate_reset();
-    seen.ended = seen.sharp = seen.begun_count = seen.held = seen.expressed = 0;
-    seen.stops_express = false;
+    seen.ended = seen.sharp = seen.begun_count = seen.pauses = seen.preempting = 0;
+    seen.stops_preempting = false;
     seen.first = NULL;
     seen.depth = depth;
     seen.info = (struct sp_renderer_info){ .backend = "gate", .isa = "", .device = "a wall" };
@@ -193,7 +194,7 @@ static int tear_down(void **state) {
     return 0;
 }
 
-static void tell_by(struct fixture *f, struct srv_participant *participant, const char *text) {
+static void send_as(struct fixture *f, struct srv_participant *participant, const char *text) {
     char *answer;
     size_t size;
     assert_true(srv_hub_message(f->render.hub, participant, text, strlen(text), srv_clock_ms(),
@@ -202,24 +203,24 @@ static void tell_by(struct fixture *f, struct srv_participant *participant, cons
     free(answer);
 }
 
-static void tell(struct fixture *f, const char *text) {
-    tell_by(f, f->participant, text);
+static void send(struct fixture *f, const char *text) {
+    send_as(f, f->participant, text);
 }
 
-static void update_by(struct fixture *f, struct srv_participant *participant, unsigned seq) {
+static void update_as(struct fixture *f, struct srv_participant *participant, unsigned seq) {
     char text[160];
     snprintf(text, sizeof text,
              "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
              "\"patch\":{\"background\":[0.%u,0,0,1]}}}",
              seq, seq);
-    tell_by(f, participant, text);
+    send_as(f, participant, text);
 }
 
 static void update(struct fixture *f, unsigned seq) {
-    update_by(f, f->participant, seq);
+    update_as(f, f->participant, seq);
 }
 
-/* The next frame that arrives, acknowledged. */
+/* Waits for the next frame and acknowledges it. */
 static struct proto_frame_header next_frame_of(struct fixture *f,
                                                struct srv_participant *participant) {
     for (;; sched_yield()) {
@@ -234,7 +235,7 @@ static struct proto_frame_header next_frame_of(struct fixture *f,
         snprintf(text, sizeof text,
                  "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
                  message.header.frame);
-        tell_by(f, participant, text);
+        send_as(f, participant, text);
         return message.header;
     }
 }
@@ -243,27 +244,27 @@ static struct proto_frame_header next_frame(struct fixture *f) {
     return next_frame_of(f, f->participant);
 }
 
-static void a_newer_view_gives_up_the_refinement_of_an_older_one(void **state) {
+static void a_newer_view_cancels_the_refinement_of_an_older_one(void **state) {
     struct fixture *f = *state;
     begin(f, 1);
     gate_let_through(1);
     assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
-    gate_await(&gate.entered, 2); /* the sharp picture is on its way */
+    gate_await(&gate.entered, 2); /* the final frame is being rendered */
     assert_int_equal(seen.size[0], FULL);
     assert_int_equal(gate_count(&gate.cancelled), 0);
     update(f, 7);
     gate_await(&gate.cancelled, 1);
     gate_let_through(100);
-    assert_int_equal(next_frame(f).seq, 7); /* of the old view nothing more is seen */
+    assert_int_equal(next_frame(f).seq, 7); /* no further frame of the old view */
 }
 
-static void a_refinement_gives_way_to_what_moves_in_another_session(void **state) {
+static void a_refinement_yields_to_motion_in_another_session(void **state) {
     struct fixture *f = *state;
     char id[SRV_SESSION_ID_BYTES];
     begin(f, 1);
     gate_let_through(1);
     assert_int_equal(next_frame(f).flags & PROTO_FRAME_FINAL, 0);
-    gate_await(&gate.entered, 2); /* the sharp picture is on its way */
+    gate_await(&gate.entered, 2); /* the final frame is being rendered */
     assert_int_equal(seen.size[0], FULL);
     render_fixture_session(&f->render, id);
     struct srv_participant *other = render_fixture_join(&f->render, id, SRV_ROLE_CONTROL);
@@ -272,15 +273,15 @@ static void a_refinement_gives_way_to_what_moves_in_another_session(void **state
     gate_let_through(1);
     next_frame_of(f, other);
     gate_let_through(100);
-    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is taken again */
+    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* it is rendered again */
     }
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
-static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(void **state) {
+static void a_moving_frame_over_its_budget_is_cancelled_but_not_two_in_a_row(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
-    gate_let_through(1); /* the first one does what is done once */
+    gate_let_through(1); /* the first one does the work that is done once */
     next_frame(f);
     update(f, 1);
     gate_await(&gate.entered, 2);
@@ -296,17 +297,17 @@ static void a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row(
     assert_int_equal(gate_count(&gate.cancelled), 1);
     gate_let_through(1);
     assert_true(next_frame(f).seq >= 2);
-    gate_await(&gate.entered, 4); /* and on with the newest */
+    gate_await(&gate.entered, 4); /* then the newest view */
 }
 
-static void the_tick_gives_up_what_nobody_interrupts_any_more(void **state) {
+static void the_tick_cancels_a_frame_without_a_further_interrupt(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
     gate_let_through(1);
     next_frame(f);
     update(f, 1);
     gate_await(&gate.entered, 2);
-    update(f, 2); /* the last one: it comes while the frame is within its budget */
+    update(f, 2); /* the last one, while the frame is within its budget */
     while (gate_count(&gate.cancelled) == 0) {
         srv_render_pool_tick(f->render.render_pool);
         sched_yield();
@@ -315,11 +316,11 @@ static void the_tick_gives_up_what_nobody_interrupts_any_more(void **state) {
     assert_int_equal(next_frame(f).seq, 2);
 }
 
-static void a_sharp_moving_picture_is_encoded_again_not_rendered(void **state) {
+static void a_final_moving_frame_is_encoded_again_but_not_rendered_again(void **state) {
     struct fixture *f = *state;
     begin(f, 200);
     gate_let_through(1000);
-    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* the first ones are small */
+    while (!(next_frame(f).flags & PROTO_FRAME_FINAL)) { /* the first frames are small */
     }
     for (unsigned seq = 1; seq <= 3; seq++) {
         struct proto_frame_header header;
@@ -332,27 +333,27 @@ static void a_sharp_moving_picture_is_encoded_again_not_rendered(void **state) {
         assert_int_equal(header.width, FULL);
         assert_int_equal(gate_count(&seen.sharp), before + 1);
     }
-    tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
+    send(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
             "{\"lossless\":true}}");
     unsigned before = gate_count(&seen.sharp);
     while (!(next_frame(f).flags & PROTO_FRAME_LOSSLESS)) {
     }
-    assert_int_equal(gate_count(&seen.sharp), before); /* that view's sharp picture is there */
+    assert_int_equal(gate_count(&seen.sharp), before); /* the final frame of this view is cached */
 }
 
-static void what_nobody_wants_is_given_up(void **state) {
+static void unwanted_frames_are_cancelled(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
     gate_await(&gate.entered, 1);
-    tell(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":1,"
-            "\"patch\":{\"volume\":\"engine\"}}}"); /* of another volume nothing can be used */
+    send(f, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":1,"
+            "\"patch\":{\"volume\":\"engine\"}}}"); /* frames of the old volume are useless */
     gate_await(&gate.cancelled, 1);
     gate_await(&gate.entered, 2);
     srv_hub_leave(f->render.hub, &f->participant, srv_clock_ms());
     gate_await(&gate.cancelled, 2);
 }
 
-/* The next stream.stats that arrives; the caller frees it. */
+/* Waits for the next stream.stats; the caller frees it. */
 static char *next_stats(struct fixture *f) {
     for (;; sched_yield()) {
         struct srv_message message;
@@ -363,14 +364,14 @@ static char *next_stats(struct fixture *f) {
     }
 }
 
-static void a_backend_that_is_given_up_is_told_at_once(void **state) {
+static void a_change_of_the_backend_is_reported_at_once(void **state) {
     struct fixture *f = *state;
     struct sp_renderer_info info[SRV_RENDERERS];
     begin(f, 1e6);
     srv_render_pool_info(f->render.render_pool, info);
     assert_string_equal(info[0].backend, "gate");
     assert_string_equal(info[0].failover_reason, "");
-    assert_null(info[1].backend); /* there was no still yet */
+    assert_null(info[1].backend); /* no snapshot was rendered yet */
     gate_await(&gate.entered, 1);
     pthread_mutex_lock(&gate.mutex);
     seen.info = (struct sp_renderer_info){
@@ -387,9 +388,8 @@ static void a_backend_that_is_given_up_is_told_at_once(void **state) {
     assert_string_equal(info[0].failover_reason, "the gate is stuck");
 }
 
-/* Nothing is under way, and as much time has passed as there is between two frames of a
- * participant: whoever wants a picture of the next view wants it as soon as it is there. Without
- * that the lane may find one of two who want one, and waits for that picture as it should. */
+/* Waits for the time between two frames of a participant, so that every participant wants a frame
+ * of the next view at once. Otherwise the worker may find only one of two requests. */
 static void settle_rate(void) {
     double next_ms = srv_clock_ms() + 1000.0 / FPS;
     while (srv_clock_ms() < next_ms)
@@ -401,17 +401,17 @@ static void settle(void) {
     settle_rate();
 }
 
-/* A renderer of two frames at a time, and a participant who wants pictures of another size: each
- * change of the view makes two jobs at once. */
+/* A renderer that takes two frames at a time, and a participant that wants frames of another size:
+ * each change of the view makes two jobs at once. */
 static struct srv_participant *begin_with_two(struct fixture *f) {
     begin_deep(f, 1e6, 2);
     struct srv_participant *other = render_fixture_join(&f->render, f->id, SRV_ROLE_VIEW);
-    tell_by(f, other,
+    send_as(f, other,
             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
             "{\"size\":[100,100]}}");
     gate_let_through(1000);
     next_frame(f);
-    while (next_frame_of(f, other).width > 100) { /* before it was told */
+    while (next_frame_of(f, other).width > 100) { /* encoded before stream.configure */
     }
     settle();
     pthread_mutex_lock(&gate.mutex);
@@ -420,13 +420,13 @@ static struct srv_participant *begin_with_two(struct fixture *f) {
     return other;
 }
 
-static void frames_are_begun_while_others_are_drawn(void **state) {
+static void frames_begin_while_others_are_rendered(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_two(f);
     for (unsigned seq = 2; seq <= 4; seq++) {
         unsigned entered = gate_count(&gate.entered);
         update(f, seq);
-        gate_await(&gate.entered, entered + 2); /* nothing was let through */
+        gate_await(&gate.entered, entered + 2); /* without letting one through */
         gate_let_through(2);
         assert_int_equal(next_frame(f).seq, seq);
         next_frame_of(f, other);
@@ -443,7 +443,7 @@ static void of_two_frames_in_flight_one_is_always_finished(void **state) {
     update(f, seq);
     gate_await(&gate.entered, entered + 2);
     while (gate_count(&gate.cancelled) == 0)
-        update(f, ++seq); /* both are outdated, and the first is over its budget */
+        update(f, ++seq); /* both are outdated, the first is over its budget */
     double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
     while (srv_clock_ms() < long_ago_ms) {
         update(f, ++seq);
@@ -453,7 +453,7 @@ static void of_two_frames_in_flight_one_is_always_finished(void **state) {
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
-static void a_daemon_may_stop_with_frames_in_flight(void **state) {
+static void the_pool_can_stop_with_frames_in_flight(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_two(f);
     unsigned entered = gate_count(&gate.entered);
@@ -464,25 +464,25 @@ static void a_daemon_may_stop_with_frames_in_flight(void **state) {
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
-/* A second session, whose frames are known to be short, and a frame of the first one at the gate,
- * which the other one's wait for. */
+/* Makes a second session, whose frames are known to be short, while a frame of the first session
+ * waits at the gate. Returns the participant of the second session. */
 static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool holds) {
     char id[SRV_SESSION_ID_BYTES];
     begin(f, 1e6);
     pthread_mutex_lock(&gate.mutex);
-    seen.info.backend = "null"; /* of which the express lane makes one for itself */
+    seen.info.backend = "null"; /* the preemption worker creates one of its own */
     seen.info.can_pause = holds;
     pthread_mutex_unlock(&gate.mutex);
     gate_let_through(1000);
     next_frame(f);
     render_fixture_session(&f->render, id);
     struct srv_participant *other = render_fixture_join(&f->render, id, SRV_ROLE_CONTROL);
-    tell_by(f, other,
+    send_as(f, other,
             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":"
-            "{\"size\":[16,16]}}");              /* so that encoding takes no time */
-    while (next_frame_of(f, other).width > 16) { /* before it was told */
+            "{\"size\":[16,16]}}");              /* quick to encode */
+    while (next_frame_of(f, other).width > 16) { /* encoded before stream.configure */
     }
-    update_by(f, other, 2);
+    update_as(f, other, 2);
     next_frame_of(f, other);
     settle();
     pthread_mutex_lock(&gate.mutex);
@@ -491,63 +491,63 @@ static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool h
     pthread_mutex_unlock(&gate.mutex);
     update(f, 3);
     gate_await(&gate.entered, entered + 1);
-    update_by(f, other, 4);
+    update_as(f, other, 4);
     return other;
 }
 
-static void a_long_frame_stands_still_for_a_short_one(void **state) {
+static void a_long_frame_is_paused_for_a_short_one(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_a_long_frame(f, true);
-    assert_int_equal(next_frame_of(f, other).seq, 4); /* nothing was let through */
-    assert_int_equal(gate_count(&seen.expressed), 1);
+    assert_int_equal(next_frame_of(f, other).seq, 4); /* without letting one through */
+    assert_int_equal(gate_count(&seen.preempting), 1);
     assert_int_equal(gate_count(&gate.cancelled), 0);
-    gate_let_through(1); /* it goes on */
+    gate_let_through(1); /* the long frame is resumed */
     assert_int_equal(next_frame(f).seq, 3);
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
-static void what_stands_still_can_be_given_up(void **state) {
+static void a_paused_frame_can_be_cancelled(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_a_long_frame(f, true);
     assert_int_equal(next_frame_of(f, other).seq, 4);
     pthread_mutex_lock(&gate.mutex);
-    seen.stops_express = true;
-    seen.held = 0;
+    seen.stops_preempting = true;
+    seen.pauses = 0;
     pthread_mutex_unlock(&gate.mutex);
-    update_by(f, other, 5);
-    gate_await(&seen.held, 1); /* and nothing ends that */
+    update_as(f, other, 5);
+    gate_await(&seen.pauses, 1); /* and stays paused */
     render_fixture_stop(&f->render);
     assert_int_equal(gate_count(&gate.cancelled), 2);
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
-static void what_cannot_stand_still_is_waited_for(void **state) {
+static void a_frame_that_cannot_be_paused_is_waited_for(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_a_long_frame(f, false);
     settle_rate();
-    assert_int_equal(gate_count(&seen.expressed), 0);
+    assert_int_equal(gate_count(&seen.preempting), 0);
     gate_let_through(2);
     assert_int_equal(next_frame_of(f, other).seq, 4);
-    assert_int_equal(gate_count(&seen.expressed), 0);
+    assert_int_equal(gate_count(&seen.preempting), 0);
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-        TEST(a_newer_view_gives_up_the_refinement_of_an_older_one),
-        TEST(a_refinement_gives_way_to_what_moves_in_another_session),
-        TEST(a_moving_frame_far_over_its_budget_is_given_up_but_not_two_in_a_row),
-        TEST(the_tick_gives_up_what_nobody_interrupts_any_more),
-        TEST(a_sharp_moving_picture_is_encoded_again_not_rendered),
-        TEST(what_nobody_wants_is_given_up),
-        TEST(a_backend_that_is_given_up_is_told_at_once),
-        TEST(frames_are_begun_while_others_are_drawn),
+        TEST(a_newer_view_cancels_the_refinement_of_an_older_one),
+        TEST(a_refinement_yields_to_motion_in_another_session),
+        TEST(a_moving_frame_over_its_budget_is_cancelled_but_not_two_in_a_row),
+        TEST(the_tick_cancels_a_frame_without_a_further_interrupt),
+        TEST(a_final_moving_frame_is_encoded_again_but_not_rendered_again),
+        TEST(unwanted_frames_are_cancelled),
+        TEST(a_change_of_the_backend_is_reported_at_once),
+        TEST(frames_begin_while_others_are_rendered),
         TEST(of_two_frames_in_flight_one_is_always_finished),
-        TEST(a_daemon_may_stop_with_frames_in_flight),
-        TEST(a_long_frame_stands_still_for_a_short_one),
-        TEST(what_stands_still_can_be_given_up),
-        TEST(what_cannot_stand_still_is_waited_for),
+        TEST(the_pool_can_stop_with_frames_in_flight),
+        TEST(a_long_frame_is_paused_for_a_short_one),
+        TEST(a_paused_frame_can_be_cancelled),
+        TEST(a_frame_that_cannot_be_paused_is_waited_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
