@@ -234,7 +234,7 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
     }
     catalog->options = *options;
     if (options->data && !(catalog->data = real_folder(options->data))) {
-        sp_fail(err, SP_ERR_IO, options->data, "--data: cannot use this folder: %s",
+        sp_fail(err, SP_ERR_IO, options->data, "cannot use this folder for --data: %s",
                 strerror(errno));
         free(catalog);
         return NULL;
