@@ -70,11 +70,11 @@ test('a newer view cancels the refinement of an older one and is shown next', as
   const stream = await own.stream();
   await stream.call('stream.configure', { size: [6000, 6000] });
   const begun = () => own.log.split('begins').length - 1;
-  const givenUp = () => own.log.split('refinement given up').length - 1;
+  const cancelled = () => own.log.split('refinement cancelled').length - 1;
   // The test card needs long for 36 million pixels. If a refinement finishes before the update, try again.
   let seq = 0;
   let seen = 0;
-  while (givenUp() === 0) {
+  while (cancelled() === 0) {
     await own.until(() => begun() > seen, 'a refinement to start');
     seen = begun();
     seq += 1;
