@@ -8,6 +8,7 @@
 
 #include "common/background.h"
 #include "sp/encode.h"
+#include "sp/inflight.h"
 
 enum {
     WAITING_MAX = 2, /* frames of one worker that wait before it begins no other */

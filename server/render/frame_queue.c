@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "render/frame_queue.h"
-#include "sp/inflight.h"
 
 #include <assert.h>
 #include <math.h>

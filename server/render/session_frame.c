@@ -8,6 +8,7 @@
 
 #include "common/clock.h"
 #include "render/render_pool_private.h"
+#include "sp/inflight.h"
 #include "sp/log.h"
 
 void srv_session_frame_fail(struct srv_render_pool *pool, struct srv_render_job *job,
