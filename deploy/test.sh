@@ -69,18 +69,22 @@ failed=() stages=()
 logs=$(mktemp -d)
 trap 'rm -rf "$logs"' EXIT
 
-# cpu_seconds: user and system time of all finished child processes.
+# cpu_seconds: sets $cpu to the user and system time of all finished child processes. `times` must run in this shell:
+# a subshell has no children yet.
 cpu_seconds() {
-    times | awk 'NR == 2 { gsub(/[ms]/, " "); print int($1 * 60 + $2 + $3 * 60 + $4) }'
+    times >"$logs/times"
+    cpu=$(awk 'NR == 2 { gsub(/[ms]/, " "); print int($1 * 60 + $2 + $3 * 60 + $4) }' "$logs/times")
 }
 
 # timed NAME COMMAND...: runs the command and records its wall-clock and CPU time. Returns the status of the command.
 timed() {
-    local name=$1 begun=$SECONDS cpu status=0
+    local name=$1 begun=$SECONDS cpu cpu_begun status=0
     shift
-    cpu=$(cpu_seconds)
+    cpu_seconds
+    cpu_begun=$cpu
     "$@" || status=$?
-    stages+=("$(printf '%-16s %5d s wall  %5d s CPU' "$name" $((SECONDS - begun)) $(($(cpu_seconds) - cpu)))")
+    cpu_seconds
+    stages+=("$(printf '%-16s %5d s wall  %5d s CPU' "$name" $((SECONDS - begun)) $((cpu - cpu_begun)))")
     return $status
 }
 

@@ -456,12 +456,16 @@ def format_(o):
     if not tool:
         print('skipped: no clang-format-14 (Debian package clang-format-14)')
         sys.exit(77)
-    for path in files(o.source, SOURCE):
-        done = subprocess.run([tool, '--dry-run', '--Werror', os.path.join(o.source, path)],
-                              capture_output=True, text=True, check=False)
-        if done.returncode:
-            hit = re.search(r':(\d+):\d+:', done.stderr)
-            yield f'{path}:{hit.group(1) if hit else 1}: run clang-format-14 -i on it'
+    paths = list(files(o.source, SOURCE))
+    done = subprocess.run([tool, '--dry-run', '--Werror', *paths], capture_output=True, text=True, check=False, cwd=o.source)
+    reported = set()
+    for line in done.stderr.splitlines():
+        hit = re.match(r'([^:]+):(\d+):\d+: error', line)
+        if hit and hit.group(1) not in reported:
+            reported.add(hit.group(1))
+            yield f'{hit.group(1)}:{hit.group(2)}: run clang-format-14 -i on it'
+    if done.returncode and not reported:
+        yield f'{tool}: {done.stderr.strip()}'
 
 
 def words(o):

@@ -3,6 +3,7 @@
 """Tests of lint.py: each case breaks one rule in a small tree of its own."""
 import os
 import re
+import shutil
 import subprocess
 import tempfile
 import types
@@ -174,6 +175,13 @@ class Tree(unittest.TestCase):
         self.assertEqual(len(self.findings('style', {'protocol/a.c': spdx + '/* ---- x ---- */\n'})), 1)
         self.assertEqual(len(self.findings('style', {'clients/web/core/a.js': '// SPDX-License-Identifier: Apache-2.0\n'
                                                      "import { x } from '../app/x.js';\n"})), 1)
+
+    @unittest.skipUnless(shutil.which('clang-format-14'), 'no clang-format-14')
+    def test_format(self):
+        style = {'.clang-format': 'BasedOnStyle: LLVM\n', 'protocol/b.c': 'int y;\n'}
+        found = self.findings('format', {**style, 'protocol/a.c': 'int x;\nint   y;\nint   z;\n'})
+        self.assertEqual(found, ['protocol/a.c:2: run clang-format-14 -i on it'])
+        self.assertEqual(self.findings('format', style), [])
 
     def test_words(self):
         self.assertEqual(len(self.findings('words', {'protocol/a.c': '/* TO' 'DO */'})), 1)
