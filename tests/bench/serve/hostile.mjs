@@ -92,7 +92,7 @@ export const plain = {
   },
   'turning at 4096² in final quality alone': async (daemon) => {
     const client = await join(daemon, { volume: 1 });
-    client.configure({ ...DEAR, format: 'jpeg', progressive: false });
+    client.configure({ ...SLOW, format: 'jpeg', progressive: false });
     client.drive(HASTE_MS);
   },
   'joining and leaving with another size': async (daemon) => {
