@@ -32,6 +32,7 @@ struct srv_daemon {
     struct srv_tokens *tokens;
     char token[SRV_TOKEN_DIGITS + 1]; /* the only token if there is no --token-file */
     struct srv_hub *hub;
+    struct srv_schedule *schedule;
     struct srv_store *store;
     struct srv_metrics *metrics;
     struct srv_streams *streams;
@@ -215,25 +216,27 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
-        .sleep_ms = (double)c->sleep_time_ms,
-        .ran_ms = d->ran_ms,
-        .sleepers_max = (unsigned)c->sleeping_sessions,
+        .hibernation_ms = (double)c->sleep_time_ms,
+        .past_run_ms = d->ran_ms,
+        .hibernated_max = (unsigned)c->sleeping_sessions,
         .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
         .frame_px = (uint64_t)c->frame_px,
         .metrics = d->metrics,
         .user = d,
-        .work = on_work,
         .ready = on_ready,
-        .interrupt = on_interrupt,
         .token = on_token,
         .supports = on_supports,
         .changed = on_changed,
         .ended = on_ended,
         .recall = c->state ? on_recall : NULL,
     };
-    if (!(d->hub = srv_hub_create(&hub, err)))
+    const struct srv_schedule_options schedule = { .user = d,
+                                                   .wake = on_work,
+                                                   .interrupt = on_interrupt };
+    if (!(d->hub = srv_hub_create(&hub, err)) ||
+        !(d->schedule = srv_schedule_create(d->hub, &schedule, err)))
         return false;
     struct srv_streams_options streams = { .hub = d->hub,
                                            .metrics = d->metrics,
@@ -245,7 +248,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         return false;
     d->tick = (struct srv_timer_task){ .user = d, .run = on_tick };
     srv_timer_thread_add(d->timers, &d->tick, srv_clock_ms());
-    return srv_render_pool_start(d->render_pool, d->hub, err);
+    return srv_render_pool_start(d->render_pool, d->schedule, err);
 }
 
 /* Reads the token file, or creates a random token. */
@@ -441,6 +444,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     atomic_store(&d->paths, NULL);
     srv_paths_destroy(&paths);
     srv_hub_destroy(&d->hub);
+    srv_schedule_destroy(&d->schedule);
     srv_tokens_destroy(&d->tokens);
     srv_render_pool_destroy(&d->render_pool);
     srv_catalog_destroy(&d->catalog);

@@ -31,7 +31,7 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
     srv_hub_numbers(request->app->hub, &n);
     gauge(out, "splatd_sessions", "Open sessions", n.sessions);
     gauge(out, "splatd_sessions_asleep", "Sessions that sleep until somebody asks for them",
-          n.asleep);
+          n.hibernated);
     srv_metrics_family(out, "splatd_participants", "gauge", "Open streams by their role");
     fprintf(out, "splatd_participants{role=\"control\"} %u\n", n.participants[SRV_ROLE_CONTROL]);
     fprintf(out, "splatd_participants{role=\"view\"} %u\n", n.participants[SRV_ROLE_VIEW]);

@@ -142,7 +142,7 @@ static proto_json *encode_item(void *user, const void *item) {
     ok = proto_json_set_string(json, "volume", note->volume) && ok;
     ok = (!note->owner[0] || proto_json_set_string(json, "owner", note->owner)) && ok;
     ok = proto_json_set_integer(json, "participants", note->participants) && ok;
-    ok = proto_json_set_bool(json, "asleep", note->is_asleep) && ok;
+    ok = proto_json_set_bool(json, "asleep", note->is_hibernated) && ok;
     ok = proto_json_set_number(json, "idle", note->idle_ms / 1000) && ok;
     if (!ok)
         proto_json_free(&json);

@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <sys/socket.h>
 
-#include "session/hub.h"
+#include "session/participant.h"
 
 #define SRV_STREAMS_TICK_MS 100.0
 

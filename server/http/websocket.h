@@ -22,7 +22,7 @@
 #include <sys/uio.h>
 
 #include "http/ingress_quota.h"
-#include "session/hub.h"
+#include "session/participant.h"
 
 struct srv_ws;
 

@@ -19,7 +19,7 @@
 #define SRV_RENDER_ENCODE_POOL_H
 
 #include "render/worker.h"
-#include "session/hub.h"
+#include "schedule/schedule.h"
 
 struct srv_encode_pool;
 struct srv_snapshot_entry;

@@ -117,7 +117,7 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
     };
     for (uint32_t i = first; i < job->target_count; i++)
         if (*images >> i & 1 && wants(&job->targets[i], &params)) {
-            srv_schedule_deliver(pool->hub, job, i, &header, blob);
+            srv_schedule_deliver(pool->schedule, job, i, &header, blob);
             *images &= ~(UINT64_C(1) << i);
         }
     srv_blob_unref(&blob);
@@ -127,7 +127,7 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
 /* An encoder cannot be interrupted: call this before each encoding. */
 static bool is_wanted(struct srv_render_pool *pool, const struct srv_render_job *job,
                       struct sp_error *err) {
-    return !job->is_refinement || srv_schedule_is_newest(pool->hub, job) ||
+    return !job->is_refinement || srv_schedule_is_newest(pool->schedule, job) ||
            sp_fail(err, SP_ERR_CANCELLED, NULL, "a newer view exists");
 }
 
@@ -150,7 +150,8 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
     bool ok = is_wanted(pool, job, &err);
     count_render(pool, task);
     uint64_t images =
-        ok ? srv_video_encoders_encode(pool->videos, pool->hub, job, frame, &result.encode_ms) : 0;
+        ok ? srv_video_encoders_encode(pool->videos, pool->schedule, job, frame, &result.encode_ms)
+           : 0;
     while (ok && images)
         ok = is_wanted(pool, job, &err) &&
              encode_group(pool, encoder, task, &images, &result.encode_ms, &err);
@@ -161,7 +162,7 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
     sp_log(SP_LOG_DEBUG, "frame %ux%u%s for %u clients: rendered %.1f ms, encoded %.1f ms",
            result.width, result.height, step_words[job->step], job->target_count,
            result.again ? 0 : result.render_ms, result.encode_ms);
-    srv_schedule_done(pool->hub, job, &result);
+    srv_schedule_done(pool->schedule, job, &result);
     free(job);
 }
 

@@ -25,7 +25,7 @@
 
 #include <stdatomic.h>
 
-#include "session/hub.h"
+#include "schedule/schedule.h"
 #include "sp/inflight.h"
 #include "sp/renderer.h"
 

@@ -48,7 +48,7 @@ void *srv_interactive_worker_main(void *user) {
             sp_log(SP_LOG_ERROR, "out of memory for a render job");
         bool has_capacity = srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_INTERACTIVE);
         bool may_begin = job && has_capacity && queue->count < sp_renderer_depth(worker->renderer);
-        if (may_begin && srv_schedule_next(pool->hub, srv_clock_ms(), job, &wait_ms)) {
+        if (may_begin && srv_schedule_next(pool->schedule, srv_clock_ms(), job, &wait_ms)) {
             take_job(pool, job);
             job = NULL;
         } else if (queue->count > 0) {

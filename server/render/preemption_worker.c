@@ -106,7 +106,7 @@ void *srv_preemption_worker_main(void *user) {
             sp_log(SP_LOG_ERROR, "out of memory for a render job");
         if (job && srv_encode_pool_has_capacity(pool->encoders, SRV_WORKER_PREEMPTION) &&
             find_long_frame(pool, &running, &wait_ms) &&
-            srv_schedule_next_short(pool->hub, &running, srv_clock_ms(), job, &wait_ms)) {
+            srv_schedule_next_short(pool->schedule, &running, srv_clock_ms(), job, &wait_ms)) {
             preempt(pool, running.order, job);
             job = NULL;
         } else {

@@ -70,15 +70,15 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
     return pool;
 }
 
-bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_hub *hub,
+bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_schedule *schedule,
                            struct sp_error *err) {
     static void *(*const mains[SRV_WORKERS])(
         void *) = { [SRV_WORKER_INTERACTIVE] = srv_interactive_worker_main,
                     [SRV_WORKER_SNAPSHOT] = srv_snapshot_worker_main,
                     [SRV_WORKER_PREEMPTION] = srv_preemption_worker_main };
     const struct sp_renderer_info *info = &pool->workers[SRV_WORKER_INTERACTIVE].info;
-    pool->hub = hub;
-    srv_hub_set_backend(hub, info->backend, info->device);
+    pool->schedule = schedule;
+    srv_schedule_set_backend(schedule, info->backend, info->device);
     if (!srv_encode_pool_start(pool->encoders, err))
         return false;
     for (int k = 0; k < SRV_WORKERS; k++)
@@ -128,7 +128,7 @@ void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_ki
     srv_catalog_set_cached(pool->options.catalog, volume, kind,
                            sp_renderer_memory(worker->renderer, srv_volume_voxels(volume)));
     if (srv_worker_update_info(worker) && kind == SRV_WORKER_INTERACTIVE)
-        srv_hub_set_backend(pool->hub, worker->info.backend, worker->info.device);
+        srv_schedule_set_backend(pool->schedule, worker->info.backend, worker->info.device);
 }
 
 bool srv_render_pool_submit(struct srv_render_pool *pool, const struct srv_snapshot *snapshot,

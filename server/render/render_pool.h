@@ -24,7 +24,7 @@
 
 #include "render/catalog.h"
 #include "render/snapshot_queue.h"
-#include "session/hub.h"
+#include "schedule/schedule.h"
 #include "sp/renderer.h"
 
 struct srv_render_pool;
@@ -44,8 +44,9 @@ struct srv_render_pool_options {
 /* Takes over *renderer, for the interactive worker, on success. NULL with *err set. */
 struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_options *options,
                                                struct sp_renderer **renderer, struct sp_error *err);
-/* Starts the threads, which serve this hub. */
-bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_hub *hub, struct sp_error *err);
+/* Starts the threads, which serve this scheduler. */
+bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_schedule *schedule,
+                           struct sp_error *err);
 /* Cancels what is under way; waiting snapshots are answered with SP_ERR_CANCELLED. */
 void srv_render_pool_stop(struct srv_render_pool *pool);
 void srv_render_pool_destroy(struct srv_render_pool **pool); /* stops first; accepts NULL */

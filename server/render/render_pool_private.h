@@ -21,7 +21,7 @@
 
 struct srv_render_pool {
     struct srv_render_pool_options options;
-    struct srv_hub *hub;
+    struct srv_schedule *schedule;
     struct srv_worker workers[SRV_WORKERS];
     struct srv_snapshot_queue snapshots;
     struct srv_frame_cache cache;

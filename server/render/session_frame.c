@@ -16,11 +16,11 @@ void srv_session_frame_fail(struct srv_render_pool *pool, struct srv_render_job 
     if (err->code == SP_ERR_CANCELLED) {
         sp_log(SP_LOG_DEBUG, "%s cancelled after %.1f ms: %s",
                job->is_refinement ? "refinement" : "moving frame", elapsed_ms, err->text);
-        srv_schedule_cancelled(pool->hub, job, elapsed_ms);
+        srv_schedule_cancelled(pool->schedule, job, elapsed_ms);
     } else {
         sp_log(SP_LOG_ERROR, "rendering a session's view failed: %s%s%s", err->place,
                err->place[0] ? ": " : "", err->text);
-        srv_schedule_failed(pool->hub, job, err);
+        srv_schedule_failed(pool->schedule, job, err);
     }
     free(job);
 }
@@ -74,9 +74,9 @@ static struct srv_inflight *enqueue(struct srv_render_pool *pool, enum srv_worke
 
 /* What happened between the hub's decision and enqueue() has not reached the frame: looks again. */
 static void catch_up(struct srv_render_pool *pool, const struct srv_render_job *job) {
-    if (!srv_schedule_is_newest(pool->hub, job))
+    if (!srv_schedule_is_newest(pool->schedule, job))
         srv_render_pool_interrupt(pool, job->session, SRV_INTERRUPT_NEWER_VIEW);
-    if (job->protected_ms < INFINITY && srv_schedule_has_motion(pool->hub))
+    if (job->protected_ms < INFINITY && srv_schedule_has_motion(pool->schedule))
         srv_render_pool_interrupt(pool, 0, SRV_INTERRUPT_MOTION);
 }
 
@@ -127,7 +127,7 @@ void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind
     }
     if (job->is_sharp)
         srv_frame_cache_put(&pool->cache, frame, job->volume, &job->view);
-    srv_schedule_rendered(pool->hub, job, frame->stats.render_ms);
+    srv_schedule_rendered(pool->schedule, job, frame->stats.render_ms);
     srv_encode_pool_submit(pool->encoders,
                            &(struct srv_encode_task){ .frame = frame, .job = job, .worker = kind });
 }

@@ -186,20 +186,20 @@ struct takers { /* sets of targets, one bit each, by what they receive */
 
 /* Decides what each target of the set receives of this frame. A key frame would also end the video
  * of participants that skip this frame. With the encoder locked. */
-static struct takers ask(struct srv_hub *hub, const struct srv_render_job *job, uint64_t set,
-                         const struct encoder *encoder, double now_ms) {
+static struct takers ask(struct srv_schedule *schedule, const struct srv_render_job *job,
+                         uint64_t set, const struct encoder *encoder, double now_ms) {
     struct takers takers = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++) {
         uint64_t bit = set & UINT64_C(1) << i;
         enum srv_video_need need =
-            bit ? srv_schedule_video_need(hub, job, i, &encoder->mark) : SRV_VIDEO_NONE;
+            bit ? srv_schedule_video_need(schedule, job, i, &encoder->mark) : SRV_VIDEO_NONE;
         if (need == SRV_VIDEO_DELTA)
             takers.delta |= bit;
         else if (need == SRV_VIDEO_KEY)
             takers.key |= bit;
     }
     bool is_late = job->order <= encoder->order;
-    bool is_shared = takers.delta || srv_schedule_has_video(hub, job, &encoder->mark);
+    bool is_shared = takers.delta || srv_schedule_has_video(schedule, job, &encoder->mark);
     if (is_late) {
         takers.images = takers.delta | takers.key;
         takers.delta = takers.key = 0;
@@ -235,7 +235,7 @@ static void advance(struct srv_video_encoders *encoders, struct encoder *encoder
 
 /* Encodes one packet and delivers it to all targets of the set. False if it failed: no target
  * received anything. With the encoder locked. */
-static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
+static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *schedule,
                    const struct srv_render_job *job, const struct sp_frame *frame,
                    struct encoder *encoder, uint64_t set, bool key, double *encode_ms) {
     struct sp_video_packet packet;
@@ -263,41 +263,42 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
     };
     for (uint32_t i = 0; i < job->target_count; i++)
         if (set >> i & 1)
-            srv_schedule_deliver_video(hub, job, i, &header, blob, &encoder->mark);
+            srv_schedule_deliver_video(schedule, job, i, &header, blob, &encoder->mark);
     encoder->mark.number++;
     srv_blob_unref(&blob);
     return true;
 }
 
 /* Returns the targets of the set that need an image instead. */
-static uint64_t encode_set(struct srv_video_encoders *encoders, struct srv_hub *hub,
+static uint64_t encode_set(struct srv_video_encoders *encoders, struct srv_schedule *schedule,
                            const struct srv_render_job *job, const struct sp_frame *frame,
                            enum sp_video_codec codec, uint64_t set, double *encode_ms) {
     struct encoder *encoder = borrow(encoders, job, codec);
     if (!encoder) {
-        srv_schedule_refuse_video(hub, job, set);
+        srv_schedule_refuse_video(schedule, job, set);
         return set;
     }
     pthread_mutex_lock(&encoder->mutex);
-    struct takers takers = ask(hub, job, set, encoder, srv_clock_ms());
+    struct takers takers = ask(schedule, job, set, encoder, srv_clock_ms());
     uint64_t served = takers.delta | takers.key;
-    if (served && !encode(encoders, hub, job, frame, encoder, served, takers.key != 0, encode_ms))
+    if (served &&
+        !encode(encoders, schedule, job, frame, encoder, served, takers.key != 0, encode_ms))
         takers.images |= served;
     pthread_mutex_unlock(&encoder->mutex);
     give_back(encoders, encoder);
     return takers.images;
 }
 
-uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
-                                   const struct srv_render_job *job, const struct sp_frame *frame,
-                                   double *encode_ms) {
+uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders,
+                                   struct srv_schedule *schedule, const struct srv_render_job *job,
+                                   const struct sp_frame *frame, double *encode_ms) {
     uint64_t sets[SP_VIDEO_CODEC_COUNT + 1] = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++)
         sets[job->targets[i].video] |= UINT64_C(1) << i;
     uint64_t images = sets[SP_VIDEO_CODEC_COUNT];
     for (int codec = 0; codec < SP_VIDEO_CODEC_COUNT; codec++)
         if (sets[codec])
-            images |= encode_set(encoders, hub, job, frame, (enum sp_video_codec)codec, sets[codec],
-                                 encode_ms);
+            images |= encode_set(encoders, schedule, job, frame, (enum sp_video_codec)codec,
+                                 sets[codec], encode_ms);
     return images;
 }

@@ -38,7 +38,7 @@
 #include <stdint.h>
 
 #include "ops/metrics.h"
-#include "session/hub.h"
+#include "schedule/schedule.h"
 #include "sp/frame.h"
 
 struct srv_video_encoders;
@@ -54,9 +54,9 @@ void srv_video_encoders_destroy(struct srv_video_encoders **encoders);
 /* Encodes the job's frame for those of its targets that want video, and delivers it. Returns the
  * set of targets that need an image instead (one bit per target): those that did not ask for video,
  * and those that cannot have it now. Adds the time to *encode_ms. Encode threads. */
-uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders, struct srv_hub *hub,
-                                   const struct srv_render_job *job, const struct sp_frame *frame,
-                                   double *encode_ms);
+uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders,
+                                   struct srv_schedule *schedule, const struct srv_render_job *job,
+                                   const struct sp_frame *frame, double *encode_ms);
 
 /* True if some encoder was not used for a while. Any thread; returns quickly. */
 bool srv_video_encoders_are_idle(struct srv_video_encoders *encoders, double now_ms);

@@ -3,22 +3,22 @@
 
 #include <math.h>
 
-#define PATIENCE 20.0
-#define PATIENCE_UNKNOWN_MS 1000.0
+#define STARVATION_FACTOR 20.0       /* times the expected time */
+#define STARVATION_UNKNOWN_MS 1000.0 /* if that is not known */
 
-double srv_fair_start(const struct srv_fair_account *share, double clock_ms) {
-    return fmax(share->end_ms, clock_ms);
+double srv_fair_start(const struct srv_fair_account *account, double clock_ms) {
+    return fmax(account->end_ms, clock_ms);
 }
 
-void srv_fair_charge(struct srv_fair_account *share, double clock_ms, double ms) {
-    share->end_ms = srv_fair_start(share, clock_ms) + ms;
+void srv_fair_charge(struct srv_fair_account *account, double clock_ms, double ms) {
+    account->end_ms = srv_fair_start(account, clock_ms) + ms;
 }
 
-void srv_fair_correct(struct srv_fair_account *share, double more_ms) {
-    share->end_ms += more_ms;
+void srv_fair_correct(struct srv_fair_account *account, double more_ms) {
+    account->end_ms += more_ms;
 }
 
 double srv_fair_protected_ms(double waited_ms, double expected_ms) {
-    double patience_ms = expected_ms > 0 ? PATIENCE * expected_ms : PATIENCE_UNKNOWN_MS;
-    return waited_ms < patience_ms ? 0 : waited_ms * 2 / PATIENCE;
+    double limit_ms = expected_ms > 0 ? STARVATION_FACTOR * expected_ms : STARVATION_UNKNOWN_MS;
+    return waited_ms < limit_ms ? 0 : waited_ms * 2 / STARVATION_FACTOR;
 }

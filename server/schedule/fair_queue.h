@@ -1,37 +1,43 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Equal shares of time (start-time fair queueing: Goyal, Vin and Cheng 1996).
- *
- *   clock   what each of those who always want something has got, ms
- *   start   who wants something starts from the clock, or from where its last one ended, whichever
- *           is later: nobody saves up a share by wanting nothing, and a debt stays until all
- *           rest: then the clock moves on to the last end
- *   next    who starts no later than the mean of those who want something is entitled; of them the
- *           one whose frame is due first (earliest eligible deadline first)
- *
- * Turns instead of shares would give most to who asks for the largest pictures; deadlines alone, to
- * who asks for the most frames.
- *
- * Pure: no lock, no clock of the world.
+ * Equal shares of time: start-time fair queueing (Goyal, Vin and Cheng 1996). Pure functions: no
+ * lock, no system clock.
  */
-#ifndef SRV_SESSION_SHARE_H
-#define SRV_SESSION_SHARE_H
+#ifndef SRV_SCHEDULE_FAIR_QUEUE_H
+#define SRV_SCHEDULE_FAIR_QUEUE_H
 
-struct srv_fair_account { /* zero = got nothing yet */
-    double end_ms;        /* of what it got last, by the clock of its peers */
+/* What a session, a participant or an owner has received, in virtual time.
+ *
+ *   virtual clock (ms)  0      10      20      30      40      50
+ *   account A           [ frame: 30 ms          ]end
+ *   account B           [ 10 ms ]end [ 10 ms ]end
+ *                                            ▲ clock = 20: B starts at 20, A at 30: B is next
+ *
+ * The clock is the time that each account has received that always wants something. An account
+ * starts at the clock or at its own end, whichever is later. So idle accounts save up nothing, and
+ * what an account received too much stays a debt. When all accounts are idle, the clock moves to
+ * the last end: time that nobody else wanted is no debt.
+ *
+ * An account that starts no later than the mean of all that want something is eligible. Of the
+ * eligible ones the frame with the earliest deadline is drawn first (decide.h). Taking turns
+ * instead would give most time to the client with the largest frames; deadlines alone would give it
+ * to the client with the most frames. */
+struct srv_fair_account { /* zeroed: received nothing yet */
+    double end_ms;        /* virtual time at the end of what it received last */
 };
 
-/* Where it starts. */
-double srv_fair_start(const struct srv_fair_account *share, double clock_ms);
-/* It gets something that is expected to take ms. */
-void srv_fair_charge(struct srv_fair_account *share, double clock_ms, double ms);
-/* What it got took so much more than expected; less than 0 = less. */
-void srv_fair_correct(struct srv_fair_account *share, double more_ms);
+/* Returns the virtual time at which the account's next work starts. */
+double srv_fair_start(const struct srv_fair_account *account, double clock_ms);
+/* Charges work that is expected to take `ms`. */
+void srv_fair_charge(struct srv_fair_account *account, double clock_ms, double ms);
+/* Adds the difference once the true time is known; negative if the work took less. */
+void srv_fair_correct(struct srv_fair_account *account, double more_ms);
 
-/* What is expected to take expected_ms (0 = not known) gives way to what comes first, again and
- * again, for twenty times as long. Then it does not, for the time that is returned, a tenth of what
- * it waited: so it is done some day, however busy the others are, and costs them about a twentieth
- * of their time. 0 = it still gives way at once. */
+/* The starvation limit. Work of the lowest rank is cancelled whenever something more urgent comes.
+ * After it waited for twenty times its expected time (0 = not known: for 1 s), it is protected:
+ * returns for how many ms it may then run without being cancelled, a tenth of what it waited. So it
+ * is done some day, however busy the others are, and costs them about a twentieth of their time.
+ * 0 = not protected. */
 double srv_fair_protected_ms(double waited_ms, double expected_ms);
 
 #endif

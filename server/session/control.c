@@ -15,17 +15,17 @@
 #include "session/rpc_private.h"
 
 static bool is_asking(const struct srv_participant *p) {
-    return p->asked > 0;
+    return p->control.order > 0;
 }
 
 static bool may_control(const struct srv_participant *p) {
-    return p->role == SRV_ROLE_CONTROL;
+    return p->identity.role == SRV_ROLE_CONTROL;
 }
 
 static struct srv_participant *next_in_line(const struct srv_session *session) {
     struct srv_participant *first = NULL;
     for (struct srv_participant *p = session->participants; p; p = p->next)
-        if (is_asking(p) && may_control(p) && (!first || p->asked < first->asked))
+        if (is_asking(p) && may_control(p) && (!first || p->control.order < first->control.order))
             first = p;
     return first;
 }
@@ -36,9 +36,9 @@ static void give(struct srv_hub *hub, struct srv_session *session, struct srv_pa
                  double now_ms) {
     session->holder = to;
     if (to)
-        to->asked = 0;
+        to->control.order = 0;
     for (struct srv_participant *p = session->participants; p; p = p->next)
-        p->asked_ms = now_ms;
+        p->control.since_ms = now_ms;
     srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_CONTROL);
 }
 
@@ -60,7 +60,7 @@ double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double
     struct srv_participant *p = next_in_line(session);
     if (!p)
         return INFINITY;
-    double at_ms = p->asked_ms + hub->options.control_ms;
+    double at_ms = p->control.since_ms + hub->options.control_ms;
     if (at_ms > now_ms)
         return at_ms;
     give(hub, session, p, now_ms);
@@ -72,14 +72,14 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
     const struct srv_session *session = to->session;
     proto_json *params = proto_json_object(), *list = proto_json_array();
     bool ok = session->holder
-                  ? proto_json_set_integer(params, "holder", (int64_t)session->holder->id)
+                  ? proto_json_set_integer(params, "holder", (int64_t)session->holder->identity.id)
                   : proto_json_set_null(params, "holder");
     for (const struct srv_participant *p = session->participants; p; p = p->next) {
         if (!is_asking(p))
             continue;
         proto_json *one = proto_json_object();
-        double left_ms = fmax(p->asked_ms + hub->options.control_ms - now_ms, 0);
-        ok = proto_json_set_integer(one, "id", (int64_t)p->id) && ok;
+        double left_ms = fmax(p->control.since_ms + hub->options.control_ms - now_ms, 0);
+        ok = proto_json_set_integer(one, "id", (int64_t)p->identity.id) && ok;
         ok = (may_control(p) ? proto_json_set_number(one, "seconds", left_ms / 1000)
                              : proto_json_set_null(one, "seconds")) &&
              ok;
@@ -110,10 +110,10 @@ bool srv_call_request_control(struct srv_call *call) {
         return srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
                                "this token may watch, and there is nobody who could grant more");
     if (!srv_control_take(call->hub, p, call->now_ms) && !is_asking(p)) {
-        p->asked = ++call->hub->next_request;
-        p->asked_ms = call->now_ms;
-        srv_timer_set_by(&call->hub->dues, &p->session->due,
-                         p->asked_ms + call->hub->options.control_ms);
+        p->control.order = ++call->hub->participants.next_request;
+        p->control.since_ms = call->now_ms;
+        srv_timer_set_by(&call->hub->active.timers, &p->session->timer,
+                         p->control.since_ms + call->hub->options.control_ms);
         srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_CONTROL);
     }
     return answer(call);
@@ -127,7 +127,7 @@ bool srv_call_release_control(struct srv_call *call) {
     if (p->session->holder == p) {
         give(call->hub, p->session, next_in_line(p->session), call->now_ms);
     } else if (is_asking(p)) {
-        p->asked = 0;
+        p->control.order = 0;
         srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_CONTROL);
     }
     return answer(call);
@@ -146,7 +146,7 @@ static struct srv_participant *addressee(struct srv_call *call) {
     }
     if (proto_json_integer(proto_json_get(call->params, "to"), &id))
         for (struct srv_participant *p = session->participants; p; p = p->next)
-            if ((int64_t)p->id == id)
+            if ((int64_t)p->identity.id == id)
                 return p;
     srv_call_refuse(call, PROTO_RPC_PARAMS, "/to", "must be the id of a participant");
     return NULL;
@@ -164,7 +164,7 @@ bool srv_call_refuse_control(struct srv_call *call) {
     struct srv_participant *to = addressee(call);
     if (!to)
         return false;
-    to->asked = 0;
+    to->control.order = 0;
     srv_hub_notify_others(call->hub, to->session, 0, SRV_NOTIFY_CONTROL);
     return answer(call);
 }

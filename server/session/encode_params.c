@@ -13,3 +13,13 @@ struct srv_encode_params srv_encode_params_from(enum sp_image_format format, int
 bool srv_encode_params_equal(const struct srv_encode_params *a, const struct srv_encode_params *b) {
     return a->format == b->format && a->quality == b->quality && a->chroma == b->chroma;
 }
+
+double srv_encoding_expected_ms(const struct srv_encoding *e, const uint32_t size[2]) {
+    static const double stills[SP_IMAGE_FORMAT_COUNT] = { [SP_IMAGE_JPEG] = 3.5e-6,
+                                                          [SP_IMAGE_PNG] = 15e-6,
+                                                          [SP_IMAGE_WEBP] = 48e-6,
+                                                          [SP_IMAGE_EXR] = 120e-6 };
+    const double videos = 7.5e-6;
+    double px_ms = e->video == SP_VIDEO_CODEC_COUNT ? stills[e->format] : videos;
+    return px_ms * size[0] * size[1];
+}

@@ -1,23 +1,60 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What decides the bytes of a picture beside the picture itself: of equal forms they are the same.
+ * How frames are encoded. Pure functions.
  */
-#ifndef SRV_FORM_H
-#define SRV_FORM_H
+#ifndef SRV_SESSION_ENCODE_PARAMS_H
+#define SRV_SESSION_ENCODE_PARAMS_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "sp/encode.h"
+#include "sp/video.h"
 
+/* What decides the bytes of an image besides its pixels: equal pixels and equal parameters give
+ * equal bytes. */
 struct srv_encode_params {
     enum sp_image_format format;
-    int quality;           /* of a lossless format 100 */
+    int quality;           /* 100 for a lossless format */
     enum sp_chroma chroma; /* of a JPEG, never AUTO; else AUTO */
 };
 
-/* Of what was asked for. */
 struct srv_encode_params srv_encode_params_from(enum sp_image_format format, int quality,
                                                 enum sp_chroma chroma);
 bool srv_encode_params_equal(const struct srv_encode_params *a, const struct srv_encode_params *b);
+
+/* What a frame is for, in the order in which a view that came to rest gets them. */
+enum srv_frame_step {
+    SRV_STEP_MOVING,       /* keeps up with the moving view */
+    SRV_STEP_INTERMEDIATE, /* at rest, before a sharp frame that takes long */
+    SRV_STEP_FINAL,        /* full size, all voxels, granted quality */
+    SRV_STEPS
+};
+
+/* How the frames of one step are encoded for one participant. */
+struct srv_encoding {
+    enum sp_image_format format; /* if it is not video */
+    enum sp_video_codec video;   /* SP_VIDEO_CODEC_COUNT = an image */
+    int quality;                 /* as granted, also for a lossless format */
+    enum sp_chroma chroma;       /* of a JPEG; never AUTO */
+};
+/* Estimates the time to encode such a frame, ms: the time per pixel on the machine of
+ * tests/bench/results, whatever the frame shows. */
+double srv_encoding_expected_ms(const struct srv_encoding *encoding, const uint32_t size[2]);
+
+/* The detail of a participant's last moving frame, for stream.policy. */
+struct srv_moving_detail {
+    uint32_t full_size[2]; /* at rest, px */
+    uint32_t size[2];      /* px; 0 = there was no moving frame yet */
+    unsigned mip_level;    /* as in sp/renderer.h */
+    double budget_ms;      /* time that the frame had */
+    double sharp_ms;       /* expected time of a sharp frame; 0 = not known */
+    bool is_shared;        /* other sessions moved too and took their part of the time */
+};
+struct srv_policy {
+    struct srv_moving_detail moving; /* of the last moving frame */
+    struct srv_moving_detail told;   /* as the client knows it */
+    double told_ms;
+};
 
 #endif

@@ -24,6 +24,13 @@ struct srv_blob *srv_blob_create(const uint8_t *bytes, size_t size); /* copies; 
 struct srv_blob *srv_blob_ref(struct srv_blob *blob);
 void srv_blob_unref(struct srv_blob **blob);
 
+/* A frame of a video: `number` since the key frame that began the epoch. Epochs are unique and
+ * never 0. */
+struct srv_video_mark {
+    uint64_t epoch;
+    uint32_t number;
+};
+
 struct srv_outbox {
     struct srv_blob *blob; /* NULL = empty */
     struct proto_frame_header header;

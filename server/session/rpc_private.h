@@ -6,7 +6,7 @@
 #ifndef SRV_SESSION_RPC_PRIVATE_H
 #define SRV_SESSION_RPC_PRIVATE_H
 
-#include "session/hub_private.h"
+#include "session/session.h"
 
 struct srv_call {
     struct srv_hub *hub;
@@ -29,7 +29,7 @@ bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char
 bool srv_call_knows(struct srv_call *call, const char *const *known);
 
 srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant_control,
-    srv_call_refuse_control; /* control.c */
-srv_method_fn srv_call_pick; /* pick.c */
+    srv_call_refuse_control;      /* control.c */
+srv_method_fn srv_call_configure; /* settings.c */
 
 #endif

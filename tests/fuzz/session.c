@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "session/hub.h"
+#include "session/participant.h"
 #include "sp/log.h"
 #include "support/fake_volumes.h"
 
@@ -55,9 +55,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
                                        .sessions_max = 1,
                                        .participants_max = 1,
                                        .user = &input,
-                                       .work = fake_ignore,
                                        .ready = fake_ignore,
-                                       .interrupt = fake_ignore_interrupt,
                                        .recall = recall };
     struct sp_error err;
     sp_log_init(ignore_line, NULL, SP_LOG_ERROR);

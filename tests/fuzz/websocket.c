@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "http/websocket.h"
+#include "schedule/schedule.h"
 #include "sp/log.h"
 #include "sp/volume.h"
 
@@ -93,18 +94,18 @@ static void no_log(void *user, enum sp_log_level level, const char *kind,
 }
 
 /* Renders by hand what the session asks for, so that acknowledgements have something to name. */
-static void serve(struct srv_hub *hub, double now_ms) {
+static void serve(struct srv_schedule *schedule, double now_ms) {
     static struct srv_render_job job;
     double wait_ms;
-    if (!srv_schedule_next(hub, now_ms, &job, &wait_ms))
+    if (!srv_schedule_next(schedule, now_ms, &job, &wait_ms))
         return;
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG, .width = 1, .height = 1 };
     struct srv_render_result result = { .width = 1, .height = 1, .render_ms = 1 };
     struct srv_blob *blob = srv_blob_create((const uint8_t *)"x", 1);
     for (uint32_t i = 0; blob && i < job.target_count; i++)
-        srv_schedule_deliver(hub, &job, i, &header, blob);
+        srv_schedule_deliver(schedule, &job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_schedule_done(hub, &job, &result);
+    srv_schedule_done(schedule, &job, &result);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -126,12 +127,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
                                        .rest_ms = 5,
                                        .stream_bytes = 1000,
                                        .user = &input,
-                                       .work = ignore,
-                                       .ready = ignore,
-                                       .interrupt = ignore_session };
+                                       .ready = ignore };
     char id[SRV_SESSION_ID_BYTES];
     struct srv_hub *hub = srv_hub_create(&options, NULL);
-    proto_json *json = hub ? srv_hub_session_create(hub, NULL, 0, id, NULL) : NULL;
+    const struct srv_schedule_options work = { .wake = ignore, .interrupt = ignore_session };
+    struct srv_schedule *schedule = hub ? srv_schedule_create(hub, &work, NULL) : NULL;
+    proto_json *json = schedule ? srv_hub_session_create(hub, NULL, 0, id, NULL) : NULL;
     if (!json)
         abort();
     proto_json_free(&json);
@@ -154,7 +155,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     for (int turn = 0; ws && turn < 10000 && !srv_ws_is_over(ws); turn++) {
         now_ms += 1;
         srv_ws_read(ws, now_ms);
-        serve(hub, now_ms);
+        serve(schedule, now_ms);
         srv_ws_write(ws, now_ms);
         srv_ingress_tick(ingress);
         srv_ws_tick(ws, now_ms);
@@ -164,5 +165,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     srv_ws_destroy(&ws, now_ms);
     srv_ingress_destroy(&ingress);
     srv_hub_destroy(&hub);
+    srv_schedule_destroy(&schedule);
     return 0;
 }

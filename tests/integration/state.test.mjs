@@ -267,7 +267,7 @@ test('an idle session hibernates, uses no volume, and its link shows the same vi
   const first = await daemon.stream({ session });
   await first.update(turned(session.view, 100));
   await first.end();
-  const hibernates = new RegExp(`session ${session.id} sleeps(?![^]*session ${session.id} is awake)`);
+  const hibernates = new RegExp(`session ${session.id} hibernates(?![^]*session ${session.id} is active)`);
   await daemon.untilLogged(hibernates); // on a slow machine it also hibernated before it was joined
   assert.equal(await isHibernated(daemon, session.id), true);
   assert.equal((await daemon.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 204);

@@ -45,9 +45,3 @@ struct srv_volume_source fake_volume_source(struct fake_volumes *volumes) {
 void fake_ignore(void *user) {
     (void)user;
 }
-
-void fake_ignore_interrupt(void *user, uint64_t session, enum srv_interrupt why) {
-    (void)user;
-    (void)session;
-    (void)why;
-}

@@ -17,6 +17,5 @@ struct fake_volumes {
 struct srv_volume_source fake_volume_source(struct fake_volumes *volumes);
 /* The other callbacks of such a hub; they do nothing. */
 void fake_ignore(void *user);
-void fake_ignore_interrupt(void *user, uint64_t session, enum srv_interrupt why);
 
 #endif

@@ -98,12 +98,15 @@ void render_fixture_begin(struct render_fixture *fixture,
                                    .rest_ms = options->rest_ms,
                                    .stream_bytes = 1 << 20,
                                    .user = fixture,
-                                   .work = on_work,
-                                   .ready = on_ready,
-                                   .interrupt = on_interrupt };
+                                   .ready = on_ready };
     fixture->hub = srv_hub_create(&hub, NULL);
     assert_non_null(fixture->hub);
-    assert_true(srv_render_pool_start(fixture->render_pool, fixture->hub, NULL));
+    const struct srv_schedule_options schedule = { .user = fixture,
+                                                   .wake = on_work,
+                                                   .interrupt = on_interrupt };
+    fixture->schedule = srv_schedule_create(fixture->hub, &schedule, NULL);
+    assert_non_null(fixture->schedule);
+    assert_true(srv_render_pool_start(fixture->render_pool, fixture->schedule, NULL));
 }
 
 void render_fixture_session(struct render_fixture *fixture, char id[SRV_SESSION_ID_BYTES]) {
@@ -128,6 +131,7 @@ void render_fixture_stop(struct render_fixture *fixture) {
 void render_fixture_end(struct render_fixture *fixture) {
     render_fixture_stop(fixture);
     srv_hub_destroy(&fixture->hub);
+    srv_schedule_destroy(&fixture->schedule);
     srv_render_pool_destroy(&fixture->render_pool);
     srv_catalog_destroy(&fixture->catalog);
     srv_metrics_destroy(&fixture->metrics);

@@ -8,12 +8,14 @@
 
 #include "ops/metrics.h"
 #include "render/render_pool.h"
+#include "session/participant.h"
 
 struct render_fixture {
     struct srv_metrics *metrics; /* of the render pool */
     struct srv_catalog *catalog;
     struct srv_render_pool *render_pool;
     struct srv_hub *hub;
+    struct srv_schedule *schedule;
     void (*volume)(const char *id, enum srv_volume_state state);
 };
 

@@ -325,9 +325,9 @@ static struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
     struct srv_blob *blob = srv_blob_create(bytes, size);
     free(bytes);
     assert_non_null(blob);
-    assert_true(srv_schedule_next(f->hub, now_ms, &job, &wait_ms));
-    srv_schedule_deliver(f->hub, &job, 0, &header, blob);
-    srv_schedule_done(f->hub, &job, &result);
+    assert_true(srv_schedule_next(f->schedule, now_ms, &job, &wait_ms));
+    srv_schedule_deliver(f->schedule, &job, 0, &header, blob);
+    srv_schedule_done(f->schedule, &job, &result);
     return blob;
 }
 

@@ -19,6 +19,7 @@
 #include <cmocka.h>
 
 #include "common/clock.h"
+#include "schedule/quality.h"
 #include "sp/inflight.h"
 #include "support/gate.h"
 #include "support/render_fixture.h"
@@ -135,23 +136,23 @@ static void count_end(void) {
     pthread_mutex_unlock(&gate.mutex);
 }
 
-void __real_srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+void __real_srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
                               const struct srv_render_result *result);
-void __wrap_srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+void __wrap_srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
                               const struct srv_render_result *result);
-void __wrap_srv_schedule_done(struct srv_hub *hub, struct srv_render_job *job,
+void __wrap_srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
                               const struct srv_render_result *result) {
-    __real_srv_schedule_done(hub, job, result);
+    __real_srv_schedule_done(schedule, job, result);
     count_end();
 }
 
-void __real_srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job,
+void __real_srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
                                    double elapsed_ms);
-void __wrap_srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job,
+void __wrap_srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
                                    double elapsed_ms);
-void __wrap_srv_schedule_cancelled(struct srv_hub *hub, struct srv_render_job *job,
+void __wrap_srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
                                    double elapsed_ms) {
-    __real_srv_schedule_cancelled(hub, job, elapsed_ms);
+    __real_srv_schedule_cancelled(schedule, job, elapsed_ms);
     count_end();
 }
 

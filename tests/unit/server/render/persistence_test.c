@@ -16,7 +16,7 @@
 
 #include "common/pagination.h"
 #include "config/tokens.h"
-#include "session/hub.h"
+#include "session/participant.h"
 #include "support/fake_volumes.h"
 
 /* The JSON library's own hook; its header belongs to protocol/json.c. */
@@ -125,16 +125,14 @@ static bool token(void *user, const char *name, unsigned *rights, struct srv_quo
 static void create_hub(void) {
     struct srv_hub_options options = { .volumes = fake_volume_source(&f.volumes),
                                        .sessions_max = f.sessions_max ? f.sessions_max : 2,
-                                       .sleep_ms = 50000,
-                                       .ran_ms = f.ran_ms,
-                                       .sleepers_max = 2,
+                                       .hibernation_ms = 50000,
+                                       .past_run_ms = f.ran_ms,
+                                       .hibernated_max = 2,
                                        .participants_max = 3,
                                        .session_idle_ms = 1000,
                                        .rest_ms = 100,
                                        .stream_bytes = 1 << 20,
-                                       .work = fake_ignore,
                                        .ready = fake_ignore,
-                                       .interrupt = fake_ignore_interrupt,
                                        .recall = recall,
                                        .token = token,
                                        .supports = supports,
@@ -251,7 +249,7 @@ static void comes_back_as_it_was(void **state) {
     free(after);
     assert_true(srv_hub_save(f.hub, 5000, save, NULL) && f.saves == 2); /* that it was used */
     assert_true(srv_hub_save(f.hub, 5000, save, NULL) && f.saves == 2); /* nothing has changed */
-    assert_true(numbers().sessions == 1 && numbers().asleep == 0);
+    assert_true(numbers().sessions == 1 && numbers().hibernated == 0);
 }
 
 /* Nothing is lost when nobody uses a session, whatever happened to it, but for its own long limit.
@@ -267,7 +265,7 @@ static void an_idle_one_sleeps(void **state) {
     assert_true(numbers().sessions == 1 && f.changes == 1); /* not before it is saved */
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
     srv_hub_tick(f.hub, 1012);
-    assert_true(numbers().sessions == 0 && numbers().asleep == 1);
+    assert_true(numbers().sessions == 0 && numbers().hibernated == 1);
     assert_int_equal(f.volumes.uses, 0);
     char *after = session_text_at(3000);
     assert_string_equal(before, after);
@@ -277,11 +275,11 @@ static void an_idle_one_sleeps(void **state) {
     assert_true(srv_hub_save(f.hub, 3900, save, NULL) && f.saves == 2); /* nothing has changed */
     srv_hub_tick(f.hub, 3999);                                          /* idle since it woke */
     assert_int_equal(numbers().sessions, 1);
-    assert_true(srv_hub_tick(f.hub, 4000) > 0 && numbers().asleep == 1);
+    assert_true(srv_hub_tick(f.hub, 4000) > 0 && numbers().hibernated == 1);
     srv_hub_tick(f.hub, 52999); /* used last at 3000 */
-    assert_true(numbers().asleep == 1 && f.ends == 0);
+    assert_true(numbers().hibernated == 1 && f.ends == 0);
     srv_hub_tick(f.hub, 53000);
-    assert_true(numbers().asleep == 0 && f.ends == 1);
+    assert_true(numbers().hibernated == 0 && f.ends == 1);
     assert_string_equal(f.ended, f.id);
 }
 
@@ -292,7 +290,7 @@ static void one_whose_volume_is_gone_ends_as_well(void **state) {
     srv_hub_tick(f.hub, 49999);
     asleep_because("waits for its volume"); /* which is no use of it */
     srv_hub_tick(f.hub, 50000);
-    assert_true(numbers().asleep == 0 && f.ends == 1);
+    assert_true(numbers().hibernated == 0 && f.ends == 1);
 }
 
 static void sleep_goes_on_where_the_last_daemon_ended(void **state) {
@@ -302,9 +300,9 @@ static void sleep_goes_on_where_the_last_daemon_ended(void **state) {
     f.ran_ms = 30000;
     restart();
     srv_hub_tick(f.hub, 20009);
-    assert_true(numbers().asleep == 1 && f.ends == 0);
+    assert_true(numbers().hibernated == 1 && f.ends == 0);
     srv_hub_tick(f.hub, 20010);
-    assert_true(numbers().asleep == 0 && f.ends == 1);
+    assert_true(numbers().hibernated == 0 && f.ends == 1);
 }
 
 static void what_does_not_say_when_it_was_used_sleeps_from_now_on(void **state) {
@@ -317,9 +315,9 @@ static void what_does_not_say_when_it_was_used_sleeps_from_now_on(void **state) 
     f.ran_ms = 1e9;
     restart();
     srv_hub_tick(f.hub, 49999);
-    assert_int_equal(numbers().asleep, 1);
+    assert_int_equal(numbers().hibernated, 1);
     srv_hub_tick(f.hub, 50000);
-    assert_int_equal(numbers().asleep, 0);
+    assert_int_equal(numbers().hibernated, 0);
 }
 
 /* The daemon was killed before it wrote for how long it ran. */
@@ -331,9 +329,9 @@ static void so_does_what_was_used_later_than_now(void **state) {
     f.ran_ms = -1e6;
     restart();
     srv_hub_tick(f.hub, 49999);
-    assert_int_equal(numbers().asleep, 1);
+    assert_int_equal(numbers().hibernated, 1);
     srv_hub_tick(f.hub, 50000);
-    assert_int_equal(numbers().asleep, 0);
+    assert_int_equal(numbers().hibernated, 0);
 }
 
 /* Who watches uses a session, without a change that would be saved. */
@@ -371,9 +369,9 @@ static void all_are_listed(void **state) {
     const struct srv_session_info *asleep = &notes[first], *awake = &notes[!first];
     assert_string_equal(asleep->id, f.id);
     assert_string_equal(asleep->volume, "v");
-    assert_true(asleep->is_asleep && asleep->participants == 0 && asleep->idle_ms == 3000);
+    assert_true(asleep->is_hibernated && asleep->participants == 0 && asleep->idle_ms == 3000);
     assert_string_equal(awake->id, other);
-    assert_true(!awake->is_asleep && awake->participants == 1 && awake->idle_ms == 0);
+    assert_true(!awake->is_hibernated && awake->participants == 1 && awake->idle_ms == 0);
     srv_hub_leave(f.hub, &p, 2800);
     page.count = 0;
     srv_hub_list(f.hub, NULL, 3000, &page);
@@ -445,7 +443,7 @@ static void sleepers_count_for_their_owner(void **state) {
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
     assert_false(create(&ann, false, 0, &err));
     srv_hub_tick(f.hub, 5000);
-    assert_int_equal(numbers().asleep, 1);
+    assert_int_equal(numbers().hibernated, 1);
     for (int run = 0; run < 2; run++) { /* in this run of the daemon, and in the next */
         assert_false(create(&ann, run, 5000, &err));
         assert_int_equal(err.code, SP_ERR_QUOTA);
@@ -532,13 +530,13 @@ static bool wake(const char *id, double now_ms, struct sp_error *err) {
     return is_awake;
 }
 
-static bool is_asleep(const char *id) {
+static bool is_hibernated(const char *id) {
     struct srv_session_info notes[8];
     struct srv_page page = { .items = notes, .item_bytes = sizeof *notes, .max = 8, .after = "" };
     srv_hub_list(f.hub, NULL, 5000, &page);
     for (unsigned i = 0; i < page.count; i++)
         if (strcmp(notes[i].id, id) == 0)
-            return notes[i].is_asleep;
+            return notes[i].is_hibernated;
     fail_msg("%s is not listed", id);
     return false;
 }
@@ -557,27 +555,27 @@ static void idle_ones_make_room(void **state) {
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_true(srv_hub_save(f.hub, 20, save_each, NULL));
     assert_false(create(&nobody, true, 30, &err)); /* for guests nobody makes room */
-    assert_int_equal(numbers().asleep, 0);
+    assert_int_equal(numbers().hibernated, 0);
     assert_true(create(&nobody, false, 30, &err));
     strcpy(three, f.id);
-    assert_true(is_asleep(one) && !is_asleep(two) && !is_asleep(three));
+    assert_true(is_hibernated(one) && !is_hibernated(two) && !is_hibernated(three));
     assert_true(wake(one, 40, &err));
-    assert_true(!is_asleep(one) && is_asleep(two) && !is_asleep(three));
+    assert_true(!is_hibernated(one) && is_hibernated(two) && !is_hibernated(three));
     assert_true(srv_hub_save(f.hub, 50, save_each, NULL));
     struct srv_participant *in_one = srv_hub_join(f.hub, one, SRV_ROLE_VIEW, "", NULL, 50, NULL);
     assert_true(wake(two, 60, &err));
-    assert_true(!is_asleep(one) && !is_asleep(two) && is_asleep(three));
+    assert_true(!is_hibernated(one) && !is_hibernated(two) && is_hibernated(three));
     struct srv_participant *in_two = srv_hub_join(f.hub, two, SRV_ROLE_VIEW, "", NULL, 60, NULL);
     assert_true(in_one && in_two);
     assert_false(wake(three, 70, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_false(create(&nobody, false, 70, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_int_equal(numbers().sessions * 10 + numbers().asleep, 21);
+    assert_int_equal(numbers().sessions * 10 + numbers().hibernated, 21);
     srv_hub_leave(f.hub, &in_one, 80);
     srv_hub_leave(f.hub, &in_two, 90);
     assert_true(wake(three, 100, &err));
-    assert_true(is_asleep(one) && !is_asleep(two));
+    assert_true(is_hibernated(one) && !is_hibernated(two));
 }
 
 static void what_cannot_be_shown_sleeps_on(void **state) {

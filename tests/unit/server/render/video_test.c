@@ -172,7 +172,7 @@ static bool start_job(struct world *w) {
     double wait_ms;
     struct flying *flying = &w->flying[w->flying_count];
     if (w->flying_count == FLYING ||
-        !srv_schedule_next(w->f->hub, w->now_ms, &flying->job, &wait_ms))
+        !srv_schedule_next(w->f->schedule, w->now_ms, &flying->job, &wait_ms))
         return false;
     flying->frame = draw(&flying->job);
     w->flying_count++;
@@ -189,15 +189,15 @@ static void finish_job(struct world *w, unsigned which) {
                                          .height = (uint16_t)flying.frame.height };
     w->flying[which] = w->flying[--w->flying_count];
     double encode_ms = 0;
-    uint64_t stills =
-        srv_video_encoders_encode(w->videos, w->f->hub, &flying.job, &flying.frame, &encode_ms);
+    uint64_t stills = srv_video_encoders_encode(w->videos, w->f->schedule, &flying.job,
+                                                &flying.frame, &encode_ms);
     struct srv_blob *blob = srv_blob_create((const uint8_t *)&flying.job.version, 8);
     for (uint32_t i = 0; i < flying.job.target_count; i++)
         if (stills >> i & 1)
-            srv_schedule_deliver(w->f->hub, &flying.job, i, &header, blob);
+            srv_schedule_deliver(w->f->schedule, &flying.job, i, &header, blob);
     srv_blob_unref(&blob);
     free(flying.frame.pixels);
-    srv_schedule_done(w->f->hub, &flying.job, &result);
+    srv_schedule_done(w->f->schedule, &flying.job, &result);
 }
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
@@ -394,6 +394,7 @@ static void races(void **state) {
     struct srv_message message;
     set_up(&w, *state, 1);
     struct srv_hub *hub = w.f->hub;
+    struct srv_schedule *schedule = w.f->schedule;
     for (int i = 0; i < 2; i++) {
         change(&w);
         w.now_ms += 20;
@@ -407,29 +408,29 @@ static void races(void **state) {
     while (b->targets[at[1]].participant != srv_participant_id(p))
         at[1]++;
     /* A newer still came first: the key frame is late, and what follows it is no use. */
-    assert_int_equal(srv_schedule_video_need(hub, a, at[0], &key), SRV_VIDEO_KEY);
-    srv_schedule_deliver(hub, b, at[1], &still, blob);
-    srv_schedule_deliver_video(hub, a, at[0], &header, blob, &key);
-    assert_int_equal(srv_schedule_video_need(hub, a, at[0], &second), SRV_VIDEO_NONE);
+    assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &key), SRV_VIDEO_KEY);
+    srv_schedule_deliver(schedule, b, at[1], &still, blob);
+    srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
+    assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_NONE);
     while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
     assert_int_equal(message.header.codec, PROTO_CODEC_JPEG);
     srv_blob_unref(&message.blob);
     a->order = b->order + 1;
-    assert_int_equal(srv_schedule_video_need(hub, a, at[0], &second), SRV_VIDEO_KEY);
+    assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_KEY);
     /* A delta that skips one is never put. */
-    srv_schedule_deliver_video(hub, a, at[0], &header, blob, &key);
+    srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
     while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
     srv_blob_unref(&message.blob);
     b->order = a->order + 1;
-    srv_schedule_deliver_video(hub, b, at[1], &header, blob, &third);
-    assert_int_equal(srv_schedule_video_need(hub, b, at[1], &second), SRV_VIDEO_DELTA);
-    assert_int_equal(srv_schedule_video_need(hub, b, at[1], &third), SRV_VIDEO_KEY);
+    srv_schedule_deliver_video(schedule, b, at[1], &header, blob, &third);
+    assert_int_equal(srv_schedule_video_need(schedule, b, at[1], &second), SRV_VIDEO_DELTA);
+    assert_int_equal(srv_schedule_video_need(schedule, b, at[1], &third), SRV_VIDEO_KEY);
     srv_blob_unref(&blob);
     while (w.flying_count > 0) {
         free(w.flying[--w.flying_count].frame.pixels);
-        srv_schedule_done(hub, &w.flying[w.flying_count].job, &result);
+        srv_schedule_done(schedule, &w.flying[w.flying_count].job, &result);
     }
     tear_down(&w);
 }

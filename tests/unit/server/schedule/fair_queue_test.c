@@ -133,9 +133,9 @@ static void deliver(struct stage *s, struct srv_render_job *job, double render_m
     struct srv_blob *blob = srv_blob_create(image, s->bytes);
     free(image);
     for (uint32_t i = 0; i < job->target_count; i++)
-        srv_schedule_deliver(s->f->hub, job, i, &header, blob);
+        srv_schedule_deliver(s->f->schedule, job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_schedule_done(s->f->hub, job, &result);
+    srv_schedule_done(s->f->schedule, job, &result);
     s->jobs++;
     for (int i = 0; i < CLIENTS; i++)
         if (s->clients[i].participant && !s->clients[i].is_stalled)
@@ -164,10 +164,10 @@ static void turn(struct stage *s, struct client *c) {
     s->yields = s->yields || s->f->yields > yields;
     bool is_over = s->end_ms < INFINITY &&
                    ((s->yields && s->now_ms - s->begun_ms >= s->job.protected_ms) ||
-                    (s->job.is_refinement && !srv_schedule_is_newest(s->f->hub, &s->job)));
+                    (s->job.is_refinement && !srv_schedule_is_newest(s->f->schedule, &s->job)));
     if (is_over) {
         note_time(s);
-        srv_schedule_cancelled(s->f->hub, &s->job, s->now_ms - s->begun_ms);
+        srv_schedule_cancelled(s->f->schedule, &s->job, s->now_ms - s->begun_ms);
     }
 }
 
@@ -180,7 +180,7 @@ static struct srv_running_job running_of(const struct srv_render_job *job, doubl
 static bool draw_before(struct stage *s, double *wait_ms) {
     struct srv_render_job job;
     struct srv_running_job running = running_of(&s->job, s->now_ms - s->begun_ms - s->held_ms);
-    if (!srv_schedule_next_short(s->f->hub, &running, s->now_ms, &job, wait_ms))
+    if (!srv_schedule_next_short(s->f->schedule, &running, s->now_ms, &job, wait_ms))
         return false;
     double takes_ms = duration(s, &job);
     s->held_ms += takes_ms;
@@ -195,8 +195,8 @@ static void play(struct stage *s, double for_ms) {
     while (s->now_ms < until_ms) {
         double wait_ms = 1000, next_ms = fmin(s->end_ms, until_ms);
         if (s->end_ms == INFINITY) {
-            if (srv_schedule_next(s->f->hub, s->now_ms, &s->job, &wait_ms)) {
-                assert_false(s->job.protected_ms == 0 && srv_schedule_has_motion(s->f->hub));
+            if (srv_schedule_next(s->f->schedule, s->now_ms, &s->job, &wait_ms)) {
+                assert_false(s->job.protected_ms == 0 && srv_schedule_has_motion(s->f->schedule));
                 s->yields = false;
                 s->held_ms = 0;
                 s->begun_ms = s->now_ms;
@@ -253,7 +253,7 @@ static int set_up(void **state) {
 static int tear_down(void **state) {
     struct stage *s = *state;
     if (s->end_ms < INFINITY)
-        srv_schedule_cancelled(s->f->hub, &s->job, 0);
+        srv_schedule_cancelled(s->f->schedule, &s->job, 0);
     for (int i = 0; i < CLIENTS; i++)
         srv_hub_leave(s->f->hub, &s->clients[i].participant, s->now_ms);
     *state = s->f;
@@ -345,7 +345,7 @@ static void of_those_entitled_the_one_that_is_due_first_goes_first(void **state)
     s->now_ms += 1;
     turn(s, fast);
     double wait_ms;
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &s->job, &wait_ms));
     assert_true(is_for(&s->job, fast));
     s->begun_ms = s->now_ms;
     s->end_ms = s->now_ms + 3;
@@ -564,17 +564,17 @@ static void what_may_go_before_a_long_frame(void **state) {
     struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
     play(s, 3000);
     turn(s, hog);
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &job, &wait_ms));
     struct client *other = join(s, 1, id, 0, "{\"size\":[256,256]}");
     struct srv_running_job running;
 #define BEFORE(ms)                                                                                 \
     (running = running_of(&job, ms), running.expected_ms = INFINITY,                               \
-     srv_schedule_next_short(s->f->hub, &running, s->now_ms, &before, &wait_ms))
+     srv_schedule_next_short(s->f->schedule, &running, s->now_ms, &before, &wait_ms))
     assert_false(BEFORE(1e6)); /* nothing is known of how long it takes */
-    srv_schedule_cancelled(s->f->hub, &job, 0);
+    srv_schedule_cancelled(s->f->schedule, &job, 0);
     play(s, 3000);
     turn(s, hog);
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &job, &wait_ms));
     assert_false(BEFORE(1e6)); /* it rests */
     turn(s, hog);
     assert_false(BEFORE(1e6)); /* its own session's does not */
@@ -589,7 +589,7 @@ static void what_may_go_before_a_long_frame(void **state) {
     assert_true(BEFORE(101));
     double takes_ms = before.expected_ms;
     assert_true(takes_ms > 4 && takes_ms < 40);
-    srv_schedule_cancelled(s->f->hub, &before, 0);
+    srv_schedule_cancelled(s->f->schedule, &before, 0);
     const struct {
         double expected_ms;
         bool may;
@@ -603,15 +603,16 @@ static void what_may_go_before_a_long_frame(void **state) {
         running.drawn_ms = 1000;
         running.expected_ms = cases[i].expected_ms;
         turn(s, other);
-        assert_int_equal(srv_schedule_next_short(s->f->hub, &running, s->now_ms, &before, &wait_ms),
-                         cases[i].may);
+        assert_int_equal(
+            srv_schedule_next_short(s->f->schedule, &running, s->now_ms, &before, &wait_ms),
+            cases[i].may);
         if (cases[i].may)
-            srv_schedule_cancelled(s->f->hub, &before, 0);
+            srv_schedule_cancelled(s->f->schedule, &before, 0);
     }
     update_tf(s, other);
     assert_false(BEFORE(1e6)); /* that has to be derived first */
 #undef BEFORE
-    srv_schedule_cancelled(s->f->hub, &job, 0);
+    srv_schedule_cancelled(s->f->schedule, &job, 0);
 }
 
 /* What it took to draw is paid for before the next one is begun, which may be before it is encoded;
@@ -625,9 +626,9 @@ static void what_is_drawn_is_paid_for_at_once(void **state) {
     for (int i = 0; i < 3; i++) {
         s->now_ms += 50;
         turn(s, hog);
-        assert_true(srv_schedule_next(s->f->hub, s->now_ms, &job[i], &wait_ms));
+        assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &job[i], &wait_ms));
         if (i == 0)
-            srv_schedule_rendered(s->f->hub, &job[0], 400);
+            srv_schedule_rendered(s->f->schedule, &job[0], 400);
         if (i == 1) {
             deliver(s, &job[0], 400);
             deliver(s, &job[1], 100);
@@ -635,7 +636,7 @@ static void what_is_drawn_is_paid_for_at_once(void **state) {
     }
     assert_float_equal(job[1].start_ms, job[0].start_ms + 400, 1e-3);
     assert_float_equal(job[2].start_ms, job[1].start_ms + 100, 1e-3);
-    srv_schedule_cancelled(s->f->hub, &job[2], 0);
+    srv_schedule_cancelled(s->f->schedule, &job[2], 0);
 }
 
 static bool next_before(struct stage *s, double drawn_ms, struct srv_render_job *before) {
@@ -643,7 +644,7 @@ static bool next_before(struct stage *s, double drawn_ms, struct srv_render_job 
     struct srv_running_job running = running_of(&s->job, drawn_ms);
     running.start_ms = 1e9; /* it has had more than anybody */
     running.expected_ms = INFINITY;
-    return srv_schedule_next_short(s->f->hub, &running, s->now_ms, before, &wait_ms);
+    return srv_schedule_next_short(s->f->schedule, &running, s->now_ms, before, &wait_ms);
 }
 
 /* However long the last one took: the next one is drawn with less detail. */
@@ -657,7 +658,7 @@ static void what_is_short_is_told_by_the_next_frame(void **state) {
     struct client *other = join(s, 1, id, 0, "{\"size\":[512,512]}");
     play(s, 3000);
     turn(s, hog);
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &s->job, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &s->job, &wait_ms));
     s->mpx_ms *= 20; /* the machine is busy */
     for (int i = 0; i < 20; i++) {
         s->now_ms += 50;
@@ -678,8 +679,8 @@ static void what_is_short_is_told_by_the_next_frame(void **state) {
     turn(s, other);
     assert_false(next_before(s, 600, &before)); /* a third of it is not short */
     assert_true(next_before(s, 2100, &before));
-    srv_schedule_cancelled(s->f->hub, &before, 0);
-    srv_schedule_cancelled(s->f->hub, &s->job, 0);
+    srv_schedule_cancelled(s->f->schedule, &before, 0);
+    srv_schedule_cancelled(s->f->schedule, &s->job, 0);
 }
 
 static void what_is_dear_to_encode_is_paid_for(void **state) {
@@ -710,8 +711,8 @@ static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void *
         play(s, 5000);
     }
     turn(s, driver); /* of one size, and to be encoded in 15 and in 63 ms */
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &one, &wait_ms));
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &other, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &one, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &other, &wait_ms));
     struct srv_render_job *dear = one.is_slow_to_encode ? &one : &other,
                           *cheap = one.is_slow_to_encode ? &other : &one;
     assert_true(dear->is_slow_to_encode && is_for(dear, viewer) && !is_for(dear, driver));
@@ -719,12 +720,12 @@ static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void *
     deliver(s, cheap, 1);
     s->now_ms += 10;
     turn(s, driver);
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &next, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &next, &wait_ms));
     assert_true(is_for(&next, driver) && !is_for(&next, viewer));
-    assert_false(srv_schedule_next(s->f->hub, s->now_ms, cheap, &wait_ms));
+    assert_false(srv_schedule_next(s->f->schedule, s->now_ms, cheap, &wait_ms));
     deliver(s, &next, 1);
     deliver(s, dear, 1);
-    assert_true(srv_schedule_next(s->f->hub, s->now_ms, &next, &wait_ms));
+    assert_true(srv_schedule_next(s->f->schedule, s->now_ms, &next, &wait_ms));
     assert_true(next.is_slow_to_encode && is_for(&next, viewer));
     deliver(s, &next, 1);
 }

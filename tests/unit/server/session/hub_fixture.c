@@ -93,10 +93,12 @@ int hub_set_up(void **state) {
                                        .stream_bytes = 1 << 20,
                                        .metrics = f->metrics,
                                        .user = f,
-                                       .work = ignore,
-                                       .ready = ignore,
-                                       .interrupt = count_interrupt };
+                                       .ready = ignore };
+    const struct srv_schedule_options schedule = { .user = f,
+                                                   .wake = ignore,
+                                                   .interrupt = count_interrupt };
     f->hub = srv_hub_create(&options, NULL);
+    f->schedule = srv_schedule_create(f->hub, &schedule, NULL);
     proto_json *json = srv_hub_session_create(f->hub, NULL, 0, f->id, NULL);
     proto_json_free(&json);
     *state = f;
@@ -106,6 +108,7 @@ int hub_set_up(void **state) {
 int hub_tear_down(void **state) {
     struct fixture *f = *state;
     srv_hub_destroy(&f->hub);
+    srv_schedule_destroy(&f->schedule);
     srv_metrics_destroy(&f->metrics);
     int uses = f->uses;
     free(f);

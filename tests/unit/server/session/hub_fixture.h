@@ -5,11 +5,14 @@
 #ifndef TESTS_UNIT_SERVER_HUB_FIXTURE_H
 #define TESTS_UNIT_SERVER_HUB_FIXTURE_H
 
-#include "session/hub.h"
+#include "schedule/quality.h"
+#include "schedule/schedule.h"
+#include "session/participant.h"
 #include "sp/volume.h"
 
 struct fixture {
     struct srv_hub *hub;
+    struct srv_schedule *schedule;
     struct srv_metrics *metrics;
     struct sp_volume_info info;
     int uses;

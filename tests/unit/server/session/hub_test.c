@@ -49,7 +49,7 @@ static unsigned session_count(struct fixture *f) {
 
 static bool next_job(struct fixture *f, double now_ms, struct srv_render_job *job) {
     double wait_ms;
-    return srv_schedule_next(f->hub, now_ms, job, &wait_ms);
+    return srv_schedule_next(f->schedule, now_ms, job, &wait_ms);
 }
 
 static void finish(struct fixture *f, struct srv_render_job *job, double render_ms) {
@@ -61,9 +61,9 @@ static void finish(struct fixture *f, struct srv_render_job *job, double render_
                                         .render_ms = render_ms };
     struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
     for (uint32_t i = 0; i < job->target_count; i++)
-        srv_schedule_deliver(f->hub, job, i, &header, blob);
+        srv_schedule_deliver(f->schedule, job, i, &header, blob);
     srv_blob_unref(&blob);
-    srv_schedule_done(f->hub, job, &result);
+    srv_schedule_done(f->schedule, job, &result);
 }
 
 /* Drains all messages; returns the last frame's header, frame 0 if there was none. */
@@ -143,8 +143,8 @@ static void updates_coalesce_behind_a_job(void **state) {
         update(f, p, seq, 2);
     assert_true(next_job(f, 40, &second));
     assert_int_equal(second.targets[0].seq, 9);
-    assert_false(srv_schedule_is_newest(f->hub, &first));
-    assert_true(srv_schedule_is_newest(f->hub, &second));
+    assert_false(srv_schedule_is_newest(f->schedule, &first));
+    assert_true(srv_schedule_is_newest(f->schedule, &second));
     assert_false(next_job(f, 500, &none)); /* two are on their way: the first window */
     /* They come in the wrong order: the older one is dropped. */
     finish(f, &second, 1);
@@ -168,7 +168,7 @@ static void a_cancelled_refinement_comes_again(void **state) {
     unsigned before = f->interrupts;
     update(f, p, 1, 210);
     assert_int_equal(f->interrupts, before + 1);
-    srv_schedule_cancelled(f->hub, &job, 1);
+    srv_schedule_cancelled(f->schedule, &job, 1);
     assert_true(next_job(f, 240, &job));
     assert_false(job.is_refinement);
     finish(f, &job, 1);
@@ -176,7 +176,7 @@ static void a_cancelled_refinement_comes_again(void **state) {
     ack(f, p, 2, 251);
     assert_true(next_job(f, 400, &job));
     assert_int_equal(job.step, SRV_STEP_FINAL);
-    srv_schedule_cancelled(f->hub, &job, 1); /* without a newer view, too */
+    srv_schedule_cancelled(f->schedule, &job, 1); /* without a newer view, too */
     assert_true(next_job(f, 500, &job));
     assert_int_equal(job.step, SRV_STEP_FINAL);
     finish(f, &job, 1);
@@ -243,7 +243,7 @@ static void moving_frames_are_given_up_late_and_never_twice_in_a_row(void **stat
     uint32_t before = job.view.size[0];
     update(f, p, 2, 2140);
     assert_int_equal(f->why, SRV_INTERRUPT_NEWER_VIEW);
-    srv_schedule_cancelled(f->hub, &job, 140);
+    srv_schedule_cancelled(f->schedule, &job, 140);
     assert_true(next_job(f, 2141, &job));
     assert_int_equal(job.targets[0].seq, 2);
     assert_true(job.view.size[0] < before || job.mip_level > 0);
@@ -272,7 +272,7 @@ static void a_change_of_volume_or_stream_interrupts(void **state) {
     assert_true(next_job(f, 1, &job));
     tell(f, p, "view.update", "{\"seq\":1,\"patch\":{\"volume\":\"w\"}}", 5);
     assert_int_equal(f->why, SRV_INTERRUPT_UNWANTED);
-    srv_schedule_cancelled(f->hub, &job, 4);
+    srv_schedule_cancelled(f->schedule, &job, 4);
     assert_true(next_job(f, 40, &job));
     tell(f, p, "view.update", "{\"seq\":2,\"patch\":{\"volume\":\"v\"}}", 45);
     assert_int_equal(f->why, SRV_INTERRUPT_NEWER_VIEW); /* to and fro would never show anything */
@@ -357,7 +357,7 @@ static void a_failed_view_is_told_and_not_tried_again(void **state) {
     drain(f, p, 0);
     assert_true(next_job(f, 1, &job));
     sp_fail(&err, SP_ERR_MEMORY, "/size", "no memory");
-    srv_schedule_failed(f->hub, &job, &err);
+    srv_schedule_failed(f->schedule, &job, &err);
     assert_int_equal(srv_hub_next_message(f->hub, p, true, 2, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "render.error"));
     assert_non_null(strstr(message.text, "\"pointer\":\"/size\""));
@@ -416,12 +416,12 @@ static void frames_for_who_left_are_counted(void **state) {
     a = join(f, 2000);
     assert_true(next_job(f, 2000, &job));
     srv_hub_leave(f->hub, &a, 2001);
-    srv_schedule_cancelled(f->hub, &job, 1); /* for nobody, not for a newer view */
+    srv_schedule_cancelled(f->schedule, &job, 1); /* for nobody, not for a newer view */
     assert_int_equal(counted_drops(f->metrics, "left"), 3);
     a = join(f, 3000);
     assert_true(next_job(f, 3000, &job));
     update(f, a, 1, 3001);
-    srv_schedule_cancelled(f->hub, &job, 1);
+    srv_schedule_cancelled(f->schedule, &job, 1);
     assert_int_equal(counted_drops(f->metrics, "outdated"), 1);
     assert_int_equal(counted_drops(f->metrics, "left"), 3);
     srv_hub_leave(f->hub, &a, 3002);
@@ -443,10 +443,10 @@ static void what_the_end_takes_away_is_not_counted(void **state) {
     finish(f, &job, 5); /* late */
     update(f, a, 2, 1200);
     assert_true(next_job(f, 1300, &other));
-    srv_schedule_failed(f->hub, &other, &err);
+    srv_schedule_failed(f->schedule, &other, &err);
     update(f, a, 3, 1400);
     assert_true(next_job(f, 1500, &other));
-    srv_schedule_cancelled(f->hub, &other, 1);
+    srv_schedule_cancelled(f->schedule, &other, 1);
     srv_hub_leave(f->hub, &a, 1600);
     for (size_t i = 0; i < sizeof reasons / sizeof *reasons; i++)
         assert_int_equal(counted_drops(f->metrics, reasons[i]), 0);

@@ -123,9 +123,9 @@ static void next_size(struct fixture *f, uint32_t size[2]) {
     double wait_ms;
     static double now_ms = 1e6;
     now_ms += 10000;
-    assert_true(srv_schedule_next(f->hub, now_ms, &job, &wait_ms));
+    assert_true(srv_schedule_next(f->schedule, now_ms, &job, &wait_ms));
     memcpy(size, job.full, sizeof job.full);
-    srv_schedule_cancelled(f->hub, &job, 0);
+    srv_schedule_cancelled(f->schedule, &job, 0);
 }
 
 /* A session larger than its owner's token allows today goes on, in pictures that it allows; only a

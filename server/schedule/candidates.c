@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Collects the candidates of the sessions, for decide.h, and remembers what the decision changes:
+ * virtual clocks and how long refinements waited.
+ */
+#include <assert.h>
+#include <math.h>
+
+#include "schedule/state.h"
+
+enum { SLOW_JOBS_ALONE = 2 }; /* of the only participant: one is drawn, one encoded */
+
+static bool is_window_open(const struct srv_hub *hub, const struct srv_participant *p) {
+    const struct srv_delivery *d = &p->delivery;
+    unsigned waiting = p->schedule->jobs + (d->outbox.blob ? 1 : 0);
+    if (p->settings.video != SP_VIDEO_CODEC_COUNT && d->outbox.blob)
+        return false; /* a newer frame must not replace a video frame that waits */
+    return srv_window_is_open(&d->window, waiting, p->settings.max_fps,
+                              hub->options.stream_bytes) &&
+           d->window.count + waiting < SRV_WINDOW_MAX;
+}
+
+static bool wants_frame(const struct srv_hub *hub, const struct srv_session *s,
+                        const struct srv_participant *p) {
+    const struct srv_participant_schedule *plan = p->schedule;
+    bool has_all = plan->newest.version >= s->shared.version && plan->newest.step == SRV_STEP_FINAL;
+    return !has_all && plan->failed_version != s->shared.version && is_window_open(hub, p);
+}
+
+static bool is_newer(const struct srv_session *s, const struct srv_participant *p) {
+    return p->schedule->newest.version < s->shared.version;
+}
+
+/* Expected time of a sharp frame; 0 = not known. */
+static double sharp_ms(const struct srv_session *s, const struct srv_participant *p) {
+    struct srv_detail sharp = { .mip_level = 0 };
+    srv_hub_size(s, p, sharp.size);
+    return srv_quality_expected_ms(&s->schedule->quality, &sharp);
+}
+
+static bool needs_intermediate(const struct srv_session *s, const struct srv_participant *p) {
+    struct srv_detail detail;
+    uint32_t full[2];
+    srv_hub_size(s, p, full);
+    return p->settings.progressive && p->schedule->newest.step == SRV_STEP_MOVING &&
+           srv_quality_intermediate(&s->schedule->quality, full, &p->schedule->newest.detail,
+                                    &detail);
+}
+
+/* Would the frame of this step be slow to encode? The last moving frame tells the size of the next
+ * one, or else the size that is tried first. */
+static bool is_slow(const struct srv_session *s, const struct srv_participant *p,
+                    enum srv_frame_step step) {
+    const struct srv_encoding encoding = srv_policy_encoding(p, step);
+    const struct srv_moving_detail *moving = &p->policy.moving;
+    uint32_t size[2];
+    srv_hub_size(s, p, size);
+    if (step == SRV_STEP_MOVING)
+        for (int i = 0; i < 2; i++)
+            size[i] = moving->full_size[i] == size[i] ? moving->size[i] : size[i] / 2;
+    return srv_encoding_expected_ms(&encoding, size) > SRV_SLOW_ENCODE_MS;
+}
+
+static bool has_slow_slot(const struct srv_schedule *schedule, const struct srv_session *s) {
+    unsigned most = schedule->hub->participants.count == 1 ? SLOW_JOBS_ALONE : 1;
+    return s->schedule->slow_jobs < most && schedule->slow_jobs < SRV_SLOW_ENCODE_JOBS;
+}
+
+static double waited_ms(const struct srv_waiting *waiting, double now_ms) {
+    return waiting->waited_ms + (waiting->ready_ms > 0 ? now_ms - waiting->ready_ms : 0);
+}
+
+struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
+                                        const struct srv_session *s,
+                                        const struct srv_participant *p, double now_ms) {
+    const struct srv_participant_schedule *plan = p->schedule;
+    struct srv_demand demand = { .wants_frame = wants_frame(schedule->hub, s, p) };
+    if (demand.wants_frame) {
+        demand.is_newer = is_newer(s, p);
+        demand.is_progressive = p->settings.progressive;
+        demand.needs_intermediate = !demand.is_newer && needs_intermediate(s, p);
+        for (int step = 0; step < SRV_STEPS; step++)
+            demand.is_slow[step] = is_slow(s, p, (enum srv_frame_step)step);
+        demand.has_slow_slot = has_slow_slot(schedule, s);
+        demand.max_fps = p->settings.max_fps;
+        demand.next_frame_ms = plan->next_frame_ms;
+        demand.behind_ms = plan->behind_ms;
+        demand.rest_at_ms = s->shared.changed_ms + schedule->hub->options.rest_ms;
+        demand.sharp_ms = sharp_ms(s, p);
+        demand.waited_ms = waited_ms(&plan->waiting, now_ms);
+        demand.spent_ms = plan->waiting.spent_ms;
+    }
+    return srv_decide_request(&demand, now_ms);
+}
+
+/* The starvation limit counts only time in which the refinement could have been drawn: not while
+ * the window is closed, the frame rate is used up, or another frame is in progress. */
+static void note_waiting(struct srv_waiting *waiting, const struct srv_frame_request *request,
+                         double now_ms) {
+    bool waits = request->is_wanted && request->protected_ms < INFINITY;
+    if (waits)
+        waiting->waited_ms = waited_ms(waiting, now_ms);
+    waiting->ready_ms = waits ? now_ms : 0;
+}
+
+bool srv_has_motion(const struct srv_schedule *schedule) {
+    for (const struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
+        for (const struct srv_participant *p = s->participants; p; p = p->next)
+            if (p->settings.progressive && is_newer(s, p) && wants_frame(schedule->hub, s, p) &&
+                p->schedule->next_frame_ms - schedule->now_ms <= SRV_QUIET_MS)
+                return true;
+    return false;
+}
+
+/* Does nothing but an event change what is wanted of the session? */
+static bool is_at_rest(const struct srv_schedule *schedule, const struct srv_session *s,
+                       double now_ms) {
+    const struct srv_session_schedule *plan = s->schedule;
+    bool rests =
+        plan->jobs == 0 && (plan->moved_ms == 0 || now_ms - plan->moved_ms >= SRV_MOVING_MS);
+    for (const struct srv_participant *p = s->participants; p && rests; p = p->next)
+        rests = !wants_frame(schedule->hub, s, p);
+    return rests;
+}
+
+void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms) {
+    for (struct srv_session *s = schedule->busy, *next; s; s = next) {
+        next = s->schedule->next_busy;
+        if (!is_at_rest(schedule, s, now_ms))
+            continue;
+        srv_schedule_rest(schedule, s);
+        for (struct srv_participant *p = s->participants; p; p = p->next)
+            p->schedule->waiting.ready_ms = 0;
+    }
+}
+
+/* Counts the sessions that get moving frames now, this one included. A session that asks for them
+ * and does not take them is none. */
+static unsigned count_moving(const struct srv_schedule *schedule, const struct srv_session *session,
+                             double now_ms) {
+    unsigned count = 0;
+    for (const struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
+        count += s == session ||
+                 (s->schedule->moved_ms > 0 && now_ms - s->schedule->moved_ms < SRV_MOVING_MS);
+    return count;
+}
+
+double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *s,
+                            int max_fps, double now_ms) {
+    return srv_quality_budget_ms(max_fps) / count_moving(schedule, s, now_ms);
+}
+
+double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,
+                           const struct srv_participant *p, double now_ms) {
+    uint32_t full[2];
+    srv_hub_size(s, p, full);
+    return srv_quality_moving_ms(&s->schedule->quality, full,
+                                 srv_moving_budget_ms(schedule, s, p->settings.max_fps, now_ms));
+}
+
+/* Expected time of what the participant gets; INFINITY = not known, or it begins with work that is
+ * done once. */
+static double expected_ms(const struct srv_schedule *schedule, const struct srv_choice *choice) {
+    const struct srv_session *s = choice->participant->session;
+    double ms = choice->request.step == SRV_STEP_MOVING
+                    ? srv_moving_frame_ms(schedule, s, choice->participant, schedule->now_ms)
+                    : sharp_ms(s, choice->participant);
+    return s->schedule->start.done >= s->schedule->start.cold && ms > 0 ? ms : INFINITY;
+}
+
+/* A participant that waits for the running job itself does not preempt it. */
+static bool may_preempt(const struct srv_schedule *schedule, const struct srv_choice *choice,
+                        const struct srv_running_job *running) {
+    return choice->request.protected_ms == INFINITY &&
+           choice->participant->schedule->newest.order != running->order &&
+           srv_decide_is_short(expected_ms(schedule, choice), running->expected_ms,
+                               running->drawn_ms);
+}
+
+/* Chooses the participant of a session; of those that may preempt `running`, if that is not NULL.
+ * When all are idle the session's clock moves on to the last end. */
+static bool choose_participant(struct srv_schedule *schedule, struct srv_session *s, double now_ms,
+                               const struct srv_running_job *running, struct srv_choice *choice,
+                               struct srv_candidate *candidate, double *wait_ms) {
+    struct srv_candidate candidates[SRV_PARTICIPANTS_MAX];
+    struct srv_choice choices[SRV_PARTICIPANTS_MAX];
+    struct srv_session_schedule *plan = s->schedule;
+    double in_ms = INFINITY, last_ms = plan->clock_ms;
+    bool is_idle = plan->jobs == 0;
+    int count = 0;
+    for (struct srv_participant *p = s->participants; p; p = p->next) {
+        struct srv_choice c = { p, srv_request_of(schedule, s, p, now_ms) };
+        double start_ms = srv_fair_start(&p->schedule->account, plan->clock_ms);
+        in_ms = fmin(in_ms, c.request.in_ms);
+        last_ms = fmax(last_ms, start_ms);
+        note_waiting(&p->schedule->waiting, &c.request, now_ms);
+        is_idle = is_idle && !c.request.is_wanted;
+        if (!c.request.is_wanted || (running && !may_preempt(schedule, &c, running)))
+            continue;
+        candidates[count] = (struct srv_candidate){ .rank = c.request.rank,
+                                                    .deadline_ms = c.request.deadline_ms,
+                                                    .start_ms = start_ms,
+                                                    .newest_order = p->schedule->newest.order };
+        choices[count++] = c;
+    }
+    if (is_idle && in_ms == INFINITY)
+        plan->clock_ms = last_ms;
+    *wait_ms = fmin(*wait_ms, in_ms);
+    int chosen = srv_decide_participant(candidates, count);
+    if (chosen == SRV_NO_CANDIDATE)
+        return false;
+    *choice = choices[chosen];
+    *candidate = candidates[chosen];
+    candidate->newest_order = plan->newest_order;
+    return true;
+}
+
+/* Returns the newest moving frame of another view; of its own, too, for a participant that wants
+ * final frames only. 0 = none. */
+static double last_motion_ms(const struct srv_schedule *schedule, const struct srv_participant *p) {
+    double last_ms = 0;
+    for (const struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
+        if (s != p->session || !p->settings.progressive)
+            last_ms = fmax(last_ms, s->schedule->moved_ms);
+    return last_ms;
+}
+
+/* Collects the best candidate of each busy session. When all are idle the clock moves on to the
+ * last end. */
+static int collect(struct srv_schedule *schedule, double now_ms, double *wait_ms) {
+    double in_ms = INFINITY, last_ms = fmax(schedule->clock_ms, schedule->rested_ms);
+    bool is_idle = true;
+    int count = 0;
+    for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
+        struct srv_candidate *candidate = &schedule->candidates[count];
+        assert((unsigned)count < schedule->hub->options.sessions_max);
+        is_idle = is_idle && s->schedule->jobs == 0;
+        last_ms = fmax(last_ms, s->schedule->account.end_ms);
+        if (!choose_participant(schedule, s, now_ms, NULL, &schedule->choices[count], candidate,
+                                &in_ms))
+            continue;
+        candidate->start_ms = srv_fair_start(&s->schedule->account, schedule->clock_ms);
+        count++;
+    }
+    if (count == 0 && is_idle && in_ms == INFINITY)
+        schedule->clock_ms = last_ms;
+    *wait_ms = fmin(*wait_ms, in_ms);
+    return count;
+}
+
+struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, double *wait_ms) {
+    const struct srv_choice none = { .participant = NULL };
+    schedule->now_ms = now_ms;
+    srv_schedule_let_rest(schedule, now_ms);
+    int count = collect(schedule, now_ms, wait_ms);
+    const struct srv_decision decision =
+        srv_decide_session(schedule->candidates, count, schedule->clock_ms);
+    schedule->clock_ms = decision.clock_ms;
+    if (decision.chosen == SRV_NO_CANDIDATE)
+        return none;
+    const struct srv_choice choice = schedule->choices[decision.chosen];
+    if (choice.request.rank == SRV_RANK_INTERACTION)
+        return choice;
+    double quiet_ms = srv_decide_quiet_ms(srv_has_motion(schedule),
+                                          last_motion_ms(schedule, choice.participant), now_ms);
+    if (quiet_ms <= 0)
+        return choice;
+    *wait_ms = fmin(*wait_ms, quiet_ms);
+    return none;
+}
+
+struct srv_choice srv_choose_short(struct srv_schedule *schedule,
+                                   const struct srv_running_job *running, double now_ms,
+                                   double *wait_ms) {
+    int count = 0;
+    schedule->now_ms = now_ms;
+    for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
+        struct srv_candidate *candidate = &schedule->candidates[count];
+        if (!choose_participant(schedule, s, now_ms, running, &schedule->choices[count], candidate,
+                                wait_ms))
+            continue;
+        bool is_own = s->identity.number == running->session;
+        double start_ms = is_own ? candidate->start_ms
+                                 : srv_fair_start(&s->schedule->account, schedule->clock_ms);
+        candidate->lead_ms =
+            start_ms - ((is_own ? running->part_start_ms : running->start_ms) + running->drawn_ms);
+        count++;
+    }
+    int chosen = srv_decide_preemption(schedule->candidates, count, wait_ms);
+    return chosen == SRV_NO_CANDIDATE ? (struct srv_choice){ .participant = NULL }
+                                      : schedule->choices[chosen];
+}

@@ -1,0 +1,122 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Puts encoded frames into the outboxes of a job's targets.
+ */
+#include "schedule/state.h"
+
+static struct srv_participant *target_of(const struct srv_schedule *schedule,
+                                         const struct srv_render_job *job, uint32_t i) {
+    return srv_schedule_participant(srv_schedule_session(schedule, job),
+                                    job->targets[i].participant);
+}
+
+static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv_render_job *job,
+                const struct srv_render_target *target, const struct proto_frame_header *header,
+                struct srv_blob *blob) {
+    struct srv_outbox *outbox = &p->delivery.outbox;
+    struct proto_frame_header full = *header;
+    full.flags |= target->final ? PROTO_FRAME_FINAL : 0;
+    full.seq = target->seq;
+    full.payload_bytes = (uint32_t)blob->size;
+    bool replaces = outbox->blob != NULL;
+    bool is_put = srv_outbox_put(outbox, job->order, &full, blob);
+    if (is_put)
+        srv_hub_notify(hub, p, 0);
+    if (!is_put || replaces)
+        srv_hub_count_drop(hub, is_put ? SRV_COUNT_DROP_REPLACED : SRV_COUNT_DROP_LATE);
+    return is_put;
+}
+
+void srv_schedule_deliver(struct srv_schedule *schedule, const struct srv_render_job *job,
+                          uint32_t i, const struct proto_frame_header *header,
+                          struct srv_blob *blob) {
+    struct proto_frame_header image = *header;
+    image.flags |= PROTO_FRAME_KEY;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_participant *p = target_of(schedule, job, i);
+    if (p) {
+        const struct srv_outbox *outbox = &p->delivery.outbox;
+        bool holds_video = outbox->blob && proto_codec_is_video(outbox->header.codec);
+        if (put(schedule->hub, p, job, &job->targets[i], &image, blob) && holds_video)
+            p->delivery.mark.epoch = 0; /* the replaced video frame never arrives */
+    } else {
+        srv_hub_count_drop(schedule->hub, SRV_COUNT_DROP_LEFT);
+    }
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+static void set_refused(struct srv_hub *hub, struct srv_participant *p, bool is_refused) {
+    if (p->delivery.is_video_refused != is_refused)
+        srv_hub_notify(hub, p, SRV_NOTIFY_POLICY);
+    p->delivery.is_video_refused = is_refused;
+}
+
+void srv_schedule_refuse_video(struct srv_schedule *schedule, const struct srv_render_job *job,
+                               uint64_t set) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = target_of(schedule, job, i);
+        if (p && set >> i & 1 && p->settings.video == job->targets[i].video)
+            set_refused(schedule->hub, p, true);
+    }
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+static bool has_all_before(const struct srv_participant *p, const struct srv_video_mark *next) {
+    const struct srv_video_mark *mark = &p->delivery.mark;
+    return mark->epoch && mark->epoch == next->epoch && mark->number == next->number;
+}
+
+static bool is_target(const struct srv_render_job *job, const struct srv_participant *p) {
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (job->targets[i].participant == p->identity.id)
+            return true;
+    return false;
+}
+
+bool srv_schedule_has_video(struct srv_schedule *schedule, const struct srv_render_job *job,
+                            const struct srv_video_mark *next) {
+    bool has = false;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    const struct srv_session *s = srv_schedule_session(schedule, job);
+    for (const struct srv_participant *p = s ? s->participants : NULL; p; p = p->next)
+        has = has || (has_all_before(p, next) && !is_target(job, p));
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return has;
+}
+
+enum srv_video_need srv_schedule_video_need(struct srv_schedule *schedule,
+                                            const struct srv_render_job *job, uint32_t i,
+                                            const struct srv_video_mark *next) {
+    enum srv_video_need need = SRV_VIDEO_NONE;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_participant *p = target_of(schedule, job, i);
+    if (!p)
+        srv_hub_count_drop(schedule->hub, SRV_COUNT_DROP_LEFT);
+    if (p && p->settings.video == job->targets[i].video)
+        set_refused(schedule->hub, p, false);
+    bool is_later = p && job->order > p->delivery.outbox.order;
+    if (is_later && p->delivery.outbox.blob) {
+        if (p->schedule->newest.version == job->version)
+            p->schedule->newest.version = 0;
+    } else if (is_later) {
+        need = has_all_before(p, next) ? SRV_VIDEO_DELTA : SRV_VIDEO_KEY;
+    }
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return need;
+}
+
+void srv_schedule_deliver_video(struct srv_schedule *schedule, const struct srv_render_job *job,
+                                uint32_t i, const struct proto_frame_header *header,
+                                struct srv_blob *blob, const struct srv_video_mark *mark) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_participant *p = target_of(schedule, job, i);
+    bool fits = p && !p->delivery.outbox.blob &&
+                (mark->number == 0 || (p->delivery.mark.epoch == mark->epoch &&
+                                       p->delivery.mark.number == mark->number));
+    if (fits && put(schedule->hub, p, job, &job->targets[i], header, blob))
+        p->delivery.mark = (struct srv_video_mark){ mark->epoch, mark->number + 1 };
+    else if (!p)
+        srv_hub_count_drop(schedule->hub, SRV_COUNT_DROP_LEFT);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}

@@ -1,0 +1,429 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Carries decisions out: makes render jobs, charges accounts, and learns from what jobs took.
+ *
+ * A newer view cancels a refinement at once. A moving frame is finished, so that a long drag always
+ * shows something, unless it takes more than twice its budget: then the next one, with less detail,
+ * is ready sooner. Of two moving frames in a row at least one is finished. A frame is also finished
+ * if the next one would have to do the same work: work that is done once, or a frame at the
+ * coarsest level.
+ */
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+#include "schedule/state.h"
+
+enum { PAUSE_SLOTS = 2 }; /* slots without a frame, after which they begin anew */
+#define ROUNDING 1e-6     /* of a time that is the start of a slot, in slots */
+
+static struct srv_detail detail_of(const struct srv_render_job *job) {
+    return (struct srv_detail){ .mip_level = job->mip_level,
+                                .size = { job->view.size[0], job->view.size[1] } };
+}
+
+struct srv_session *srv_schedule_session(const struct srv_schedule *schedule,
+                                         const struct srv_render_job *job) {
+    /* A session with a job in progress is busy. */
+    for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
+        if (s->identity.number == job->session)
+            return s;
+    return NULL;
+}
+
+struct srv_participant *srv_schedule_participant(struct srv_session *s, uint64_t id) {
+    for (struct srv_participant *p = s ? s->participants : NULL; p; p = p->next)
+        if (p->identity.id == id)
+            return p;
+    return NULL;
+}
+
+static bool has_same_size(const struct srv_session *s, const struct srv_participant *a,
+                          const struct srv_participant *b) {
+    uint32_t size[2][2];
+    srv_hub_size(s, a, size[0]);
+    srv_hub_size(s, b, size[1]);
+    return size[0][0] == size[1][0] && size[0][1] == size[1][1];
+}
+
+/* Accounts. */
+
+/* The participant that holds control counts as much as all others of its session together. However
+ * many watch, its view turns at half the speed at worst. */
+static double weight_of(const struct srv_session *s, const struct srv_participant *p) {
+    return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
+}
+
+/* Charges the expected time to the session and to each participant that gets the frame. */
+static void charge(struct srv_schedule *schedule, struct srv_session *s,
+                   struct srv_render_job *job) {
+    struct srv_session_schedule *plan = s->schedule;
+    const struct srv_detail detail = detail_of(job);
+    bool is_known = plan->start.done >= plan->start.cold;
+    job->charged_ms = srv_quality_expected_ms(&plan->quality, &detail);
+    job->expected_ms = is_known && job->charged_ms > 0 ? job->charged_ms : INFINITY;
+    job->start_ms = srv_fair_start(&plan->account, schedule->clock_ms);
+    job->part_start_ms = plan->clock_ms;
+    srv_fair_charge(&plan->account, schedule->clock_ms, job->charged_ms);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        srv_fair_charge(&p->schedule->account, plan->clock_ms, job->charged_ms / weight_of(s, p));
+    }
+}
+
+static void correct_charge(struct srv_session *s, struct srv_render_job *job, double took_ms) {
+    srv_fair_correct(&s->schedule->account, took_ms - job->charged_ms);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        if (p)
+            srv_fair_correct(&p->schedule->account, (took_ms - job->charged_ms) / weight_of(s, p));
+    }
+    job->charged_ms = took_ms;
+}
+
+/* Making a job. */
+
+/* Chooses the detail. The job's view has the full size and gets the size to render. */
+static void choose_detail(const struct srv_schedule *schedule, struct srv_session *s,
+                          struct srv_render_job *job, const struct srv_participant *first,
+                          int max_fps, double now_ms) {
+    struct srv_quality *quality = &s->schedule->quality;
+    const uint32_t *full = job->full;
+    struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
+    job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps, now_ms);
+    if (job->step == SRV_STEP_MOVING)
+        srv_quality_moving(quality, full, job->budget_ms, &detail);
+    else if (job->step == SRV_STEP_INTERMEDIATE)
+        srv_quality_intermediate(quality, full, &first->schedule->newest.detail, &detail);
+    job->mip_level = detail.mip_level;
+    memcpy(job->view.size, detail.size, sizeof detail.size);
+    job->is_sharp = detail.mip_level == 0 && detail.size[0] == full[0] && detail.size[1] == full[1];
+}
+
+static double cancellable_from_ms(const struct srv_session *s, const struct srv_render_job *job,
+                                  double now_ms) {
+    bool is_cold = s->schedule->start.done < s->schedule->start.cold;
+    if (job->is_refinement)
+        return 0;
+    if (job->step != SRV_STEP_MOVING || is_cold || s->schedule->must_finish ||
+        job->mip_level == SP_MIP_LEVEL_MAX)
+        return INFINITY;
+    return now_ms + 2 * job->budget_ms;
+}
+
+static struct srv_render_target target_of(const struct srv_participant *p,
+                                          const struct srv_render_job *job) {
+    struct srv_encoding e = srv_policy_encoding(p, job->step);
+    return (struct srv_render_target){ .participant = p->identity.id,
+                                       .seq = p->delivery.seq,
+                                       .format = e.format,
+                                       .video = e.video,
+                                       .quality = e.quality,
+                                       .chroma = e.chroma,
+                                       .final = job->step == SRV_STEP_FINAL ||
+                                                (job->is_sharp && srv_policy_is_final(p, &e)) };
+}
+
+/* Returns when the next frame is due after one at now_ms. For each frame rate time is cut into
+ * slots, the same for all participants of a session, and each slot has one frame. So participants
+ * with the same rate ask together, whenever they joined, and our own delay is not added to every
+ * frame. The first frame after a pause is in the middle of its slot: changes that come as often as
+ * frames are due do not wait. */
+static double next_frame_ms(const struct srv_session *s, int max_fps, double now_ms) {
+    double slot_ms = 1000.0 / max_fps, slots_ms = s->schedule->slots_ms;
+    double at = (now_ms - slots_ms) / slot_ms + ROUNDING;
+    return slots_ms + (floor(at) + 1) * slot_ms;
+}
+
+static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
+                                                 const struct srv_participant *p,
+                                                 const struct srv_render_job *job) {
+    const struct srv_detail sharp = { .size = { job->full[0], job->full[1] } };
+    return (struct srv_moving_detail){
+        .full_size = { job->full[0], job->full[1] },
+        .size = { job->view.size[0], job->view.size[1] },
+        .mip_level = job->mip_level,
+        .budget_ms = job->budget_ms,
+        .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
+        .is_shared = job->budget_ms < srv_quality_budget_ms(p->settings.max_fps) * 0.99,
+    };
+}
+
+static void add_target(struct srv_schedule *schedule, struct srv_session *s,
+                       struct srv_participant *p, struct srv_render_job *job, double now_ms) {
+    struct srv_participant_schedule *plan = p->schedule;
+    const struct srv_render_target target = target_of(p, job);
+    job->targets[job->target_count++] = target;
+    plan->jobs++;
+    plan->newest = (struct srv_newest_job){ .order = job->order,
+                                            .version = s->shared.version,
+                                            .step = target.final ? SRV_STEP_FINAL : job->step,
+                                            .detail = detail_of(job) };
+    const struct srv_moving_detail moving = moving_detail_of(s, p, job);
+    srv_policy_update(schedule->hub, p, job->step == SRV_STEP_MOVING ? &moving : NULL, now_ms);
+    plan->waiting.ready_ms = 0;
+    if (job->step == SRV_STEP_MOVING)
+        plan->waiting.waited_ms = plan->waiting.spent_ms = 0;
+    plan->next_frame_ms = next_frame_ms(s, p->settings.max_fps, now_ms);
+}
+
+/* Collects everybody of the session who wants the same frame as the chosen participant. */
+static uint32_t find_takers(const struct srv_schedule *schedule, const struct srv_choice *choice,
+                            double now_ms, struct srv_participant *takers[SRV_PARTICIPANTS_MAX]) {
+    struct srv_session *s = choice->participant->session;
+    uint32_t count = 0;
+    for (struct srv_participant *p = s->participants; p; p = p->next) {
+        const struct srv_frame_request other = srv_request_of(schedule, s, p, now_ms);
+        if (other.is_wanted && other.step == choice->request.step &&
+            other.is_slow_to_encode == choice->request.is_slow_to_encode &&
+            has_same_size(s, choice->participant, p))
+            takers[count++] = p;
+    }
+    assert(count > 0);
+    return count;
+}
+
+static void fill_job(struct srv_schedule *schedule, const struct srv_choice *choice,
+                     struct srv_render_job *job) {
+    const struct srv_session *s = choice->participant->session;
+    const struct srv_volume_source *source = &schedule->hub->options.volumes;
+    job->session = s->identity.number;
+    job->version = s->shared.version;
+    job->order = ++schedule->next_order;
+    job->step = choice->request.step;
+    job->is_refinement = choice->request.is_refinement;
+    job->protected_ms = choice->request.protected_ms;
+    job->is_alone = schedule->hub->participants.count == 1;
+    job->is_slow_to_encode = choice->request.is_slow_to_encode;
+    job->view = s->shared.view;
+    srv_hub_size(s, choice->participant, job->full);
+    memcpy(job->view.size, job->full, sizeof job->full);
+    job->volume = source->ref(source->user, s->shared.volume);
+    job->target_count = 0;
+}
+
+/* Counts a new job in its session, and in the mean time between frames. */
+static void count_job(struct srv_schedule *schedule, struct srv_session *s,
+                      const struct srv_render_job *job, double now_ms) {
+    struct srv_session_schedule *plan = s->schedule;
+    double since_ms = now_ms - plan->newest_ms, *interval_ms = &s->stats.interval_ms;
+    if (since_ms < 1000)
+        *interval_ms = *interval_ms == 0 ? since_ms : *interval_ms + (since_ms - *interval_ms) / 4;
+    plan->newest_order = job->order;
+    plan->newest_ms = now_ms;
+    plan->jobs++;
+    plan->slow_jobs += job->is_slow_to_encode;
+    schedule->slow_jobs += job->is_slow_to_encode;
+    schedule->cancellable += job->protected_ms < INFINITY;
+    if (job->step == SRV_STEP_MOVING) {
+        plan->moved_ms = now_ms;
+        srv_metrics_time(schedule->hub->options.metrics, SRV_TIME_QUEUE,
+                         now_ms - s->shared.changed_ms);
+    }
+}
+
+static void make_job(struct srv_schedule *schedule, const struct srv_choice *choice, double now_ms,
+                     struct srv_render_job *job) {
+    struct srv_participant *first = choice->participant, *takers[SRV_PARTICIPANTS_MAX];
+    struct srv_session *s = first->session;
+    struct srv_session_schedule *plan = s->schedule;
+    uint32_t count = find_takers(schedule, choice, now_ms, takers);
+    int max_fps = 1;
+    for (uint32_t i = 0; i < count; i++)
+        max_fps = takers[i]->settings.max_fps > max_fps ? takers[i]->settings.max_fps : max_fps;
+    fill_job(schedule, choice, job);
+    choose_detail(schedule, s, job, first, max_fps, now_ms);
+    job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
+    if (now_ms - plan->newest_ms > PAUSE_SLOTS * 1000.0 / max_fps)
+        plan->slots_ms = now_ms - 500.0 / max_fps;
+    for (uint32_t i = 0; i < count; i++)
+        add_target(schedule, s, takers[i], job, now_ms);
+    plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);
+    charge(schedule, s, job);
+    count_job(schedule, s, job, now_ms);
+}
+
+bool srv_schedule_next(struct srv_schedule *schedule, double now_ms, struct srv_render_job *job,
+                       double *wait_ms) {
+    *wait_ms = 1000;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    const struct srv_choice choice = srv_choose(schedule, now_ms, wait_ms);
+    if (choice.participant)
+        make_job(schedule, &choice, now_ms, job);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return choice.participant != NULL;
+}
+
+bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_running_job *running,
+                             double now_ms, struct srv_render_job *job, double *wait_ms) {
+    *wait_ms = 1000;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    const struct srv_choice choice = srv_choose_short(schedule, running, now_ms, wait_ms);
+    if (choice.participant)
+        make_job(schedule, &choice, now_ms, job);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return choice.participant != NULL;
+}
+
+bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    const struct srv_session *s = srv_schedule_session(schedule, job);
+    bool newest = s && s->shared.version == job->version;
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return newest;
+}
+
+bool srv_schedule_has_motion(struct srv_schedule *schedule) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    bool has_motion = srv_has_motion(schedule);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+    return has_motion;
+}
+
+/* Ending a job. */
+
+/* Removes the job from all counts and releases its volume. Returns its session, NULL = it ended. */
+static struct srv_session *end_job(struct srv_schedule *schedule, struct srv_render_job *job) {
+    const struct srv_volume_source *source = &schedule->hub->options.volumes;
+    struct srv_session *s = srv_schedule_session(schedule, job);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        if (p)
+            p->schedule->jobs--;
+    }
+    source->release(source->user, job->volume);
+    job->volume = NULL;
+    schedule->cancellable -= job->protected_ms < INFINITY;
+    schedule->slow_jobs -= job->is_slow_to_encode;
+    if (s) {
+        s->schedule->jobs--;
+        s->schedule->slow_jobs -= job->is_slow_to_encode;
+    }
+    return s;
+}
+
+static struct srv_known_quality *known_quality(struct srv_schedule *schedule, const void *volume) {
+    for (unsigned i = 0; i < SRV_QUALITIES; i++)
+        if (schedule->qualities[i].volume == volume)
+            return &schedule->qualities[i];
+    struct srv_known_quality *oldest =
+        &schedule->qualities[schedule->next_quality++ % SRV_QUALITIES];
+    oldest->volume = volume;
+    return oldest;
+}
+
+/* Work that is done once says nothing about the next frame. */
+static void learn(struct srv_schedule *schedule, struct srv_session *s,
+                  const struct srv_render_job *job, const struct srv_render_result *result) {
+    const struct srv_detail drawn = detail_of(job);
+    double took_ms = fmax(result->render_ms - result->once_ms, 0) + result->encode_ms;
+    if (result->again || job->version < s->schedule->start.volume)
+        return;
+    srv_quality_done(&s->schedule->quality, &drawn, job->step == SRV_STEP_MOVING, job->budget_ms,
+                     took_ms);
+    known_quality(schedule, s->shared.volume)->quality = s->schedule->quality;
+}
+
+static void set_stats(struct srv_session_stats *stats, const struct srv_render_result *result) {
+    *stats = (struct srv_session_stats){ .width = result->width,
+                                         .height = result->height,
+                                         .mip_level = result->mip_level,
+                                         .render_ms = result->render_ms,
+                                         .encode_ms = result->encode_ms,
+                                         .splats = result->splats,
+                                         .visible_voxels = result->visible_voxels,
+                                         .interval_ms = stats->interval_ms };
+}
+
+static void finish_job(struct srv_schedule *schedule, struct srv_session *s,
+                       struct srv_render_job *job, const struct srv_render_result *result) {
+    struct srv_session_schedule *plan = s->schedule;
+    bool is_moving = job->step == SRV_STEP_MOVING, is_final = job->step == SRV_STEP_FINAL;
+    set_stats(&s->stats, result);
+    plan->must_finish = plan->must_finish && !is_moving;
+    plan->start.done = plan->start.done > job->version ? plan->start.done : job->version;
+    learn(schedule, s, job, result);
+    if (is_final)
+        srv_quality_rest(&plan->quality, job->view.size);
+    correct_charge(s, job, (result->again ? 0 : result->render_ms) + result->encode_ms);
+    /* Statistics of a view at rest are sent at once; of a moving view, now and then. */
+    for (uint32_t i = 0; !is_moving && i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        if (p && is_final)
+            p->schedule->waiting.waited_ms = p->schedule->waiting.spent_ms = 0;
+        if (p)
+            srv_hub_notify(schedule->hub, p, SRV_NOTIFY_STATS);
+    }
+}
+
+void srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
+                       const struct srv_render_result *result) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_session *s = end_job(schedule, job);
+    if (s)
+        finish_job(schedule, s, job, result);
+    srv_schedule_wake(schedule, s);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+void srv_schedule_rendered(struct srv_schedule *schedule, struct srv_render_job *job,
+                           double render_ms) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_session *s = srv_schedule_session(schedule, job);
+    if (s)
+        correct_charge(s, job, render_ms);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+void srv_schedule_failed(struct srv_schedule *schedule, struct srv_render_job *job,
+                         const struct sp_error *err) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_session *s = end_job(schedule, job);
+    srv_hub_count_drop(schedule->hub, SRV_COUNT_DROP_FAILED);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        if (!p)
+            continue;
+        p->schedule->failed_version = job->version;
+        p->schedule->waiting.waited_ms = p->schedule->waiting.spent_ms = 0;
+        p->pending.error = *err;
+        srv_hub_notify(schedule->hub, p, SRV_NOTIFY_ERROR);
+    }
+    srv_schedule_wake(schedule, s);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+static bool has_target_left(struct srv_session *s, const struct srv_render_job *job) {
+    for (uint32_t i = 0; i < job->target_count; i++)
+        if (srv_schedule_participant(s, job->targets[i].participant))
+            return true;
+    return false;
+}
+
+void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
+                            double elapsed_ms) {
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_session *s = end_job(schedule, job);
+    srv_hub_count_drop(schedule->hub,
+                       has_target_left(s, job) ? SRV_COUNT_DROP_OUTDATED : SRV_COUNT_DROP_LEFT);
+    if (s && elapsed_ms > 0)
+        correct_charge(s, job, elapsed_ms);
+    if (s && job->step == SRV_STEP_MOVING) {
+        const struct srv_detail drawn = detail_of(job);
+        s->schedule->must_finish = true;
+        if (job->version >= s->schedule->start.volume)
+            srv_quality_cancelled(&s->schedule->quality, &drawn, elapsed_ms);
+    }
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        if (!p || p->schedule->newest.version != job->version)
+            continue;
+        p->schedule->newest.step = SRV_STEP_MOVING;
+        if (job->protected_ms < INFINITY)
+            p->schedule->waiting.spent_ms = fmax(p->schedule->waiting.spent_ms, elapsed_ms);
+        if (!job->is_refinement)
+            p->schedule->newest.version = 0;
+    }
+    srv_schedule_wake(schedule, s);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}

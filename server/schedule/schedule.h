@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The scheduler: decides what is drawn next, and accounts for it. README.md in this folder explains
+ * the rules. This header is the API of the render and encode threads.
+ *
+ *   sessions ──► srv_schedule_next ──► job ──► render, encode ──► srv_schedule_deliver ──► outboxes
+ *       ▲                                          │
+ *       └──── done, failed or cancelled ◄──────────┘
+ *
+ * All functions are thread-safe: they lock the hub's mutex. The callbacks run with it held and must
+ * call neither the hub nor the scheduler.
+ */
+#ifndef SRV_SCHEDULE_SCHEDULE_H
+#define SRV_SCHEDULE_SCHEDULE_H
+
+#include "schedule/decide.h"
+#include "session/hub.h"
+#include "session/outbox.h"
+
+struct srv_schedule;
+
+enum srv_interrupt {
+    SRV_INTERRUPT_NEWER_VIEW,    /* the session's view changed */
+    SRV_INTERRUPT_NEWER_REQUEST, /* the same view: a participant wants another frame of it */
+    SRV_INTERRUPT_UNWANTED,      /* all that is in progress for the session is useless */
+    SRV_INTERRUPT_MOTION         /* a view moves: jobs that are not protected are cancelled */
+};
+
+struct srv_schedule_options {
+    void *user;
+    void (*wake)(void *user); /* there may be something to render */
+    /* Jobs in progress may no longer be wanted. `of` is a session, or the participant of
+     * SRV_INTERRUPT_NEWER_REQUEST, or 0. */
+    void (*interrupt)(void *user, uint64_t of, enum srv_interrupt why);
+};
+
+/* Observes the sessions of the hub, which has none yet. */
+struct srv_schedule *srv_schedule_create(struct srv_hub *hub,
+                                         const struct srv_schedule_options *options,
+                                         struct sp_error *err);
+void srv_schedule_destroy(struct srv_schedule **schedule); /* after the hub */
+
+/* As srv_hub_set_backend(). */
+void srv_schedule_set_backend(struct srv_schedule *schedule, const char *backend,
+                              const char *device);
+
+/* A frame that takes longer than this to encode is slow. An encoder cannot be interrupted. So slow
+ * frames have encode threads of their own, unless they are for the only participant of the daemon.
+ * A session has one such frame in progress (two for the only participant), and the daemon
+ * SRV_SLOW_ENCODE_JOBS. Participants that get fast frames do not share a job with slow ones. */
+#define SRV_SLOW_ENCODE_MS 30.0
+enum { SRV_SLOW_ENCODE_JOBS = 4 };
+
+struct srv_render_target { /* one participant that gets the frame */
+    uint64_t participant;
+    uint32_t seq; /* of its newest view.update */
+    enum sp_image_format format;
+    enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = an image */
+    int quality;
+    enum sp_chroma chroma; /* of a JPEG; never AUTO */
+    bool final;            /* full detail in the granted quality: no other frame follows */
+};
+
+struct srv_render_job {
+    uint64_t session, version; /* of the view */
+    uint64_t order;            /* rises from job to job */
+    enum srv_frame_step step;
+    bool is_refinement;         /* a newer view of the session cancels it at once */
+    bool is_alone;              /* for the only participant of the daemon */
+    bool is_slow_to_encode;     /* SRV_SLOW_ENCODE_MS */
+    bool is_sharp;              /* full size and all voxels: only the encoding can get better */
+    double protected_ms;        /* SRV_INTERRUPT_MOTION cancels it once it was drawn for so long;
+                                   INFINITY = never */
+    double cancellable_from_ms; /* a newer view cancels it from this time on: 0 = at once,
+                                   INFINITY = never */
+    double budget_ms;           /* time for which its detail was chosen */
+    double expected_ms;         /* INFINITY = not known, or it begins with classification */
+    /* Virtual times at which its session's and its first participant's accounts start, and what was
+     * charged until its true time is known. */
+    double start_ms, part_start_ms, charged_ms;
+    unsigned mip_level;  /* as in sp/renderer.h; 0 if final */
+    uint32_t full[2];    /* size at rest, px */
+    struct sp_view view; /* with the size to render */
+    void *volume;        /* a counted use, released when the job ends */
+    uint32_t target_count;
+    struct srv_render_target targets[SRV_PARTICIPANTS_MAX];
+};
+
+struct srv_render_result {
+    uint32_t width, height, mip_level;
+    double render_ms, encode_ms; /* encode_ms: the time of all encodings */
+    double once_ms; /* part of render_ms that the next frame of this volume does not need */
+    uint64_t splats, visible_voxels;
+    bool again; /* not rendered: the frame of an earlier job was encoded again */
+};
+
+/* Gets the next job. False: there is none; *wait_ms = when to ask again at the latest. */
+bool srv_schedule_next(struct srv_schedule *schedule, double now_ms, struct srv_render_job *job,
+                       double *wait_ms);
+
+struct srv_running_job {
+    uint64_t session, order; /* these five as in the job */
+    double start_ms, part_start_ms, expected_ms;
+    double drawn_ms; /* for how long it has been drawn */
+};
+/* Gets a short job that preempts the running one (decide.h). False as above. */
+bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_running_job *running,
+                             double now_ms, struct srv_render_job *job, double *wait_ms);
+
+/* True if the job's view is the newest of its session. */
+bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job);
+/* True if some view moves, or will within SRV_QUIET_MS. */
+bool srv_schedule_has_motion(struct srv_schedule *schedule);
+
+/* Puts an encoded image into the outbox of target `i`. The caller sets size, times, codec and
+ * PROTO_FRAME_LOSSLESS in the header; the rest is filled in here. */
+void srv_schedule_deliver(struct srv_schedule *schedule, const struct srv_render_job *job,
+                          uint32_t i, const struct proto_frame_header *header,
+                          struct srv_blob *blob);
+
+/* Video; render/video.h explains the rules. */
+
+enum srv_video_need {
+    SRV_VIDEO_NONE,  /* takes no frame of this job: it left, has a newer frame, or its last frame
+                        still waits for the socket; then it asks for a newer one later */
+    SRV_VIDEO_DELTA, /* has all frames before `next` */
+    SRV_VIDEO_KEY    /* needs a key frame */
+};
+enum srv_video_need srv_schedule_video_need(struct srv_schedule *schedule,
+                                            const struct srv_render_job *job, uint32_t i,
+                                            const struct srv_video_mark *next);
+/* True if a participant of the job's session has all frames before `next` but is not a target. */
+bool srv_schedule_has_video(struct srv_schedule *schedule, const struct srv_render_job *job,
+                            const struct srv_video_mark *next);
+/* No encoder is free for these targets, one bit each: they get images, and stream.policy says so,
+ * until an encoder is free. */
+void srv_schedule_refuse_video(struct srv_schedule *schedule, const struct srv_render_job *job,
+                               uint64_t set);
+/* As srv_schedule_deliver(), for the video frame `mark`; number 0 is a key frame. Does nothing for
+ * a target that can no longer use it. */
+void srv_schedule_deliver_video(struct srv_schedule *schedule, const struct srv_render_job *job,
+                                uint32_t i, const struct proto_frame_header *header,
+                                struct srv_blob *blob, const struct srv_video_mark *mark);
+
+/* The job was drawn in render_ms and is not encoded yet: charges its accounts, so that the next
+ * decision knows. */
+void srv_schedule_rendered(struct srv_schedule *schedule, struct srv_render_job *job,
+                           double render_ms);
+/* Every job ends with exactly one of these three, which also releases its volume. */
+void srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
+                       const struct srv_render_result *result);
+void srv_schedule_failed(struct srv_schedule *schedule, struct srv_render_job *job,
+                         const struct sp_error *err);
+/* elapsed_ms: time of rendering; 0 = it was not rendered, or to the end. */
+void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job *job,
+                            double elapsed_ms);
+
+#endif

@@ -1,0 +1,119 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the scheduler remembers, and what its files share. The hub's mutex guards everything.
+ */
+#ifndef SRV_SCHEDULE_STATE_H
+#define SRV_SCHEDULE_STATE_H
+
+#include "schedule/fair_queue.h"
+#include "schedule/quality.h"
+#include "schedule/schedule.h"
+#include "session/session.h"
+
+#define SRV_MOVING_MS 500.0  /* a session counts as moving this long after a moving frame */
+enum { SRV_QUALITIES = 16 }; /* volumes whose frame times are remembered */
+
+struct srv_newest_job { /* that was made for a participant, and what came of it */
+    uint64_t order;
+    uint64_t version; /* of the view; 0 = it does not count: a frame is wanted again */
+    enum srv_frame_step step;
+    struct srv_detail detail;
+};
+
+struct srv_waiting {  /* of a refinement, for the starvation limit */
+    double ready_ms;  /* when it could have been drawn last; 0 = it cannot */
+    double waited_ms; /* before that, while it could */
+    double spent_ms;  /* longest time that was spent on it before it was cancelled */
+};
+
+struct srv_participant_schedule {
+    unsigned jobs; /* in progress */
+    struct srv_newest_job newest;
+    uint64_t failed_version; /* of the view: rendering it failed and is not tried again */
+    double next_frame_ms;    /* its frame rate allows no frame before */
+    double behind_ms;        /* since when the view is newer than its newest job */
+    struct srv_waiting waiting;
+    struct srv_fair_account account; /* by its session's clock */
+};
+
+struct srv_cold_start { /* the view's versions since which work is done that is needed once */
+    uint64_t cold;      /* the volume or transfer function changed last */
+    uint64_t done;      /* newest version of which a frame was finished */
+    uint64_t volume;    /* the volume changed last */
+};
+
+struct srv_session_schedule {
+    bool is_busy; /* in the list of busy sessions */
+    struct srv_session *next_busy;
+    unsigned jobs, slow_jobs;        /* in progress; those of them that are slow to encode */
+    uint64_t newest_order;           /* of its newest job */
+    double newest_ms;                /* when that was made */
+    double moved_ms;                 /* when its last moving frame began; 0 = never */
+    double slots_ms;                 /* start of a slot of every frame rate */
+    struct srv_fair_account account; /* by the scheduler's clock */
+    double clock_ms;                 /* of its participants' accounts */
+    struct srv_quality quality;
+    struct srv_cold_start start;
+    bool must_finish; /* a moving frame was cancelled: the next one is not */
+};
+
+struct srv_known_quality { /* first guess for new sessions of the volume */
+    const void *volume;    /* compared, never used */
+    struct srv_quality quality;
+};
+
+struct srv_schedule {
+    struct srv_hub *hub;
+    struct srv_schedule_options options;
+    struct srv_session *busy; /* sessions where a frame may be wanted, now or later: the work per
+                                 frame does not depend on the other sessions */
+    struct srv_candidate *candidates; /* options.sessions_max of the hub, and so these */
+    struct srv_choice *choices;
+    double clock_ms;      /* of the sessions' accounts */
+    double rested_ms;     /* last end of accounts of sessions that are no longer busy */
+    double now_ms;        /* of the last call or event that had a time */
+    uint64_t next_order;  /* of jobs */
+    unsigned slow_jobs;   /* in progress that are slow to encode */
+    unsigned cancellable; /* jobs in progress that motion may cancel */
+    struct srv_known_quality qualities[SRV_QUALITIES];
+    unsigned next_quality;
+};
+
+struct srv_choice { /* a participant, and what it gets */
+    struct srv_participant *participant;
+    struct srv_frame_request request;
+};
+
+/* What a participant wants now (candidates.c). */
+struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
+                                        const struct srv_session *session,
+                                        const struct srv_participant *participant, double now_ms);
+/* Chooses who is next; participant NULL = nobody. Lowers *wait_ms to when somebody may be. */
+struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, double *wait_ms);
+/* Chooses who preempts the running job. */
+struct srv_choice srv_choose_short(struct srv_schedule *schedule,
+                                   const struct srv_running_job *running, double now_ms,
+                                   double *wait_ms);
+/* True if some participant gets a frame of a moving view now or within SRV_QUIET_MS. */
+bool srv_has_motion(const struct srv_schedule *schedule);
+/* Expected time of the next frame of a moving view, with its detail; 0 = not known. */
+double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *session,
+                           const struct srv_participant *participant, double now_ms);
+/* Time that a moving frame may take. The sessions that move share it: each gets less detail instead
+ * of fewer frames. */
+double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *session,
+                            int max_fps, double now_ms);
+
+/* There may be something to render, for this session (NULL = for others). (events.c) */
+void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);
+/* Takes the session out of the list of busy ones. */
+void srv_schedule_rest(struct srv_schedule *schedule, struct srv_session *session);
+/* Takes those out of the list that want nothing until the next event. */
+void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms);
+
+/* Returns the job's session, NULL = it ended; and one of its participants, NULL = it left. */
+struct srv_session *srv_schedule_session(const struct srv_schedule *schedule,
+                                         const struct srv_render_job *job);
+struct srv_participant *srv_schedule_participant(struct srv_session *session, uint64_t id);
+
+#endif

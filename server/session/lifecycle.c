@@ -1,0 +1,295 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The hub: which sessions are active, and what happens by time. Notifications to participants.
+ */
+
+#include "session/hub.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/pagination.h"
+#include "session/session.h"
+#include "sp/log.h"
+
+#define RETRY_MS 1000.0 /* where memory is short */
+
+struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_error *err) {
+    struct srv_hub *hub = calloc(1, sizeof *hub);
+    if (!hub) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the sessions");
+        return NULL;
+    }
+    assert(options->participants_max >= 1 && options->participants_max <= SRV_PARTICIPANTS_MAX);
+    hub->options = *options;
+    pthread_mutex_init(&hub->mutex, NULL);
+    return hub;
+}
+
+void srv_hub_observe(struct srv_hub *hub, const struct srv_session_observer *observer) {
+    pthread_mutex_lock(&hub->mutex);
+    assert(!hub->active.first);
+    hub->observer = *observer;
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_emit(struct srv_hub *hub, enum srv_session_event event, struct srv_session *session,
+                  struct srv_participant *participant, double now_ms) {
+    if (hub->observer.event)
+        hub->observer.event(hub->observer.user, event, session, participant, now_ms);
+}
+
+struct srv_session *srv_hub_alloc_session(const struct srv_hub *hub) {
+    struct srv_session *session = calloc(1, sizeof *session);
+    const size_t bytes = hub->observer.session_bytes;
+    if (!session || (bytes && !(session->schedule = calloc(1, bytes)))) {
+        free(session);
+        return NULL;
+    }
+    return session;
+}
+
+void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session) {
+    assert(!session->participants);
+    if (session->shared.volume)
+        hub->options.volumes.release(hub->options.volumes.user, session->shared.volume);
+    free(session->schedule);
+    free(session);
+}
+
+void srv_hub_destroy(struct srv_hub **hub_pointer) {
+    struct srv_hub *hub = *hub_pointer;
+    *hub_pointer = NULL;
+    if (!hub)
+        return;
+    while (hub->active.first) {
+        struct srv_session *session = hub->active.first;
+        hub->active.first = session->next;
+        srv_hub_free_session(hub, session);
+    }
+    srv_hibernated_free(hub);
+    pthread_mutex_destroy(&hub->mutex);
+    free(hub);
+}
+
+struct srv_session *srv_hub_find_active(struct srv_hub *hub, const char *id) {
+    struct srv_session *s = hub->active.buckets[srv_hub_bucket(id)];
+    while (s && strcmp(s->identity.id, id) != 0)
+        s = s->next_in_bucket;
+    return s;
+}
+
+struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, double now_ms,
+                                 struct sp_error *err) {
+    struct srv_session *session = srv_hub_find_active(hub, id);
+    return session ? session : srv_hibernated_resume(hub, id, now_ms, err);
+}
+
+double srv_hub_used_ms(const struct srv_session *session) {
+    return fmax(session->empty_ms, session->shared.changed_ms);
+}
+
+void srv_hub_ended(struct srv_hub *hub, const char *id) {
+    if (hub->options.ended)
+        hub->options.ended(hub->options.user, id);
+}
+
+/* It sleeps or ends then, if nobody uses it meanwhile. */
+static double end_of_use_ms(const struct srv_hub *hub, const struct srv_session *session) {
+    return srv_hub_used_ms(session) + hub->options.session_idle_ms;
+}
+
+void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    session->shared.version = session->next_guest = 1;
+    session->shared.changed_ms = session->empty_ms = now_ms;
+    session->identity.number = ++hub->active.next_number;
+    session->next = hub->active.first;
+    session->link = &hub->active.first;
+    if (hub->active.first)
+        hub->active.first->link = &session->next;
+    hub->active.first = session;
+    struct srv_session **bucket = &hub->active.buckets[srv_hub_bucket(session->identity.id)];
+    session->next_in_bucket = *bucket;
+    *bucket = session;
+    hub->active.count++;
+    session->timer.of = session->saved.unsaved.of = session;
+    srv_timer_set(&hub->active.timers, &session->timer, end_of_use_ms(hub, session));
+    srv_hub_emit(hub, SRV_SESSION_STARTED, session, NULL, now_ms);
+}
+
+static void unlink_session(struct srv_hub *hub, struct srv_session *session) {
+    *session->link = session->next;
+    if (session->next)
+        session->next->link = session->link;
+    struct srv_session **link = &hub->active.buckets[srv_hub_bucket(session->identity.id)];
+    while (*link != session)
+        link = &(*link)->next_in_bucket;
+    *link = session->next_in_bucket;
+    hub->active.count--;
+    srv_timer_clear(&hub->active.timers, &session->timer);
+    srv_timer_clear(&hub->persistence.unsaved, &session->saved.unsaved);
+    srv_hub_emit(hub, SRV_SESSION_ENDED, session, NULL, 0);
+}
+
+/* Participants stay, without a session, and are told to leave. */
+void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session) {
+    unlink_session(hub, session);
+    srv_hub_ended(hub, session->identity.id);
+    while (session->participants) {
+        struct srv_participant *p = session->participants;
+        session->participants = p->next;
+        hub->participants.count--;
+        hub->participants.by_role[p->identity.role]--;
+        p->session = NULL;
+        srv_hub_close_stream(hub, p, 1000, "the session was deleted");
+    }
+    srv_hub_free_session(hub, session);
+}
+
+bool srv_hub_is_view_saved(const struct srv_session *session) {
+    return session->saved.version == session->shared.version;
+}
+
+static bool hibernate(struct srv_hub *hub, struct srv_session *session, const char *why) {
+    if (!srv_hibernated_add(hub, session))
+        return false;
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->identity.id }),
+                "session %s hibernates: %s", session->identity.id, why);
+    unlink_session(hub, session);
+    srv_hub_free_session(hub, session);
+    return true;
+}
+
+bool srv_hub_make_room(struct srv_hub *hub) {
+    struct srv_session *idle = NULL;
+    if (hub->active.count < hub->options.sessions_max)
+        return true;
+    for (struct srv_session *s = hub->options.recall ? hub->active.first : NULL; s; s = s->next)
+        if (!s->participants && srv_hub_is_view_saved(s) &&
+            (!idle || srv_hub_used_ms(s) < srv_hub_used_ms(idle)))
+            idle = s;
+    if (idle)
+        hibernate(hub, idle, "others need room (--sessions)");
+    return hub->active.count < hub->options.sessions_max;
+}
+
+/* It is no longer used: it ends, or falls asleep as soon as it is saved and there is memory. */
+static void retire(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    char why[64];
+    snprintf(why, sizeof why, "nobody joined for %.0f s (--session-time)",
+             hub->options.session_idle_ms / 1000);
+    if (!hub->options.recall) {
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->identity.id }),
+                    "session %s ended: %s", session->identity.id, why);
+        srv_hub_end_session(hub, session);
+    } else if (!srv_hub_is_view_saved(session)) {
+        srv_hub_unsaved(hub, session);
+    } else if (!hibernate(hub, session, why)) {
+        srv_timer_set(&hub->active.timers, &session->timer, now_ms + RETRY_MS);
+    }
+}
+
+void srv_hub_saved(struct srv_hub *hub, struct srv_session *session) {
+    if (session->participant_count == 0)
+        srv_timer_set_by(&hub->active.timers, &session->timer, end_of_use_ms(hub, session));
+}
+
+/* Does what is due of it, and sets when something is next. */
+static void look_at(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+    bool is_used = session->participant_count > 0;
+    double at_ms = is_used ? srv_control_tick(hub, session, now_ms) : end_of_use_ms(hub, session);
+    if (at_ms > now_ms)
+        srv_timer_set(&hub->active.timers, &session->timer, at_ms);
+    else
+        retire(hub, session, now_ms);
+}
+
+double srv_hub_tick(struct srv_hub *hub, double now_ms) {
+    pthread_mutex_lock(&hub->mutex);
+    for (struct srv_session *s; (s = srv_timer_take(&hub->active.timers, now_ms));)
+        look_at(hub, s, now_ms);
+    double next_ms = fmin(srv_timer_next(&hub->active.timers), srv_hibernated_tick(hub, now_ms));
+    srv_hub_note_time(hub, now_ms);
+    pthread_mutex_unlock(&hub->mutex);
+    return fmin(next_ms - now_ms, 1000);
+}
+
+void srv_hub_notify(struct srv_hub *hub, struct srv_participant *participant, unsigned notes) {
+    participant->pending.notifications |= notes;
+    if (participant->is_ready)
+        return;
+    participant->is_ready = true;
+    participant->next_ready = NULL;
+    if (hub->participants.ready_tail)
+        hub->participants.ready_tail->next_ready = participant;
+    else
+        hub->participants.ready_head = participant;
+    hub->participants.ready_tail = participant;
+    hub->options.ready(hub->options.user);
+}
+
+void srv_hub_notify_others(struct srv_hub *hub, struct srv_session *session, uint64_t but,
+                           unsigned notes) {
+    for (struct srv_participant *p = session->participants; p; p = p->next)
+        if (p->identity.id != but)
+            srv_hub_notify(hub, p, notes);
+}
+
+void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason) {
+    if (!hub->is_draining)
+        srv_metrics_add(hub->options.metrics, reason, 1);
+}
+
+void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
+                             double progress, const char *reason) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_volume_news *note = NULL;
+    for (unsigned i = 0; i < hub->volumes.count; i++)
+        if (strcmp(hub->volumes.news[i].id, id) == 0)
+            note = &hub->volumes.news[i];
+    if (!note && hub->volumes.count < SRV_HUB_VOLUMES)
+        note = &hub->volumes.news[hub->volumes.count++];
+    if (!note) { /* the one that changed least recently */
+        note = &hub->volumes.news[0];
+        for (unsigned i = 1; i < SRV_HUB_VOLUMES; i++)
+            if (hub->volumes.news[i].clock < note->clock)
+                note = &hub->volumes.news[i];
+    }
+    snprintf(note->id, sizeof note->id, "%s", id);
+    snprintf(note->state, sizeof note->state, "%s", state);
+    snprintf(note->reason, sizeof note->reason, "%s", reason);
+    note->progress = progress;
+    note->clock = ++hub->volumes.clock;
+    for (struct srv_session *s = hub->active.first; s; s = s->next)
+        srv_hub_notify_others(hub, s, 0, 0);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device) {
+    pthread_mutex_lock(&hub->mutex);
+    snprintf(hub->backend, sizeof hub->backend, "%s", backend);
+    snprintf(hub->device, sizeof hub->device, "%s", device);
+    for (struct srv_session *s = hub->active.first; s; s = s->next)
+        srv_hub_notify_others(hub, s, 0, SRV_NOTIFY_STATS);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_drain(struct srv_hub *hub) {
+    pthread_mutex_lock(&hub->mutex);
+    hub->is_draining = true;
+    for (struct srv_session *s = hub->active.first; s; s = s->next)
+        srv_hub_notify_others(hub, s, 0, SRV_NOTIFY_DRAINING);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+void srv_hub_numbers(struct srv_hub *hub, struct srv_hub_numbers *numbers) {
+    *numbers = (struct srv_hub_numbers){ .sessions = 0 };
+    pthread_mutex_lock(&hub->mutex);
+    numbers->sessions = hub->active.count;
+    numbers->hibernated = hub->hibernated.count;
+    memcpy(numbers->participants, hub->participants.by_role, sizeof hub->participants.by_role);
+    pthread_mutex_unlock(&hub->mutex);
+}

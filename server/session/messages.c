@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a participant is sent next: notifications and frames.
+ */
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "protocol/view.h"
+#include "session/session.h"
+
+static char *text_of_participants(const struct srv_participant *to, size_t *size) {
+    proto_json *params = proto_json_object();
+    bool ok = proto_json_set_integer(params, "you", (int64_t)to->identity.id);
+    ok = proto_json_set(params, "participants", srv_hub_encode_participants(to->session)) && ok;
+    if (!ok)
+        proto_json_free(&params);
+    return proto_rpc_notification("session.participants", params, size);
+}
+
+static char *text_of_view(const struct srv_participant *to, size_t *size) {
+    proto_json *params = proto_json_object();
+    bool ok = proto_json_set_integer(params, "by", (int64_t)to->session->shared.changed_by);
+    ok = proto_json_set(params, "view", proto_view_encode(&to->session->shared.view)) && ok;
+    if (!ok)
+        proto_json_free(&params);
+    return proto_rpc_notification("view.changed", params, size);
+}
+
+static char *text_of_stats(const struct srv_hub *hub, const struct srv_participant *to,
+                           size_t *size) {
+    const struct srv_session *session = to->session;
+    const struct srv_session_stats *last = &session->stats;
+    proto_json *params = proto_json_object();
+    bool ok = proto_json_set_string(params, "backend", hub->backend);
+    ok = proto_json_set_string(params, "device", hub->device) && ok;
+    ok = proto_json_set_number(params, "fps",
+                               last->interval_ms > 0 ? 1000 / last->interval_ms : 0) &&
+         ok;
+    ok = proto_json_set_number(params, "render_ms", last->render_ms) && ok;
+    ok = proto_json_set_number(params, "encode_ms", last->encode_ms) && ok;
+    ok = proto_json_set_integer(params, "width", last->width) && ok;
+    ok = proto_json_set_integer(params, "height", last->height) && ok;
+    ok = proto_json_set_integer(params, "coarse", last->mip_level) && ok;
+    ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
+    ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
+    ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window)) && ok;
+    ok = proto_json_set_integer(params, "window",
+                                srv_window_frames(&to->delivery.window, to->settings.max_fps)) &&
+         ok;
+    ok = proto_json_set_integer(params, "frames", (int64_t)to->delivery.frames_sent) && ok;
+    ok = proto_json_set_integer(params, "bytes", (int64_t)to->delivery.bytes_sent) && ok;
+    ok = proto_json_set_integer(params, "dropped", (int64_t)to->delivery.outbox.dropped) && ok;
+    if (!ok)
+        proto_json_free(&params);
+    return proto_rpc_notification("stream.stats", params, size);
+}
+
+/* The volume whose news are oldest among those that `p` has not been told. */
+static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p, size_t *size) {
+    const struct srv_volume_news *note = NULL;
+    for (unsigned i = 0; i < hub->volumes.count; i++)
+        if (hub->volumes.news[i].clock > p->pending.volume_told &&
+            (hub->volumes.news[i].clock > p->pending.volume_start ||
+             strcmp(hub->volumes.news[i].state, "unloaded") != 0) &&
+            (!note || hub->volumes.news[i].clock < note->clock))
+            note = &hub->volumes.news[i];
+    if (!note)
+        return NULL;
+    p->pending.volume_told = note->clock;
+    proto_json *params = proto_json_object();
+    bool ok = proto_json_set_string(params, "volume", note->id);
+    ok = proto_json_set_string(params, "state", note->state) && ok;
+    ok = proto_json_set_number(params, "progress", note->progress) && ok;
+    if (note->reason[0])
+        ok = proto_json_set_string(params, "reason", note->reason) && ok;
+    if (!ok)
+        proto_json_free(&params);
+    return proto_rpc_notification("volume.progress", params, size);
+}
+
+static char *text_of_error(const struct srv_participant *p, size_t *size) {
+    proto_json *params = proto_json_object();
+    bool ok = proto_json_set_integer(params, "code", proto_rpc_code_from(p->pending.error.code));
+    ok = proto_json_set_string(params, "message", p->pending.error.text) && ok;
+    if (p->pending.error.place[0])
+        ok = proto_json_set_string(params, "pointer", p->pending.error.place) && ok;
+    if (!ok)
+        proto_json_free(&params);
+    return proto_rpc_notification("render.error", params, size);
+}
+
+/* The text for one note; clears its bit. */
+char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                                size_t *size) {
+    if (p->pending.notifications & SRV_NOTIFY_DRAINING) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_DRAINING;
+        return proto_rpc_notification("server.draining", proto_json_object(), size);
+    }
+    if (p->pending.notifications & SRV_NOTIFY_PARTICIPANTS) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_PARTICIPANTS;
+        return text_of_participants(p, size);
+    }
+    if (p->pending.notifications & SRV_NOTIFY_CONTROL) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_CONTROL;
+        return srv_control_text(hub, p, now_ms, size);
+    }
+    if (p->pending.notifications & SRV_NOTIFY_ERROR) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_ERROR;
+        return text_of_error(p, size);
+    }
+    if (p->pending.notifications & SRV_NOTIFY_VIEW) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_VIEW;
+        return text_of_view(p, size);
+    }
+    if (p->pending.notifications & SRV_NOTIFY_POLICY) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_POLICY;
+        return srv_policy_text(p, now_ms, size);
+    }
+    if (p->pending.notifications & SRV_NOTIFY_STATS) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_STATS;
+        p->pending.stats_ms = now_ms;
+        return text_of_stats(hub, p, size);
+    }
+    return text_of_volume(hub, p, size);
+}
+
+static void take_frame(struct srv_hub *hub, struct srv_participant *p, double now_ms,
+                       struct srv_message *message) {
+    srv_metrics_add(hub->options.metrics, SRV_COUNT_FRAMES, 1);
+    message->blob = srv_outbox_take(&p->delivery.outbox, &message->header);
+    message->header.frame = ++p->delivery.frame;
+    srv_window_sent(&p->delivery.window, p->delivery.frame,
+                    message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
+    p->delivery.frames_sent++;
+    p->delivery.bytes_sent += message->blob->size + PROTO_FRAME_HEADER_BYTES;
+    if (now_ms - p->pending.stats_ms >= 500)
+        p->pending.notifications |= SRV_NOTIFY_STATS;
+}
+
+enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_participant *p,
+                                           bool frames, double now_ms,
+                                           struct srv_message *message) {
+    enum srv_message_kind kind = SRV_MESSAGE_NONE;
+    *message = (struct srv_message){ .text = NULL };
+    pthread_mutex_lock(&hub->mutex);
+    if (p->pending.notifications & SRV_NOTIFY_CLOSE) {
+        kind = SRV_MESSAGE_CLOSE;
+        message->close_code = p->pending.close_code;
+        message->reason = p->pending.close_reason;
+    } else if (p->session) {
+        if (frames && p->delivery.outbox.blob && p->delivery.window.count < SRV_WINDOW_MAX) {
+            take_frame(hub, p, now_ms, message);
+            if (p->settings.video != SP_VIDEO_CODEC_COUNT) /* the next frame waits for that */
+                srv_hub_emit(hub, SRV_WINDOW_CHANGED, p->session, p, now_ms);
+            kind = SRV_MESSAGE_FRAME;
+        } else if ((message->text = srv_hub_take_notification(hub, p, now_ms, &message->size))) {
+            kind = SRV_MESSAGE_TEXT;
+        }
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return kind;
+}
+
+double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *p) {
+    pthread_mutex_lock(&hub->mutex);
+    double oldest = srv_window_oldest_ms(&p->delivery.window);
+    pthread_mutex_unlock(&hub->mutex);
+    return oldest;
+}

@@ -1,0 +1,350 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The structs of sessions and participants, for session/ and schedule/ alone. The hub's mutex
+ * guards everything here, unless a comment says otherwise.
+ *
+ *   srv_hub ──► srv_session ──► srv_participant      one struct per concern inside each of them
+ *                  │                  │
+ *                  └── schedule       └── schedule   what schedule/ remembers; opaque here
+ */
+#ifndef SRV_SESSION_SESSION_H
+#define SRV_SESSION_SESSION_H
+
+#include <pthread.h>
+
+#include "common/timer_heap.h"
+#include "config/secret.h"
+#include "protocol/rpc.h"
+#include "session/encode_params.h"
+#include "session/hub.h"
+#include "session/participant.h"
+#include "session/window.h"
+#include "sp/renderer.h"
+
+enum srv_notification { /* a participant has to be told about */
+                        SRV_NOTIFY_VIEW = 1,
+                        SRV_NOTIFY_PARTICIPANTS = 2,
+                        SRV_NOTIFY_STATS = 4,
+                        SRV_NOTIFY_ERROR = 8,
+                        SRV_NOTIFY_DRAINING = 16,
+                        SRV_NOTIFY_CLOSE = 32,
+                        SRV_NOTIFY_CONTROL = 64,
+                        SRV_NOTIFY_POLICY = 128
+};
+
+enum {
+    SRV_HUB_VOLUMES = 64,  /* volumes whose last progress is remembered for notifications */
+    SRV_HUB_BUCKETS = 4096 /* of the hash table of sessions, by id */
+};
+
+/* Participants. */
+
+struct srv_identity {
+    uint64_t id;                           /* unique in the daemon; constant */
+    enum srv_role role;                    /* constant */
+    char token[SRV_TOKEN_NAME_BYTES];      /* of srv_hub_join(); constant */
+    char name[SRV_PARTICIPANT_NAME_BYTES]; /* UTF-8; never empty */
+    unsigned color;                        /* index into the palette */
+};
+
+struct srv_control_request {
+    uint64_t order;  /* of requests in the hub; 0 = none */
+    double since_ms; /* the current holder has not answered since */
+};
+
+struct srv_pending {
+    unsigned notifications; /* bits of enum srv_notification */
+    uint64_t volume_told;   /* hub->volumes.clock up to which progress was told */
+    uint64_t volume_start;  /* hub->volumes.clock when it joined */
+    double stats_ms;        /* when statistics were sent last */
+    struct sp_error error;  /* for SRV_NOTIFY_ERROR */
+    uint16_t close_code;    /* for SRV_NOTIFY_CLOSE */
+    const char *close_reason;
+};
+
+struct srv_stream_settings { /* of stream.configure */
+    enum sp_image_format format;
+    enum sp_video_codec video; /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
+    enum sp_chroma chroma;     /* of its JPEGs */
+    int quality;               /* [1, 100] */
+    int wanted_fps;            /* frames per second that the client asked for */
+    int max_fps;               /* the part of that which the session's owner may have */
+    bool progressive;          /* wants frames of less detail while the view moves */
+    bool lossless;             /* wants PNG at rest */
+    uint32_t size[2];          /* px; 0 = the view's */
+};
+
+struct srv_delivery {
+    uint32_t seq;   /* newest view.update of this client */
+    uint32_t frame; /* number of the newest frame sent */
+    struct srv_window window;
+    struct srv_outbox outbox;
+    struct srv_video_mark mark; /* the video frame that it can take next; epoch 0 = a key frame */
+    bool is_video_refused;      /* no encoder is free: it gets images instead of video */
+    uint64_t frames_sent, bytes_sent;
+};
+
+struct srv_participant {
+    struct srv_session *session; /* NULL = the session ended */
+    struct srv_participant *next, *next_ready;
+    bool is_ready; /* in the hub's ready list */
+    void *user;    /* constant */
+    struct srv_identity identity;
+    struct srv_control_request control;
+    double picked_ms; /* its quota of picks is used up to this time */
+    struct srv_pending pending;
+    struct srv_stream_settings settings;
+    struct srv_policy policy;
+    struct srv_delivery delivery;
+    struct srv_participant_schedule *schedule; /* freed with the participant */
+};
+
+/* Sessions. */
+
+struct srv_session_identity {
+    uint64_t number;                      /* unique in the daemon; constant */
+    char id[SRV_SESSION_ID_BYTES];        /* constant */
+    char tokens[2][SRV_TOKEN_DIGITS + 1]; /* join tokens by role; constant */
+    struct srv_owner owner;               /* its name is constant */
+    bool has_token;                       /* the owner's token existed at the last check */
+};
+
+struct srv_shared_view {
+    struct sp_view view;
+    void *volume;        /* a counted use */
+    uint64_t version;    /* rises with every change, from 1 */
+    uint64_t changed_by; /* participant; 0 = HTTP */
+    double changed_ms;
+};
+
+struct srv_saved {            /* what the store has */
+    struct srv_timer unsaved; /* in hub->persistence.unsaved, in the order of changes */
+    uint64_t version;         /* of the view */
+    double used_ms;           /* time of the session's last use */
+};
+
+struct srv_session_stats { /* of the newest frame, for stream.stats */
+    uint32_t width, height, mip_level;
+    double render_ms, encode_ms;
+    uint64_t splats, visible_voxels;
+    double interval_ms; /* mean time between frames; 0 = not known */
+};
+
+struct srv_session {
+    struct srv_session *next, **link; /* in hub->active.first; `link` points to this session */
+    struct srv_session *next_in_bucket;
+    struct srv_timer timer; /* when srv_hub_tick() looks at it */
+    struct srv_session_identity identity;
+    struct srv_shared_view shared;
+    struct srv_saved saved;
+    struct srv_session_stats stats;
+    struct srv_participant *participants;
+    struct srv_participant *holder; /* of control; NULL = nobody */
+    unsigned participant_count;
+    unsigned next_guest;                   /* number in the next default name */
+    double empty_ms;                       /* when the last participant left */
+    struct srv_session_schedule *schedule; /* freed with the session */
+};
+
+/* The layer above. */
+
+enum srv_session_event {
+    SRV_SESSION_STARTED,           /* it became active */
+    SRV_SESSION_ENDED,             /* it ended or hibernates, and is freed next */
+    SRV_SESSION_EMPTIED,           /* its last participant left */
+    SRV_VIEW_CHANGED,              /* the view has a new version; so it has with the next two: */
+    SRV_TRANSFER_FUNCTION_CHANGED, /* all voxels have to be classified again */
+    SRV_VOLUME_CHANGED,
+    SRV_PARTICIPANT_JOINED,
+    SRV_IMAGE_CHANGED, /* the participant asked for another size, format or quality */
+    SRV_CONFIGURED,    /* the participant's settings were read, changed or not */
+    SRV_WINDOW_CHANGED /* the participant acknowledged or took a frame */
+};
+
+/* What decides on frames: schedule/. Session and participant own zeroed memory for it. */
+struct srv_session_observer {
+    void *user;
+    size_t session_bytes, participant_bytes;
+    /* With the hub's mutex held. `participant` is NULL for the events of a whole session. */
+    void (*event)(void *user, enum srv_session_event event, struct srv_session *session,
+                  struct srv_participant *participant, double now_ms);
+};
+
+struct srv_volume_news {
+    char id[SP_NAME_BYTES], state[16];
+    double progress;
+    char reason[SP_ERROR_TEXT];
+    uint64_t clock; /* of its last change */
+};
+
+struct srv_active_sessions {
+    struct srv_session *first;
+    struct srv_session *buckets[SRV_HUB_BUCKETS]; /* the same sessions, by id */
+    struct srv_timer_heap timers;
+    unsigned count;
+    uint64_t next_number;
+};
+
+struct srv_hibernated_sessions { /* hibernate.c */
+    struct srv_hibernated_session *buckets[SRV_HUB_BUCKETS];
+    struct srv_timer_heap ends;
+    unsigned count;
+};
+
+struct srv_session_persistence {
+    struct srv_timer_heap unsaved; /* sessions that srv_hub_save() may have to save */
+    uint64_t next_unsaved;
+    double noted_ms; /* when changed times of use were last marked for saving */
+};
+
+struct srv_all_participants {
+    unsigned count, by_role[2];
+    uint64_t next_id, next_request;
+    struct srv_participant *ready_head, *ready_tail;
+};
+
+struct srv_all_volumes {
+    struct srv_volume_news news[SRV_HUB_VOLUMES];
+    unsigned count;
+    uint64_t clock; /* rises with each change */
+};
+
+struct srv_hub {
+    struct srv_hub_options options; /* constant */
+    pthread_mutex_t mutex;
+    struct srv_session_observer observer; /* constant while there is a session */
+    struct srv_active_sessions active;
+    struct srv_hibernated_sessions hibernated;
+    struct srv_session_persistence persistence;
+    struct srv_all_participants participants;
+    struct srv_all_volumes volumes;
+    char backend[32], device[SP_DEVICE_NAME]; /* that render for sessions */
+    bool is_draining;
+};
+
+/* Before the first session is active. Without it nothing is drawn. */
+void srv_hub_observe(struct srv_hub *hub, const struct srv_session_observer *observer);
+void srv_hub_emit(struct srv_hub *hub, enum srv_session_event event, struct srv_session *session,
+                  struct srv_participant *participant, double now_ms);
+
+/* Sessions (lifecycle.c). */
+
+/* Returns an active session; NULL = there is none. */
+struct srv_session *srv_hub_find_active(struct srv_hub *hub, const char *id);
+/* Returns a session; makes it active if it is hibernated. */
+struct srv_session *srv_hub_find(struct srv_hub *hub, const char *id, double now_ms,
+                                 struct sp_error *err);
+struct srv_session *srv_hub_alloc_session(const struct srv_hub *hub);
+/* Frees it and releases its volume. */
+void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session);
+/* Makes a session active that has its identity and view. */
+void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* Ends an active session for good and closes its streams. */
+void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session);
+/* Makes room for one more active session; an unused one hibernates if necessary. False: there is no
+ * room. */
+bool srv_hub_make_room(struct srv_hub *hub);
+/* Returns when the session was last used, ms, if it has no participants. */
+double srv_hub_used_ms(const struct srv_session *session);
+/* The store has the newest view: an unused session may hibernate when its time has come. */
+void srv_hub_saved(struct srv_hub *hub, struct srv_session *session);
+/* Tells the options' ended(). */
+void srv_hub_ended(struct srv_hub *hub, const char *id);
+
+/* Notifications (lifecycle.c). */
+
+/* Adds notifications, 0 = only that there is something to send. */
+void srv_hub_notify(struct srv_hub *hub, struct srv_participant *participant,
+                    unsigned notifications);
+/* To all participants except the one with the id `except`; 0 = to all. */
+void srv_hub_notify_others(struct srv_hub *hub, struct srv_session *session, uint64_t except,
+                           unsigned notifications);
+/* Counts a dropped frame, unless the daemon is shutting down. */
+void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason);
+
+/* The view (view.c). */
+
+/* Merges a patch into the session's view; participant `by` changed it, 0 = HTTP. */
+bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
+                   uint64_t by, double now_ms, struct sp_error *err);
+/* SP_ERR_INVALID at "/size" over --frame-size. */
+bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err);
+/* Gets the full size of a participant's frames: what it asked for, or the view's, within the limit
+ * of the owner's token. */
+void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
+                  uint32_t size[2]);
+
+/* Tokens (tokens.c). */
+
+/* Returns why a participant that joined by a token of the daemon may no longer take part as it
+ * does; NULL = it may. */
+const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participant *participant);
+/* Updates the quota from the owner's token; false: the token is gone. */
+bool srv_hub_renew_quota(const struct srv_hub *hub, struct srv_owner *owner);
+/* Asks the participant's client to close its stream; `reason` is a constant. */
+void srv_hub_close_stream(struct srv_hub *hub, struct srv_participant *participant, uint16_t code,
+                          const char *reason);
+
+/* Persistence and hibernation (hibernate.c). */
+
+/* Returns whether the store has the newest view. */
+bool srv_hub_is_view_saved(const struct srv_session *session);
+/* Marks the session for saving and tells the options' changed(). */
+void srv_hub_unsaved(struct srv_hub *hub, struct srv_session *session);
+/* Now and then marks sessions for saving whose time of use is old in the store. */
+void srv_hub_note_time(struct srv_hub *hub, double now_ms);
+/* Adds a hibernated session like this active one; false when out of memory. */
+bool srv_hibernated_add(struct srv_hub *hub, const struct srv_session *session);
+/* Returns the owner's name, "" = no such session or no owner. */
+const char *srv_hibernated_owner(struct srv_hub *hub, const char *id);
+/* Returns a join token, valid until the session is active or ends; NULL = no such session. */
+const char *srv_hibernated_token(struct srv_hub *hub, const char *id, enum srv_role role);
+/* Makes a hibernated session active. NULL: there is none, or it must wait. */
+struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, double now_ms,
+                                          struct sp_error *err);
+unsigned srv_hub_bucket(const char *id); /* less than SRV_HUB_BUCKETS */
+bool srv_hibernated_remove(struct srv_hub *hub, const char *id);
+/* Ends sessions that were hibernated for too long; returns when the next one ends. */
+double srv_hibernated_tick(struct srv_hub *hub, double now_ms);
+unsigned srv_hibernated_count(const struct srv_hub *hub, const char *owner);
+void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
+                         struct srv_page *page);
+void srv_hibernated_free(struct srv_hub *hub);
+
+/* Returns {"id", "role", "name", "color"} of each participant. NULL when out of memory. */
+proto_json *srv_hub_encode_participants(const struct srv_session *session);
+/* Takes the text of the next pending notification; NULL = none, or out of memory. (messages.c) */
+char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *participant,
+                                double now_ms, size_t *size);
+
+/* Control (control.c). */
+
+/* A participant left; it is no longer in the list. */
+void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
+                       const struct srv_participant *participant, double now_ms);
+/* Returns whether it holds control; takes control if it may and nobody holds it. */
+bool srv_control_take(struct srv_hub *hub, struct srv_participant *participant, double now_ms);
+/* Passes control on when --control-time is over; returns when that is next, INFINITY = never. */
+double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* Returns the notification session.control; malloc'ed. */
+char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *to, double now_ms,
+                       size_t *size);
+
+/* Stream policy (policy.c). */
+
+/* What a participant gets: the encoding of its frames of one step. */
+struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
+                                        enum srv_frame_step step);
+/* True if a sharp frame in this encoding is what the participant gets at rest, so that no other
+ * frame has to follow it. */
+bool srv_policy_is_final(const struct srv_participant *participant,
+                         const struct srv_encoding *encoding);
+/* A job was made for the participant. Tells it if the detail of moving frames changed: at most
+ * twice per second while the view moves, and once when it is at rest. `moving`: the detail of this
+ * job, NULL = the job is not for a moving view. */
+void srv_policy_update(struct srv_hub *hub, struct srv_participant *participant,
+                       const struct srv_moving_detail *moving, double now_ms);
+/* Returns the notification stream.policy; malloc'ed, NULL when out of memory. */
+char *srv_policy_text(struct srv_participant *participant, double now_ms, size_t *size);
+
+#endif

@@ -1,0 +1,213 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Sessions for HTTP: create, list, read, change and end them.
+ */
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/pagination.h"
+#include "protocol/view.h"
+#include "session/session.h"
+
+static proto_json *encode_session(const struct srv_session *session, bool with_tokens,
+                                  struct sp_error *err) {
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "id", session->identity.id);
+    if (with_tokens) {
+        proto_json *tokens = proto_json_object();
+        ok = proto_json_set_string(tokens, "control", session->identity.tokens[SRV_ROLE_CONTROL]) &&
+             ok;
+        ok = proto_json_set_string(tokens, "view", session->identity.tokens[SRV_ROLE_VIEW]) && ok;
+        ok = proto_json_set(json, "tokens", tokens) && ok;
+    }
+    ok = proto_json_set(json, "view", proto_view_encode(&session->shared.view)) && ok;
+    ok = (session->holder
+              ? proto_json_set_integer(json, "holder", (int64_t)session->holder->identity.id)
+              : proto_json_set_null(json, "holder")) &&
+         ok;
+    ok = proto_json_set(json, "participants", srv_hub_encode_participants(session)) && ok;
+    if (!ok) {
+        proto_json_free(&json);
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
+    }
+    return json;
+}
+
+/* May this owner have one more session, awake or asleep? */
+static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
+                      struct sp_error *err) {
+    unsigned most = owner->quota.sessions, awake = 0;
+    if (!most)
+        return true;
+    for (const struct srv_session *s = hub->active.first; s; s = s->next)
+        awake += strcmp(s->identity.owner.name, owner->name) == 0;
+    unsigned asleep = srv_hibernated_count(hub, owner->name);
+    return awake + asleep < most ||
+           sp_fail(err, SP_ERR_QUOTA, NULL,
+                   "%s has %u sessions, of which %u sleep, and its token allows %u; delete some",
+                   owner->name, awake + asleep, asleep, most);
+}
+
+/* How many of `most` there may be before a guest, or who is none, makes one more. */
+static unsigned limit_for(bool is_guest, unsigned most) {
+    return is_guest ? most - most / 4 : most;
+}
+
+static bool session_add(struct srv_hub *hub, struct srv_session *session, bool is_guest,
+                        double now_ms, struct sp_error *err) {
+    const unsigned awake_max = limit_for(is_guest, hub->options.sessions_max);
+    const unsigned asleep_max = limit_for(is_guest, hub->options.hibernated_max);
+    if (hub->is_draining)
+        return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
+    const char *whom = is_guest ? " guests" : "";
+    if (hub->options.recall && hub->hibernated.count >= asleep_max)
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions sleep and --sleeping-sessions allows%s %u; delete some",
+                       hub->hibernated.count, whom, asleep_max);
+    if (is_guest && !srv_hub_renew_quota(hub, &session->identity.owner))
+        return sp_fail(err, SP_ERR_DENIED, NULL,
+                       "the token that made the session is not valid any more; a fork needs one of "
+                       "the daemon's own");
+    if (!has_quota(hub, &session->identity.owner, err))
+        return false;
+    if (is_guest ? hub->active.count >= awake_max : !srv_hub_make_room(hub))
+        return sp_fail(err, SP_ERR_BUDGET, NULL,
+                       "%u sessions are open and --sessions allows%s %u; try again later",
+                       hub->active.count, whom, awake_max);
+    session->identity.has_token = true;
+    srv_hub_link_session(hub, session, now_ms);
+    srv_hub_unsaved(hub, session);
+    return true;
+}
+
+proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
+                                   char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
+    const struct srv_owner nobody = { .name = "" };
+    return srv_hub_session_create_owned(hub, patch, &nobody, false, now_ms, id, err);
+}
+
+proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
+                                         const struct srv_owner *owner, bool is_guest,
+                                         double now_ms, char id[SRV_SESSION_ID_BYTES],
+                                         struct sp_error *err) {
+    struct srv_session *session = srv_hub_alloc_session(hub);
+    if (!session) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
+        return NULL;
+    }
+    if (!srv_hub_resolve_view(hub, NULL, patch, &session->shared.view, &session->shared.volume,
+                              err)) {
+        srv_hub_free_session(hub, session);
+        return NULL;
+    }
+    proto_json *json = NULL;
+    session->identity.owner = *owner;
+    pthread_mutex_lock(&hub->mutex);
+    bool ok = srv_owner_allows_size(owner, session->shared.view.size, err) &&
+              srv_secret_hex(session->identity.id, sizeof session->identity.id - 1, err) &&
+              srv_secret_hex(session->identity.tokens[0], SRV_TOKEN_DIGITS, err) &&
+              srv_secret_hex(session->identity.tokens[1], SRV_TOKEN_DIGITS, err) &&
+              (json = encode_session(session, true, err)) &&
+              session_add(hub, session, is_guest, now_ms, err);
+    if (ok)
+        memcpy(id, session->identity.id, sizeof session->identity.id);
+    pthread_mutex_unlock(&hub->mutex);
+    if (!ok) {
+        proto_json_free(&json);
+        srv_hub_free_session(hub, session);
+    }
+    return json;
+}
+
+void srv_hub_session_owner(struct srv_hub *hub, const char *id, struct srv_owner *owner) {
+    *owner = (struct srv_owner){ .name = "" };
+    pthread_mutex_lock(&hub->mutex);
+    const struct srv_session *session = srv_hub_find_active(hub, id);
+    if (session) {
+        *owner = session->identity.owner;
+    } else {
+        snprintf(owner->name, sizeof owner->name, "%s", srv_hibernated_owner(hub, id));
+        srv_hub_renew_quota(hub, owner);
+    }
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_tokens,
+                                double now_ms, struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
+    proto_json *json = session ? encode_session(session, with_tokens, err) : NULL;
+    pthread_mutex_unlock(&hub->mutex);
+    return json;
+}
+
+proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
+                                  double now_ms, struct sp_error *err) {
+    proto_json *json = NULL;
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
+    if (session && srv_hub_apply(hub, session, patch, 0, now_ms, err)) {
+        json = proto_view_encode(&session->shared.view);
+        if (!json)
+            sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return json;
+}
+
+bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    struct srv_session *session = srv_hub_find_active(hub, id);
+    bool found =
+        session || srv_hibernated_remove(hub, id) ||
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+    if (session)
+        srv_hub_end_session(hub, session);
+    else if (found)
+        srv_hub_ended(hub, id);
+    pthread_mutex_unlock(&hub->mutex);
+    return found;
+}
+
+bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,
+                       struct sp_error *err) {
+    pthread_mutex_lock(&hub->mutex);
+    const struct srv_session *session = srv_hub_find_active(hub, id);
+    const char *tokens[2];
+    for (int r = 0; r < 2; r++)
+        tokens[r] =
+            session ? session->identity.tokens[r] : srv_hibernated_token(hub, id, (enum srv_role)r);
+    bool ok = false;
+    if (!tokens[0]) {
+        sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no session '%s'; it may have ended", id);
+    } else {
+        bool control = srv_secret_equal(tokens[SRV_ROLE_CONTROL], token);
+        bool view = srv_secret_equal(tokens[SRV_ROLE_VIEW], token);
+        *role = control ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
+        ok = control || view ||
+             sp_fail(err, SP_ERR_DENIED, NULL,
+                     "this is no token of that session; POST /api/v1/sessions gives one");
+    }
+    pthread_mutex_unlock(&hub->mutex);
+    return ok;
+}
+
+void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct srv_page *page) {
+    pthread_mutex_lock(&hub->mutex);
+    for (const struct srv_session *s = hub->active.first; s; s = s->next) {
+        if (owner && strcmp(s->identity.owner.name, owner) != 0)
+            continue;
+        struct srv_session_info *note = srv_page_slot(page, s->identity.id);
+        if (!note)
+            continue;
+        *note = (struct srv_session_info){ .participants = s->participant_count };
+        note->idle_ms = s->participants ? 0 : now_ms - srv_hub_used_ms(s);
+        memcpy(note->id, s->identity.id, sizeof note->id);
+        memcpy(note->volume, s->shared.view.volume, sizeof note->volume);
+        memcpy(note->owner, s->identity.owner.name, sizeof note->owner);
+    }
+    srv_hibernated_list(hub, owner, now_ms, page);
+    pthread_mutex_unlock(&hub->mutex);
+}

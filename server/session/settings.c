@@ -1,0 +1,209 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The method stream.configure: what a client asks for, and what it is granted.
+ */
+
+#include <stdio.h>
+#include <string.h>
+
+#include "session/rpc_private.h"
+
+enum { FORMATS_MAX = 16 }; /* in a client's list */
+
+struct stream_settings {
+    enum sp_image_format format;
+    enum sp_video_codec video;
+    enum sp_chroma chroma;
+    int64_t quality, max_fps, size[2];
+    bool progressive, lossless;
+    const char *name;
+};
+
+static bool read_range(struct srv_call *call, const char *key, const char *pointer, int64_t max,
+                       const char *text, int64_t *out) {
+    const proto_json *value = proto_json_get(call->params, key);
+    int64_t number;
+    if (!value)
+        return true;
+    if (!proto_json_integer(value, &number) || number < 1 || number > max)
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, pointer, text);
+    *out = number;
+    return true;
+}
+
+static bool read_size(struct srv_call *call, struct stream_settings *s) {
+    const proto_json *value = proto_json_get(call->params, "size");
+    if (!value)
+        return true;
+    if (proto_json_type(value) == PROTO_JSON_NULL) {
+        s->size[0] = s->size[1] = 0;
+        return true;
+    }
+    for (size_t i = 0; i < 2; i++)
+        if (proto_json_size(value) != 2 ||
+            !proto_json_integer(proto_json_at(value, i), &s->size[i]) || s->size[i] < 1 ||
+            s->size[i] > SP_SIZE_MAX)
+            return srv_call_refuse(
+                call, PROTO_RPC_PARAMS, "/size",
+                "must be [width, height], each in [1, 8192] px, or null for the view's");
+    const uint32_t size[2] = { (uint32_t)s->size[0], (uint32_t)s->size[1] };
+    call->code = PROTO_RPC_PARAMS;
+    return srv_hub_allows_size(call->hub, size, &call->err) &&
+           srv_owner_allows_size(&call->participant->session->identity.owner, size, &call->err);
+}
+
+/* Has this UTF-8 text no character that controls, or that changes what stands beside it: no C0 nor
+ * C1 control, line or paragraph separator, or Bidi_Control (Unicode, PropList)? */
+static bool is_plain(const char *text) {
+    for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
+        if (*c < 0x20 || *c == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
+            (c[0] == 0xd8 && c[1] == 0x9c)) /* U+061C */
+            return false;
+        unsigned last = c[0] == 0xe2 && (c[1] == 0x80 || c[1] == 0x81) ? c[1] * 256u + c[2] : 0;
+        if (last == 0x808e || last == 0x808f || (last >= 0x80a8 && last <= 0x80ae) ||
+            (last >= 0x81a6 && last <= 0x81a9)) /* U+200E, F, 2028 to E, 2066 to 9 */
+            return false;
+    }
+    return true;
+}
+
+static bool read_name(struct srv_call *call, struct stream_settings *s) {
+    const proto_json *value = proto_json_get(call->params, "name");
+    if (!value)
+        return true;
+    s->name = proto_json_string(value);
+    size_t length = s->name ? strlen(s->name) : 0;
+    return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && is_plain(s->name)) ||
+           srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
+                           "must be a text of 1 to 64 bytes without control characters, also "
+                           "those of a text's direction");
+}
+
+/* Video goes with JPEG: for what is at rest, and when there is no video to be had. */
+static bool grant_format(const char *name, struct stream_settings *s) {
+    enum sp_video_codec video = sp_video_codec_find(name);
+    enum sp_image_format still =
+        video == SP_VIDEO_CODEC_COUNT ? sp_image_format_find(name) : SP_IMAGE_JPEG;
+    if (video != SP_VIDEO_CODEC_COUNT ? !sp_video_is_available(video)
+                                      : still == SP_IMAGE_FORMAT_COUNT || still == SP_IMAGE_EXR)
+        return false;
+    s->video = video;
+    s->format = still;
+    return true;
+}
+
+/* A name, or a list of them, the best first: the first that there is, else JPEG. */
+static bool read_format(struct srv_call *call, const proto_json *format,
+                        struct stream_settings *s) {
+    const char *name = proto_json_string(format);
+    bool is_list = proto_json_type(format) == PROTO_JSON_ARRAY, granted = false;
+    size_t count = is_list ? proto_json_size(format) : 0;
+    if (name ? !grant_format(name, s) : count < 1 || count > FORMATS_MAX)
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format",
+                               "must be jpeg, png, webp, vp8, vp9, or h264 where it is built in; "
+                               "or a list of 1 to 16 names, the best first");
+    for (size_t i = 0; i < count; i++) {
+        name = proto_json_string(proto_json_at(format, i));
+        if (!name)
+            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must hold names");
+        granted = granted || grant_format(name, s);
+    }
+    return !is_list || granted || grant_format("jpeg", s);
+}
+
+static bool read_chroma(struct srv_call *call, struct stream_settings *s) {
+    const proto_json *value = proto_json_get(call->params, "subsampling");
+    const char *name = proto_json_string(value);
+    if (!value)
+        return true;
+    s->chroma = name ? sp_chroma_find(name) : SP_CHROMA_COUNT;
+    return s->chroma != SP_CHROMA_COUNT || srv_call_refuse(call, PROTO_RPC_PARAMS, "/subsampling",
+                                                           "must be auto, 4:4:4, 4:2:2 or 4:2:0");
+}
+
+static bool read_settings(struct srv_call *call, struct stream_settings *s) {
+    const proto_json *format = proto_json_get(call->params, "format");
+    const proto_json *progressive = proto_json_get(call->params, "progressive");
+    const proto_json *lossless = proto_json_get(call->params, "lossless");
+    if (format && !read_format(call, format, s))
+        return false;
+    if (progressive && !proto_json_bool(progressive, &s->progressive))
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/progressive", "must be true or false");
+    if (lossless && !proto_json_bool(lossless, &s->lossless))
+        return srv_call_refuse(call, PROTO_RPC_PARAMS, "/lossless", "must be true or false");
+    return read_range(call, "quality", "/quality", 100, "must be a whole number in [1, 100]",
+                      &s->quality) &&
+           read_range(call, "max_fps", "/max_fps", 120, "must be a whole number in [1, 120]",
+                      &s->max_fps) &&
+           read_chroma(call, s) && read_size(call, s) && read_name(call, s);
+}
+
+static void set_name(struct srv_call *call, const char *name) {
+    struct srv_participant *p = call->participant;
+    if (!name || strcmp(name, p->identity.name) == 0)
+        return;
+    snprintf(p->identity.name, sizeof p->identity.name, "%s", name);
+    srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_PARTICIPANTS);
+}
+
+/* What was granted. */
+static proto_json *encode_settings(const struct srv_participant *p) {
+    uint32_t size[2];
+    srv_hub_size(p->session, p, size);
+    proto_json *result = proto_json_object(), *pair = proto_json_array();
+    const char *format = p->settings.video == SP_VIDEO_CODEC_COUNT
+                             ? sp_image_format_info(p->settings.format)->name
+                             : sp_video_codec_name(p->settings.video);
+    bool ok = proto_json_set_string(result, "format", format);
+    ok = proto_json_set_integer(result, "quality", p->settings.quality) && ok;
+    ok = proto_json_set_string(result, "subsampling", sp_chroma_name(p->settings.chroma)) && ok;
+    ok = proto_json_set_integer(result, "max_fps", p->settings.max_fps) && ok;
+    ok = proto_json_append_integer(pair, size[0]) && proto_json_append_integer(pair, size[1]) && ok;
+    ok = proto_json_set(result, "size", pair) && ok;
+    ok = proto_json_set_bool(result, "progressive", p->settings.progressive) && ok;
+    ok = proto_json_set_bool(result, "lossless", p->settings.lossless) && ok;
+    ok = proto_json_set_string(result, "name", p->identity.name) && ok;
+    if (!ok)
+        proto_json_free(&result);
+    return result;
+}
+
+bool srv_call_configure(struct srv_call *call) {
+    static const char *const known[] = { "format",   "quality", "subsampling",
+                                         "max_fps",  "size",    "progressive",
+                                         "lossless", "name",    NULL };
+    struct srv_participant *p = call->participant;
+    struct stream_settings s = { .format = p->settings.format,
+                                 .video = p->settings.video,
+                                 .chroma = p->settings.chroma,
+                                 .quality = p->settings.quality,
+                                 .max_fps = p->settings.wanted_fps,
+                                 .size = { p->settings.size[0], p->settings.size[1] },
+                                 .progressive = p->settings.progressive,
+                                 .lossless = p->settings.lossless };
+    if (!srv_call_knows(call, known) || !read_settings(call, &s))
+        return false;
+    bool changed = s.format != p->settings.format || s.video != p->settings.video ||
+                   s.quality != p->settings.quality || s.chroma != p->settings.chroma ||
+                   s.size[0] != p->settings.size[0] || s.size[1] != p->settings.size[1] ||
+                   s.progressive != p->settings.progressive || s.lossless != p->settings.lossless;
+    p->settings.format = s.format;
+    p->settings.video = s.video;
+    p->settings.chroma = s.chroma;
+    p->settings.quality = (int)s.quality;
+    p->settings.wanted_fps = (int)s.max_fps;
+    p->settings.max_fps = srv_owner_fps(&p->session->identity.owner, p->settings.wanted_fps);
+    p->settings.size[0] = (uint32_t)s.size[0];
+    p->settings.size[1] = (uint32_t)s.size[1];
+    p->settings.progressive = s.progressive;
+    p->settings.lossless = s.lossless;
+    set_name(call, s.name);
+    if (changed) {
+        p->delivery.is_video_refused = false;
+        srv_hub_emit(call->hub, SRV_IMAGE_CHANGED, p->session, p, call->now_ms);
+        srv_hub_notify(call->hub, p, SRV_NOTIFY_POLICY);
+    }
+    srv_hub_emit(call->hub, SRV_CONFIGURED, p->session, p, call->now_ms);
+    call->result = encode_settings(p);
+    return true;
+}
