@@ -402,7 +402,8 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *confl
     } else if (v->uses > 0) {
         *conflict = true;
         ok = sp_fail(err, SP_ERR_INVALID, NULL,
-                     "the volume has %u uses by sessions and renders; end them first", v->uses);
+                     "the volume is in use %u times, by sessions and renders; end them first",
+                     v->uses);
     } else {
         is_loading = v->is_removed = v == catalog->loading;
         *link = v->next;

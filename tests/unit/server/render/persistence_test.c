@@ -17,6 +17,7 @@
 #include "common/pagination.h"
 #include "config/tokens.h"
 #include "session/participant.h"
+#include "support/compare.h"
 #include "support/fake_volumes.h"
 
 /* The JSON library's own hook; its header belongs to protocol/json.c. */
@@ -75,7 +76,8 @@ static bool save(void *user, const char *id, const char *text, size_t size) {
         return false;
     f.saves++;
     assert_string_equal(id, f.id);
-    assert_true(size < sizeof f.text && strlen(text) == size);
+    assert_compare(size, <, sizeof f.text);
+    assert_int_equal(strlen(text), size);
     memcpy(f.text, text, size + 1);
     f.size = size;
     return true;
@@ -88,7 +90,7 @@ static bool save_each(void *user, const char *id, const char *text, size_t size)
     int i = 0;
     while (i < 4 && f.kept[i].text && strcmp(f.kept[i].id, id) != 0)
         i++;
-    assert_true(i < 4);
+    assert_compare(i, <, 4);
     free(f.kept[i].text);
     strcpy(f.kept[i].id, id);
     f.kept[i].text = strdup(text);
@@ -214,15 +216,19 @@ static void asleep_because(const char *why) {
 
 static void what_changed_is_saved_once(void **state) {
     (void)state;
-    assert_true(f.changes == 1 && srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
-    assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
+    assert_int_equal(f.changes, 1);
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
+    assert_int_equal(f.saves, 1);
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
+    assert_int_equal(f.saves, 1);
     patch("{\"size\":[40,20]}");
     patch("{\"size\":[41,20]}");
     assert_int_equal(f.changes, 3);
     f.refuses_save = true;
     assert_false(srv_hub_save(f.hub, 0, save, NULL));
     f.refuses_save = false;
-    assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 2);
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
+    assert_int_equal(f.saves, 2);
     assert_non_null(strstr(f.text, "[41,20]"));
 }
 
@@ -231,7 +237,8 @@ static void one_that_ended_is_not_saved(void **state) {
     delete_meanwhile = true; /* while its record is written, with no lock held */
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
     assert_false(delete_meanwhile);
-    assert_true(f.saves == 0 && f.ends == 1);
+    assert_int_equal(f.saves, 0);
+    assert_int_equal(f.ends, 1);
     assert_string_equal(f.ended, f.id);
 }
 
@@ -247,9 +254,12 @@ static void comes_back_as_it_was(void **state) {
     assert_string_equal(before, after);
     free(before);
     free(after);
-    assert_true(srv_hub_save(f.hub, 5000, save, NULL) && f.saves == 2); /* that it was used */
-    assert_true(srv_hub_save(f.hub, 5000, save, NULL) && f.saves == 2); /* nothing has changed */
-    assert_true(numbers().sessions == 1 && numbers().hibernated == 0);
+    assert_true(srv_hub_save(f.hub, 5000, save, NULL));
+    assert_int_equal(f.saves, 2); /* that it was used */
+    assert_true(srv_hub_save(f.hub, 5000, save, NULL));
+    assert_int_equal(f.saves, 2); /* nothing has changed */
+    assert_int_equal(numbers().sessions, 1);
+    assert_int_equal(numbers().hibernated, 0);
 }
 
 /* Nothing is lost when nobody uses a session, whatever happened to it, but for its own long limit.
@@ -262,24 +272,31 @@ static void an_idle_one_sleeps(void **state) {
     assert_int_equal(numbers().sessions, 1);
     f.changes = 0;
     srv_hub_tick(f.hub, 1011);
-    assert_true(numbers().sessions == 1 && f.changes == 1); /* not before it is saved */
+    assert_int_equal(numbers().sessions, 1);
+    assert_int_equal(f.changes, 1); /* not before it is saved */
     assert_true(srv_hub_save(f.hub, 0, save, NULL));
     srv_hub_tick(f.hub, 1012);
-    assert_true(numbers().sessions == 0 && numbers().hibernated == 1);
+    assert_int_equal(numbers().sessions, 0);
+    assert_int_equal(numbers().hibernated, 1);
     assert_int_equal(f.volumes.uses, 0);
     char *after = session_text_at(3000);
     assert_string_equal(before, after);
     free(before);
     free(after);
-    assert_true(srv_hub_save(f.hub, 3000, save, NULL) && f.saves == 2); /* that it was used */
-    assert_true(srv_hub_save(f.hub, 3900, save, NULL) && f.saves == 2); /* nothing has changed */
-    srv_hub_tick(f.hub, 3999);                                          /* idle since it woke */
+    assert_true(srv_hub_save(f.hub, 3000, save, NULL));
+    assert_int_equal(f.saves, 2); /* that it was used */
+    assert_true(srv_hub_save(f.hub, 3900, save, NULL));
+    assert_int_equal(f.saves, 2); /* nothing has changed */
+    srv_hub_tick(f.hub, 3999);    /* idle since it woke */
     assert_int_equal(numbers().sessions, 1);
-    assert_true(srv_hub_tick(f.hub, 4000) > 0 && numbers().hibernated == 1);
+    assert_compare(srv_hub_tick(f.hub, 4000), >, 0);
+    assert_int_equal(numbers().hibernated, 1);
     srv_hub_tick(f.hub, 52999); /* used last at 3000 */
-    assert_true(numbers().hibernated == 1 && f.ends == 0);
+    assert_int_equal(numbers().hibernated, 1);
+    assert_int_equal(f.ends, 0);
     srv_hub_tick(f.hub, 53000);
-    assert_true(numbers().hibernated == 0 && f.ends == 1);
+    assert_int_equal(numbers().hibernated, 0);
+    assert_int_equal(f.ends, 1);
     assert_string_equal(f.ended, f.id);
 }
 
@@ -290,7 +307,8 @@ static void one_whose_volume_is_gone_ends_as_well(void **state) {
     srv_hub_tick(f.hub, 49999);
     asleep_because("waits for its volume"); /* which is no use of it */
     srv_hub_tick(f.hub, 50000);
-    assert_true(numbers().hibernated == 0 && f.ends == 1);
+    assert_int_equal(numbers().hibernated, 0);
+    assert_int_equal(f.ends, 1);
 }
 
 static void sleep_goes_on_where_the_last_daemon_ended(void **state) {
@@ -300,9 +318,11 @@ static void sleep_goes_on_where_the_last_daemon_ended(void **state) {
     f.ran_ms = 30000;
     restart();
     srv_hub_tick(f.hub, 20009);
-    assert_true(numbers().hibernated == 1 && f.ends == 0);
+    assert_int_equal(numbers().hibernated, 1);
+    assert_int_equal(f.ends, 0);
     srv_hub_tick(f.hub, 20010);
-    assert_true(numbers().hibernated == 0 && f.ends == 1);
+    assert_int_equal(numbers().hibernated, 0);
+    assert_int_equal(f.ends, 1);
 }
 
 static void what_does_not_say_when_it_was_used_sleeps_from_now_on(void **state) {
@@ -337,19 +357,23 @@ static void so_does_what_was_used_later_than_now(void **state) {
 /* Who watches uses a session, without a change that would be saved. */
 static void that_it_is_used_is_saved_now_and_then(void **state) {
     (void)state;
-    assert_true(srv_hub_save(f.hub, 0, save, NULL) && f.saves == 1);
+    assert_true(srv_hub_save(f.hub, 0, save, NULL));
+    assert_int_equal(f.saves, 1);
     struct srv_participant *p = srv_hub_join(f.hub, f.id, SRV_ROLE_VIEW, "", NULL, 100, NULL);
     f.changes = 0;
     srv_hub_tick(f.hub, 999);
     assert_int_equal(f.changes, 0);
-    assert_true(srv_hub_save(f.hub, 999, save, NULL) && f.saves == 1);
+    assert_true(srv_hub_save(f.hub, 999, save, NULL));
+    assert_int_equal(f.saves, 1);
     srv_hub_tick(f.hub, 1000);
     srv_hub_tick(f.hub, 1001);
     assert_int_equal(f.changes, 1);
-    assert_true(srv_hub_save(f.hub, 1001, save, NULL) && f.saves == 2);
+    assert_true(srv_hub_save(f.hub, 1001, save, NULL));
+    assert_int_equal(f.saves, 2);
     assert_non_null(strstr(f.text, "\"used\":1.001"));
     srv_hub_leave(f.hub, &p, 1500);
-    assert_true(srv_hub_save(f.hub, 9000, save, NULL) && f.saves == 2); /* not used since */
+    assert_true(srv_hub_save(f.hub, 9000, save, NULL));
+    assert_int_equal(f.saves, 2); /* not used since */
 }
 
 static void all_are_listed(void **state) {
@@ -369,13 +393,18 @@ static void all_are_listed(void **state) {
     const struct srv_session_info *asleep = &notes[first], *awake = &notes[!first];
     assert_string_equal(asleep->id, f.id);
     assert_string_equal(asleep->volume, "v");
-    assert_true(asleep->is_hibernated && asleep->participants == 0 && asleep->idle_ms == 3000);
+    assert_true(asleep->is_hibernated);
+    assert_int_equal(asleep->participants, 0);
+    assert_compare(asleep->idle_ms, ==, 3000);
     assert_string_equal(awake->id, other);
-    assert_true(!awake->is_hibernated && awake->participants == 1 && awake->idle_ms == 0);
+    assert_false(awake->is_hibernated);
+    assert_int_equal(awake->participants, 1);
+    assert_compare(awake->idle_ms, ==, 0);
     srv_hub_leave(f.hub, &p, 2800);
     page.count = 0;
     srv_hub_list(f.hub, NULL, 3000, &page);
-    assert_true(awake->participants == 0 && awake->idle_ms == 200);
+    assert_int_equal(awake->participants, 0);
+    assert_compare(awake->idle_ms, ==, 200);
 }
 
 static void sleepers_have_a_limit_and_can_be_deleted(void **state) {
@@ -388,7 +417,8 @@ static void sleepers_have_a_limit_and_can_be_deleted(void **state) {
     const char *token =
         proto_json_string(proto_json_get(proto_json_get(record, "tokens"), "control"));
     restart();
-    assert_true(srv_hub_authorize(f.hub, f.id, token, &role, &err) && role == SRV_ROLE_CONTROL);
+    assert_true(srv_hub_authorize(f.hub, f.id, token, &role, &err));
+    assert_int_equal(role, SRV_ROLE_CONTROL);
     assert_false(srv_hub_authorize(f.hub, f.id, "x", &role, &err));
     assert_int_equal(err.code, SP_ERR_DENIED);
     proto_json_free(&record);
@@ -558,15 +588,22 @@ static void idle_ones_make_room(void **state) {
     assert_int_equal(numbers().hibernated, 0);
     assert_true(create(&nobody, false, 30, &err));
     strcpy(three, f.id);
-    assert_true(is_hibernated(one) && !is_hibernated(two) && !is_hibernated(three));
+    assert_true(is_hibernated(one));
+    assert_false(is_hibernated(two));
+    assert_false(is_hibernated(three));
     assert_true(wake(one, 40, &err));
-    assert_true(!is_hibernated(one) && is_hibernated(two) && !is_hibernated(three));
+    assert_false(is_hibernated(one));
+    assert_true(is_hibernated(two));
+    assert_false(is_hibernated(three));
     assert_true(srv_hub_save(f.hub, 50, save_each, NULL));
     struct srv_participant *in_one = srv_hub_join(f.hub, one, SRV_ROLE_VIEW, "", NULL, 50, NULL);
     assert_true(wake(two, 60, &err));
-    assert_true(!is_hibernated(one) && !is_hibernated(two) && is_hibernated(three));
+    assert_false(is_hibernated(one));
+    assert_false(is_hibernated(two));
+    assert_true(is_hibernated(three));
     struct srv_participant *in_two = srv_hub_join(f.hub, two, SRV_ROLE_VIEW, "", NULL, 60, NULL);
-    assert_true(in_one && in_two);
+    assert_true(in_one);
+    assert_true(in_two);
     assert_false(wake(three, 70, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_false(create(&nobody, false, 70, &err));
@@ -575,7 +612,8 @@ static void idle_ones_make_room(void **state) {
     srv_hub_leave(f.hub, &in_one, 80);
     srv_hub_leave(f.hub, &in_two, 90);
     assert_true(wake(three, 100, &err));
-    assert_true(is_hibernated(one) && !is_hibernated(two));
+    assert_true(is_hibernated(one));
+    assert_false(is_hibernated(two));
 }
 
 static void what_cannot_be_shown_sleeps_on(void **state) {
@@ -642,7 +680,9 @@ static void no_memory(void **state) {
         assert_true(err.code == SP_ERR_MEMORY || err.code == SP_ERR_FORMAT);
     left = -1;
     proto_json_free(&json);
-    assert_true(unsaved > 100 && unrestored > 100 && unshown > 100);
+    assert_compare(unsaved, >, 100);
+    assert_compare(unrestored, >, 100);
+    assert_compare(unshown, >, 100);
 }
 
 int main(void) {

@@ -17,6 +17,7 @@
 #include <cmocka.h>
 
 #include "common/clock.h"
+#include "support/compare.h"
 #include "support/gate.h"
 #include "support/render_fixture.h"
 #include "unit/server/counted.h"
@@ -82,7 +83,7 @@ static unsigned sharer_of(const struct sp_encoder *encoder) {
     unsigned i = 0;
     while (i < seen.sharer_count && seen.sharers[i].encoder != encoder)
         i++;
-    assert_true(i < seen.sharer_count);
+    assert_compare(i, <, seen.sharer_count);
     return i;
 }
 
@@ -269,7 +270,7 @@ static void a_caller_that_encodes_receives_the_frame(void **state) {
     gate_await(&frame.answers, 1);
     gate_await(&same.answers, 1);
     assert_int_equal(bytes.frames, 0);
-    assert_true(bytes.size > 0);
+    assert_compare(bytes.size, >, 0);
     assert_int_equal(frame.frames, 1);
     assert_int_equal(same.frames, 1);
     assert_int_equal(frame.size, 0);
@@ -389,12 +390,13 @@ static void owners_are_charged_for_their_time(void **state) {
     srv_fair_owners_begin(&owners, "ann");
     srv_fair_owners_charge(&owners, "ann", 30);
     srv_fair_owners_charge(&owners, "ann", 10);
-    assert_true(srv_fair_owners_start(&owners, "ann") == 40);
-    assert_true(srv_fair_owners_start(&owners, "bob") == 0);
+    assert_compare(srv_fair_owners_start(&owners, "ann"), ==, 40);
+    assert_compare(srv_fair_owners_start(&owners, "bob"), ==, 0);
     srv_fair_owners_charge(&owners, "bob", 50);
     srv_fair_owners_begin(&owners, "ann");
-    assert_true(srv_fair_owners_start(&owners, "new") == 40); /* an idle owner saves up no time */
-    assert_true(srv_fair_owners_start(&owners, "bob") == 50);
+    assert_compare(srv_fair_owners_start(&owners, "new"), ==,
+                   40); /* an idle owner saves up no time */
+    assert_compare(srv_fair_owners_start(&owners, "bob"), ==, 50);
     for (int i = 0; i < 2 * SRV_FAIR_OWNERS_MAX; i++) {
         snprintf(name, sizeof name, "host %d", i);
         srv_fair_owners_charge(&owners, name, 1);
@@ -403,7 +405,7 @@ static void owners_are_charged_for_their_time(void **state) {
     assert_true(srv_fair_owners_start(&owners, "bob") ==
                 50); /* the owners with the least lose their accounts */
     srv_fair_owners_reset(&owners);
-    assert_true(srv_fair_owners_start(&owners, "bob") == 0);
+    assert_compare(srv_fair_owners_start(&owners, "bob"), ==, 0);
 }
 
 static void background_snapshots_come_last(void **state) {
@@ -578,7 +580,7 @@ static void the_final_frame_of_a_session_is_not_rendered_again(void **state) {
     f->participant = render_fixture_join(&f->render, f->id, SRV_ROLE_CONTROL);
     await_final_frame(f, f->participant);
     long renders = counted_stages(f->render.metrics, "render");
-    assert_true(renders > 0);
+    assert_compare(renders, >, 0);
     assert_true(request(f, &client, 512, false));
     gate_await(&client.answers, 1);
     assert_int_equal(client.images, 1);
@@ -648,7 +650,7 @@ static void idle_threads_help_with_a_snapshot_except_the_reserved_one(void **sta
     }
     assert_int_equal(seen.by[0], 0);
     for (int t = 1; t < ENCODE_THREADS; t++)
-        assert_true(seen.by[t] >= PICTURES);
+        assert_compare(seen.by[t], >=, PICTURES);
 }
 
 static void idle_foreground_threads_help_with_a_session_frame(void **state) {

@@ -20,6 +20,7 @@
 
 #include "common/clock.h"
 #include "render/video.h"
+#include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
 
 enum { WIDTH = 64, HEIGHT = 48, SIDE = 16, PEOPLE = 3, FLYING = 2, VIDEO_PX = 1 << 20 };
@@ -293,7 +294,10 @@ static void whatever_happens(void **state) {
         tear_down(&w);
     }
     print_message("%u of video, %u of them keys; %u stills\n", videos, keys, stills);
-    assert_true(videos > 500 && keys > 50 && videos > keys + 200 && stills > 50);
+    assert_compare(videos, >, 500);
+    assert_compare(keys, >, 50);
+    assert_compare(videos, >, keys + 200);
+    assert_compare(stills, >, 50);
 }
 
 /* All keep up: a key frame for each size, then deltas, shared; the still at the end costs nobody a
@@ -314,7 +318,7 @@ static void in_step(void **state) {
         come_to_rest(&w);
     }
     for (int p = 0; p < PEOPLE; p++) {
-        assert_true(w.people[p].videos >= 50);
+        assert_compare(w.people[p].videos, >=, 50);
         /* The very first picture is smaller: nothing was known of its cost. */
         assert_int_equal(w.people[p].keys, 2);
         assert_true(w.people[p].is_final);
@@ -348,7 +352,7 @@ static void left_out(void **state) {
             assert_int_equal(w.people[0].videos, videos + 1);
     }
     assert_int_equal(w.people[0].videos, videos + 3);
-    assert_true(w.people[0].keys <= keys + 1); /* of the second size */
+    assert_compare(w.people[0].keys, <=, keys + 1); /* of the second size */
     tear_down(&w);
 }
 
@@ -450,9 +454,10 @@ static void greedy(void **state) {
                 ;
     }
     /* Encoders go by the real clock, which hardly moves here: one key for all, at the start. */
-    assert_true(w.people[0].videos > 100 && w.people[0].keys <= 1 + w.people[2].keys);
-    assert_true(w.people[0].keys < 20);
-    assert_true(w.people[2].stills > 50);
+    assert_compare(w.people[0].videos, >, 100);
+    assert_compare(w.people[0].keys, <=, 1 + w.people[2].keys);
+    assert_compare(w.people[0].keys, <, 20);
+    assert_compare(w.people[2].stills, >, 50);
     tear_down(&w);
 }
 
@@ -477,9 +482,10 @@ static void slower(void **state) {
                 ;
     }
     /* Encoders go by the real clock, as in greedy(). */
-    assert_true(alone > 3);
-    assert_true(w.people[0].videos > 100 && w.people[0].keys < 5);
-    assert_true(w.people[2].stills > 3);
+    assert_compare(alone, >, 3);
+    assert_compare(w.people[0].videos, >, 100);
+    assert_compare(w.people[0].keys, <, 5);
+    assert_compare(w.people[2].stills, >, 3);
     tear_down(&w);
 }
 
@@ -513,7 +519,7 @@ static void no_room(void **state) {
     assert_true(large->stills > 0);
     assert_int_equal(large->refusals, 1);
     assert_int_equal(large->policies, told);
-    assert_true(w.people[0].videos > 3);
+    assert_compare(w.people[0].videos, >, 3);
     assert_int_equal(w.people[0].refusals, 0);
     say(&w, large->p,
         "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
