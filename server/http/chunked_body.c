@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "common/clock.h"
-#include "http/http_private.h"
+#include "http/listener_private.h"
 
 enum { BLOCK = 64 * 1024 };
 

@@ -13,7 +13,7 @@
 #include "common/clock.h"
 #include "http/assets.h"
 #include "http/descriptors.h"
-#include "http/http_private.h"
+#include "http/listener_private.h"
 #include "http/tls.h"
 #include "sp/log.h"
 

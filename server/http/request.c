@@ -6,7 +6,7 @@
 
 #include "common/clock.h"
 #include "http/headers.h"
-#include "http/http_private.h"
+#include "http/listener_private.h"
 #include "http/response.h"
 #include "sp/log.h"
 

@@ -3,7 +3,7 @@
 
 #include "http/assets.h"
 #include "http/headers.h"
-#include "http/http_private.h"
+#include "http/listener_private.h"
 
 /* The page loads nothing from elsewhere, is framed by nobody and talks to this daemon alone. */
 static const char policy[] =

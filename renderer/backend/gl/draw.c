@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "backend/gl/draw.h"
+#include "backend/gl/state.h"
 
 #include <assert.h>
 #include <epoxy/gl.h>

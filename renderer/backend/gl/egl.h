@@ -15,8 +15,10 @@
 #include <stdbool.h>
 
 #include "backend/backend.h"
-#include "backend/gl/context.h"
 #include "sp/probe.h"
+
+struct gl_context; /* backend/gl/context.h */
+struct gl_info;
 
 struct gl_place {
     const char *platform; /* as in gl_info */

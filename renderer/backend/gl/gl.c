@@ -6,8 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "backend/gl/draw.h"
+#include "backend/gl/context.h"
 #include "backend/gl/egl.h"
+#include "backend/gl/state.h"
 
 static void name_device(struct gl_state *state) {
     const struct gl_info *info = gl_context_info(state->context);

@@ -12,7 +12,7 @@
 #ifndef GL_MEMORY_H
 #define GL_MEMORY_H
 
-#include "backend/gl/draw.h"
+#include "backend/gl/state.h"
 
 /* Sets the limits of the workload from the GPU's limits and the budget,
  * state->residency.limit_bytes. */

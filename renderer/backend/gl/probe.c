@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "backend/gl/context.h"
 #include "backend/gl/egl.h"
 #include "sp/probe.h"
 

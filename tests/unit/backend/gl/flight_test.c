@@ -15,7 +15,7 @@
 #include <string.h>
 
 #include "backend/backend.h"
-#include "backend/gl/draw.h"
+#include "backend/gl/state.h"
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/image.h"

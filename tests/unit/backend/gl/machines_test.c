@@ -13,7 +13,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "backend/gl/draw.h"
+#include "backend/gl/state.h"
 #include "sp/log.h"
 #include "sp/probe.h"
 #include "unit/backend/gl/fake_machine.h"

@@ -15,8 +15,8 @@
 #include <string.h>
 
 #include "backend/backend.h"
-#include "backend/gl/draw.h"
 #include "backend/gl/memory.h"
+#include "backend/gl/state.h"
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/image.h"

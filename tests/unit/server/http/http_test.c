@@ -16,7 +16,7 @@
 #include "http/handshake.h"
 #include "http/headers.h"
 #include "http/host_rate.h"
-#include "http/http_private.h"
+#include "http/listener_private.h"
 #include "http/query.h"
 #include "http/reply.h"
 #include "http/router.h"

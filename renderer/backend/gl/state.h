@@ -18,8 +18,8 @@
  * is drawn, and the band is drawn again with a larger buffer or in smaller pieces (workload.h).
  * Therefore nothing is read back in the middle of a frame, and nothing is left out.
  */
-#ifndef GL_DRAW_H
-#define GL_DRAW_H
+#ifndef GL_STATE_H
+#define GL_STATE_H
 
 #include "backend/gl/bins.h"
 #include "backend/gl/buffer.h"

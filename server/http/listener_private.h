@@ -3,8 +3,8 @@
  * What the two halves of HTTP share: listener.c, which has sockets and threads, and request.c,
  * which has requests.
  */
-#ifndef SRV_HTTP_HTTP_PRIVATE_H
-#define SRV_HTTP_HTTP_PRIVATE_H
+#ifndef SRV_HTTP_LISTENER_PRIVATE_H
+#define SRV_HTTP_LISTENER_PRIVATE_H
 
 #include <pthread.h>
 
