@@ -123,7 +123,7 @@ class Refusals(unittest.TestCase):
         for options in ('--backend', 'cpu'), ('--backend', 'gl-software'):
             done = run(SPLATD, '--listen', '127.0.0.1:0', '--require-gpu', *options)
             self.assertEqual(done.returncode, 2)
-            self.assertIn(f'backend {options[1]} does without a GPU', done.stderr)
+            self.assertIn(f'backend {options[1]} does not use one', done.stderr)
 
     def test_a_gpu_that_is_not_there(self):
         for program, arguments in ((SPLATD, ('--listen', '127.0.0.1:0')),
