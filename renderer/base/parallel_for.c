@@ -30,7 +30,7 @@ struct sp_pool {
     sp_block_fn *fn;
     void *user;
     size_t count, grain;
-    atomic_size_t next; /* first index that nobody has claimed */
+    atomic_size_t next; /* first index that no worker has claimed */
 
     struct worker workers[]; /* 1 … threads-1; [0] is the caller and has no thread */
 };

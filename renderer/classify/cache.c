@@ -105,7 +105,7 @@ static void trim(struct sp_classify_cache *cache, const struct sp_classify_slot 
             cache->slots[i].used = 0;
 }
 
-/* Makes lists anew in the slot, deriving them from what it has. */
+/* Rebuilds the lists in the slot from those it has. */
 static bool renew(struct sp_classify_slot *slot, struct sp_volume *volume,
                   const struct sp_classify_job *job, bool widens, struct sp_error *err) {
     struct sp_classification next;

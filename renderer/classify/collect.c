@@ -26,7 +26,7 @@ struct collect {
     const void *voxels;
     const uint32_t *dims;
     struct sp_visible *list;
-    unsigned axis;         /* that bricks which are made anew are cut along */
+    unsigned axis;         /* that rebuilt bricks are cut along */
     const uint64_t *cells; /* order post: what can matter, by brick; else NULL */
     struct sp_range *ranges;
     const uint8_t *listed; /* by key; NULL = what is visible, or can matter */
@@ -256,7 +256,7 @@ static uint32_t count_brick(const struct collect *c, struct sp_dense *dense, uin
     return sp_dense_count(dense);
 }
 
-/* Normals of a brick that was made anew: those of voxels that the source lists are its own. */
+/* Normals of a rebuilt brick: those of voxels that the source lists are its own. */
 static void find_normals(const struct collect *c, uint32_t brick, struct sp_dense *dense,
                          struct sp_dense *old) {
     struct sp_visible element = { .normal = &dense->normal, .normal_bytes = c->list->normal_bytes };
@@ -279,7 +279,7 @@ static void copy_entries(const void *from, uint64_t at, void *to, uint64_t out, 
     memcpy((uint8_t *)to + out * bytes, (const uint8_t *)from + at * bytes, count * bytes);
 }
 
-/* Copies an unchanged brick; false when it has to be made anew. */
+/* Copies an unchanged brick; false when it must be rebuilt. */
 static bool copy_brick(const struct collect *c, uint32_t brick) {
     if (!is_unchanged(c, brick))
         return false;

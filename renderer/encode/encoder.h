@@ -39,10 +39,10 @@ struct sp_raster {
     bool is_opaque; /* of 8 bit: the fourth channel is 255 everywhere, and can be left out */
 };
 
-/* Empties it, with room for `capacity` bytes; what a far larger image left is given back. */
+/* Empties the buffer and reserves `capacity` bytes. Frees memory that a far larger image left. */
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err);
 
-/* Makes what room it lacks. False when out of memory; the content stays. */
+/* Grows the buffer as needed. False when out of memory; the content stays. */
 bool sp_buffer_append(struct sp_buffer *buffer, const void *bytes, size_t size);
 
 /* All write encoder->output. jpeg, png and webp take 8 bits, exr floats; jpeg ignores the fourth

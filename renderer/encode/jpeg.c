@@ -50,7 +50,7 @@ void sp_encoder_set_share(struct sp_encoder *encoder, sp_share_fn *share, void *
  *   └──────────┬─────────┘   │      │          └───── dropped ──────┘    │      │
  *   SOI tables SOF DHT DRI SOS  scan   RST0                             scan   RST1 …     EOI
  *
- * Joined they are what an encoder makes that begins anew after each stripe (ITU-T T.81, B.2.1 and
+ * Joined they are what an encoder makes that restarts after each stripe (ITU-T T.81, B.2.1 and
  * E.1.4, restart intervals): the same coefficients as without stripes. */
 enum { STRIPE_PX = 256 << 10, STRIPES_MAX = 32, STRIPE_ALIGN = 16, DRI_BYTES = 6 };
 enum { MARK_SOF = 0xc0, MARK_RST = 0xd0, MARK_SOS = 0xda, MARK_DRI = 0xdd };

@@ -6,7 +6,7 @@
  * over their whole range, depths from thin air to stone.
  *
  * Kernels end at the cutoff, or farther out where they have no footprints: the reference is drawn
- * both ways, and the nearer picture counts.
+ * both ways, and the nearer image counts.
  *
  *   test_conformance_postconv [SEED [END]]
  */
@@ -119,7 +119,7 @@ static bool make_scene(struct test_scene *s, unsigned seed) {
     return true;
 }
 
-/* dB between the two renderers' pictures. */
+/* dB between the two renderers' images. */
 static double compare(const struct test_renderer *reference, const struct test_renderer *r,
                       const struct test_scene *scene) {
     struct test_scene far = *scene;

@@ -30,7 +30,7 @@ struct test_footprint {
     double x, y, rx, ry;          /* centre and half sides of the box, px */
     double conic[3];              /* Ṽ⁻¹: xx, xy, yy; flat: 0 */
     double peak;                  /* length at the centre, world units; flat: everywhere */
-    double distance, slope[2];    /* depth: x2 and its change a pixel */
+    double distance, slope[2];    /* depth: x2 and its change per pixel */
     double deviation, reach;      /* along the ray given the pixel; r √V22 */
     double numbers[TEST_NUMBERS]; /* pre: c·g, g; post: gradient, 1, f; times length they add up */
     bool flat;

@@ -96,7 +96,7 @@ static void error_texts_are_cut_not_overrun(void **state) {
     assert_false(sp_fail(&err, SP_ERR_FORMAT, longer, "%s", longer));
     assert_int_equal(strlen(err.place), SP_ERROR_PLACE - 1);
     assert_int_equal(strlen(err.text), SP_ERROR_TEXT - 1);
-    assert_false(sp_fail(NULL, SP_ERR_FORMAT, NULL, "nobody listens"));
+    assert_false(sp_fail(NULL, SP_ERR_FORMAT, NULL, "no error object"));
     assert_string_equal(sp_code_name(SP_ERR_FORMAT), "format");
 }
 

@@ -605,7 +605,7 @@ static void microflakes_match_those_of_the_surface(void **state) {
         for (int i = 0; i < 6; i++)
             assert_int_equal(word[i / 4] >> 8 * (i % 4) & 255, surface ? shown[i] : 0);
     }
-    /* Another colour makes them anew. */
+    /* Another colour rebuilds them. */
     struct sp_transfer_function other = ramp;
     other.points[1].color[1] = 1;
     job.tf = &other;

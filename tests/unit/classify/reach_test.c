@@ -26,7 +26,7 @@ enum { X = 37, Y = 21, Z = 50 };
 static double value_at(int shape, int x, int y, int z) {
     if (shape == 0) /* a ball, nothing else */
         return hypot(hypot(x - 10, y - 10), z - 12) < 4 ? 100 : 0;
-    if (shape == 1) /* two half-spaces: what lies between is nobody's value */
+    if (shape == 1) /* two half-spaces: what lies between is no voxel's value */
         return x < 18 ? 0 : 100;
     return 50 + 50 * sin(0.3 * x + 0.1 * y) * cos(0.15 * z);
 }

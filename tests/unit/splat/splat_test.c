@@ -320,7 +320,7 @@ static void adaptive_rule_is_conservative(void **state) {
             assert_int_equal(sp_adaptive_count(&g), sizeof modes);
             enum sp_filter_mode shared = sp_adaptive_fill(&adaptive, modes);
             int differ = 0;
-            /* No voxel of a block may need a dearer filter than the block takes. */
+            /* No voxel of a block may need a costlier filter than the block takes. */
             for (uint32_t k = 0; k < 33; k++)
                 for (uint32_t j = 0; j < 40; j++)
                     for (uint32_t i = 0; i < 70; i++) {
