@@ -187,7 +187,7 @@ static bool count_visible(struct sp_classification *c, const struct sp_classify_
     return true;
 }
 
-/* Counts a list whose entries another owner holds. */
+/* Counts a list through job->counter, whose owner holds the entries. */
 static bool count_elsewhere(struct sp_classification *c, unsigned l, uint32_t key_bytes,
                             uint32_t normal_bytes, const struct sp_classify_job *job,
                             struct sp_error *err) {

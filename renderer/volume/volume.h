@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Volumes in memory, private to the renderer: how one comes to be. This folder holds the grid, the
+ * Volumes in memory, private to the renderer: how one is created. This folder holds the grid, the
  * samples, their statistics and the built-in volumes; files are the business of import/.
  *
  *   procedural.c ─► samples ─┐

@@ -192,7 +192,7 @@ int main(int argc, char **argv) {
         }
         for (unsigned seed = first; seed < end; seed++, ran++)
             check(&reference, &r, target.isa, seed, &t);
-        printf("%s: lowest %.2f dB, adaptive %.2f dB; %u pictures without footprints\n", target.isa,
+        printf("%s: lowest %.2f dB, adaptive %.2f dB; %u images without footprints\n", target.isa,
                t.lowest[0], t.lowest[1], t.filtered);
         failed += t.failed + (argc == 1 && t.filtered < SCENES / 8);
         test_renderer_close(&r);

@@ -308,7 +308,7 @@ static void check_set_up(const struct cpu_kernels *kernels) {
             normal[2 * i] = (uint32_t)rand() << 1;
             normal[2 * i + 1] = (uint32_t)rand() << 1;
         }
-        list.normal_bytes = n % 3 ? 4 : 8; /* normals, or fragments */
+        list.normal_bytes = n % 3 ? 4 : 8; /* normals, or microflakes */
         struct sp_camera_frame camera;
         struct sp_ewa_frame frame;
         struct sp_shade shade;

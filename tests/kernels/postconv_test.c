@@ -487,7 +487,7 @@ static void what_filters_leave_is_drawn(void **state) {
     assert_true(lowest > FORMULA_FLOOR);
 }
 
-/* What the kernel sees is cancelled after a tile has begun. */
+/* Cancels the frame after the kernel has begun a tile. */
 struct late {
     const struct cpu_kernels *kernels;
     atomic_bool cancel;
