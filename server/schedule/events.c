@@ -119,7 +119,7 @@ struct srv_schedule *srv_schedule_create(struct srv_hub *hub,
               (schedule->choices = calloc(sessions_max, sizeof *schedule->choices));
     if (!ok) {
         srv_schedule_destroy(&schedule);
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the scheduler");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the scheduler");
         return NULL;
     }
     schedule->hub = hub;

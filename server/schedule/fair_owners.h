@@ -2,7 +2,7 @@
  *
  * Fair sharing between the owners of snapshots: each owner receives the same time for rendering and
  * encoding (fair_queue.h), however many snapshots it has in the queue. An owner without an account
- * starts at the clock, so nobody saves up time while idle. When the queue is empty, all accounts
+ * starts at the clock, so idle owners save up no time. When the queue is empty, all accounts
  * are reset. Pure: no clock, no lock.
  */
 #ifndef SRV_SCHEDULE_FAIR_OWNERS_H
@@ -15,7 +15,7 @@ enum {
     SRV_FAIR_OWNERS_MAX = 64 /* accounts; beyond that, the owner with the least loses its account */
 };
 
-struct srv_fair_owners { /* zero-initialised = nobody has received anything */
+struct srv_fair_owners { /* zero-initialised = no owner has received anything */
     struct {
         char name[SRV_FAIR_OWNER_BYTES];
         struct srv_fair_account account;

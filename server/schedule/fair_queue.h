@@ -16,7 +16,7 @@
  * The clock is the time that each account has received that always wants something. An account
  * starts at the clock or at its own end, whichever is later. So idle accounts save up nothing, and
  * what an account received too much stays a debt. When all accounts are idle, the clock moves to
- * the last end: time that nobody else wanted is no debt.
+ * the last end: time that no other account wanted is no debt.
  *
  * An account that starts no later than the mean of all that want something is eligible. Of the
  * eligible ones the frame with the earliest deadline is drawn first (decide.h). Taking turns

@@ -14,7 +14,7 @@
 
 #include "schedule/state.h"
 
-enum { PAUSE_SLOTS = 2 }; /* slots without a frame, after which they begin anew */
+enum { PAUSE_SLOTS = 2 }; /* slots without a frame, after which new slots begin */
 #define ROUNDING 1e-6     /* of a time that is the start of a slot, in slots */
 
 static struct srv_detail detail_of(const struct srv_render_job *job) {

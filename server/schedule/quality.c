@@ -4,11 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-#define FORGET 0.8    /* weight of the past against one new frame */
-#define SLOW 2.0      /* times the expected time: something was in the way, or all has changed */
-#define FAST (2 / 3.) /* of the expected time: what was in the way is gone */
+#define FORGET 0.8    /* weight of the past with each new frame */
+#define SLOW 2.0      /* times the expected time: the load rose for a moment, or for good */
+#define FAST (2 / 3.) /* of the expected time: the load fell */
 #define RAISE 0.75    /* of the budget: detail comes back */
-#define HEARSAY 9.0   /* load_log of what was not seen here at all */
+#define HEARSAY 9.0   /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
 enum { SIDES = 8, SIDE_MIN = 2, SIDE_USEFUL = 4, FAILURES_MAX = 5 };
@@ -17,22 +17,22 @@ struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
 };
 
-void srv_quality_init(struct srv_quality *pace) {
-    memset(pace, 0, sizeof *pace);
+void srv_quality_init(struct srv_quality *quality) {
+    memset(quality, 0, sizeof *quality);
 }
 
-void srv_quality_init_from(struct srv_quality *pace, const struct srv_quality *other) {
-    srv_quality_init(pace);
+void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other) {
+    srv_quality_init(quality);
     for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
         const struct srv_quality_fit *fit = &other->fits[mip_level];
-        pace->fits[mip_level] = (struct srv_quality_fit){ .weight = fit->weight,
-                                                          .x = fit->x,
-                                                          .y = fit->y,
-                                                          .xx = fit->xx,
-                                                          .xy = fit->xy,
-                                                          .ratio = fit->ratio,
-                                                          .last_mpx = fit->last_mpx,
-                                                          .load_log = HEARSAY };
+        quality->fits[mip_level] = (struct srv_quality_fit){ .weight = fit->weight,
+                                                             .x = fit->x,
+                                                             .y = fit->y,
+                                                             .xx = fit->xx,
+                                                             .xy = fit->xy,
+                                                             .ratio = fit->ratio,
+                                                             .last_mpx = fit->last_mpx,
+                                                             .load_log = HEARSAY };
     }
 }
 
@@ -44,7 +44,7 @@ static double megapixels(const uint32_t size[2]) {
     return (double)size[0] * size[1] * 1e-6;
 }
 
-/* From the spread of the sizes, if there is enough of it. */
+/* Fits a line if the sizes of the frames differ enough. */
 static bool fit_line(const struct srv_quality_fit *fit, struct model *model) {
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
     double variance = fit->xx / fit->weight - mean_x * mean_x;
@@ -60,41 +60,42 @@ static bool fit_line(const struct srv_quality_fit *fit, struct model *model) {
     return true;
 }
 
-/* fixed / per_px of a level as last seen, else of another one (footprints cover the picture alike,
- * an eighth of the voxels is left a level coarser); 0 = no level was drawn in several sizes. */
-static double ratio_of(const struct srv_quality *pace, unsigned mip_level) {
-    if (pace->fits[mip_level].ratio > 0)
-        return pace->fits[mip_level].ratio;
+/* Returns fixed / per_px of a level as last seen, or derives it from another level: footprints
+ * cover the frame alike, and each level has an eighth of the voxels. 0 = no level had several
+ * sizes. */
+static double ratio_of(const struct srv_quality *quality, unsigned mip_level) {
+    if (quality->fits[mip_level].ratio > 0)
+        return quality->fits[mip_level].ratio;
     for (unsigned other = 0; other <= SP_MIP_LEVEL_MAX; other++)
-        if (pace->fits[other].ratio > 0)
-            return ldexp(pace->fits[other].ratio, 3 * ((int)other - (int)mip_level));
+        if (quality->fits[other].ratio > 0)
+            return ldexp(quality->fits[other].ratio, 3 * ((int)other - (int)mip_level));
     return 0;
 }
 
-/* Of a level that was drawn. Where its frames had one size and no ratio is known, a third of the
- * time is for the pixels, until another size tells. */
-static struct model model_of_drawn(const struct srv_quality *pace, unsigned mip_level) {
-    const struct srv_quality_fit *fit = &pace->fits[mip_level];
+/* Returns the model of a level that was drawn. If its frames had one size and no ratio is known, a
+ * third of the time is assumed to be for the pixels. */
+static struct model model_of_drawn(const struct srv_quality *quality, unsigned mip_level) {
+    const struct srv_quality_fit *fit = &quality->fits[mip_level];
     struct model model;
     if (fit_line(fit, &model))
         return model;
     double mean_x = fit->x / fit->weight, mean_y = fit->y / fit->weight;
-    double ratio = ratio_of(pace, mip_level);
+    double ratio = ratio_of(quality, mip_level);
     model.slope = mean_y / (mean_x + (ratio > 0 ? ratio : 2 * mean_x));
     model.fixed = mean_y - model.slope * mean_x;
     return model;
 }
 
-/* A level that was never drawn has an eighth of the next finer one's work a voxel. All 0: unknown.
+/* A level that was never drawn takes an eighth of the next finer one's fixed time. All 0: unknown.
  */
-static struct model model_of(const struct srv_quality *pace, unsigned mip_level) {
+static struct model model_of(const struct srv_quality *quality, unsigned mip_level) {
     struct model model = { 0, 0 };
     unsigned known = mip_level + 1;
-    while (known > 0 && pace->fits[known - 1].weight == 0)
+    while (known > 0 && quality->fits[known - 1].weight == 0)
         known--;
     if (known == 0)
         return model;
-    model = model_of_drawn(pace, known - 1);
+    model = model_of_drawn(quality, known - 1);
     model.fixed = ldexp(model.fixed, -3 * (int)(mip_level - (known - 1)));
     return model;
 }
@@ -103,8 +104,8 @@ static double time_of(const struct model *model, double mpx) {
     return model->fixed + model->slope * mpx;
 }
 
-double srv_quality_expected_ms(const struct srv_quality *pace, const struct srv_detail *detail) {
-    struct model model = model_of(pace, detail->mip_level);
+double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail) {
+    struct model model = model_of(quality, detail->mip_level);
     return time_of(&model, megapixels(detail->size));
 }
 
@@ -121,18 +122,18 @@ static bool is_finer(struct choice a, struct choice b) {
     return a.mip_level < b.mip_level || (a.mip_level == b.mip_level && a.side > b.side);
 }
 
-/* Of the expected time of a level: doubt counts for levels below `doubted`. */
-static double trust_of(const struct srv_quality *pace, unsigned mip_level, unsigned doubted) {
-    return mip_level < doubted ? 1 - pace->fits[mip_level].doubt : 1;
+/* Returns the part of a level's expected time that is believed; doubt counts below `doubted`. */
+static double trust_of(const struct srv_quality *quality, unsigned mip_level, unsigned doubted) {
+    return mip_level < doubted ? 1 - quality->fits[mip_level].doubt : 1;
 }
 
-/* The finest choice that is expected within limit_ms; else the coarsest that gains anything. */
-static struct choice finest(const struct srv_quality *pace, const uint32_t full[2], double limit_ms,
-                            unsigned doubted) {
+/* Returns the finest choice that is expected within limit_ms, else the coarsest that is useful. */
+static struct choice finest(const struct srv_quality *quality, const uint32_t full[2],
+                            double limit_ms, unsigned doubted) {
     for (unsigned mip_level = 0;; mip_level++) {
         bool last = mip_level == SP_MIP_LEVEL_MAX;
-        struct model model = model_of(pace, mip_level);
-        double trust = trust_of(pace, mip_level, doubted);
+        struct model model = model_of(quality, mip_level);
+        double trust = trust_of(quality, mip_level, doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         unsigned side = SIDES, least = last ? SIDE_MIN : SIDE_USEFUL;
         for (;; side--) {
@@ -148,39 +149,39 @@ static struct choice finest(const struct srv_quality *pace, const uint32_t full[
     }
 }
 
-void srv_quality_moving(struct srv_quality *pace, const uint32_t full[2], double budget_ms,
+void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,
                         struct srv_detail *detail) {
-    struct choice now = { pace->mip_level, pace->side }, best = { 0, SIDES / 2 };
-    if (pace->fits[0].weight > 0)
-        best = finest(pace, full, budget_ms * RAISE, now.side ? now.mip_level : 0);
+    struct choice now = { quality->mip_level, quality->side }, best = { 0, SIDES / 2 };
+    if (quality->fits[0].weight > 0)
+        best = finest(quality, full, budget_ms * RAISE, now.side ? now.mip_level : 0);
     if (now.side) {
         *detail = (struct srv_detail){ .mip_level = now.mip_level };
         scale(full, now.side, detail->size);
-        if (srv_quality_expected_ms(pace, detail) <= budget_ms && !is_finer(best, now))
+        if (srv_quality_expected_ms(quality, detail) <= budget_ms && !is_finer(best, now))
             best = now;
     }
-    pace->mip_level = best.mip_level;
-    pace->side = best.side;
+    quality->mip_level = best.mip_level;
+    quality->side = best.side;
     detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
 }
 
-double srv_quality_moving_ms(const struct srv_quality *pace, const uint32_t full[2],
+double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
                              double budget_ms) {
-    struct srv_quality next = *pace;
+    struct srv_quality next = *quality;
     struct srv_detail detail;
     srv_quality_moving(&next, full, budget_ms, &detail);
-    return srv_quality_expected_ms(pace, &detail) *
-           trust_of(pace, detail.mip_level, pace->side ? pace->mip_level : 0);
+    return srv_quality_expected_ms(quality, &detail) *
+           trust_of(quality, detail.mip_level, quality->side ? quality->mip_level : 0);
 }
 
-bool srv_quality_intermediate(const struct srv_quality *pace, const uint32_t full[2],
+bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
                               const struct srv_detail *shown, struct srv_detail *detail) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
-    double sharp_ms = srv_quality_expected_ms(pace, &sharp);
+    double sharp_ms = srv_quality_expected_ms(quality, &sharp);
     if (sharp_ms <= SRV_QUALITY_INTERMEDIATE_MS)
         return false;
-    struct choice best = finest(pace, full, sharp_ms / 4, 0);
+    struct choice best = finest(quality, full, sharp_ms / 4, 0);
     detail->mip_level = best.mip_level;
     scale(full, best.side, detail->size);
     return best.mip_level < shown->mip_level ||
@@ -195,14 +196,14 @@ static void forget(struct srv_quality_fit *fit, double keep) {
     fit->xy *= keep;
 }
 
-/* The last frame had the size of this one: what differs is the load. Between sizes the model may
- * err. */
+/* True if the last frame had this size: then a difference in time is load, not an error of the
+ * model. */
 static bool is_same_size(const struct srv_quality_fit *fit, double mpx) {
     return fit->weight > 0 && fabs(mpx - fit->last_mpx) <= 0.05 * mpx;
 }
 
-/* How much of the past to keep when a frame took *ms where expected_ms was expected (0 =
- * nothing to compare it with); limits what a single slow frame can do. */
+/* Returns the weight of the past after a frame that took *ms; expected_ms 0 = nothing to compare
+ * with. Limits the effect of a single slow frame. */
 static double keep_of(struct srv_quality_fit *fit, double expected_ms, double *ms) {
     double hearsay = fabs(fit->load_log);
     bool slow = expected_ms > 0 && *ms > SLOW * expected_ms;
@@ -229,29 +230,29 @@ static void add(struct srv_quality_fit *fit, double mpx, double expected_ms, dou
         fit->ratio = fmax(model.fixed / model.slope, 1e-6);
 }
 
-/* Adds a frame, and tells the other levels of the load that it shows. */
-static void learn(struct srv_quality *pace, unsigned mip_level, double mpx, double ms) {
-    struct srv_quality_fit *fit = &pace->fits[mip_level];
+/* Adds a frame, and applies the load that it shows to the other levels. */
+static void learn(struct srv_quality *quality, unsigned mip_level, double mpx, double ms) {
+    struct srv_quality_fit *fit = &quality->fits[mip_level];
     double was = 0;
     if (is_same_size(fit, mpx)) {
-        struct model before = model_of_drawn(pace, mip_level);
+        struct model before = model_of_drawn(quality, mip_level);
         was = time_of(&before, mpx);
     }
     add(fit, mpx, was, ms);
-    struct model after = model_of_drawn(pace, mip_level);
+    struct model after = model_of_drawn(quality, mip_level);
     double is = time_of(&after, mpx);
     if (was <= 0 || is <= 0)
         return;
     double load = fmin(is / was, 4);
     for (unsigned other = 0; other <= SP_MIP_LEVEL_MAX; other++)
         if (other != mip_level) {
-            pace->fits[other].y *= load;
-            pace->fits[other].xy *= load;
-            pace->fits[other].load_log += log(load);
+            quality->fits[other].y *= load;
+            quality->fits[other].xy *= load;
+            quality->fits[other].load_log += log(load);
         }
 }
 
-/* Its time is known now. */
+/* The level's time is known now: ends its doubt or trial. */
 static void judge(struct srv_quality_fit *fit, bool is_over_budget) {
     fit->on_trial = fit->on_trial || fit->doubt > 0;
     fit->doubt = 0;
@@ -261,34 +262,34 @@ static void judge(struct srv_quality_fit *fit, bool is_over_budget) {
     fit->failures += fit->failures < FAILURES_MAX;
 }
 
-void srv_quality_done(struct srv_quality *pace, const struct srv_detail *drawn, bool moving,
+void srv_quality_done(struct srv_quality *quality, const struct srv_detail *drawn, bool moving,
                       double budget_ms, double ms) {
-    struct srv_quality_fit *fit = &pace->fits[drawn->mip_level];
+    struct srv_quality_fit *fit = &quality->fits[drawn->mip_level];
     double mpx = megapixels(drawn->size);
-    learn(pace, drawn->mip_level, mpx, ms);
+    learn(quality, drawn->mip_level, mpx, ms);
     judge(fit, moving && ms > budget_ms);
     for (unsigned finer = 0; moving && finer < drawn->mip_level; finer++) {
-        struct srv_quality_fit *f = &pace->fits[finer];
+        struct srv_quality_fit *f = &quality->fits[finer];
         f->doubt = fmin(f->doubt + DOUBT_STEP / (1u << f->failures), DOUBT_MAX);
     }
 }
 
-void srv_quality_cancelled(struct srv_quality *pace, const struct srv_detail *drawn, double ms) {
-    struct srv_quality_fit *fit = &pace->fits[drawn->mip_level];
-    if (ms <= srv_quality_expected_ms(pace, drawn))
+void srv_quality_cancelled(struct srv_quality *quality, const struct srv_detail *drawn, double ms) {
+    struct srv_quality_fit *fit = &quality->fits[drawn->mip_level];
+    if (ms <= srv_quality_expected_ms(quality, drawn))
         return;
-    fit->was_slow = true; /* it is believed: twice as long would have been twice in a row */
-    learn(pace, drawn->mip_level, megapixels(drawn->size), ms);
+    fit->was_slow = true; /* believe it, as the second slow frame in a row */
+    learn(quality, drawn->mip_level, megapixels(drawn->size), ms);
     judge(fit, true);
 }
 
-void srv_quality_rest(struct srv_quality *pace, const uint32_t full[2]) {
+void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]) {
     for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
-        struct srv_quality_fit *fit = &pace->fits[mip_level];
+        struct srv_quality_fit *fit = &quality->fits[mip_level];
         struct srv_detail whole = { .mip_level = mip_level, .size = { full[0], full[1] } };
         fit->failures = 0;
         if (mip_level > 0 &&
-            srv_quality_expected_ms(pace, &whole) > SRV_QUALITY_BUDGET_MIN_MS * RAISE)
+            srv_quality_expected_ms(quality, &whole) > SRV_QUALITY_BUDGET_MIN_MS * RAISE)
             *fit = (struct srv_quality_fit){ .ratio = fit->ratio };
     }
 }

@@ -1,98 +1,96 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How much detail a frame may have while the view moves, so that it keeps up with the hand, and on
- * which steps the picture sharpens when the view rests.
- *
- *   time of a frame ≈ fixed + per_px · pixels          for each level of coarseness (sp/renderer.h)
- *
- * Both are fitted to the last frames of a level by exponentially weighted least squares. The fixed
- * part (work a voxel) does not shrink with the picture: below pixels = fixed / per_px / 4 a smaller
- * picture gains nothing, and coarser voxels must help.
- *
- *   finest ────────────────────────────────────────────────────────► coarsest
- *   (0, 8/8) (0, 7/8) … (0, 4/8)  (1, 8/8) … (1, 4/8)  (2, 8/8) … (2, 2/8)     (coarse, side)
- *
- * Detail is given up when a frame is expected to take longer than the budget, and comes back when
- * the finer frame is expected within three quarters of it, so that it does not flicker.
- *
- * Load of the machine comes and goes; it is told from frames of one level and size:
- *   - one frame that takes more than twice what was expected counts as twice; the second in a row
- *     is believed, and what was known before is forgotten;
- *   - a frame that is a third faster than expected is believed at once: nothing makes work faster
- *     than it is;
- *   - what slows or speeds one level does so to all;
- *   - a finer level that was too slow is doubted a little more with each frame drawn without it,
- *     until it is tried again; each time that it was too slow after all, that takes twice as long.
- *     One that is twice too slow is not tried.
- *
- * Pure: no clock, no lock.
+ * The quality controller: how much detail a frame of a moving view has, so that it keeps up with
+ * the hand, and which frames lead to the sharp one when the view rests. Pure: no clock, no lock.
  */
-#ifndef SRV_SESSION_PACE_H
-#define SRV_SESSION_PACE_H
+#ifndef SRV_SCHEDULE_QUALITY_H
+#define SRV_SCHEDULE_QUALITY_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "sp/renderer.h"
 
-#define SRV_QUALITY_BUDGET_MIN_MS                                                                  \
-    66.0 /* 15 a second: no detail is given up to be faster than this */
-#define SRV_QUALITY_INTERMEDIATE_MS                                                                \
-    250.0 /* a sharp picture that takes longer is led up to by another */
+/* 15 frames per second: detail is not reduced to be faster than this. */
+#define SRV_QUALITY_BUDGET_MIN_MS 66.0
+/* A sharp frame that takes longer has an intermediate one before it. */
+#define SRV_QUALITY_INTERMEDIATE_MS 250.0
 
-struct srv_detail { /* what a frame is drawn with */
+struct srv_detail { /* of a frame */
     unsigned mip_level;
     uint32_t size[2];
 };
 
-struct srv_quality_fit {         /* of one level */
+struct srv_quality_fit {         /* of one mip level */
     double weight, x, y, xx, xy; /* weighted sums over (megapixels, ms); weight 0 = unknown */
     double ratio;                /* fixed / per_px as last seen, megapixels; 0 = not yet */
-    double last_mpx;             /* of the last frame */
-    bool was_slow;               /* it took more than twice what was expected */
-    double load_log;             /* of the load that other levels told of since; e's power */
-    double doubt;                /* share of the expected time that is not believed, [0, 0.5] */
-    bool on_trial;               /* it is drawn because of doubt */
+    double last_mpx;             /* size of the last frame */
+    bool was_slow;               /* the last frame took more than twice the expected time */
+    double load_log;             /* natural logarithm of the load that other levels showed since */
+    double doubt;                /* part of the expected time that is not believed, [0, 0.5] */
+    bool on_trial;               /* it is being tried again */
     unsigned failures;           /* trials that ended over the budget since the view rested */
 };
+/* The model:  time of a frame ≈ fixed + per_px · pixels       for each mip level (sp/renderer.h)
+ *
+ * Exponentially weighted least squares fit both to the last frames of a level. The fixed part, the
+ * work per voxel, does not shrink with the frame: below pixels = fixed / per_px / 4 a smaller frame
+ * gains nothing, and a higher mip level must help.
+ *
+ *   finest ────────────────────────────────────────────────────────► coarsest
+ *   (0, 8/8) (0, 7/8) … (0, 4/8)  (1, 8/8) … (1, 4/8)  (2, 8/8) … (2, 2/8)   (mip level, side)
+ *
+ * Detail is reduced when a frame is expected to exceed the budget. It comes back when the finer
+ * frame is expected within three quarters of the budget, so that it does not flicker.
+ *
+ * The load of the machine changes. It shows in frames of the same level and size:
+ *   - A frame that takes more than twice the expected time counts as twice. The second one in a row
+ *     is believed, and the earlier frames are dropped.
+ *   - A frame that is a third faster than expected is believed at once: nothing makes work faster
+ *     than it is.
+ *   - A change of one level's time changes the times of all levels.
+ *   - A finer level that was too slow is doubted a little more with each frame drawn without it,
+ *     until it is tried again. Each trial that is too slow doubles the time to the next one. A
+ * level that is twice too slow is not tried. */
 struct srv_quality {
     struct srv_quality_fit fits[SP_MIP_LEVEL_MAX + 1];
     unsigned mip_level,
         side; /* in use while moving; side in eighths of the full one, 0 = none yet */
 };
 
-void srv_quality_init(struct srv_quality *pace);
-/* As init, with what frames of another view of the same volume took as a guess: the first frame of
- * each level outweighs it. */
-void srv_quality_init_from(struct srv_quality *pace, const struct srv_quality *other);
+void srv_quality_init(struct srv_quality *quality);
+/* As init, with the frame times of another view of the same volume as a guess, which the first
+ * frame of each level outweighs. */
+void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other);
 
-/* Longest that a frame should take while the view moves. */
+/* Returns the longest time that a frame should take while the view moves. */
 double srv_quality_budget_ms(int max_fps);
 
-/* Detail for the next frame of a moving view. */
-void srv_quality_moving(struct srv_quality *pace, const uint32_t full[2], double budget_ms,
+/* Chooses the detail of the next frame of a moving view. */
+void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,
                         struct srv_detail *detail);
 
-/* What that frame is believed to take; 0 = nothing known yet. */
-double srv_quality_moving_ms(const struct srv_quality *pace, const uint32_t full[2],
+/* Returns the expected time of that frame; 0 = not known yet. */
+double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t full[2],
                              double budget_ms);
 
-/* The view rests and `shown` is on the screen: is there something worth showing before the sharp
- * picture? It takes at most a quarter as long. */
-bool srv_quality_intermediate(const struct srv_quality *pace, const uint32_t full[2],
+/* Chooses an intermediate frame for a view at rest, after `shown`. It takes at most a quarter of
+ * the time of the sharp frame. False: none is worth it. */
+bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],
                               const struct srv_detail *shown, struct srv_detail *detail);
 
-/* Expected time of a frame; 0 = nothing known yet. */
-double srv_quality_expected_ms(const struct srv_quality *pace, const struct srv_detail *detail);
+/* Returns the expected time of a frame; 0 = not known yet. */
+double srv_quality_expected_ms(const struct srv_quality *quality, const struct srv_detail *detail);
 
 /* A frame took `ms` (render and encode); `moving`: chosen by srv_quality_moving() for budget_ms. */
-void srv_quality_done(struct srv_quality *pace, const struct srv_detail *drawn, bool moving,
+void srv_quality_done(struct srv_quality *quality, const struct srv_detail *drawn, bool moving,
                       double budget_ms, double ms);
 
-/* A frame was given up after `ms`. */
-void srv_quality_cancelled(struct srv_quality *pace, const struct srv_detail *drawn, double ms);
+/* A frame was cancelled after `ms`. */
+void srv_quality_cancelled(struct srv_quality *quality, const struct srv_detail *drawn, double ms);
 
-/* The view rests: coarse levels that seem too slow are forgotten, the next move finds out anew. */
-void srv_quality_rest(struct srv_quality *pace, const uint32_t full[2]);
+/* The view rests: drops what is known of high mip levels that seem too slow, so that the next
+ * motion tries them again. */
+void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]);
 
 #endif

@@ -88,7 +88,8 @@ struct srv_choice { /* a participant, and what it gets */
 struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
                                         const struct srv_session *session,
                                         const struct srv_participant *participant, double now_ms);
-/* Chooses who is next; participant NULL = nobody. Lowers *wait_ms to when somebody may be. */
+/* Chooses who is next; participant NULL = no participant. Lowers *wait_ms to when there may be one.
+ */
 struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, double *wait_ms);
 /* Chooses who preempts the running job. */
 struct srv_choice srv_choose_short(struct srv_schedule *schedule,

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Who may change a session's view. At most one participant holds control.
+ * Control: the right to change the view of a session. At most one participant holds control.
  *
- *   free ──update or request by a control role──► held ──release, leave──► who asked first of a
- *    ▲                                              │                       control role holds it,
+ *   free ──update or request by a control role──► held ──release, leave──► the first request of a
+ *    ▲                                              │                       control role gets it,
  *    └──────────────────────────────────────────────┘                       or else it is free
  *
- * Who asks waits for the holder's grant or refusal. If there is neither within --control-time, it
- * passes on by itself, but to a control role alone: a view role gets control from a holder who says
- * so, and from nobody else.
+ * A participant that requests control waits until the holder grants or refuses it. Without an
+ * answer within --control-time control passes on, but only to a control role. A view role gets
+ * control only by a grant of the holder.
  */
 #include <math.h>
 
@@ -30,8 +30,8 @@ static struct srv_participant *next_in_line(const struct srv_session *session) {
     return first;
 }
 
-/* NULL = nobody holds it. The others who ask begin to wait anew: the new holder needs its time to
- * answer. */
+/* `to` NULL = control is free. All other requests start to wait again: the new holder needs
+ * time to answer. */
 static void give(struct srv_hub *hub, struct srv_session *session, struct srv_participant *to,
                  double now_ms) {
     session->holder = to;
@@ -107,8 +107,9 @@ bool srv_call_request_control(struct srv_call *call) {
     if (!srv_call_knows(call, known))
         return false;
     if (!p->session->holder && !may_control(p))
-        return srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
-                               "this token may watch, and there is nobody who could grant more");
+        return srv_call_refuse(
+            call, PROTO_RPC_DENIED, NULL,
+            "this token may only watch, and no participant holds control that could grant it");
     if (!srv_control_take(call->hub, p, call->now_ms) && !is_asking(p)) {
         p->control.order = ++call->hub->participants.next_request;
         p->control.since_ms = call->now_ms;
@@ -133,15 +134,16 @@ bool srv_call_release_control(struct srv_call *call) {
     return answer(call);
 }
 
-/* The participant that "to" names; the caller must hold control. NULL: refused. */
-static struct srv_participant *addressee(struct srv_call *call) {
+/* Returns the participant that "to" names, if the caller holds control. NULL: refused. */
+static struct srv_participant *find_recipient(struct srv_call *call) {
     static const char *const known[] = { "to", NULL };
     const struct srv_session *session = call->participant->session;
     int64_t id;
     if (!srv_call_knows(call, known))
         return NULL;
     if (session->holder != call->participant) {
-        srv_call_refuse(call, PROTO_RPC_HELD, NULL, "only who holds control can hand it over");
+        srv_call_refuse(call, PROTO_RPC_HELD, NULL,
+                        "only the holder of control can grant or refuse it");
         return NULL;
     }
     if (proto_json_integer(proto_json_get(call->params, "to"), &id))
@@ -153,7 +155,7 @@ static struct srv_participant *addressee(struct srv_call *call) {
 }
 
 bool srv_call_grant_control(struct srv_call *call) {
-    struct srv_participant *to = addressee(call);
+    struct srv_participant *to = find_recipient(call);
     if (!to)
         return false;
     give(call->hub, to->session, to, call->now_ms);
@@ -161,7 +163,7 @@ bool srv_call_grant_control(struct srv_call *call) {
 }
 
 bool srv_call_refuse_control(struct srv_call *call) {
-    struct srv_participant *to = addressee(call);
+    struct srv_participant *to = find_recipient(call);
     if (!to)
         return false;
     to->control.order = 0;

@@ -15,11 +15,11 @@ bool srv_encode_params_equal(const struct srv_encode_params *a, const struct srv
 }
 
 double srv_encoding_expected_ms(const struct srv_encoding *e, const uint32_t size[2]) {
-    static const double stills[SP_IMAGE_FORMAT_COUNT] = { [SP_IMAGE_JPEG] = 3.5e-6,
+    static const double images[SP_IMAGE_FORMAT_COUNT] = { [SP_IMAGE_JPEG] = 3.5e-6,
                                                           [SP_IMAGE_PNG] = 15e-6,
                                                           [SP_IMAGE_WEBP] = 48e-6,
                                                           [SP_IMAGE_EXR] = 120e-6 };
     const double videos = 7.5e-6;
-    double px_ms = e->video == SP_VIDEO_CODEC_COUNT ? stills[e->format] : videos;
+    double px_ms = e->video == SP_VIDEO_CODEC_COUNT ? images[e->format] : videos;
     return px_ms * size[0] * size[1];
 }

@@ -1,19 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What is kept of a session, and how it comes back:
+ * What is saved of a session, hibernation, and how a hibernated session becomes active again.
  *
- *   {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "used"}
+ * Saved text: {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "used"}. "used" is the
+ * time of the last use, in seconds that daemons ran with this store (past_run_ms of
+ * srv_hub_options), exact to a thousandth of --sleep-time. So the limit --sleep-time continues
+ * after a restart and does not depend on the time of day. Without "used" it is now.
  *
- * used: when it was used last, in seconds that daemons ran which kept it (past_run_ms of
- * srv_hub_options), to a thousandth of --sleep-time, so that sleep goes on where the last daemon
- * ended. Without it, it is now.
+ *     created ──► active ──(unused)──► hibernated ──(--sleep-time, or deleted)──► ended
+ *                   └──◄──(any request)──┘   └──◄── saved in an earlier run
  *
- *     created ──► awake ──(nobody uses it)──► asleep ──(for too long, or deleted)──► gone
- *                   └──◄──(somebody asks for it)──┘ └──◄── saved in an earlier run
- *
- * One that sleeps has its id and tokens but takes part in nothing and uses no volume; all else is
- * where it was saved, so that it takes some hundred bytes. It wakes when its volume is ready; until
- * then whoever asks for it is told what it waits for.
+ * A hibernated session has only its id, tokens and names in memory, some hundred bytes. It uses no
+ * volume; its view is in the store. It becomes active when its volume is ready; until then requests
+ * are told what it waits for.
  */
 #include <math.h>
 #include <stdio.h>
@@ -27,7 +26,7 @@
 
 struct srv_hibernated_session {
     struct srv_hibernated_session *next;
-    struct srv_timer end; /* it has slept for too long then */
+    struct srv_timer end; /* hibernated for --sleep-time */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
@@ -86,7 +85,7 @@ struct snapshot {
     struct sp_view view;
 };
 
-/* Of the session that is unsaved for the longest time, if that is so since `last` or before. */
+/* Takes the session that has been unsaved for the longest time, if its number is at most `last`. */
 static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
                           struct snapshot *snapshot) {
     const struct srv_session *next;
@@ -137,8 +136,8 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
         pthread_mutex_lock(&hub->mutex);
         struct srv_session *s = srv_hub_find_active(hub, snapshot->id);
         if (s && s->identity.number != snapshot->number)
-            s = NULL; /* it slept meanwhile, and is another one */
-        /* One that ended meanwhile must not come back. */
+            s = NULL; /* it hibernated meanwhile; this is another session */
+        /* A session that ended meanwhile must not be stored again. */
         ok = !s || (text && save(user, s->identity.id, text, size));
         if (s && ok) {
             s->saved.version = snapshot->version;
@@ -154,7 +153,7 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
     return ok;
 }
 
-/* Falling asleep. */
+/* Hibernation. */
 
 unsigned srv_hub_bucket(const char *id) {
     uint32_t hash = 2166136261; /* FNV-1a */
@@ -170,34 +169,33 @@ static struct srv_hibernated_session **find(struct srv_hub *hub, const char *id)
     return link;
 }
 
-static void link_sleeper(struct srv_hub *hub, struct srv_hibernated_session *sleeper) {
-    struct srv_hibernated_session **bucket = &hub->hibernated.buckets[srv_hub_bucket(sleeper->id)];
-    sleeper->next = *bucket;
-    *bucket = sleeper;
+static void link_hibernated(struct srv_hub *hub, struct srv_hibernated_session *entry) {
+    struct srv_hibernated_session **bucket = &hub->hibernated.buckets[srv_hub_bucket(entry->id)];
+    entry->next = *bucket;
+    *bucket = entry;
     hub->hibernated.count++;
-    sleeper->end.of = sleeper;
-    srv_timer_set(&hub->hibernated.ends, &sleeper->end,
-                  sleeper->used_ms + hub->options.hibernation_ms);
+    entry->end.of = entry;
+    srv_timer_set(&hub->hibernated.ends, &entry->end, entry->used_ms + hub->options.hibernation_ms);
 }
 
-static void unlink_sleeper(struct srv_hub *hub, struct srv_hibernated_session **link) {
-    struct srv_hibernated_session *sleeper = *link;
-    *link = sleeper->next;
+static void unlink_hibernated(struct srv_hub *hub, struct srv_hibernated_session **link) {
+    struct srv_hibernated_session *entry = *link;
+    *link = entry->next;
     hub->hibernated.count--;
-    srv_timer_clear(&hub->hibernated.ends, &sleeper->end);
-    free(sleeper);
+    srv_timer_clear(&hub->hibernated.ends, &entry->end);
+    free(entry);
 }
 
 bool srv_hibernated_add(struct srv_hub *hub, const struct srv_session *session) {
-    struct srv_hibernated_session *sleeper = calloc(1, sizeof *sleeper);
-    if (!sleeper)
+    struct srv_hibernated_session *entry = calloc(1, sizeof *entry);
+    if (!entry)
         return false;
-    memcpy(sleeper->id, session->identity.id, sizeof sleeper->id);
-    memcpy(sleeper->tokens, session->identity.tokens, sizeof sleeper->tokens);
-    memcpy(sleeper->volume, session->shared.view.volume, sizeof sleeper->volume);
-    memcpy(sleeper->owner, session->identity.owner.name, sizeof sleeper->owner);
-    sleeper->used_ms = srv_hub_used_ms(session);
-    link_sleeper(hub, sleeper);
+    memcpy(entry->id, session->identity.id, sizeof entry->id);
+    memcpy(entry->tokens, session->identity.tokens, sizeof entry->tokens);
+    memcpy(entry->volume, session->shared.view.volume, sizeof entry->volume);
+    memcpy(entry->owner, session->identity.owner.name, sizeof entry->owner);
+    entry->used_ms = srv_hub_used_ms(session);
+    link_hibernated(hub, entry);
     return true;
 }
 
@@ -212,47 +210,46 @@ static bool read_token(const proto_json *record, const char *role,
 
 bool srv_hub_restore(struct srv_hub *hub, const char *id, const char *text, size_t size,
                      double now_ms, struct sp_error *err) {
-    struct srv_hibernated_session *sleeper = calloc(1, sizeof *sleeper);
-    if (!sleeper)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
+    struct srv_hibernated_session *entry = calloc(1, sizeof *entry);
+    if (!entry)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a session");
     proto_json *record = proto_json_parse(text, size, err);
     const char *volume = proto_view_volume(proto_json_get(record, "view"));
     bool ok = record != NULL;
-    if (ok && (strlen(id) != sizeof sleeper->id - 1 || !volume || strlen(volume) >= SP_NAME_BYTES ||
-               !read_token(record, "control", sleeper->tokens[SRV_ROLE_CONTROL]) ||
-               !read_token(record, "view", sleeper->tokens[SRV_ROLE_VIEW])))
-        ok = sp_fail(err, SP_ERR_FORMAT, NULL, "this is no session");
+    if (ok && (strlen(id) != sizeof entry->id - 1 || !volume || strlen(volume) >= SP_NAME_BYTES ||
+               !read_token(record, "control", entry->tokens[SRV_ROLE_CONTROL]) ||
+               !read_token(record, "view", entry->tokens[SRV_ROLE_VIEW])))
+        ok = sp_fail(err, SP_ERR_FORMAT, NULL, "the record does not describe a session");
     if (ok) {
-        strcpy(sleeper->id, id);
-        strcpy(sleeper->volume, volume);
+        strcpy(entry->id, id);
+        strcpy(entry->volume, volume);
         struct srv_owner owner;
         srv_owner_decode(proto_json_get(record, "owner"), &owner);
-        memcpy(sleeper->owner, owner.name, sizeof sleeper->owner);
+        memcpy(entry->owner, owner.name, sizeof entry->owner);
         double used_s = 0;
-        sleeper->used_ms = now_ms;
+        entry->used_ms = now_ms;
         if (proto_json_number(proto_json_get(record, "used"), &used_s))
-            sleeper->used_ms = fmin(now_ms, used_s * 1000 - hub->options.past_run_ms);
+            entry->used_ms = fmin(now_ms, used_s * 1000 - hub->options.past_run_ms);
         pthread_mutex_lock(&hub->mutex);
-        link_sleeper(hub, sleeper);
+        link_hibernated(hub, entry);
         pthread_mutex_unlock(&hub->mutex);
     } else {
-        free(sleeper);
+        free(entry);
     }
     proto_json_free(&record);
     return ok;
 }
 
-/* Coming back. */
+/* Becoming active again. */
 
-/* Its view as it was, of its volume, which has to be there. */
+/* Restores the view and owner from the store; the volume has to be ready. */
 static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     size_t size;
     char *text = hub->options.recall(hub->options.user, session->identity.id, &size, err);
     proto_json *record = text ? proto_json_parse(text, size, err) : NULL;
     srv_owner_decode(proto_json_get(record, "owner"), &session->identity.owner);
-    session->identity.has_token =
-        srv_hub_renew_quota(hub, &session->identity.owner); /* nothing new is made */
+    session->identity.has_token = srv_hub_renew_quota(hub, &session->identity.owner);
     bool ok = record && srv_hub_resolve_view(hub, proto_json_get(record, "view"), NULL,
                                              &session->shared.view, &session->shared.volume, &why);
     if (record && !ok && why.code == SP_ERR_MEMORY)
@@ -278,7 +275,7 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
     }
     struct srv_session *session = srv_hub_alloc_session(hub);
     if (!session) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a session");
         return NULL;
     }
     memcpy(session->identity.id, (*link)->id, sizeof session->identity.id);
@@ -287,17 +284,17 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
         srv_hub_free_session(hub, session);
         return NULL;
     }
-    if (!srv_hub_make_room(hub)) {
+    if (!srv_hub_ensure_capacity(hub)) {
         sp_fail(err, SP_ERR_BUDGET, NULL,
-                "the session sleeps, and %u others are in use while --sessions allows %u; try "
+                "the session is hibernated; %u others are in use and --sessions allows %u; try "
                 "again later",
                 hub->active.count, hub->options.sessions_max);
         srv_hub_free_session(hub, session);
         return NULL;
     }
-    link = find(hub, id); /* another one may lie before it */
+    link = find(hub, id); /* ensure_capacity() may have changed the list */
     session->saved.used_ms = (*link)->used_ms;
-    unlink_sleeper(hub, link);
+    unlink_hibernated(hub, link);
     srv_hub_link_session(hub, session, now_ms);
     session->saved.version = session->shared.version;
     srv_hub_unsaved(hub, session);
@@ -307,31 +304,31 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
 }
 
 const char *srv_hibernated_owner(struct srv_hub *hub, const char *id) {
-    const struct srv_hibernated_session *sleeper = *find(hub, id);
-    return sleeper ? sleeper->owner : "";
+    const struct srv_hibernated_session *entry = *find(hub, id);
+    return entry ? entry->owner : "";
 }
 
 const char *srv_hibernated_token(struct srv_hub *hub, const char *id, enum srv_role role) {
-    const struct srv_hibernated_session *sleeper = *find(hub, id);
-    return sleeper ? sleeper->tokens[role] : NULL;
+    const struct srv_hibernated_session *entry = *find(hub, id);
+    return entry ? entry->tokens[role] : NULL;
 }
 
 bool srv_hibernated_remove(struct srv_hub *hub, const char *id) {
     struct srv_hibernated_session **link = find(hub, id);
     if (!*link)
         return false;
-    unlink_sleeper(hub, link);
+    unlink_hibernated(hub, link);
     return true;
 }
 
 double srv_hibernated_tick(struct srv_hub *hub, double now_ms) {
-    for (const struct srv_hibernated_session *sleeper;
-         (sleeper = srv_timer_take(&hub->hibernated.ends, now_ms));) {
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", sleeper->id }),
-                    "session %s ended: nobody asked for it for %.0f s (--sleep-time)", sleeper->id,
+    for (const struct srv_hibernated_session *entry;
+         (entry = srv_timer_take(&hub->hibernated.ends, now_ms));) {
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", entry->id }),
+                    "session %s ended: unused for %.0f s (--sleep-time)", entry->id,
                     hub->options.hibernation_ms / 1000);
-        srv_hub_ended(hub, sleeper->id);
-        unlink_sleeper(hub, find(hub, sleeper->id));
+        srv_hub_ended(hub, entry->id);
+        unlink_hibernated(hub, find(hub, entry->id));
     }
     return srv_timer_next(&hub->hibernated.ends);
 }
@@ -364,5 +361,5 @@ void srv_hibernated_list(struct srv_hub *hub, const char *owner, double now_ms,
 void srv_hibernated_free(struct srv_hub *hub) {
     for (unsigned i = 0; i < SRV_HUB_BUCKETS; i++)
         while (hub->hibernated.buckets[i])
-            unlink_sleeper(hub, &hub->hibernated.buckets[i]);
+            unlink_hibernated(hub, &hub->hibernated.buckets[i]);
 }

@@ -4,7 +4,7 @@
  *
  *                    POST /sessions
  *                          │
- *                          ▼      nobody uses it for --session-time
+ *                          ▼      unused for --session-time
  *    participants ◄──► active ─────────────────────────────────────► hibernated ──► ended
  *    (participant.h)       ▲                                             │
  *                          └──────────── any request for its id ─────────┘

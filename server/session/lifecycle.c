@@ -15,12 +15,12 @@
 #include "session/session.h"
 #include "sp/log.h"
 
-#define RETRY_MS 1000.0 /* where memory is short */
+#define RETRY_MS 1000.0 /* until a hibernation is tried again that lacked memory */
 
 struct srv_hub *srv_hub_create(const struct srv_hub_options *options, struct sp_error *err) {
     struct srv_hub *hub = calloc(1, sizeof *hub);
     if (!hub) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the sessions");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the sessions");
         return NULL;
     }
     assert(options->participants_max >= 1 && options->participants_max <= SRV_PARTICIPANTS_MAX);
@@ -97,7 +97,7 @@ void srv_hub_ended(struct srv_hub *hub, const char *id) {
         hub->options.ended(hub->options.user, id);
 }
 
-/* It sleeps or ends then, if nobody uses it meanwhile. */
+/* Returns when the session hibernates or ends, unless it is used before. */
 static double end_of_use_ms(const struct srv_hub *hub, const struct srv_session *session) {
     return srv_hub_used_ms(session) + hub->options.session_idle_ms;
 }
@@ -134,7 +134,7 @@ static void unlink_session(struct srv_hub *hub, struct srv_session *session) {
     srv_hub_emit(hub, SRV_SESSION_ENDED, session, NULL, 0);
 }
 
-/* Participants stay, without a session, and are told to leave. */
+/* Participants stay without a session until their streams are closed. */
 void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session) {
     unlink_session(hub, session);
     srv_hub_ended(hub, session->identity.id);
@@ -163,7 +163,7 @@ static bool hibernate(struct srv_hub *hub, struct srv_session *session, const ch
     return true;
 }
 
-bool srv_hub_make_room(struct srv_hub *hub) {
+bool srv_hub_ensure_capacity(struct srv_hub *hub) {
     struct srv_session *idle = NULL;
     if (hub->active.count < hub->options.sessions_max)
         return true;
@@ -172,14 +172,14 @@ bool srv_hub_make_room(struct srv_hub *hub) {
             (!idle || srv_hub_used_ms(s) < srv_hub_used_ms(idle)))
             idle = s;
     if (idle)
-        hibernate(hub, idle, "others need room (--sessions)");
+        hibernate(hub, idle, "another session needs its place (--sessions)");
     return hub->active.count < hub->options.sessions_max;
 }
 
-/* It is no longer used: it ends, or falls asleep as soon as it is saved and there is memory. */
+/* Ends an unused session; or hibernates it, as soon as it is saved and there is memory. */
 static void retire(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     char why[64];
-    snprintf(why, sizeof why, "nobody joined for %.0f s (--session-time)",
+    snprintf(why, sizeof why, "no client joined for %.0f s (--session-time)",
              hub->options.session_idle_ms / 1000);
     if (!hub->options.recall) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->identity.id }),
@@ -197,8 +197,8 @@ void srv_hub_saved(struct srv_hub *hub, struct srv_session *session) {
         srv_timer_set_by(&hub->active.timers, &session->timer, end_of_use_ms(hub, session));
 }
 
-/* Does what is due of it, and sets when something is next. */
-static void look_at(struct srv_hub *hub, struct srv_session *session, double now_ms) {
+/* Handles the session's timer and sets it again. */
+static void handle_timer(struct srv_hub *hub, struct srv_session *session, double now_ms) {
     bool is_used = session->participant_count > 0;
     double at_ms = is_used ? srv_control_tick(hub, session, now_ms) : end_of_use_ms(hub, session);
     if (at_ms > now_ms)
@@ -210,7 +210,7 @@ static void look_at(struct srv_hub *hub, struct srv_session *session, double now
 double srv_hub_tick(struct srv_hub *hub, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
     for (struct srv_session *s; (s = srv_timer_take(&hub->active.timers, now_ms));)
-        look_at(hub, s, now_ms);
+        handle_timer(hub, s, now_ms);
     double next_ms = fmin(srv_timer_next(&hub->active.timers), srv_hibernated_tick(hub, now_ms));
     srv_hub_note_time(hub, now_ms);
     pthread_mutex_unlock(&hub->mutex);
@@ -252,7 +252,7 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
             note = &hub->volumes.news[i];
     if (!note && hub->volumes.count < SRV_HUB_VOLUMES)
         note = &hub->volumes.news[hub->volumes.count++];
-    if (!note) { /* the one that changed least recently */
+    if (!note) { /* replace the volume that changed least recently */
         note = &hub->volumes.news[0];
         for (unsigned i = 1; i < SRV_HUB_VOLUMES; i++)
             if (hub->volumes.news[i].clock < note->clock)

@@ -56,7 +56,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     return proto_rpc_notification("stream.stats", params, size);
 }
 
-/* The volume whose news are oldest among those that `p` has not been told. */
+/* Of the volumes that changed since `p` was told, the one that changed first. */
 static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p, size_t *size) {
     const struct srv_volume_news *note = NULL;
     for (unsigned i = 0; i < hub->volumes.count; i++)
@@ -90,7 +90,7 @@ static char *text_of_error(const struct srv_participant *p, size_t *size) {
     return proto_rpc_notification("render.error", params, size);
 }
 
-/* The text for one note; clears its bit. */
+/* Returns the text of one pending notification and clears its bit. */
 char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, double now_ms,
                                 size_t *size) {
     if (p->pending.notifications & SRV_NOTIFY_DRAINING) {

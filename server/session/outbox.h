@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Encoded frames on their way to one client's socket. The bytes are shared between the clients that
- * see the same picture; only the header differs. The outbox holds one frame, the newest; a second
- * one is being written to the socket by the stream thread: a client never costs more than these
- * two.
+ * Encoded frames on their way to one client's socket. Clients that see the same image share its
+ * bytes; only the header differs. The outbox holds one frame, the newest; the stream thread writes
+ * another one to the socket. So a client never costs more memory than these two.
  */
 #ifndef SRV_SESSION_OUTBOX_H
 #define SRV_SESSION_OUTBOX_H
@@ -41,8 +40,8 @@ struct srv_outbox {
 void srv_outbox_init(struct srv_outbox *outbox);
 void srv_outbox_finish(struct srv_outbox *outbox);
 
-/* Newest wins: replaces what waits if `order` is newer, else drops the frame. Takes a reference of
- * its own. True if the frame now waits. */
+/* Newest wins: replaces the waiting frame if `order` is newer, else drops the frame. Takes a
+ * reference. True if the frame waits now. */
 bool srv_outbox_put(struct srv_outbox *outbox, uint64_t order,
                     const struct proto_frame_header *header, struct srv_blob *blob);
 

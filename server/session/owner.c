@@ -19,7 +19,7 @@ bool srv_owner_allows_size(const struct srv_owner *owner, const uint32_t size[2]
     uint64_t px = (uint64_t)size[0] * size[1], most = owner->quota.frame_px;
     return !most || px <= most ||
            sp_fail(err, SP_ERR_INVALID, "/size",
-                   "%u x %u are %" PRIu64 " px, and the token of %s allows %" PRIu64, size[0],
+                   "%u x %u are %" PRIu64 " px and the token of %s allows %" PRIu64, size[0],
                    size[1], px, owner->name, most);
 }
 

@@ -11,13 +11,13 @@
 
 enum { QUALITY_DEFAULT = 90, FPS_DEFAULT = 30 };
 
-/* Colours of participants, told apart also by most who see fewer (Okabe and Ito 2008), readable on
- * dark ground. */
+/* Colours of participants, chosen for colour-blind readers (Okabe and Ito 2008) and a dark
+ * background. */
 static const char *const palette[] = { "#56b4e9", "#e69f00", "#009e73", "#f0e442",
                                        "#cc79a7", "#d55e00", "#3d8ee0", "#cccccc" };
 enum { COLORS = sizeof palette / sizeof *palette };
 
-/* The first of those that the fewest others have. */
+/* Returns the first colour of those that the fewest participants have. */
 static unsigned free_color(const struct srv_session *session) {
     unsigned uses[COLORS] = { 0 }, best = 0;
     for (const struct srv_participant *p = session->participants; p; p = p->next)
@@ -27,8 +27,8 @@ static unsigned free_color(const struct srv_session *session) {
     return best;
 }
 
-static bool has_room(const struct srv_hub *hub, const struct srv_session *session,
-                     struct sp_error *err) {
+static bool has_capacity(const struct srv_hub *hub, const struct srv_session *session,
+                         struct sp_error *err) {
     return session->participant_count < hub->options.participants_max ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
                    "the session has %u participants and --participants allows %u",
@@ -38,9 +38,9 @@ static bool has_room(const struct srv_hub *hub, const struct srv_session *sessio
 bool srv_hub_can_join(struct srv_hub *hub, const char *id, double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
-    bool room = session && has_room(hub, session, err);
+    bool is_free = session && has_capacity(hub, session, err);
     pthread_mutex_unlock(&hub->mutex);
-    return room;
+    return is_free;
 }
 
 static struct srv_participant *alloc_participant(const struct srv_hub *hub) {
@@ -63,7 +63,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
                                      struct sp_error *err) {
     struct srv_participant *p = alloc_participant(hub);
     if (!p) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a participant");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a participant");
         return NULL;
     }
     p->user = user;
@@ -82,7 +82,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     const char *why = session ? srv_hub_denies(hub, p) : NULL;
     if (why)
         sp_fail(err, SP_ERR_DENIED, NULL, "%s", why);
-    if (why || (session && !has_room(hub, session, err)))
+    if (why || (session && !has_capacity(hub, session, err)))
         session = NULL;
     if (session) {
         p->settings.wanted_fps = FPS_DEFAULT;

@@ -1,18 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How pictures are encoded for a participant, and the notification that tells it.
+ * How frames are encoded for a participant, and the notification that tells it.
  */
-#include "session/session.h"
-
 #include <string.h>
 
 #include "protocol/rpc.h"
-#include "session/encode_params.h"
+#include "session/session.h"
 
 enum { QUALITY_MOVING = 60 };
 #define TELL_MS 500.0
 
-static bool has_quality(const struct srv_encoding *e) { /* video goes with JPEG */
+static bool has_quality(const struct srv_encoding *e) { /* the format beside video is JPEG */
     return !sp_image_format_info(e->format)->is_lossless;
 }
 
@@ -83,7 +81,7 @@ static proto_json *encode(const struct srv_participant *p, const struct srv_enco
     return json;
 }
 
-/* Why a moving picture is less than the final one. */
+/* Lists why a moving frame has less quality than the final one. */
 static proto_json *reasons(const struct srv_participant *p, const struct srv_encoding *moving,
                            bool is_known) {
     const struct srv_moving_detail *m = &p->policy.moving;

@@ -42,8 +42,8 @@ static bool view_update(struct srv_call *call) {
                                      "another participant holds control; ask for it by "
                                      "session.request_control")
                    : srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
-                                     "this token may watch; changing the view needs the control "
-                                     "token, or the grant of who holds control");
+                                     "this token may only watch; changing the view needs the "
+                                     "control token, or a grant from the holder of control");
     if (!srv_hub_apply(call->hub, p->session, patch, p->identity.id, call->now_ms, &call->err)) {
         call->code = proto_rpc_code_from(call->err.code);
         return false;
@@ -86,7 +86,7 @@ static bool stream_ack(struct srv_call *call) {
     return true;
 }
 
-/* The client could not decode a frame of video. */
+/* The client could not decode a video frame: the next one is a key frame. */
 static bool stream_key(struct srv_call *call) {
     static const char *const known[] = { NULL };
     if (!srv_call_knows(call, known))
@@ -96,8 +96,8 @@ static bool stream_key(struct srv_call *call) {
     return true;
 }
 
-/* A pick takes up to some ms of the stream thread: so many a second are granted to a participant,
- * and as many at once. */
+/* A pick takes up to some milliseconds of the stream thread. So this is the limit per second and
+ * participant; as many may come at once. */
 #define PICKS_PER_SECOND 20
 
 static bool read_point(struct srv_call *call, const uint32_t size[2], double at[2]) {
@@ -106,7 +106,7 @@ static bool read_point(struct srv_call *call, const uint32_t size[2], double at[
         if (proto_json_size(point) != 2 || !proto_json_number(proto_json_at(point, i), &at[i]) ||
             at[i] < 0 || at[i] > size[i])
             return srv_call_refuse(call, PROTO_RPC_PARAMS, "/at",
-                                   "must be [x, y] in px, inside the picture");
+                                   "must be [x, y] in px, inside the image");
     return true;
 }
 
@@ -138,12 +138,13 @@ static bool pick_at(struct srv_call *call) {
         return false;
     double next_ms = fmax(p->picked_ms, call->now_ms - 1000) + 1000.0 / PICKS_PER_SECOND;
     if (next_ms > call->now_ms)
-        return srv_call_refuse(call, PROTO_RPC_LIMIT, NULL, "at most 20 picks a second");
+        return srv_call_refuse(call, PROTO_RPC_LIMIT, NULL, "at most 20 picks per second");
     p->picked_ms = next_ms;
     struct sp_view view = p->session->shared.view;
     void *volume = source->ref(source->user, p->session->shared.volume);
     struct sp_pick pick;
-    /* Nobody else waits for it; the session may end meanwhile, the participant cannot. */
+    /* Without the mutex, so that others need not wait. The session may end meanwhile; the
+     * participant cannot, because this thread joined it. */
     pthread_mutex_unlock(&call->hub->mutex);
     source->pick(source->user, volume, &view, size, at, &pick);
     pthread_mutex_lock(&call->hub->mutex);
@@ -196,7 +197,8 @@ bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, c
     *answer = NULL;
     *answer_size = 0;
     bool decoded = proto_rpc_decode(text, size, &message, &call.code, &call.err), ok = decoded;
-    /* What could not be read may be an acknowledgement, for which a stream would wait in vain. */
+    /* A message that could not be read may be an acknowledgement. The stream would wait for it for
+     * ever: close it. */
     if (!decoded && call.err.code == SP_ERR_MEMORY)
         return false;
     if (decoded) {

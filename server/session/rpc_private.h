@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One call of a stream's method, for the files that hold methods. Methods run with the hub's mutex
- * held.
+ * One call of a method, for the files that hold methods. Methods run with the hub's mutex held.
  */
 #ifndef SRV_SESSION_RPC_PRIVATE_H
 #define SRV_SESSION_RPC_PRIVATE_H
@@ -10,7 +9,7 @@
 
 struct srv_call {
     struct srv_hub *hub;
-    struct srv_participant *participant; /* of a session */
+    struct srv_participant *participant; /* its session exists */
     const proto_json *params;
     double now_ms;
     proto_json *result; /* NULL after success = out of memory */
@@ -21,11 +20,10 @@ struct srv_call {
 /* True with *result, or false with *code and *err. */
 typedef bool srv_method_fn(struct srv_call *call);
 
-/* Sets code and error; false. */
+/* Sets code and error; returns false. */
 bool srv_call_refuse(struct srv_call *call, enum proto_rpc_code code, const char *place,
                      const char *text);
-/* Refuses members of the params that are not `known` (ends with NULL): nothing is silently ignored.
- */
+/* Refuses members of the params that are not `known`, which ends with NULL. */
 bool srv_call_knows(struct srv_call *call, const char *const *known);
 
 srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant_control,

@@ -109,7 +109,7 @@ struct srv_session_identity {
     bool has_token;                       /* the owner's token existed at the last check */
 };
 
-struct srv_shared_view {
+struct srv_view_state {
     struct sp_view view;
     void *volume;        /* a counted use */
     uint64_t version;    /* rises with every change, from 1 */
@@ -135,11 +135,11 @@ struct srv_session {
     struct srv_session *next_in_bucket;
     struct srv_timer timer; /* when srv_hub_tick() looks at it */
     struct srv_session_identity identity;
-    struct srv_shared_view shared;
+    struct srv_view_state shared;
     struct srv_saved saved;
     struct srv_session_stats stats;
     struct srv_participant *participants;
-    struct srv_participant *holder; /* of control; NULL = nobody */
+    struct srv_participant *holder; /* of control; NULL = it is free */
     unsigned participant_count;
     unsigned next_guest;                   /* number in the next default name */
     double empty_ms;                       /* when the last participant left */
@@ -241,9 +241,9 @@ void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session);
 void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, double now_ms);
 /* Ends an active session for good and closes its streams. */
 void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session);
-/* Makes room for one more active session; an unused one hibernates if necessary. False: there is no
- * room. */
-bool srv_hub_make_room(struct srv_hub *hub);
+/* Makes sure that one more session can be active; an unused one hibernates if necessary. False: too
+ * many are in use. */
+bool srv_hub_ensure_capacity(struct srv_hub *hub);
 /* Returns when the session was last used, ms, if it has no participants. */
 double srv_hub_used_ms(const struct srv_session *session);
 /* The store has the newest view: an unused session may hibernate when its time has come. */
@@ -322,7 +322,7 @@ char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *par
 /* A participant left; it is no longer in the list. */
 void srv_control_leave(struct srv_hub *hub, struct srv_session *session,
                        const struct srv_participant *participant, double now_ms);
-/* Returns whether it holds control; takes control if it may and nobody holds it. */
+/* Returns whether it holds control; takes control if it may and control is free. */
 bool srv_control_take(struct srv_hub *hub, struct srv_participant *participant, double now_ms);
 /* Passes control on when --control-time is over; returns when that is next, INFINITY = never. */
 double srv_control_tick(struct srv_hub *hub, struct srv_session *session, double now_ms);

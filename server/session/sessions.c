@@ -30,12 +30,12 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
     ok = proto_json_set(json, "participants", srv_hub_encode_participants(session)) && ok;
     if (!ok) {
         proto_json_free(&json);
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the answer");
     }
     return json;
 }
 
-/* May this owner have one more session, awake or asleep? */
+/* True if the owner may have one more session, active or hibernated. */
 static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                       struct sp_error *err) {
     unsigned most = owner->quota.sessions, awake = 0;
@@ -46,11 +46,11 @@ static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
     unsigned asleep = srv_hibernated_count(hub, owner->name);
     return awake + asleep < most ||
            sp_fail(err, SP_ERR_QUOTA, NULL,
-                   "%s has %u sessions, of which %u sleep, and its token allows %u; delete some",
+                   "%s has %u sessions (%u hibernated) and its token allows %u; delete some",
                    owner->name, awake + asleep, asleep, most);
 }
 
-/* How many of `most` there may be before a guest, or who is none, makes one more. */
+/* Returns the part of the limit `most` that a guest, or anybody else, may use. */
 static unsigned limit_for(bool is_guest, unsigned most) {
     return is_guest ? most - most / 4 : most;
 }
@@ -63,18 +63,19 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
         return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
     const char *whom = is_guest ? " guests" : "";
     if (hub->options.recall && hub->hibernated.count >= asleep_max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions sleep and --sleeping-sessions allows%s %u; delete some",
-                       hub->hibernated.count, whom, asleep_max);
+        return sp_fail(
+            err, SP_ERR_BUDGET, NULL,
+            "%u sessions are hibernated and --sleeping-sessions allows%s %u; delete some",
+            hub->hibernated.count, whom, asleep_max);
     if (is_guest && !srv_hub_renew_quota(hub, &session->identity.owner))
         return sp_fail(err, SP_ERR_DENIED, NULL,
-                       "the token that made the session is not valid any more; a fork needs one of "
-                       "the daemon's own");
+                       "the token that created the session is no longer valid; a fork needs a "
+                       "token of the daemon");
     if (!has_quota(hub, &session->identity.owner, err))
         return false;
-    if (is_guest ? hub->active.count >= awake_max : !srv_hub_make_room(hub))
+    if (is_guest ? hub->active.count >= awake_max : !srv_hub_ensure_capacity(hub))
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are open and --sessions allows%s %u; try again later",
+                       "%u sessions are active and --sessions allows%s %u; try again later",
                        hub->active.count, whom, awake_max);
     session->identity.has_token = true;
     srv_hub_link_session(hub, session, now_ms);
@@ -84,8 +85,8 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
 
 proto_json *srv_hub_session_create(struct srv_hub *hub, const proto_json *patch, double now_ms,
                                    char id[SRV_SESSION_ID_BYTES], struct sp_error *err) {
-    const struct srv_owner nobody = { .name = "" };
-    return srv_hub_session_create_owned(hub, patch, &nobody, false, now_ms, id, err);
+    const struct srv_owner none = { .name = "" };
+    return srv_hub_session_create_owned(hub, patch, &none, false, now_ms, id, err);
 }
 
 proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *patch,
@@ -94,7 +95,7 @@ proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *
                                          struct sp_error *err) {
     struct srv_session *session = srv_hub_alloc_session(hub);
     if (!session) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a session");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a session");
         return NULL;
     }
     if (!srv_hub_resolve_view(hub, NULL, patch, &session->shared.view, &session->shared.volume,
@@ -151,7 +152,7 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
     if (session && srv_hub_apply(hub, session, patch, 0, now_ms, err)) {
         json = proto_view_encode(&session->shared.view);
         if (!json)
-            sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the answer");
+            sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the answer");
     }
     pthread_mutex_unlock(&hub->mutex);
     return json;
@@ -186,9 +187,10 @@ bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, e
         bool control = srv_secret_equal(tokens[SRV_ROLE_CONTROL], token);
         bool view = srv_secret_equal(tokens[SRV_ROLE_VIEW], token);
         *role = control ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW;
-        ok = control || view ||
-             sp_fail(err, SP_ERR_DENIED, NULL,
-                     "this is no token of that session; POST /api/v1/sessions gives one");
+        ok =
+            control || view ||
+            sp_fail(err, SP_ERR_DENIED, NULL,
+                    "the token does not belong to that session; POST /api/v1/sessions returns one");
     }
     pthread_mutex_unlock(&hub->mutex);
     return ok;

@@ -8,7 +8,7 @@
 
 #include "session/rpc_private.h"
 
-enum { FORMATS_MAX = 16 }; /* in a client's list */
+enum { FORMATS_MAX = 16 }; /* that a client may list */
 
 struct stream_settings {
     enum sp_image_format format;
@@ -52,8 +52,9 @@ static bool read_size(struct srv_call *call, struct stream_settings *s) {
            srv_owner_allows_size(&call->participant->session->identity.owner, size, &call->err);
 }
 
-/* Has this UTF-8 text no character that controls, or that changes what stands beside it: no C0 nor
- * C1 control, line or paragraph separator, or Bidi_Control (Unicode, PropList)? */
+/* True if the UTF-8 text has no control character and none that changes how its surroundings are
+ * displayed: no C0 or C1 control, line or paragraph separator, or Bidi_Control (Unicode, PropList).
+ */
 static bool is_plain(const char *text) {
     for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
         if (*c < 0x20 || *c == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
@@ -75,11 +76,11 @@ static bool read_name(struct srv_call *call, struct stream_settings *s) {
     size_t length = s->name ? strlen(s->name) : 0;
     return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && is_plain(s->name)) ||
            srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
-                           "must be a text of 1 to 64 bytes without control characters, also "
-                           "those of a text's direction");
+                           "must be a text of 1 to 64 bytes without control characters, "
+                           "including those for the direction of text");
 }
 
-/* Video goes with JPEG: for what is at rest, and when there is no video to be had. */
+/* Video comes with JPEG: for frames at rest, and while no encoder is free. */
 static bool grant_format(const char *name, struct stream_settings *s) {
     enum sp_video_codec video = sp_video_codec_find(name);
     enum sp_image_format still =
@@ -92,7 +93,8 @@ static bool grant_format(const char *name, struct stream_settings *s) {
     return true;
 }
 
-/* A name, or a list of them, the best first: the first that there is, else JPEG. */
+/* Reads a name or a list of names in order of preference: grants the first that is available, else
+ * JPEG. */
 static bool read_format(struct srv_call *call, const proto_json *format,
                         struct stream_settings *s) {
     const char *name = proto_json_string(format);
@@ -101,11 +103,11 @@ static bool read_format(struct srv_call *call, const proto_json *format,
     if (name ? !grant_format(name, s) : count < 1 || count > FORMATS_MAX)
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format",
                                "must be jpeg, png, webp, vp8, vp9, or h264 where it is built in; "
-                               "or a list of 1 to 16 names, the best first");
+                               "or a list of 1 to 16 names in order of preference");
     for (size_t i = 0; i < count; i++) {
         name = proto_json_string(proto_json_at(format, i));
         if (!name)
-            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must hold names");
+            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must be a list of names");
         granted = granted || grant_format(name, s);
     }
     return !is_list || granted || grant_format("jpeg", s);
@@ -146,7 +148,7 @@ static void set_name(struct srv_call *call, const char *name) {
     srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_PARTICIPANTS);
 }
 
-/* What was granted. */
+/* Returns the settings as granted. */
 static proto_json *encode_settings(const struct srv_participant *p) {
     uint32_t size[2];
     srv_hub_size(p->session, p, size);

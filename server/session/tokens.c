@@ -26,9 +26,9 @@ const char *srv_hub_denies(const struct srv_hub *hub, const struct srv_participa
     if (!hub->options.token || !p->identity.token[0])
         return NULL;
     if (!hub->options.token(hub->options.user, p->identity.token, &rights, &unused))
-        return "the token is not valid any more";
+        return "the token is no longer valid";
     bool takes_part = srv_owner_role(&p->session->identity.owner, p->identity.token, rights, &role);
-    return takes_part && role >= p->identity.role ? NULL : "the role of the token is a lower one";
+    return takes_part && role >= p->identity.role ? NULL : "the role of the token is lower now";
 }
 
 void srv_hub_renew_tokens(struct srv_hub *hub) {
@@ -39,12 +39,12 @@ void srv_hub_renew_tokens(struct srv_hub *hub) {
         for (struct srv_participant *p = s->participants; p; p = p->next) {
             const char *why = srv_hub_denies(hub, p);
             p->settings.max_fps = srv_owner_fps(&s->identity.owner, p->settings.wanted_fps);
-            srv_hub_notify(hub, p, SRV_NOTIFY_POLICY); /* of a size that may be another one */
+            srv_hub_notify(hub, p, SRV_NOTIFY_POLICY); /* the quota may allow another size */
             if (why)
                 srv_hub_close_stream(hub, p, 1008, why);
             else if (had_token && !s->identity.has_token)
                 srv_hub_close_stream(hub, p, 1008,
-                                     "the token that made the session is not valid any more");
+                                     "the token that created the session is no longer valid");
         }
     }
     pthread_mutex_unlock(&hub->mutex);

@@ -11,12 +11,11 @@
 bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], struct sp_error *err) {
     uint64_t px = (uint64_t)size[0] * size[1], most = hub->options.frame_px;
     return !most || px <= most ||
-           sp_fail(err, SP_ERR_INVALID, "/size",
-                   "%u x %u are %llu px, and --frame-size allows %llu", size[0], size[1],
-                   (unsigned long long)px, (unsigned long long)most);
+           sp_fail(err, SP_ERR_INVALID, "/size", "%u x %u are %llu px and --frame-size allows %llu",
+                   size[0], size[1], (unsigned long long)px, (unsigned long long)most);
 }
 
-/* Larger than allowed, or nothing that the renderer can draw? */
+/* True if the view is within the limits and the renderer can draw it. */
 static bool can_show(const struct srv_hub *hub, const struct sp_view *view, struct sp_error *err) {
     return srv_hub_allows_size(hub, view->size, err) &&
            (!hub->options.supports || hub->options.supports(hub->options.user, view, err));
@@ -90,5 +89,5 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
         size[i] = participant->settings.size[0] ? participant->settings.size[i]
                                                 : session->shared.view.size[i];
     srv_owner_fit_size(&session->identity.owner,
-                       size); /* which may allow less than when it was set */
+                       size); /* the limit may be lower than when the size was set */
 }

@@ -7,73 +7,75 @@
 
 #define EPOCH_MS 10000.0
 
-void srv_window_init(struct srv_window *flow) {
-    memset(flow, 0, sizeof *flow);
+void srv_window_init(struct srv_window *window) {
+    memset(window, 0, sizeof *window);
 }
 
-void srv_window_sent(struct srv_window *flow, uint32_t frame, size_t bytes, double now_ms) {
-    bool alone = flow->count == 0;
-    assert(flow->count < SRV_WINDOW_MAX && frame > flow->last_frame);
-    flow->flying[(flow->head + flow->count++) % SRV_WINDOW_MAX] = (struct srv_window_frame){
+void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, double now_ms) {
+    bool alone = window->count == 0;
+    assert(window->count < SRV_WINDOW_MAX && frame > window->last_frame);
+    window->flying[(window->head + window->count++) % SRV_WINDOW_MAX] = (struct srv_window_frame){
         .frame = frame, .bytes = bytes, .sent_ms = now_ms, .alone = alone
     };
-    flow->bytes += bytes;
-    flow->last_frame = frame;
+    window->bytes += bytes;
+    window->last_frame = frame;
 }
 
-static void measure(struct srv_window *flow, const struct srv_window_frame *frame, double now_ms) {
+static void measure(struct srv_window *window, const struct srv_window_frame *frame,
+                    double now_ms) {
     double sent_ms = frame->sent_ms, rtt = fmax(now_ms - sent_ms, 0.01);
-    if (frame->alone && now_ms - flow->epoch_ms > EPOCH_MS) {
-        flow->rtt_ms[1] = now_ms - flow->epoch_ms > 2 * EPOCH_MS ? 0 : flow->rtt_ms[0];
-        flow->rtt_ms[0] = 0;
-        flow->epoch_ms = now_ms;
+    if (frame->alone && now_ms - window->epoch_ms > EPOCH_MS) {
+        window->rtt_ms[1] = now_ms - window->epoch_ms > 2 * EPOCH_MS ? 0 : window->rtt_ms[0];
+        window->rtt_ms[0] = 0;
+        window->epoch_ms = now_ms;
     }
-    if (flow->rtt_ms[0] == 0 || rtt < flow->rtt_ms[0])
-        flow->rtt_ms[0] = rtt;
-    /* Time in which nothing was on its way says nothing about the client. */
-    double interval = fmax(now_ms - fmax(flow->last_ack_ms, sent_ms), 0);
-    flow->interval_ms =
-        flow->interval_ms == 0 ? interval : flow->interval_ms + (interval - flow->interval_ms) / 8;
-    flow->last_ack_ms = now_ms;
+    if (window->rtt_ms[0] == 0 || rtt < window->rtt_ms[0])
+        window->rtt_ms[0] = rtt;
+    /* Time without an unacknowledged frame says nothing about the client. */
+    double interval = fmax(now_ms - fmax(window->last_ack_ms, sent_ms), 0);
+    window->interval_ms = window->interval_ms == 0
+                              ? interval
+                              : window->interval_ms + (interval - window->interval_ms) / 8;
+    window->last_ack_ms = now_ms;
 }
 
-bool srv_window_acked(struct srv_window *flow, uint32_t frame, double now_ms) {
-    if (frame == 0 || frame > flow->last_frame)
+bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) {
+    if (frame == 0 || frame > window->last_frame)
         return false;
-    while (flow->count > 0 && flow->flying[flow->head].frame <= frame) {
-        struct srv_window_frame *oldest = &flow->flying[flow->head];
-        measure(flow, oldest, now_ms);
-        flow->bytes -= oldest->bytes;
-        flow->acked = oldest->frame;
-        flow->head = (flow->head + 1) % SRV_WINDOW_MAX;
-        flow->count--;
+    while (window->count > 0 && window->flying[window->head].frame <= frame) {
+        struct srv_window_frame *oldest = &window->flying[window->head];
+        measure(window, oldest, now_ms);
+        window->bytes -= oldest->bytes;
+        window->acked = oldest->frame;
+        window->head = (window->head + 1) % SRV_WINDOW_MAX;
+        window->count--;
     }
     return true;
 }
 
-double srv_window_rtt_ms(const struct srv_window *flow) {
-    if (flow->rtt_ms[1] == 0)
-        return flow->rtt_ms[0];
-    return flow->rtt_ms[0] == 0 ? flow->rtt_ms[1] : fmin(flow->rtt_ms[0], flow->rtt_ms[1]);
+double srv_window_rtt_ms(const struct srv_window *window) {
+    if (window->rtt_ms[1] == 0)
+        return window->rtt_ms[0];
+    return window->rtt_ms[0] == 0 ? window->rtt_ms[1] : fmin(window->rtt_ms[0], window->rtt_ms[1]);
 }
 
-unsigned srv_window_frames(const struct srv_window *flow, double max_fps) {
-    double rtt = srv_window_rtt_ms(flow);
+unsigned srv_window_frames(const struct srv_window *window, double max_fps) {
+    double rtt = srv_window_rtt_ms(window);
     if (rtt == 0)
         return SRV_WINDOW_FIRST;
-    double interval = fmax(1000.0 / max_fps, flow->interval_ms);
-    double window = ceil(rtt / interval) + 1;
-    return (unsigned)fmin(fmax(window, SRV_WINDOW_FIRST), SRV_WINDOW_MAX);
+    double interval = fmax(1000.0 / max_fps, window->interval_ms);
+    double frames = ceil(rtt / interval) + 1;
+    return (unsigned)fmin(fmax(frames, SRV_WINDOW_FIRST), SRV_WINDOW_MAX);
 }
 
-bool srv_window_is_open(const struct srv_window *flow, unsigned waiting, double max_fps,
+bool srv_window_is_open(const struct srv_window *window, unsigned waiting, double max_fps,
                         size_t bytes_max) {
-    unsigned all = flow->count + waiting;
+    unsigned all = window->count + waiting;
     if (all == 0)
         return true;
-    return all < srv_window_frames(flow, max_fps) && flow->bytes < bytes_max;
+    return all < srv_window_frames(window, max_fps) && window->bytes < bytes_max;
 }
 
-double srv_window_oldest_ms(const struct srv_window *flow) {
-    return flow->count ? flow->flying[flow->head].sent_ms : 0;
+double srv_window_oldest_ms(const struct srv_window *window) {
+    return window->count ? window->flying[window->head].sent_ms : 0;
 }

@@ -1,39 +1,38 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Flow control of one client's stream: how many frames may be on their way.
- *
- *   server  ──1──2──3──4──►  client        window = round trip / time between frames + 1
- *           ◄──ack 1──2────
- *
- * The round trip is the smallest one seen in the last 10 to 20 seconds, from handing a frame to the
- * socket to its acknowledgement, so that a queue which we caused ourselves does not count; it is
- * forgotten only for frames that were sent alone, which happens whenever the view rests. The time
- * between frames is what the client achieves (its acknowledgements while frames were on their way),
- * never shorter than the granted rate allows. While the window is what limits the stream, the mean
- * time between acknowledgements is round trip / window: the window grows by one a round trip until
- * link, client or granted rate become the limit. Before the first acknowledgement it is
- * SRV_WINDOW_FIRST. Pure: no clock, no lock.
+ * The congestion window of one client's stream: how many frames may be unacknowledged. Pure: no
+ * clock, no lock.
  */
-#ifndef SRV_SESSION_FLOW_H
-#define SRV_SESSION_FLOW_H
+#ifndef SRV_SESSION_WINDOW_H
+#define SRV_SESSION_WINDOW_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SRV_WINDOW_FIRST = 2, SRV_WINDOW_MAX = 64 };
+enum { SRV_WINDOW_FIRST = 2, SRV_WINDOW_MAX = 64 }; /* frames before the first acknowledgement */
 
 struct srv_window_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
-    bool alone; /* nothing else was on its way */
+    bool alone; /* no other frame was unacknowledged */
 };
 
+/*   server  ──1──2──3──4──►  client        window = round trip / time between frames + 1
+ *           ◄──ack 1──2────
+ *
+ * The round trip is the smallest one of the last 10 to 20 seconds, from handing a frame to the
+ * socket to its acknowledgement, so that a queue that we caused ourselves does not count. It is
+ * dropped only for frames that were sent alone, which happens whenever the view rests. The time
+ * between frames is what the client achieves, never shorter than the granted rate allows. While the
+ * window is the bottleneck, the mean time between acknowledgements is round trip / window: so the
+ * window grows by one per round trip, until the network, the client or the granted rate is the
+ * bottleneck. */
 struct srv_window {
-    struct srv_window_frame flying[SRV_WINDOW_MAX]; /* ring, oldest at `head` */
-    unsigned head, count;
-    size_t bytes;               /* of the frames on their way */
+    struct srv_window_frame flying[SRV_WINDOW_MAX]; /* ring of unacknowledged frames */
+    unsigned head, count;                           /* head: the oldest */
+    size_t bytes;                                   /* of the unacknowledged frames */
     double rtt_ms[2];           /* smallest in the current and the previous 10 s; 0 = none */
     double epoch_ms;            /* start of the current 10 s */
     double interval_ms;         /* mean time between acknowledgements; 0 = none yet */
@@ -41,27 +40,28 @@ struct srv_window {
     uint32_t last_frame, acked; /* newest sent, newest acknowledged; 0 = none */
 };
 
-void srv_window_init(struct srv_window *flow);
+void srv_window_init(struct srv_window *window);
 
-/* A frame goes to the socket. Frame numbers rise. At most SRV_WINDOW_MAX may be on their way. */
-void srv_window_sent(struct srv_window *flow, uint32_t frame, size_t bytes, double now_ms);
+/* A frame goes to the socket. Frame numbers rise. At most SRV_WINDOW_MAX may be unacknowledged. */
+void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, double now_ms);
 
-/* The client has `frame`, and with it every older one. False if it was never sent; an old one again
- * is harmless. */
-bool srv_window_acked(struct srv_window *flow, uint32_t frame, double now_ms);
+/* The client has `frame` and all older ones. False if it was never sent; an old one again is
+ * harmless. */
+bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms);
 
-/* Frames that may be on their way at a granted rate, [SRV_WINDOW_FIRST, SRV_WINDOW_MAX]. */
-unsigned srv_window_frames(const struct srv_window *flow, double max_fps);
+/* Returns how many frames may be unacknowledged at a granted rate, [SRV_WINDOW_FIRST,
+ * SRV_WINDOW_MAX]. */
+unsigned srv_window_frames(const struct srv_window *window, double max_fps);
 
-/* The measured round trip, ms; 0 = not known yet. */
-double srv_window_rtt_ms(const struct srv_window *flow);
+/* Returns the measured round trip, ms; 0 = not known yet. */
+double srv_window_rtt_ms(const struct srv_window *window);
 
-/* May one more frame be made, when `waiting` are already being made or wait for the socket? One
- * frame is always allowed, however large. */
-bool srv_window_is_open(const struct srv_window *flow, unsigned waiting, double max_fps,
+/* True if one more frame may be made while `waiting` frames are being made or wait for the socket.
+ * One frame is always allowed, however large. */
+bool srv_window_is_open(const struct srv_window *window, unsigned waiting, double max_fps,
                         size_t bytes_max);
 
-/* Since when the oldest frame has been on its way; 0 = none is. */
-double srv_window_oldest_ms(const struct srv_window *flow);
+/* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
+double srv_window_oldest_ms(const struct srv_window *window);
 
 #endif

@@ -287,7 +287,7 @@ test('an idle session hibernates, uses no volume, and its link shows the same vi
   assert.equal((await daemon.json(`/api/v1/sessions/${session.id}`)).status, 404);
   await killed(daemon);
   const next = await start(state, ['--sleep-time', '0.1']);
-  await next.untilLogged(`session ${fork.json.id} ended: nobody asked for it`);
+  await next.untilLogged(`session ${fork.json.id} ended: unused`);
   assert.equal((await next.json(`/api/v1/sessions/${fork.json.id}`)).status, 404);
   assert.deepEqual((await next.json('/api/v1/sessions')).json, { sessions: [] });
   assert.equal(await next.stop(), 0);
@@ -316,7 +316,7 @@ del old['used']
 put('clock', 'daemon', clock)
 put('session', '${old.id}', old)`);
   const next = await start(state);
-  await next.untilLogged(`session ${session.id} ended: nobody asked for it for 2592000 s`);
+  await next.untilLogged(`session ${session.id} ended: unused for 2592000 s`);
   await next.loaded('engine');
   assert.equal((await sessionOf(next, old.id)).status, 200);
   assert.deepEqual((await next.json('/api/v1/sessions')).json.sessions.map((s) => s.id), [old.id]);

@@ -136,7 +136,7 @@ test('the quotas of sessions, frames per second and sizes are those of the creat
   const fork = await make({ from: one.json.id }, one.json.tokens.control);
   assert.equal(fork.status, 429);
   assert.equal(fork.headers.get('Retry-After'), '1');
-  assert.match(fork.json.detail, /ann has 2 sessions, of which 0 sleep, and its token allows 2/);
+  assert.match(fork.json.detail, /ann has 2 sessions \(0 hibernated\) and its token allows 2/);
   assert.equal((await make({})).status, 429);
   assert.equal((await make({}, of('admin'))).status, 201, 'another token has its own quota');
   const listed = async (role) => (await daemon.json('/api/v1/sessions', { token: of(role) })).json.sessions?.length;
@@ -227,8 +227,8 @@ test('SIGHUP reloads the token file; an invalid file changes nothing', async () 
   const forked = async (one) => (await post('/api/v1/sessions', { from: one.id }, one.tokens.control)).status;
   assert.equal(await forked(gone), 403, 'a client whose token was removed cannot create sessions');
   assert.equal((await stream.call('stream.configure', {})).max_fps, 40, 'a session of ann uses the new quota of her token');
-  assert.deepEqual(await watching.until(() => watching.closed, 'the close'), { code: 1008, reason: 'the token is not valid any more' });
-  assert.deepEqual(await inside.until(() => inside.closed, 'the close'), { code: 1008, reason: 'the token that made the session is not valid any more' });
+  assert.deepEqual(await watching.until(() => watching.closed, 'the close'), { code: 1008, reason: 'the token is no longer valid' });
+  assert.deepEqual(await inside.until(() => inside.closed, 'the close'), { code: 1008, reason: 'the token that created the session is no longer valid' });
   assert.ok(await byAdmin.call('view.get', {}), 'the token of the admin did not change');
   const again = await daemon.stream({ session: gone });
   assert.ok(await again.call('view.get', {}), 'a join token stays valid until the session is deleted');
@@ -241,7 +241,7 @@ test('after SIGHUP a token with a lower role loses its streams with more permiss
   const streams = [await daemon.stream({ session, token: of('fresh') }), await daemon.stream({ session })];
   fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('fresh')} role=view name=ann\n`);
   daemon.kill('SIGHUP');
-  assert.deepEqual(await streams[0].until(() => streams[0].closed, 'the close'), { code: 1008, reason: 'the role of the token is a lower one' });
+  assert.deepEqual(await streams[0].until(() => streams[0].closed, 'the close'), { code: 1008, reason: 'the role of the token is lower now' });
   const watching = await daemon.stream({ session, token: of('fresh') });
   await assert.rejects(watching.call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), (e) => e.code === -32004);
   assert.ok(await streams[1].call('view.update', { seq: 1, patch: { camera: { fov_y: 33 } } }), 'a join token stays valid');

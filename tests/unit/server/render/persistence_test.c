@@ -477,7 +477,7 @@ static void sleepers_count_for_their_owner(void **state) {
     for (int run = 0; run < 2; run++) { /* in this run of the daemon, and in the next */
         assert_false(create(&ann, run, 5000, &err));
         assert_int_equal(err.code, SP_ERR_QUOTA);
-        assert_non_null(strstr(err.text, "1 sessions, of which 1 sleep"));
+        assert_non_null(strstr(err.text, "1 sessions (1 hibernated)"));
         assert_int_equal(count_of("ann") + 10 * count_of("bob") + 100 * count_of(NULL), 101);
         if (run == 0)
             restart();

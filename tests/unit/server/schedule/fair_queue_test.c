@@ -261,7 +261,7 @@ static int tear_down(void **state) {
     return hub_tear_down(state);
 }
 
-static void a_share_is_not_saved_up_and_a_debt_stays(void **state) {
+static void idle_accounts_save_up_nothing_and_debts_stay(void **state) {
     (void)state;
     struct srv_fair_account share = { 0 };
     assert_true(srv_fair_start(&share, 500) == 500);
@@ -280,7 +280,7 @@ static void a_share_is_not_saved_up_and_a_debt_stays(void **state) {
 #define SMALL "{\"max_fps\":120,\"progressive\":false,\"size\":[512,512]}"
 #define LARGE "{\"max_fps\":120,\"progressive\":false,\"size\":[2048,2048]}"
 
-static void sessions_have_equal_shares_of_time_not_of_turns(void **state) {
+static void sessions_have_equal_shares_of_time_not_of_frames(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -293,7 +293,7 @@ static void sessions_have_equal_shares_of_time_not_of_turns(void **state) {
     assert_true(fabs(small->took_ms - large->took_ms) < 0.1 * large->took_ms);
 }
 
-static void what_was_had_while_all_rested_is_no_debt(void **state) {
+static void time_received_while_all_others_were_idle_is_no_debt(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -331,7 +331,7 @@ static void a_client_keeps_its_rate_beside_a_larger_one(void **state) {
     assert_in_range(small->frames, alone * 3 / 4, alone);
 }
 
-static void of_those_entitled_the_one_that_is_due_first_goes_first(void **state) {
+static void of_eligible_sessions_the_earliest_deadline_goes_first(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -353,7 +353,7 @@ static void of_those_entitled_the_one_that_is_due_first_goes_first(void **state)
     assert_int_equal(slow->seq, 1);
 }
 
-static void a_refinement_gives_way_to_what_moves_elsewhere(void **state) {
+static void motion_elsewhere_cancels_a_refinement(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -373,7 +373,7 @@ static void a_refinement_gives_way_to_what_moves_elsewhere(void **state) {
 }
 
 /* It could not have been drawn, so it gave way to nobody. */
-static void patience_is_not_had_while_the_window_is_closed(void **state) {
+static void the_starvation_limit_does_not_count_while_the_window_is_closed(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -400,7 +400,7 @@ static void patience_is_not_had_while_the_window_is_closed(void **state) {
 }
 
 /* Nor while its own rate keeps it from being drawn. */
-static void patience_is_not_had_while_the_rate_is_used_up(void **state) {
+static void the_starvation_limit_does_not_count_while_the_rate_is_used_up(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -419,7 +419,7 @@ static void patience_is_not_had_while_the_rate_is_used_up(void **state) {
     assert_true(slow->finals > 0);
 }
 
-static void a_view_that_moves_now_and_then_leaves_room_between(void **state) {
+static void a_view_that_moves_rarely_leaves_time_for_refinements(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -433,7 +433,7 @@ static void a_view_that_moves_now_and_then_leaves_room_between(void **state) {
     assert_int_equal(still->finals, 1);
 }
 
-static void who_wants_final_pictures_alone_does_not_stop_the_others(void **state) {
+static void a_client_of_final_frames_only_does_not_stop_the_others(void **state) {
     struct stage *s = *state;
     struct client *driver = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
     play(s, 2000);
@@ -452,7 +452,7 @@ static void who_wants_final_pictures_alone_does_not_stop_the_others(void **state
     assert_int_equal(viewer->finals, 1);
 }
 
-static void what_is_not_known_to_take_long_does_not_stop_the_others_either(void **state) {
+static void frames_of_unknown_time_do_not_stop_the_others(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     struct client *moving = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
@@ -473,7 +473,7 @@ static void what_is_not_known_to_take_long_does_not_stop_the_others_either(void 
 }
 
 /* Whenever they joined, and however often the view changes. */
-static void who_look_on_together_get_the_same_pictures(void **state) {
+static void participants_that_watch_together_share_frames(void **state) {
     struct stage *s = *state;
     s->fixed_ms = s->mpx_ms = 0.1;
     join(s, 0, s->f->id, 7, "{\"max_fps\":1,\"size\":[16,16]}");
@@ -489,7 +489,7 @@ static void who_look_on_together_get_the_same_pictures(void **state) {
 }
 
 /* One whose every frame takes a long time, because it edits what takes long to derive. */
-static void long_frames_stand_still_for_short_ones(void **state) {
+static void short_frames_preempt_long_ones(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     struct client *moving = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
@@ -513,7 +513,7 @@ static void long_frames_stand_still_for_short_ones(void **state) {
 }
 
 /* The same of two who share a session. */
-static void long_frames_stand_still_for_short_ones_of_others_in_the_session(void **state) {
+static void short_frames_of_the_same_session_preempt_long_ones(void **state) {
     struct stage *s = *state;
     struct client *driver = join(s, 0, s->f->id, 33, "{\"size\":[256,256]}");
     play(s, 2000);
@@ -531,7 +531,7 @@ static void long_frames_stand_still_for_short_ones_of_others_in_the_session(void
 }
 
 /* Of two that have no rest both have half of the time, in whatever pieces. */
-static void what_stands_still_has_its_share(void **state) {
+static void a_preempted_session_has_its_share(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     struct client *many = join(s, 0, s->f->id, 8, "{\"max_fps\":120,\"size\":[512,512]}");
@@ -555,7 +555,7 @@ static void update_tf(struct stage *s, struct client *c) {
          "{\"value\":1,\"color\":[1,1,1],\"opacity\":0.1}]}}}");
 }
 
-static void what_may_go_before_a_long_frame(void **state) {
+static void rules_for_preempting_a_long_frame(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     struct srv_render_job job, before;
@@ -617,7 +617,7 @@ static void what_may_go_before_a_long_frame(void **state) {
 
 /* What it took to draw is paid for before the next one is begun, which may be before it is encoded;
  * and once. */
-static void what_is_drawn_is_paid_for_at_once(void **state) {
+static void rendering_is_charged_before_encoding_ends(void **state) {
     struct stage *s = *state;
     struct srv_render_job job[3];
     struct client *hog = join(s, 0, s->f->id, 0, "{\"size\":[512,512]}");
@@ -648,7 +648,7 @@ static bool next_before(struct stage *s, double drawn_ms, struct srv_render_job 
 }
 
 /* However long the last one took: the next one is drawn with less detail. */
-static void what_is_short_is_told_by_the_next_frame(void **state) {
+static void the_expected_time_of_the_next_frame_decides_if_it_is_short(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     struct srv_render_job before;
@@ -683,7 +683,7 @@ static void what_is_short_is_told_by_the_next_frame(void **state) {
     srv_schedule_cancelled(s->f->schedule, &s->job, 0);
 }
 
-static void what_is_dear_to_encode_is_paid_for(void **state) {
+static void encoding_is_charged(void **state) {
     struct stage *s = *state;
     char id[SRV_SESSION_ID_BYTES];
     another_session(s, id);
@@ -698,7 +698,7 @@ static void what_is_dear_to_encode_is_paid_for(void **state) {
 }
 
 /* Pictures that hold an encode thread for long, and who else looks on. */
-static void dear_pictures_are_made_one_at_a_time_and_for_their_own_takers(void **state) {
+static void frames_that_are_slow_to_encode_are_made_one_at_a_time(void **state) {
     struct stage *s = *state;
     struct srv_render_job one, other, next;
     double wait_ms;
@@ -770,27 +770,27 @@ static void a_viewers_settings_interrupt_its_own_picture_alone(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_share_is_not_saved_up_and_a_debt_stays),
+        cmocka_unit_test(idle_accounts_save_up_nothing_and_debts_stay),
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-        TEST(sessions_have_equal_shares_of_time_not_of_turns),
-        TEST(what_was_had_while_all_rested_is_no_debt),
+        TEST(sessions_have_equal_shares_of_time_not_of_frames),
+        TEST(time_received_while_all_others_were_idle_is_no_debt),
         TEST(a_client_keeps_its_rate_beside_a_larger_one),
-        TEST(of_those_entitled_the_one_that_is_due_first_goes_first),
-        TEST(a_refinement_gives_way_to_what_moves_elsewhere),
-        TEST(patience_is_not_had_while_the_window_is_closed),
-        TEST(patience_is_not_had_while_the_rate_is_used_up),
-        TEST(a_view_that_moves_now_and_then_leaves_room_between),
-        TEST(who_wants_final_pictures_alone_does_not_stop_the_others),
-        TEST(what_is_not_known_to_take_long_does_not_stop_the_others_either),
-        TEST(who_look_on_together_get_the_same_pictures),
-        TEST(long_frames_stand_still_for_short_ones),
-        TEST(long_frames_stand_still_for_short_ones_of_others_in_the_session),
-        TEST(what_stands_still_has_its_share),
-        TEST(what_may_go_before_a_long_frame),
-        TEST(what_is_drawn_is_paid_for_at_once),
-        TEST(what_is_short_is_told_by_the_next_frame),
-        TEST(what_is_dear_to_encode_is_paid_for),
-        TEST(dear_pictures_are_made_one_at_a_time_and_for_their_own_takers),
+        TEST(of_eligible_sessions_the_earliest_deadline_goes_first),
+        TEST(motion_elsewhere_cancels_a_refinement),
+        TEST(the_starvation_limit_does_not_count_while_the_window_is_closed),
+        TEST(the_starvation_limit_does_not_count_while_the_rate_is_used_up),
+        TEST(a_view_that_moves_rarely_leaves_time_for_refinements),
+        TEST(a_client_of_final_frames_only_does_not_stop_the_others),
+        TEST(frames_of_unknown_time_do_not_stop_the_others),
+        TEST(participants_that_watch_together_share_frames),
+        TEST(short_frames_preempt_long_ones),
+        TEST(short_frames_of_the_same_session_preempt_long_ones),
+        TEST(a_preempted_session_has_its_share),
+        TEST(rules_for_preempting_a_long_frame),
+        TEST(rendering_is_charged_before_encoding_ends),
+        TEST(the_expected_time_of_the_next_frame_decides_if_it_is_short),
+        TEST(encoding_is_charged),
+        TEST(frames_that_are_slow_to_encode_are_made_one_at_a_time),
         TEST(participants_have_equal_shares_of_their_session),
         TEST(who_holds_control_counts_for_all_others_together),
         TEST(a_viewers_settings_interrupt_its_own_picture_alone),

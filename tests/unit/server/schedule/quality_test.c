@@ -38,13 +38,13 @@ struct drag {
     unsigned misses;  /* frames over the budget */
 };
 
-static struct drag drag(struct srv_quality *pace, const struct machine *m, int frames) {
+static struct drag drag(struct srv_quality *quality, const struct machine *m, int frames) {
     struct drag result = { .last_ms = 0 };
     for (int i = 0; i < frames; i++) {
         struct srv_detail detail;
-        srv_quality_moving(pace, full, BUDGET, &detail);
+        srv_quality_moving(quality, full, BUDGET, &detail);
         double ms = time_on(m, &detail);
-        srv_quality_done(pace, &detail, true, BUDGET, ms);
+        srv_quality_done(quality, &detail, true, BUDGET, ms);
         result.changes += i > 0 && rank(&detail) != rank(&result.last);
         result.misses += ms > BUDGET;
         result.worst_ms = ms > result.worst_ms ? ms : result.worst_ms;
@@ -54,15 +54,15 @@ static struct drag drag(struct srv_quality *pace, const struct machine *m, int f
     return result;
 }
 
-static double rest(struct srv_quality *pace, const struct machine *m) {
+static double rest(struct srv_quality *quality, const struct machine *m) {
     struct srv_detail sharp = { .size = { full[0], full[1] } };
     double ms = time_on(m, &sharp);
-    srv_quality_done(pace, &sharp, false, BUDGET, ms);
-    srv_quality_rest(pace, full);
+    srv_quality_done(quality, &sharp, false, BUDGET, ms);
+    srv_quality_rest(quality, full);
     return ms;
 }
 
-static void the_budget_is_fifteen_a_second_or_what_is_asked_for(void **state) {
+static void the_budget_is_for_fifteen_frames_per_second_or_fewer(void **state) {
     (void)state;
     assert_true(srv_quality_budget_ms(120) == SRV_QUALITY_BUDGET_MIN_MS);
     assert_true(srv_quality_budget_ms(30) == SRV_QUALITY_BUDGET_MIN_MS);
@@ -73,10 +73,10 @@ static void frames_within_the_budget_keep_all_detail(void **state) {
     (void)state;
     static const struct machine machines[] = { { 2, 1, 1 }, { 20, 10, 1 }, { 5, 40, 1 } };
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++) {
-        struct srv_quality pace;
-        srv_quality_init(&pace);
-        drag(&pace, &machines[i], 2); /* the first picture is small: nothing is known */
-        struct drag d = drag(&pace, &machines[i], 100);
+        struct srv_quality quality;
+        srv_quality_init(&quality);
+        drag(&quality, &machines[i], 2); /* the first picture is small: nothing is known */
+        struct drag d = drag(&quality, &machines[i], 100);
         assert_int_equal(rank(&d.last), 0);
         assert_int_equal(d.changes, 0);
     }
@@ -84,17 +84,17 @@ static void frames_within_the_budget_keep_all_detail(void **state) {
 
 /* Whatever a machine is like: the drag settles within a few frames, stays within the budget if
  * anything can, and does not go to and fro. */
-static void any_machine_settles(void **state) {
+static void detail_settles_on_any_machine(void **state) {
     (void)state;
     static const double fixed[] = { 0.5, 5, 30, 60, 90, 200, 400, 1500, 5000 };
     static const double pixel[] = { 0.5, 5, 20, 60, 100, 300, 800 };
     for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
             struct machine m = { fixed[f], pixel[p], 1 };
-            struct srv_quality pace;
-            srv_quality_init(&pace);
-            drag(&pace, &m, 8);
-            struct drag d = drag(&pace, &m, 400);
+            struct srv_quality quality;
+            srv_quality_init(&quality);
+            drag(&quality, &m, 8);
+            struct drag d = drag(&quality, &m, 400);
             struct srv_detail least = { .mip_level = SP_MIP_LEVEL_MAX,
                                         .size = { full[0] / 4, full[1] / 4 } };
             bool possible = time_on(&m, &least) <= BUDGET * 0.7;
@@ -116,15 +116,15 @@ static void jitter_does_not_flicker(void **state) {
     for (size_t f = 0; f < sizeof fixed / sizeof *fixed; f++)
         for (size_t p = 0; p < sizeof pixel / sizeof *pixel; p++) {
             struct machine m = { fixed[f], pixel[p], 1 };
-            struct srv_quality pace;
+            struct srv_quality quality;
             struct srv_detail last = { .mip_level = 9 };
             unsigned changes = 0;
-            srv_quality_init(&pace);
-            drag(&pace, &m, 20);
+            srv_quality_init(&quality);
+            drag(&quality, &m, 20);
             for (int i = 0; i < 300; i++) {
                 random = random * 1664525u + 1013904223u;
                 m.load = 0.88 + (random >> 8) * (0.24 / (1 << 24));
-                struct drag d = drag(&pace, &m, 1);
+                struct drag d = drag(&quality, &m, 1);
                 changes += last.mip_level != 9 && rank(&d.last) != rank(&last);
                 last = d.last;
             }
@@ -134,214 +134,215 @@ static void jitter_does_not_flicker(void **state) {
         }
 }
 
-static void pixels_are_given_up_before_voxels(void **state) {
+static void pixels_are_reduced_before_voxels(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct machine m = { 10, 100, 1 };
-    srv_quality_init(&pace);
-    struct drag d = drag(&pace, &m, 50);
+    srv_quality_init(&quality);
+    struct drag d = drag(&quality, &m, 50);
     assert_int_equal(d.last.mip_level, 0);
     assert_in_range(d.last.size[0], 512, 1000);
     m = (struct machine){ 320, 4, 1 }; /* here fewer pixels gain nothing */
-    srv_quality_init(&pace);
-    d = drag(&pace, &m, 50);
+    srv_quality_init(&quality);
+    d = drag(&quality, &m, 50);
     assert_int_equal(d.last.mip_level, 1);
     assert_int_equal(d.last.size[0], 1024);
 }
 
 /* The first frame is drawn with the detail that another view's frames had in the end; where that
  * was wrong its own ones tell, at once. */
-static void what_another_view_took_is_the_first_guess(void **state) {
+static void times_of_another_view_are_the_first_guess(void **state) {
     (void)state;
     struct srv_detail detail;
-    struct srv_quality other, pace;
+    struct srv_quality other, quality;
     struct machine m = { 20, 5, 1 };
     srv_quality_init(&other);
     drag(&other, &m, 20);
-    srv_quality_init(&pace);
-    srv_quality_moving(&pace, full, BUDGET, &detail);
+    srv_quality_init(&quality);
+    srv_quality_moving(&quality, full, BUDGET, &detail);
     assert_int_equal(detail.size[0], 512);
-    srv_quality_init_from(&pace, &other);
-    srv_quality_moving(&pace, full, BUDGET, &detail);
+    srv_quality_init_from(&quality, &other);
+    srv_quality_moving(&quality, full, BUDGET, &detail);
     assert_int_equal(detail.size[0], 1024);
     assert_int_equal(detail.mip_level, 0);
-    double guess_ms = srv_quality_expected_ms(&pace, &detail);
+    double guess_ms = srv_quality_expected_ms(&quality, &detail);
     assert_true(guess_ms > 10 && guess_ms < 60);
-    srv_quality_done(&pace, &detail, true, BUDGET, 10 * guess_ms);
-    assert_float_equal(srv_quality_expected_ms(&pace, &detail), 10 * guess_ms, 1e-6);
-    srv_quality_moving(&pace, full, BUDGET, &detail);
+    srv_quality_done(&quality, &detail, true, BUDGET, 10 * guess_ms);
+    assert_float_equal(srv_quality_expected_ms(&quality, &detail), 10 * guess_ms, 1e-6);
+    srv_quality_moving(&quality, full, BUDGET, &detail);
     assert_true(rank(&detail) > 0);
 }
 
 /* Loads from light to heavy and back: detail goes when the budget is missed and comes back during
  * the drag, without a rest. */
-static void detail_comes_back_when_the_load_goes(void **state) {
+static void detail_comes_back_when_the_load_falls(void **state) {
     (void)state;
     static const struct machine machines[] = { { 20, 5, 1 }, { 5, 25, 1 }, { 25, 0.5, 1 } };
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++)
         for (double load = 1.5; load <= 24; load *= 2) {
-            struct srv_quality pace;
+            struct srv_quality quality;
             struct machine m = machines[i];
-            srv_quality_init(&pace);
-            struct drag d = drag(&pace, &m, 20);
+            srv_quality_init(&quality);
+            struct drag d = drag(&quality, &m, 20);
             assert_int_equal(rank(&d.last), 0);
             m.load = load;
-            drag(&pace, &m, 40);
-            d = drag(&pace, &m, 60);
+            drag(&quality, &m, 40);
+            d = drag(&quality, &m, 60);
             assert_true(d.misses <= 3 || d.last.mip_level == SP_MIP_LEVEL_MAX);
             m.load = 1;
-            d = drag(&pace, &m, 100);
+            d = drag(&quality, &m, 100);
             if (rank(&d.last) != 0)
                 fail_msg("machine %zu after a load of %g: still at rank %u", i, load,
                          rank(&d.last));
         }
 }
 
-static void between_keeping_and_raising_lies_a_band(void **state) {
+static void keeping_and_raising_detail_have_different_thresholds(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct machine m = { 30, 8, 1 };
-    srv_quality_init(&pace);
-    drag(&pace, &m, 10);
+    srv_quality_init(&quality);
+    drag(&quality, &m, 10);
     m.load = 1.5; /* 58 ms: within the budget */
-    struct drag d = drag(&pace, &m, 50);
+    struct drag d = drag(&quality, &m, 50);
     assert_int_equal(rank(&d.last), 0);
     assert_int_equal(d.changes, 0);
     m.load = 2;
     for (int i = 0; i < 20 && rank(&d.last) == 0; i++)
-        d = drag(&pace, &m, 1);
+        d = drag(&quality, &m, 1);
     unsigned low = rank(&d.last);
     assert_true(low > 0);
     m.load = 1.5; /* the same, from below: it would fit, but barely */
-    d = drag(&pace, &m, 5);
+    d = drag(&quality, &m, 5);
     assert_int_equal(rank(&d.last), low);
     m.load = 1;
-    d = drag(&pace, &m, 20);
+    d = drag(&quality, &m, 20);
     assert_int_equal(rank(&d.last), 0);
 }
 
 static void one_slow_frame_changes_nothing_two_do(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct machine m = { 10, 5, 1 }, slow = { 10, 5, 40 };
-    srv_quality_init(&pace);
-    drag(&pace, &m, 20);
-    drag(&pace, &slow, 1);
-    struct drag d = drag(&pace, &m, 10);
+    srv_quality_init(&quality);
+    drag(&quality, &m, 20);
+    drag(&quality, &slow, 1);
+    struct drag d = drag(&quality, &m, 10);
     assert_int_equal(d.changes, 0);
     assert_int_equal(rank(&d.last), 0);
-    drag(&pace, &slow, 2);
+    drag(&quality, &slow, 2);
     struct srv_detail detail;
-    srv_quality_moving(&pace, full, BUDGET, &detail);
+    srv_quality_moving(&quality, full, BUDGET, &detail);
     assert_true(rank(&detail) > 0);
 }
 
 /* 90 ms: doubt tries it again, in vain, and each time later. */
-static void what_was_too_slow_is_tried_ever_more_rarely(void **state) {
+static void levels_that_were_too_slow_are_tried_more_and_more_rarely(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct machine m = { 90, 0.5, 1 };
-    srv_quality_init(&pace);
-    drag(&pace, &m, 4);
+    srv_quality_init(&quality);
+    drag(&quality, &m, 4);
     unsigned tries[3];
     for (int i = 0; i < 3; i++)
-        tries[i] = drag(&pace, &m, 200).misses;
+        tries[i] = drag(&quality, &m, 200).misses;
     assert_in_range(tries[0], 1, 4);
     assert_true(tries[2] <= 1);
     struct machine hopeless = { 400, 0.5, 1 }; /* more than twice too slow */
-    srv_quality_init(&pace);
-    drag(&pace, &hopeless, 4);
-    assert_int_equal(drag(&pace, &hopeless, 400).misses, 0);
+    srv_quality_init(&quality);
+    drag(&quality, &hopeless, 4);
+    assert_int_equal(drag(&quality, &hopeless, 400).misses, 0);
 }
 
-static void a_rest_gives_slow_levels_another_chance(void **state) {
+static void slow_levels_are_tried_again_after_a_rest(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct machine m = { 320, 1, 1 }, jammed = { 320, 1, 100 };
-    srv_quality_init(&pace);
-    assert_int_equal(drag(&pace, &m, 20).last.mip_level, 1);
-    assert_int_equal(drag(&pace, &jammed, 3).last.mip_level, 2);
-    rest(&pace, &m);
-    assert_int_equal(drag(&pace, &m, 1).last.mip_level, 1);
+    srv_quality_init(&quality);
+    assert_int_equal(drag(&quality, &m, 20).last.mip_level, 1);
+    assert_int_equal(drag(&quality, &jammed, 3).last.mip_level, 2);
+    rest(&quality, &m);
+    assert_int_equal(drag(&quality, &m, 1).last.mip_level, 1);
     /* What is known to be fast is not forgotten: the next drag begins as the last one ended. */
-    struct drag before = drag(&pace, &m, 20);
-    rest(&pace, &m);
+    struct drag before = drag(&quality, &m, 20);
+    rest(&quality, &m);
     assert_int_equal(rank(&before.last), rank(&(struct srv_detail){ 1, { 1024, 1024 } }));
-    assert_int_equal(drag(&pace, &m, 20).changes, 0);
+    assert_int_equal(drag(&quality, &m, 20).changes, 0);
 }
 
-static void what_was_given_up_took_at_least_so_long(void **state) {
+static void a_cancelled_frame_took_at_least_its_elapsed_time(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct machine m = { 40, 4, 1 };
     struct srv_detail detail, next;
-    srv_quality_init(&pace);
-    drag(&pace, &m, 20);
-    srv_quality_moving(&pace, full, BUDGET, &detail);
+    srv_quality_init(&quality);
+    drag(&quality, &m, 20);
+    srv_quality_moving(&quality, full, BUDGET, &detail);
     assert_int_equal(rank(&detail), 0);
-    srv_quality_cancelled(&pace, &detail, 10); /* says nothing */
-    srv_quality_moving(&pace, full, BUDGET, &next);
+    srv_quality_cancelled(&quality, &detail, 10); /* says nothing */
+    srv_quality_moving(&quality, full, BUDGET, &next);
     assert_int_equal(rank(&next), 0);
-    srv_quality_cancelled(&pace, &detail, 140);
-    srv_quality_moving(&pace, full, BUDGET, &next);
+    srv_quality_cancelled(&quality, &detail, 140);
+    srv_quality_moving(&quality, full, BUDGET, &next);
     assert_true(rank(&next) > 0);
 }
 
-static void a_sharp_picture_that_takes_long_is_led_up_to(void **state) {
+static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     struct srv_detail middle;
     struct machine quick = { 100, 50, 1 }, voxels = { 1600, 20, 1 }, pixels = { 10, 2000, 1 };
-    srv_quality_init(&pace);
+    srv_quality_init(&quality);
     assert_false(
-        srv_quality_intermediate(&pace, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
-    struct drag d = drag(&pace, &quick, 50);
-    assert_false(srv_quality_intermediate(&pace, full, &d.last, &middle)); /* it is there soon */
-    srv_quality_init(&pace);
-    d = drag(&pace, &voxels, 50);
-    rest(&pace, &voxels);
+        srv_quality_intermediate(&quality, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
+    struct drag d = drag(&quality, &quick, 50);
+    assert_false(srv_quality_intermediate(&quality, full, &d.last, &middle)); /* it is there soon */
+    srv_quality_init(&quality);
+    d = drag(&quality, &voxels, 50);
+    rest(&quality, &voxels);
     assert_int_equal(d.last.mip_level, 2);
-    assert_true(srv_quality_intermediate(&pace, full, &d.last, &middle));
+    assert_true(srv_quality_intermediate(&quality, full, &d.last, &middle));
     assert_int_equal(middle.mip_level, 1);
     assert_int_equal(middle.size[0], 1024);
-    assert_false(srv_quality_intermediate(&pace, full, &middle, &middle)); /* it is shown already */
-    srv_quality_init(&pace);
-    d = drag(&pace, &pixels, 50);
-    double sharp_ms = rest(&pace, &pixels);
-    assert_true(srv_quality_intermediate(&pace, full, &d.last, &middle));
+    assert_false(
+        srv_quality_intermediate(&quality, full, &middle, &middle)); /* it is shown already */
+    srv_quality_init(&quality);
+    d = drag(&quality, &pixels, 50);
+    double sharp_ms = rest(&quality, &pixels);
+    assert_true(srv_quality_intermediate(&quality, full, &d.last, &middle));
     assert_true(middle.size[0] > d.last.size[0] || middle.mip_level < d.last.mip_level);
     assert_true(time_on(&pixels, &middle) <= sharp_ms / 3);
 }
 
-static void tiny_pictures_have_a_size(void **state) {
+static void tiny_frames_have_a_size(void **state) {
     (void)state;
-    struct srv_quality pace;
+    struct srv_quality quality;
     static const uint32_t tiny[2] = { 1, 3 };
     struct srv_detail detail;
-    srv_quality_init(&pace);
+    srv_quality_init(&quality);
     for (int i = 0; i < 20; i++) {
-        srv_quality_moving(&pace, tiny, BUDGET, &detail);
+        srv_quality_moving(&quality, tiny, BUDGET, &detail);
         assert_true(detail.size[0] == 1 && detail.size[1] >= 1 && detail.size[1] <= 3);
-        srv_quality_done(&pace, &detail, true, BUDGET, 1e6);
+        srv_quality_done(&quality, &detail, true, BUDGET, 1e6);
     }
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_budget_is_fifteen_a_second_or_what_is_asked_for),
+        cmocka_unit_test(the_budget_is_for_fifteen_frames_per_second_or_fewer),
         cmocka_unit_test(frames_within_the_budget_keep_all_detail),
-        cmocka_unit_test(any_machine_settles),
+        cmocka_unit_test(detail_settles_on_any_machine),
         cmocka_unit_test(jitter_does_not_flicker),
-        cmocka_unit_test(pixels_are_given_up_before_voxels),
-        cmocka_unit_test(what_another_view_took_is_the_first_guess),
-        cmocka_unit_test(detail_comes_back_when_the_load_goes),
-        cmocka_unit_test(between_keeping_and_raising_lies_a_band),
+        cmocka_unit_test(pixels_are_reduced_before_voxels),
+        cmocka_unit_test(times_of_another_view_are_the_first_guess),
+        cmocka_unit_test(detail_comes_back_when_the_load_falls),
+        cmocka_unit_test(keeping_and_raising_detail_have_different_thresholds),
         cmocka_unit_test(one_slow_frame_changes_nothing_two_do),
-        cmocka_unit_test(what_was_too_slow_is_tried_ever_more_rarely),
-        cmocka_unit_test(a_rest_gives_slow_levels_another_chance),
-        cmocka_unit_test(what_was_given_up_took_at_least_so_long),
-        cmocka_unit_test(a_sharp_picture_that_takes_long_is_led_up_to),
-        cmocka_unit_test(tiny_pictures_have_a_size),
+        cmocka_unit_test(levels_that_were_too_slow_are_tried_more_and_more_rarely),
+        cmocka_unit_test(slow_levels_are_tried_again_after_a_rest),
+        cmocka_unit_test(a_cancelled_frame_took_at_least_its_elapsed_time),
+        cmocka_unit_test(an_intermediate_frame_precedes_a_slow_sharp_one),
+        cmocka_unit_test(tiny_frames_have_a_size),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -48,7 +48,7 @@ static bool is_told(struct fixture *f, struct srv_participant *p, const char *te
     return found;
 }
 
-static void each_holder_has_the_whole_time(void **state) {
+static void each_new_holder_has_the_full_time_to_answer(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
@@ -73,7 +73,7 @@ static void each_holder_has_the_whole_time(void **state) {
 }
 
 /* One's own name must not write over those beside it. */
-static void names_have_no_controls(void **state) {
+static void names_with_control_characters_are_refused(void **state) {
     struct fixture *f = *state;
     static const char *const bad[] = { "",
                                        "a\\nb",
@@ -109,7 +109,7 @@ static void names_have_no_controls(void **state) {
     srv_hub_leave(f->hub, &p, 0);
 }
 
-static void an_unknown_member_is_named(void **state) {
+static void an_error_names_the_unknown_member(void **state) {
     struct fixture *f = *state;
     static const char text[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.ack\","
                                "\"params\":{\"frame\":1,\"a/b~\":2}}";
@@ -124,7 +124,7 @@ static void an_unknown_member_is_named(void **state) {
     srv_hub_leave(f->hub, &p, 0);
 }
 
-static void watching_and_waiting_gives_nothing(void **state) {
+static void a_view_role_gets_no_control_by_waiting(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *b = hub_join(f, SRV_ROLE_VIEW, 0);
@@ -141,7 +141,7 @@ static void watching_and_waiting_gives_nothing(void **state) {
     srv_hub_leave(f->hub, &b, 2e9);
 }
 
-static void an_answer_stops_the_clock(void **state) {
+static void an_answer_ends_the_request(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
@@ -162,7 +162,7 @@ static void an_answer_stops_the_clock(void **state) {
     srv_hub_leave(f->hub, &a, 9200);
 }
 
-static void picks_are_counted_out(void **state) {
+static void picks_are_limited_per_second(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 10000);
     unsigned answered = 0;
@@ -178,9 +178,12 @@ static void picks_are_counted_out(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
-        TEST(names_have_no_controls),         TEST(an_unknown_member_is_named),
-        TEST(each_holder_has_the_whole_time), TEST(watching_and_waiting_gives_nothing),
-        TEST(an_answer_stops_the_clock),      TEST(picks_are_counted_out),
+        TEST(names_with_control_characters_are_refused),
+        TEST(an_error_names_the_unknown_member),
+        TEST(each_new_holder_has_the_full_time_to_answer),
+        TEST(a_view_role_gets_no_control_by_waiting),
+        TEST(an_answer_ends_the_request),
+        TEST(picks_are_limited_per_second),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -114,7 +114,7 @@ static void moving_then_final(void **state) {
     srv_hub_leave(f->hub, &p, 5020);
 }
 
-static void what_a_volume_takes_is_known_to_the_next_session(void **state) {
+static void a_new_session_starts_with_the_known_times_of_its_volume(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     char id[SRV_SESSION_ID_BYTES];
@@ -155,7 +155,7 @@ static void updates_coalesce_behind_a_job(void **state) {
     srv_hub_leave(f->hub, &p, 70);
 }
 
-static void a_cancelled_refinement_comes_again(void **state) {
+static void a_cancelled_refinement_is_drawn_again(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
@@ -229,7 +229,7 @@ static struct srv_render_job drag(struct fixture *f, struct srv_participant *p, 
     return copy;
 }
 
-static void moving_frames_are_given_up_late_and_never_twice_in_a_row(void **state) {
+static void moving_frames_are_cancelled_late_and_never_twice_in_a_row(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
@@ -286,7 +286,7 @@ static void a_change_of_volume_or_stream_interrupts(void **state) {
     srv_hub_leave(f->hub, &p, 70);
 }
 
-static void a_slow_sharp_picture_comes_in_steps(void **state) {
+static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
@@ -332,7 +332,7 @@ static void move_until_final(struct fixture *f, struct srv_participant *p) {
     assert_false(next_job(f, 5000, &job));
 }
 
-static void a_moving_picture_that_cannot_get_better_is_the_final_one(void **state) {
+static void a_moving_frame_that_cannot_get_better_is_final(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_participant *p = join(f, 0);
@@ -348,7 +348,7 @@ static void a_moving_picture_that_cannot_get_better_is_the_final_one(void **stat
     srv_hub_leave(f->hub, &p, 7000);
 }
 
-static void a_failed_view_is_told_and_not_tried_again(void **state) {
+static void a_failed_view_is_reported_and_not_tried_again(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_message message;
@@ -369,7 +369,7 @@ static void a_failed_view_is_told_and_not_tried_again(void **state) {
     srv_hub_leave(f->hub, &p, 10002);
 }
 
-static void one_picture_for_all_who_see_the_same(void **state) {
+static void participants_with_equal_settings_share_a_frame(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job, other;
     struct srv_participant *a = join(f, 0), *b = join(f, 0), *c = join(f, 0);
@@ -402,7 +402,7 @@ static void one_picture_for_all_who_see_the_same(void **state) {
     srv_hub_leave(f->hub, &c, 71);
 }
 
-static void frames_for_who_left_are_counted(void **state) {
+static void frames_for_participants_that_left_are_counted(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_participant *a = join(f, 1000), *b = join(f, 1000);
@@ -427,7 +427,7 @@ static void frames_for_who_left_are_counted(void **state) {
     srv_hub_leave(f->hub, &a, 3002);
 }
 
-static void what_the_end_takes_away_is_not_counted(void **state) {
+static void frames_dropped_at_shutdown_are_not_counted(void **state) {
     static const char *const reasons[] = { "replaced", "late", "outdated", "failed", "left" };
     struct fixture *f = *state;
     struct srv_render_job job, other;
@@ -464,7 +464,7 @@ static void idle_sessions_end(void **state) {
     assert_int_equal(session_count(f), 0);
 }
 
-static void notifications_tell_the_state_not_its_history(void **state) {
+static void notifications_report_the_state_not_its_history(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = join(f, 0), *b = join(f, 0);
     struct srv_message message;
@@ -488,7 +488,7 @@ static void notifications_tell_the_state_not_its_history(void **state) {
     srv_hub_leave(f->hub, &b, 30);
 }
 
-static void an_unloaded_volume_is_told_once_and_forgotten(void **state) {
+static void an_unloaded_volume_is_reported_once(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = join(f, 0);
     struct srv_message message;
@@ -528,7 +528,7 @@ static void take_policy(struct fixture *f, struct srv_participant *p, double now
     }
 }
 
-static void the_policy_is_told_with_its_reasons(void **state) {
+static void the_policy_is_reported_with_its_reasons(void **state) {
     struct fixture *f = *state;
     struct srv_participant *p = join(f, 0);
     struct srv_render_job job;
@@ -571,7 +571,7 @@ static void the_policy_is_told_with_its_reasons(void **state) {
     srv_hub_leave(f->hub, &p, now_ms);
 }
 
-static void a_png_has_no_quality_that_could_be_less(void **state) {
+static void png_has_no_quality_to_reduce(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     char policy[512];
@@ -593,24 +593,24 @@ static void a_png_has_no_quality_that_could_be_less(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
-        TEST(the_policy_is_told_with_its_reasons),
-        TEST(a_png_has_no_quality_that_could_be_less),
+        TEST(the_policy_is_reported_with_its_reasons),
+        TEST(png_has_no_quality_to_reduce),
         TEST(moving_then_final),
-        TEST(what_a_volume_takes_is_known_to_the_next_session),
+        TEST(a_new_session_starts_with_the_known_times_of_its_volume),
         TEST(changes_that_come_as_often_as_frames_are_due_do_not_wait),
         TEST(updates_coalesce_behind_a_job),
-        TEST(a_cancelled_refinement_comes_again),
-        TEST(moving_frames_are_given_up_late_and_never_twice_in_a_row),
+        TEST(a_cancelled_refinement_is_drawn_again),
+        TEST(moving_frames_are_cancelled_late_and_never_twice_in_a_row),
         TEST(a_change_of_volume_or_stream_interrupts),
-        TEST(a_slow_sharp_picture_comes_in_steps),
-        TEST(a_moving_picture_that_cannot_get_better_is_the_final_one),
-        TEST(a_failed_view_is_told_and_not_tried_again),
-        TEST(one_picture_for_all_who_see_the_same),
-        TEST(frames_for_who_left_are_counted),
-        TEST(what_the_end_takes_away_is_not_counted),
+        TEST(an_intermediate_frame_precedes_a_slow_sharp_one),
+        TEST(a_moving_frame_that_cannot_get_better_is_final),
+        TEST(a_failed_view_is_reported_and_not_tried_again),
+        TEST(participants_with_equal_settings_share_a_frame),
+        TEST(frames_for_participants_that_left_are_counted),
+        TEST(frames_dropped_at_shutdown_are_not_counted),
         TEST(idle_sessions_end),
-        TEST(notifications_tell_the_state_not_its_history),
-        TEST(an_unloaded_volume_is_told_once_and_forgotten),
+        TEST(notifications_report_the_state_not_its_history),
+        TEST(an_unloaded_volume_is_reported_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

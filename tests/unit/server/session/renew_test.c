@@ -29,7 +29,7 @@ static unsigned close_code(struct fixture *f, struct srv_participant *p) {
     return kind == SRV_MESSAGE_CLOSE ? message.close_code : 0;
 }
 
-static void a_token_that_is_gone_takes_its_streams_with_it(void **state) {
+static void a_removed_token_closes_its_streams(void **state) {
     struct fixture *f = *state;
     const struct srv_owner ann = { .name = "ann" };
     struct srv_quota today = { .sessions = 0 };
@@ -63,7 +63,7 @@ static void a_token_that_is_gone_takes_its_streams_with_it(void **state) {
 
 /* What a stream has by a token is what that gives today: in a session of its own name, and in
  * nobody's, where an admin has control. */
-static void a_role_that_is_lowered_takes_its_streams_with_it(void **state) {
+static void a_lowered_role_closes_its_streams(void **state) {
     struct fixture *f = *state;
     enum { CONTROL = SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL };
     static const struct {
@@ -131,7 +131,7 @@ static void next_size(struct fixture *f, uint32_t size[2]) {
 /* A session larger than its owner's token allows today goes on, in pictures that it allows; only a
  * size that is asked for is refused. The view keeps its own, for the day when there is more again.
  */
-static void a_size_that_is_lowered_makes_pictures_smaller(void **state) {
+static void a_lowered_size_limit_reduces_frames(void **state) {
     struct fixture *f = *state;
     const struct srv_owner ann = { .name = "ann" };
     struct srv_quota today = { .sessions = 0 };
@@ -163,11 +163,11 @@ static void a_size_that_is_lowered_makes_pictures_smaller(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_token_that_is_gone_takes_its_streams_with_it, hub_set_up,
+        cmocka_unit_test_setup_teardown(a_removed_token_closes_its_streams, hub_set_up,
                                         hub_tear_down),
-        cmocka_unit_test_setup_teardown(a_role_that_is_lowered_takes_its_streams_with_it,
-                                        hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(a_size_that_is_lowered_makes_pictures_smaller, hub_set_up,
+        cmocka_unit_test_setup_teardown(a_lowered_role_closes_its_streams, hub_set_up,
+                                        hub_tear_down),
+        cmocka_unit_test_setup_teardown(a_lowered_size_limit_reduces_frames, hub_set_up,
                                         hub_tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

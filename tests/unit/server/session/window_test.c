@@ -74,7 +74,7 @@ static void a_slow_client_is_not_flooded(void **state) {
     assert_in_range(window, 2, 4);
 }
 
-static void who_never_acknowledges_gets_the_first_two(void **state) {
+static void a_client_that_never_acknowledges_gets_two_frames(void **state) {
     (void)state;
     struct srv_window flow;
     srv_window_init(&flow);
@@ -93,7 +93,7 @@ static void who_never_acknowledges_gets_the_first_two(void **state) {
     assert_true(srv_window_oldest_ms(&flow) == 0);
 }
 
-static void bytes_are_capped_but_one_frame_always_goes(void **state) {
+static void bytes_are_limited_but_one_frame_is_always_sent(void **state) {
     (void)state;
     struct srv_window flow;
     srv_window_init(&flow);
@@ -106,7 +106,7 @@ static void bytes_are_capped_but_one_frame_always_goes(void **state) {
     assert_true(srv_window_is_open(&flow, 0, 30, 10));
 }
 
-static void an_old_round_trip_is_forgotten(void **state) {
+static void an_old_round_trip_is_dropped(void **state) {
     (void)state;
     struct srv_window flow;
     srv_window_init(&flow);
@@ -157,9 +157,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_window_holds_the_rate_at_any_round_trip),
         cmocka_unit_test(a_slow_client_is_not_flooded),
-        cmocka_unit_test(who_never_acknowledges_gets_the_first_two),
-        cmocka_unit_test(bytes_are_capped_but_one_frame_always_goes),
-        cmocka_unit_test(an_old_round_trip_is_forgotten),
+        cmocka_unit_test(a_client_that_never_acknowledges_gets_two_frames),
+        cmocka_unit_test(bytes_are_limited_but_one_frame_is_always_sent),
+        cmocka_unit_test(an_old_round_trip_is_dropped),
         cmocka_unit_test(the_outbox_keeps_the_newest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
