@@ -19,7 +19,7 @@ test('no interface gives an image larger than --frame-size', async () => {
   const refused = (answer) => {
     assert.equal(answer.status, 422);
     assert.equal(answer.json.pointer, '/size');
-    assert.match(answer.json.detail, /725 x 724 are 524900 px, and --frame-size allows 524288/);
+    assert.match(answer.json.detail, /725 x 724 are 524900 px and --frame-size allows 524288/);
   };
   const { json: { id } } = await daemon.post('/api/v1/views', { size: LARGEST });
   assert.equal((await daemon.fetch(`/api/v1/render/${id}`)).status, 200);
