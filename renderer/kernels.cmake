@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# Loops over voxels and pixels are compiled once an instruction set: see base/isa.h.
+# Loops over voxels and pixels are compiled once per instruction set: see base/isa.h.
 #
-#   splat_kernels(FILE...)   from a room: adds its sources to every set's, in place of target_sources(splat …)
+#   splat_kernels(FILE...)   called from a folder: adds its sources to those of every set, in place of target_sources(splat …)
 
 include(CheckCSourceCompiles)
 check_c_source_compiles("#ifndef __x86_64__\n#error\n#endif\nint main(void) { return 0; }" SPLATD_X86_64)

@@ -125,7 +125,7 @@ struct zoom {
 struct sp_postconv_open_tile {
     const struct sp_postconv *postconv;
     struct sp_postconv_scratch *scratch;
-    int x, y, width, height;              /* px in the picture */
+    int x, y, width, height;              /* px in the image */
     uint32_t alive;                       /* bit per cell that is not opaque */
     uint32_t live[POSTCONV_TILE / BLOCK]; /* the same per block of 4 × 4 pixels */
     bool has_dead;                        /* some blocks are opaque */

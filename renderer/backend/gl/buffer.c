@@ -34,19 +34,19 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
                        "the %s take %llu bytes and a buffer of this GPU has at most %llu", what,
                        (unsigned long long)bytes, (unsigned long long)most);
     /* A quarter more, so that a scene that comes nearer does not reallocate every frame. */
-    uint64_t room = usage == GL_USE_KEPT ? bytes : bytes + bytes / 4;
-    room = most && room > most ? bytes : room;
+    uint64_t capacity = usage == GL_USE_KEPT ? bytes : bytes + bytes / 4;
+    capacity = most && capacity > most ? bytes : capacity;
     gl_buffer_finish(buffer);
     glGenBuffers(1, &buffer->name);
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
     glGetError(); /* of what came before */
-    allocate(room, usage);
+    allocate(capacity, usage);
     if (glGetError() != GL_NO_ERROR) {
         gl_buffer_finish(buffer);
         return sp_fail(err, SP_ERR_MEMORY, "", "the GPU has no %llu bytes for the %s",
-                       (unsigned long long)room, what);
+                       (unsigned long long)capacity, what);
     }
-    buffer->bytes = room;
+    buffer->bytes = capacity;
     buffer->asked = asked;
     return true;
 }

@@ -265,9 +265,9 @@ static bool reserve(struct draw *d, struct sp_error *err) {
 
 /* Returns the number of layers per batch that the bins can hold. */
 static uint32_t layers_of_batch(const struct draw *d) {
-    uint32_t room = gl_workload_limits(&d->state->workload).bins / band_tiles(d);
-    room = room < 1 ? 1 : room;
-    return room < d->state->workload.layers ? room : d->state->workload.layers;
+    uint32_t capacity = gl_workload_limits(&d->state->workload).bins / band_tiles(d);
+    capacity = capacity < 1 ? 1 : capacity;
+    return capacity < d->state->workload.layers ? capacity : d->state->workload.layers;
 }
 
 /* Returns the costs of a pair and a record of the frame. */
@@ -334,7 +334,7 @@ static bool plan_band(struct draw *d, struct sp_error *err) {
     return true;
 }
 
-static bool is_want_of_room(const struct sp_error *why) {
+static bool is_out_of_memory(const struct sp_error *why) {
     return why->code == SP_ERR_MEMORY || why->code == SP_ERR_BUDGET;
 }
 
@@ -343,7 +343,7 @@ static bool plan_smaller(struct draw *d, struct sp_error *why) {
     struct gl_state *s = d->state;
     unsigned halvings = s->workload.halvings;
     bool ok = plan_band(d, why);
-    while (!ok && is_want_of_room(why) && gl_workload_halve(&s->workload)) {
+    while (!ok && is_out_of_memory(why) && gl_workload_halve(&s->workload)) {
         gl_memory_release(s);
         gl_readback_finish(&d->slot->readback);
         ok = plan_band(d, why);
@@ -355,10 +355,10 @@ static bool plan_smaller(struct draw *d, struct sp_error *why) {
 
 /* The same. If even the smallest pieces do not fit, the samples are dropped: their lists are
  * complete. */
-static bool plan_in_room(struct draw *d, struct sp_error *err) {
+static bool plan_in_capacity(struct draw *d, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     if (plan_smaller(d, &why) ||
-        (is_want_of_room(&why) && gl_residency_drop_samples(&d->state->residency) &&
+        (is_out_of_memory(&why) && gl_residency_drop_samples(&d->state->residency) &&
          plan_smaller(d, &why)))
         return true;
     return sp_fail(err, why.code, why.place, "%s", why.text);
@@ -466,7 +466,7 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
     bool ok = true;
     do {
         d->y = slot->y;
-        if (!plan_in_room(d, err))
+        if (!plan_in_capacity(d, err))
             return false;
         if (!may_wait &&
             (d->end < height ||
@@ -493,7 +493,7 @@ static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backe
     s->residency.tries_again = true;
     if (try_draw(s, slot, job, may_wait, &why))
         return true;
-    if (!is_want_of_room(&why))
+    if (!is_out_of_memory(&why))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     gl_memory_release(s);
     s->residency.tries_again = false;

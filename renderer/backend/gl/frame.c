@@ -13,8 +13,8 @@
 #define SPLAT_RANGE (1.0 / 16) /* cells: single splats are sorted by distance to this */
 #define FARTHEST 1e7           /* cells; everything beyond counts as this far, as in tile/depth.c */
 
-_Static_assert((int)SP_CUTS_MAX == (int)GL_CLIP_PLANES, "room for the planes that clip");
-_Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "room for the lights");
+_Static_assert((int)SP_CUTS_MAX == (int)GL_CLIP_PLANES, "the shaders hold every clipping plane");
+_Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "the shaders hold every light");
 _Static_assert(2 * (int)SP_LEVELS <= (int)GL_PARTS, "a part for each level, enlarged or not");
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -182,10 +182,10 @@ static void write_constants(struct gl_frame *f, const struct gl_partition *parti
     c->choice[1] = is_lit;
     c->choice[2] = (uint32_t)shade.light_count;
     c->choice[3] = partition->sheet_count;
-    c->picture[0] = view->size[0];
-    c->picture[1] = view->size[1];
-    c->picture[2] = f->axis;
-    c->picture[3] = gl_frame_ewa(f)->clip.count;
+    c->image_info[0] = view->size[0];
+    c->image_info[1] = view->size[1];
+    c->image_info[2] = f->axis;
+    c->image_info[3] = gl_frame_ewa(f)->clip.count;
     c->compose[0] = f->compositing;
     c->compose[1] = f->is_post;
     c->slabs[0] = (float)((double)partition->nearest * f->thickness);

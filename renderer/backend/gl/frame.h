@@ -17,7 +17,7 @@
 /* shaders/frame.glsl: std430. */
 struct gl_constants {
     float to_camera[3][4], phong[4], glint[4];
-    uint32_t choice[4], picture[4], compose[4];
+    uint32_t choice[4], image_info[4], compose[4];
     float slabs[4], lens[4];
     struct gl_light {
         float direction[4], world[4], color[4];

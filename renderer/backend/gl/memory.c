@@ -10,7 +10,7 @@ enum {
     BINS_MOST = 1 << 25,
     TILES_MOST = 1 << 17, /* 8 million px */
     LOOPS_MOST = 1 << 19, /* per work group: about 10 ms without waits for memory, … */
-    DEAR = 8,             /* … and this many times that if each round waits for memory */
+    STALL_FACTOR = 8,     /* … and this many times that if each round waits for memory */
     DISPATCH_MS = 25,     /* half of what is acceptable: the next frame may cost twice as much */
     BINS_SOFTWARE = 1 << 22,
     TILES_SOFTWARE = 1 << 15,
@@ -42,7 +42,7 @@ void gl_memory_limit(struct gl_state *s) {
                                                      px / (GL_TILE * GL_TILE)),
                             .pairs = least(PAIRS_MOST, words),
                             .loops = software ? LOOPS_SOFTWARE : LOOPS_MOST,
-                            .dear = software ? 1 : DEAR,
+                            .stall_factor = software ? 1 : STALL_FACTOR,
                             .dispatch_ms = software ? INFINITY : DISPATCH_MS };
 }
 

@@ -71,8 +71,8 @@ bool gl_mip_levels_get(struct gl_mip_levels *levels, struct gl_residency *reside
                       .job = job };
     if (w.voxels && get(levels, &w, cache, volume, &why))
         return true;
-    bool has_no_room = why.code == SP_ERR_BUDGET || why.code == SP_ERR_MEMORY;
-    if (w.voxels && !(has_no_room && !residency->tries_again))
+    bool is_out_of_memory = why.code == SP_ERR_BUDGET || why.code == SP_ERR_MEMORY;
+    if (w.voxels && !(is_out_of_memory && !residency->tries_again))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     if (w.voxels)
         gl_residency_refuse(w.voxels, &why);

@@ -83,7 +83,7 @@ struct gl_partition {
     /* What the batches were made for. */
     bool is_cut;              /* for these items' layers */
     bool is_whole;            /* one batch holds all: layers do not matter */
-    uint32_t layers, records; /* room of a batch */
+    uint32_t layers, records; /* capacity of a batch */
 };
 
 void gl_partition_init(struct gl_partition *partition);

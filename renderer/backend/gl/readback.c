@@ -43,7 +43,7 @@ bool gl_readback_reserve(struct gl_readback *readback, uint64_t bytes, struct sp
     bool grows = bytes > readback->buffer.bytes;
     if (grows)
         readback->mapped = NULL; /* ends with the buffer */
-    if (!gl_buffer_reserve(&readback->buffer, "picture that is read back", bytes, 0, GL_USE_READ,
+    if (!gl_buffer_reserve(&readback->buffer, "image that is read back", bytes, 0, GL_USE_READ,
                            err))
         return false;
     if (!grows)

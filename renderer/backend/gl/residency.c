@@ -226,8 +226,8 @@ static struct gl_voxels *oldest_voxels(struct gl_residency *residency) {
     return oldest;
 }
 
-/* Makes room for `more` bytes by dropping what was not used for the longest time, but nothing of
- * this frame. */
+/* Frees memory for `more` bytes: evicts the least recently used data, but nothing that this frame
+ * uses. */
 static bool trim(struct gl_residency *residency, const char *what, uint64_t more,
                  struct sp_error *err) {
     more += residency->beside_bytes;
@@ -247,7 +247,7 @@ static bool trim(struct gl_residency *residency, const char *what, uint64_t more
 }
 
 bool gl_residency_trim(struct gl_residency *residency, struct sp_error *err) {
-    return trim(residency, "the visible voxels and what the picture is drawn in take", 0, err);
+    return trim(residency, "the visible voxels and the render buffers take", 0, err);
 }
 
 bool gl_residency_drop_samples(struct gl_residency *residency) {

@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-/* Makes room; what is there counts up to *made, unless the buffer had to grow. */
+/* Reserves memory. The first *made items stay valid unless the buffer has to grow. */
 static bool reserve(struct gl_buffer *buffer, const char *what, uint64_t bytes, uint64_t most,
                     uint64_t *made, struct sp_error *err) {
     if (bytes > buffer->bytes)
@@ -24,7 +24,7 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
     if (!reserve(&upload->constants, "constants", sizeof *c + sheets, most, &upload->sheets_made,
                  err))
         return false;
-    uint32_t lights = c->choice[2], planes = c->picture[3];
+    uint32_t lights = c->choice[2], planes = c->image_info[3];
     send(upload, &upload->constants, 0, c,
          offsetof(struct gl_constants, lights) + lights * sizeof c->lights[0]);
     for (unsigned part = 0; f->parts >> part; part++) {
@@ -53,20 +53,20 @@ static void find_chunks(const struct gl_batch *batch, uint32_t *first, uint32_t 
 
 bool gl_upload_chunks(struct gl_upload *upload, const struct gl_partition *partition,
                       uint64_t enough, uint64_t most, struct sp_error *err) {
-    uint64_t room = enough / sizeof *partition->chunks;
+    uint64_t capacity = enough / sizeof *partition->chunks;
     for (uint32_t i = 0; i < partition->batch_count; i++) {
         uint32_t first, count;
         find_chunks(&partition->batches[i], &first, &count);
-        room = room > count ? room : count;
+        capacity = capacity > count ? capacity : count;
     }
-    room = room < partition->chunk_count ? room : partition->chunk_count;
-    if (!reserve(&upload->chunks, "bricks", room * sizeof *partition->chunks + 1, most,
+    capacity = capacity < partition->chunk_count ? capacity : partition->chunk_count;
+    if (!reserve(&upload->chunks, "bricks", capacity * sizeof *partition->chunks + 1, most,
                  &upload->chunks_made, err))
         return false;
     if (upload->chunks_made != partition->chunks_made)
         upload->chunk_first = upload->chunk_end = 0;
     upload->chunks_made = partition->chunks_made;
-    upload->chunk_room = (uint32_t)room;
+    upload->chunk_capacity = (uint32_t)capacity;
     return true;
 }
 
@@ -77,7 +77,7 @@ void gl_upload_batch(struct gl_upload *upload, const struct gl_partition *partit
     if (first >= upload->chunk_first && first + count <= upload->chunk_end)
         return;
     uint32_t left = partition->chunk_count - first;
-    uint32_t n = left < upload->chunk_room ? left : upload->chunk_room;
+    uint32_t n = left < upload->chunk_capacity ? left : upload->chunk_capacity;
     send(upload, &upload->chunks, 0, partition->chunks + first, n * sizeof *partition->chunks);
     upload->chunk_first = first;
     upload->chunk_end = first + n;

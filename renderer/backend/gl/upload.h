@@ -15,7 +15,7 @@ struct gl_upload {
     struct gl_buffer chunks;
     uint64_t sheets_made, chunks_made; /* generations of the partition that are uploaded */
     uint32_t chunk_first, chunk_end;   /* the chunks that are uploaded */
-    uint32_t chunk_room;               /* capacity of the buffer */
+    uint32_t chunk_capacity;           /* capacity of the buffer */
     uint64_t bytes;                    /* sent since the start */
 };
 

@@ -39,7 +39,7 @@ static uint32_t records_of(const struct gl_workload *workload, const struct gl_c
 /* A bin of a single brick is sorted however long that takes, because no batch is smaller. */
 static uint32_t bin_pairs_of(const struct gl_workload *workload, uint32_t records) {
     const struct gl_limits limits = gl_workload_limits(workload);
-    return records > SP_BRICK_VOXELS ? limits.loops / (ORDER_ROUNDS * limits.dear)
+    return records > SP_BRICK_VOXELS ? limits.loops / (ORDER_ROUNDS * limits.stall_factor)
                                      : workload->limits.loops / ORDER_ROUNDS;
 }
 
@@ -47,7 +47,7 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
                                   const struct gl_costs *costs) {
     const struct gl_limits limits = gl_workload_limits(workload);
     uint32_t records = records_of(workload, costs);
-    uint32_t rounds = costs->pair_rounds + costs->pair_loads * limits.dear;
+    uint32_t rounds = costs->pair_rounds + costs->pair_loads * limits.stall_factor;
     return (struct gl_pieces){
         .records = records,
         .pairs = workload->pairs,
@@ -55,7 +55,7 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
         .turns = workload->turns,
         .bin_pairs = most(bin_pairs_of(workload, records), 1),
         /* Each round is an atomic addition; one row of tiles is the minimum. */
-        .splat_rounds = most(limits.loops / limits.dear, SPAN_ROUNDS * costs->columns),
+        .splat_rounds = most(limits.loops / limits.stall_factor, SPAN_ROUNDS * costs->columns),
         .halvings = workload->halvings
     };
 }
@@ -113,8 +113,8 @@ static uint32_t shrink(uint32_t size, double factor) {
 static bool fail_pairs(const struct gl_workload *workload, const struct gl_bins_head *head,
                        struct sp_error *err) {
     return sp_fail(err, SP_ERR_BUDGET, "",
-                   "a row of tiles has %lu pairs of splats and tiles in one slice, and there is "
-                   "room for %llu: use a smaller kernel or picture",
+                   "a row of tiles has %lu pairs of splats and tiles in one slice; the "
+                   "limit is %llu: use a smaller kernel or image",
                    (unsigned long)head->needed, (unsigned long long)workload->limits.pairs);
 }
 
@@ -122,7 +122,7 @@ static bool fail_order(const struct gl_pieces *was, const struct gl_bins_head *h
                        struct sp_error *err) {
     return sp_fail(err, SP_ERR_BUDGET, "",
                    "%lu splats at one distance lie over the same %d px, and the GPU puts %lu in "
-                   "order: use a larger picture, or let the level of detail be chosen",
+                   "order: use a larger image, or let the level of detail be chosen",
                    (unsigned long)head->crowded, (int)GL_TILE, (unsigned long)was->bin_pairs);
 }
 

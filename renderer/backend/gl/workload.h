@@ -38,7 +38,8 @@ struct gl_limits {
     uint32_t tiles;   /* per band; at least one row */
     uint64_t pairs;   /* of a batch */
     uint32_t loops;   /* loop rounds of one invocation */
-    uint32_t dear; /* rounds that a round counts for if it waits for memory; 1 = all count alike */
+    /* A round that waits for memory counts as this many rounds; 1 = all rounds count the same. */
+    uint32_t stall_factor;
     uint64_t record_bytes; /* per batch: memory for records and their spans */
     double dispatch_ms;    /* a longer dispatch is too long; INFINITY = none is */
 };

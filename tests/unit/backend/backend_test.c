@@ -130,7 +130,7 @@ static void pass_over(void *user, const struct sp_device *device) {
     (void)device;
 }
 
-/* What a GPU has to pass before it is used, and a picture that is not drawn does not. */
+/* A GPU must pass this check before it is used. An image that was not drawn fails it. */
 static void the_check_finds_pictures_alike(void **state) {
     (void)state;
     const struct sp_backend_options options = {
@@ -350,7 +350,7 @@ static float largest_difference(const struct sp_frame *a, const struct sp_frame 
     return most;
 }
 
-/* The picture and the count of visible voxels are those of a renderer that never saw another
+/* The image and the count of visible voxels are those of a renderer that never saw another
  * transfer function, whatever the lists hold after a row of edits: to the bit where voxels are
  * drawn one by one; several at a time are added in another order when hidden ones lie between. */
 static void check_edits(const char *isa, float tolerance) {
@@ -406,7 +406,8 @@ static void lists_are_cut_down_when_edits_stop(void **state) {
     uint64_t rests = memory_at(&rig, 290, 20);
     sp_renderer_evict(rig.renderer, rig.volume);
     uint64_t fresh = memory_at(&rig, 290, 1), histogram = rests - fresh;
-    assert_true(hides >= exact && hides - exact <= histogram); /* the same list */
+    assert_true(hides >= exact); /* the same list */
+    assert_true(hides - exact <= histogram);
     assert_true(shows > fresh + histogram + 5000);
     assert_true(histogram <= 1001 * sizeof(uint64_t));
     finish_rig(&rig);
@@ -428,7 +429,7 @@ static void *render_thread(void *user) {
     return NULL;
 }
 
-/* A million voxels that each cover the whole picture: hours of work, stopped from outside. */
+/* A million voxels that each cover the whole image: hours of work, cancelled by another thread. */
 static void endless_work_can_be_cancelled(void **state) {
     (void)state;
     struct rig rig = make_rig("cpu", 2, make_ball(130, (double[3]){ 1e-4, 1e-4, 1e-4 }));
@@ -497,7 +498,8 @@ static void what_stands_still_loses_nothing(void **state) {
             assert_memory_equal((uint8_t *)frames[0]->pixels + y * frames[0]->stride_bytes,
                                 (uint8_t *)frames[1]->pixels + y * frames[1]->stride_bytes,
                                 frames[0]->width * 4);
-        assert_true(frames[0]->stats.render_ms < 1e12 && frames[1]->stats.render_ms == 0);
+        assert_true(frames[0]->stats.render_ms < 1e12);
+        assert_true(frames[1]->stats.render_ms == 0);
         for (uint32_t i = 0; i < frames[1]->stats.stage_count; i++)
             assert_true(frames[1]->stats.stages[i].ms < 1e12);
         sp_frame_unref(&frames[0]);
@@ -625,7 +627,7 @@ static void odd_sizes_and_places_are_drawn(void **state) {
     finish_rig(&rig);
 }
 
-/* Bands and batches are seams; a picture of several of each must be the one drawn in one piece. */
+/* An image of several bands and batches must equal the image that is drawn in one piece. */
 static void bands_leave_no_seam(void **state) {
     (void)state;
     struct rig rig = make_rig("cpu", 2, make_ball(24, (double[3]){ 1, 1, 1 }));
@@ -634,7 +636,7 @@ static void bands_leave_no_seam(void **state) {
     rig.view.size[0] = 2048; /* 64 tiles wide: bands of 36 rows of tiles, 1152 px */
     rig.view.size[1] = 1600;
     struct sp_frame *large = draw(&rig, SP_RGBAF32);
-    rig.view.size[0] = 1024; /* one band, the middle of the same picture */
+    rig.view.size[0] = 1024; /* one band, the middle of the same image */
     struct sp_frame *part = draw(&rig, SP_RGBAF32);
     double worst = 0;
     for (uint32_t y = 0; y < 1600; y++)

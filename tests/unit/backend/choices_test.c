@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every choice of a view with every other, and views at the edges of their ranges: pictures are
+ * Every choice of a view with every other, and views at the edges of their ranges: images are
  * finite, the same for any number of threads, and not empty where something is in sight.
  */
 #include <setjmp.h>
@@ -312,7 +312,8 @@ static void a_point_far_below_changes_nothing(void **state) {
             view.transfer_function.points[0].value = far[i];
             struct sp_frame *f =
                 sp_renderer_render(rig.renderers[0], volume, &view, rig.pool, &o, NULL);
-            assert_true(f && test_image_from_frame(&images[i > 0], f));
+            assert_true(f);
+            assert_true(test_image_from_frame(&images[i > 0], f));
             sp_frame_unref(&f);
             if (i == 0)
                 continue;

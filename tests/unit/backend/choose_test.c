@@ -214,7 +214,7 @@ static void who_names_a_backend_or_requires_a_gpu_keeps_it(void **state) {
         fakes[GPU].failures = 5;
         assert_string_equal(fakes_draw(&s), ""); /* three times */
         assert_string_equal(s.err.text, "gpu hung");
-        assert_string_equal(fakes_draw(&s), ""); /* and once a frame from then on */
+        assert_string_equal(fakes_draw(&s), ""); /* and once per frame from then on */
         assert_string_equal(fakes_draw(&s), "");
         assert_string_equal(fakes_draw(&s), "gpu");
         assert_int_equal(fakes[PLAIN].running, 0);

@@ -85,7 +85,8 @@ static bool fake_begin(void *state, const struct sp_backend_job *job, struct sp_
 
 static bool fake_finish(void *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct fake *fake = state;
-    assert_true(fake->begun_count > 0 && fake->begun[0] == job);
+    assert_true(fake->begun_count > 0);
+    assert_ptr_equal(fake->begun[0], job);
     fake->begun_count--;
     memmove(fake->begun, fake->begun + 1, sizeof fake->begun - sizeof fake->begun[0]);
     return fake_draw(fake, job, err);
@@ -168,7 +169,9 @@ void fakes_scene_init(struct fakes_scene *s, const struct sp_renderer_options *o
     *s = (struct fakes_scene){ .renderer = sp_renderer_create(options, NULL),
                                .pool = sp_frame_pool_create(0, NULL),
                                .volume = sp_volume_load("demo:phantom?size=16", NULL, NULL) };
-    assert_true(s->renderer && s->pool && s->volume);
+    assert_true(s->renderer);
+    assert_true(s->pool);
+    assert_true(s->volume);
     sp_view_init(&s->view, sp_volume_info(s->volume), "phantom");
     s->view.size[0] = s->view.size[1] = 16;
     for (int i = 0; i < FAKES; i++) /* the check at the start draws, too */

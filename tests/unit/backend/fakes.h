@@ -20,7 +20,7 @@ struct fake {
     enum sp_code code;    /* with which they fail */
     atomic_bool *cancels; /* set by each failure */
     uint8_t paint;        /* a byte … */
-    size_t painted;       /* … in so many places of its pictures, beside which all is 0 */
+    size_t painted;       /* … in so many places of its images; all other bytes are 0 */
     int running;          /* states created and not destroyed */
     unsigned renders, forgotten;
     const struct sp_backend_job *begun[SP_IN_FLIGHT_MAX]; /* oldest first */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every allocation between a volume and an encoded picture fails once: each call then says so with
+ * Every allocation between a volume and an encoded image fails once: each call then says so with
  * SP_ERR_MEMORY, loses nothing (the leak checker of the ASan build looks on), and the next one
  * works. The linker puts the functions below in the place of the C library's (--wrap).
  */

@@ -425,7 +425,7 @@ static void count_pairs(const struct sp_postconv *s, struct sp_postconv_scratch 
 }
 
 /* Which sheets are joined depends on the view and the whole volume: it stays when the deepest
- * voxels leave the picture. Fewer sheets are not joined. */
+ * voxels leave the image. Fewer sheets are not joined. */
 static void pairs_do_not_depend_on_what_is_in_sight(void **state) {
     (void)state;
     for (unsigned n = 0; n < 8; n++) {

@@ -116,7 +116,7 @@ void outline_flat(vec3 v, inout Outline o) {
     vec2 r = max(parts[part].bounds.y * sqrt(v.xz), vec2(0.5));
     o.area = 4.0 * r.x * r.y;
     o.gain /= o.area;
-    ivec2 x = cover_flat(o.at.x, r.x, 0, int(picture.x));
+    ivec2 x = cover_flat(o.at.x, r.x, 0, int(image_info.x));
     ivec2 y = cover_flat(o.at.y, r.y, int(tiles.y), int(tiles.z));
     o.box = ivec4(x.x, y.x, x.y, y.y);
     o.begins = begins_here(o.at.y, r.y);
@@ -129,7 +129,7 @@ void outline_ellipse(vec3 v, float det, inout Outline o) {
     o.conic = inverse * vec3(v.z, -2.0 * v.y, v.x);
     o.area = 3.14159265 * parts[part].footprint.y * parts[part].footprint.y * root;
     o.gain *= parts[part].footprint.w / root;
-    ivec2 x = cover(o.at.x, r.x, 0, int(picture.x));
+    ivec2 x = cover(o.at.x, r.x, 0, int(image_info.x));
     ivec2 y = cover(o.at.y, r.y, int(tiles.y), int(tiles.z));
     o.box = ivec4(x.x, y.x, x.y, y.y);
     o.begins = begins_here(o.at.y, r.y);
@@ -229,7 +229,7 @@ uint choose_mode() {
 
 // // sp_slices_layer(): the layer, front to back, of the sheet that a voxel belongs to.
 uint sheet_of(uint word) {
-    uint level = parts[part].kind.x, slice = corner[picture.z] + (word >> (4u * picture.z) & 15u);
+    uint level = parts[part].kind.x, slice = corner[image_info.z] + (word >> (4u * image_info.z) & 15u);
     uint centre = (slice << level) + (level > 0u ? 1u << (level - 1u) : 0u);
     return layers[min(centre, choice.w - 1u)];
 }
@@ -277,8 +277,8 @@ uvec4 cut_by(Place p, Extent extent, vec3 q, float e) {
 // // Writes the planes that cut the kernel after the record. False: nothing of the kernel is left.
 bool write_cuts(Place p, Extent extent, uint at) {
     float tail = max(parts[part].footprint.y, 4.0);
-    uint end = at + picture.w;
-    for (uint i = 0u; i < picture.w; i++) {
+    uint end = at + image_info.w;
+    for (uint i = 0u; i < image_info.w; i++) {
         vec4 plane = planes[CLIP_PLANES * part + i];
         vec3 q = p.k[0] * plane.x + p.k[1] * plane.y + p.k[2] * plane.z;
         float e = dot(plane.xyz, p.u) - plane.w, deviation = sqrt(dot(q, q));
@@ -301,7 +301,7 @@ bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
         range = ivec2(sheet_of(word));
     if (kind == COMPOSITE_SPLAT)
         range = range_of(distance, distance);
-    if (kind != COMPOSITE_SLAB && picture.w == 0u)
+    if (kind != COMPOSITE_SLAB && image_info.w == 0u)
         return true;
     Extent extent = extent_of(p);
     if (kind == COMPOSITE_SLAB) {
@@ -313,7 +313,7 @@ bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
             floatBitsToUint(vec4(distance - slabs.x, slope, 1.0 / sqrt(extent.variance)));
         records[at + 3u] = uvec4(range, floatBitsToUint(value), 0u);
     }
-    return picture.w == 0u || write_cuts(p, extent, behind);
+    return image_info.w == 0u || write_cuts(p, extent, behind);
 }
 
 // // Writes the record's head for layers [first, last] of the batch; returns its bins.

@@ -226,7 +226,7 @@ static void count_warnings(void *user, enum sp_log_level level, const char *kind
         level == SP_LOG_WARN && strstr(line, "volume v is classified by the processor");
 }
 
-static void set_room(struct rig *rig, uint64_t limit_bytes, uint64_t block_bytes) {
+static void set_capacity(struct rig *rig, uint64_t limit_bytes, uint64_t block_bytes) {
     rig->residency.limit_bytes = limit_bytes;
     rig->residency.block_bytes = rig->residency.classify.block_bytes = block_bytes;
 }
@@ -248,13 +248,13 @@ static void without_room_the_processor_classifies(void **state) {
         assert_int_equal(lists > voxels, n == 1);
         gl_residency_evict(&rig->residency, volume);
         sp_classify_cache_evict(&rig->cache, volume);
-        set_room(rig, n == 0 ? voxels - 1 : n == 1 ? lists : limit, n == 2 ? voxels - 1 : 0);
+        set_capacity(rig, n == 0 ? voxels - 1 : n == 1 ? lists : limit, n == 2 ? voxels - 1 : 0);
         for (int again = 0; again < 2; again++)
             check_against_processor(rig, volume, &job, true);
         assert_true(has_entries(rig, volume));
         assert_true(gl_residency_bytes(&rig->residency, volume) <= lists);
         assert_int_equal(rig->warnings, 1);
-        set_room(rig, limit, 0);
+        set_capacity(rig, limit, 0);
         forget(rig, &volume);
     }
 }
@@ -279,7 +279,7 @@ static void the_processor_and_the_gpu_take_turns(void **state) {
             check_against_processor(rig, volume, &job, false);
             assert_int_equal(has_entries(rig, volume), !is_gpu || (n == 0 && turn > 0));
         }
-        set_room(rig, limit, 0);
+        set_capacity(rig, limit, 0);
         forget(rig, &volume);
     }
 }
@@ -308,7 +308,7 @@ static void check_microflakes(const uint32_t got[2], struct sp_microflakes wante
         int a = (int)(got[i / 4] >> 8 * (i % 4) & 255);
         int b = (int)(wanted.word[i / 4] >> 8 * (i % 4) & 255);
         if (abs(a - b) > 8)
-            fail_msg("flakes %08x %08x for %08x %08x", got[0], got[1], wanted.word[0],
+            fail_msg("microflakes %08x %08x for %08x %08x", got[0], got[1], wanted.word[0],
                      wanted.word[1]);
     }
 }
@@ -399,7 +399,7 @@ static void coarse_levels_are_those_of_the_processor(void **state) {
         struct sp_volume *volume = make_volume(&shape);
         struct sp_transfer_function tf = make_function(volume, 0.2, 0.7);
         for (unsigned m = 0; m < 6; m++) {
-            if (m == 3) /* what was made of it is made anew */
+            if (m == 3) /* the data derived from it is computed again */
                 tf = make_function(volume, 0.25, 0.7);
             if (m == 4)
                 add_gradient_axis(&tf);

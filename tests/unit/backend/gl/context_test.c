@@ -52,14 +52,18 @@ static void info_tells_all(void **state) {
     struct gl_context *context = create(&software);
     const struct gl_info *info = gl_context_info(context);
     assert_true(info->software);
-    assert_true(info->renderer[0] && info->vendor[0] && info->version[0] && info->driver[0]);
+    assert_true(info->renderer[0]);
+    assert_true(info->vendor[0]);
+    assert_true(info->version[0]);
+    assert_true(info->driver[0]);
     assert_int_equal(info->major, 4);
     assert_true(info->minor >= 3);
     /* What OpenGL 4.3 promises. */
     const struct sp_gpu_limits *limits = &info->limits;
     assert_true(limits->storage_block_bytes >= 1 << 24);
     assert_true(limits->storage_blocks >= 8);
-    assert_true(limits->storage_alignment >= 1 && limits->storage_alignment <= 256);
+    assert_true(limits->storage_alignment >= 1);
+    assert_true(limits->storage_alignment <= 256);
     assert_true(limits->shared_bytes >= 32768);
     assert_true(limits->group_invocations >= 1024);
     static const unsigned size[3] = { 1024, 1024, 64 };

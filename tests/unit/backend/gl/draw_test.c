@@ -70,7 +70,7 @@ static bool draw(struct rig *rig, struct sp_volume *volume, const struct sp_view
     return ok;
 }
 
-/* Of pictures, px: no tile divides them. */
+/* Image size in px: not a multiple of the tile size. */
 enum { WIDE = TEST_SANITIZED ? 43 : 75, HIGH = TEST_SANITIZED ? 29 : 53 };
 
 /* Sheets of a scene that has them. */
@@ -100,7 +100,7 @@ static void check_same(struct test_image *got, const struct test_image *wanted, 
     test_image_finish(got);
 }
 
-/* Forgets what earlier frames had no room for. */
+/* Clears the limits that earlier frames lowered for lack of memory. */
 static void reset(struct rig *rig, const struct gl_limits *limits) {
     struct gl_workload *workload = &rig->state->workload;
     workload->limits = *limits;
@@ -127,7 +127,7 @@ static void pieces_make_the_whole(void **state) {
     small[4].loops = 1000; /* a tile in many turns … */
     small[5].loops = 2000; /* … of many batches */
     small[5].records = SP_BRICK_VOXELS;
-    small[6].dear = whole.loops; /* a splat no more than a row of tiles */
+    small[6].stall_factor = whole.loops; /* a splat no more than a row of tiles */
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b++) {
         struct test_scene scene;
         struct sp_volume *volume = make_scene(builds[b], &scene);
@@ -144,7 +144,7 @@ static void pieces_make_the_whole(void **state) {
             got = draw_ok(rig, volume, &scene.view, &own);
             check_same(&got, &wanted, scene.info.name);
             assert_int_equal(own.splats, stats.splats); /* each once */
-            if (small[i].dear > 1 && builds[b] == test_scene_inside)
+            if (small[i].stall_factor > 1 && builds[b] == test_scene_inside)
                 assert_true(rig->state->workload.rows < whole.tiles);
             reset(rig, &whole);
         }
@@ -252,7 +252,7 @@ static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
     for (int crowded = 0; crowded < 2; crowded++) {
         struct sp_error err = { 0 };
         struct sp_view view = scene.view;
-        if (crowded) { /* in a picture of one tile, so that there are few turns */
+        if (crowded) { /* in an image of one tile, so that there are few rounds */
             rig->state->workload.limits.loops = 600;
             view.compositing.mode = SP_COMPOSITE_SPLAT;
             view.level_of_detail = SP_LOD_OFF;
@@ -262,7 +262,7 @@ static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
         }
         assert_false(draw(rig, volume, &view, NULL, NULL, NULL, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
-        assert_non_null(strstr(err.text, crowded ? "puts 25 in order" : "room for 7"));
+        assert_non_null(strstr(err.text, crowded ? "puts 25 in order" : "limit is 7"));
         reset(rig, &whole);
         struct test_image image = draw_ok(rig, volume, &view, NULL);
         test_image_finish(&image);
@@ -287,7 +287,8 @@ static void an_edit_uploads_what_it_changes(void **state) {
         view.transfer_function.points[p].color[1] = 0; /* colours alone: a table */
     struct test_image tinted = draw_ok(rig, volume, &view, NULL);
     uint64_t table = rig->state->residency.uploaded - first;
-    assert_true(table > 0 && table < 70000);
+    assert_true(table > 0);
+    assert_true(table < 70000);
     assert_true(test_image_psnr(&tinted, &before) < 60);
     struct test_image again = draw_ok(rig, volume, &scene.view, NULL);
     check_same(&again, &before, "edited back");
@@ -349,7 +350,8 @@ static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
         uint64_t sent = rig->state->upload.bytes - before;
         print_message("  compositing %d: %lu bytes, %.1f dB\n", n % 3, (unsigned long)sent,
                       test_image_psnr(&turned, &image));
-        assert_true(sent > 0 && sent < 600);
+        assert_true(sent > 0);
+        assert_true(sent < 600);
         assert_true(test_image_psnr(&turned, &image) < 90);
         test_image_finish(&turned);
         test_image_finish(&image);
@@ -462,7 +464,7 @@ int main(void) {
     struct sp_error err;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     if (TEST_SANITIZED)
-        printf("thinned under a sanitizer: pictures of %d by %d px\n", WIDE, HIGH);
+        printf("thinned under a sanitizer: images of %d by %d px\n", WIDE, HIGH);
     if (!open_rig(&rig, (uint64_t)1 << 30, &err)) {
         printf("skipped: no software GL here: %s\n", err.text);
         return TEST_SKIPPED;

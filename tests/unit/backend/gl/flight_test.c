@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Two frames of the GPU backend in flight: whatever the second one changes on the GPU before the
- * first is finished, each is the picture that it is alone. Run a second time where buffers cannot
- * stay mapped.
+ * first is finished, each equals the image that is drawn alone. A second run covers buffers that
+ * cannot stay mapped.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +22,7 @@
 
 enum { SIZE = 40, SHOTS = 6 };
 
-/* A view, and its picture when it is drawn alone. */
+/* A view, and its image when it is drawn alone. */
 struct shot {
     struct sp_volume *volume;
     struct sp_view view;
@@ -63,7 +63,7 @@ static void begin(struct rig *rig, const struct sp_backend_job *job) {
         fail_msg("%s", err.text);
 }
 
-/* Finishes the oldest frame, which must be the shot's picture. */
+/* Finishes the oldest frame, which must equal the image of the shot. */
 static void finish(struct rig *rig, struct sp_backend_job *job, const struct shot *shot) {
     struct sp_error err;
     struct test_image image;
@@ -243,7 +243,8 @@ static bool open_rig(struct rig *rig, struct sp_error *err) {
     rig->pool = sp_frame_pool_create((size_t)64 << 20, err);
     rig->volumes[0] = sp_volume_load("demo:phantom?size=16", NULL, err);
     rig->volumes[1] = sp_volume_load("demo:engine?size=20", NULL, err);
-    assert_true(rig->volumes[0] && rig->volumes[1]);
+    assert_true(rig->volumes[0]);
+    assert_true(rig->volumes[1]);
     describe_shots(rig);
     for (int i = 0; i < SHOTS; i++)
         draw_alone(rig, &rig->shots[i]);

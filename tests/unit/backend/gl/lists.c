@@ -168,7 +168,8 @@ static uint32_t key_of(float value) {
     return u.bits;
 }
 
-/* The class of a value, or of one a step of single precision off: a function may jump between. */
+/* The class of a value, or of a neighbour in single precision: the function may jump between the
+ * two. */
 static struct sp_class class_near(const float got[4], const struct sp_transfer *transfer,
                                   uint32_t key) {
     struct sp_class own = sp_transfer_class(transfer, key);

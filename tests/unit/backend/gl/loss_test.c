@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Contexts that are lost in the middle: another one is made, volumes are uploaded again, and the
- * picture is the same. The loss is played: calls of GL and EGL are answered here as a driver
- * answers them that has reset its GPU.
+ * image is the same. The loss is simulated: fakes answer the calls of GL and EGL like a driver
+ * that has reset its GPU.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -267,7 +267,7 @@ static void a_device_that_is_gone_counts_as_a_failure(void **state) {
         assert_false(draw(scene, 1, false, pixels));
         assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     }
-    assert_int_equal(warnings, 4); /* three tries, then one a frame */
+    assert_int_equal(warnings, 4); /* three tries, then one per frame */
     plan.lists = 0;
     check_pictures(scene);
 }

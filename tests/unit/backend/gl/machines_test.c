@@ -228,7 +228,7 @@ static void a_node_that_cannot_be_opened_is_named(void **state) {
     struct gl_info info;
     struct sp_error err;
     drivers[0].file = "/dev/dri/card999";
-    assert_int_equal(take(0, false, &info, &err), 0); /* it is nobody's business while it works */
+    assert_int_equal(take(0, false, &info, &err), 0); /* a working device needs no node */
     drivers[0].name = "llvmpipe";
     assert_int_equal(take(0, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 0 (/dev/dri/card999): llvmpipe is software GL; "
@@ -258,7 +258,7 @@ static const struct sp_backend_options starting = {
     .threads = 1, .memory_bytes = 1 << 30, .isa = "auto", .gpu = -1, .passes = passes
 };
 
-/* A context is not enough: shaders that do not compile, no memory, wrong pictures. */
+/* A context is not enough: shaders that do not compile, no memory, wrong images. */
 static void a_device_that_does_not_do_it_all_is_passed_over(void **state) {
     (void)state;
     const struct sp_backend *backend = find_backend("gl");

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The budget of video memory: everything counts in it, pictures are drawn within it, and what was
- * needed once does not stay for ever.
+ * The budget of video memory: all GPU memory counts towards it, frames are drawn within it, and
+ * memory that only one frame needed is released later.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -113,7 +113,7 @@ static void everything_counts(void **state) {
     must_draw(&rig, SMALL, NULL);
     uint64_t own = rig.backend->memory(rig.state, rig.volume);
     uint64_t small = rig.backend->memory(rig.state, NULL);
-    assert_true(small > own); /* pictures belong to no volume */
+    assert_true(small > own); /* render buffers belong to no volume */
     must_draw(&rig, WIDE, NULL);
     uint64_t pixels = WIDE * WIDE / 2;
     assert_true(rig.backend->memory(rig.state, NULL) >= small + pixels * (48 + 16 + 16) / 2);
@@ -137,8 +137,8 @@ static void a_budget_that_cannot_do_is_told_with_both_numbers(void **state) {
     close_rig(&rig);
 }
 
-/* What an earlier picture was drawn in goes before a view is refused. */
-static void scratch_makes_room(void **state) {
+/* The render buffers of an earlier frame are released before a view is refused. */
+static void scratch_is_released_for_a_view(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 0);
@@ -197,7 +197,7 @@ static void must_render(struct rig *rig, struct sp_volume *volume, const struct 
     assert_true(all_bytes(rig) <= rig->state->residency.limit_bytes);
 }
 
-/* Records of a view with many planes are large: pieces are as small as there is room for. */
+/* Records of a view with many planes are large: the pieces shrink until they fit the budget. */
 static void many_planes_fit_any_budget(void **state) {
     (void)state;
     static const uint64_t budgets[] = { 3 * MIB, 4 * MIB, 6 * MIB, 8 * MIB, 12 * MIB };
@@ -318,8 +318,8 @@ static const struct gl_voxels *voxels_of(const struct rig *rig) {
     return NULL;
 }
 
-/* What an earlier picture was drawn in goes before the GPU leaves a volume to the processor. */
-static void scratch_makes_room_for_samples(void **state) {
+/* The render buffers of an earlier frame are released before a volume falls back to the CPU. */
+static void scratch_is_released_for_samples(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 26 * MIB / 10);
@@ -338,7 +338,7 @@ static void scratch_makes_room_for_samples(void **state) {
     close_rig(&rig);
 }
 
-/* A volume that there was no room for gets another look, later each time. */
+/* A volume that did not fit is tried again, after a longer wait each time. */
 static void a_refusal_is_not_for_ever(void **state) {
     (void)state;
     struct rig rig;
@@ -377,12 +377,12 @@ int main(void) {
         cmocka_unit_test(a_small_budget_draws_in_smaller_pieces),
         cmocka_unit_test(everything_counts),
         cmocka_unit_test(a_budget_that_cannot_do_is_told_with_both_numbers),
-        cmocka_unit_test(scratch_makes_room),
+        cmocka_unit_test(scratch_is_released_for_a_view),
         cmocka_unit_test(what_was_needed_once_goes),
         cmocka_unit_test(many_planes_fit_any_budget),
         cmocka_unit_test(pieces_are_what_lists_leave),
         cmocka_unit_test(many_bricks_are_sent_in_turns),
-        cmocka_unit_test(scratch_makes_room_for_samples),
+        cmocka_unit_test(scratch_is_released_for_samples),
         cmocka_unit_test(a_refusal_is_not_for_ever),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

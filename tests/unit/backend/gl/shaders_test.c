@@ -30,7 +30,8 @@ static void shader_source(GLuint shader, GLsizei count, const GLchar *const *tex
                           const GLint *lengths) {
     const GLchar *given[16];
     bool is_broken = false;
-    assert_true(count < 16 && !lengths);
+    assert_true(count < 16);
+    assert_true(!lengths);
     for (GLsizei i = 0; i < count; i++) {
         given[i] = texts[i];
         is_broken = is_broken || (driver.broken && strstr(texts[i], driver.broken));
@@ -89,7 +90,7 @@ static void a_compositor_that_does_not_compile_costs_its_views_alone(void **stat
         assert_non_null(strstr(err.text, "has no compositor for this view"));
         assert_int_equal(draw(rig, SP_COMPOSITE_SHEET, &err), SP_OK);
     }
-    assert_int_equal(driver.shaders, 1); /* nobody asks again */
+    assert_int_equal(driver.shaders, 1); /* the shader is not compiled again */
     assert_true(driver.has_first && driver.has_last &&
                 driver.lines >= 3); /* and the log is whole */
 }
@@ -121,7 +122,8 @@ static void one_that_all_need_fails_the_start(void **state) {
     assert_null(rig->backend->create(&options, &err));
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "shader 30_composite does not compile"));
-    assert_true(driver.has_first && driver.has_last);
+    assert_true(driver.has_first);
+    assert_true(driver.has_last);
 }
 
 static bool open_rig(struct rig *rig, struct sp_error *err) {
@@ -132,7 +134,8 @@ static bool open_rig(struct rig *rig, struct sp_error *err) {
         return false;
     rig->pool = sp_frame_pool_create(0, err);
     rig->volume = sp_volume_load("demo:phantom?size=16", NULL, err);
-    assert_true(rig->pool && rig->volume);
+    assert_true(rig->pool);
+    assert_true(rig->volume);
     sp_view_init(&rig->view, sp_volume_info(rig->volume), "v");
     rig->view.size[0] = rig->view.size[1] = 24;
     /* Once all that libepoxy looks up is there. */

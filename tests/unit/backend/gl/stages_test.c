@@ -51,7 +51,8 @@ static struct sorting make_sorting(uint32_t columns, uint32_t rows, uint32_t lay
                          .records = records };
     s.spans = calloc(records + (size_t)1, sizeof *s.spans);
     s.counts = calloc(gl_bins_count(&s.space), sizeof *s.counts);
-    assert_true(s.spans && s.counts);
+    assert_true(s.spans);
+    assert_true(s.counts);
     for (uint32_t i = 0; i < records; i++) {
         struct span *p = &s.spans[i];
         *p = (struct span){ .c0 = below(columns), .r0 = below(rows), .l0 = below(layers) };
@@ -111,8 +112,12 @@ static void check_bin(const struct sorting *s, const uint32_t *pairs, uint32_t b
         uint32_t record = pairs[i] & ((1u << RECORD_BITS) - 1), l = pairs[i] >> RECORD_BITS;
         assert_true(record < s->records);
         const struct span *p = &s->spans[record];
-        assert_true(p->l0 + l == layer && layer <= p->l1);
-        assert_true(p->r0 <= r && r <= p->r1 && p->c0 <= c && c <= p->c1);
+        assert_int_equal(p->l0 + l, layer);
+        assert_true(layer <= p->l1);
+        assert_true(p->r0 <= r);
+        assert_true(r <= p->r1);
+        assert_true(p->c0 <= c);
+        assert_true(c <= p->c1);
         assert_true(seen[record] != bin + 1);
         assert_true(!is_ordered || i == begin || pairs[i] > last);
         last = pairs[i];
@@ -260,7 +265,9 @@ static void a_broken_shader_is_an_error_with_its_log(void **state) {
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "30_broken"));
     assert_true(strlen(err.text) < SP_ERROR_TEXT - 1);
-    assert_true(lines.has_line && lines.has_name && lines.count >= 3);
+    assert_true(lines.has_line);
+    assert_true(lines.has_name);
+    assert_true(lines.count >= 3);
     assert_int_equal(gl_program_create("31_wide", "", too_wide, &err), 0);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "31_wide"));
@@ -274,7 +281,8 @@ static void buffers_refuse_what_is_too_large(void **state) {
     struct sp_error err;
     assert_true(gl_buffer_reserve(&buffer, "words", 1000, 4096, GL_USE_KEPT, &err));
     unsigned name = buffer.name;
-    assert_true(buffer.bytes >= 1000 && buffer.bytes <= 4096);
+    assert_true(buffer.bytes >= 1000);
+    assert_true(buffer.bytes <= 4096);
     assert_true(gl_buffer_reserve(&buffer, "words", 900, 4096, GL_USE_KEPT, &err));
     assert_int_equal(buffer.name, name); /* it is large enough: kept */
     assert_false(gl_buffer_reserve(&buffer, "words", 5000, 4096, GL_USE_KEPT, &err));

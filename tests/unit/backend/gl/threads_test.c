@@ -22,8 +22,8 @@
 enum { SIZE = 40, FRAMES = 4, LANES = 3, ROUNDS = 2, SKIPPED = 77 };
 static const struct sp_renderer_options gl = { .backend = "gl-software", .threads = 1 };
 
-/* A frame that fails is drawn again with another context: the picture does not tell of it, the log
- * does. */
+/* A frame that fails is drawn again with another context: the image is the same, and the log
+ * reports the failure. */
 static void count_warning(void *user, enum sp_log_level level, const char *kind,
                           const struct sp_log_field *fields, const char *line) {
     (void)kind;
@@ -33,12 +33,12 @@ static void count_warning(void *user, enum sp_log_level level, const char *kind,
     fprintf(stderr, "%s\n", line);
 }
 
-struct pictures {
+struct images {
     unsigned char pixels[FRAMES][SIZE][SIZE][4];
 };
 
 /* Some views of the volume, one after the other. Called on several threads: asserts nothing. */
-static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct pictures *out) {
+static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct images *out) {
     struct sp_frame_pool *pool = sp_frame_pool_create(0, NULL);
     struct sp_view view;
     sp_view_init(&view, sp_volume_info(volume), "v");
@@ -60,14 +60,14 @@ static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct 
 struct lane {
     struct sp_volume *volume;
     struct sp_renderer *first; /* has drawn on the main thread; the later ones are made here */
-    const struct pictures *wanted;
+    const struct images *wanted;
     unsigned right;
     pthread_t thread;
 };
 
 static void *run_lane(void *user) {
     struct lane *lane = user;
-    struct pictures *got = malloc(sizeof *got);
+    struct images *got = malloc(sizeof *got);
     for (int i = 0; got && i < ROUNDS; i++) {
         if (!lane->first)
             lane->first = sp_renderer_create(&gl, NULL);
@@ -83,7 +83,7 @@ static void lanes_draw_what_one_draws_alone(void **state) {
     atomic_uint *warnings = *state;
     static const char *const sources[LANES] = { "demo:phantom?size=16", "demo:vessels?size=20",
                                                 "demo:phantom?size=16" };
-    static struct pictures wanted[LANES];
+    static struct images wanted[LANES];
     struct lane lanes[LANES] = { { 0 } };
     for (int i = 0; i < LANES; i++) {
         lanes[i].volume = sp_volume_load(sources[i], NULL, NULL);

@@ -23,7 +23,7 @@ static const struct gl_limits whole = { .records = 4000000,
                                         .tiles = 1 << 17,
                                         .pairs = 1 << 25,
                                         .loops = 1 << 19,
-                                        .dear = 8,
+                                        .stall_factor = 8,
                                         .record_bytes = (uint64_t)1 << 30,
                                         .dispatch_ms = 25 };
 static const struct gl_costs plain = { .columns = 100, .pair_rounds = 1, .record_bytes = 32 };
@@ -50,7 +50,8 @@ static void a_long_dispatch_halves_pieces(void **state) {
     assert_int_equal(now.bins, whole.bins / 2);
     assert_int_equal(now.tiles, whole.tiles / 2);
     assert_int_equal(now.loops, whole.loops / 2);
-    assert_true(now.pairs == whole.pairs / 2 && workload.pairs == now.pairs);
+    assert_int_equal(now.pairs, whole.pairs / 2);
+    assert_int_equal(workload.pairs, now.pairs);
     assert_int_equal(gl_workload_plan(&workload, &plain).turn_pairs, whole.loops / 2);
     for (int i = 0; i < 20; i++)
         play(&workload, LONG_MS);
@@ -141,7 +142,8 @@ static void records_are_as_many_as_fit(void **state) {
         workload.limits.record_bytes = 20 << 20;
         uint64_t own = costs.record_bytes + GL_SPAN_BYTES;
         uint64_t records = gl_workload_plan(&workload, &costs).records;
-        assert_true(records * own <= 20 << 20 && (records + 1) * own > 20 << 20);
+        assert_true(records * own <= 20 << 20);
+        assert_true((records + 1) * own > 20 << 20);
         costs.block_bytes = 4 << 20;
         assert_int_equal(gl_workload_plan(&workload, &costs).records,
                          (4 << 20) / costs.record_bytes);
@@ -161,7 +163,8 @@ static void slow_pieces_are_no_reason_to_refuse(void **state) {
     was.records = SP_BRICK_VOXELS;
     struct gl_bins_head head = { .needed = 1 << 22 };
     assert_true(gl_workload_retry(&workload, &was, &head, &err));
-    assert_true(workload.pairs >= head.needed && workload.pairs <= whole.pairs);
+    assert_true(workload.pairs >= head.needed);
+    assert_true(workload.pairs <= whole.pairs);
     head.needed = (1 << 25) + 1;
     assert_false(gl_workload_retry(&workload, &was, &head, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
