@@ -32,7 +32,7 @@ static void release(void *user, void *volume) {
 
 static void default_view(void *user, void *volume, struct sp_view *view) {
     (void)volume;
-    sp_view_init(view, &((struct fixture *)user)->info, "v");
+    *view = ((struct fixture *)user)->view;
 }
 
 static void pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
@@ -81,6 +81,7 @@ int hub_set_up(void **state) {
         f->info.grid.direction[i][i] = 1;
     }
     f->info.histogram[3] = 512;
+    sp_view_init(&f->view, &f->info, "v"); /* once: it searches the histogram */
     f->metrics = srv_metrics_create();
     struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view,
                                                     pick },

@@ -15,6 +15,7 @@ struct fixture {
     struct srv_schedule *schedule;
     struct srv_metrics *metrics;
     struct sp_volume_info info;
+    struct sp_view view; /* the default view of all volumes */
     int uses;
     unsigned interrupts, yields; /* yields: because something moves; not among the interrupts */
     enum srv_interrupt why;      /* of the last interrupt */
