@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -120,4 +121,94 @@ struct srv_participant *hub_join(struct fixture *f, enum srv_role role, double n
     struct srv_participant *p = srv_hub_join(f->hub, f->id, role, "", f, now_ms, NULL);
     assert_non_null(p);
     return p;
+}
+
+void hub_update(struct fixture *f, struct srv_participant *p, unsigned seq, double now_ms) {
+    char text[160], *answer;
+    size_t size;
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\",\"params\":{\"seq\":%u,"
+             "\"patch\":{\"background\":[0.%u,0,0,1]}}}",
+             seq, seq);
+    assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
+    assert_non_null(strstr(answer, "\"result\""));
+    free(answer);
+}
+
+void hub_ack(struct fixture *f, struct srv_participant *p, unsigned frame, double now_ms) {
+    char text[120], *answer;
+    size_t size;
+    snprintf(text, sizeof text,
+             "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}", frame);
+    assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
+    assert_null(answer);
+}
+
+bool hub_next_job(struct fixture *f, double now_ms, struct srv_render_job *job) {
+    double wait_ms;
+    return srv_schedule_next(f->schedule, now_ms, job, &wait_ms);
+}
+
+void hub_finish(struct fixture *f, struct srv_render_job *job, double render_ms) {
+    struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
+                                         .width = (uint16_t)job->view.size[0],
+                                         .height = (uint16_t)job->view.size[1] };
+    struct srv_render_result result = { .width = job->view.size[0],
+                                        .height = job->view.size[1],
+                                        .render_ms = render_ms };
+    struct srv_blob *blob = srv_blob_create((const uint8_t *)"image", 5);
+    for (uint32_t i = 0; i < job->target_count; i++)
+        srv_schedule_deliver(f->schedule, job, i, &header, blob);
+    srv_blob_unref(&blob);
+    srv_schedule_done(f->schedule, job, &result);
+}
+
+struct proto_frame_header hub_drain(struct fixture *f, struct srv_participant *p, double now_ms) {
+    struct proto_frame_header last = { .frame = 0 };
+    struct srv_message message;
+    enum srv_message_kind kind;
+    while ((kind = srv_hub_next_message(f->hub, p, true, now_ms, &message)) != SRV_MESSAGE_NONE) {
+        assert_int_not_equal(kind, SRV_MESSAGE_CLOSE);
+        if (kind == SRV_MESSAGE_FRAME)
+            last = message.header;
+        free(message.text);
+        srv_blob_unref(&message.blob);
+    }
+    return last;
+}
+
+void hub_send(struct fixture *f, struct srv_participant *p, const char *method, const char *params,
+              double now_ms) {
+    char text[200], *answer;
+    size_t size;
+    snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"%s\",\"params\":%s}",
+             method, params);
+    assert_true(srv_hub_message(f->hub, p, text, strlen(text), now_ms, &answer, &size));
+    assert_non_null(strstr(answer, "\"result\""));
+    free(answer);
+}
+
+struct srv_render_job hub_drag(struct fixture *f, struct srv_participant *p, unsigned seq,
+                               double now_ms, double render_ms) {
+    struct srv_render_job job;
+    hub_update(f, p, seq, now_ms);
+    assert_true(hub_next_job(f, now_ms, &job));
+    struct srv_render_job copy = job;
+    hub_finish(f, &job, render_ms);
+    hub_ack(f, p, hub_drain(f, p, now_ms + render_ms).frame, now_ms + render_ms + 1);
+    return copy;
+}
+
+/* The time of the first frame is measured, the second frame has full detail, and no frame follows.
+ */
+void hub_drag_until_final(struct fixture *f, struct srv_participant *p) {
+    struct srv_render_job job;
+    assert_true(hub_next_job(f, 0, &job));
+    hub_finish(f, &job, 5);
+    hub_ack(f, p, hub_drain(f, p, 10).frame, 11);
+    job = hub_drag(f, p, 1, 100, 5);
+    assert_int_equal(job.step, SRV_STEP_MOVING);
+    assert_true(job.is_sharp);
+    assert_true(job.targets[0].final);
+    assert_false(hub_next_job(f, 5000, &job));
 }

@@ -32,4 +32,24 @@ int hub_tear_down(void **state);
 
 struct srv_participant *hub_join(struct fixture *f, enum srv_role role, double now_ms);
 
+/* Sends a request of a participant, which must succeed. */
+void hub_send(struct fixture *f, struct srv_participant *p, const char *method, const char *params,
+              double now_ms);
+/* Sends view.update number `seq`, which changes the background. */
+void hub_update(struct fixture *f, struct srv_participant *p, unsigned seq, double now_ms);
+void hub_ack(struct fixture *f, struct srv_participant *p, unsigned frame, double now_ms);
+/* Takes all messages of a participant. Returns the last frame's header, or frame 0. */
+struct proto_frame_header hub_drain(struct fixture *f, struct srv_participant *p, double now_ms);
+
+bool hub_next_job(struct fixture *f, double now_ms, struct srv_render_job *job);
+/* Delivers a frame to all targets of the job and ends it. */
+void hub_finish(struct fixture *f, struct srv_render_job *job, double render_ms);
+/* One frame of a drag: updates the view, renders it in render_ms and acknowledges it. Returns the
+ * job as it was scheduled. */
+struct srv_render_job hub_drag(struct fixture *f, struct srv_participant *p, unsigned seq,
+                               double now_ms, double render_ms);
+/* Renders the first frames of a participant at time 0, up to a moving one in full detail, after
+ * which no other frame is due. */
+void hub_drag_until_final(struct fixture *f, struct srv_participant *p);
+
 #endif
