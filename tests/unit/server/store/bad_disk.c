@@ -18,7 +18,7 @@ static sqlite3_file *real(sqlite3_file *file) {
     return ((struct file *)file)->real;
 }
 
-/* May one more operation succeed? */
+/* Returns what the next operation does; `broken` is its error on a broken disk. */
 static int spend(int broken) {
     atomic_fetch_add(&disk.done, 1);
     long left = atomic_load(&disk.left);
